@@ -1,0 +1,32 @@
+# Each target sets its environment up on the way (docker/run); DEBIAN=sid takes the other suite.
+RUN = docker/run
+OUTPUT = output/dragged_body
+# mpirun gives its ranks a terminal, so that pytest would colour what goes to a log.
+PYTEST = python3 -m pytest --color=no tests
+
+.PHONY: help demo test lint clean
+
+help:
+	@echo "make demo   drag a body over a rigid floor on two ranks; pictures in OUTPUT=$(OUTPUT)"
+	@echo "make test   lint, types, and the tests on one, two and three ranks"
+	@echo "make lint   ruff and mypy alone"
+	@echo "make clean  remove what demos, tests and tools wrote"
+
+demo:
+	$(RUN) mpirun -n 2 python3 demos/demo_dragged_body.py --output $(OUTPUT)
+
+test: lint
+	$(RUN) $(PYTEST)
+	$(RUN) mpirun -n 2 $(PYTEST)
+	$(RUN) mpirun -n 3 $(PYTEST)
+
+lint:
+	@$(RUN) sh -c 'for tool in ruff mypy pytest; do command -v $$tool >/dev/null || { \
+	  echo "$$tool is missing here: python3 -m pip install -e .[test]" >&2; exit 1; }; done'
+	$(RUN) ruff check .
+	$(RUN) ruff format --check .
+	$(RUN) mypy dolfinx_contact
+
+clean:
+	rm -rf output build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache
+	find . -name __pycache__ -prune -exec rm -rf {} +

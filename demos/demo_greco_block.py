@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+# # The GRECO block of Raous
+#
+# This demo illustrates how to:
+#
+# - combine tractions, a symmetry line and a clamped contact node with friction;
+# - compare with a published benchmark: Code_Aster SSNV128, after Raous, Chabrand and Lebon,
+#   Journal de Mecanique theorique et appliquee, special issue, 7 (1988), 111-128;
+# - choose units: the iterates do not depend on them.
+#
+# Half of a long bar of square section, 40 x 40 mm in plane strain, lies on a rigid plane and is
+# pressed by 5e7 Pa on its top and by 15e7 Pa on its left side; its right side is the symmetry line.
+# Friction is strong (F = 1). Near the left edge the bar lifts off, then it slips, then it sticks.
+
+import argparse
+
+from mpi4py import MPI
+
+import numpy as np
+
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace
+from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.output import output_folder, write_contact_table, write_summary
+
+#: Metres and pascals in one unit of length and of stress.
+UNITS = {"Pa-m": (1.0, 1.0), "MPa-mm": (1e-3, 1e6), "GPa-m": (1.0, 1e9)}
+#: Points of the contact line (m) at which the benchmark gives u_x, and Code_Aster's QUAD8 values.
+POINTS = {"A": 0.0, "B": 1.25e-3, "C": 5e-3, "D": 7.5e-3, "E": 11.25e-3}
+CODE_ASTER = {
+    "A": 2.85984956e-5,
+    "B": 2.72076359e-5,
+    "C": 2.28268638e-5,
+    "D": 1.97916483e-5,
+    "E": 1.54063959e-5,
+}
+WIDTH = 0.04
+
+
+def arguments(argv=None):
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--n", type=int, default=32, help="cells along an edge")
+    parser.add_argument("--cell", choices=("quad", "tri"), default="quad")
+    parser.add_argument("--friction", type=float, default=1.0)
+    parser.add_argument("--side-pressure", type=float, default=15e7, help="in Pa")
+    parser.add_argument("--top-pressure", type=float, default=5e7, help="in Pa")
+    parser.add_argument("--young", type=float, default=1.3e11, help="in Pa")
+    parser.add_argument("--poisson", type=float, default=0.2)
+    parser.add_argument("--units", choices=UNITS, default="Pa-m", help="in which to compute")
+    parser.add_argument("--output", default="output/greco_block")
+    return parser.parse_args(argv)
+
+
+def problem(args, comm):
+    metre, pascal = (1 / unit for unit in UNITS[args.units])
+    width = WIDTH * metre
+    kind = mesh.CellType.quadrilateral if args.cell == "quad" else mesh.CellType.triangle
+    domain = mesh.create_rectangle(comm, [[0.0, 0.0], [width, width]], [args.n, args.n], kind)
+
+    def line(axis, value):
+        return mesh.locate_entities_boundary(
+            domain, 1, lambda x: np.isclose(x[axis], value, atol=1e-9 * width)
+        )
+
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u, v = fem.Function(V, name="displacement"), ufl.TestFunction(V)
+
+    # The right side is a symmetry line, and its lowest node is clamped: there the multiplier has
+    # nothing to do and is removed, and the reaction comes from the support.
+    right, bottom = line(0, width), line(1, 0.0)
+    symmetry = fem.dirichletbc(0.0, fem.locate_dofs_topological(V.sub(0), 1, right), V.sub(0))
+    corner = fem.locate_dofs_geometrical(
+        V, lambda x: np.isclose(x[0], width) & np.isclose(x[1], 0.0, atol=1e-9 * width)
+    )
+    clamped = fem.dirichletbc(np.zeros(2), corner, V)
+
+    top, left = line(1, width), line(0, 0.0)
+    facets = np.concatenate([top, left])
+    order = np.argsort(facets)
+    values = np.repeat(np.array([1, 2], dtype=np.int32), [len(top), len(left)])
+    tags = mesh.meshtags(domain, 1, facets[order], values[order])
+    ds = ufl.Measure("ds", domain, subdomain_data=tags)
+    down = fem.Constant(domain, (0.0, -args.top_pressure * pascal))
+    inward = fem.Constant(domain, (args.side_pressure * pascal, 0.0))
+
+    material = LinearElastic.from_young(args.young * pascal, args.poisson)
+    residual = (
+        ufl.inner(material.stress(u), ufl.sym(ufl.grad(v))) * ufl.dx
+        - ufl.dot(down, v) * ds(1)
+        - ufl.dot(inward, v) * ds(2)
+    )
+    surface = ContactSurface(
+        u, bottom, obstacle=HalfSpace((0, 0), (0, 1)), law=Coulomb(args.friction)
+    )
+    return ContactProblem(residual, u, [surface], bcs=[symmetry, clamped])
+
+
+def main(argv=None):
+    args = arguments(argv)
+    comm = MPI.COMM_WORLD
+    folder = output_folder(comm, args.output)
+    result = problem(args, comm).solve()
+    table = result.tables["contact"]
+    length = UNITS[args.units][0]
+    ux = {
+        k: float(np.interp(x, table.x[:, 0] * length, table.ut[:, 0] * length))
+        for k, x in POINTS.items()
+    }
+    history = [step.measures.worst for step in result.history]
+    write_contact_table(comm, folder, [table])
+    summary = write_summary(
+        comm,
+        folder,
+        {
+            **result.summary(),
+            **{f"ux_{k}": value for k, value in ux.items()},
+            "status": table.status,
+            "residual_history": history,
+        },
+    )
+    if comm.rank == 0:
+        print(f"{result.reason}: {result.iterations} Newton iterations; status {table.status}")
+        print("point   u_x (m)         Code_Aster QUAD8   deviation")
+        for k, value in ux.items():
+            print(
+                f"{k}       {value:.8e}  {CODE_ASTER[k]:.8e}     {value / CODE_ASTER[k] - 1:+.3%}"
+            )
+    return summary
+
+
+if __name__ == "__main__":
+    main()

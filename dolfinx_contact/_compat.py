@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The differences between DOLFINx 0.9, 0.10 and 0.11, in one place.
+
+Features are detected, versions are not compared. Nothing outside this module may ask which DOLFINx
+it runs on; a branch goes when its DOLFINx leaves the table of the README.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+import dolfinx.fem.petsc as fem_petsc
+from dolfinx import fem, io, mesh
+
+try:  # DOLFINx >= 0.10
+    from dolfinx.io import gmsh as gmsh_io
+except ImportError:  # DOLFINx 0.9
+    from dolfinx.io import gmshio as gmsh_io
+
+__all__ = [
+    "FacetSubmesh",
+    "assemble_block_matrix",
+    "create_block_matrix",
+    "create_facet_submesh",
+    "facet_integration_entities",
+    "geometry_dofmap",
+    "gmsh_io",
+    "interpolation_points",
+    "merge_entity_maps",
+    "write_functions",
+]
+
+_HAS_ENTITY_MAP = hasattr(mesh, "EntityMap")  # 0.10
+_HAS_BLOCK_NAMES = hasattr(fem_petsc, "create_matrix_block")  # 0.9 only
+_ASSEMBLE = fem_petsc.assemble_matrix_block if _HAS_BLOCK_NAMES else fem_petsc.assemble_matrix
+_CREATE = fem_petsc.create_matrix_block if _HAS_BLOCK_NAMES else fem_petsc.create_matrix
+
+
+@dataclass(frozen=True)
+class FacetSubmesh:
+    """A mesh of facets and its relation to the mesh that it was taken from."""
+
+    mesh: mesh.Mesh
+    parent_facets: npt.NDArray[np.int32]  # parent facet of each submesh cell, ghosts included
+    entity_map: Any
+
+
+def create_facet_submesh(domain: mesh.Mesh, facets: npt.NDArray[np.int32]) -> FacetSubmesh:
+    """Create the codimension-one submesh of ``facets`` (local indices, ghosts included)."""
+    fdim = domain.topology.dim - 1
+    submesh, cell_map, _, _ = mesh.create_submesh(domain, fdim, facets)
+    if _HAS_ENTITY_MAP:
+        cells = submesh.topology.index_map(fdim)
+        local = np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)
+        parents = cell_map.sub_topology_to_topology(local, inverse=False)
+        return FacetSubmesh(submesh, np.asarray(parents, dtype=np.int32), cell_map)
+    parents = np.asarray(cell_map, dtype=np.int32)
+    index_map = domain.topology.index_map(fdim)
+    to_submesh = np.full(index_map.size_local + index_map.num_ghosts, -1, dtype=np.int32)
+    to_submesh[parents] = np.arange(len(parents), dtype=np.int32)
+    return FacetSubmesh(submesh, parents, to_submesh)
+
+
+def merge_entity_maps(submeshes: Sequence[FacetSubmesh]) -> Any:
+    """What ``fem.form(entity_maps=...)`` wants for a form over these submeshes."""
+    if _HAS_ENTITY_MAP:
+        return [s.entity_map for s in submeshes]
+    return {s.mesh: s.entity_map for s in submeshes}
+
+
+def facet_integration_entities(
+    domain: mesh.Mesh, facets: npt.NDArray[np.int32]
+) -> npt.NDArray[np.int32]:
+    """Flat ``(cell, local facet)`` pairs of owned exterior ``facets``, for ``subdomain_data``."""
+    args: tuple[Any, ...] = (fem.IntegralType.exterior_facet, domain.topology, facets)
+    if not _HAS_ENTITY_MAP:
+        args += (domain.topology.dim - 1,)
+    return np.asarray(fem.compute_integration_domains(*args), dtype=np.int32).reshape(-1)
+
+
+def create_block_matrix(a: Sequence[Sequence[fem.Form | None]]) -> PETSc.Mat:
+    """Monolithic AIJ matrix; vectors come from ``A.createVecRight()`` in every version."""
+    return _CREATE(a)
+
+
+def assemble_block_matrix(
+    A: PETSc.Mat,
+    a: Sequence[Sequence[fem.Form | None]],
+    bcs: Sequence[fem.DirichletBC],
+    diagonal: float,
+) -> None:
+    """Overwrite ``A`` with the block form ``a`` and ``diagonal`` times identity on ``bcs``."""
+    keyword = "diagonal" if "diagonal" in inspect.signature(_ASSEMBLE).parameters else "diag"
+    A.zeroEntries()
+    _ASSEMBLE(A, a, bcs=list(bcs), **{keyword: diagonal})
+    A.assemble()
+
+
+def interpolation_points(V: fem.FunctionSpace) -> npt.NDArray[np.float64]:
+    """Reference interpolation points (a method in 0.9, a property since 0.10)."""
+    points = V.element.interpolation_points
+    return points() if callable(points) else points
+
+
+def geometry_dofmap(domain: mesh.Mesh) -> npt.NDArray[np.int32]:
+    """Geometry dofmap (``dofmap`` is deprecated since 0.11)."""
+    geometry = domain.geometry
+    return geometry.dofmaps[0] if hasattr(geometry, "dofmaps") else geometry.dofmap
+
+
+def write_functions(comm: MPI.Comm, stem: Path, functions: Sequence[fem.Function]) -> Path:
+    """Write Functions of one mesh and one element for ParaView; the name of the file. Collective.
+
+    As VTX (``stem.bp``), or as VTK (``stem.pvd``) where DOLFINx was built without ADIOS2.
+    """
+    if hasattr(io, "VTXWriter"):
+        with io.VTXWriter(comm, stem.with_name(stem.name + ".bp"), list(functions)) as vtx:
+            vtx.write(0.0)
+        return stem.with_name(stem.name + ".bp")
+    with io.VTKFile(comm, stem.with_name(stem.name + ".pvd"), "w") as vtk:
+        vtk.write_function(list(functions), 0.0)
+    return stem.with_name(stem.name + ".pvd")

@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Dirichlet data that meet contact surfaces.
+
+Where Dirichlet data fix the displacement of a contact node, its multiplier has nothing to determine
+it: the reaction belongs to the support. Such multiplier components are removed (identity rows).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx import default_scalar_type, fem
+
+from dolfinx_contact._errors import require
+from dolfinx_contact.laws import Frictionless
+from dolfinx_contact.surface import ContactSurface
+
+__all__ = ["Constraints"]
+
+_TOLERANCE = 1e-6  # of a direction cosine
+
+
+class Constraints:
+    """Which displacement and multiplier components Dirichlet data fix.
+
+    Attributes:
+        fixed: local nodes x dim of the displacement, True where fixed.
+        clamped: per surface, local multiplier nodes whose normal multiplier is removed.
+        multiplier_bcs: identity rows for the removed components.
+
+    Raises:
+        ValueError: if every node of a surface is clamped, or a component that is neither normal
+            nor tangential is fixed under friction.
+    """
+
+    def __init__(
+        self,
+        V: fem.FunctionSpace,
+        surfaces: Sequence[ContactSurface],
+        bcs: Sequence[fem.DirichletBC],
+    ):
+        self._V, self._bcs = V, list(bcs)
+        # A value may itself be NaN, so a component is fixed if either filling is overwritten.
+        self.fixed = np.isfinite(self.values()) | np.isnan(self.values(fill=0.0))
+        self.clamped: list[npt.NDArray[np.bool_]] = []
+        self.multiplier_bcs: list[fem.DirichletBC] = []
+        for s in surfaces:
+            removed = self._removed(s)
+            self.clamped.append(np.asarray(removed.all(axis=1)))
+            n = s.Q.dofmap.index_map.size_local
+            left = s.comm.allreduce(int((~self.clamped[-1][:n]).sum()))
+            require(s.comm, left > 0, f"{s.name}: Dirichlet data clamp every contact node")
+            for f in s.unknowns[:1]:
+                self.multiplier_bcs += _zero_rows(f, removed)
+
+    def values(self, fill: float = np.nan) -> npt.NDArray[np.float64]:
+        """Dirichlet values at the local nodes x dim, ``fill`` where the displacement is free."""
+        f = fem.Function(self._V)
+        f.x.array[:] = fill
+        for bc in self._bcs:
+            bc.set(f.x.array)
+        f.x.scatter_forward()
+        return f.x.array.reshape(-1, self._V.dofmap.index_map_bs).copy()
+
+    def check_values(self, surfaces: Sequence[ContactSurface], size: float) -> None:
+        """Raise ``ValueError`` if a clamped node is pushed into its obstacle. Collective."""
+        values = self.values()
+        for s in surfaces:
+            prescribed = np.where(self.fixed, values, 0.0)[s.vertex_trace_dofs]
+            normal = s.vertex_normals
+            free = np.where(self.fixed[s.vertex_trace_dofs], 0.0, normal)
+            held = np.linalg.norm(free, axis=1) < _TOLERANCE
+            gap = s.vertex_gaps - np.sum(prescribed * normal, axis=1)
+            worst = np.min(gap[held], initial=np.inf)
+            worst = s.comm.allreduce(worst, op=min)
+            require(
+                s.comm,
+                bool(worst > -1e-9 * size),
+                f"{s.name}: Dirichlet data push a contact node {-worst:.3g} into the obstacle",
+            )
+
+    def _removed(self, s: ContactSurface) -> npt.NDArray[np.bool_]:
+        """Local multiplier nodes x dim, True where the component is removed."""
+        fixed = self.fixed[s.trace_dofs]
+        if s.degrees[0] != s.degrees[1]:
+            fixed = fixed & s.fixed_on_support(self.fixed)
+        normal = s.node_normals
+        along_fixed = np.linalg.norm(np.where(fixed, normal, 0.0), axis=1)
+        along_free = np.linalg.norm(np.where(fixed, 0.0, normal), axis=1)
+        clamped = fixed.any(axis=1) & (along_free < _TOLERANCE)
+        oblique = (along_fixed > _TOLERANCE) & (along_free > _TOLERANCE)
+        frictionless = isinstance(s.law, Frictionless)
+        require(
+            s.comm,
+            frictionless or not oblique.any(),
+            f"{s.name}: Dirichlet data fix a displacement component that is neither normal nor "
+            "tangential to the obstacle at a contact node, where friction and the support cannot "
+            "be told apart; fix all components there or leave the node free",
+        )
+        return np.where(oblique[:, None], False, fixed) | clamped[:, None]
+
+
+def _zero_rows(f: fem.Function, removed: npt.NDArray[np.bool_]) -> list[fem.DirichletBC]:
+    """Conditions f_i = 0 on the marked components. Every rank makes the same number of them."""
+    Q = f.function_space
+    bs = Q.dofmap.index_map_bs
+    zero = default_scalar_type(0.0)
+    return [
+        fem.dirichletbc(zero, (bs * np.flatnonzero(removed[:, i]) + i).astype(np.int32), Q.sub(i))
+        for i in range(bs)
+        if Q.mesh.comm.allreduce(bool(removed[:, i].any()), op=_any)
+    ]
+
+
+def _any(a: bool, b: bool) -> bool:
+    return a or b

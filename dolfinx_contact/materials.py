@@ -1,0 +1,182 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Bulk materials in UFL: stored energy density and Cauchy stress.
+
+Every class takes numbers, Constants, Functions or UFL expressions; numbers become Constants when a
+form is made, so that another value needs no new compilation. The bulk of a contact problem may
+also be any other UFL energy or residual.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+import ufl
+from dolfinx import fem
+
+__all__ = [
+    "CiarletGeymonat",
+    "Elastic",
+    "LinearElastic",
+    "Material",
+    "NeoHookean",
+    "StVenantKirchhoff",
+    "lame",
+]
+
+
+def lame(young: float, poisson: float) -> tuple[float, float]:
+    """Lame coefficients (lambda, mu) of Young's modulus and Poisson's ratio (3D, plane strain).
+
+    Raises:
+        ValueError: if ``young`` is not positive or ``poisson`` not in (-1, 1/2).
+    """
+    if not np.isfinite(young) or young <= 0:
+        raise ValueError(f"Young's modulus must be positive, got {young}")
+    if not -1 < poisson < 0.5:
+        raise ValueError(f"Poisson's ratio must lie in (-1, 1/2), got {poisson}")
+    return young * poisson / ((1 + poisson) * (1 - 2 * poisson)), young / (2 * (1 + poisson))
+
+
+def _constants(u: fem.Function, *values: Any) -> list[Any]:
+    """Numbers as Constants of the mesh of ``u``; the rest as it is."""
+    domain = u.function_space.mesh
+    return [
+        fem.Constant(domain, float(v)) if isinstance(v, int | float | np.floating) else v
+        for v in values
+    ]
+
+
+def _gradient(u: fem.Function) -> Any:
+    """Deformation gradient, dim x dim."""
+    return ufl.Identity(len(u)) + ufl.grad(u)
+
+
+def _in_space(A: Any, across: Any) -> Any:
+    """The 2 x 2 tensor ``A`` with ``across`` as its 33 component."""
+    return ufl.as_tensor([[A[0, 0], A[0, 1], 0], [A[1, 0], A[1, 1], 0], [0, 0, across]])
+
+
+class Material:
+    """A bulk material; ``u`` is always the displacement, a vector Function (length)."""
+
+    def energy(self, u: fem.Function) -> Any:
+        """Stored energy per reference volume (per area in 2D), in units of stress."""
+        raise NotImplementedError
+
+    def stress(self, u: fem.Function) -> Any:
+        """Cauchy stress, dim x dim."""
+        return self._cauchy(u, _gradient(u))
+
+    def full_stress(self, u: fem.Function) -> Any:
+        """Cauchy stress, 3 x 3 in 2D too: with the stress across the plane, for invariants."""
+        return self.stress(u) if len(u) == 3 else self._cauchy(u, _in_space(_gradient(u), 1.0))
+
+    def _cauchy(self, u: fem.Function, F: Any) -> Any:
+        F = ufl.variable(F)
+        P = ufl.diff(self._stored(u, F), F)
+        return P * F.T / ufl.det(F)
+
+    def _stored(self, u: fem.Function, F: Any) -> Any:
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class LinearElastic(Material):
+    """Isotropic linear elasticity: 3D, plane strain or plane stress (per unit thickness).
+
+    Attributes:
+        lmbda: first Lame coefficient of the 3D material.
+        mu: shear modulus.
+        plane_stress: in 2D, plane stress instead of plane strain.
+    """
+
+    lmbda: Any
+    mu: Any
+    plane_stress: bool = False
+
+    @classmethod
+    def from_young(
+        cls, young: float, poisson: float, *, plane_stress: bool = False
+    ) -> LinearElastic:
+        """The material of Young's modulus and Poisson's ratio; errors as in `lame`."""
+        return cls(*lame(young, poisson), plane_stress=plane_stress)
+
+    def stress(self, u: fem.Function) -> Any:
+        lmbda, mu = _constants(u, self.lmbda, self.mu)
+        if self.plane_stress:
+            if len(u) != 2:
+                raise ValueError("plane stress needs a 2D mesh")
+            lmbda = 2 * lmbda * mu / (lmbda + 2 * mu)
+        strain = ufl.sym(ufl.grad(u))
+        return 2 * mu * strain + lmbda * ufl.tr(strain) * ufl.Identity(len(u))
+
+    def full_stress(self, u: fem.Function) -> Any:
+        if len(u) == 3:
+            return self.stress(u)
+        (lmbda,) = _constants(u, 0.0 if self.plane_stress else self.lmbda)
+        return _in_space(self.stress(u), lmbda * ufl.div(u))
+
+    def energy(self, u: fem.Function) -> Any:
+        return ufl.inner(self.stress(u), ufl.sym(ufl.grad(u))) / 2
+
+
+class Elastic(Material):
+    """Hyperelasticity: the energy is a function of F = I + grad u; in 2D, plane strain."""
+
+    def energy(self, u: fem.Function) -> Any:
+        return self._stored(u, _gradient(u))
+
+
+@dataclass(frozen=True)
+class StVenantKirchhoff(Elastic):
+    """W = lambda/2 (tr E)^2 + mu E:E with the Green-Lagrange strain E."""
+
+    lmbda: Any
+    mu: Any
+
+    def _stored(self, u: fem.Function, F: Any) -> Any:
+        lmbda, mu = _constants(u, self.lmbda, self.mu)
+        E = (F.T * F - ufl.Identity(F.ufl_shape[0])) / 2
+        return lmbda / 2 * ufl.tr(E) ** 2 + mu * ufl.inner(E, E)
+
+
+@dataclass(frozen=True)
+class NeoHookean(Elastic):
+    """W = mu/2 (|F|^2 - 3 - 2 ln J) + lambda/2 (ln J)^2, in plane strain with F_33 = 1."""
+
+    lmbda: Any
+    mu: Any
+
+    def _stored(self, u: fem.Function, F: Any) -> Any:
+        lmbda, mu = _constants(u, self.lmbda, self.mu)
+        log_J = ufl.ln(ufl.det(F))
+        return mu / 2 * (ufl.inner(F, F) - F.ufl_shape[0] - 2 * log_J) + lmbda / 2 * log_J**2
+
+
+@dataclass(frozen=True)
+class CiarletGeymonat(Elastic):
+    """Ciarlet and Geymonat's law (Ciarlet, Mathematical Elasticity I, 1988, section 4.10).
+
+    W = a tr C + b ((tr C)^2 - |C|^2)/2 + c det C - d/2 ln det C, with C_33 = 1 in plane strain,
+    b = mu/2 - a, c = lambda/4 - mu/2 + a, d = lambda/2 + mu; shifted so that W(I) = 0.
+
+    Attributes:
+        lmbda, mu: Lame coefficients at small strain.
+        a: free parameter, 0 < a < mu/2.
+    """
+
+    lmbda: Any
+    mu: Any
+    a: Any
+
+    def _stored(self, u: fem.Function, F: Any) -> Any:
+        lmbda, mu, a = _constants(u, self.lmbda, self.mu, self.a)
+        b, c, d = mu / 2 - a, lmbda / 4 - mu / 2 + a, lmbda / 2 + mu
+        out = 3 - F.ufl_shape[0]  # the out-of-plane stretch of plane strain, C_33 = 1
+        C = F.T * F
+        tr, det = ufl.tr(C) + out, ufl.det(C)
+        second = (tr**2 - ufl.inner(C, C) - out) / 2
+        return a * (tr - 3) + b * (second - 3) + c * (det - 1) - d / 2 * ufl.ln(det)

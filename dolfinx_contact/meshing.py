@@ -1,0 +1,194 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Meshes from gmsh, with the physical groups by name.
+
+A gmsh file names parts of a mesh by physical groups. The body must be one or more groups of the
+highest dimension, and every part of its boundary that a problem speaks of a group of one dimension
+less.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from mpi4py import MPI
+
+import numpy as np
+
+from dolfinx import mesh
+
+from dolfinx_contact._compat import gmsh_io
+
+__all__ = ["GmshMesh", "mesh_from_gmsh", "read_mesh"]
+
+
+class GmshMesh(NamedTuple):
+    """A mesh and its physical groups.
+
+    Attributes:
+        mesh: the mesh of the body.
+        cell_tags: groups of cells.
+        facet_tags: groups of facets, possibly empty.
+        names: dimension and tag of every group that has a name.
+    """
+
+    mesh: mesh.Mesh
+    cell_tags: mesh.MeshTags
+    facet_tags: mesh.MeshTags
+    names: dict[str, tuple[int, int]]
+
+    def tag(self, name: str) -> int:
+        """Tag of the group ``name``, or ``ValueError``."""
+        if name not in self.names:
+            raise ValueError(f"no physical group is named {name!r}; names: {sorted(self.names)}")
+        return self.names[name][1]
+
+
+def read_mesh(
+    comm: MPI.Comm,
+    filename: str | os.PathLike[str],
+    *,
+    dim: int | None = None,
+    groups: Iterable[str] = (),
+) -> GmshMesh:
+    """Read a gmsh file on rank 0 and distribute the mesh. Collective.
+
+    Args:
+        comm: communicator of the mesh.
+        filename: a ``.msh`` file with physical groups.
+        dim: 2 or 3, what the body has to be; by default what the file has.
+        groups: names of groups of facets that must be there.
+
+    Raises:
+        FileNotFoundError: on every rank, if there is no such file.
+        ValueError: on every rank, if gmsh cannot read it or it does not fit; see `mesh_from_gmsh`.
+    """
+    import gmsh
+
+    found = comm.bcast(Path(filename).is_file() if comm.rank == 0 else None)
+    if not found:
+        raise FileNotFoundError(f"there is no mesh file {filename}")
+    return mesh_from_gmsh(comm, lambda: gmsh.merge(os.fspath(filename)), dim=dim, groups=groups)
+
+
+def mesh_from_gmsh(
+    comm: MPI.Comm,
+    draw: Callable[[], Any],
+    *,
+    dim: int | None = None,
+    groups: Iterable[str] = (),
+) -> GmshMesh:
+    """Distribute the mesh that ``draw`` makes in gmsh on rank 0. Collective.
+
+    Args:
+        comm: communicator of the mesh.
+        draw: makes a mesh with physical groups in the current gmsh model, which is empty; called
+            on rank 0 only.
+        dim: as in `read_mesh`.
+        groups: as in `read_mesh`.
+
+    Raises:
+        ValueError: on every rank, if ``draw`` fails; if the model has no mesh, no physical groups,
+            none that holds the body, or lacks one of ``groups``; if groups of cells or of facets
+            overlap, the cells are of several kinds, or a plane mesh is not in the plane.
+    """
+    import gmsh
+
+    if comm.rank > 0:
+        return _distribute(comm, None, None, None)
+    # A session that the caller has open goes on with its own models.
+    mine = not gmsh.isInitialized()
+    if mine:
+        gmsh.initialize(readConfigFiles=False, interruptible=False)
+    current = None if mine else gmsh.model.getCurrent()
+    talkative = gmsh.option.getNumber("General.Terminal")
+    gmsh.option.setNumber("General.Terminal", 0)
+    try:
+        gmsh.model.add("dolfinx_contact")
+        cause = None
+        try:
+            draw()
+            objection = _objection(gmsh.model, dim, list(groups))
+        except Exception as error:  # whatever it is, the other ranks wait
+            objection, cause = f"gmsh made no mesh: {error}", error
+        return _distribute(comm, gmsh.model, objection, cause)
+    finally:
+        gmsh.model.remove()
+        gmsh.option.setNumber("General.Terminal", talkative)
+        if current is not None:
+            gmsh.model.setCurrent(current)
+        if mine:
+            gmsh.finalize()
+
+
+def _distribute(
+    comm: MPI.Comm, model: Any, objection: str | None, cause: Exception | None
+) -> GmshMesh:
+    """The mesh of a model on rank 0, or ``ValueError`` if there is an objection. Collective."""
+    objection = comm.bcast(objection)
+    if objection is not None:
+        raise ValueError(objection) from cause
+    names: dict[str, tuple[int, int]] = {}
+    body = 0
+    if comm.rank == 0:
+        found = model.getPhysicalGroups()
+        body = max(d for d, _ in found)
+        found.sort(key=lambda group: group[0] == body - 1)  # of two with one name take the facets
+        names = {model.getPhysicalName(*group): (group[0], group[1]) for group in found}
+        names.pop("", None)
+        model.mesh.renumberNodes()  # DOLFINx wants numbers without holes
+    names, body = comm.bcast((names, body))
+    domain, cell_tags, facet_tags = gmsh_io.model_to_mesh(model, comm, 0, gdim=body)[:3]
+    if facet_tags is None:
+        domain.topology.create_entities(body - 1)
+        none = np.empty(0, dtype=np.int32)
+        facet_tags = mesh.meshtags(domain, body - 1, none, none)
+    return GmshMesh(domain, cell_tags, facet_tags, names)
+
+
+def _objection(model: Any, dim: int | None, wanted: list[str]) -> str | None:
+    """Why a model cannot be the mesh of a body, or None. On rank 0."""
+    if len(model.mesh.getNodes()[0]) == 0:
+        return "the gmsh model has no mesh: gmsh.model.mesh.generate() makes it, .msh files hold it"
+    groups = model.getPhysicalGroups()
+    if not groups:
+        return (
+            "the gmsh model has no physical groups: name the body and the parts of its boundary, "
+            "in gmsh by gmsh.model.addPhysicalGroup or Physical Volume / Surface / Curve"
+        )
+    body = max(d for d, _ in groups)
+    cells = max(d for d in range(4) if len(model.mesh.getElements(d)[0]))
+    if body < cells or body < 2:
+        return (
+            f"no physical group holds the body: cells are of dimension {cells}, groups of "
+            f"dimension {sorted({d for d, _ in groups})}"
+        )
+    z = model.mesh.getNodes()[1].reshape(-1, 3)[:, 2]
+    if body == 2 and np.ptp(z) > 1e-10 * np.abs(model.mesh.getNodes()[1]).max():
+        return (
+            "the body is a surface that is not in a plane of constant z; if it has a volume, the "
+            "volume needs a physical group (gmsh saves only what is in one)"
+        )
+    if dim is not None and body != dim:
+        return f"the mesh is of dimension {body}, wanted is {dim}"
+    for d in (body, body - 1):
+        tags = [tag for k, tag in groups if k == d]
+        named = [e for tag in tags for e in model.getEntitiesForPhysicalGroup(d, tag)]
+        if len(set(named)) < len(named):
+            return f"physical groups of dimension {d} overlap; a cell or facet can have one tag"
+        meshed = {e for _, e in model.getEntities(d) if len(model.mesh.getElements(d, e)[0])}
+        if d == body and meshed - set(named):
+            return "some cells are in no physical group; the whole body must be in one or more"
+    kinds = [model.mesh.getElementProperties(k)[0] for k in model.mesh.getElements(body)[0]]
+    if len(kinds) > 1 or kinds[0].startswith(("Prism", "Pyramid")):
+        return f"the cells must be of one kind, without prisms and pyramids; got {', '.join(kinds)}"
+    facets = [model.getPhysicalName(d, tag) for d, tag in groups if d == body - 1]
+    missing = [name for name in wanted if name not in facets]
+    if missing:
+        return (
+            f"no physical group of dimension {body - 1} is named {', '.join(missing)}; "
+            f"there are: {', '.join(sorted(filter(None, facets))) or 'none'}"
+        )
+    return None

@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Rigid foundations: where the body may not go.
+
+An obstacle gives, in UFL and at a point x of the contact surface in the reference configuration,
+the gap (the signed distance to the obstacle, positive outside) and the unit normal n from the body
+into the obstacle. The current gap of a point displaced by u is then ``gap - u.n``: exact for a flat
+obstacle and any displacement, and for a curved one correct to first order in u (small sliding).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+import ufl
+from dolfinx import fem, mesh
+
+__all__ = ["Cylinder", "HalfSpace", "LevelSet", "Obstacle", "Sphere"]
+
+
+def _vector(domain: mesh.Mesh, value: Any, what: str) -> Any:
+    """``value`` as a UFL vector of the mesh's dimension; arrays become a Constant."""
+    dim = domain.geometry.dim
+    if isinstance(value, ufl.core.expr.Expr):
+        if value.ufl_shape != (dim,):
+            raise ValueError(f"{what} must have {dim} components, got shape {value.ufl_shape}")
+        return value
+    array = np.asarray(value, dtype=np.float64)
+    if array.shape != (dim,) or not np.isfinite(array).all():
+        raise ValueError(f"{what} must have {dim} finite components, got {value!r}")
+    return fem.Constant(domain, array)
+
+
+def _direction(domain: mesh.Mesh, value: Any, what: str) -> Any:
+    """``value`` as a UFL unit vector."""
+    vector = _vector(domain, value, what)
+    if isinstance(vector, fem.Constant):
+        length = np.linalg.norm(vector.value)
+        if length == 0:
+            raise ValueError(f"{what} is the zero vector")
+        if vector is not value:
+            vector.value = vector.value / length
+            return vector
+    return vector / ufl.sqrt(ufl.dot(vector, vector))
+
+
+def _radius(domain: mesh.Mesh, value: Any) -> Any:
+    if isinstance(value, ufl.core.expr.Expr):
+        return value
+    if not np.isfinite(value) or value <= 0:
+        raise ValueError(f"the radius must be positive, got {value}")
+    return fem.Constant(domain, float(value))
+
+
+class Obstacle:
+    """A rigid foundation, bound to a mesh by `on`."""
+
+    def on(self, domain: mesh.Mesh) -> tuple[Any, Any]:
+        """UFL gap and unit normal (from the body into the obstacle) on ``domain``.
+
+        Raises:
+            ValueError: if the obstacle does not fit the dimension of the mesh.
+        """
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class HalfSpace(Obstacle):
+    """The half-space behind a plane (in 2D, a line) of any orientation.
+
+    Attributes:
+        point: a point of the plane; an array or a vector Constant, which may be changed later.
+        normal: of the plane, out of the obstacle towards the body; of any length.
+    """
+
+    point: npt.ArrayLike | fem.Constant
+    normal: npt.ArrayLike | fem.Constant
+
+    def on(self, domain: mesh.Mesh) -> tuple[Any, Any]:
+        x = ufl.SpatialCoordinate(domain)
+        normal = _direction(domain, self.normal, "the normal of the half-space")
+        return ufl.dot(
+            x - _vector(domain, self.point, "the point of the half-space"), normal
+        ), -normal
+
+
+@dataclass(frozen=True)
+class Sphere(Obstacle):
+    """A rigid ball; in 2D a rigid disc (a cylinder across the plane).
+
+    Attributes:
+        centre: its centre, an array or a Constant.
+        radius: its radius, a positive number or a Constant.
+    """
+
+    centre: npt.ArrayLike | fem.Constant
+    radius: float | fem.Constant
+
+    def on(self, domain: mesh.Mesh) -> tuple[Any, Any]:
+        d = ufl.SpatialCoordinate(domain) - _vector(domain, self.centre, "the centre of the sphere")
+        distance = ufl.sqrt(ufl.dot(d, d))
+        return distance - _radius(domain, self.radius), -d / distance
+
+
+@dataclass(frozen=True)
+class Cylinder(Obstacle):
+    """A rigid circular cylinder of infinite length, in 3D.
+
+    Attributes:
+        point: a point of the axis.
+        axis: direction of the axis.
+        radius: its radius.
+    """
+
+    point: npt.ArrayLike | fem.Constant
+    axis: npt.ArrayLike | fem.Constant
+    radius: float | fem.Constant
+
+    def on(self, domain: mesh.Mesh) -> tuple[Any, Any]:
+        if domain.geometry.dim != 3:
+            raise ValueError("a Cylinder needs a 3D mesh; in 2D a Sphere is a disc")
+        axis = _direction(domain, self.axis, "the axis of the cylinder")
+        d = ufl.SpatialCoordinate(domain) - _vector(domain, self.point, "the point of the axis")
+        d = d - ufl.dot(d, axis) * axis
+        distance = ufl.sqrt(ufl.dot(d, d))
+        return distance - _radius(domain, self.radius), -d / distance
+
+
+@dataclass(frozen=True)
+class LevelSet(Obstacle):
+    """Any obstacle given by a UFL function of position, negative inside and positive outside.
+
+    The gap is phi/|grad phi|, the distance to first order; it is exact where phi is a signed
+    distance.
+
+    Attributes:
+        phi: takes the UFL position vector and returns a UFL scalar.
+    """
+
+    phi: Callable[[Any], Any]
+
+    def on(self, domain: mesh.Mesh) -> tuple[Any, Any]:
+        x = ufl.variable(ufl.SpatialCoordinate(domain))
+        phi = self.phi(x)
+        if not isinstance(phi, ufl.core.expr.Expr) or phi.ufl_shape != ():
+            raise ValueError("the level set must return a scalar UFL expression")
+        slope = ufl.diff(phi, x)
+        steepness = ufl.sqrt(ufl.dot(slope, slope))
+        return phi / steepness, -slope / steepness

@@ -1,0 +1,17 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""What a solve leaves behind: tables, summaries, ParaView fields, pictures."""
+
+from dolfinx_contact.output.fields import STATUS_CODES, write_fields
+from dolfinx_contact.output.folder import output_folder, write_summary
+from dolfinx_contact.output.pictures import picture_of_body, picture_of_contact
+from dolfinx_contact.output.table import write_contact_table
+
+__all__ = [
+    "STATUS_CODES",
+    "output_folder",
+    "picture_of_body",
+    "picture_of_contact",
+    "write_contact_table",
+    "write_fields",
+    "write_summary",
+]

@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Fields on the body and on its contact surfaces, for ParaView.
+
+On the body: the displacement, the Cauchy stress and the von Mises stress
+(3/2 dev s : dev s)^(1/2), both linear and discontinuous. On each contact surface, a mesh of its own
+so that it opens beside the body, at the vertices: displacement, traction on the body, normal
+pressure, gap, slip (the tangential displacement) and status.
+
+The status is a number, `STATUS_CODES`: 0 open, 1 stick, 2 slip, 3 clamped by Dirichlet data. In the
+integral method the contact points are Gauss points, which ParaView cannot show; a vertex then has
+the status of the largest share of the surface around it (weighted by its hat function), while
+traction, gap and slip are values at the vertex.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+import ufl
+from dolfinx import fem
+
+from dolfinx_contact._compat import interpolation_points, write_functions
+from dolfinx_contact.output.folder import output_folder
+
+if TYPE_CHECKING:
+    from dolfinx_contact.problem import ContactProblem
+    from dolfinx_contact.surface import ContactSurface
+
+__all__ = ["STATUS_CODES", "body_fields", "contact_fields", "von_mises", "write_fields"]
+
+#: Number of each status letter of the tables.
+STATUS_CODES = {"o": 0, "k": 1, "+": 2, "-": 2, "s": 2, "d": 3}
+
+
+def write_fields(
+    folder: str | os.PathLike[str], problem: ContactProblem, *, stress: Any = None
+) -> list[Path]:
+    """Write the present state of a problem for ParaView. Collective.
+
+    ``body.bp`` holds the displacement, ``body_stress.bp`` the stresses, and ``contact.bp`` (or
+    ``contact_NAME.bp``, if a surface has another name) the fields of a contact surface; ``.pvd``
+    where DOLFINx was built without ADIOS2.
+
+    Args:
+        folder: where to, made if need be.
+        problem: a contact problem, usually solved.
+        stress: 3 x 3 UFL stress, in 2D too: ``material.full_stress(u)``. Without it no stresses
+            are written.
+
+    Returns:
+        The names of the files, on every rank.
+
+    Raises:
+        OSError: on every rank, if the folder cannot be written to.
+        ValueError: on every rank, if the stress is not 3 x 3, or two surfaces would have one file.
+    """
+    stems = [_stem(s) for s in problem.surfaces]
+    if len(set(stems)) < len(stems):
+        names = [s.name for s in problem.surfaces]
+        raise ValueError(f"the names of contact surfaces make the same file: {names}")
+    stresses = [] if stress is None else body_fields(problem.u, stress)
+    path = output_folder(problem.comm, folder)
+    files = [write_functions(problem.comm, path / "body", [problem.u])]
+    if stresses:
+        files.append(write_functions(problem.comm, path / "body_stress", stresses))
+    for s, stem in zip(problem.surfaces, stems, strict=True):
+        fields = list(contact_fields(problem, s).values())
+        files.append(write_functions(s.submesh.mesh.comm, path / stem, fields))
+    return files
+
+
+def _stem(s: ContactSurface) -> str:
+    """File name of a surface without its suffix."""
+    name = re.sub(r"[^\w.-]+", "_", s.name)
+    return "contact" if name == "contact" else f"contact_{name}"
+
+
+def von_mises(stress: Any) -> Any:
+    """UFL von Mises stress of a 3 x 3 UFL stress.
+
+    Raises:
+        ValueError: if the stress is not 3 x 3.
+    """
+    shape = getattr(stress, "ufl_shape", None)
+    if shape != (3, 3):
+        raise ValueError(
+            f"the von Mises stress needs a 3 x 3 UFL stress, got {shape or stress!r}; in 2D pass "
+            "material.full_stress(u), which knows the stress across the plane"
+        )
+    return ufl.sqrt(1.5 * ufl.inner(ufl.dev(stress), ufl.dev(stress)))
+
+
+def body_fields(u: fem.Function, stress: Any) -> list[fem.Function]:
+    """``stress`` and ``von_mises`` as discontinuous Functions of degree 1. Collective.
+
+    Raises:
+        ValueError: on every rank, if the stress is not a 3 x 3 UFL expression.
+    """
+    domain = u.function_space.mesh
+    fields = []
+    for name, e in (("stress", stress), ("von_mises", von_mises(stress))):
+        W = fem.functionspace(domain, ("DG", 1, e.ufl_shape))
+        f = fem.Function(W, name=name)
+        f.interpolate(fem.Expression(e, interpolation_points(W)))
+        fields.append(f)
+    return fields
+
+
+def contact_fields(problem: ContactProblem, surface: ContactSurface) -> dict[str, fem.Function]:
+    """What is known on a contact surface, as continuous linear Functions on its mesh. Collective.
+
+    Returns:
+        By name: ``displacement``, ``traction`` (on the body), ``pressure``, ``gap``, ``slip``, a
+        vector, and ``status``, a number of `STATUS_CODES`.
+    """
+    s, state = surface, surface.vertex_state()
+    shares = np.stack([state["open"], 1 - state["open"] - state["slip"], state["slip"]])
+    status = np.argmax(np.round(shares, 9), axis=0).astype(float)
+    clamped = _at_vertices(s, problem.constraints.clamped[problem.surfaces.index(s)])
+    status[clamped] = STATUS_CODES["d"]
+    n = s.vertices.dofmap.index_map.size_local
+    if s.method != "integral":
+        # As in the table: what holds a clamped node is the reaction of its support.
+        held, area = clamped[:n], s.vertex_areas[:n, None]
+        reaction = problem.nodal_forces(s, held) / area
+        state["traction"][:n][held] = reaction[held]
+        state["pressure"][:n] = -np.sum(state["traction"] * s.vertex_normals, axis=1)[:n]
+    values = {
+        "displacement": s.u.x.array.reshape(-1, s.dim)[s.vertex_trace_dofs],
+        "traction": state["traction"],
+        "pressure": state["pressure"],
+        "gap": state["un"],
+        "slip": state["ut"],
+        "status": status,
+    }
+    return {name: _function(s, name, v) for name, v in values.items()}
+
+
+def _function(s: ContactSurface, name: str, values: npt.NDArray[np.float64]) -> fem.Function:
+    """Function of a surface with ``values`` at its local vertices."""
+    shape = values.shape[1:]
+    W = fem.functionspace(s.submesh.mesh, ("Lagrange", 1, shape)) if shape else s.vertices
+    f = fem.Function(W, name=name)
+    f.x.array[:] = values.reshape(-1)
+    f.x.scatter_forward()
+    return f
+
+
+def _at_vertices(s: ContactSurface, marked: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    """Local vertices among the ``marked`` multiplier nodes."""
+    f = fem.Function(s.Q)
+    f.x.array[:] = np.repeat(marked.astype(float), s.dim)
+    vertices = fem.Function(fem.functionspace(s.submesh.mesh, ("Lagrange", 1, (s.dim,))))
+    vertices.interpolate(f)
+    vertices.x.scatter_forward()
+    return np.asarray(vertices.x.array[:: s.dim] > 0.5)

@@ -1,0 +1,290 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""PNG pictures of a body and of its contact surfaces, without a display.
+
+Only what is seen is gathered to rank 0: the boundary of a body in 3D, the body itself in 2D, the
+contact surfaces. There a process of its own (`render.py`) draws it, because VTK without a display
+may end its process. It gets a virtual display (Xvfb) where there is one, else that of the caller,
+else none, which is enough for some builds of VTK. A picture that cannot be drawn is a warning in
+the log: no solve fails for want of it.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import pickle
+import select
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+
+import ufl
+from dolfinx import fem, la, mesh
+
+from dolfinx_contact.output.fields import STATUS_CODES, contact_fields, von_mises
+from dolfinx_contact.trace import facet_closures
+
+if TYPE_CHECKING:
+    from dolfinx_contact.problem import ContactProblem
+    from dolfinx_contact.surface import ContactSurface
+
+__all__ = ["picture_of_body", "picture_of_contact"]
+
+logger = logging.getLogger(__name__)
+
+_SECONDS = 120.0  # after which a picture is given up
+
+Arrays = dict[str, npt.NDArray[Any]]
+
+
+def picture_of_body(
+    file: str | os.PathLike[str],
+    problem: ContactProblem,
+    *,
+    stress: Any = None,
+    scale: float = 1.0,
+    title: str | None = None,
+) -> Path | None:
+    """Draw the deformed body with its obstacles and the rims of its contact surfaces. Collective.
+
+    Args:
+        file: the picture, ``.png``.
+        problem: a contact problem, usually solved.
+        stress: 3 x 3 UFL stress (``material.full_stress(u)``), for the colours: von Mises stress,
+            averaged to the vertices.
+        scale: factor of the displacement.
+        title: above the picture.
+
+    Returns:
+        The file, on every rank; None where it could not be drawn.
+
+    Raises:
+        ValueError: on every rank, if the stress is not 3 x 3.
+    """
+    u = problem.u
+    domain, comm = u.function_space.mesh, problem.comm
+    tdim = domain.topology.dim
+    V = fem.functionspace(domain, ("Lagrange", 1))
+    moved = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (tdim,))))
+    moved.interpolate(u)
+    values = {"u": moved.x.array.reshape(-1, tdim)}
+    if stress is not None:
+        values["von_mises"] = _averaged(V, von_mises(stress))
+    if tdim == 2:
+        cells = V.dofmap.list[: domain.topology.index_map(2).size_local]
+    else:
+        domain.topology.create_connectivity(2, 3)
+        cells = facet_closures(V, mesh.exterior_facet_indices(domain.topology))
+    data: dict[str, Any] = {"title": title or _title(u, scale)}
+    seen = _gather(comm, V, cells, values)
+    patches = [_patch(s) for s in problem.surfaces]
+    if comm.rank == 0:
+        data |= {**seen, "x": _in_space(seen["x"] + scale * _in_space(seen["u"]))}
+        data["contact_x"] = [_in_space(p["x"] + scale * _in_space(p["u"])) for p in patches]
+        data["contact_cells"] = data["obstacle_cells"] = [p["cells"] for p in patches]
+        data["obstacle_x"] = [p["x"] + p["gap"][:, None] * _in_space(p["n"]) for p in patches]
+        data["obstacle_normals"] = [_in_space(p["n"]) for p in patches]
+    return _draw(comm, f"body_{tdim}d", data, Path(file))
+
+
+def picture_of_contact(
+    file: str | os.PathLike[str],
+    problem: ContactProblem,
+    *,
+    surface: ContactSurface | None = None,
+    title: str | None = None,
+) -> Path | None:
+    """Draw pressure, shear and status of a contact surface. Collective.
+
+    In 3D two maps of the surface, projected along its mean normal; in 2D the tractions and the
+    friction bound against the position along the surface. Status and values are those of the
+    vertices (`fields.contact_fields`).
+
+    Args:
+        file: the picture, ``.png``.
+        problem: a contact problem, usually solved.
+        surface: one of its surfaces, by default the first.
+        title: above the picture.
+
+    Returns:
+        The file, on every rank; None where it could not be drawn.
+
+    Raises:
+        ValueError: on every rank, if the surface is not one of the problem.
+    """
+    s = problem.surfaces[0] if surface is None else surface
+    if not any(s is t for t in problem.surfaces):
+        raise ValueError(f"the surface {s.name!r} is not one of the problem")
+    fields = contact_fields(problem, s)
+    pressure, status = fields["pressure"].x.array, fields["status"].x.array
+    traction = fields["traction"].x.array.reshape(-1, s.dim)
+    free = status != STATUS_CODES["d"]  # what supports hold is not contact
+    values = {
+        "pressure": np.where(free, pressure, 0.0),
+        "status": status,
+        "shear": np.where(free[:, None], traction + pressure[:, None] * s.vertex_normals, 0.0),
+        "bound": s.vertex_state()["bound"],
+        "n": s.vertex_normals,
+    }
+    cells = s.vertices.dofmap.list[: s.submesh.mesh.topology.index_map(s.dim - 1).size_local]
+    seen = _gather(s.comm, s.vertices, cells, values)
+    data: dict[str, Any] = {"title": title or f"Contact surface: {s.name}"}
+    if s.comm.rank == 0:
+        axes, labels = _flat_axes(seen["n"].mean(axis=0), s.dim)
+        shear = seen["shear"] @ axes
+        data |= {**seen, "x": seen["x"][:, : s.dim] @ axes, "labels": labels}
+        data["shear"] = shear if s.dim == 3 else shear[:, 0]
+        codes = np.bincount(seen["status"].astype(int), minlength=len(set(STATUS_CODES.values())))
+        data["counts"] = codes
+    return _draw(s.comm, f"contact_{s.dim}d", data, Path(file))
+
+
+# -- what is seen --------------------------------------------------------------------------------
+
+
+def _title(u: fem.Function, scale: float) -> str:
+    return "Deformed body" if scale == 1 else f"Deformed body, displacement x {scale:g}"
+
+
+def _in_space(vectors: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Three components."""
+    return np.pad(vectors, ((0, 0), (0, 3 - vectors.shape[1])))
+
+
+def _averaged(V: fem.FunctionSpace, e: Any) -> npt.NDArray[np.float64]:
+    """Means of a UFL scalar around the local vertices, weighted by their hat functions."""
+    q, dx = ufl.TestFunction(V), ufl.dx(metadata={"quadrature_degree": 2})
+    sums = []
+    for integrand in (e * q, q):
+        b = la.vector(V.dofmap.index_map, 1)
+        b.array[:] = 0.0
+        fem.assemble_vector(b.array, fem.form(integrand * dx))
+        b.scatter_reverse(la.InsertMode.add)
+        b.scatter_forward()
+        sums.append(b.array.copy())
+    return np.asarray(sums[0] / sums[1])
+
+
+def _patch(s: ContactSurface) -> Arrays:
+    """A contact surface and its obstacle."""
+    u = s.u.x.array.reshape(-1, s.dim)[s.vertex_trace_dofs]
+    values = {"u": u, "gap": s.vertex_gaps, "n": s.vertex_normals}
+    cells = s.vertices.dofmap.list[: s.submesh.mesh.topology.index_map(s.dim - 1).size_local]
+    return _gather(s.comm, s.vertices, cells, values)
+
+
+def _gather(
+    comm: MPI.Comm, V: fem.FunctionSpace, cells: npt.NDArray[np.int32], values: Mapping[str, Any]
+) -> Arrays:
+    """Owned ``cells`` of all ranks with coordinates and values at their nodes, on rank 0 only."""
+    nodes, local = np.unique(cells, return_inverse=True)
+    mine = {
+        "cells": V.dofmap.index_map.local_to_global(nodes.astype(np.int32))[local].reshape(
+            cells.shape
+        ),
+        "nodes": V.dofmap.index_map.local_to_global(nodes.astype(np.int32)),
+        "x": V.tabulate_dof_coordinates()[nodes],
+        **{k: v[nodes] for k, v in values.items()},
+    }
+    parts = comm.gather(mine)
+    if parts is None:
+        return {}
+    parts = [p for p in parts if len(p["nodes"])]
+    joined = {k: np.concatenate([p[k] for p in parts]) for k in mine}
+    number, first = np.unique(joined.pop("nodes"), return_index=True)
+    cells = joined.pop("cells")
+    return {"cells": np.searchsorted(number, cells), **{k: v[first] for k, v in joined.items()}}
+
+
+def _flat_axes(n: npt.NDArray[np.float64], dim: int) -> tuple[npt.NDArray[np.float64], list[str]]:
+    """Axes (dim, dim - 1) of the plane across ``n`` with labels: coordinate axes if nearly one."""
+    size, names = np.linalg.norm(n), "xyz"[:dim]
+    n = n / size if size > 0.1 else np.eye(dim)[-1]  # a closed surface has no side to look at
+    across = np.abs(n) < 0.05
+    if across.sum() == dim - 1:
+        return np.eye(dim)[:, across], [name for name, a in zip(names, across, strict=True) if a]
+    if dim == 2:
+        return np.array([[-n[1]], [n[0]]]), ["position along the surface"]
+    first = np.eye(3)[np.argmin(np.abs(n))]
+    first = first - (first @ n) * n
+    first /= np.linalg.norm(first)
+    return np.stack([first, np.cross(first, n)], axis=1), ["along the surface", "across"]
+
+
+# -- drawing -------------------------------------------------------------------------------------
+
+
+def _draw(comm: MPI.Comm, kind: str, data: Mapping[str, Any], file: Path) -> Path | None:
+    """Draw on rank 0; whether it worked is known on every rank. Collective."""
+    failure = _draw_apart(kind, data, file) if comm.rank == 0 else None
+    failure = comm.bcast(failure)
+    if failure is None:
+        return file
+    if comm.rank == 0:
+        logger.warning("no picture %s: %s", file, failure)
+    return None
+
+
+def _draw_apart(kind: str, data: Mapping[str, Any], file: Path) -> str | None:
+    """Draw in a process of its own; why it failed, or None."""
+    part = file.with_name(f"{file.stem}.part{file.suffix}")
+    program = [sys.executable, str(Path(__file__).with_name("render.py")), kind, str(part)]
+    try:
+        with _display(needed=kind == "body_3d") as environment:
+            done = subprocess.run(
+                program,
+                input=pickle.dumps(dict(data)),
+                env=environment,
+                capture_output=True,
+                timeout=_SECONDS,
+                check=False,
+            )
+        if done.returncode == 0:
+            part.replace(file)
+            return None
+    except (OSError, subprocess.TimeoutExpired) as error:
+        return str(error)
+    said = done.stderr.decode(errors="replace").strip().splitlines()
+    if done.returncode < 0:
+        return (
+            f"the drawing process was ended by signal {-done.returncode}, as VTK does without a "
+            f"display (install Xvfb, or set DISPLAY). {said[-1] if said else ''}"
+        )
+    return said[-1] if said else f"the drawing process returned {done.returncode}"
+
+
+@contextmanager
+def _display(*, needed: bool) -> Iterator[dict[str, str]]:
+    """Environment in which VTK can draw: with a virtual display while the context lasts."""
+    environment = dict(os.environ)
+    server = shutil.which("Xvfb") if needed else None
+    if server is None:
+        yield environment
+        return
+    options = ["-displayfd", "1", "-screen", "0", "1600x1200x24", "-nolisten", "tcp"]
+    # The shell ends the display when its input ends, and so even if this process is killed.
+    watch = '"$@" & exec > /dev/null; cat; kill $!; wait'
+    xvfb = subprocess.Popen(
+        ["sh", "-c", watch, "sh", server, *options],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+    )
+    try:
+        # Readable when the number is written, or when Xvfb ends without one.
+        ready = select.select([xvfb.stdout], [], [], _SECONDS)[0]
+        number = ready[0].readline().decode().strip() if ready else ""
+        if number:
+            environment["DISPLAY"] = f":{number}"
+        yield environment
+    finally:
+        xvfb.communicate()

@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The table of contact points."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact.result import ContactTable
+
+__all__ = ["COLUMNS", "write_contact_table"]
+
+COLUMNS = [
+    *("surface", "x", "y", "z", "un", "ut", "ut_x", "ut_y", "ut_z", "rn", "rt", "rt_x", "rt_y"),
+    *("rt_z", "pressure", "shear", "status"),
+]
+
+
+def _padded(vectors: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Three components, the third 0 in 2D."""
+    return np.pad(vectors, ((0, 0), (0, 3 - vectors.shape[1])))
+
+
+def write_contact_table(comm: MPI.Comm, folder: Path, tables: Iterable[ContactTable]) -> None:
+    """Write ``folder/contact.csv``, a row a contact point, surface by surface. Collective."""
+    if comm.rank == 0:
+        lines = [",".join(COLUMNS)]
+        for t in tables:
+            numbers = np.column_stack(
+                [
+                    _padded(t.x),
+                    t.un,
+                    t.along(t.ut),
+                    _padded(t.ut),
+                    t.rn,
+                    t.along(t.rt),
+                    _padded(t.rt),
+                    t.pressure,
+                    t.along(t.shear),
+                ]
+            )
+            for i, letter in enumerate(t.letters):
+                numbers_i = [repr(float(v)) for v in numbers[i]]
+                lines.append(",".join([t.name, *numbers_i, str(letter)]))
+        (folder / "contact.csv").write_text("\n".join(lines) + "\n")
+    comm.barrier()

@@ -1,0 +1,339 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The contact problem H(x) = 0: bulk equilibrium and contact rows, assembled in PETSc.
+
+The unknowns are the displacement and, surface by surface, the multipliers. Every row is in units of
+force: the bulk rows by nature, the contact rows unscaled, and the Dirichlet rows multiplied by a
+typical stiffness. Every unknown of the PETSc vectors is a length: multipliers are divided by a
+typical stiffness per area. So neither norms of H nor the matrix depend on the user's units.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+import dolfinx.fem.petsc
+import ufl
+from dolfinx import fem, la
+
+from dolfinx_contact import _rigid
+from dolfinx_contact._compat import assemble_block_matrix, create_block_matrix, merge_entity_maps
+from dolfinx_contact._errors import require
+from dolfinx_contact._petsc import require_real
+from dolfinx_contact.constraints import Constraints
+from dolfinx_contact.laws import Status
+from dolfinx_contact.surface import ContactSurface
+
+if TYPE_CHECKING:
+    from dolfinx_contact.result import Result
+
+__all__ = ["ContactProblem"]
+
+
+class ContactProblem:
+    """Static equilibrium of a body with unilateral contact and friction on some surfaces.
+
+    Args:
+        bulk: UFL energy (a functional of ``u``) or residual (linear in a test function of the space
+            of ``u``) of the body, without contact terms.
+        u: displacement.
+        surfaces: contact surfaces of this body, each made with ``u``.
+        bcs: Dirichlet conditions on the space of ``u`` or its components.
+        r: augmentation parameter (stiffness per area), by default from the stiffness of the contact
+            nodes. It changes the iterates, not the solution.
+        petsc_options_prefix: of the SNES.
+        petsc_options: options of the SNES under that prefix; the command line wins.
+
+    Raises:
+        ValueError: on every rank, if the arguments do not fit together, contact nodes are all
+            clamped, or a mesh coordinate is not finite.
+        RuntimeError: if PETSc has complex scalars.
+    """
+
+    def __init__(
+        self,
+        bulk: ufl.Form,
+        u: fem.Function,
+        surfaces: Sequence[ContactSurface],
+        *,
+        bcs: Sequence[fem.DirichletBC] = (),
+        r: float | None = None,
+        petsc_options_prefix: str = "contact_",
+        petsc_options: Mapping[str, Any] | None = None,
+    ):
+        require_real()
+        self.u, self.V, self.surfaces, self.bcs = u, u.function_space, list(surfaces), list(bcs)
+        self.comm = self.V.mesh.comm
+        self.prefix = petsc_options_prefix
+        self.petsc_options = dict(petsc_options or {})
+        if not self.surfaces:
+            raise ValueError("a contact problem needs at least one contact surface")
+        if any(s.u is not u for s in self.surfaces):
+            raise ValueError("every contact surface must be made with the displacement u")
+        names = [s.name for s in self.surfaces]
+        if len(set(names)) < len(names):
+            raise ValueError(f"contact surfaces need different names, got {names}")
+        if r is not None and not (np.isfinite(r) and r > 0):
+            raise ValueError(f"the augmentation parameter r must be positive, got {r}")
+        finite = bool(np.isfinite(self.V.mesh.geometry.x).all())
+        require(self.comm, finite, "the mesh has a coordinate that is not finite")
+
+        self.energy, residual = _energy_and_residual(bulk, u)
+        self.energy_form = None if self.energy is None else fem.form(self.energy)
+        self._compile(residual)
+        self.constraints = Constraints(self.V, self.surfaces, self.bcs)
+        self._all_bcs = [*self.bcs, *self.constraints.multiplier_bcs]
+        self.matrix = create_block_matrix(self._J)
+        spaces = [f.function_space for f in self.fields]
+        self._scratch = [la.vector(W.dofmap.index_map, W.dofmap.index_map_bs) for W in spaces]
+        self._owned = [W.dofmap.index_map.size_local * W.dofmap.index_map_bs for W in spaces]
+        test_spaces = fem.extract_function_spaces([row[0] for row in self._R])
+        self._bcs_by_block = fem.bcs_by_block(test_spaces, self._all_bcs)
+        if len(self._bcs_by_block[0]) != len(self.bcs):
+            raise ValueError("a Dirichlet condition is not on the space of u or a component of it")
+        #: Raw residual of the displacement rows at the last evaluation (local): reactions on
+        #: Dirichlet dofs.
+        self.reactions: npt.NDArray[np.float64] = np.zeros(self._owned[0])
+        self.hold_status = False
+        x = self.V.mesh.geometry.x
+        low = self.comm.allreduce(x.min(axis=0, initial=np.inf), op=np.minimum)
+        high = self.comm.allreduce(x.max(axis=0, initial=-np.inf), op=np.maximum)
+        #: Diagonal of the bounding box of the body.
+        self.body_size: float = float(np.linalg.norm(high - low))
+        self.forced_r: float | None = r
+        self._scale(r)
+
+    # -- forms -----------------------------------------------------------------------------------
+
+    def _compile(self, residual: ufl.Form) -> None:
+        """Forms of every block. Bulk and contact terms stay apart: each has measures of its own."""
+        v, maps = ufl.TestFunction(self.V), merge_entity_maps([s.submesh for s in self.surfaces])
+        domain = self.V.mesh
+        self.fields: list[fem.Function] = [self.u]
+        self.fields += [f for s in self.surfaces for f in s.unknowns]
+        n = len(self.fields)
+        #: The PETSc unknowns are the fields over these: all of them lengths.
+        self._units = [fem.Constant(domain, 1.0) for _ in self.fields]
+        rows: list[list[ufl.Form]] = [[residual]] + [[] for _ in range(n - 1)]
+        self._J: list[list[fem.Form | None]] = [[None] * n for _ in range(n)]
+        bulk = ufl.derivative(residual, self.u, ufl.TrialFunction(self.V))
+        self._J[0][0] = self.bulk_jacobian = fem.form(bulk)
+        start = 1
+        for s in self.surfaces:
+            indices = range(start, start + len(s.unknowns))
+            start += len(s.unknowns)
+            work = s.displacement_row(v)
+            rows[0].append(work)
+            self._J[0][indices[0]] = self._derivative(work, indices[0], maps)
+            for i, terms in zip(indices, s.rows(), strict=True):
+                for term, depends in terms:
+                    rows[i].append(term)
+                    for j in (j for j in (0, *indices) if _among(self.fields[j], depends)):
+                        self._J[i][j] = self._derivative(term, j, maps)
+        self._R = [[fem.form(f, entity_maps=maps) for f in row] for row in rows]
+
+    def _derivative(self, row: Any, j: int, maps: Any) -> fem.Form:
+        direction = self._units[j] * ufl.TrialFunction(self.fields[j].function_space)
+        return fem.form(ufl.derivative(row, self.fields[j], direction), entity_maps=maps)
+
+    def _scale(self, r: float | None) -> None:
+        """Typical stiffness of Dirichlet rows, r of the surfaces, free rigid motions.
+
+        The automatic r is near Young's modulus over the size of the body, taken from
+        the diagonal of the stiffness. A small r sends a point that slips the wrong way to stick; a
+        large one (the nodal stiffness, say) sends it to slip the other way, and Newton's method
+        into a cycle.
+        """
+        K = dolfinx.fem.petsc.assemble_matrix(self.bulk_jacobian)
+        K.assemble()
+        diagonal = fem.Function(self.V)
+        diagonal.x.array[: self._owned[0]] = np.abs(K.getDiagonal().array)
+        diagonal.x.scatter_forward()
+        size = self.comm.allreduce(float(np.sum(diagonal.x.array[: self._owned[0]])))
+        count = self.V.dofmap.index_map.size_global * self.V.dofmap.index_map_bs
+        require(
+            self.comm,
+            bool(np.isfinite(size)) and size > 0,
+            "the stiffness of the bulk is zero or not finite at the starting displacement",
+        )
+        self.stiffness_scale = size / count
+        self.automatic_r: list[npt.NDArray[np.float64]] = []
+        per_node = diagonal.x.array.reshape(-1, self.V.dofmap.index_map_bs).mean(axis=1)
+        for s in self.surfaces:
+            width = s.vertex_areas ** (1 / (s.dim - 1))
+            stiffness = per_node[s.vertex_trace_dofs] / s.vertex_areas
+            automatic = stiffness * width / self.body_size
+            self.automatic_r.append(automatic)
+            s.set_augmentation(automatic if r is None else np.full_like(automatic, r))
+            self._unit_of(s.multiplier).value = self.stiffness_scale / s.mean_vertex_area
+        self.free_motions = _rigid.free_motions(K, self.V, self.constraints.fixed)
+        K.destroy()
+
+    # -- vectors ---------------------------------------------------------------------------------
+
+    def create_vector(self) -> PETSc.Vec:
+        """A vector of all unknowns, rank by rank displacement then multipliers."""
+        return self.matrix.createVecRight()
+
+    def read(self, x: PETSc.Vec) -> None:
+        """Put the unknowns ``x`` into the Functions."""
+        array, start = x.array_r, 0
+        for f, unit, n in zip(self.fields, self._units, self._owned, strict=True):
+            f.x.array[:n] = float(unit.value) * array[start : start + n]
+            f.x.scatter_forward()
+            start += n
+
+    def write(self, x: PETSc.Vec) -> None:
+        """Put the Functions into the unknowns ``x``."""
+        parts = zip(self._scaled_fields(), self._owned, strict=True)
+        x.array[:] = np.concatenate([values[:n] for values, n in parts])
+
+    def _scaled_fields(self) -> list[npt.NDArray[np.float64]]:
+        """Local values of the unknowns in the units of the PETSc vectors, ghosts included."""
+        pairs = zip(self.fields, self._units, strict=True)
+        return [f.x.array / float(unit.value) for f, unit in pairs]
+
+    def _unit_of(self, f: fem.Function) -> fem.Constant:
+        return next(unit for g, unit in zip(self.fields, self._units, strict=True) if g is f)
+
+    def blocks(self, x: PETSc.Vec) -> list[npt.NDArray[np.float64]]:
+        """Local parts of ``x``, one array per field."""
+        return np.split(x.array_r.copy(), np.cumsum(self._owned)[:-1])
+
+    # -- H and its derivative --------------------------------------------------------------------
+
+    @property
+    def statuses(self) -> list[Status]:
+        """Status of every surface on this rank; a copy."""
+        return [s.status for s in self.surfaces]
+
+    @statuses.setter
+    def statuses(self, statuses: Sequence[Status]) -> None:
+        for s, status in zip(self.surfaces, statuses, strict=True):
+            s.status = status
+
+    @contextmanager
+    def held_status(self) -> Iterator[None]:
+        """Keep the status as it is while the context lasts: H is then one smooth piece."""
+        held, self.hold_status = self.hold_status, True
+        try:
+            yield
+        finally:
+            self.hold_status = held
+
+    def update_status(self) -> None:
+        """Recompute the status from the Functions, unless it is held."""
+        if not self.hold_status:
+            for s in self.surfaces:
+                s.status = s.evaluate_status()
+
+    def residual(self, x: PETSc.Vec, b: PETSc.Vec) -> None:
+        """H(x) into ``b``; the Functions and the status follow ``x``. Collective."""
+        self.read(x)
+        self.update_status()
+        values = self._scaled_fields()
+        parts = []
+        for i, (forms, c) in enumerate(zip(self._R, self._scratch, strict=True)):
+            c.array[:] = 0.0
+            for form in forms:
+                fem.assemble_vector(c.array, form)
+            if i == 0:
+                self.reactions = self._accumulated(c)
+            fem.apply_lifting(c.array, self._J[i], self._bcs_by_block, x0=values, alpha=-1.0)
+            c.scatter_reverse(la.InsertMode.add)
+            for bc in self._bcs_by_block[i]:
+                bc.set(c.array, values[i], -self.stiffness_scale)
+            parts.append(c.array[: self._owned[i]])
+        b.array[:] = np.concatenate(parts)
+
+    @staticmethod
+    def _accumulated(c: la.Vector) -> npt.NDArray[np.float64]:
+        """Owned entries of ``c`` with the contributions of other ranks; ``c`` stays as it is."""
+        kept = c.array.copy()
+        c.scatter_reverse(la.InsertMode.add)
+        n = c.index_map.size_local * c.block_size
+        summed = c.array[:n].copy()
+        c.array[:] = kept
+        return summed
+
+    def jacobian(self, x: PETSc.Vec, A: PETSc.Mat, *, keep_status: bool = False) -> None:
+        """Element of the generalised Jacobian of H at ``x`` into ``A``. Collective."""
+        self.read(x)
+        if not keep_status:
+            self.update_status()
+        assemble_block_matrix(A, self._J, self._all_bcs, self.stiffness_scale)
+
+    def nodal_forces(
+        self, s: ContactSurface, clamped: npt.NDArray[np.bool_]
+    ) -> npt.NDArray[np.float64]:
+        """Forces on the body at the owned vertices of ``s``, support reactions where clamped."""
+        work = self._R[0][1 + self.surfaces.index(s)]
+        f, reaction = fem.Function(self.V), fem.Function(self.V)
+        fem.assemble_vector(f.x.array, work)
+        f.x.scatter_reverse(la.InsertMode.add)
+        reaction.x.array[: self._owned[0]] = self.reactions
+        for g in (f, reaction):
+            g.x.scatter_forward()
+        nodes = s.vertex_trace_dofs[: len(clamped)]
+        contact, support = (g.x.array.reshape(-1, s.dim)[nodes] for g in (f, reaction))
+        return np.where(clamped[:, None], support, 0.0) - contact
+
+    @contextmanager
+    def automatic_augmentation(self) -> Iterator[None]:
+        """Use the automatic r while the context lasts."""
+        forced = [s.r.x.array.copy() for s in self.surfaces]
+        for s, r in zip(self.surfaces, self.automatic_r, strict=True):
+            s.set_augmentation(r)
+        try:
+            yield
+        finally:
+            for s, r in zip(self.surfaces, forced, strict=True):
+                s.set_augmentation(r)
+
+    def loose_motions(self) -> str:
+        """Rigid motions held neither by Dirichlet data nor by the contact status; "" if none."""
+        if len(self.free_motions) == 0:
+            return ""
+        gram = np.zeros((len(self.free_motions),) * 2)
+        for s in self.surfaces:
+            gram += s.held_gram(self.free_motions)
+        loose = _rigid.combine(self.comm.allreduce(gram), self.free_motions)
+        return _rigid.describe(loose, self.V) if len(loose) else ""
+
+    # -- solve -----------------------------------------------------------------------------------
+
+    def solve(self, **kwargs: Any) -> Result:
+        """Solve from the present values of the Functions; see `solvers.ladder.solve`."""
+        from dolfinx_contact.solvers.ladder import solve
+
+        return solve(self, **kwargs)
+
+    def destroy(self) -> None:
+        """Free the matrix."""
+        self.matrix.destroy()
+
+
+def _among(f: fem.Function, functions: Sequence[fem.Function]) -> bool:
+    return any(f is g for g in functions)
+
+
+def _energy_and_residual(bulk: ufl.Form, u: fem.Function) -> tuple[ufl.Form | None, ufl.Form]:
+    if not isinstance(bulk, ufl.Form):
+        raise ValueError(f"the bulk must be a UFL form, got {type(bulk).__name__}")
+    if u not in bulk.coefficients():
+        raise ValueError("the bulk form does not contain the displacement u")
+    arguments = bulk.arguments()
+    if len(arguments) == 0:
+        return bulk, ufl.derivative(bulk, u, ufl.TestFunction(u.function_space))
+    if len(arguments) == 1 and arguments[0].ufl_function_space() == u.function_space:
+        return None, bulk
+    raise ValueError(
+        "the bulk must be an energy (no test function) or a residual with one test function of the "
+        "space of the displacement"
+    )

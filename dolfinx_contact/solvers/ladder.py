@@ -1,0 +1,192 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Solving a contact problem: Newton's method, and what is tried when full steps fail.
+
+Full steps converge in a few iterations from nearly everywhere, but they can cycle between statuses.
+The strategies, in this order and each from the caller's state:
+
+1. full Newton steps;
+2. full steps with the automatic augmentation parameter, if the caller forced another;
+3. pivoting: the pieces of H are solved one after the other, and when the number of points with a
+   wrong status stops shrinking only one point changes at a time (`pivoting.py`);
+4. a backtracking line search on the norm of H;
+5. the load applied in increments that shrink and grow: H(x) = (1 - s) H(x_0), s from 0 to 1.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from petsc4py import PETSc
+
+import numpy as np
+
+from dolfinx_contact._errors import require
+from dolfinx_contact.result import Result, collect
+from dolfinx_contact.solvers.errors import ConvergenceError, FloatingBodyError
+from dolfinx_contact.solvers.newton import Attempt, Newton, Step
+from dolfinx_contact.solvers.pivoting import pivot
+
+if TYPE_CHECKING:
+    from dolfinx_contact.problem import ContactProblem
+
+__all__ = ["solve"]
+
+logger = logging.getLogger(__name__)
+
+
+def solve(
+    problem: ContactProblem,
+    *,
+    monitor: Callable[[Step], None] | None = None,
+    increments: int = 8,
+) -> Result:
+    """Solve a contact problem from the present values of its Functions.
+
+    Args:
+        problem: the contact problem; its Functions receive the solution.
+        monitor: called with every Newton iterate, on every rank.
+        increments: of the load in the last strategy, to begin with.
+
+    Returns:
+        Statuses, resultants, residual histories and the KKT violation.
+
+    Raises:
+        ValueError: on every rank, for data that cannot be solved with (a load that is not finite, a
+            negative friction field, a clamped node inside the obstacle).
+        ConvergenceError: if no strategy converges; the Functions are as they were.
+    """
+    x0 = problem.create_vector()
+    problem.write(x0)
+    before, statuses = [f.x.array.copy() for f in problem.fields], problem.statuses
+    try:
+        return _solve(problem, x0, monitor, increments)
+    except BaseException:
+        for f, values in zip(problem.fields, before, strict=True):
+            f.x.array[:] = values
+        problem.statuses = statuses
+        raise
+    finally:
+        x0.destroy()
+
+
+def _solve(
+    problem: ContactProblem,
+    x0: PETSc.Vec,
+    monitor: Callable[[Step], None] | None,
+    increments: int,
+) -> Result:
+    _check_data(problem, x0)
+    attempts: list[Attempt] = []
+    floating: FloatingBodyError | None = None
+    x = x0.duplicate()
+    try:
+        for strategy, run in _ladder(problem, increments):
+            attempt = Attempt(strategy)
+            attempts.append(attempt)
+            x0.copy(x)
+            try:
+                attempt.converged = run(x, attempt, monitor)
+            except FloatingBodyError as error:
+                attempt.reason, floating = str(error), error
+            if attempt.converged:
+                return collect(problem, x, attempts)
+            logger.warning("%s failed: %s", strategy, attempt.reason)
+    finally:
+        x.destroy()
+    if floating is not None and attempts[0].reason == str(floating):
+        raise FloatingBodyError(str(floating), attempts)
+    raise ConvergenceError(_diagnosis(attempts), attempts)
+
+
+_Run = Callable[[PETSc.Vec, Attempt, Callable[[Step], None] | None], bool]
+
+
+def _ladder(problem: ContactProblem, increments: int) -> list[tuple[str, _Run]]:
+    """Strategies in the order in which they are tried."""
+
+    def newton(line_search: str) -> _Run:
+        def run(x: PETSc.Vec, attempt: Attempt, monitor: Any) -> bool:
+            with Newton(problem, line_search, monitor) as solver:
+                return solver.run(x, attempt)
+
+        return run
+
+    def with_automatic_r(run: _Run) -> _Run:
+        def inner(x: PETSc.Vec, attempt: Attempt, monitor: Any) -> bool:
+            with problem.automatic_augmentation():
+                return run(x, attempt, monitor)
+
+        return inner
+
+    def by_increments(x: PETSc.Vec, attempt: Attempt, monitor: Any) -> bool:
+        with Newton(problem, "none", monitor) as solver:
+            return _follow_load(solver, x, attempt, increments)
+
+    def by_pivoting(x: PETSc.Vec, attempt: Attempt, monitor: Any) -> bool:
+        with Newton(problem, "none", monitor) as solver:
+            return pivot(solver, x, attempt)
+
+    ladder: list[tuple[str, _Run]] = [("full steps", newton("none"))]
+    if problem.forced_r is not None:
+        ladder.append(("full steps with the automatic r", with_automatic_r(newton("none"))))
+    ladder.append(("pivoting", with_automatic_r(by_pivoting)))
+    ladder.append(("line search", with_automatic_r(newton("bt"))))
+    ladder.append(("load increments", with_automatic_r(by_increments)))
+    return ladder
+
+
+def _follow_load(solver: Newton, x: PETSc.Vec, attempt: Attempt, increments: int) -> bool:
+    """Raise the load from 0 to 1; an increment that fails is quartered, one that works doubled."""
+    solver.problem.residual(x, solver.offset)
+    done, step, good = 0.0, 1.0 / increments, x.duplicate()
+    try:
+        while done < 1.0:
+            x.copy(good)
+            solver.load = min(1.0, done + step)
+            if solver.run(x, attempt):
+                done, step = solver.load, 2 * step
+            else:
+                good.copy(x)
+                step /= 4
+                if step < 1e-4 / increments:
+                    attempt.reason = f"stuck at {done:.4g} of the load: {attempt.reason}"
+                    return False
+        return True
+    finally:
+        good.destroy()
+
+
+def _check_data(problem: ContactProblem, x0: PETSc.Vec) -> None:
+    """Raise ``ValueError`` for data that no solver can work with. Collective."""
+    for s in problem.surfaces:
+        s.check_law()
+        gaps = bool(np.isfinite(s.vertex_gaps).all() and np.isfinite(s.vertex_normals).all())
+        require(problem.comm, gaps, f"{s.name}: the gap or normal of the obstacle is not finite")
+    values = problem.constraints.values()
+    prescribed = bool(np.isfinite(values[problem.constraints.fixed]).all())
+    require(problem.comm, prescribed, "a Dirichlet value is not finite")
+    problem.constraints.check_values(problem.surfaces, problem.body_size)
+    b = problem.create_vector()
+    problem.residual(x0, b)
+    finite = bool(np.isfinite(b.array_r).all())
+    b.destroy()
+    require(
+        problem.comm,
+        finite,
+        "the residual is not finite at the start: look for NaN in loads, material data or the "
+        "starting displacement",
+    )
+
+
+def _diagnosis(attempts: list[Attempt]) -> str:
+    lines = ["the contact problem was not solved:"]
+    for a in attempts:
+        worst = f", residual {a.steps[-1].measures.worst:.2g}" if a.steps else ""
+        lines.append(f"- {a.strategy}: {a.reason} ({a.iterations} iterations{worst})")
+        for name, places in a.restless.items():
+            shown = "; ".join("(" + ", ".join(f"{c:.6g}" for c in x) + ")" for x in places)
+            lines.append(f"  points of {name} that keep changing status, among them {shown}")
+    lines.append("The displacement and the multipliers are as they were before the solve.")
+    return "\n".join(lines)

@@ -1,0 +1,231 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Semismooth Newton on SNES.
+
+The status is recomputed from the iterate before every residual and Jacobian, so that the Jacobian
+is an element of the generalised Jacobian of H. Convergence is judged block by block
+(`measures.py`). Full steps that come back to a status they had are stopped as a cycle.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from petsc4py import PETSc
+
+import numpy as np
+
+from dolfinx_contact._petsc import options_in_database
+from dolfinx_contact.laws import Status
+from dolfinx_contact.solvers.errors import FloatingBodyError
+from dolfinx_contact.solvers.measures import Measures, Scales
+
+if TYPE_CHECKING:
+    from dolfinx_contact.problem import ContactProblem
+
+__all__ = ["Attempt", "Newton", "Step"]
+
+logger = logging.getLogger(__name__)
+
+_DEFAULTS: dict[str, Any] = {
+    "snes_rtol": 1e-10,
+    "snes_max_it": 40,
+    "ksp_type": "preonly",
+    "pc_type": "lu",
+    "pc_factor_mat_solver_type": "mumps",
+    "mat_mumps_icntl_14": 80,
+}
+
+
+@dataclass(frozen=True)
+class Step:
+    """One Newton iterate: its residual, and how many points changed status on the way to it."""
+
+    iteration: int
+    measures: Measures
+    flips: int
+    load: float
+
+
+@dataclass
+class Attempt:
+    """One strategy and its history.
+
+    Attributes:
+        strategy: name of the strategy.
+        reason: why it stopped, in words.
+        steps: its Newton iterates.
+        converged: whether it solved the problem.
+        restless: per surface name, coordinates of points that changed status in the last step.
+    """
+
+    strategy: str
+    reason: str = "not started"
+    steps: list[Step] = field(default_factory=list)
+    converged: bool = False
+    restless: dict[str, list[list[float]]] = field(default_factory=dict)
+
+    @property
+    def iterations(self) -> int:
+        """Newton steps taken (the first iterate of every start is none)."""
+        return sum(s.iteration > 0 for s in self.steps)
+
+
+class Newton:
+    """A SNES on the contact problem that follows the status and knows a cycle."""
+
+    def __init__(
+        self,
+        problem: ContactProblem,
+        line_search: str,
+        monitor: Callable[[Step], None] | None,
+    ):
+        self.problem, self.monitor = problem, monitor
+        self._full_steps = line_search == "none"
+        self.snes = PETSc.SNES().create(problem.comm)
+        self.b = problem.create_vector()
+        self.offset = problem.create_vector()  # H(x_0), for load increments
+        self.load = 1.0
+        self.scales = Scales(problem)
+        self.snes.setFunction(self._function, self.b)
+        self.snes.setJacobian(self._jacobian, problem.matrix)
+        self.snes.setConvergenceTest(self._test)
+        self.snes.setOptionsPrefix(problem.prefix)
+        self.options = {**_DEFAULTS, "snes_linesearch_type": line_search, **problem.petsc_options}
+        with options_in_database(problem.prefix, self.options):
+            self.snes.setFromOptions()
+        self.snes.setTolerances(atol=0.0, stol=0.0)
+        self.attempt: Attempt
+        self.floating: FloatingBodyError | None = None
+        self._from_touching = False
+        self._history: list[tuple[list[Status], float]] = []
+
+    def __enter__(self) -> Newton:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for thing in (self.snes, self.b, self.offset):
+            thing.destroy()
+
+    def run(self, x: PETSc.Vec, attempt: Attempt) -> bool:
+        """Solve H(x) = (1 - load) H(x_0) from ``x``, which is overwritten. Collective."""
+        self.attempt, self._history, self.floating = attempt, [], None
+        with options_in_database(self.problem.prefix, self.options):
+            self.snes.solve(None, x)
+        if self.floating is not None:
+            raise self.floating
+        reason = self.snes.getConvergedReason()
+        self.problem.read(x)
+        if reason > 0:
+            attempt.reason = "converged"
+        elif reason != _STOPPED:
+            attempt.reason = _explain(self.snes)
+        return bool(reason > 0)
+
+    def _function(self, _snes: PETSc.SNES, x: PETSc.Vec, b: PETSc.Vec) -> None:
+        self.problem.residual(x, b)
+        if self.load != 1.0:
+            b.axpy(self.load - 1.0, self.offset)
+
+    def _jacobian(self, _snes: PETSc.SNES, x: PETSc.Vec, A: PETSc.Mat, _P: PETSc.Mat) -> None:
+        self.problem.jacobian(x, A, keep_status=self._from_touching)
+        self._from_touching = False
+
+    def _test(self, snes: PETSc.SNES, it: int, _norms: tuple[float, float, float]) -> int:
+        problem = self.problem
+        measures = self.scales.measure(snes.getFunction()[0])
+        statuses = problem.statuses
+        flips = 0
+        if self._history:
+            changed = [a.differs(b) for a, b in zip(statuses, self._history[-1][0], strict=True)]
+            counts = [
+                int(c[: s.num_owned_points].sum())
+                for c, s in zip(changed, problem.surfaces, strict=True)
+            ]
+            flips = problem.comm.allreduce(sum(counts))
+        step = Step(it, measures, flips, self.load)
+        self.attempt.steps.append(step)
+        logger.info("%s: %s", self.attempt.strategy, step)
+        if self.monitor is not None:
+            self.monitor(step)
+        if not np.isfinite(measures.worst):
+            self.attempt.reason = "the residual is not finite"
+            return int(_STOPPED)
+        if measures.worst <= snes.getTolerances()[0]:
+            # A solution that a rigid motion may carry away is no answer either.
+            if self._floats(first=False):
+                return int(_STOPPED)
+            return int(PETSc.SNES.ConvergedReason.CONVERGED_FNORM_RELATIVE)
+        if it >= snes.getTolerances()[3]:
+            return int(PETSc.SNES.ConvergedReason.DIVERGED_MAX_IT)
+        if self._full_steps and self._in_cycle(statuses, measures.worst):
+            self.attempt.reason = "the status repeats in a cycle"
+            self.attempt.restless = _restless(problem, self._history[-1][0], statuses)
+            return int(_STOPPED)
+        self._history.append((statuses, measures.worst))
+        return int(_STOPPED) if self._floats(first=it == 0) else 0
+
+    def _floats(self, *, first: bool) -> bool:
+        """Whether a rigid motion is free; before the first step what touches may hold the body."""
+        problem = self.problem
+        loose = problem.loose_motions()
+        if loose and first:
+            tolerance = 1e-9 * problem.body_size
+            problem.statuses = [s.touching_status(tolerance) for s in problem.surfaces]
+            loose, self._from_touching = problem.loose_motions(), True
+        if loose:
+            self.attempt.reason = (
+                f"a rigid motion of the body is free ({loose}): neither Dirichlet data nor contact "
+                "holds it. Add a Dirichlet condition, or start from a state in contact"
+            )
+            self.floating = FloatingBodyError(self.attempt.reason)
+        return bool(loose)
+
+    def _in_cycle(self, statuses: list[Status], worst: float) -> bool:
+        """Whether a status returns after others without the residual having halved. Collective."""
+        same = np.array(
+            [
+                worst > 0.5 * old_worst
+                and not any(a.differs(b).any() for a, b in zip(statuses, old, strict=True))
+                for old, old_worst in self._history[:-1]
+            ]
+        )
+        if len(same) == 0:
+            return False
+        same = self.problem.comm.allreduce(same.astype(np.int32), op=np.minimum)
+        return bool(same.any())
+
+
+_STOPPED = PETSc.SNES.ConvergedReason.DIVERGED_LOCAL_MIN
+
+
+def _restless(
+    problem: ContactProblem, before: list[Status], after: list[Status]
+) -> dict[str, list[list[float]]]:
+    """Coordinates of points whose status differs, at most five a surface. Collective."""
+    places = {}
+    for s, a, b in zip(problem.surfaces, before, after, strict=True):
+        n = s.num_owned_points
+        mine = s.positions[:n][a.differs(b)[:n]].tolist()
+        everyone = sorted(x for xs in problem.comm.allgather(mine) for x in xs)
+        if everyone:
+            places[s.name] = everyone[:5]
+    return places
+
+
+def _explain(snes: PETSc.SNES) -> str:
+    """The reason of a failed SNES in words."""
+    names = {v: k for k, v in vars(PETSc.SNES.ConvergedReason).items() if isinstance(v, int)}
+    reason = snes.getConvergedReason()
+    if reason == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE:
+        return (
+            "the linear solver failed (a singular matrix: an unheld part of the mesh, a zero "
+            "stiffness, or contact conditions that contradict Dirichlet data)"
+        )
+    if reason == PETSc.SNES.ConvergedReason.DIVERGED_LINE_SEARCH:
+        return "the line search found no decrease of the norm of H"
+    if reason == PETSc.SNES.ConvergedReason.DIVERGED_MAX_IT:
+        return f"no convergence in {snes.getIterationNumber()} iterations"
+    return names.get(reason, str(reason))

@@ -1,0 +1,92 @@
+"""Small contact problems that many tests share."""
+
+from mpi4py import MPI
+
+import numpy as np
+
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace
+from dolfinx_contact.materials import LinearElastic
+
+CELLS = {
+    "tri": mesh.CellType.triangle,
+    "quad": mesh.CellType.quadrilateral,
+    "tet": mesh.CellType.tetrahedron,
+    "hex": mesh.CellType.hexahedron,
+}
+#: (dim, cell) of every kind of mesh.
+KINDS = [(2, "tri"), (2, "quad"), (3, "tet"), (3, "hex")]
+
+
+def box(comm, n, cell, *, ghost_mode=mesh.GhostMode.shared_facet, size=1.0):
+    """Unit square or cube of n cells along an edge, scaled by ``size``."""
+    if cell in ("tri", "quad"):
+        domain = mesh.create_unit_square(comm, n, n, CELLS[cell], ghost_mode=ghost_mode)
+    else:
+        domain = mesh.create_unit_cube(comm, n, n, n, CELLS[cell], ghost_mode=ghost_mode)
+    domain.geometry.x[:] *= size
+    return domain
+
+
+def facets(domain, axis, value):
+    """Boundary facets on a coordinate plane."""
+    return mesh.locate_entities_boundary(
+        domain, domain.topology.dim - 1, lambda x: np.isclose(x[axis], value, atol=1e-9)
+    )
+
+
+def block(
+    comm=MPI.COMM_WORLD,
+    n=4,
+    cell="tri",
+    *,
+    law=Coulomb(0.3),  # noqa: B008
+    top=None,
+    obstacle=None,
+    degree=1,
+    method=None,
+    multiplier_degree=1,
+    young=1000.0,
+    poisson=0.3,
+    material=None,
+    r=None,
+    where=None,
+    options=None,
+    domain=None,
+):
+    """The block of `demo_block.py`: held on its top, in contact on its bottom (or on ``where``)."""
+    domain = box(comm, n, cell) if domain is None else domain
+    dim = domain.geometry.dim
+    V = fem.functionspace(domain, ("Lagrange", degree, (dim,)))
+    u = fem.Function(V)
+    moved = np.array(top if top is not None else (0.004, *[0.0] * (dim - 2), -0.01))
+    held = fem.locate_dofs_topological(V, dim - 1, facets(domain, dim - 1, 1.0))
+    material = material or LinearElastic.from_young(young, poisson)
+    surface = ContactSurface(
+        u,
+        facets(domain, dim - 1, 0.0) if where is None else where(domain),
+        obstacle=obstacle or HalfSpace(np.zeros(dim), np.eye(dim)[-1]),
+        law=law,
+        method=method,
+        multiplier_degree=multiplier_degree,
+    )
+    return ContactProblem(
+        material.energy(u) * ufl.dx,
+        u,
+        [surface],
+        bcs=[fem.dirichletbc(moved, held, V)],
+        r=r,
+        petsc_options=options,
+    )
+
+
+def same_tables(a, b, tolerance=1e-9):
+    """Whether two contact tables agree, forces and lengths relative to their largest."""
+    np.testing.assert_allclose(a.x, b.x, atol=1e-9)
+    force, length = np.abs(a.force).max(), max(np.abs(a.ut).max(), np.abs(a.un).max())
+    np.testing.assert_allclose(a.force, b.force, rtol=0, atol=tolerance * force)
+    np.testing.assert_allclose(a.un, b.un, rtol=0, atol=tolerance * length)
+    np.testing.assert_allclose(a.ut, b.ut, rtol=0, atol=tolerance * length)
+    assert a.status == b.status

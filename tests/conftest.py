@@ -1,0 +1,51 @@
+"""Tests run serial and under mpirun; only rank 0 reports, and any rank that fails fails the run."""
+
+import os
+import sys
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import pytest
+
+COMM = MPI.COMM_WORLD
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_configure(config):
+    if COMM.rank > 0:
+        reporter = config.pluginmanager.getplugin("terminalreporter")
+        if reporter is not None:
+            reporter._tw._file = open(os.devnull, "w")  # noqa: SIM115
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_runtest_makereport(item, call):
+    """A test that fails on one rank fails on rank 0 as well, with that rank's traceback."""
+    outcome = yield
+    if COMM.size == 1 or call.when != "call":
+        return
+    report = outcome.get_result()
+    text = str(report.longrepr) if report.failed else None
+    others = [t for t in COMM.allgather(text) if t is not None]
+    if others and not report.failed:
+        report.outcome = "failed"
+        report.longrepr = "failed on another rank:\n" + others[0]
+
+
+@pytest.fixture(autouse=True)
+def clean_petsc_options():
+    """No test sees the PETSc options of another."""
+    yield
+    options = PETSc.Options()
+    for key in options.getAll():
+        options.delValue(key)
+
+
+@pytest.fixture
+def folder(tmp_path_factory):
+    """The same new folder on every rank."""
+    return COMM.bcast(tmp_path_factory.mktemp("out") if COMM.rank == 0 else None)
+
+
+sys.path.insert(0, os.path.join(os.path.dirname(__file__), "..", "demos"))

@@ -1,0 +1,306 @@
+"""Bad input: the same clear error on every rank, no hang, nothing of the caller's lost."""
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+import pytest
+from blocks import block, box, facets
+
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    ConvergenceError,
+    Coulomb,
+    Cylinder,
+    Frictionless,
+    HalfSpace,
+    LevelSet,
+    Sphere,
+    Tresca,
+)
+from dolfinx_contact.materials import LinearElastic, lame
+from dolfinx_contact.solvers.errors import FloatingBodyError
+
+COMM = MPI.COMM_WORLD
+FLOOR = HalfSpace((0.0, 0.0), (0.0, 1.0))
+MATERIAL = LinearElastic.from_young(1000.0, 0.3)
+
+
+def square(n=4, degree=1):
+    domain = box(COMM, n, "tri")
+    return domain, fem.Function(fem.functionspace(domain, ("Lagrange", degree, (2,))))
+
+
+def surface(u, **options):
+    where = options.pop("where", facets(u.function_space.mesh, 1, 0.0))
+    return ContactSurface(u, where, **{"obstacle": FLOOR, "law": Coulomb(0.3), **options})
+
+
+def clamp(u, axis, value, displacement=(0.0, 0.0)):
+    V = u.function_space
+    dofs = fem.locate_dofs_topological(V, 1, facets(V.mesh, axis, value))
+    return fem.dirichletbc(np.array(displacement), dofs, V)
+
+
+def same_on_every_rank(info):
+    assert len(set(COMM.allgather(str(info.value)))) == 1
+
+
+def test_no_facet_with_the_tag():
+    domain, u = square()
+    found = facets(domain, 1, 0.0)
+    tags = mesh.meshtags(domain, 1, np.sort(found), np.full(len(found), 7, dtype=np.int32))
+    with pytest.raises(
+        ValueError, match=r"no facet has the tag 3; tags of the mesh: \[7\]"
+    ) as info:
+        surface(u, where=tags, tag=3)
+    same_on_every_rank(info)
+    with pytest.raises(ValueError, match="need a tag"):
+        surface(u, where=tags)
+    assert surface(u, where=tags, tag=7).points.dofmap.index_map.size_global == 5
+
+
+def test_no_facet_at_all():
+    _, u = square()
+    with pytest.raises(ValueError, match="no facet was given"):
+        surface(u, where=np.array([], dtype=np.int32))
+
+
+def test_interior_facets():
+    domain, u = square()
+    inside = mesh.locate_entities(domain, 1, lambda x: np.isclose(x[1], 0.5))
+    with pytest.raises(ValueError, match="4 facets lie inside the body") as info:
+        surface(u, where=inside)
+    same_on_every_rank(info)
+
+
+def test_facets_outside_the_mesh():
+    _, u = square()
+    with pytest.raises(ValueError, match="facet indices outside the mesh"):
+        surface(u, where=np.array([10**6], dtype=np.int32))
+
+
+def test_contact_facets_fully_clamped():
+    _, u = square()
+    with pytest.raises(ValueError, match="clamp every contact node") as info:
+        ContactProblem(MATERIAL.energy(u) * ufl.dx, u, [surface(u)], bcs=[clamp(u, 1, 0.0)])
+    same_on_every_rank(info)
+
+
+@pytest.mark.parametrize("depth", [0.01, -0.01])
+def test_clamped_node_inside_the_obstacle(depth):
+    """The left side is clamped and moved down: its lowest node would be in the obstacle."""
+    _, u = square()
+    bcs = [clamp(u, 0, 0.0, (0.0, -depth))]
+    problem = ContactProblem(MATERIAL.energy(u) * ufl.dx, u, [surface(u)], bcs=bcs)
+    if depth > 0:
+        with pytest.raises(
+            ValueError, match=r"push a contact node 0\.01 into the obstacle"
+        ) as info:
+            problem.solve()
+        same_on_every_rank(info)
+        assert np.all(u.x.array == 0.0)
+    else:
+        assert problem.solve().counts["clamped"] == 1
+
+
+def test_oblique_constraint_under_friction():
+    domain, u = square()
+    V = u.function_space
+    dofs = fem.locate_dofs_topological(V.sub(0), 1, facets(domain, 0, 0.0))
+    sliding = fem.dirichletbc(0.0, dofs, V.sub(0))
+    tilted = HalfSpace((0.0, 0.0), (0.1, 1.0))
+    bcs = [sliding, clamp(u, 1, 1.0)]
+    energy = MATERIAL.energy(u) * ufl.dx
+    with pytest.raises(ValueError, match="neither normal nor tangential"):
+        ContactProblem(energy, u, [surface(u, obstacle=tilted)], bcs=bcs)
+    free = surface(u, obstacle=tilted, law=Frictionless())
+    assert ContactProblem(energy, u, [free], bcs=bcs).solve().kkt_violation < 1e-9
+
+
+@pytest.mark.parametrize("law", [Coulomb, Tresca])
+@pytest.mark.parametrize("value", [-0.1, np.nan, np.inf])
+def test_bad_friction_number(law, value):
+    _, u = square()
+    with pytest.raises(ValueError, match="must be finite and nonnegative"):
+        surface(u, law=law(value))
+
+
+def test_bad_friction_field():
+    problem = block()
+    field = fem.Function(fem.functionspace(problem.V.mesh, ("Lagrange", 1)))
+    field.interpolate(lambda x: 0.5 - x[0])
+    with pytest.raises(ValueError, match="negative friction") as info:
+        block(domain=problem.V.mesh, law=Coulomb(field)).solve()
+    same_on_every_rank(info)
+    field.interpolate(lambda x: np.where(x[0] > 0.9, np.nan, 0.3))
+    with pytest.raises(ValueError, match="NaN in the friction"):
+        block(domain=problem.V.mesh, law=Coulomb(field)).solve()
+    problem.surfaces[0].law.friction.value = -1.0
+    with pytest.raises(ValueError, match="negative friction"):
+        problem.solve()
+    with pytest.raises(ValueError, match="must be a nonnegative number"):
+        block(domain=problem.V.mesh, law=Coulomb("0.3"))
+
+
+def test_nan_in_a_load():
+    domain, u = square()
+    load = fem.Constant(domain, (0.0, np.nan))
+    energy = MATERIAL.energy(u) * ufl.dx - ufl.dot(load, u) * ufl.dx
+    problem = ContactProblem(energy, u, [surface(u)], bcs=[clamp(u, 1, 1.0)])
+    with pytest.raises(ValueError, match="not finite at the start") as info:
+        problem.solve()
+    same_on_every_rank(info)
+    assert np.all(u.x.array == 0.0)
+
+
+def test_nan_in_dirichlet_data():
+    problem = block(top=(np.nan, 0.0))
+    with pytest.raises(ValueError, match="a Dirichlet value is not finite"):
+        problem.solve()
+
+
+def test_nan_in_the_mesh():
+    domain, u = square()
+    if COMM.rank == COMM.size - 1:
+        domain.geometry.x[0, 1] = np.nan
+    with pytest.raises(ValueError, match="not finite") as info:
+        ContactProblem(MATERIAL.energy(u) * ufl.dx, u, [surface(u)], bcs=[])
+    same_on_every_rank(info)
+
+
+def test_complex_petsc(monkeypatch):
+    monkeypatch.setattr(PETSc, "ScalarType", np.complex128)
+    _, u = square()
+    with pytest.raises(RuntimeError, match="real scalars"):
+        ContactProblem(MATERIAL.energy(u) * ufl.dx, u, [surface(u)])
+
+
+def test_vectors_of_the_wrong_size():
+    domain, u = square()
+    for obstacle in (
+        HalfSpace((0, 0, 0), (0, 1)),
+        HalfSpace((0, 0), (0, 0, 1)),
+        Sphere((0, 0, 0), 1.0),
+        HalfSpace((0, np.nan), (0, 1)),
+        HalfSpace(fem.Constant(domain, (0.0, 0.0, 0.0)), (0, 1)),
+    ):
+        with pytest.raises(ValueError, match="must have 2 "):
+            surface(u, obstacle=obstacle)
+    with pytest.raises(ValueError, match="zero vector"):
+        surface(u, obstacle=HalfSpace((0, 0), (0, 0)))
+    with pytest.raises(ValueError, match="radius must be positive"):
+        surface(u, obstacle=Sphere((0, -1), 0.0))
+    with pytest.raises(ValueError, match="3D mesh"):
+        surface(u, obstacle=Cylinder((0, 0), (0, 1), 1.0))
+    with pytest.raises(ValueError, match="scalar UFL"):
+        surface(u, obstacle=LevelSet(lambda x: x))
+
+
+@pytest.mark.parametrize(
+    ("element", "message"),
+    [
+        (("Lagrange", 3, (2,)), "degree 1 and 2"),
+        (("DG", 1, (2,)), "continuous vector Lagrange"),
+        (("Lagrange", 1), "continuous vector Lagrange"),
+        (("Lagrange", 1, (3,)), "continuous vector Lagrange"),
+        (("N1curl", 1), "continuous vector Lagrange"),
+    ],
+)
+def test_unsupported_element(element, message):
+    domain, _ = square()
+    with pytest.raises(ValueError, match=message):
+        surface(fem.Function(fem.functionspace(domain, element)))
+
+
+def test_unstable_pairs():
+    _, u = square(degree=2)
+    with pytest.raises(ValueError, match="not a stable pair of the nodal method"):
+        surface(u, method="nodal")
+    _, u = square()
+    with pytest.raises(ValueError, match="P1/P1, P2/P1, P2/P2"):
+        surface(u, method="integral", multiplier_degree=2)
+    with pytest.raises(ValueError, match="unknown contact method"):
+        surface(u, method="mortar")
+    with pytest.raises(ValueError, match="the mixed method is for 2D"):
+        block(cell="tet", n=2, method="mixed")
+
+
+def test_missing_dirichlet_data():
+    """Pressed on the floor by a load and held by nothing: friction 0 leaves it free to slide."""
+    domain, u = square()
+    load = fem.Constant(domain, (0.0, -1.0))
+    energy = MATERIAL.energy(u) * ufl.dx - ufl.dot(load, u) * ufl.dx
+    with pytest.raises(FloatingBodyError, match=r"free \(translation x\)") as info:
+        ContactProblem(energy, u, [surface(u, law=Coulomb(0.0))]).solve()
+    same_on_every_rank(info)
+    assert np.all(u.x.array == 0.0)
+    lifted = HalfSpace((0.0, -0.1), (0.0, 1.0))
+    with pytest.raises(FloatingBodyError, match=r"translation x, translation y, rotation"):
+        ContactProblem(energy, u, [surface(u, obstacle=lifted)]).solve()
+
+
+def test_held_by_contact_alone():
+    """The same body under friction rests on the floor: no Dirichlet data are needed."""
+    domain, u = square()
+    load = fem.Constant(domain, (0.1, -1.0))
+    energy = MATERIAL.energy(u) * ufl.dx - ufl.dot(load, u) * ufl.dx
+    result = ContactProblem(energy, u, [surface(u)]).solve()
+    np.testing.assert_allclose(result.resultants["contact"], (-0.1, 1.0), atol=1e-9)
+    assert result.kkt_violation < 1e-8
+
+
+def test_a_solve_that_cannot_converge():
+    """No Newton step is too few: an error that says what was tried; u and lambda as before."""
+    problem = block(options={"snes_max_it": 0})
+    (s,) = problem.surfaces
+    problem.u.interpolate(lambda x: 1e-3 * np.vstack([x[0], x[1]]))
+    s.multiplier.interpolate(lambda x: np.vstack([x[0], 1.0 + x[0]]))
+    before = problem.u.x.array.copy(), s.multiplier.x.array.copy()
+    with pytest.raises(ConvergenceError) as info:
+        problem.solve(increments=2)
+    for part in ("full steps: no convergence in 0 iterations", "pivoting", "line search", "load"):
+        assert part in str(info.value)
+    same_on_every_rank(info)
+    assert info.value.attempts[0].strategy == "full steps"
+    np.testing.assert_array_equal(problem.u.x.array, before[0])
+    np.testing.assert_array_equal(s.multiplier.x.array, before[1])
+
+
+def test_bulk_that_does_not_fit():
+    domain, u = square()
+    other = fem.Function(u.function_space)
+    v = ufl.TestFunction(fem.functionspace(domain, ("Lagrange", 2, (2,))))
+    for bulk, message in (
+        (MATERIAL.energy(other) * ufl.dx, "does not contain"),
+        (ufl.inner(u, v) * ufl.dx, "one test function of the space"),
+        (MATERIAL.energy(u), "must be a UFL form"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            ContactProblem(bulk, u, [surface(u)])
+    energy = MATERIAL.energy(u) * ufl.dx
+    with pytest.raises(ValueError, match="at least one contact surface"):
+        ContactProblem(energy, u, [])
+    with pytest.raises(ValueError, match="made with the displacement"):
+        ContactProblem(energy, u, [surface(other)])
+    with pytest.raises(ValueError, match="different names"):
+        ContactProblem(energy, u, [surface(u), surface(u)])
+    with pytest.raises(ValueError, match="must be positive"):
+        ContactProblem(energy, u, [surface(u)], r=-1.0)
+    with pytest.raises(ValueError, match="not on the space of u"):
+        ContactProblem(energy, u, [surface(u)], bcs=[clamp(other_space(domain), 1, 1.0)])
+
+
+def other_space(domain):
+    return fem.Function(fem.functionspace(domain, ("Lagrange", 2, (2,))))
+
+
+def test_materials_refuse_bad_numbers():
+    with pytest.raises(ValueError, match="Young's modulus"):
+        lame(-1.0, 0.3)
+    with pytest.raises(ValueError, match="Poisson's ratio"):
+        lame(1.0, 0.5)

@@ -1,0 +1,104 @@
+"""The numbers of the demos."""
+
+import json
+from pathlib import Path
+
+import demo_greco_block
+import demo_hild_triangle
+import numpy as np
+import pytest
+
+HILD = json.loads((Path(__file__).parent / "data" / "hild_triangle.json").read_text())["records"]
+
+
+def test_greco_block(folder):
+    """Code_Aster SSNV128: QUAD8 values to 0.3 %, and the known status of the 32 x 32 mesh."""
+    summary = demo_greco_block.main(["--output", str(folder)])
+    assert summary["status"] == "ooo" + 21 * "+" + 8 * "k" + "d"
+    for point in "ABCD":
+        expected = demo_greco_block.CODE_ASTER[point]
+        assert abs(summary[f"ux_{point}"] / expected - 1) < 3e-3
+    assert summary["kkt_violation"] < 1e-9
+
+
+def test_greco_block_in_other_units(folder):
+    runs = [
+        demo_greco_block.main([f"--units={units}", f"--output={folder / units}"])
+        for units in demo_greco_block.UNITS
+    ]
+    for run in runs[1:]:
+        assert run["status"] == runs[0]["status"]
+        for point in "ABCDE":
+            np.testing.assert_allclose(run[f"ux_{point}"], runs[0][f"ux_{point}"], rtol=1e-8)
+        assert run["newton_iterations"] == runs[0]["newton_iterations"]
+        np.testing.assert_allclose(
+            run["residual_history"], runs[0]["residual_history"], rtol=1e-8, atol=1e-10
+        )
+
+
+STATES = {"open": "o", "stick": "k", "slip+": "+", "slip-": "-"}
+
+
+@pytest.mark.parametrize("friction", sorted({r["F"] for r in HILD}))
+def test_hild_triangle_all_solutions(friction):
+    """Every record of an independent enumeration: the same solutions, and no others."""
+    pieces = demo_hild_triangle.pieces((100.0, 82.0), friction, 1.0)
+    for record in (r for r in HILD if r["F"] == friction):
+        found = demo_hild_triangle.solutions(pieces, friction, (record["F1"], record["F2"]))
+        expected = sorted(record["solutions"], key=lambda s: "ok+-".index(STATES[s["state"]]))
+        assert [s["status"] for s in found] == [STATES[s["state"]] for s in expected], record
+        for mine, other in zip(found, expected, strict=True):
+            for key in ("ut", "un", "rt", "rn"):
+                assert abs(mine[key] - other[key]) < 1e-10
+
+
+def test_hild_triangle_instance(folder):
+    """lambda = mu = l = 1, F = 3, load (-2.4, -1): three solutions in closed form."""
+    summary = demo_hild_triangle.main(["--output", str(folder)])
+    found = summary["solutions"]
+    assert [s["status"] for s in found] == ["o", "k", "-"]
+    np.testing.assert_allclose([found[0]["ut"], found[0]["un"]], [-19 / 30, 1 / 15], atol=1e-12)
+    np.testing.assert_allclose([found[1]["rt"], found[1]["rn"]], [1.2, 0.5], atol=1e-12)
+    np.testing.assert_allclose(
+        [found[2][k] for k in ("ut", "rt", "rn")], [-0.3, 0.6, 0.2], atol=1e-12
+    )
+    assert json.loads((folder / "summary.json").read_text())["solutions"] == found
+
+
+def test_hild_triangle_diagram(folder):
+    """Proposition 2 of Hild (2002), cell by cell, and the lines that carry sets of their own."""
+    summary = demo_hild_triangle.main(["--diagram", "--grid=24", "--output", str(folder)])
+    critical = 2.0
+    for name, found in summary["diagram"].items():
+        assert (folder / f"regions_{name}_critical.png").stat().st_size > 10_000
+        F = found["friction"]
+        axis, cells, _ = demo_hild_triangle.diagram(
+            demo_hild_triangle.MPI.COMM_WORLD, (1.0, 1.0), F, 1.0, 24
+        )
+        for i, f1 in enumerate(axis[0]):
+            for j, f2 in enumerate(axis[1]):
+                assert cells[i, j] == proposition_2(F, critical, f1, f2), (F, f1, f2)
+        lines = {tuple(np.round(line["load"], 12)): line["solutions"] for line in found["lines"]}
+        if name == "at":
+            assert lines[(-2.0, -1.0)] == "-~"
+        if name == "above":
+            assert lines[(-3.0, -1.0)] == "ok"  # separation and stick
+            assert lines[(-2.0, -1.0)] == "ok"  # stick, and left slip that just separates
+
+
+def proposition_2(F, critical, f1, f2):
+    """Statuses of the solutions at a load inside a region (lambda = mu, signs of this package)."""
+    separation = f2 > f1 / critical
+    stick = f2 < 0 and abs(f1) < F * abs(f2)
+    right = f2 < f1 / critical and F * f2 + f1 > 0
+    if critical > F:
+        left = f2 < f1 / critical and F * f2 - f1 > 0
+    else:
+        left = f2 < 0 and -F * abs(f2) < f1 < -critical * abs(f2)
+        if critical == F:
+            left = False
+    return "".join(
+        letter
+        for letter, holds in zip("ok+-", (separation, stick, right, left), strict=True)
+        if holds
+    )

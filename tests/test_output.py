@@ -1,0 +1,438 @@
+"""What is written: fields for ParaView, the table, pictures; read back and compared."""
+
+import csv
+import logging
+import shutil
+
+from mpi4py import MPI
+
+import matplotlib.image
+import numpy as np
+import pytest
+from blocks import block, box, facets
+
+import ufl
+from dolfinx import fem, io
+
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, Sphere
+from dolfinx_contact.materials import CiarletGeymonat, LinearElastic, NeoHookean, StVenantKirchhoff
+from dolfinx_contact.output import (
+    STATUS_CODES,
+    output_folder,
+    picture_of_body,
+    picture_of_contact,
+    pictures,
+    write_contact_table,
+    write_fields,
+)
+from dolfinx_contact.output.fields import body_fields, contact_fields
+
+COMM = MPI.COMM_WORLD
+MATERIAL = LinearElastic.from_young(1000.0, 0.3)
+
+
+def sphere(dim):
+    """A ball that touches the middle of the bottom of the unit block."""
+    centre = np.full(dim, 0.5)
+    centre[-1] = -2.0
+    return Sphere(centre, 2.0)
+
+
+def dragged(cell="hex", n=4, **options):
+    """A block pressed on a ball and dragged: open, stick and slip at once."""
+    dim = 2 if cell in ("tri", "quad") else 3
+    options = {"top": (0.03, *[0.0] * (dim - 2), -0.05), "obstacle": sphere(dim), **options}
+    return block(n=n, cell=cell, **options)
+
+
+# -- stresses ------------------------------------------------------------------------------------
+
+
+def linear_displacement(domain, gradient, degree=1):
+    dim = domain.geometry.dim
+    u = fem.Function(fem.functionspace(domain, ("Lagrange", degree, (dim,))))
+    u.interpolate(lambda x: np.asarray(gradient) @ x[:dim])
+    u.x.scatter_forward()
+    return u
+
+
+def von_mises_of(domain, gradient, material, degree=1):
+    u = linear_displacement(domain, gradient, degree)
+    return body_fields(u, material.full_stress(u))[1].x.array
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_von_mises_of_uniaxial_stress(degree):
+    """Stretch e with free sides has von Mises stress E e, in 3D and in plane stress."""
+    E, nu, e = 7.0, 0.25, 0.01
+    solid = LinearElastic.from_young(E, nu)
+    found = von_mises_of(box(COMM, 2, "tet"), np.diag([e, -nu * e, -nu * e]), solid, degree)
+    np.testing.assert_allclose(found, E * e, rtol=1e-10)
+    sheet = LinearElastic.from_young(E, nu, plane_stress=True)
+    found = von_mises_of(box(COMM, 2, "tri"), np.diag([e, -nu * e]), sheet, degree)
+    np.testing.assert_allclose(found, E * e, rtol=1e-10)
+
+
+def test_von_mises_of_plane_strain():
+    """Stress s along x and nothing across: the plane carries nu s, so (1 - nu + nu^2)^(1/2) s."""
+    E, nu, s = 7.0, 0.25, 0.1
+    gradient = np.diag([s * (1 - nu**2) / E, -s * nu * (1 + nu) / E])
+    found = von_mises_of(box(COMM, 2, "quad"), gradient, LinearElastic.from_young(E, nu))
+    np.testing.assert_allclose(found, s * np.sqrt(1 - nu + nu**2), rtol=1e-10)
+
+
+@pytest.mark.parametrize(
+    "material",
+    [MATERIAL, StVenantKirchhoff(2.0, 1.0), NeoHookean(2.0, 1.0), CiarletGeymonat(2.0, 1.0, 0.2)],
+)
+def test_plane_strain_is_a_slice_of_space(material):
+    """The full stress in 2D is that of a 3D body with the same displacement in the plane."""
+    gradient = np.array([[0.1, 0.05, 0.0], [-0.02, -0.08, 0.0], [0.0, 0.0, 0.0]])
+    plane = linear_displacement(box(COMM, 1, "tri"), gradient[:2, :2])
+    space = linear_displacement(box(COMM, 1, "tet"), gradient)
+    stresses = [body_fields(u, material.full_stress(u))[0] for u in (plane, space)]
+    found = [s.x.array.reshape(-1, 9) for s in stresses]
+    expected = np.array(COMM.bcast(found[1][0].tolist() if len(found[1]) else None))
+    for s in found:
+        np.testing.assert_allclose(s, np.tile(expected, (len(s), 1)), atol=1e-12)
+    assert abs(expected[8]) > 1e-3
+
+
+def test_stress_must_be_three_by_three(folder):
+    problem = block(cell="tri")
+    with pytest.raises(
+        ValueError, match=r"3 x 3 UFL stress, got \(2, 2\); in 2D pass .*full_stress"
+    ):
+        write_fields(folder, problem, stress=MATERIAL.stress(problem.u))
+    with pytest.raises(ValueError, match="3 x 3"):
+        picture_of_body(folder / "body.png", problem, stress=1.0)
+    assert not list(folder.iterdir())
+
+
+# -- fields on the contact surface ---------------------------------------------------------------
+
+
+def at_points(table, x):
+    """Rows of a table at the positions ``x``."""
+    distance = np.linalg.norm(table.x[None, :, :] - x[:, None, : table.dim], axis=2)
+    assert len(x) == 0 or distance.min(axis=1).max() < 1e-9
+    return distance.argmin(axis=1)
+
+
+def codes(table):
+    return np.array([STATUS_CODES[letter] for letter in table.letters])
+
+
+@pytest.mark.parametrize("cell", ["tri", "quad", "tet", "hex"])
+def test_nodal_fields_are_the_table(cell):
+    problem = dragged(cell, n=8 if cell in ("tri", "quad") else 4)
+    result = problem.solve()
+    assert all(result.counts[k] > 0 for k in ("open", "slip"))
+    (s,), table = problem.surfaces, result.tables["contact"]
+    fields = contact_fields(problem, s)
+    rows = at_points(table, s.vertices.tabulate_dof_coordinates())
+    dim, force = table.dim, np.abs(table.force).max() / table.area.min()
+    np.testing.assert_array_equal(fields["status"].x.array, codes(table)[rows])
+    np.testing.assert_allclose(fields["gap"].x.array, table.un[rows], atol=1e-14)
+    np.testing.assert_allclose(fields["pressure"].x.array, table.pressure[rows], atol=1e-12 * force)
+    np.testing.assert_allclose(fields["slip"].x.array.reshape(-1, dim), table.ut[rows], atol=1e-14)
+    np.testing.assert_allclose(
+        fields["traction"].x.array.reshape(-1, dim),
+        (table.force / table.area[:, None])[rows],
+        atol=1e-12 * force,
+    )
+
+
+def test_clamped_nodes():
+    """A block held on one side down to the floor: its corner nodes are clamped, status 3."""
+    domain = box(COMM, 4, "tri")
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    held = fem.locate_dofs_topological(V, 1, facets(domain, 0, 0.0))
+    surface = ContactSurface(
+        u, facets(domain, 1, 0.0), obstacle=HalfSpace((0, 0), (0, 1)), law=Coulomb(0.3)
+    )
+    load = ufl.dot(fem.Constant(domain, (0.0, -1.0)), u) * ufl.dx
+    problem = ContactProblem(
+        MATERIAL.energy(u) * ufl.dx - load,
+        u,
+        [surface],
+        bcs=[fem.dirichletbc(np.zeros(2), held, V)],
+    )
+    table = problem.solve().tables["contact"]
+    assert table.status[0] == "d"
+    assert table.count("d") == 1
+    fields = contact_fields(problem, surface)
+    rows = at_points(table, surface.vertices.tabulate_dof_coordinates())
+    np.testing.assert_array_equal(fields["status"].x.array, codes(table)[rows])
+    np.testing.assert_allclose(fields["pressure"].x.array, table.pressure[rows], atol=1e-12)
+
+
+@pytest.mark.parametrize(("cell", "multiplier"), [("quad", 1), ("tri", 2), ("tet", 1)])
+def test_integral_fields(cell, multiplier):
+    """P2 on a tilted plane: vertices follow the Gauss points around them, forces are the same."""
+    dim = 3 if cell == "tet" else 2
+    n, up = (3, np.array([0.1, 0.0, 1.0])) if dim == 3 else (8, np.array([0.1, 1.0]))
+    top = (0.03, *[0.0] * (dim - 2), -0.05)
+    floor = HalfSpace(np.zeros(dim), up)
+    problem = block(n=n, cell=cell, degree=2, multiplier_degree=multiplier, obstacle=floor, top=top)
+    result = problem.solve()
+    assert result.counts["open"] > 0
+    assert result.counts["slip"] > 0
+    (s,), table = problem.surfaces, result.tables["contact"]
+    fields = contact_fields(problem, s)
+    x = s.vertices.tabulate_dof_coordinates()[:, :dim]
+    agreed = 0
+    for code, p in zip(fields["status"].x.array, x, strict=True):
+        near = codes(table)[np.linalg.norm(table.x - p, axis=1) < np.sqrt(dim - 1) * 1.001 / n]
+        if len(set(near)) == 1:
+            agreed += 1
+            assert code == near[0]
+    assert COMM.allreduce(agreed) > 0
+    gap = (x @ up - problem.u.x.array.reshape(-1, dim)[s.vertex_trace_dofs] @ -up) / np.sqrt(1.01)
+    np.testing.assert_allclose(fields["gap"].x.array, gap, atol=1e-12)
+    if multiplier == 1:
+        form = fem.form(fields["pressure"] * ufl.dx)
+        total = COMM.allreduce(fem.assemble_scalar(form))
+        np.testing.assert_allclose(total, table.rn.sum(), rtol=1e-10)
+
+
+def read_back(file):
+    """Values of a .bp file by name, at its points, the blocks of all ranks joined."""
+    adios2 = pytest.importorskip("adios2")
+    found = {}
+    with adios2.FileReader(str(file)) as reader:
+        for name, what in reader.available_variables().items():
+            if what["Type"] != "double" or name == "step":
+                continue
+            variable, blocks = reader.inquire_variable(name), []
+            for i, block_info in enumerate(reader.all_blocks_info(name)[0]):
+                if not block_info["Count"].startswith("0"):  # a rank without contact facets
+                    variable.set_block_selection(i)
+                    blocks.append(reader.read(variable))
+            found[name] = np.concatenate(blocks)
+    return found
+
+
+@pytest.mark.parametrize(("cell", "degree"), [("tri", 1), ("tet", 2)])
+def test_files_read_back(folder, cell, degree):
+    problem = dragged(cell, n=6 if cell == "tri" else 3, degree=degree)
+    result = problem.solve()
+    files = write_fields(folder, problem, stress=MATERIAL.full_stress(problem.u))
+    assert [f.name for f in files] == ["body.bp", "body_stress.bp", "contact.bp"]
+    COMM.barrier()
+    if COMM.rank > 0:
+        return
+    body, stress, contact = (read_back(f) for f in files)
+    dim = problem.V.mesh.geometry.dim
+    top = np.isclose(body["geometry"][:, dim - 1], 1.0)
+    moved = (0.03, -0.05, 0.0) if dim == 2 else (0.03, 0.0, -0.05)
+    name = next(k for k in body if k != "geometry")
+    np.testing.assert_allclose(body[name][top], np.tile(moved, (top.sum(), 1)))
+    s = stress["stress"].reshape(-1, 3, 3)
+    deviator = s - np.trace(s, axis1=1, axis2=2)[:, None, None] * np.eye(3) / 3
+    mises = np.sqrt(1.5 * np.sum(deviator**2, axis=(1, 2)))
+    np.testing.assert_allclose(stress["von_mises"][:, 0], mises, rtol=1e-6, atol=1e-9)
+    assert set(contact) == {
+        *("geometry", "displacement", "traction", "pressure", "gap", "slip", "status")
+    }
+    assert np.abs(contact["geometry"][:, dim - 1]).max() < 1e-12
+    if degree == 1:
+        table = result.tables["contact"]
+        rows = at_points(table, contact["geometry"])
+        np.testing.assert_array_equal(contact["status"][:, 0], codes(table)[rows])
+        np.testing.assert_allclose(contact["gap"][:, 0], table.un[rows], atol=1e-14)
+        np.testing.assert_allclose(contact["slip"][:, :dim], table.ut[rows], atol=1e-14)
+
+
+def two_surfaces(names=("floor", "wall"), degree=1):
+    """A square pressed down on the floor and sideways on a wall."""
+    domain = box(COMM, 6, "quad")
+    V = fem.functionspace(domain, ("Lagrange", degree, (2,)))
+    u = fem.Function(V)
+    held = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
+    sides = [(1, 0.0, HalfSpace((0, 0), (0, 1))), (0, 1.0, HalfSpace((1.02, 0), (-1, 0)))]
+    surfaces = [
+        ContactSurface(u, facets(domain, axis, at), obstacle=o, law=Coulomb(0.2), name=name)
+        for name, (axis, at, o) in zip(names, sides, strict=True)
+    ]
+    bc = fem.dirichletbc(np.array([0.02, -0.05]), held, V)
+    return ContactProblem(MATERIAL.energy(u) * ufl.dx, u, surfaces, bcs=[bc])
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_two_surfaces(folder, degree):
+    problem = two_surfaces(("floor", "right wall"), degree)
+    problem.solve()
+    names = [f.name for f in write_fields(folder / "new" / "one", problem)]
+    assert names == ["body.bp", "contact_floor.bp", "contact_right_wall.bp"]
+    assert all((folder / "new" / "one" / name).exists() for name in names)
+    with pytest.raises(ValueError, match="same file"):
+        write_fields(folder, two_surfaces(("a b", "a_b")))
+
+
+def test_without_adios2(folder, monkeypatch):
+    monkeypatch.delattr(io, "VTXWriter")
+    problem = two_surfaces()
+    files = write_fields(folder, problem, stress=MATERIAL.full_stress(problem.u))
+    assert [f.suffix for f in files] == [".pvd"] * 4
+    assert all(f.stat().st_size > 100 for f in files)
+
+
+def test_unwritable_folder(folder):
+    """A file where the folder should be: the same error on every rank, before anything else."""
+    blocked = folder / "file"
+    if COMM.rank == 0:
+        blocked.write_text("")
+    COMM.barrier()
+    for attempt in (
+        lambda: write_fields(blocked, block(cell="tri")),
+        lambda: output_folder(COMM, blocked / "below"),
+    ):
+        with pytest.raises(OSError, match="cannot write to the output folder") as info:
+            attempt()
+        assert len(set(COMM.allgather(str(info.value)))) == 1
+
+
+# -- table ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("cell", ["tri", "hex"])
+def test_contact_table(folder, cell):
+    """Columns, signs and the friction law, row by row."""
+    problem = dragged(cell, n=8 if cell == "tri" else 4)
+    result = problem.solve()
+    write_contact_table(COMM, folder, result.tables.values())
+    with open(folder / "contact.csv") as stream:
+        rows = list(csv.DictReader(stream))
+    header = "surface,x,y,z,un,ut,ut_x,ut_y,ut_z,rn,rt,rt_x,rt_y,rt_z,pressure,shear,status"
+    assert list(rows[0]) == header.split(",")
+    assert len(rows) == len(result.tables["contact"].x)
+    places = [[float(r[k]) for k in "xyz"] for r in rows]
+    assert np.round(places, 9).tolist() == sorted(np.round(places, 9).tolist())
+    letters = set()
+    for row in rows:
+        status = row.pop("status")
+        assert row.pop("surface") == "contact"
+        v = {k: float(x) for k, x in row.items()}
+        vectors = {k: [v[f"{k}_{axis}"] for axis in "xyz"] for k in ("ut", "rt")}
+        letters.add(status)
+        if status == "o":
+            assert v["un"] > -1e-12
+            assert abs(v["rn"]) + abs(v["rt"]) < 1e-9
+        else:
+            assert abs(v["un"]) < 1e-12
+            assert v["rn"] > 0
+            assert v["pressure"] > 0
+            assert abs(v["shear"] / v["pressure"] - v["rt"] / v["rn"]) < 1e-9
+        assert np.linalg.norm(vectors["rt"]) <= 0.3 * v["rn"] * (1 + 1e-9) + 1e-12
+        assert abs(abs(v["ut"]) - np.linalg.norm(vectors["ut"])) < 1e-12
+        if status == "k":
+            assert abs(v["ut"]) < 1e-12
+        if status in "+-s":
+            assert abs(np.linalg.norm(vectors["rt"]) - 0.3 * v["rn"]) < 1e-9 * v["rn"]
+            assert np.dot(vectors["ut"], vectors["rt"]) < 0
+        if status in "+-":
+            assert (v["ut"] > 0) == (status == "+")
+            assert (v["rt"] < 0) == (status == "+")
+    assert "o" in letters
+    assert letters & set("+-s")
+
+
+# -- pictures ------------------------------------------------------------------------------------
+
+
+def drawn(file):
+    """Number of different colours of a picture, on rank 0's word."""
+    count = None
+    if COMM.rank == 0:
+        pixels = matplotlib.image.imread(file)[..., :3]
+        assert pixels.shape[0] > 300
+        assert pixels.shape[1] > 300
+        count = len(np.unique((pixels * 255).astype(int).reshape(-1, 3), axis=0))
+    return COMM.bcast(count)
+
+
+@pytest.mark.parametrize(("cell", "degree"), [("tri", 1), ("quad", 2), ("hex", 1), ("tet", 2)])
+def test_pictures(folder, cell, degree):
+    three_d = cell in ("tet", "hex")
+    if three_d and shutil.which("Xvfb") is None:
+        pytest.skip("VTK may need a display")
+    problem = dragged(cell, n=3 if three_d else 8, degree=degree)
+    problem.solve()
+    stress = MATERIAL.full_stress(problem.u)
+    files = [
+        picture_of_body(folder / "body.png", problem, stress=stress, scale=2.0),
+        picture_of_contact(folder / "contact.png", problem, title="A block on a ball"),
+    ]
+    assert files == [folder / "body.png", folder / "contact.png"]
+    for file in files:
+        assert drawn(file) > 100
+    assert not list(folder.glob("*.part*"))
+
+
+def test_pictures_of_two_surfaces(folder):
+    problem = two_surfaces()
+    problem.solve()
+    for s in problem.surfaces:
+        file = picture_of_contact(folder / f"{s.name}.png", problem, surface=s)
+        assert drawn(file) > 20
+    assert drawn(picture_of_body(folder / "body.png", problem)) > 20
+    with pytest.raises(ValueError, match="not one of the problem"):
+        picture_of_contact(folder / "x.png", problem, surface=two_surfaces().surfaces[0])
+
+
+def no_picture(folder, caplog, reason):
+    """A picture that fails: None on every rank, one warning on rank 0."""
+    with caplog.at_level(logging.WARNING, logger="dolfinx_contact"):
+        assert picture_of_contact(folder / "contact.png", two_surfaces()) is None
+    assert not list(folder.glob("*.png"))
+    if COMM.rank == 0:
+        assert reason in caplog.text
+    else:
+        assert not caplog.records
+
+
+def test_no_picture_in_a_missing_folder(folder, caplog):
+    no_picture(folder / "missing", caplog, "No such file")
+
+
+def test_no_picture_when_drawing_takes_too_long(folder, caplog, monkeypatch):
+    monkeypatch.setattr(pictures, "_SECONDS", 0.01)
+    no_picture(folder, caplog, "timed out")
+
+
+def test_no_picture_when_drawing_crashes(folder, caplog, monkeypatch):
+    """As VTK does without a display."""
+    program = folder / "crash"
+    if COMM.rank == 0:
+        program.write_text("#!/bin/sh\nkill -ABRT $$\n")
+        program.chmod(0o755)
+    monkeypatch.setattr(pictures.sys, "executable", str(program))
+    no_picture(folder, caplog, "ended by signal 6")
+
+
+def test_no_display_at_all(folder, caplog, monkeypatch):
+    """Without Xvfb and DISPLAY the build of VTK decides; the solve goes on in any case."""
+    monkeypatch.setattr(pictures.shutil, "which", lambda _: None)
+    monkeypatch.delenv("DISPLAY", raising=False)
+    with caplog.at_level(logging.WARNING, logger="dolfinx_contact"):
+        file = picture_of_body(folder / "body.png", block(n=2, cell="hex"))
+    assert file == COMM.bcast(file)
+    if file is None and COMM.rank == 0:
+        assert "install Xvfb" in caplog.text
+
+
+def test_display_ends(monkeypatch):
+    """The virtual display lasts as long as its context, and a broken one is no display."""
+    server = shutil.which("Xvfb")
+    if server is None:
+        pytest.skip("no Xvfb here")
+    monkeypatch.delenv("DISPLAY", raising=False)
+    with pictures._display(needed=True) as environment:
+        socket = pictures.Path(f"/tmp/.X11-unix/X{environment['DISPLAY'][1:]}")
+        assert socket.is_socket()
+    assert not socket.exists()
+    monkeypatch.setattr(pictures.shutil, "which", lambda _: "/bin/false")
+    with pictures._display(needed=True) as environment:
+        assert "DISPLAY" not in environment

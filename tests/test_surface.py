@@ -1,0 +1,142 @@
+"""Contact points, their places and areas; where multipliers are removed; options of the solver."""
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+import pytest
+from blocks import KINDS, block, box, facets
+
+import ufl
+from dolfinx import fem
+
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, Cylinder, HalfSpace, Sphere
+from dolfinx_contact._petsc import options_in_database
+from dolfinx_contact.materials import LinearElastic
+
+COMM = MPI.COMM_WORLD
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize(("dim", "cell"), KINDS)
+def test_points_lie_where_they_should(dim, cell, degree):
+    """Points of parent facets and dofs of the submesh are the same points, on any facet."""
+    domain = box(COMM, 3, cell)
+    where = facets(domain, dim - 1, 0.0)
+    x = domain.geometry.x
+    x[:, 0] += 0.1 * np.sin(5 * x[:, 0]) * x[:, 1] + 0.05 * x[:, 2]
+    x[:, dim - 1] += 0.1 * np.sin(4 * x[:, 0] + 1.0)
+    u = fem.Function(fem.functionspace(domain, ("Lagrange", degree, (dim,))))
+    s = ContactSurface(
+        u,
+        where,
+        obstacle=HalfSpace(np.zeros(dim), np.eye(dim)[-1]),
+        law=Coulomb(0.3),
+        method="integral",
+    )
+    places = s.points.tabulate_dof_coordinates()[:, :dim]
+    np.testing.assert_allclose(s.positions, places, atol=1e-12)
+    # Areas of the points add up to that of the surface.
+    n = s.num_owned_points
+    area = COMM.allreduce(float(s.areas[:n].sum()))
+    exact = fem.form(fem.Constant(domain, 1.0) * s._ds_vertex)
+    np.testing.assert_allclose(area, COMM.allreduce(fem.assemble_scalar(exact)), rtol=1e-2)
+    # A field that is not constant is evaluated at the points, not near them.
+    u.interpolate(lambda y: np.vstack([y[0] + 2 * y[1], *(0 * y[0] for _ in range(dim - 1))]))
+    ut = s.state()["ut"]
+    np.testing.assert_allclose(ut[:, 0], places[:, 0] + 2 * places[:, 1], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("obstacle", "distance"),
+    [
+        (HalfSpace((0, 0, -1), (0.0, 3.0, 4.0)), lambda x: 0.6 * x[1] + 0.8 * (x[2] + 1)),
+        (Sphere((0, 0, -3), 2.0), lambda x: np.linalg.norm(x - np.c_[[0, 0, -3]], axis=0) - 2),
+        (Cylinder((0, 0, -3), (0, 5, 0), 2.0), lambda x: np.hypot(x[0], x[2] + 3) - 2),
+    ],
+    ids=["half-space", "sphere", "cylinder"],
+)
+def test_gap_and_normal_are_those_of_the_obstacle(obstacle, distance):
+    domain = box(COMM, 3, "tet")
+    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (3,))))
+    s = ContactSurface(u, facets(domain, 2, 0.0), obstacle=obstacle, law=Coulomb(0.3))
+    x = s.positions.T
+    np.testing.assert_allclose(s.vertex_gaps, distance(x), atol=1e-12)
+    # The normal points into the obstacle: minus the gradient of the distance.
+    step = 1e-6
+    for axis in range(3):
+        e = step * np.eye(3)[:, [axis]]
+        slope = (distance(x + e) - distance(x - e)) / (2 * step)
+        np.testing.assert_allclose(s.vertex_normals[:, axis], -slope, atol=1e-8)
+
+
+def test_facets_named_on_one_rank_only():
+    """Owned facets alone, without ghosts, give the same surface."""
+    domain = box(COMM, 4, "tet")
+    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (3,))))
+    everything = facets(domain, 2, 0.0)
+    owned = everything[everything < domain.topology.index_map(2).size_local]
+    surfaces = [
+        ContactSurface(u, f, obstacle=HalfSpace((0, 0, 0), (0, 0, 1)), law=Coulomb(0.3))
+        for f in (everything, owned)
+    ]
+    for s in surfaces:
+        assert s.points.dofmap.index_map.size_global == 25
+        n = s.num_owned_points
+        np.testing.assert_allclose(COMM.allreduce(float(s.areas[:n].sum())), 1.0, rtol=1e-12)
+
+
+def test_reaction_of_a_clamped_contact_node():
+    """The clamped corner belongs to the support: status d, and its reaction balances the rest."""
+    domain = box(COMM, 4, "quad")
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    load = fem.Constant(domain, (0.05, -1.0))
+    corner = fem.locate_dofs_geometrical(V, lambda x: np.isclose(x[0], 1) & np.isclose(x[1], 0))
+    bcs = [fem.dirichletbc(np.zeros(2), corner, V)]
+    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx - ufl.dot(load, u) * ufl.dx
+    s = ContactSurface(
+        u, facets(domain, 1, 0.0), obstacle=HalfSpace((0, 0), (0, 1)), law=Coulomb(0.1)
+    )
+    result = ContactProblem(energy, u, [s], bcs=bcs).solve()
+    table = result.tables["contact"]
+    assert table.letters[-1] == "d"
+    assert result.counts["clamped"] == 1
+    np.testing.assert_allclose(table.force.sum(axis=0), (-0.05, 1.0), atol=1e-9)
+    # The multiplier of the clamped node is zero; the force is the reaction.
+    assert abs(table.rt[-1, 0]) > 0.1 * table.rn[-1]
+
+
+def test_several_solves_in_one_process():
+    """Two problems with two prefixes, the command line winning over the options of the caller."""
+    PETSc.Options()["first_snes_max_it"] = 7
+    with options_in_database("first_", {"snes_max_it": 3, "ksp_type": "preonly"}):
+        assert PETSc.Options().getInt("first_snes_max_it") == 7
+        assert PETSc.Options().getString("first_ksp_type") == "preonly"
+    assert PETSc.Options().getInt("first_snes_max_it") == 7
+    assert not PETSc.Options().hasName("first_ksp_type")
+    PETSc.Options()["contact_snes_rtol"] = 0.05
+    loose = block(n=4, cell="hex", options={"snes_rtol": 1e-12}).solve()
+    assert loose.history[-1].measures.worst > 1e-6
+    PETSc.Options().delValue("contact_snes_rtol")
+    tight = block(n=4, cell="hex").solve()
+    assert tight.history[-1].measures.worst < 1e-10
+    assert tight.iterations > loose.iterations
+
+
+def test_a_solve_can_be_repeated_and_started_warm():
+    problem = block(n=6, cell="hex")
+    first = problem.solve()
+    again = problem.solve()
+    assert again.iterations == 0
+    np.testing.assert_array_equal(first.tables["contact"].letters, again.tables["contact"].letters)
+
+
+def test_monitor_sees_every_iterate():
+    steps = []
+    result = block(n=6, cell="tri").solve(monitor=steps.append)
+    assert steps == result.history
+    assert [s.iteration for s in steps] == list(range(len(steps)))
+    assert steps[1].flips == 7  # all nodes close in the first step
+    assert steps[-1].flips == 0
+    assert steps[0].measures.worst == 1.0
