@@ -124,9 +124,12 @@ def write_functions(comm: MPI.Comm, stem: Path, functions: Sequence[fem.Function
     As VTX (``stem.bp``), or as VTK (``stem.pvd``) where DOLFINx was built without ADIOS2.
     """
     if hasattr(io, "VTXWriter"):
-        with io.VTXWriter(comm, stem.with_name(stem.name + ".bp"), list(functions)) as vtx:
+        file = stem.with_name(stem.name + ".bp")
+        with io.VTXWriter(comm, file, list(functions)) as vtx:
             vtx.write(0.0)
-        return stem.with_name(stem.name + ".bp")
-    with io.VTKFile(comm, stem.with_name(stem.name + ".pvd"), "w") as vtk:
-        vtk.write_function(list(functions), 0.0)
-    return stem.with_name(stem.name + ".pvd")
+    else:
+        file = stem.with_name(stem.name + ".pvd")
+        with io.VTKFile(comm, file, "w") as vtk:
+            vtk.write_function(list(functions), 0.0)
+    comm.barrier()  # rank 0 writes the last part
+    return file

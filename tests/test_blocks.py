@@ -115,8 +115,9 @@ def test_ranks_and_ghost_modes(name, ghosts):
     same_tables(result.tables["contact"], alone.tables["contact"])
     assert result.iterations == alone.iterations
     np.testing.assert_allclose(result.energies["bulk"], alone.energies["bulk"], rtol=1e-9)
-    np.testing.assert_allclose(result.energies["friction"], alone.energies["friction"], rtol=1e-8)
-    if "weak" not in name and options.get("degree", 1) == 1:
+    work = [r.energies["friction"] for r in (result, alone)]
+    np.testing.assert_allclose(*work, rtol=1e-8, atol=1e-12 * alone.energies["bulk"])
+    if options.get("degree", 1) == 1:
         assert result.kkt_violation < 1e-9
 
 
@@ -162,27 +163,13 @@ def test_units(cell, units):
 
 def test_tresca_at_the_coulomb_bound_is_coulomb():
     """With the bound of the Coulomb solution Tresca friction has the same solution."""
-    problem = block(cell="quad", n=8)
-    coulomb = problem.solve().tables["contact"]
-    bound = fem.Function(problem.surfaces[0].vertices)
-    bound.x.array[:] = 0.0
-    # The pressure of the Coulomb solution, put on the Tresca problem's own surface.
-    other = block(cell="quad", n=8, law=Tresca(0.0))
-    surface = other.surfaces[0]
-    threshold = fem.Function(surface.vertices)
-    positions = surface.positions[:, 0]
-    threshold.x.array[:] = 0.3 * np.interp(positions, coulomb.x[:, 0], coulomb.pressure)
-    tresca = ContactSurface(
-        other.u, facets(other.V.mesh, 1, 0.0), obstacle=HalfSpace((0, 0), (0, 1)),
-        law=Tresca(0.3 * interpolated(other.V.mesh, coulomb)),
-    )  # fmt: skip
-    again = ContactProblem(
-        LinearElastic.from_young(1000.0, 0.3).energy(other.u) * ufl.dx,
-        other.u,
-        [tresca],
-        bcs=other.bcs,
-    ).solve()
-    same_tables(again.tables["contact"], coulomb)
+    domain = box(COMM, 8, "quad")
+    coulomb = block(domain=domain).solve().tables["contact"]
+    bound = 0.3 * interpolated(domain, coulomb)
+    tresca = block(domain=domain, law=Tresca(bound)).solve().tables["contact"]
+    same_tables(tresca, coulomb)
+    assert coulomb.count("k") > 0
+    assert coulomb.count("+-") > 0
 
 
 def interpolated(domain, table):

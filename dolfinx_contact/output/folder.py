@@ -68,7 +68,7 @@ def write_summary(comm: MPI.Comm, folder: Path, scalars: Mapping[str, Any]) -> d
             "petsc": ".".join(str(v) for v in PETSc.Sys.getVersion()),
             "dolfinx_contact": __version__,
         },
-        "wall_seconds": time.perf_counter() - _STARTED,
+        "wall_seconds": comm.bcast(time.perf_counter() - _STARTED),
     }
     if comm.rank == 0:
         partial = folder / "summary.json.part"

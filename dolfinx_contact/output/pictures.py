@@ -17,6 +17,7 @@ import select
 import shutil
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -239,10 +240,13 @@ def _draw_apart(kind: str, data: Mapping[str, Any], file: Path) -> str | None:
     part = file.with_name(f"{file.stem}.part{file.suffix}")
     program = [sys.executable, str(Path(__file__).with_name("render.py")), kind, str(part)]
     try:
-        with _display(needed=kind == "body_3d") as environment:
+        # A file and no pipe: PETSc takes the SIGPIPE of a reader that dies for an error of its own.
+        with tempfile.TemporaryFile() as stream, _display(needed=kind == "body_3d") as environment:
+            pickle.dump(dict(data), stream)
+            stream.seek(0)
             done = subprocess.run(
                 program,
-                input=pickle.dumps(dict(data)),
+                stdin=stream,
                 env=environment,
                 capture_output=True,
                 timeout=_SECONDS,

@@ -121,6 +121,7 @@ class Newton:
         if reason > 0:
             attempt.reason = "converged"
         elif reason != _STOPPED:
+            self.snes.getKSP().reset()  # MUMPS does not recover from a singular matrix
             attempt.reason = _explain(self.snes)
         return bool(reason > 0)
 

@@ -1,0 +1,21 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Following solution branches of piecewise smooth systems in PETSc."""
+
+from dolfinx_contact.continuation.branch import Branch, BranchPoint, Change, Ray, SpecialPoint
+from dolfinx_contact.continuation.follow import Follower, follow
+from dolfinx_contact.continuation.parameters import StepControl
+from dolfinx_contact.continuation.system import Events, Piece, System
+
+__all__ = [
+    "Branch",
+    "BranchPoint",
+    "Change",
+    "Events",
+    "Follower",
+    "Piece",
+    "Ray",
+    "SpecialPoint",
+    "StepControl",
+    "System",
+    "follow",
+]

@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Records of a branch: its points, and the special points on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from petsc4py import PETSc
+
+from dolfinx_contact.continuation.system import Piece
+
+__all__ = ["Branch", "BranchPoint", "Change", "Ray", "SpecialPoint"]
+
+Kind = Literal["event", "fold", "bifurcation", "end"]
+
+
+@dataclass(frozen=True)
+class BranchPoint:
+    """A point of a branch.
+
+    Attributes:
+        y: (x, gamma); a copy of its own.
+        tangent: unit tangent in the sense in which the branch is followed.
+        piece: the piece of H that the point lies on.
+        gamma: parameter.
+        step: length of the step to this point.
+        corrections: Newton steps of the corrector.
+    """
+
+    y: PETSc.Vec
+    tangent: PETSc.Vec
+    piece: Piece
+    gamma: float
+    step: float
+    corrections: int
+
+
+@dataclass(frozen=True)
+class Change:
+    """A point that changes its status, by the rank that owns it and its local number there."""
+
+    rank: int
+    point: int
+    before: int
+    after: int
+
+
+@dataclass(frozen=True)
+class Ray:
+    """A way out of a nonsmooth point: the piece, and the one-sided unit tangent into it."""
+
+    piece: Piece
+    tangent: PETSc.Vec
+
+
+@dataclass(frozen=True)
+class SpecialPoint:
+    """Where a branch kinks, folds or meets others.
+
+    Attributes:
+        kind: ``"event"`` a status changes and gamma goes on, ``"fold"`` gamma turns back,
+            ``"bifurcation"`` there are other ways out.
+        smooth: False at a change of status.
+        gamma: parameter.
+        y: (x, gamma).
+        index: of the point of the branch that follows it.
+        changes: points that change status on the branch that is followed.
+        parity: sign of the ratio of the determinants of the bordered systems before and after, -1
+            at a simple bifurcation; 0 if it was not evaluated.
+        others: ways out that the branch does not take.
+        complete: whether `others` has been enumerated completely; False if it was not looked for.
+    """
+
+    kind: Kind
+    smooth: bool
+    gamma: float
+    y: PETSc.Vec
+    index: int
+    changes: tuple[Change, ...] = ()
+    parity: int = 0
+    others: tuple[Ray, ...] = ()
+    complete: bool = False
+
+
+@dataclass
+class Branch:
+    """What was followed.
+
+    Attributes:
+        points: in order, the start first.
+        special: events, folds and bifurcations, in order.
+        reason: why it ended.
+        factorisations: of bordered matrices.
+        solves: right-hand sides.
+    """
+
+    points: list[BranchPoint] = field(default_factory=list)
+    special: list[SpecialPoint] = field(default_factory=list)
+    reason: str = ""
+    factorisations: int = 0
+    solves: int = 0
+
+    @property
+    def folds(self) -> list[SpecialPoint]:
+        """Where gamma turns back, smooth or not."""
+        return [s for s in self.special if s.kind == "fold"]
+
+    @property
+    def bifurcations(self) -> list[SpecialPoint]:
+        """Where other ways lead out."""
+        return [s for s in self.special if s.kind == "bifurcation"]

@@ -1,0 +1,172 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Correctors: from a predicted point to a point of the branch, and tangents.
+
+All are a SNES on the bordered system; they differ in its last row. Moore-Penrose (Ligursky and
+Renard, Comput. Mech. 56, 2015, after Dhooge, Govaerts and Kuznetsov) moves orthogonally to a
+tangent that is improved with the same factorisation; pseudo-arclength holds the distance along a
+fixed tangent; natural holds gamma.
+"""
+
+from __future__ import annotations
+
+from petsc4py import PETSc
+
+import numpy as np
+
+from dolfinx_contact._petsc import options_in_database
+from dolfinx_contact.continuation.bordered import Bordered
+from dolfinx_contact.continuation.parameters import StepControl
+from dolfinx_contact.continuation.system import Piece
+
+__all__ = ["Corrector"]
+
+#: Length of a solution of J t = (0, 1) beyond which the row says too little about the tangent.
+_NEARLY_SINGULAR = 1e8
+
+
+class Corrector:
+    """Correctors on a bordered system.
+
+    Args:
+        bordered: vectors and linear algebra.
+        control: tolerance and number of corrections.
+    """
+
+    def __init__(self, bordered: Bordered, control: StepControl):
+        self.bordered, self.control = bordered, control
+        self.snes = PETSc.SNES().create(bordered.comm)
+        self._b, self._row, self._away = (bordered.vector() for _ in range(3))
+        self._hx = bordered.system.create_vector()
+        self._e = bordered.last_unit()
+        self.snes.setFunction(self._function, self._b)
+        self.snes.setKSP(bordered.ksp)
+        self.snes.setOptionsPrefix(bordered.prefix)
+        with options_in_database(bordered.prefix, {"snes_linesearch_type": "none"}):
+            self.snes.setFromOptions()
+        self.snes.setConvergenceTest(self._test)
+        self.snes.setMonitor(self._improve)
+        self.snes.setTolerances(max_it=control.corrections)
+        self._piece: Piece | None = None
+        self._reference: PETSc.Vec | None = None
+        self._distance = 0.0
+        self._T: PETSc.Vec | None = None
+        self.iterations = 0
+
+    # -- the three correctors --------------------------------------------------------------------
+
+    def moore_penrose(self, y: PETSc.Vec, t: PETSc.Vec, piece: Piece | None) -> bool:
+        """Correct ``y`` in place, orthogonally to ``t``, which is improved in place."""
+        self._reference, self._T = None, t
+        return self._run(y, t, piece)
+
+    def pseudo_arclength(
+        self, y: PETSc.Vec, start: PETSc.Vec, t: PETSc.Vec, distance: float, piece: Piece | None
+    ) -> bool:
+        """Correct ``y`` in place to the point at ``distance`` from ``start`` along ``t``."""
+        self._reference, self._T, self._distance = start, None, distance
+        return self._run(y, t, piece)
+
+    def natural(self, y: PETSc.Vec, gamma: float, piece: Piece | None) -> bool:
+        """Correct ``y`` in place at fixed gamma."""
+        b = self.bordered
+        start, t = b.vector(), b.last_unit()
+        t.scale(2 * b.gamma_scale**2)  # whose dual vector is the unit vector of gamma
+        start.set(0.0)
+        ok = self.pseudo_arclength(y, start, t, gamma, piece)
+        for v in (start, t):
+            v.destroy()
+        return ok
+
+    def tangent(self, y: PETSc.Vec, towards: PETSc.Vec, piece: Piece | None) -> PETSc.Vec | None:
+        """Unit tangent of ``piece`` at ``y``, on the side of ``towards``; None if there is no one.
+
+        The factorisation stays behind for other right-hand sides.
+        """
+        b = self.bordered
+        # Beyond a kink the tangent may be orthogonal to the one before; then another row will do.
+        axis = b.last_unit()
+        axis.scale(b.gamma_scale)
+        both = towards + axis
+        rows = (towards, axis, both)
+        found = None
+        for row in rows:
+            b.dual(row, self._row)
+            b.assemble(y, self._row, piece)
+            t = b.vector()
+            if b.factorise() and b.solve(self._e, t):
+                size = np.sqrt(b.inner(t, t))
+                if np.isfinite(size) and 0 < size < _NEARLY_SINGULAR:
+                    t.scale((1.0 if b.inner(t, towards) >= 0 else -1.0) / size)
+                    found = t
+                    break
+            t.destroy()
+        axis.destroy(), both.destroy()
+        return found
+
+    # -- SNES ------------------------------------------------------------------------------------
+
+    def _run(self, y: PETSc.Vec, t: PETSc.Vec, piece: Piece | None) -> bool:
+        self._piece, self.iterations = piece, 0
+        self.bordered.dual(t, self._row)
+        self.snes.setJacobian(self._jacobian, self._matrix(y))
+        with self.bordered.options():
+            self.snes.solve(None, y)
+        self.iterations = self.snes.getIterationNumber()
+        reason = self.snes.getConvergedReason()
+        if reason == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE:
+            self.bordered.ksp.reset()  # MUMPS does not recover from a singular matrix
+        return bool(reason > 0)
+
+    def _matrix(self, y: PETSc.Vec) -> PETSc.Mat:
+        if not self.bordered.matrix:
+            self.bordered.assemble(y, self._row, self._piece)
+        return self.bordered.matrix
+
+    def _function(self, _snes: PETSc.SNES, y: PETSc.Vec, out: PETSc.Vec) -> None:
+        b = self.bordered
+        x, gamma = b.split(y)
+        b.system.residual(x, gamma, self._hx, self._piece)
+        last = 0.0
+        if self._reference is not None:
+            self._away.waxpy(-1.0, self._reference, y)
+            last = float(self._row.dot(self._away)) - self._distance
+        b.join(self._hx, last, out)
+
+    def _jacobian(self, _snes: PETSc.SNES, y: PETSc.Vec, A: PETSc.Mat, _P: PETSc.Mat) -> None:
+        self.bordered.assemble(y, self._row, self._piece)
+        self.bordered.factorisations += 1
+
+    def _test(self, snes: PETSc.SNES, it: int, _norms: tuple[float, float, float]) -> int:
+        reasons = PETSc.SNES.ConvergedReason
+        out = snes.getFunction()[0]
+        last = self.bordered.gamma(out)
+        x, _ = self.bordered.split(out)
+        self._hx.array[:] = x.array_r
+        error = self.bordered.system.error(self._hx)
+        if not np.isfinite(error + last):
+            return int(reasons.DIVERGED_LOCAL_MIN)
+        scale = max(abs(self._distance), 1e-6) if self._reference is not None else 1.0
+        if error <= self.control.tolerance and abs(last) <= 1e-10 * scale:
+            return int(reasons.CONVERGED_FNORM_RELATIVE)
+        if it >= self.control.corrections:
+            return int(reasons.DIVERGED_MAX_IT)
+        return 0
+
+    def _improve(self, _snes: PETSc.SNES, it: int, _norm: float) -> None:
+        """Moore-Penrose: a better tangent from the factorisation of the step just taken."""
+        if it == 0 or self._T is None:
+            return
+        b = self.bordered
+        new = b.vector()
+        if b.solve(self._e, new):
+            size = np.sqrt(b.inner(new, new))
+            if np.isfinite(size) and size > 0:
+                new.scale(1.0 / size)
+                new.copy(self._T)
+                b.dual(self._T, self._row)
+        new.destroy()
+
+    def destroy(self) -> None:
+        """Free the PETSc objects."""
+        for thing in (self.snes, self._b, self._row, self._away, self._hx, self._e):
+            thing.destroy()

@@ -1,0 +1,263 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""Nonsmooth points: the pieces that meet there and the one-sided tangents that lead out.
+
+Where points change their status the branch goes on in another piece. A piece is a way out if its
+own events at those points grow along its tangent, in one of the two senses. For one point the
+status named by its event is tried first; the others are tried if that fails, or if the parity of
+the determinants says that more branches meet. For k points at once all their statuses are tried.
+
+The parity is the sign of det J_1 / det J_0 with J = [grad H; t^T]. The two matrices differ in the
+rows of the changed points and in the border row, D = J_1 - J_0, so that with W = J_0^{-1} E the
+ratio is det(I + D W) over those rows: a determinant of their number. (Leaving the border row out
+turns folds into false bifurcations.)
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from typing import Any
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact.continuation.branch import Change, Ray
+from dolfinx_contact.continuation.corrector import Corrector
+from dolfinx_contact.continuation.system import Events, Piece
+
+__all__ = ["Crossing", "cross", "outgoing_rays", "parity"]
+
+_MOST_PIECES = 1024
+_PROBE = 1e-6  # length at which one-sided derivatives of events are taken
+
+
+@dataclass(frozen=True)
+class Kink:
+    """A point at a kink: where it lives, its status, and the statuses it may take."""
+
+    rank: int
+    point: int
+    code: int
+    target: int
+    statuses: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """The ways out of a nonsmooth point.
+
+    Attributes:
+        onwards: the ray that is followed.
+        changes: what changes on it.
+        parity: see the module; 0 if not evaluated.
+        others: further rays, the one that was come by excluded.
+        complete: whether all pieces that meet have been tried.
+    """
+
+    onwards: Ray
+    changes: tuple[Change, ...]
+    parity: int
+    others: tuple[Ray, ...]
+    complete: bool
+
+
+def kinks_at(
+    corrector: Corrector, y: PETSc.Vec, piece: Piece, tolerance: float
+) -> tuple[Kink, ...]:
+    """Points of all ranks with an event within ``tolerance``. Collective."""
+    b = corrector.bordered
+    x, gamma = b.split(y)
+    events = b.system.events(x, gamma, piece)
+    mine, seen = [], set()
+    for i in np.flatnonzero(np.abs(events.distance) <= tolerance):
+        point = int(events.point[i])
+        if point not in seen:
+            seen.add(point)
+            statuses = tuple(int(s) for s in b.system.statuses(point))
+            code, target = int(piece.codes[point]), int(events.target[i])
+            mine.append(Kink(b.comm.rank, point, code, target, statuses))
+    return tuple(k for part in b.comm.allgather(mine) for k in part)
+
+
+def outgoing_rays(
+    corrector: Corrector,
+    y: PETSc.Vec,
+    piece: Piece,
+    kinks: tuple[Kink, ...],
+    codes: tuple[int, ...],
+    towards: PETSc.Vec,
+) -> list[Ray]:
+    """Rays of the piece in which ``kinks`` have ``codes``: none, one, or two. Collective."""
+    b = corrector.bordered
+    new = _with_codes(b.comm.rank, piece, kinks, codes)
+    tangent = corrector.tangent(y, towards, new)
+    if tangent is None:
+        return []
+    rays = []
+    for sense in (1.0, -1.0):
+        t = tangent.copy()
+        t.scale(sense)
+        if _stays_inside(corrector, y, new, kinks, t):
+            rays.append(Ray(new, t))
+        else:
+            t.destroy()
+    tangent.destroy()
+    return rays
+
+
+def cross(
+    corrector: Corrector, y: PETSc.Vec, piece: Piece, t: PETSc.Vec, tolerance: float
+) -> Crossing | None:
+    """Pass the nonsmooth point ``y``, come to by ``piece`` along ``t``; None if nothing leads on.
+
+    Collective.
+    """
+    kinks = kinks_at(corrector, y, piece, tolerance)
+    natural = tuple(k.target for k in kinks)
+    rays = _not_back(corrector, piece, t, outgoing_rays(corrector, y, piece, kinks, natural, t))
+    sign = parity(corrector, y, piece, t, rays[0]) if len(rays) == 1 else 0
+    complete = False
+    if len(kinks) > 1 or len(rays) != 1 or sign <= 0:
+        statuses = [k.statuses for k in kinks]
+        if np.prod([len(s) for s in statuses]) <= _MOST_PIECES:
+            complete = True
+            for codes in itertools.product(*statuses):
+                if codes != natural:
+                    more = outgoing_rays(corrector, y, piece, kinks, codes, t)
+                    rays += _not_back(corrector, piece, t, more)
+    if not rays:
+        return None
+    onwards, *others = _distinct(corrector, rays)
+    after = {k: _code(corrector, onwards.piece, k) for k in kinks}
+    changes = tuple(Change(k.rank, k.point, k.code, c) for k, c in after.items() if c != k.code)
+    return Crossing(onwards, changes, sign, tuple(others), complete)
+
+
+def parity(corrector: Corrector, y: PETSc.Vec, piece: Piece, t: PETSc.Vec, ray: Ray) -> int:
+    """Sign of det J_1 / det J_0 across the point ``y``, by the low-rank identity. Collective."""
+    b = corrector.bordered
+    row = b.vector()
+    b.dual(ray.tangent, row)
+    b.assemble(y, row, ray.piece)
+    difference = b.matrix.copy()
+    b.dual(t, row)
+    b.assemble(y, row, piece)
+    b.factorise()
+    difference.axpy(-1.0, b.matrix, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+    rows = _changed_rows(difference, b.matrix)
+    e, w, dw = (b.vector() for _ in range(3))
+    start, end = e.getOwnershipRange()
+    S = np.zeros((len(rows), len(rows)))
+    for j, r in enumerate(rows):
+        e.set(0.0)
+        if start <= r < end:
+            e.array[r - start] = 1.0
+        b.solve(e, w)
+        difference.mult(w, dw)
+        mine = {i: float(dw.array_r[q - start]) for i, q in enumerate(rows) if start <= q < end}
+        for part in b.comm.allgather(mine):
+            for i, value in part.items():
+                S[i, j] = value
+    for thing in (row, difference, e, w, dw):
+        thing.destroy()
+    return int(np.sign(np.linalg.det(np.eye(len(rows)) + S)))
+
+
+def _changed_rows(difference: PETSc.Mat, reference: PETSc.Mat) -> list[int]:
+    """Global rows in which ``difference`` is not negligible. Collective."""
+    size, scale = _row_sums(difference), _row_sums(reference)
+    start = difference.getOwnershipRange()[0]
+    changed = np.flatnonzero(size > 1e-12 * (scale + size)) + start
+    return [int(r) for part in difference.comm.tompi4py().allgather(changed) for r in part]
+
+
+def _row_sums(A: PETSc.Mat) -> npt.NDArray[np.float64]:
+    """Sums of absolute values of the local rows of ``A``."""
+    offsets, _, values = A.getValuesCSR()
+    sums = np.zeros(len(offsets) - 1)
+    np.add.at(sums, np.repeat(np.arange(len(sums)), np.diff(offsets)), np.abs(values))
+    return sums
+
+
+def _with_codes(rank: int, piece: Piece, kinks: tuple[Kink, ...], codes: tuple[int, ...]) -> Piece:
+    mine = [(k.point, c) for k, c in zip(kinks, codes, strict=True) if k.rank == rank]
+    points = np.array([p for p, _ in mine], dtype=np.int32)
+    return piece.with_codes(points, [c for _, c in mine])
+
+
+def _code(corrector: Corrector, piece: Piece, kink: Kink) -> int:
+    comm = corrector.bordered.comm
+    mine = int(piece.codes[kink.point]) if comm.rank == kink.rank else None
+    return int(comm.bcast(mine, root=kink.rank))
+
+
+def _stays_inside(
+    corrector: Corrector, y: PETSc.Vec, piece: Piece, kinks: tuple[Kink, ...], t: PETSc.Vec
+) -> bool:
+    """Whether the events of the kinked points that vanish at ``y`` grow along ``t``. Collective."""
+    b = corrector.bordered
+    points = np.array([k.point for k in kinks if k.rank == b.comm.rank], dtype=np.int32)
+    x, gamma = b.split(y)
+    here = b.system.events(x, gamma, piece)
+    probe = y.copy()
+    probe.axpy(_PROBE, t)
+    x, gamma = b.split(probe)
+    there = b.system.events(x, gamma, piece)
+    probe.destroy()
+    chosen = np.isin(here.point, points)
+    slope = (there.distance - here.distance) / _PROBE
+    largest = b.comm.allreduce(_largest(slope), op=max)
+    # An event that is at its border must grow; one that is away from it must be inside.
+    at_border = np.abs(here.distance) <= _border(here, slope)
+    bad = chosen & np.where(at_border, slope < -1e-7 * largest, here.distance < 0)
+    idle = chosen & at_border & (np.abs(slope) <= 1e-7 * largest)
+    inside = not b.comm.allreduce(bool(bad.any()), op=_any)
+    moves = b.comm.allreduce(bool((chosen & at_border & ~idle).any()), op=_any)
+    return inside and moves
+
+
+def _border(events: Events, slope: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
+    """Distances that count as zero: what a hundredth of the probe would change, and round-off."""
+    size = _largest(slope) * _PROBE
+    return np.full_like(events.distance, max(1e-2 * size, 1e-11 * _largest(events.distance)))
+
+
+def _not_back(corrector: Corrector, piece: Piece, t: PETSc.Vec, rays: list[Ray]) -> list[Ray]:
+    """Rays without the one that was come by."""
+    kept = []
+    for ray in rays:
+        same_piece = corrector.bordered.comm.allreduce(
+            bool(np.array_equal(ray.piece.codes, piece.codes)), op=_all
+        )
+        if not (same_piece and corrector.bordered.inner(ray.tangent, t) < 0):
+            kept.append(ray)
+    return kept
+
+
+def _distinct(corrector: Corrector, rays: list[Ray]) -> list[Ray]:
+    """Rays whose tangents differ: two pieces share a ray that runs along their border."""
+    kept: list[Ray] = []
+    for ray in rays:
+        away = ray.tangent.duplicate()
+        distances = []
+        for other in kept:
+            away.waxpy(-1.0, other.tangent, ray.tangent)
+            distances.append(away.norm() / max(ray.tangent.norm(), 1e-300))
+        if all(d > 1e-6 for d in distances):
+            kept.append(ray)
+        away.destroy()
+    return kept
+
+
+def _largest(values: npt.NDArray[Any]) -> float:
+    return float(np.max(np.abs(values), initial=0.0))
+
+
+def _any(a: bool, b: bool) -> bool:
+    return a or b
+
+
+def _all(a: bool, b: bool) -> bool:
+    return a and b

@@ -1,0 +1,337 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Following a branch of H(x, gamma) = 0 through kinks and folds.
+
+The branch is followed on one piece at a time, which is smooth, by predictor and corrector. After
+every step the events of the piece are looked at: if one has become negative, the first change of
+status is located along the branch to round-off, and the branch goes on in the piece beyond
+(`crossing.py`), its tangent oriented into it.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+
+from petsc4py import PETSc
+
+import numpy as np
+
+from dolfinx_contact.continuation.bordered import Bordered
+from dolfinx_contact.continuation.branch import Branch, BranchPoint, SpecialPoint
+from dolfinx_contact.continuation.corrector import Corrector
+from dolfinx_contact.continuation.crossing import cross
+from dolfinx_contact.continuation.parameters import StepControl
+from dolfinx_contact.continuation.system import Piece, System
+
+__all__ = ["Follower", "follow"]
+
+logger = logging.getLogger(__name__)
+
+_AT_BORDER = 1e-9  # of the largest distance: an event that counts as located
+
+
+def follow(
+    system: System,
+    x: PETSc.Vec,
+    gamma: float,
+    *,
+    gamma_range: tuple[float, float],
+    increasing: bool = True,
+    control: StepControl | None = None,
+    max_steps: int = 1000,
+    observer: Callable[[BranchPoint], None] | None = None,
+) -> Branch:
+    """Follow the branch through (x, gamma) until gamma leaves its range.
+
+    Args:
+        system: H with its pieces.
+        x: a solution at ``gamma``, corrected if it is one approximately.
+        gamma: where to start.
+        gamma_range: the branch ends where gamma reaches either end.
+        increasing: whether gamma is to grow at the start.
+        control: step lengths.
+        max_steps: budget; when it is exhausted what was found is returned, and said.
+        observer: called with every accepted point.
+
+    Returns:
+        Points and special points, and why the branch ended.
+
+    Raises:
+        ValueError: if the range is empty or does not contain ``gamma``, if gamma does not appear in
+            H, or if there is no solution near the start.
+    """
+    low, high = gamma_range
+    if not low < high or not low <= gamma <= high:
+        raise ValueError(f"gamma = {gamma} must lie in the range [{low}, {high}], not empty")
+    if max_steps < 1:
+        raise ValueError(f"the budget of steps must be positive, got {max_steps}")
+    with Follower(system, control or StepControl(), gamma_scale=high - low) as follower:
+        start = follower.start(x, gamma, increasing=increasing)
+        return follower.run(start, (low, high), max_steps=max_steps, observer=observer)
+
+
+class Follower:
+    """Follows branches of one system; holds the bordered matrix and the corrector.
+
+    Args:
+        system: what is followed.
+        control: step lengths.
+        gamma_scale: size of gamma that counts as 1.
+    """
+
+    def __init__(self, system: System, control: StepControl, *, gamma_scale: float):
+        self.system, self.control = system, control
+        self.bordered = Bordered(system, gamma_scale=gamma_scale)
+        self.corrector = Corrector(self.bordered, control)
+        self._largest_distance = 0.0
+
+    def __enter__(self) -> Follower:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.corrector.destroy()
+        self.bordered.destroy()
+
+    def start(self, x: PETSc.Vec, gamma: float, *, increasing: bool = True) -> BranchPoint:
+        """The point of the branch near (x, gamma), with its tangent.
+
+        Raises:
+            ValueError: if there is none, or gamma does not appear in H.
+        """
+        b = self.bordered
+        y = b.vector()
+        b.join(x, gamma, y)
+        piece = self.system.piece_at(*b.split(y))
+        self._require_parameter(y, piece)
+        if not self.corrector.natural(y, gamma, piece):
+            raise ValueError(f"there is no solution near the given state at gamma = {gamma}")
+        sense = b.last_unit()
+        sense.scale((1.0 if increasing else -1.0) * b.gamma_scale)
+        tangent = self.corrector.tangent(y, sense, piece)
+        if tangent is None:
+            raise ValueError("the start is a singular point: its tangent is not unique")
+        b.set_scale(tangent)
+        tangent.scale(1.0 / np.sqrt(b.inner(tangent, tangent)))
+        sense.destroy()
+        return BranchPoint(y, tangent, piece, b.gamma(y), 0.0, 0)
+
+    def run(
+        self,
+        start: BranchPoint,
+        gamma_range: tuple[float, float],
+        *,
+        max_steps: int = 1000,
+        observer: Callable[[BranchPoint], None] | None = None,
+    ) -> Branch:
+        """Follow from ``start`` along its tangent; see `follow`."""
+        branch, b = Branch([start]), self.bordered
+        before = b.factorisations, b.solves
+        h, low, high = self.control.initial, *gamma_range
+        point = start
+        for _ in range(max_steps):
+            new, special, h = self._step(point, h)
+            if new is None:
+                branch.reason = f"no step of at least {self.control.minimum:g} succeeds"
+                break
+            if not low <= new.gamma <= high:
+                new = self._end_at(point, new, low if new.gamma < low else high)
+                branch.points.append(new)
+                branch.reason = "gamma reached the end of its range"
+                break
+            for s in special:
+                branch.special.append(_indexed(s, len(branch.points)))
+            branch.points.append(new)
+            point = new
+            if observer is not None:
+                observer(point)
+            if any(s.kind == "end" for s in special):
+                branch.reason = "no way leads on from a nonsmooth point"
+                break
+        else:
+            branch.reason = f"the budget of {max_steps} steps is exhausted"
+        branch.factorisations, branch.solves = b.factorisations - before[0], b.solves - before[1]
+        logger.info("branch ended: %s", branch.reason)
+        return branch
+
+    # -- one step --------------------------------------------------------------------------------
+
+    def _step(
+        self, point: BranchPoint, h: float
+    ) -> tuple[BranchPoint | None, list[SpecialPoint], float]:
+        """The next point, special points on the way to it, and the next step length."""
+        control, b = self.control, self.bordered
+        while h >= control.minimum:
+            y, t = point.y.copy(), point.tangent.copy()
+            y.axpy(h, point.tangent)
+            if not self.corrector.moore_penrose(y, t, point.piece):
+                h *= control.decrease
+                continue
+            corrections = self.corrector.iterations
+            t.destroy()
+            tangent = self.corrector.tangent(y, point.tangent, point.piece)
+            if tangent is None or b.inner(tangent, point.tangent) < control.cosine:
+                if h * control.decrease >= control.minimum:
+                    h *= control.decrease
+                    continue
+                return None, [], h
+            next_h = h * control.increase if corrections <= control.easy else h
+            next_h = min(next_h, control.maximum)
+            new = BranchPoint(y, tangent, point.piece, b.gamma(y), h, corrections)
+            if self._least_distance(new) < 0:
+                return self._to_the_border(point, h)
+            self._rescale(new)
+            return new, self._smooth_fold(point, new), next_h
+        return None, [], h
+
+    def _along(self, point: BranchPoint, s: float) -> PETSc.Vec | None:
+        """The point of the piece at distance ``s`` along the tangent of ``point``."""
+        y = point.y.copy()
+        y.axpy(s, point.tangent)
+        if self.corrector.pseudo_arclength(y, point.y, point.tangent, s, point.piece):
+            return y
+        y.destroy()
+        return None
+
+    def _distances(self, y: PETSc.Vec, piece: Piece) -> np.ndarray:
+        x, gamma = self.bordered.split(y)
+        return self.system.events(x, gamma, piece).distance
+
+    def _unit(self, y: PETSc.Vec, piece: Piece) -> float:
+        """The largest distance so far: at a degenerate point all distances vanish. Collective."""
+        largest = float(np.max(np.abs(self._distances(y, piece)), initial=self._largest_distance))
+        self._largest_distance = float(self.bordered.comm.allreduce(largest, op=max))
+        return self._largest_distance or 1.0
+
+    def _least_distance(self, point: BranchPoint) -> float:
+        """The least event distance if it is beyond round-off, else 0. Collective."""
+        distance = self._distances(point.y, point.piece)
+        least = self.bordered.comm.allreduce(float(np.min(distance, initial=np.inf)), op=min)
+        return least if least < -_AT_BORDER * self._unit(point.y, point.piece) else 0.0
+
+    def _to_the_border(
+        self, point: BranchPoint, h: float
+    ) -> tuple[BranchPoint | None, list[SpecialPoint], float]:
+        """Go to the first event between ``point`` and the step ``h``, and cross it."""
+        b, comm = self.bordered, self.bordered.comm
+        d_low = self._distances(point.y, point.piece)
+        s_low, s_high = 0.0, h
+        y_high = self._along(point, h)
+        if y_high is None:
+            return None, [], h
+        d_high = self._distances(y_high, point.piece)
+        y, s = y_high, h
+        for _ in range(60):
+            # The first zero if distances were linear between the two ends.
+            falling = d_high < 0
+            slope = np.where(falling, np.maximum(d_low, 0.0) - d_high, 1.0)
+            fraction = np.where(falling, np.maximum(d_low, 0.0) / slope, np.inf)
+            first = comm.allreduce(float(np.min(fraction, initial=np.inf)), op=min)
+            s = s_low + first * (s_high - s_low)
+            y_new = self._along(point, s)
+            if y_new is None:
+                return None, [], h
+            y = y_new
+            d = self._distances(y, point.piece)
+            unit = self._unit(y, point.piece)
+            least = comm.allreduce(float(np.min(d, initial=np.inf)), op=min)
+            if abs(least) <= 1e-13 * unit or s_high - s_low <= 1e-15 * h:
+                break
+            if least < 0:
+                s_high, d_high = s, d
+            else:
+                s_low, d_low = s, d
+        tangent = self.corrector.tangent(y, point.tangent, point.piece)
+        if tangent is None:
+            return None, [], h
+        here = BranchPoint(y, tangent, point.piece, b.gamma(y), s, self.corrector.iterations)
+        special = self._smooth_fold(point, here)
+        tolerance = _AT_BORDER * self._unit(y, point.piece)
+        crossing = cross(self.corrector, y, point.piece, tangent, tolerance)
+        if crossing is None:
+            special.append(SpecialPoint("end", False, here.gamma, y, 0))
+            return here, special, h
+        onwards = crossing.onwards
+        turned = self._turned(tangent, onwards.tangent)
+        kind = "bifurcation" if crossing.others else "fold" if turned else "event"
+        special.append(
+            SpecialPoint(
+                kind,  # type: ignore[arg-type]
+                False,
+                here.gamma,
+                y,
+                0,
+                crossing.changes,
+                crossing.parity,
+                crossing.others,
+                crossing.complete,
+            )
+        )
+        new = BranchPoint(y, onwards.tangent, onwards.piece, here.gamma, s, here.corrections)
+        self._rescale(new)
+        return new, special, h
+
+    def _turned(self, t: PETSc.Vec, new: PETSc.Vec) -> bool:
+        """Whether gamma turns back between two tangents."""
+        a, c = self.bordered.gamma(t), self.bordered.gamma(new)
+        return a * c < 0 and min(abs(a), abs(c)) > 1e-9 * self.bordered.gamma_scale
+
+    def _smooth_fold(self, point: BranchPoint, new: BranchPoint) -> list[SpecialPoint]:
+        """The fold between two points of a piece, located where gamma' vanishes."""
+        b = self.bordered
+        if not self._turned(point.tangent, new.tangent):
+            return []
+        s_low, s_high = 0.0, b.inner(point.tangent, new.y) - b.inner(point.tangent, point.y)
+        g_low, g_high = b.gamma(point.tangent), b.gamma(new.tangent)
+        y = new.y
+        for k in range(60):
+            # Secant steps, with a bisection every third so that the bracket shrinks.
+            s = s_low - g_low * (s_high - s_low) / (g_high - g_low)
+            if k % 3 == 2:
+                s = (s_low + s_high) / 2
+            found = self._along(point, s)
+            tangent = (
+                None if found is None else self.corrector.tangent(found, point.tangent, point.piece)
+            )
+            if found is None or tangent is None:
+                break
+            y, g = found, b.gamma(tangent)
+            if abs(g) <= 1e-10 * b.gamma_scale:
+                break
+            if g * g_low > 0:
+                s_low, g_low = s, g
+            else:
+                s_high, g_high = s, g
+        return [SpecialPoint("fold", True, b.gamma(y), y, 0)]
+
+    def _rescale(self, point: BranchPoint) -> None:
+        """Take the scale of x from the first tangent that moves it."""
+        b = self.bordered
+        if b.x_scale == 0.0:
+            b.set_scale(point.tangent)
+        point.tangent.scale(1.0 / np.sqrt(b.inner(point.tangent, point.tangent)))
+
+    def _end_at(self, point: BranchPoint, new: BranchPoint, gamma: float) -> BranchPoint:
+        """The point between ``point`` and ``new`` at which gamma has the given value."""
+        b = self.bordered
+        y = point.y.copy()
+        y.axpy((gamma - point.gamma) / (new.gamma - point.gamma), new.y - point.y)
+        if not self.corrector.natural(y, gamma, point.piece):
+            return new
+        return BranchPoint(y, new.tangent, point.piece, b.gamma(y), new.step, new.corrections)
+
+    def _require_parameter(self, y: PETSc.Vec, piece: Piece) -> None:
+        x, gamma = self.bordered.split(y)
+        c, size = self.system.create_vector(), 0.0
+        # It may vanish at one gamma without being absent.
+        for shift in (0.0, 1e-3, -1e-3):
+            at = gamma + shift * self.bordered.gamma_scale
+            self.system.parameter_derivative(x, at, c, piece)
+            size += c.norm()
+        c.destroy()
+        if not size > 0:
+            raise ValueError("gamma does not appear in H: its derivative by gamma vanishes")
+
+
+def _indexed(special: SpecialPoint, index: int) -> SpecialPoint:
+    values = {k: getattr(special, k) for k in special.__dataclass_fields__}
+    return SpecialPoint(**{**values, "index": index})

@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Parameters of a continuation, validated when made."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+__all__ = ["StepControl"]
+
+
+@dataclass(frozen=True)
+class StepControl:
+    """How long steps are, in units in which the first tangent and the range of gamma have size 1.
+
+    Attributes:
+        initial: first step.
+        minimum: a step that would have to be shorter fails.
+        maximum: longest step.
+        increase: factor after a step that took at most ``easy`` corrections.
+        decrease: factor after a step that was rejected.
+        easy: number of corrections.
+        cosine: least cosine between the tangents of two points of one piece.
+        corrections: most corrections of a step.
+        tolerance: relative residual at which a point is accepted.
+    """
+
+    initial: float = 0.02
+    minimum: float = 1e-8
+    maximum: float = 0.1
+    increase: float = 1.5
+    decrease: float = 0.5
+    easy: int = 4
+    cosine: float = 0.9
+    corrections: int = 12
+    tolerance: float = 1e-10
+
+    def __post_init__(self) -> None:
+        if not 0 < self.minimum <= self.initial <= self.maximum:
+            raise ValueError(
+                "step lengths need 0 < minimum <= initial <= maximum, got "
+                f"{self.minimum}, {self.initial}, {self.maximum}"
+            )
+        if not 0 < self.decrease < 1 < self.increase:
+            raise ValueError("step factors need 0 < decrease < 1 < increase")
+        if not -1 <= self.cosine < 1:
+            raise ValueError(f"the least cosine must lie in [-1, 1), got {self.cosine}")
+        if self.corrections < 1 or self.easy < 0 or not self.tolerance > 0:
+            raise ValueError("corrections, easy and tolerance must be positive")

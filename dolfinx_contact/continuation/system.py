@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""What can be followed: H(x, gamma) = 0 with H piecewise smooth.
+
+A piece is H with the status of every point held; it is smooth beyond its own borders. Statuses are
+small integers, one a point of this rank. The events of a piece are numbers that are positive inside
+it and vanish where a point is about to change its status.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = ["Events", "Piece", "System"]
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """One smooth piece of H: the status of every point of this rank."""
+
+    codes: npt.NDArray[np.int8]
+
+    def with_codes(
+        self, points: npt.NDArray[np.int32], codes: npt.NDArray[np.int8] | Sequence[int]
+    ) -> Piece:
+        """The piece in which the local ``points`` have the status ``codes``."""
+        changed = self.codes.copy()
+        changed[points] = np.asarray(codes, dtype=np.int8)
+        return Piece(changed)
+
+
+@dataclass(frozen=True)
+class Events:
+    """Distances of a state to the borders of a piece, on this rank.
+
+    Attributes:
+        distance: positive inside the piece, in one unit for all events.
+        point: local point that each event belongs to.
+        target: status that the point takes when the distance vanishes.
+    """
+
+    distance: npt.NDArray[np.float64]
+    point: npt.NDArray[np.int32]
+    target: npt.NDArray[np.int8]
+
+
+class System(Protocol):
+    """H(x, gamma) = 0 in PETSc, with pieces. Every method is collective.
+
+    ``piece=None`` means H itself, with the status that (x, gamma) asks for.
+    """
+
+    comm: MPI.Comm
+    #: N x N, AIJ; `jacobian` fills it.
+    matrix: PETSc.Mat
+
+    def create_vector(self) -> PETSc.Vec:
+        """A vector for x."""
+
+    def residual(self, x: PETSc.Vec, gamma: float, b: PETSc.Vec, piece: Piece | None) -> None:
+        """H(x, gamma) into ``b``."""
+
+    def jacobian(self, x: PETSc.Vec, gamma: float, piece: Piece | None) -> None:
+        """The derivative of H by x into `matrix`."""
+
+    def parameter_derivative(
+        self, x: PETSc.Vec, gamma: float, c: PETSc.Vec, piece: Piece | None
+    ) -> None:
+        """The derivative of H by gamma into ``c``."""
+
+    def error(self, b: PETSc.Vec) -> float:
+        """Relative size of the residual ``b`` that was evaluated last."""
+
+    def metric(self, x: PETSc.Vec, out: PETSc.Vec) -> None:
+        """M x into ``out``, M symmetric and semi-definite: lengths in the space of x."""
+
+    def piece_at(self, x: PETSc.Vec, gamma: float) -> Piece:
+        """The piece that (x, gamma) asks for."""
+
+    def events(self, x: PETSc.Vec, gamma: float, piece: Piece) -> Events:
+        """Distances to the borders of ``piece``."""
+
+    def statuses(self, point: int) -> Sequence[int]:
+        """All statuses that the local ``point`` can have."""

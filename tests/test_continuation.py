@@ -1,0 +1,228 @@
+"""The continuation on systems whose diagrams are known."""
+
+import numpy as np
+import pytest
+from textbook import Textbook, one_node, smooth
+
+from dolfinx_contact.continuation import Follower, StepControl, follow
+
+
+def start(system, values):
+    x = system.create_vector()
+    x.array[:] = np.asarray(values, float)[slice(*x.getOwnershipRange())]
+    return x
+
+
+def values(system, point):
+    """x and gamma of a point, on every rank."""
+    y = point.y
+    parts = system.comm.allgather(y.array_r.copy())
+    whole = np.concatenate(parts)
+    return whole[:-1], whole[-1]
+
+
+def test_circle():
+    """x^2 + g^2 = 1: the smooth fold at g = 1, located, and round to the other end."""
+    system = smooth(
+        1, lambda x, g: x**2 + g**2 - 1, lambda x, g: [[2 * x[0]]], lambda x, g: [2 * g]
+    )
+    branch = follow(system, start(system, [1.0]), 0.0, gamma_range=(-0.5, 2.0))
+    assert [s.kind for s in branch.special] == ["fold"]
+    assert branch.special[0].smooth
+    assert abs(branch.special[0].gamma - 1.0) < 1e-10
+    x, g = values(system, branch.points[-1])
+    assert g == pytest.approx(-0.5, abs=1e-12)
+    assert x[0] == pytest.approx(-np.sqrt(0.75), abs=1e-10)
+    assert branch.reason == "gamma reached the end of its range"
+
+
+def test_path_with_two_nonsmooth_folds():
+    """The one-node S: kt = kn = 2, k = 1, F = 3, p = (-g, -1); folds at 3 and 2."""
+    system = one_node(2.0, 2.0, 1.0, 3.0, (0.0, -1.0), (-1.0, 0.0))
+    branch = follow(system, start(system, [0, 0, 0, 1.0]), 0.0, gamma_range=(-1.0, 5.0))
+    assert [s.kind for s in branch.special] == ["fold", "fold"]
+    np.testing.assert_allclose([s.gamma for s in branch.special], [3.0, 2.0], atol=1e-10)
+    for s, change in zip(branch.special, [(1, 3), (3, 0)], strict=True):
+        assert not s.smooth
+        assert [(c.before, c.after) for c in s.changes] == [change]
+        assert s.parity == 1  # neither fold is a bifurcation
+        assert s.others == ()
+    x, g = values(system, branch.points[-1])
+    assert g == pytest.approx(5.0, abs=1e-12)
+    # Separated: S u = p.
+    np.testing.assert_allclose(x[:2], np.linalg.solve([[2, 1], [1, 2]], [-5, -1]), atol=1e-9)
+
+
+@pytest.mark.parametrize("factor", [0.1, 10.0])
+@pytest.mark.parametrize("units", [1.0, 1e9, 1e-6])
+def test_the_path_does_not_depend_on_steps_and_units(factor, units):
+    control = StepControl(initial=0.02 * factor, maximum=0.1 * factor)
+    system = one_node(2 * units, 2 * units, units, 3.0, (0.0, -units), (-units, 0.0))
+    system.error = lambda b: b.norm() / units
+    x = start(system, [0, 0, 0, units])
+    branch = follow(system, x, 0.0, gamma_range=(-1.0, 5.0), control=control)
+    np.testing.assert_allclose([s.gamma for s in branch.special], [3.0, 2.0], atol=1e-10)
+
+
+def test_slip_that_goes_on():
+    """Below the critical coefficient: stick, then slip to the left, no fold."""
+    system = one_node(2.0, 2.0, 1.0, 1.0, (0.0, -1.0), (-1.0, 0.0))
+    branch = follow(system, start(system, [0, 0, 0, 1.0]), 0.0, gamma_range=(-1.0, 5.0))
+    assert [s.kind for s in branch.special] == ["event", "event"]
+    np.testing.assert_allclose([s.gamma for s in branch.special], [1.0, 2.0], atol=1e-10)
+
+
+def corner(sign):
+    """|x| = sign g + ...: H = |x| - g has a nonsmooth fold at the origin, x = |g| a kink."""
+    if sign > 0:  # x - |g|... a kink of x over g
+        H = lambda x, g, s: np.array([x[0] - (g if s[0] else -g)])  # noqa: E731
+        J = lambda x, g, s: [[1.0]]  # noqa: E731
+        c = lambda x, g, s: [-1.0 if s[0] else 1.0]  # noqa: E731
+        distances = lambda x, g, s: [[(g if s[0] else -g, 1 - s[0])]]  # noqa: E731
+        codes = lambda x, g: [int(g > 0)]  # noqa: E731
+    else:
+        H = lambda x, g, s: np.array([(x[0] if s[0] else -x[0]) - g])  # noqa: E731
+        J = lambda x, g, s: [[1.0 if s[0] else -1.0]]  # noqa: E731
+        c = lambda x, g, s: [-1.0]  # noqa: E731
+        distances = lambda x, g, s: [[(x[0] if s[0] else -x[0], 1 - s[0])]]  # noqa: E731
+        codes = lambda x, g: [int(x[0] > 0)]  # noqa: E731
+    return Textbook(1, H, J, c, distances, codes, (0, 1))
+
+
+def test_corner_over_gamma():
+    system = corner(1)
+    branch = follow(system, start(system, [1.0]), -1.0, gamma_range=(-1.0, 2.0))
+    assert [s.kind for s in branch.special] == ["event"]
+    assert abs(branch.special[0].gamma) < 1e-12
+    x, _ = values(system, branch.points[-1])
+    assert x[0] == pytest.approx(2.0, abs=1e-10)
+
+
+def test_corner_that_is_a_fold():
+    system = corner(-1)
+    branch = follow(system, start(system, [1.0]), 1.0, gamma_range=(-1.0, 2.0), increasing=False)
+    assert [s.kind for s in branch.special] == ["fold"]
+    assert abs(branch.special[0].gamma) < 1e-12
+    x, _ = values(system, branch.points[-1])
+    assert x[0] == pytest.approx(-2.0, abs=1e-10)
+
+
+def test_three_pieces_meet():
+    """H = |x| - |g| ... four rays meet at the origin: x = g and x = -g, each twice."""
+
+    def H(x, g, s):
+        return np.array([(x[0] if s[0] else -x[0]) - (g if s[1] else -g)])
+
+    system = Textbook(
+        1,
+        H,
+        lambda x, g, s: [[1.0 if s[0] else -1.0]],
+        lambda x, g, s: [-1.0 if s[1] else 1.0],
+        lambda x, g, s: [
+            [(x[0] if s[0] else -x[0], 1 - s[0])],
+            [(g if s[1] else -g, 1 - s[1])],
+        ],
+        lambda x, g: [int(x[0] > 0), int(g > 0)],
+        (0, 1),
+    )
+    branch = follow(system, start(system, [1.0]), -1.0, gamma_range=(-1.0, 1.0))
+    (special,) = branch.special
+    assert special.kind == "bifurcation"
+    assert special.complete
+    assert len(special.others) == 2
+    assert abs(special.gamma) < 1e-12
+    # Every way out once: with the branch's own, the slopes of all three other rays.
+    rays = [branch.points[special.index].tangent, *(r.tangent for r in special.others)]
+    ends = set()
+    for t in rays:
+        whole = np.concatenate(system.comm.allgather(t.array_r.copy()))
+        ends.add(tuple(int(v) for v in np.sign(whole)))
+    assert ends == {(1, 1), (-1, 1), (-1, -1)}
+
+
+def test_correctors_agree():
+    """Moore-Penrose, pseudo-arclength and natural end on the same curve."""
+    system = smooth(
+        1, lambda x, g: x**3 - x + g, lambda x, g: [[3 * x[0] ** 2 - 1]], lambda x, g: [1.0]
+    )
+    with Follower(system, StepControl(), gamma_scale=1.0) as follower:
+        point = follower.start(start(system, [1.3]), -0.8)
+        b, corrector = follower.bordered, follower.corrector
+        y, t = point.y.copy(), point.tangent.copy()
+        y.axpy(0.05, point.tangent)
+        assert corrector.moore_penrose(y, t, point.piece)
+        assert abs(b.inner(t, t) - 1) < 1e-12
+        exact = corrector.tangent(y, point.tangent, point.piece)
+        exact.axpy(-1.0, t)
+        assert exact.norm() < 1e-6  # the tangent that came with it
+        z = point.y.copy()
+        z.axpy(0.05, point.tangent)
+        assert corrector.pseudo_arclength(z, point.y, point.tangent, 0.05, point.piece)
+        w = point.y.copy()
+        assert corrector.natural(w, b.gamma(y), point.piece)
+        w.axpy(-1.0, y)
+        assert w.norm() < 1e-9
+        z.axpy(-1.0, y)
+        assert z.norm() < 1e-3
+
+
+def test_parity_is_that_of_mumps():
+    """The low-rank identity and MUMPS' sign of det J say the same, for every pair of statuses."""
+    from dolfinx_contact.continuation.branch import Ray
+    from dolfinx_contact.continuation.crossing import parity
+
+    for F in (0.5, 3.0):
+        system = one_node(2.0, 2.0, 1.0, F, (0.0, -1.0), (-1.0, 0.3))
+        with Follower(system, StepControl(), gamma_scale=1.0) as follower:
+            point = follower.start(start(system, [0, 0, 0, 1.0]), 0.0)
+            b, corrector = follower.bordered, follower.corrector
+            for before in range(4):
+                for after in range(4):
+                    signs, rays = [], []
+                    for code in (before, after):
+                        codes = np.full(len(point.piece.codes), code, dtype=np.int8)
+                        piece = type(point.piece)(codes)
+                        t = corrector.tangent(point.y, point.tangent, piece)
+                        row = b.vector()
+                        b.dual(t, row)
+                        b.assemble(point.y, row, piece)
+                        b.factorise()
+                        signs.append(b.determinant_sign())
+                        rays.append(Ray(piece, t))
+                    mine = parity(corrector, point.y, rays[0].piece, rays[0].tangent, rays[1])
+                    assert mine == int(np.sign(signs[0] * signs[1])), (F, before, after)
+
+
+def test_bad_input():
+    system = one_node(2.0, 2.0, 1.0, 3.0, (0.0, -1.0), (-1.0, 0.0))
+    x = start(system, [0, 0, 0, 1.0])
+    with pytest.raises(ValueError, match="must lie in the range"):
+        follow(system, x, 7.0, gamma_range=(0.0, 5.0))
+    with pytest.raises(ValueError, match="budget"):
+        follow(system, x, 0.0, gamma_range=(0.0, 5.0), max_steps=0)
+    still = one_node(2.0, 2.0, 1.0, 3.0, (0.0, -1.0), (0.0, 0.0))
+    with pytest.raises(ValueError, match="gamma does not appear in H"):
+        follow(still, x, 0.0, gamma_range=(0.0, 5.0))
+    for bad in (
+        dict(initial=1.0),
+        dict(minimum=0.0),
+        dict(increase=0.5),
+        dict(decrease=2.0),
+        dict(cosine=1.0),
+        dict(tolerance=0.0),
+    ):
+        with pytest.raises(ValueError):  # noqa: PT011
+            StepControl(**bad)
+    nowhere = smooth(
+        1, lambda x, g: x**2 + 1 + g**2, lambda x, g: [[2 * x[0]]], lambda x, g: [2 * g + 1e-3]
+    )
+    with pytest.raises(ValueError, match="no solution near"):
+        follow(nowhere, start(nowhere, [1.0]), 0.0, gamma_range=(-1.0, 1.0))
+
+
+def test_an_exhausted_budget_keeps_what_was_found():
+    system = one_node(2.0, 2.0, 1.0, 3.0, (0.0, -1.0), (-1.0, 0.0))
+    x = start(system, [0, 0, 0, 1.0])
+    branch = follow(system, x, 0.0, gamma_range=(-1.0, 5.0), max_steps=3)
+    assert len(branch.points) == 4
+    assert branch.reason == "the budget of 3 steps is exhausted"

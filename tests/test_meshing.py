@@ -1,0 +1,184 @@
+"""Meshes from gmsh: physical groups by name, and what is wrong with a file said on every rank."""
+
+from mpi4py import MPI
+
+import gmsh
+import numpy as np
+import pytest
+
+import ufl
+from dolfinx import fem
+
+from dolfinx_contact.meshing import mesh_from_gmsh, read_mesh
+
+COMM = MPI.COMM_WORLD
+
+
+def box(*, groups=("body", "contact", "top"), order=1, quads=False, dim=3):
+    """The box (0, 2) x (0, 1) (x (0, 1)), its bottom called contact."""
+    occ, model = gmsh.model.occ, gmsh.model
+    shape = occ.addBox(0, 0, 0, 2, 1, 1) if dim == 3 else occ.addRectangle(0, 0, 0, 2, 1)
+    occ.synchronize()
+    sides = model.getBoundary([(dim, shape)], oriented=False)
+    height = {side: occ.getCenterOfMass(*side)[dim - 1] for side in sides}
+    ends = {"contact": min(sides, key=height.get), "top": max(sides, key=height.get)}
+    for name, (d, tag) in {"body": (dim, shape), **ends}.items():
+        if name in groups:
+            model.addPhysicalGroup(d, [tag], tag={"body": 1, "contact": 5, "top": 9}[name])
+            model.setPhysicalName(d, {"body": 1, "contact": 5, "top": 9}[name], name)
+    gmsh.option.setNumber("Mesh.MeshSizeMax", 0.4)
+    if quads:
+        gmsh.option.setNumber("Mesh.RecombineAll", 1)
+    model.mesh.generate(dim)
+    model.mesh.setOrder(order)
+
+
+def saved(folder, **options):
+    """A file with the box, written on rank 0."""
+    file = folder / "box.msh"
+    if COMM.rank == 0:
+        gmsh.initialize(interruptible=False)
+        gmsh.option.setNumber("General.Terminal", 0)
+        box(**options)
+        gmsh.write(str(file))
+        gmsh.finalize()
+    COMM.barrier()
+    return file
+
+
+def measure(body, name=None):
+    """Volume of a mesh, or area of a named part of its boundary."""
+    if name is None:
+        form = fem.Constant(body.mesh, 1.0) * ufl.dx
+    else:
+        ds = ufl.Measure("ds", body.mesh, subdomain_data=body.facet_tags)
+        form = fem.Constant(body.mesh, 1.0) * ds(body.tag(name))
+    return COMM.allreduce(fem.assemble_scalar(fem.form(form)))
+
+
+@pytest.mark.parametrize("options", [{}, {"order": 2}, {"dim": 2}, {"dim": 2, "quads": True}])
+def test_read(folder, options):
+    dim = options.get("dim", 3)
+    body = read_mesh(COMM, saved(folder, **options), dim=dim, groups=("contact", "top"))
+    assert body.names == {"body": (dim, 1), "contact": (dim - 1, 5), "top": (dim - 1, 9)}
+    assert body.mesh.topology.dim == body.mesh.geometry.dim == dim
+    np.testing.assert_allclose([measure(body), measure(body, "contact")], 2.0)
+    assert set(body.cell_tags.values) <= {1}
+    with pytest.raises(ValueError, match=r"'side'; names: \['body', 'contact', 'top'\]"):
+        body.tag("side")
+
+
+def test_body_without_named_facets(folder):
+    body = read_mesh(COMM, saved(folder, groups=("body",)))
+    assert COMM.allreduce(len(body.facet_tags.values)) == 0
+    np.testing.assert_allclose(measure(body), 2.0)
+
+
+def fails(error, match, file, **options):
+    with pytest.raises(error, match=match) as info:
+        read_mesh(COMM, file, **options)
+    assert len(set(COMM.allgather(str(info.value)))) == 1
+    assert not gmsh.isInitialized()
+
+
+def test_missing_file(folder):
+    fails(FileNotFoundError, "there is no mesh file", folder / "nothing.msh")
+
+
+def test_no_physical_groups(folder):
+    fails(ValueError, "no physical groups: name the body", saved(folder, groups=()))
+
+
+def test_body_in_no_group(folder):
+    """Gmsh then saves the named faces alone."""
+    file = saved(folder, groups=("contact", "top"))
+    fails(ValueError, "not in a plane of constant z; if it has a volume", file)
+
+
+def test_missing_group(folder):
+    file = saved(folder, groups=("body", "top"))
+    fails(
+        ValueError,
+        "no physical group of dimension 2 is named contact; there are: top",
+        file,
+        groups=("contact",),
+    )
+    fails(ValueError, "dimension 3, wanted is 2", file, dim=2)
+
+
+@pytest.mark.parametrize(
+    "text", ["", "hello\nworld\n", "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n1 8"]
+)
+def test_not_a_gmsh_file(folder, text):
+    file = folder / "bad.msh"
+    if COMM.rank == 0:
+        file.write_text(text)
+    COMM.barrier()
+    fails(ValueError, "gmsh made no mesh", file)
+
+
+def test_file_without_a_mesh(folder):
+    file = folder / "box.geo"
+    if COMM.rank == 0:
+        file.write_text('SetFactory("OpenCASCADE");\nBox(1) = {0, 0, 0, 1, 1, 1};\n')
+    COMM.barrier()
+    fails(ValueError, "has no mesh", file)
+
+
+def overlapping():
+    box()
+    gmsh.model.addPhysicalGroup(2, gmsh.model.getEntitiesForPhysicalGroup(2, 5), name="again")
+
+
+def two_bodies_one_named():
+    box()
+    gmsh.model.occ.addBox(5, 0, 0, 1, 1, 1)
+    gmsh.model.occ.synchronize()
+    gmsh.model.mesh.clear()
+    gmsh.model.mesh.generate(3)
+
+
+def two_kinds_of_cells():
+    box(dim=2)
+    gmsh.model.mesh.setRecombine(2, 1)
+    other = gmsh.model.occ.addRectangle(3, 0, 0, 1, 1)
+    gmsh.model.occ.synchronize()
+    gmsh.model.addPhysicalGroup(2, [other])
+    gmsh.model.mesh.generate(2)
+
+
+def broken():
+    box()
+    raise RuntimeError("the caller's own mistake")
+
+
+@pytest.mark.parametrize(
+    ("draw", "match"),
+    [
+        (overlapping, "groups of dimension 2 overlap"),
+        (two_bodies_one_named, "some cells are in no physical group"),
+        (two_kinds_of_cells, "cells must be of one kind.*Triangle"),
+        (broken, "gmsh made no mesh: the caller's own mistake"),
+        (lambda: None, "has no mesh"),
+    ],
+)
+def test_model_that_does_not_fit(draw, match):
+    with pytest.raises(ValueError, match=match) as info:
+        mesh_from_gmsh(COMM, draw)
+    assert len(set(COMM.allgather(str(info.value)))) == 1
+    assert not gmsh.isInitialized()
+
+
+def test_open_session_survives():
+    """A caller who has gmsh open finds the model as it was."""
+    gmsh.initialize(interruptible=False)
+    gmsh.option.setNumber("General.Terminal", 0)
+    gmsh.model.add("mine")
+    gmsh.model.occ.addPoint(0, 0, 0)
+    gmsh.model.occ.synchronize()
+    body = mesh_from_gmsh(COMM, box)
+    assert body.names["contact"] == (2, 5)
+    assert gmsh.isInitialized()
+    assert gmsh.model.getCurrent() == "mine"
+    assert len(gmsh.model.getEntities(0)) == 1
+    gmsh.finalize()

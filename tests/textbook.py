@@ -1,0 +1,141 @@
+"""Small piecewise smooth systems with known diagrams, for the continuation."""
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+
+from dolfinx_contact.continuation import Events, Piece
+
+
+class Textbook:
+    """A dense system with kinked points, on any number of ranks.
+
+    ``H(x, g, codes)``, ``J``, ``c`` are the pieces and their derivatives by x and g;
+    ``distances(x, g, codes)`` lists, point by point, pairs (distance, status beyond).
+    """
+
+    def __init__(
+        self, n, H, J, c, distances=None, codes=None, statuses=(), moves=None, comm=MPI.COMM_WORLD
+    ):
+        self.comm, self.n = comm, n
+        self._H, self._J, self._c = H, J, c
+        self._distances, self._codes = distances, codes
+        self._statuses = statuses
+        self._moves = np.ones(n) if moves is None else np.asarray(moves, float)
+        local = n // comm.size + (comm.rank < n % comm.size)
+        self.matrix = PETSc.Mat().createAIJ([[local, n], [local, n]], nnz=n, comm=comm)
+        self.matrix.setUp()
+        v = self.create_vector()
+        self._start, self._end = v.getOwnershipRange()
+        self._scatter, self._all = PETSc.Scatter.toAll(v)
+
+    def create_vector(self):
+        return self.matrix.createVecRight()
+
+    def _values(self, x):
+        self._scatter.scatter(x, self._all)
+        return self._all.array_r.copy()
+
+    def _codes_of(self, x, gamma, piece):
+        """Statuses of the kinked points on every rank; they live on the last rank."""
+        if self._codes is None:
+            return None
+        mine = None
+        if piece is not None and self.comm.rank == self.comm.size - 1:
+            mine = piece.codes.copy()
+        if piece is None:
+            return np.asarray(self._codes(self._values(x), gamma), dtype=np.int8)
+        return self.comm.bcast(mine, root=self.comm.size - 1)
+
+    def residual(self, x, gamma, b, piece):
+        codes = self._codes_of(x, gamma, piece)
+        b.array[:] = self._H(self._values(x), gamma, codes)[self._start : self._end]
+
+    def jacobian(self, x, gamma, piece):
+        codes = self._codes_of(x, gamma, piece)
+        rows = np.arange(self._start, self._end, dtype=np.int32)
+        J = np.asarray(self._J(self._values(x), gamma, codes), dtype=float)
+        self.matrix.setValues(rows, np.arange(self.n, dtype=np.int32), J[rows])
+        self.matrix.assemble()
+
+    def parameter_derivative(self, x, gamma, c, piece):
+        codes = self._codes_of(x, gamma, piece)
+        values = np.asarray(self._c(self._values(x), gamma, codes), dtype=float)
+        c.array[:] = values[self._start : self._end]
+
+    def error(self, b):
+        return float(b.norm(PETSc.NormType.NORM_INFINITY))
+
+    def metric(self, x, out):
+        out.array[:] = self._moves[self._start : self._end] * x.array_r
+
+    def piece_at(self, x, gamma):
+        codes = self._codes_of(x, gamma, None)
+        last = self.comm.rank == self.comm.size - 1 and codes is not None
+        return Piece(codes if last else np.zeros(0, dtype=np.int8))
+
+    def events(self, x, gamma, piece):
+        if self._codes is None:
+            return Events(np.zeros(0), np.zeros(0, np.int32), np.zeros(0, np.int8))
+        codes = self._codes_of(x, gamma, piece)
+        pairs = self._distances(self._values(x), gamma, codes)
+        if self.comm.rank < self.comm.size - 1:
+            pairs = []
+        flat = [(d, i, target) for i, events in enumerate(pairs) for d, target in events]
+        d, i, target = zip(*flat, strict=True) if flat else ((), (), ())
+        return Events(np.array(d, float), np.array(i, np.int32), np.array(target, np.int8))
+
+    def statuses(self, _point):
+        return self._statuses
+
+
+def one_node(kt, kn, k, F, load, rate):
+    """Klarbring's and Hild's model: x = (ut, un, rt, rn), statuses 0 open, 1 stick, 2 +, 3 -."""
+    S = np.array([[kt, k], [k, kn]])
+    load, rate = np.asarray(load, float), np.asarray(rate, float)
+
+    def rows(code):
+        law = np.zeros((2, 4))
+        if code == 0:
+            law[0, 2] = law[1, 3] = 1
+        elif code == 1:
+            law[0, 0] = law[1, 1] = 1
+        else:
+            law[0, 2], law[0, 3] = 1, F if code == 2 else -F
+            law[1, 1] = 1
+        return law
+
+    def J(_x, _g, codes):
+        return np.vstack([np.hstack([S, -np.eye(2)]), rows(codes[0])])
+
+    def H(x, g, codes):
+        return J(x, g, codes) @ x - np.concatenate([load + g * rate, [0, 0]])
+
+    def c(_x, _g, _codes):
+        return -np.concatenate([rate, [0, 0]])
+
+    def distances(x, _g, codes):
+        ut, un, rt, rn = x
+        return [
+            {
+                0: [(un, 2 if ut > 0 else 3)],
+                1: [((F * rn + rt) / kn, 2), ((F * rn - rt) / kn, 3), (rn / kn, 0)],
+                2: [(ut, 1), (rn / kn, 0)],
+                3: [(-ut, 1), (rn / kn, 0)],
+            }[int(codes[0])]
+        ]
+
+    def codes(x, _g, r=1.0):
+        ut, un, rt, rn = x
+        p, s = rn - r * un, rt - r * ut
+        if p <= 0:
+            return [0]
+        return [1] if abs(s) <= F * p else [3 if s > 0 else 2]
+
+    return Textbook(4, H, J, c, distances, codes, (0, 1, 2, 3), moves=[1, 1, 0, 0])
+
+
+def smooth(n, H, J, c):
+    """A smooth system."""
+    return Textbook(n, lambda x, g, _: H(x, g), lambda x, g, _: J(x, g), lambda x, g, _: c(x, g))
