@@ -128,7 +128,7 @@ def pieces(lame, friction, length):
         return np.array([state["ut"][at, 0], state["un"][at], force[0], force[1]])
 
     for letter, status in STATUSES.items():
-        with problem.held_status():
+        with problem.status_held():
             problem.statuses = [status]
             x.set(0.0)
             problem.jacobian(x, problem.matrix)

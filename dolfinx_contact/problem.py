@@ -136,6 +136,8 @@ class ContactProblem:
                     rows[i].append(term)
                     for j in (j for j in (0, *indices) if _among(self.fields[j], depends)):
                         self._J[i][j] = self._derivative(term, j, maps)
+        #: UFL residuals of every block, bulk and contact terms apart.
+        self.rows, self.entity_maps = rows, maps
         self._R = [[fem.form(f, entity_maps=maps) for f in row] for row in rows]
 
     def _derivative(self, row: Any, j: int, maps: Any) -> fem.Form:
@@ -219,9 +221,9 @@ class ContactProblem:
             s.status = status
 
     @contextmanager
-    def held_status(self) -> Iterator[None]:
+    def status_held(self, hold: bool = True) -> Iterator[None]:
         """Keep the status as it is while the context lasts: H is then one smooth piece."""
-        held, self.hold_status = self.hold_status, True
+        held, self.hold_status = self.hold_status, hold
         try:
             yield
         finally:
@@ -251,6 +253,37 @@ class ContactProblem:
                 bc.set(c.array, values[i], -self.stiffness_scale)
             parts.append(c.array[: self._owned[i]])
         b.array[:] = np.concatenate(parts)
+
+    def assemble_rates(
+        self,
+        rates: Sequence[Sequence[fem.Form | None]],
+        dirichlet_rates: npt.NDArray[np.float64],
+        c: PETSc.Vec,
+    ) -> None:
+        """The derivative of H by a parameter into ``c``, at the Functions as they are. Collective.
+
+        Args:
+            rates: derivatives of `rows`, None where a row does not depend on the parameter.
+            dirichlet_rates: derivatives of the Dirichlet values on the local displacement dofs. On
+                the free rows they act through the stiffness, as the values do in `residual`.
+            c: receives the derivative.
+        """
+        at = [values.copy() for values in self._scaled_fields()]
+        fixed = self.constraints.fixed.reshape(-1)
+        prescribed = self.constraints.values(fill=0.0).reshape(-1)
+        at[0] = np.where(fixed, prescribed - dirichlet_rates, at[0])
+        parts = []
+        for i, (forms, v) in enumerate(zip(rates, self._scratch, strict=True)):
+            v.array[:] = 0.0
+            for form in forms:
+                if form is not None:
+                    fem.assemble_vector(v.array, form)
+            fem.apply_lifting(v.array, self._J[i], self._bcs_by_block, x0=at, alpha=-1.0)
+            v.scatter_reverse(la.InsertMode.add)
+            for bc in self._bcs_by_block[i]:
+                bc.set(v.array, at[i], -self.stiffness_scale)
+            parts.append(v.array[: self._owned[i]])
+        c.array[:] = np.concatenate(parts)
 
     @staticmethod
     def _accumulated(c: la.Vector) -> npt.NDArray[np.float64]:

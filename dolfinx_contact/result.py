@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from dolfinx_contact.solvers.newton import Attempt, Step
     from dolfinx_contact.surface import ContactSurface
 
-__all__ = ["ContactTable", "Result", "collect"]
+__all__ = ["ContactTable", "Result", "by_coordinates", "collect"]
 
 
 @dataclass(frozen=True)
@@ -230,11 +230,11 @@ def _table(
         "bound": s.friction_bound()[:n] * area,
     }
     gathered = {k: np.concatenate(s.comm.allgather(v)) for k, v in columns.items()}
-    order = _by_coordinates(gathered["x"])
+    order = by_coordinates(gathered["x"])
     return ContactTable(s.name, s.dim, **{k: v[order] for k, v in gathered.items()})
 
 
-def _by_coordinates(x: npt.NDArray[np.float64]) -> npt.NDArray[np.intp]:
+def by_coordinates(x: npt.NDArray[np.float64]) -> npt.NDArray[np.intp]:
     """Order by x, then y, then z, blind to round-off."""
     size = np.ptp(x, axis=0).max(initial=0.0) or 1.0
     rounded = np.round((x - x.min(axis=0)) / size, 9)

@@ -236,12 +236,27 @@ class ContactSurface:
         self._stick.x.array[:] = status.stick
         self._slip.x.array[:] = status.slip
 
+    def set_owned_status(self, status: Status) -> None:
+        """Set the status of the owned points; ghosts follow. Collective."""
+        n = self.num_owned_points
+        for f, values in (
+            (self._active, status.active),
+            (self._stick, status.stick),
+            (self._slip, status.slip),
+        ):
+            f.x.array[:n] = values
+            f.x.scatter_forward()
+
+    def augmented_values(
+        self,
+    ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+        """p, the shear (along t in 2D, a norm in 3D) and b(p) at the local points. Collective."""
+        p, shear, bound = self._status_data()
+        return p, np.sqrt(np.maximum(shear, 0.0)) if self.dim == 3 else shear, bound
+
     def evaluate_status(self) -> Status:
         """Status that the present displacement and multiplier ask for. Collective."""
-        p, shear, bound = self._status_data()
-        if self.dim == 3:
-            shear = np.sqrt(np.maximum(shear, 0.0))
-        return classify(p, shear, bound, self.law, self.dim)
+        return classify(*self.augmented_values(), self.law, self.dim)
 
     def touching_status(self, tolerance: float) -> Status:
         """Status in which every point whose present gap is at most ``tolerance`` sticks."""
@@ -332,8 +347,8 @@ class ContactSurface:
         return np.asarray(count.array.reshape(-1, self.dim) == 0)
 
     @property
-    def averaging_stiffness(self) -> float:
-        """Factor of the averaging row of the mixed method, stiffness per area."""
+    def mean_augmentation(self) -> float:
+        """Mean of r over the vertices, stiffness per area."""
         return float(self._average_stiffness.value)
 
     def row_measures(self, b: npt.NDArray[np.float64]) -> RowMeasures:

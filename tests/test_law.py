@@ -88,7 +88,7 @@ def remainders(problem, x, seed):
     x.array[: len(fixed)][fixed] = values[fixed]
     problem.read(x)
     problem.update_status()
-    with problem.held_status():
+    with problem.status_held():
         b0, b1, y = (problem.create_vector() for _ in range(3))
         problem.residual(x, b0)
         problem.jacobian(x, problem.matrix)

@@ -278,7 +278,7 @@ def body_3d(data: Data, file: str) -> None:
     eye = 0.5 * along - across + 0.33 * up
     target = centre - 0.1 * size * up
     plotter.camera_position = [target + 2.3 * size * eye, target, up]
-    plotter.camera.zoom(1.5)
+    plotter.camera.zoom(1.42)
     plotter.enable_anti_aliasing("ssaa")
     plotter.add_text(str(data["title"]), position="upper_edge", font_size=16, color=INK)
     plotter.screenshot(file)

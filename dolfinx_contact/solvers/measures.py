@@ -72,7 +72,7 @@ class Scales:
             lengths.append(float(np.max(-s.vertex_gaps, initial=0.0)))
             start += len(s.unknowns)
             if s.average is not None:
-                constraint.append(_largest(parts[start - 1] / s.averaging_stiffness))
+                constraint.append(_largest(parts[start - 1] / s.mean_augmentation))
         values = np.array([max(forces), max(lengths), force, max(constraint), max(cone)])
         # np.maximum carries NaN over to every rank.
         values = p.comm.allreduce(values, op=np.maximum)

@@ -34,7 +34,7 @@ def pivot(solver: Newton, x: PETSc.Vec, attempt: Attempt) -> bool:
     problem.read(x)
     problem.update_status()
     for _ in range(20 + 4 * min(points, 100)):
-        with problem.held_status():
+        with problem.status_held():
             solved = solver.run(x, attempt)
             if not solved and not np.isfinite(attempt.steps[-1].measures.worst):
                 return False

@@ -1,0 +1,268 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""A contact problem with a parameter, as a system that the continuation can follow.
+
+The parameter gamma is a Constant of the user's forms: a factor of the load, a material or friction
+coefficient, a position of an obstacle. Dirichlet data may depend on it as well. The derivative of H
+by gamma is exact, by UFL.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+import ufl
+from dolfinx import fem
+
+from dolfinx_contact._compat import interpolation_points
+from dolfinx_contact.continuation import Events, Piece
+from dolfinx_contact.laws import Status
+from dolfinx_contact.problem import ContactProblem
+from dolfinx_contact.result import by_coordinates
+from dolfinx_contact.solvers.measures import Scales
+from dolfinx_contact.surface import ContactSurface
+
+__all__ = ["ParametricContact"]
+
+_OPEN, _STICK, _PLUS, _MINUS = range(4)
+
+
+class ParametricContact:
+    """H(x, gamma) = 0 for a contact problem, with the statuses of contact points as pieces.
+
+    Statuses are 0 open, 1 stick, 2 slip with u_t > 0, 3 slip with u_t < 0; in 3D, 2 is slip.
+
+    Args:
+        problem: the contact problem; its Functions follow what is evaluated.
+        gamma: the parameter, a scalar Constant in the bulk, a law or an obstacle.
+        driven: pairs of a Function used in a Dirichlet condition and the UFL expression of gamma
+            (and position) that it is to have.
+
+    Raises:
+        ValueError: if ``gamma`` is no scalar Constant.
+    """
+
+    def __init__(
+        self,
+        problem: ContactProblem,
+        gamma: fem.Constant,
+        *,
+        driven: Sequence[tuple[fem.Function, Any]] = (),
+    ):
+        if not isinstance(gamma, fem.Constant) or gamma.ufl_shape != ():
+            raise ValueError("gamma must be a scalar Constant")
+        self.problem, self.constant, self.comm = problem, gamma, problem.comm
+        self.matrix = problem.matrix
+        self._scales = Scales(problem)
+        variable = ufl.variable(gamma)
+        self._rates = [
+            [_rate(row, gamma, variable, problem.entity_maps) for row in rows]
+            for rows in problem.rows
+        ]
+        self._driven = [_Driven(f, expression, gamma, variable) for f, expression in driven]
+        self._metric = self._mass()
+        counts = [s.num_owned_points for s in problem.surfaces]
+        #: Owned points that Dirichlet data clamp: they have no status of their own.
+        self._clamped = np.concatenate(
+            [
+                clamped[:n] if s.method != "integral" else np.zeros(n, dtype=bool)
+                for s, clamped, n in zip(
+                    problem.surfaces, problem.constraints.clamped, counts, strict=True
+                )
+            ]
+        )
+        self._offsets = np.concatenate([[0], np.cumsum(counts)]).astype(int)
+
+    def _mass(self) -> PETSc.Mat:
+        """Mass matrix of the displacement over the volume and the square of the body's size."""
+        from dolfinx.fem.petsc import assemble_matrix
+
+        problem = self.problem
+        u, v = ufl.TrialFunction(problem.V), ufl.TestFunction(problem.V)
+        one = fem.Constant(problem.V.mesh, 1.0)
+        volume = self.comm.allreduce(float(np.real(fem.assemble_scalar(fem.form(one * ufl.dx)))))
+        mass = assemble_matrix(fem.form(ufl.inner(u, v) * ufl.dx))
+        mass.assemble()
+        mass.scale(1.0 / (volume * problem.body_size**2))
+        self._mass_in, self._mass_out = mass.createVecRight(), mass.createVecLeft()
+        return mass
+
+    # -- System ----------------------------------------------------------------------------------
+
+    def create_vector(self) -> PETSc.Vec:
+        return self.problem.create_vector()
+
+    def residual(self, x: PETSc.Vec, gamma: float, b: PETSc.Vec, piece: Piece | None) -> None:
+        self._set(gamma, piece)
+        with self.problem.status_held(piece is not None):
+            self.problem.residual(x, b)
+
+    def jacobian(self, x: PETSc.Vec, gamma: float, piece: Piece | None) -> None:
+        self._set(gamma, piece)
+        with self.problem.status_held(piece is not None):
+            self.problem.jacobian(x, self.matrix)
+
+    def parameter_derivative(
+        self, x: PETSc.Vec, gamma: float, c: PETSc.Vec, piece: Piece | None
+    ) -> None:
+        self._set(gamma, piece)
+        problem = self.problem
+        problem.read(x)
+        with problem.status_held(piece is not None):
+            problem.update_status()
+            problem.assemble_rates(self._rates, self._dirichlet_rates(), c)
+
+    def error(self, b: PETSc.Vec) -> float:
+        return self._scales.measure(b).worst
+
+    def metric(self, x: PETSc.Vec, out: PETSc.Vec) -> None:
+        n = self._mass_in.getLocalSize()
+        self._mass_in.array[:] = x.array_r[:n]
+        self._metric.mult(self._mass_in, self._mass_out)
+        out.set(0.0)
+        out.array[:n] = self._mass_out.array_r
+
+    def piece_at(self, x: PETSc.Vec, gamma: float) -> Piece:
+        self._set(gamma, None)
+        self.problem.read(x)
+        self.problem.update_status()
+        return self._piece([s.status for s in self.problem.surfaces])
+
+    def events(self, x: PETSc.Vec, gamma: float, piece: Piece) -> Events:
+        self._set(gamma, piece)
+        self.problem.read(x)
+        parts = [_events(s, piece.codes[a:b], a) for s, a, b in self._parts()]
+        distance, point, target = (np.concatenate(column) for column in zip(*parts, strict=True))
+        free = ~self._clamped[point]
+        return Events(distance[free], point[free], target[free])
+
+    def statuses(self, point: int) -> Sequence[int]:
+        surface = self.problem.surfaces[np.searchsorted(self._offsets, point, side="right") - 1]
+        return (_OPEN, _STICK, _PLUS, _MINUS) if surface.dim == 2 else (_OPEN, _STICK, _PLUS)
+
+    # -- pieces ----------------------------------------------------------------------------------
+
+    def letters(self, piece: Piece) -> str:
+        """Statuses of all points of all surfaces, in order of coordinates. Collective."""
+        words = []
+        for s, a, b in self._parts():
+            names = np.array(list("ok+-" if s.dim == 2 else "oks"))
+            letters = np.where(self._clamped[a:b], "d", names[piece.codes[a:b]])
+            places = np.concatenate(self.comm.allgather(s.positions[: b - a]))
+            word = np.concatenate(self.comm.allgather(letters))
+            words += word[by_coordinates(places)].tolist()
+        return "".join(words)
+
+    def _parts(self) -> Iterator[tuple[ContactSurface, int, int]]:
+        """Surfaces with the range of their points among the local points."""
+        ends = self._offsets[1:]
+        return zip(self.problem.surfaces, self._offsets[:-1], ends, strict=True)
+
+    def _piece(self, statuses: Sequence[Status]) -> Piece:
+        codes = []
+        for s, status in zip(self.problem.surfaces, statuses, strict=True):
+            n = s.num_owned_points
+            slip = np.where(status.slip[:n] > 0, _MINUS, _PLUS) if s.dim == 2 else _PLUS
+            closed = np.where(status.stick[:n] > 0, _STICK, slip)
+            codes.append(np.where(status.active[:n] > 0, closed, _OPEN))
+        return Piece(np.where(self._clamped, _OPEN, np.concatenate(codes)).astype(np.int8))
+
+    def _set(self, gamma: float, piece: Piece | None) -> None:
+        """Put gamma, Dirichlet data and the statuses of ``piece`` into the problem. Collective."""
+        self.constant.value = gamma
+        for d in self._driven:
+            d.function.interpolate(d.value)
+        if piece is None:
+            return
+        for s, a, b in self._parts():
+            codes = piece.codes[a:b]
+            slip = np.where(codes == _MINUS, 1.0, np.where(codes == _PLUS, -1.0, 0.0))
+            closed, stuck = (codes != _OPEN).astype(float), (codes == _STICK).astype(float)
+            s.set_owned_status(Status(closed, stuck, slip if s.dim == 2 else np.abs(slip)))
+
+    def _dirichlet_rates(self) -> npt.NDArray[np.float64]:
+        """Derivatives of Dirichlet values by gamma on the local displacement dofs, 0 elsewhere."""
+        problem = self.problem
+        if not self._driven:
+            return np.zeros_like(problem.u.x.array)
+        kept = [d.function.x.array.copy() for d in self._driven]
+        fixed = problem.constraints.values(fill=0.0)
+        for d, values in zip(self._driven, kept, strict=True):
+            d.function.interpolate(d.rate)
+            d.function.x.array[:] += values
+        moved = problem.constraints.values(fill=0.0)
+        for d, values in zip(self._driven, kept, strict=True):
+            d.function.x.array[:] = values
+        return np.asarray(moved - fixed).reshape(-1)
+
+    def destroy(self) -> None:
+        """Free the PETSc objects made here."""
+        for thing in (self._metric, self._mass_in, self._mass_out):
+            thing.destroy()
+
+
+class _Driven:
+    """A Function of Dirichlet data with its value and rate as interpolable expressions."""
+
+    def __init__(self, function: fem.Function, expression: Any, gamma: fem.Constant, variable: Any):
+        points = interpolation_points(function.function_space)
+        expression = ufl.as_ufl(expression)
+        rate = ufl.diff(ufl.replace(expression, {gamma: variable}), variable)
+        self.function = function
+        self.value = fem.Expression(expression, points)
+        self.rate = fem.Expression(rate, points)
+
+
+def _rate(row: ufl.Form, gamma: fem.Constant, variable: Any, maps: Any) -> fem.Form | None:
+    """The derivative of a row by gamma, compiled; None if gamma is not in it."""
+    if gamma not in row.constants():
+        return None
+    rate = ufl.algorithms.expand_derivatives(
+        ufl.diff(ufl.replace(row, {gamma: variable}), variable)
+    )
+    return None if rate.empty() else fem.form(rate, entity_maps=maps)
+
+
+def _events(
+    s: ContactSurface, codes: npt.NDArray[np.int8], offset: int
+) -> tuple[npt.NDArray[Any], ...]:
+    """Distances of the owned points of a surface to their next status, in units of length.
+
+    On a held piece: an open point may close (p = 0) and then slips against its displacement; a
+    stuck or slipping one may open; a stuck one may reach its friction bound; the shear of a
+    slipping one may fall below it.
+    """
+    n = len(codes)
+    p, shear, bound = (values[:n] for values in s.augmented_values())
+    unit = 1.0 / s.mean_augmentation
+    points = np.arange(n, dtype=np.int32) + offset
+    opens, sticks = codes == _OPEN, codes == _STICK
+    slips = (codes == _PLUS) | (codes == _MINUS)
+    if s.dim == 2:
+        sense = np.where(codes == _MINUS, 1.0, -1.0)
+        towards = np.where(shear > 0, _MINUS, _PLUS)
+        parts = [
+            (opens, -p, towards),
+            (~opens, p, _OPEN),
+            (sticks, bound - shear, _MINUS),
+            (sticks, bound + shear, _PLUS),
+            (slips, sense * shear - bound, _STICK),
+        ]
+    else:
+        parts = [
+            (opens, -p, _PLUS),
+            (~opens, p, _OPEN),
+            (sticks, bound - shear, _PLUS),
+            (slips, shear - bound, _STICK),
+        ]
+    distance = np.concatenate([(unit * d)[mask] for mask, d, _ in parts])
+    point = np.concatenate([points[mask] for mask, _, _ in parts])
+    target = np.concatenate(
+        [np.broadcast_to(np.asarray(t, dtype=np.int8), (n,))[mask] for mask, _, t in parts]
+    )
+    return distance, point, target
