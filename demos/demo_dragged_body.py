@@ -56,7 +56,7 @@ def arguments(argv=None):
     parser.add_argument("--output", default="output/dragged_body")
     args = parser.parse_args(argv)
     if args.size is None:
-        args.size = 0.045 if args.degree == 1 else 0.1
+        args.size = 0.05 if args.degree == 1 else 0.1
     if not 0.01 <= args.size <= 0.5:
         parser.error("--size must lie between 0.01 and 0.5")
     return args

@@ -255,6 +255,7 @@ def _draw_apart(kind: str, data: Mapping[str, Any], file: Path) -> str | None:
         if done.returncode == 0:
             part.replace(file)
             return None
+        part.unlink(missing_ok=True)
     except (OSError, subprocess.TimeoutExpired) as error:
         return str(error)
     said = done.stderr.decode(errors="replace").strip().splitlines()

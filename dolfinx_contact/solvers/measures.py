@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Measures", "Scales"]
 
+_ROUND_OFF = 1e-4
+
 
 @dataclass(frozen=True)
 class Measures:
@@ -78,7 +80,8 @@ class Scales:
         values = p.comm.allreduce(values, op=np.maximum)
         self.force = max(self.force, float(values[0]))
         self.length = max(self.length, float(values[1]), 1e-14 * p.body_size)
-        force_scale = self.force or 1.0
+        # Where a body moves without resistance, forces are the round-off of stiffness times motion.
+        force_scale = max(self.force, _ROUND_OFF * p.stiffness_scale * self.length)
         return Measures(values[2] / force_scale, values[3] / self.length, values[4] / force_scale)
 
 

@@ -1,0 +1,171 @@
+"""Contact problems as systems: the derivative by gamma, and branches with known folds."""
+
+from mpi4py import MPI
+
+import demo_single_element
+import numpy as np
+import pytest
+from blocks import box, facets
+
+import ufl
+from dolfinx import fem
+
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace
+from dolfinx_contact.continuation import Piece, StepControl, follow
+from dolfinx_contact.materials import LinearElastic, NeoHookean
+from dolfinx_contact.parametric import ParametricContact
+
+COMM = MPI.COMM_WORLD
+
+
+def driven_block(kind, cell="quad", n=4, material=None, comm=COMM):
+    """A block whose parameter is of the given kind, with the starting value of gamma."""
+    domain = box(comm, n, cell)
+    dim = domain.geometry.dim
+    V = fem.functionspace(domain, ("Lagrange", 1, (dim,)))
+    u, top = fem.Function(V), fem.Function(V)
+    gamma = fem.Constant(domain, 0.5)
+    x = ufl.SpatialCoordinate(domain)
+    energy = (material or LinearElastic.from_young(1000.0, 0.3)).energy(u) * ufl.dx
+    friction, point, driven = 0.3, fem.Constant(domain, (0.0,) * dim), []
+    move = ufl.as_vector([0.004, *[0.0] * (dim - 2), -0.01 - 0.001 * x[0]])
+    if kind == "load":
+        energy -= gamma**2 * ufl.dot(ufl.as_vector([3.0, *[0.0] * (dim - 2), -2.0]), u) * ufl.dx
+    elif kind == "friction":
+        friction = 0.2 * gamma
+    elif kind == "obstacle":
+        point = ufl.as_vector([*[0.0] * (dim - 1), 0.005 * gamma])
+    elif kind == "dirichlet":
+        move = ufl.sin(gamma) * move
+        driven = [(top, move)]
+    points = V.element.interpolation_points
+    points = points() if callable(points) else points
+    top.interpolate(fem.Expression(move, points))
+    held = fem.locate_dofs_topological(V, dim - 1, facets(domain, dim - 1, 1.0))
+    surface = ContactSurface(
+        u,
+        facets(domain, dim - 1, 0.0),
+        obstacle=HalfSpace(point, np.eye(dim)[-1]),
+        law=Coulomb(friction),
+    )
+    problem = ContactProblem(energy, u, [surface], bcs=[fem.dirichletbc(top, held)])
+    return ParametricContact(problem, gamma, driven=driven)
+
+
+@pytest.mark.parametrize("kind", ["load", "friction", "obstacle", "dirichlet"])
+@pytest.mark.parametrize("material", [None, NeoHookean(600.0, 400.0)])
+def test_derivative_by_gamma(kind, material):
+    """dH/dgamma against central differences on a held piece, second order in the step."""
+    system = driven_block(kind, material=material)
+    problem, gamma = system.problem, 0.7
+    problem.solve()
+    x, b, c, d = (system.create_vector() for _ in range(4))
+    problem.write(x)
+    if kind == "dirichlet":
+        system._set(gamma, None)
+        problem.u.x.array[:] = np.where(
+            problem.constraints.fixed.reshape(-1),
+            problem.constraints.values(fill=0.0).reshape(-1),
+            problem.u.x.array,
+        )
+        problem.write(x)
+    piece = system.piece_at(x, gamma)
+    system.parameter_derivative(x, gamma, c, piece)
+    assert c.norm() > 0
+    errors = []
+    for h in (1e-2, 5e-3):
+        system.residual(x, gamma + h, b, piece)
+        system.residual(x, gamma - h, d, piece)
+        b.axpy(-1.0, d)
+        b.scale(1 / (2 * h))
+        b.axpy(-1.0, c)
+        errors.append(b.norm() / c.norm())
+    assert errors[1] < 1e-4
+    assert errors[1] < 0.3 * errors[0] or errors[1] < 1e-9
+
+
+def test_single_element(folder):
+    """Hild's triangle along a load: folds where the closed form has them, and no bifurcation."""
+    summary = demo_single_element.main(["--output", str(folder)])
+    folds = [f["gamma"] for f in summary["folds"]]
+    np.testing.assert_allclose(folds, [0.625, 346 / 182 / 4], atol=1e-10)
+    assert [(f["before"], f["after"]) for f in summary["folds"]] == [("k", "-"), ("-", "o")]
+    assert summary["bifurcations"] == 0
+    np.testing.assert_allclose(summary["folds_closed_form"], folds, atol=1e-10)
+    assert len(summary["solutions_at"]["solutions"]) == 3
+    assert (folder / "branch.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize("factor", [0.1, 10.0])
+def test_single_element_with_other_steps_and_units(factor, folder):
+    options = ["--output", str(folder), "--step-factor", str(factor)]
+    other = [
+        "--lame",
+        "100e9",
+        "82e9",
+        "--load-direction",
+        "-4e9",
+        "0",
+        "--load-start",
+        "0",
+        "-1e9",
+    ]
+    for extra in ([], [*other, "--length", "1e3"]):
+        summary = demo_single_element.main([*options, *extra])
+        folds = [f["gamma"] for f in summary["folds"]]
+        np.testing.assert_allclose(folds, [0.625, 346 / 182 / 4], atol=1e-10)
+
+
+@pytest.mark.parametrize("cell", ["quad", "tet"])
+def test_first_contact_and_slip_of_a_block(cell):
+    """A block moved down by gamma until it touches: every event, and the solution at the end."""
+    dim = 2 if cell == "quad" else 3
+    branches = []
+    for comm in (COMM, MPI.COMM_SELF):
+        domain = box(comm, 3, cell)
+        V = fem.functionspace(domain, ("Lagrange", 1, (dim,)))
+        u, top = fem.Function(V), fem.Function(V)
+        gamma = fem.Constant(domain, 0.0)
+        x = ufl.SpatialCoordinate(domain)
+        tilt = 1.0 + 0.1 * x[0] + 0.037 * x[dim - 2]
+        move = ufl.as_vector([0.004 * gamma, *[0.0] * (dim - 2), -0.01 * gamma * tilt])
+        held = fem.locate_dofs_topological(V, dim - 1, facets(domain, dim - 1, 1.0))
+        floor = HalfSpace((*[0.0] * (dim - 1), -0.002), np.eye(dim)[-1])
+        surface = ContactSurface(u, facets(domain, dim - 1, 0.0), obstacle=floor, law=Coulomb(0.3))
+        energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
+        problem = ContactProblem(energy, u, [surface], bcs=[fem.dirichletbc(top, held)])
+        system = ParametricContact(problem, gamma, driven=[(top, move)])
+        start = problem.create_vector()
+        problem.solve()
+        problem.write(start)
+        branch = follow(system, start, 0.0, gamma_range=(-0.1, 1.0))
+        branches.append((system, branch))
+        assert branch.reason == "gamma reached the end of its range"
+        # The same solution as a solve at the end of the range.
+        end = branch.points[-1]
+        whole = problem.solve()
+        assert whole.iterations <= 1
+        assert system.letters(end.piece) == whole.tables["contact"].status
+    (system, branch), (other, alone) = branches
+    events = np.array([s.gamma for s in branch.special])
+    assert len(events) >= 3
+    np.testing.assert_allclose(events, [s.gamma for s in alone.special], atol=1e-10)
+    gammas = [[p.gamma for p in b.points] for b in (branch, alone)]
+    np.testing.assert_allclose(*gammas, atol=1e-8)
+    for a, b in zip(branch.points, alone.points, strict=True):
+        assert system.letters(a.piece) == other.letters(b.piece)
+
+
+def test_gamma_must_be_a_scalar_constant():
+    system = driven_block("load")
+    with pytest.raises(ValueError, match="scalar Constant"):
+        ParametricContact(system.problem, 0.5)
+    with pytest.raises(ValueError, match="scalar Constant"):
+        ParametricContact(system.problem, fem.Constant(system.problem.V.mesh, (1.0, 2.0)))
+    absent = ParametricContact(system.problem, fem.Constant(system.problem.V.mesh, 1.0))
+    system.problem.solve()
+    x = system.create_vector()
+    system.problem.write(x)
+    with pytest.raises(ValueError, match="gamma does not appear in H"):
+        follow(absent, x, 0.0, gamma_range=(0.0, 1.0), control=StepControl())
+    assert isinstance(system.piece_at(x, 0.5), Piece)
