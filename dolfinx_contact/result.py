@@ -22,7 +22,7 @@ from dolfinx import fem
 
 if TYPE_CHECKING:
     from dolfinx_contact.problem import ContactProblem
-    from dolfinx_contact.solvers.newton import Attempt, Step
+    from dolfinx_contact.solvers.history import Attempt, Step
     from dolfinx_contact.surface import ContactSurface
 
 __all__ = ["ContactTable", "Result", "by_coordinates", "collect"]

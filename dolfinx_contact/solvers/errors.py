@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from dolfinx_contact.solvers.newton import Attempt
+    from dolfinx_contact.solvers.history import Attempt
 
 __all__ = ["ConvergenceError", "FloatingBodyError"]
 

@@ -25,7 +25,8 @@ import numpy as np
 from dolfinx_contact._errors import require
 from dolfinx_contact.result import Result, collect
 from dolfinx_contact.solvers.errors import ConvergenceError, FloatingBodyError
-from dolfinx_contact.solvers.newton import Attempt, Newton, Step
+from dolfinx_contact.solvers.history import Attempt, Step
+from dolfinx_contact.solvers.newton import Newton
 from dolfinx_contact.solvers.pivoting import pivot
 
 if TYPE_CHECKING:

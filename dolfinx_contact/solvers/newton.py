@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from petsc4py import PETSc
@@ -20,12 +19,13 @@ import numpy as np
 from dolfinx_contact._petsc import options_in_database
 from dolfinx_contact.laws import Status
 from dolfinx_contact.solvers.errors import FloatingBodyError
-from dolfinx_contact.solvers.measures import Measures, Scales
+from dolfinx_contact.solvers.history import Attempt, Step
+from dolfinx_contact.solvers.measures import Scales
 
 if TYPE_CHECKING:
     from dolfinx_contact.problem import ContactProblem
 
-__all__ = ["Attempt", "Newton", "Step"]
+__all__ = ["Newton"]
 
 logger = logging.getLogger(__name__)
 
@@ -37,40 +37,6 @@ _DEFAULTS: dict[str, Any] = {
     "pc_factor_mat_solver_type": "mumps",
     "mat_mumps_icntl_14": 80,
 }
-
-
-@dataclass(frozen=True)
-class Step:
-    """One Newton iterate: its residual, and how many points changed status on the way to it."""
-
-    iteration: int
-    measures: Measures
-    flips: int
-    load: float
-
-
-@dataclass
-class Attempt:
-    """One strategy and its history.
-
-    Attributes:
-        strategy: name of the strategy.
-        reason: why it stopped, in words.
-        steps: its Newton iterates.
-        converged: whether it solved the problem.
-        restless: per surface name, coordinates of points that changed status in the last step.
-    """
-
-    strategy: str
-    reason: str = "not started"
-    steps: list[Step] = field(default_factory=list)
-    converged: bool = False
-    restless: dict[str, list[list[float]]] = field(default_factory=dict)
-
-    @property
-    def iterations(self) -> int:
-        """Newton steps taken (the first iterate of every start is none)."""
-        return sum(s.iteration > 0 for s in self.steps)
 
 
 class Newton:

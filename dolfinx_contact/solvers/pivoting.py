@@ -19,7 +19,8 @@ import numpy.typing as npt
 
 if TYPE_CHECKING:
     from dolfinx_contact.problem import ContactProblem
-    from dolfinx_contact.solvers.newton import Attempt, Newton
+    from dolfinx_contact.solvers.history import Attempt
+    from dolfinx_contact.solvers.newton import Newton
 
 __all__ = ["pivot"]
 

@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""What happened in a solve: Newton iterates, and the strategies that made them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from dolfinx_contact.solvers.measures import Measures
+
+__all__ = ["Attempt", "Step"]
+
+
+@dataclass(frozen=True)
+class Step:
+    """One Newton iterate: its residual, and how many points changed status on the way to it."""
+
+    iteration: int
+    measures: Measures
+    flips: int
+    load: float
+
+
+@dataclass
+class Attempt:
+    """One strategy and its history.
+
+    Attributes:
+        strategy: name of the strategy.
+        reason: why it stopped, in words.
+        steps: its Newton iterates.
+        converged: whether it solved the problem.
+        restless: per surface name, coordinates of points that changed status in the last step.
+    """
+
+    strategy: str
+    reason: str = "not started"
+    steps: list[Step] = field(default_factory=list)
+    converged: bool = False
+    restless: dict[str, list[list[float]]] = field(default_factory=dict)
+
+    @property
+    def iterations(self) -> int:
+        """Newton steps taken (the first iterate of every start is none)."""
+        return sum(s.iteration > 0 for s in self.steps)
