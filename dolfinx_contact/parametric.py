@@ -141,6 +141,19 @@ class ParametricContact:
         free = ~self._clamped[point]
         return Events(distance[free], point[free], target[free])
 
+    def probe(self, seed: int) -> PETSc.Vec:
+        parts = []
+        for f, n in zip(self.problem.fields, self.problem.owned_sizes, strict=True):
+            V = f.function_space
+            bs = V.dofmap.index_map_bs
+            # Keyed by coordinates: neither numbering nor ranks matter.
+            places = V.tabulate_dof_coordinates()[: n // bs] / self.problem.body_size
+            phase = places @ np.array([12.9898, 78.233, 37.719]) + seed
+            parts.append(np.sin(43.7585 * (phase[:, None] + np.arange(bs))).reshape(-1))
+        x = self.create_vector()
+        x.array[:] = np.concatenate(parts)
+        return x
+
     def statuses(self, point: int) -> Sequence[int]:
         surface = self.problem.surfaces[np.searchsorted(self._offsets, point, side="right") - 1]
         return (_OPEN, _STICK, _PLUS, _MINUS) if surface.dim == 2 else (_OPEN, _STICK, _PLUS)

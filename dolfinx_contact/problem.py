@@ -92,14 +92,14 @@ class ContactProblem:
         self.matrix = create_block_matrix(self._J)
         spaces = [f.function_space for f in self.fields]
         self._scratch = [la.vector(W.dofmap.index_map, W.dofmap.index_map_bs) for W in spaces]
-        self._owned = [W.dofmap.index_map.size_local * W.dofmap.index_map_bs for W in spaces]
+        self.owned_sizes = [W.dofmap.index_map.size_local * W.dofmap.index_map_bs for W in spaces]
         test_spaces = fem.extract_function_spaces([row[0] for row in self._R])
         self._bcs_by_block = fem.bcs_by_block(test_spaces, self._all_bcs)
         if len(self._bcs_by_block[0]) != len(self.bcs):
             raise ValueError("a Dirichlet condition is not on the space of u or a component of it")
         #: Raw residual of the displacement rows at the last evaluation (local): reactions on
         #: Dirichlet dofs.
-        self.reactions: npt.NDArray[np.float64] = np.zeros(self._owned[0])
+        self.reactions: npt.NDArray[np.float64] = np.zeros(self.owned_sizes[0])
         self.hold_status = False
         x = self.V.mesh.geometry.x
         low = self.comm.allreduce(x.min(axis=0, initial=np.inf), op=np.minimum)
@@ -155,9 +155,9 @@ class ContactProblem:
         K = dolfinx.fem.petsc.assemble_matrix(self.bulk_jacobian)
         K.assemble()
         diagonal = fem.Function(self.V)
-        diagonal.x.array[: self._owned[0]] = np.abs(K.getDiagonal().array)
+        diagonal.x.array[: self.owned_sizes[0]] = np.abs(K.getDiagonal().array)
         diagonal.x.scatter_forward()
-        size = self.comm.allreduce(float(np.sum(diagonal.x.array[: self._owned[0]])))
+        size = self.comm.allreduce(float(np.sum(diagonal.x.array[: self.owned_sizes[0]])))
         count = self.V.dofmap.index_map.size_global * self.V.dofmap.index_map_bs
         require(
             self.comm,
@@ -186,14 +186,14 @@ class ContactProblem:
     def read(self, x: PETSc.Vec) -> None:
         """Put the unknowns ``x`` into the Functions."""
         array, start = x.array_r, 0
-        for f, unit, n in zip(self.fields, self._units, self._owned, strict=True):
+        for f, unit, n in zip(self.fields, self._units, self.owned_sizes, strict=True):
             f.x.array[:n] = float(unit.value) * array[start : start + n]
             f.x.scatter_forward()
             start += n
 
     def write(self, x: PETSc.Vec) -> None:
         """Put the Functions into the unknowns ``x``."""
-        parts = zip(self._scaled_fields(), self._owned, strict=True)
+        parts = zip(self._scaled_fields(), self.owned_sizes, strict=True)
         x.array[:] = np.concatenate([values[:n] for values, n in parts])
 
     def _scaled_fields(self) -> list[npt.NDArray[np.float64]]:
@@ -206,7 +206,7 @@ class ContactProblem:
 
     def blocks(self, x: PETSc.Vec) -> list[npt.NDArray[np.float64]]:
         """Local parts of ``x``, one array per field."""
-        return np.split(x.array_r.copy(), np.cumsum(self._owned)[:-1])
+        return np.split(x.array_r.copy(), np.cumsum(self.owned_sizes)[:-1])
 
     # -- H and its derivative --------------------------------------------------------------------
 
@@ -251,7 +251,7 @@ class ContactProblem:
             c.scatter_reverse(la.InsertMode.add)
             for bc in self._bcs_by_block[i]:
                 bc.set(c.array, values[i], -self.stiffness_scale)
-            parts.append(c.array[: self._owned[i]])
+            parts.append(c.array[: self.owned_sizes[i]])
         b.array[:] = np.concatenate(parts)
 
     def assemble_rates(
@@ -282,7 +282,7 @@ class ContactProblem:
             v.scatter_reverse(la.InsertMode.add)
             for bc in self._bcs_by_block[i]:
                 bc.set(v.array, at[i], -self.stiffness_scale)
-            parts.append(v.array[: self._owned[i]])
+            parts.append(v.array[: self.owned_sizes[i]])
         c.array[:] = np.concatenate(parts)
 
     @staticmethod
@@ -310,7 +310,7 @@ class ContactProblem:
         f, reaction = fem.Function(self.V), fem.Function(self.V)
         fem.assemble_vector(f.x.array, work)
         f.x.scatter_reverse(la.InsertMode.add)
-        reaction.x.array[: self._owned[0]] = self.reactions
+        reaction.x.array[: self.owned_sizes[0]] = self.reactions
         for g in (f, reaction):
             g.x.scatter_forward()
         nodes = s.vertex_trace_dofs[: len(clamped)]

@@ -1,10 +1,12 @@
 """The continuation on systems whose diagrams are known."""
 
+from mpi4py import MPI
+
 import numpy as np
 import pytest
 from textbook import Textbook, one_node, smooth
 
-from dolfinx_contact.continuation import Follower, StepControl, follow
+from dolfinx_contact.continuation import Events, Follower, Piece, StepControl, follow
 
 
 def start(system, values):
@@ -164,6 +166,138 @@ def test_correctors_agree():
         assert w.norm() < 1e-9
         z.axpy(-1.0, y)
         assert z.norm() < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("name", "H", "J", "c", "other"),
+    [
+        (
+            "pitchfork",
+            lambda x, g: g * x - x**3,
+            lambda x, g: [[g - 3 * x[0] ** 2]],
+            lambda x, g: [x[0]],
+            lambda x, g: g - x**2,
+        ),
+        (
+            "transcritical",
+            lambda x, g: g * x - x**2,
+            lambda x, g: [[g - 2 * x[0]]],
+            lambda x, g: [x[0]],
+            lambda x, g: g - x,
+        ),
+    ],
+)
+def test_smooth_bifurcations(name, H, J, c, other):
+    """From the trivial branch: found, located to 1e-8, and branched off both ways."""
+    system = smooth(1, H, J, c)
+    with Follower(system, StepControl(), gamma_scale=2.0) as follower:
+        begin = follower.start(start(system, [0.0]), -1.0)
+        branch = follower.run(begin, (-1.0, 1.013))
+        (special,) = branch.special
+        assert special.kind == "bifurcation"
+        assert special.smooth
+        assert abs(special.gamma) < 1e-8
+        ends = []
+        for ray in special.others:
+            point = follower.branch_off(special, ray)
+            away = follower.run(point, (-0.5, 0.5))
+            x, g = values(system, away.points[-1])
+            assert abs(x[0]) > 0.1
+            assert abs(other(x[0], g)) < 1e-9
+            ends.append(np.sign(x[0]))
+        assert sorted(ends) == [-1, 1]
+    assert name
+
+
+def test_bratu():
+    """-u'' = g exp(u) on (0, 1): the fold at 3.513830719, and no bifurcation."""
+    system = bratu(200)
+    x = system.create_vector()
+    x.set(0.0)
+    branch = follow(system, x, 0.0, gamma_range=(0.0, 4.0), max_steps=200)
+    (fold,) = branch.special
+    assert fold.kind == "fold"
+    assert fold.smooth
+    assert abs(fold.gamma - 3.513830719) < 1e-8
+    assert branch.points[-1].gamma == pytest.approx(0.0, abs=1e-9) or branch.points[-1].gamma < 3
+
+
+class bratu:
+    """The Bratu problem in 1D with P4 elements."""
+
+    def __init__(self, n):
+        import ufl
+        from dolfinx import fem, la, mesh
+        from dolfinx.fem.petsc import assemble_matrix
+
+        self.comm = MPI.COMM_WORLD
+        domain = mesh.create_unit_interval(self.comm, n)
+        V = fem.functionspace(domain, ("Lagrange", 4))
+        self._u, v = fem.Function(V), ufl.TestFunction(V)
+        self._g = fem.Constant(domain, 0.0)
+        source = ufl.exp(self._u) * v * ufl.dx
+        R = self._u.dx(0) * v.dx(0) * ufl.dx - self._g * source
+        self._R, self._c = fem.form(R), fem.form(-source)
+        self._J = fem.form(ufl.derivative(R, self._u, ufl.TrialFunction(V)))
+        ends = fem.locate_dofs_geometrical(V, lambda x: np.isclose(x[0] * (1 - x[0]), 0))
+        self._bc = fem.dirichletbc(0.0, ends, V)
+        self._n = V.dofmap.index_map.size_local
+        self._ends = ends[ends < self._n]
+        self._assemble_matrix, self._add = assemble_matrix, la.InsertMode.add
+        self._fem, self._scratch = fem, la.vector(V.dofmap.index_map, 1)
+        self._places = V.tabulate_dof_coordinates()[: self._n, 0]
+        self.matrix = assemble_matrix(self._J, bcs=[self._bc])
+        self.matrix.assemble()
+
+    def create_vector(self):
+        return self.matrix.createVecRight()
+
+    def _put(self, x, gamma):
+        self._u.x.array[: self._n] = x.array_r
+        self._u.x.scatter_forward()
+        self._g.value = gamma
+
+    def _vector(self, form, at_ends, out):
+        b = self._scratch
+        b.array[:] = 0.0
+        self._fem.assemble_vector(b.array, form)
+        b.scatter_reverse(self._add)
+        out.array[:] = b.array[: self._n]
+        out.array[self._ends] = at_ends
+
+    def residual(self, x, gamma, b, _piece):
+        self._put(x, gamma)
+        self._vector(self._R, self._u.x.array[self._ends], b)
+
+    def jacobian(self, x, gamma, _piece):
+        self._put(x, gamma)
+        self.matrix.zeroEntries()
+        self._assemble_matrix(self.matrix, self._J, bcs=[self._bc])
+        self.matrix.assemble()
+
+    def parameter_derivative(self, x, gamma, c, _piece):
+        self._put(x, gamma)
+        self._vector(self._c, 0.0, c)
+
+    def error(self, b):
+        return 1e-2 * b.norm()
+
+    def metric(self, x, out):
+        x.copy(out)
+
+    def probe(self, seed):
+        x = self.create_vector()
+        x.array[:] = np.sin(seed + 9 * self._places)
+        return x
+
+    def piece_at(self, _x, _gamma):
+        return Piece(np.zeros(0, dtype=np.int8))
+
+    def events(self, _x, _gamma, _piece):
+        return Events(np.zeros(0), np.zeros(0, np.int32), np.zeros(0, np.int8))
+
+    def statuses(self, _point):
+        return ()
 
 
 def test_parity_is_that_of_mumps():

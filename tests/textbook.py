@@ -86,6 +86,11 @@ class Textbook:
         d, i, target = zip(*flat, strict=True) if flat else ((), (), ())
         return Events(np.array(d, float), np.array(i, np.int32), np.array(target, np.int8))
 
+    def probe(self, seed):
+        x = self.create_vector()
+        x.array[:] = np.sin(seed + 1.7 * np.arange(self.n))[self._start : self._end]
+        return x
+
     def statuses(self, _point):
         return self._statuses
 

@@ -47,6 +47,8 @@ class Bordered:
         self.gamma_scale = gamma_scale
         #: Square of the length of x that counts as 1; 0 until a tangent moves x.
         self.x_scale = 0.0
+        #: Set when `x_scale` is; whoever notices resets it.
+        self.x_scale_is_new = False
         #: Factorisations and solves so far.
         self.factorisations = self.solves = 0
         one = int(self._last)
@@ -118,6 +120,12 @@ class Bordered:
         length, noise = float(self._w.dot(x)), 1e-20 * float(x.dot(x)) / self._size
         if self.x_scale == 0.0 and length > noise and gamma != 0:
             self.x_scale = length * (self.gamma_scale / gamma) ** 2
+            self.x_scale_is_new = True
+
+    def require_scale(self) -> None:
+        """See that x has a scale: 1 in the metric of the system if no tangent has moved it yet."""
+        if self.x_scale == 0.0:
+            self.x_scale, self.x_scale_is_new = 1.0, True
 
     # -- linear algebra --------------------------------------------------------------------------
 

@@ -26,6 +26,7 @@ class BranchPoint:
         gamma: parameter.
         step: length of the step to this point.
         corrections: Newton steps of the corrector.
+        tau: test function of smooth bifurcations; it changes its sign there.
     """
 
     y: PETSc.Vec
@@ -34,6 +35,7 @@ class BranchPoint:
     gamma: float
     step: float
     corrections: int
+    tau: float = float("nan")
 
 
 @dataclass(frozen=True)

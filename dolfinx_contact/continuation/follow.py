@@ -11,13 +11,15 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
+from dataclasses import replace
 
 from petsc4py import PETSc
 
 import numpy as np
 
+from dolfinx_contact.continuation.bifurcation import BifurcationTest
 from dolfinx_contact.continuation.bordered import Bordered
-from dolfinx_contact.continuation.branch import Branch, BranchPoint, SpecialPoint
+from dolfinx_contact.continuation.branch import Branch, BranchPoint, Ray, SpecialPoint
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.crossing import cross
 from dolfinx_contact.continuation.parameters import StepControl
@@ -83,12 +85,14 @@ class Follower:
         self.system, self.control = system, control
         self.bordered = Bordered(system, gamma_scale=gamma_scale)
         self.corrector = Corrector(self.bordered, control)
+        self._test = BifurcationTest(self.bordered)
         self._largest_distance = 0.0
 
     def __enter__(self) -> Follower:
         return self
 
     def __exit__(self, *_: object) -> None:
+        self._test.destroy()
         self.corrector.destroy()
         self.bordered.destroy()
 
@@ -110,10 +114,25 @@ class Follower:
         tangent = self.corrector.tangent(y, sense, piece)
         if tangent is None:
             raise ValueError("the start is a singular point: its tangent is not unique")
-        b.set_scale(tangent)
-        tangent.scale(1.0 / np.sqrt(b.inner(tangent, tangent)))
         sense.destroy()
-        return BranchPoint(y, tangent, piece, b.gamma(y), 0.0, 0)
+        return self._rescaled(BranchPoint(y, tangent, piece, b.gamma(y), 0.0, 0))
+
+    def branch_off(self, special: SpecialPoint, ray: Ray, distance: float = 1e-3) -> BranchPoint:
+        """A point at a small distance from a special point along one of its other rays.
+
+        Raises:
+            ValueError: if no solution is found there.
+        """
+        b = self.bordered
+        y, t = special.y.copy(), ray.tangent.copy()
+        y.axpy(distance, ray.tangent)
+        if not self.corrector.pseudo_arclength(y, special.y, ray.tangent, distance, ray.piece):
+            raise ValueError("no solution was found along the ray; try another distance")
+        tangent = self.corrector.tangent(y, t, ray.piece)
+        if tangent is None:
+            raise ValueError("the branch is singular beside the bifurcation; try another distance")
+        t.destroy()
+        return self._rescaled(BranchPoint(y, tangent, ray.piece, b.gamma(y), distance, 0))
 
     def run(
         self,
@@ -139,7 +158,7 @@ class Follower:
                 branch.reason = "gamma reached the end of its range"
                 break
             for s in special:
-                branch.special.append(_indexed(s, len(branch.points)))
+                branch.special.append(replace(s, index=len(branch.points)))
             branch.points.append(new)
             point = new
             if observer is not None:
@@ -176,11 +195,12 @@ class Follower:
                 return None, [], h
             next_h = h * control.increase if corrections <= control.easy else h
             next_h = min(next_h, control.maximum)
-            new = BranchPoint(y, tangent, point.piece, b.gamma(y), h, corrections)
+            # The factorisation of the tangent serves the test function as well.
+            new = BranchPoint(y, tangent, point.piece, b.gamma(y), h, corrections, self._test())
             if self._least_distance(new) < 0:
                 return self._to_the_border(point, h)
-            self._rescale(new)
-            return new, self._smooth_fold(point, new), next_h
+            special = self._smooth_points(point, new)
+            return self._rescaled(new), special, next_h
         return None, [], h
 
     def _along(self, point: BranchPoint, s: float) -> PETSc.Vec | None:
@@ -243,8 +263,9 @@ class Follower:
         tangent = self.corrector.tangent(y, point.tangent, point.piece)
         if tangent is None:
             return None, [], h
-        here = BranchPoint(y, tangent, point.piece, b.gamma(y), s, self.corrector.iterations)
-        special = self._smooth_fold(point, here)
+        taken = self.corrector.iterations
+        here = BranchPoint(y, tangent, point.piece, b.gamma(y), s, taken, self._test())
+        special = self._smooth_points(point, here)
         tolerance = _AT_BORDER * self._unit(y, point.piece)
         crossing = cross(self.corrector, y, point.piece, tangent, tolerance)
         if crossing is None:
@@ -267,48 +288,84 @@ class Follower:
             )
         )
         new = BranchPoint(y, onwards.tangent, onwards.piece, here.gamma, s, here.corrections)
-        self._rescale(new)
-        return new, special, h
+        return self._rescaled(new), special, h
 
     def _turned(self, t: PETSc.Vec, new: PETSc.Vec) -> bool:
         """Whether gamma turns back between two tangents."""
         a, c = self.bordered.gamma(t), self.bordered.gamma(new)
         return a * c < 0 and min(abs(a), abs(c)) > 1e-9 * self.bordered.gamma_scale
 
-    def _smooth_fold(self, point: BranchPoint, new: BranchPoint) -> list[SpecialPoint]:
-        """The fold between two points of a piece, located where gamma' vanishes."""
-        b = self.bordered
-        if not self._turned(point.tangent, new.tangent):
-            return []
-        s_low, s_high = 0.0, b.inner(point.tangent, new.y) - b.inner(point.tangent, point.y)
-        g_low, g_high = b.gamma(point.tangent), b.gamma(new.tangent)
-        y = new.y
-        for k in range(60):
-            # Secant steps, with a bisection every third so that the bracket shrinks.
-            s = s_low - g_low * (s_high - s_low) / (g_high - g_low)
-            if k % 3 == 2:
-                s = (s_low + s_high) / 2
+    def _smooth_points(self, point: BranchPoint, new: BranchPoint) -> list[SpecialPoint]:
+        """Folds and bifurcations between two points of a piece, in order."""
+        b, special = self.bordered, []
+        end = b.inner(point.tangent, new.y) - b.inner(point.tangent, point.y)
+        if self._turned(point.tangent, new.tangent):
+            slopes = b.gamma(point.tangent), b.gamma(new.tangent)
+            found = self._locate(point, end, slopes, b.gamma)
+            if found is not None:
+                special.append(
+                    (found[0], SpecialPoint("fold", True, b.gamma(found[1]), found[1], 0))
+                )
+        if point.tau * new.tau < 0:
+            found = self._locate(point, end, (point.tau, new.tau), lambda _t: self._test())
+            if found is not None:
+                kernel = self._test.kernel()
+                opposite = kernel.copy()
+                opposite.scale(-1.0)
+                others = (Ray(point.piece, kernel), Ray(point.piece, opposite))
+                at = b.gamma(found[1])
+                crossing = SpecialPoint(
+                    "bifurcation", True, at, found[1], 0, parity=-1, others=others
+                )
+                special.append((found[0], crossing))
+        return [s for _, s in sorted(special, key=lambda pair: pair[0])]
+
+    def _locate(
+        self,
+        point: BranchPoint,
+        end: float,
+        values: tuple[float, float],
+        function: Callable[[PETSc.Vec], float],
+    ) -> tuple[float, PETSc.Vec] | None:
+        """Where between ``point`` and the distance ``end`` a function of the tangent vanishes.
+
+        ``function`` is called when J at the point has been factorised. Secant steps (Illinois), so
+        that the bracket shrinks from both sides.
+        """
+        low, high, (f_low, f_high) = 0.0, end, values
+        y, s, f = None, 0.0, np.inf
+        for _ in range(100):
+            s = low - f_low * (high - low) / (f_high - f_low)
             found = self._along(point, s)
-            tangent = (
-                None if found is None else self.corrector.tangent(found, point.tangent, point.piece)
-            )
+            tangent = None
+            if found is not None:
+                tangent = self.corrector.tangent(found, point.tangent, point.piece)
             if found is None or tangent is None:
                 break
-            y, g = found, b.gamma(tangent)
-            if abs(g) <= 1e-10 * b.gamma_scale:
+            y, f = found, function(tangent)
+            if not np.isfinite(f):
                 break
-            if g * g_low > 0:
-                s_low, g_low = s, g
+            if abs(f) <= 1e-12 * max(abs(v) for v in values) or high - low <= 1e-13 * abs(end):
+                break
+            if f * f_low > 0:
+                low, f_low, f_high = s, f, f_high / 2
             else:
-                s_high, g_high = s, g
-        return [SpecialPoint("fold", True, b.gamma(y), y, 0)]
+                high, f_high, f_low = s, f, f_low / 2
+        # A change of sign through infinity is no zero.
+        return (s, y) if y is not None and abs(f) < 1e-3 * min(abs(v) for v in values) else None
 
-    def _rescale(self, point: BranchPoint) -> None:
-        """Take the scale of x from the first tangent that moves it."""
+    def _rescaled(self, point: BranchPoint) -> BranchPoint:
+        """The point once the scale of x has been taken from the first tangent that moves it."""
         b = self.bordered
         if b.x_scale == 0.0:
             b.set_scale(point.tangent)
         point.tangent.scale(1.0 / np.sqrt(b.inner(point.tangent, point.tangent)))
+        if b.x_scale_is_new or np.isnan(point.tau):
+            # Another border row, another test function.
+            b.x_scale_is_new = False
+            self.corrector.tangent(point.y, point.tangent, point.piece)
+            return replace(point, tau=self._test())
+        return point
 
     def _end_at(self, point: BranchPoint, new: BranchPoint, gamma: float) -> BranchPoint:
         """The point between ``point`` and ``new`` at which gamma has the given value."""
@@ -321,17 +378,16 @@ class Follower:
 
     def _require_parameter(self, y: PETSc.Vec, piece: Piece) -> None:
         x, gamma = self.bordered.split(y)
-        c, size = self.system.create_vector(), 0.0
-        # It may vanish at one gamma without being absent.
-        for shift in (0.0, 1e-3, -1e-3):
+        c, probe, size = self.system.create_vector(), self.system.probe(3), 0.0
+        # It may vanish at one gamma, or on the branch, without being absent.
+        if x.norm() > 0:
+            probe.scale(1e-3 * x.norm() / probe.norm())
+            probe.axpy(1.0, x)
+        for state, shift in ((x, 0.0), (x, 1e-3), (x, -1e-3), (probe, 0.0)):
             at = gamma + shift * self.bordered.gamma_scale
-            self.system.parameter_derivative(x, at, c, piece)
+            self.system.parameter_derivative(state, at, c, piece)
             size += c.norm()
         c.destroy()
+        probe.destroy()
         if not size > 0:
             raise ValueError("gamma does not appear in H: its derivative by gamma vanishes")
-
-
-def _indexed(special: SpecialPoint, index: int) -> SpecialPoint:
-    values = {k: getattr(special, k) for k in special.__dataclass_fields__}
-    return SpecialPoint(**{**values, "index": index})

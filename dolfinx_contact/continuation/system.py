@@ -87,5 +87,8 @@ class System(Protocol):
     def events(self, x: PETSc.Vec, gamma: float, piece: Piece) -> Events:
         """Distances to the borders of ``piece``."""
 
+    def probe(self, seed: int) -> PETSc.Vec:
+        """A new vector with entries like random numbers, the same on any number of ranks."""
+
     def statuses(self, point: int) -> Sequence[int]:
         """All statuses that the local ``point`` can have."""
