@@ -92,6 +92,10 @@ class ParametricContact:
         self._mass_in, self._mass_out = mass.createVecRight(), mass.createVecLeft()
         return mass
 
+    def set_parameter(self, gamma: float) -> None:
+        """Put gamma into the forms and the Dirichlet data, for a solve at this value."""
+        self._set(gamma, None)
+
     # -- System ----------------------------------------------------------------------------------
 
     def create_vector(self) -> PETSc.Vec:
@@ -225,9 +229,13 @@ class _Driven:
     def __init__(self, function: fem.Function, expression: Any, gamma: fem.Constant, variable: Any):
         points = interpolation_points(function.function_space)
         expression = ufl.as_ufl(expression)
-        rate = ufl.diff(ufl.replace(expression, {gamma: variable}), variable)
+        domain = function.function_space.mesh
+        x = ufl.SpatialCoordinate(domain)
+        # FFCx compiles no expression in which nothing but constants occurs.
+        nothing = fem.Constant(domain, 0.0) * (x if expression.ufl_shape else x[0])
+        rate = nothing + ufl.diff(ufl.replace(expression, {gamma: variable}), variable)
         self.function = function
-        self.value = fem.Expression(expression, points)
+        self.value = fem.Expression(expression + nothing, points)
         self.rate = fem.Expression(rate, points)
 
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 
 from petsc4py import PETSc
 
@@ -172,6 +173,25 @@ class Follower:
         logger.info("branch ended: %s", branch.reason)
         return branch
 
+    def at(self, branch: Branch, gamma: float) -> list[BranchPoint]:
+        """The points of ``branch`` at which its parameter is ``gamma``, in order.
+
+        Between two points of the branch gamma is taken to pass a value once.
+        """
+        b, found = self.bordered, []
+        for a, c in pairwise(branch.points):
+            if a.gamma == gamma:
+                found.append(a)
+            elif (a.gamma - gamma) * (c.gamma - gamma) < 0:
+                end = b.inner(a.tangent, c.y) - b.inner(a.tangent, a.y)
+                values = a.gamma - gamma, c.gamma - gamma
+                located = self._locate(a, end, values, lambda y, _t: b.gamma(y) - gamma)
+                if located is not None and self.corrector.natural(located[1], gamma, a.piece):
+                    found.append(BranchPoint(located[1], a.tangent, a.piece, gamma, located[0], 0))
+        if branch.points[-1].gamma == gamma:
+            found.append(branch.points[-1])
+        return found
+
     # -- one step --------------------------------------------------------------------------------
 
     def _step(
@@ -301,13 +321,13 @@ class Follower:
         end = b.inner(point.tangent, new.y) - b.inner(point.tangent, point.y)
         if self._turned(point.tangent, new.tangent):
             slopes = b.gamma(point.tangent), b.gamma(new.tangent)
-            found = self._locate(point, end, slopes, b.gamma)
+            found = self._locate(point, end, slopes, lambda _y, t: b.gamma(t))
             if found is not None:
                 special.append(
                     (found[0], SpecialPoint("fold", True, b.gamma(found[1]), found[1], 0))
                 )
         if point.tau * new.tau < 0:
-            found = self._locate(point, end, (point.tau, new.tau), lambda _t: self._test())
+            found = self._locate(point, end, (point.tau, new.tau), lambda _y, _t: self._test())
             if found is not None:
                 kernel = self._test.kernel()
                 opposite = kernel.copy()
@@ -325,9 +345,9 @@ class Follower:
         point: BranchPoint,
         end: float,
         values: tuple[float, float],
-        function: Callable[[PETSc.Vec], float],
+        function: Callable[[PETSc.Vec, PETSc.Vec], float],
     ) -> tuple[float, PETSc.Vec] | None:
-        """Where between ``point`` and the distance ``end`` a function of the tangent vanishes.
+        """Where between ``point`` and the distance ``end`` a function of y and tangent vanishes.
 
         ``function`` is called when J at the point has been factorised. Secant steps (Illinois), so
         that the bracket shrinks from both sides.
@@ -342,7 +362,7 @@ class Follower:
                 tangent = self.corrector.tangent(found, point.tangent, point.piece)
             if found is None or tangent is None:
                 break
-            y, f = found, function(tangent)
+            y, f = found, function(found, tangent)
             if not np.isfinite(f):
                 break
             if abs(f) <= 1e-12 * max(abs(v) for v in values) or high - low <= 1e-13 * abs(end):
@@ -380,13 +400,12 @@ class Follower:
         x, gamma = self.bordered.split(y)
         c, probe, size = self.system.create_vector(), self.system.probe(3), 0.0
         # It may vanish at one gamma, or on the branch, without being absent.
-        if x.norm() > 0:
-            probe.scale(1e-3 * x.norm() / probe.norm())
-            probe.axpy(1.0, x)
+        probe.scale((1e-3 * x.norm() or 1e-8) / probe.norm())
+        probe.axpy(1.0, x)
         for state, shift in ((x, 0.0), (x, 1e-3), (x, -1e-3), (probe, 0.0)):
             at = gamma + shift * self.bordered.gamma_scale
             self.system.parameter_derivative(state, at, c, piece)
-            size += c.norm()
+            size += float(np.nan_to_num(c.norm(), nan=0.0))
         c.destroy()
         probe.destroy()
         if not size > 0:
