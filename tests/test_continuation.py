@@ -360,3 +360,37 @@ def test_an_exhausted_budget_keeps_what_was_found():
     branch = follow(system, x, 0.0, gamma_range=(-1.0, 5.0), max_steps=3)
     assert len(branch.points) == 4
     assert branch.reason == "the budget of 3 steps is exhausted"
+
+
+def test_a_point_with_too_many_kinks_is_said():
+    """x_i = |g| for twelve i: 2^12 pieces meet at g = 0, and the natural one leads on."""
+    n = 12
+    system = Textbook(
+        n,
+        lambda x, g, s: x - np.where(s, g, -g),
+        lambda x, g, s: np.eye(n),
+        lambda x, g, s: np.where(s, -1.0, 1.0),
+        lambda x, g, s: [[(g if c else -g, 1 - c)] for c in s],
+        lambda x, g: np.full(n, int(g > 0)),
+        (0, 1),
+    )
+    branch = follow(system, start(system, np.ones(n)), -1.0, gamma_range=(-1.0, 1.0))
+    (special,) = branch.special
+    assert special.kind == "event"
+    assert len(special.changes) == n
+    assert not special.complete
+    x, _ = values(system, branch.points[-1])
+    np.testing.assert_allclose(x, 1.0, atol=1e-9)
+    # Where the natural piece is none, the branch ends, and says why.
+    stuck = Textbook(
+        n,
+        lambda x, g, s: x - np.where(s, g, -g),
+        lambda x, g, s: np.eye(n),
+        lambda x, g, s: np.where(s, -1.0, 1.0),
+        lambda x, g, s: [[(g if c else -g, c)] for c in s],
+        lambda x, g: np.full(n, int(g > 0)),
+        (0, 1),
+    )
+    branch = follow(stuck, start(stuck, np.ones(n)), -1.0, gamma_range=(-1.0, 1.0))
+    assert "12 points are at a kink at once (too many pieces to try)" in branch.reason
+    assert branch.points[-1].gamma == pytest.approx(0.0, abs=1e-12)

@@ -49,14 +49,16 @@ class Crossing:
     """The ways out of a nonsmooth point.
 
     Attributes:
-        onwards: the ray that is followed.
+        kinks: number of points that are at a border at once.
+        onwards: the ray that is followed; None if nothing that was tried leads on.
         changes: what changes on it.
         parity: see the module; 0 if not evaluated.
         others: further rays, the one that was come by excluded.
         complete: whether all pieces that meet have been tried.
     """
 
-    onwards: Ray
+    kinks: int
+    onwards: Ray | None
     changes: tuple[Change, ...]
     parity: int
     others: tuple[Ray, ...]
@@ -109,11 +111,8 @@ def outgoing_rays(
 
 def cross(
     corrector: Corrector, y: PETSc.Vec, piece: Piece, t: PETSc.Vec, tolerance: float
-) -> Crossing | None:
-    """Pass the nonsmooth point ``y``, come to by ``piece`` along ``t``; None if nothing leads on.
-
-    Collective.
-    """
+) -> Crossing:
+    """Pass the nonsmooth point ``y``, come to by ``piece`` along ``t``. Collective."""
     kinks = kinks_at(corrector, y, piece, tolerance)
     natural = tuple(k.target for k in kinks)
     rays = _not_back(corrector, piece, t, outgoing_rays(corrector, y, piece, kinks, natural, t))
@@ -128,11 +127,11 @@ def cross(
                     more = outgoing_rays(corrector, y, piece, kinks, codes, t)
                     rays += _not_back(corrector, piece, t, more)
     if not rays:
-        return None
+        return Crossing(len(kinks), None, (), sign, (), complete)
     onwards, *others = _distinct(corrector, rays)
     after = {k: _code(corrector, onwards.piece, k) for k in kinks}
     changes = tuple(Change(k.rank, k.point, k.code, c) for k, c in after.items() if c != k.code)
-    return Crossing(onwards, changes, sign, tuple(others), complete)
+    return Crossing(len(kinks), onwards, changes, sign, tuple(others), complete)
 
 
 def parity(corrector: Corrector, y: PETSc.Vec, piece: Piece, t: PETSc.Vec, ray: Ray) -> int:

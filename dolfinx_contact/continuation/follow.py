@@ -88,6 +88,7 @@ class Follower:
         self.corrector = Corrector(self.bordered, control)
         self._test = BifurcationTest(self.bordered)
         self._largest_distance = 0.0
+        self._dead_end = ""
 
     def __enter__(self) -> Follower:
         return self
@@ -165,7 +166,7 @@ class Follower:
             if observer is not None:
                 observer(point)
             if any(s.kind == "end" for s in special):
-                branch.reason = "no way leads on from a nonsmooth point"
+                branch.reason = self._dead_end
                 break
         else:
             branch.reason = f"the budget of {max_steps} steps is exhausted"
@@ -288,10 +289,15 @@ class Follower:
         special = self._smooth_points(point, here)
         tolerance = _AT_BORDER * self._unit(y, point.piece)
         crossing = cross(self.corrector, y, point.piece, tangent, tolerance)
-        if crossing is None:
-            special.append(SpecialPoint("end", False, here.gamma, y, 0))
-            return here, special, h
         onwards = crossing.onwards
+        if onwards is None:
+            tried = "all pieces were tried" if crossing.complete else "too many pieces to try"
+            self._dead_end = (
+                f"no way on was found from gamma = {here.gamma:.10g}, where {crossing.kinks} "
+                f"points are at a kink at once ({tried})"
+            )
+            special.append(SpecialPoint("end", False, here.gamma, y, 0, complete=crossing.complete))
+            return here, special, h
         turned = self._turned(tangent, onwards.tangent)
         kind = "bifurcation" if crossing.others else "fold" if turned else "event"
         special.append(
