@@ -21,7 +21,14 @@ import numpy as np
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, Sphere
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    HalfSpace,
+    Sphere,
+    parse_arguments,
+)
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.output import output_folder, write_contact_table, write_summary
 
@@ -54,7 +61,7 @@ def arguments(argv=None):
     parser.add_argument("--radius", type=float, default=10.0, help="radius of the sphere")
     parser.add_argument("--r", type=float, help="force the augmentation parameter")
     parser.add_argument("--output", default="output/block")
-    args = parser.parse_args(argv)
+    args = parse_arguments(parser, argv)
     args.cell = args.cell or ("quad" if args.dim == 2 else "hex")
     if (args.dim == 2) != (args.cell in ("tri", "quad")):
         parser.error(f"--cell {args.cell} does not fit --dim {args.dim}")

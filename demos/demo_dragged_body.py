@@ -26,7 +26,7 @@ import numpy as np
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, parse_arguments
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.meshing import mesh_from_gmsh, read_mesh
 from dolfinx_contact.output import (
@@ -54,7 +54,7 @@ def arguments(argv=None):
     parser.add_argument("--young", type=float, default=10.0)
     parser.add_argument("--poisson", type=float, default=0.4)
     parser.add_argument("--output", default="output/dragged_body")
-    args = parser.parse_args(argv)
+    args = parse_arguments(parser, argv)
     if args.size is None:
         args.size = 0.05 if args.degree == 1 else 0.1
     if not 0.01 <= args.size <= 0.5:

@@ -25,7 +25,7 @@ import numpy as np
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, parse_arguments
 from dolfinx_contact.continuation import Follower, StepControl
 from dolfinx_contact.materials import CiarletGeymonat, LinearElastic, NeoHookean
 from dolfinx_contact.meshing import mesh_from_gmsh, read_mesh
@@ -48,7 +48,7 @@ def arguments(argv=None):
     parser.add_argument("--step-factor", type=float, default=1.0, help="of the default steps")
     parser.add_argument("--max-steps", type=int, default=2000)
     parser.add_argument("--output", default="output/followed_mesh")
-    args = parser.parse_args(argv)
+    args = parse_arguments(parser, argv)
     if args.body_force is None and args.drive_top is None:
         args.body_force = (0.0, -6.0, -14.0, -6.0)
     if args.solutions_at is not None and not 0 <= args.solutions_at <= 1:

@@ -21,7 +21,7 @@ import numpy as np
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, parse_arguments
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.output import output_folder, write_contact_table, write_summary
 
@@ -50,7 +50,10 @@ def arguments(argv=None):
     parser.add_argument("--poisson", type=float, default=0.2)
     parser.add_argument("--units", choices=UNITS, default="Pa-m", help="in which to compute")
     parser.add_argument("--output", default="output/greco_block")
-    return parser.parse_args(argv)
+    args = parse_arguments(parser, argv)
+    if args.n < 1:
+        parser.error("--n must be at least 1")
+    return args
 
 
 def problem(args, comm):

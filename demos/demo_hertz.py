@@ -29,7 +29,14 @@ import numpy as np
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, Frictionless, HalfSpace
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    Frictionless,
+    HalfSpace,
+    parse_arguments,
+)
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.output import output_folder, write_contact_table, write_summary
 
@@ -74,7 +81,7 @@ def arguments(argv=None):
         "(default: 40 in 2D, 15 in 3D)",
     )
     parser.add_argument("--output", default="output/hertz")
-    args = parser.parse_args(argv)
+    args = parse_arguments(parser, argv)
     args.levels = args.levels or ([5, 10, 20, 40] if args.dim == 2 else [4, 6, 8])
     args.cell = args.cell or ("quad" if args.dim == 2 else "hex")
     if args.size is None:

@@ -27,7 +27,7 @@ import basix.ufl
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, parse_arguments
 from dolfinx_contact.laws import Status
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.output import output_folder, write_summary
@@ -42,7 +42,16 @@ def arguments(argv=None):
     parser.add_argument("--diagram", action="store_true", help="draw the regions of loads")
     parser.add_argument("--grid", type=int, default=160, help="loads along an edge of the diagram")
     parser.add_argument("--output", default="output/hild_triangle")
-    return parser.parse_args(argv)
+    args = parse_arguments(parser, argv)
+    numbers = [*args.lame, *args.load, args.friction, args.length]
+    if not np.isfinite(numbers).all():
+        parser.error("--lame, --load, --friction and --length must be finite")
+    if args.length <= 0 or args.friction < 0 or args.grid < 2:
+        parser.error("needs --length > 0, --friction >= 0 and --grid >= 2")
+    lmbda, mu = args.lame
+    if mu <= 0 or lmbda + mu <= 0:
+        parser.error("--lame needs mu > 0 and lambda + mu > 0, a stable material in plane strain")
+    return args
 
 
 # ## One element
@@ -92,6 +101,7 @@ class Piece:
     maps: np.ndarray  # 4 x 2, from the load to (ut, un, rt, rn)
     line: np.ndarray | None  # direction of the solutions if the piece is singular
     defect: np.ndarray  # residual left by the load, 0 if the piece can carry it
+    dofs: int
 
     def at(self, load):
         return self.maps @ load
@@ -147,7 +157,7 @@ def pieces(lame, friction, length):
             )
             line = observe(columns * Vt[-1]) if rank < len(s) else None
             maps = np.column_stack([observe(solution[:, i]) for i in range(2)])
-            found.append(Piece(letter, maps, line, U[:, rank:].T @ scaled))
+            found.append(Piece(letter, maps, line, U[:, rank:].T @ scaled, len(J)))
     problem.destroy()
     return found
 
@@ -307,12 +317,13 @@ def main(argv=None):
     args = arguments(argv)
     comm = MPI.COMM_WORLD
     folder = output_folder(comm, args.output)
-    found = solutions(pieces(args.lame, args.friction, args.length), args.friction, args.load)
+    all_pieces = pieces(args.lame, args.friction, args.length)
+    found = solutions(all_pieces, args.friction, args.load)
     critical = (args.lame[0] + 3 * args.lame[1]) / (args.lame[0] + args.lame[1])
     scalars = {
-        "converged": True,
-        "newton_iterations": len(STATUSES),
-        "dofs": 10,
+        "converged": bool(found),
+        "newton_iterations": len(all_pieces),  # one linear solve a piece
+        "dofs": all_pieces[0].dofs,
         "solutions": found,
         "critical_friction": critical,
     }

@@ -23,7 +23,7 @@ import basix.ufl
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, parse_arguments
 from dolfinx_contact.continuation import StepControl, follow
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.output import output_folder, write_summary
@@ -40,7 +40,7 @@ def arguments(argv=None):
     parser.add_argument("--length", type=float, default=1.0)
     parser.add_argument("--step-factor", type=float, default=1.0, help="of the default steps")
     parser.add_argument("--output", default="output/single_element")
-    return parser.parse_args(argv)
+    return parse_arguments(parser, argv)
 
 
 def triangle(args):

@@ -2,6 +2,7 @@
 """Frictional contact mechanics on DOLFINx: the Signorini-Coulomb problem without regularisation."""
 
 from dolfinx_contact import materials, obstacles
+from dolfinx_contact._petsc import parse_arguments
 from dolfinx_contact.laws import Coulomb, Frictionless, Tresca
 from dolfinx_contact.obstacles import Cylinder, HalfSpace, LevelSet, Sphere
 from dolfinx_contact.problem import ContactProblem
@@ -26,4 +27,5 @@ __all__ = [
     "Tresca",
     "materials",
     "obstacles",
+    "parse_arguments",
 ]

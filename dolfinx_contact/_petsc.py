@@ -3,13 +3,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import argparse
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from itertools import pairwise
 from typing import Any
 
 from petsc4py import PETSc
 
-__all__ = ["options_in_database", "require_real"]
+__all__ = ["options_in_database", "parse_arguments", "require_real"]
+
+
+def parse_arguments(
+    parser: argparse.ArgumentParser, argv: Sequence[str] | None = None
+) -> argparse.Namespace:
+    """Parse a script's command line, leaving PETSc's options to PETSc.
+
+    Words that the parser does not know and that begin with one dash, such as
+    ``-contact_snes_monitor``, go to PETSc's database with their values; others are an error.
+
+    Args:
+        parser: knows the options of the script.
+        argv: words, by default those of the command line.
+    """
+    args, rest = parser.parse_known_args(argv)
+    if rest and (rest[0][0] != "-" or any(word.startswith("--") for word in rest)):
+        parser.error(f"unknown options: {' '.join(rest)}")
+    database = PETSc.Options()
+    for word, value in pairwise([*rest, "-"]):
+        if word.startswith("-"):
+            database.setValue(word[1:], "" if value.startswith("-") else value)
+    return args
 
 
 @contextmanager

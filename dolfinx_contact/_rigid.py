@@ -7,10 +7,12 @@ from petsc4py import PETSc
 
 import numpy as np
 import numpy.typing as npt
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
-from dolfinx import fem
+from dolfinx import fem, la
 
-__all__ = ["free_motions", "rigid_motions"]
+__all__ = ["combine", "describe", "free_motions", "parts", "rigid_motions"]
 
 _NAMES = {
     2: ("translation x", "translation y", "rotation"),
@@ -25,32 +27,60 @@ _NAMES = {
 }
 
 
-def rigid_motions(V: fem.FunctionSpace) -> npt.NDArray[np.float64]:
-    """Infinitesimal rigid motions at the local nodes, shape (3 or 6, nodes, dim).
+def parts(V: fem.FunctionSpace) -> npt.NDArray[np.int32]:
+    """Number of the connected part of the mesh that each local node belongs to. Collective.
 
-    Rotations are about the centre of the body and divided by its size, so that all motions have
+    Parts are found rank by rank and joined through the ghost nodes.
+    """
+    index_map, comm = V.dofmap.index_map, V.mesh.comm
+    owned, size = index_map.size_local, index_map.size_local + index_map.num_ghosts
+    cells = V.dofmap.list
+    edges = np.stack([np.repeat(cells[:, 0], cells.shape[1] - 1), cells[:, 1:].reshape(-1)])
+    graph = coo_array((np.ones(edges.shape[1]), tuple(edges)), shape=(size, size))
+    count, mine = connected_components(graph, directed=False)
+    counts = comm.allgather(count)
+    mine = mine + sum(counts[: comm.rank])
+    owners = la.vector(index_map, 1)
+    owners.array[:] = mine
+    owners.scatter_forward()
+    joined = np.stack([mine[owned:], owners.array[owned:].astype(np.int64)])
+    pairs = np.hstack(comm.allgather(np.unique(joined, axis=1)))
+    total = sum(counts)
+    links = coo_array((np.ones(pairs.shape[1]), tuple(pairs)), shape=(total, total))
+    whole = connected_components(links, directed=False)[1][mine]
+    # Ghosts without a cell on this rank are parts of their own here; every part that is left
+    # over by that has no owned node, and is dropped by numbering the others anew.
+    present = sorted(set().union(*comm.allgather(set(whole[:owned].tolist()))))
+    return np.searchsorted(present, whole).astype(np.int32)
+
+
+def rigid_motions(V: fem.FunctionSpace) -> npt.NDArray[np.float64]:
+    """Infinitesimal rigid motions of every connected part at the local nodes.
+
+    Rotations are about the centre of the part and divided by its size, so that all motions have
     the units of a displacement.
+
+    Returns:
+        Shape (3 or 6 times the number of parts, nodes, dim), part by part. Collective.
     """
     comm, dim = V.mesh.comm, V.mesh.geometry.dim
-    x = V.tabulate_dof_coordinates()[:, :dim]
-    low = comm.allreduce(x.min(axis=0, initial=np.inf), op=_MIN)
-    high = comm.allreduce(x.max(axis=0, initial=-np.inf), op=_MAX)
-    x = (x - (low + high) / 2) / np.linalg.norm(high - low)
+    x, part = V.tabulate_dof_coordinates()[:, :dim], parts(V)
+    owned = V.dofmap.index_map.size_local
+    number = comm.allreduce(int(part[:owned].max(initial=-1)), op=max) + 1
     axes = [(0, 1)] if dim == 2 else [(1, 2), (2, 0), (0, 1)]
-    modes = np.zeros((dim + len(axes), len(x), dim))
-    for i in range(dim):
-        modes[i, :, i] = 1.0
-    for k, (i, j) in enumerate(axes):
-        modes[dim + k, :, i], modes[dim + k, :, j] = -x[:, j], x[:, i]
-    return modes
-
-
-def _MIN(a: npt.NDArray[np.float64], b: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    return np.minimum(a, b)
-
-
-def _MAX(a: npt.NDArray[np.float64], b: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    return np.maximum(a, b)
+    modes = np.zeros((number, dim + len(axes), len(x), dim))
+    for p in range(number):
+        inside = part == p
+        here = x[inside]
+        low = comm.allreduce(here.min(axis=0, initial=np.inf), op=np.minimum)
+        high = comm.allreduce(here.max(axis=0, initial=-np.inf), op=np.maximum)
+        here = (here - (low + high) / 2) / np.linalg.norm(high - low)
+        for i in range(dim):
+            modes[p, i, inside, i] = 1.0
+        for k, (i, j) in enumerate(axes):
+            modes[p, dim + k, inside, i] = -here[:, j]
+            modes[p, dim + k, inside, j] = here[:, i]
+    return modes.reshape(-1, len(x), dim)
 
 
 def free_motions(
@@ -99,4 +129,9 @@ def describe(free: npt.NDArray[np.float64], V: fem.FunctionSpace) -> str:
     coefficients = np.linalg.solve(comm.allreduce(A @ A.T), comm.allreduce(A @ B.T))
     size = np.abs(coefficients).max(axis=1)
     names = _NAMES[V.mesh.geometry.dim]
+    number = len(size) // len(names)
+    if number > 1:
+        names = tuple(
+            f"{name} of part {p + 1} of {number}" for p in range(number) for name in names
+        )
     return ", ".join(name for name, s in zip(names, size, strict=True) if s > 1e-6 * size.max())

@@ -47,6 +47,7 @@ class Constraints:
         self.fixed = np.isfinite(self.values()) | np.isnan(self.values(fill=0.0))
         self.clamped: list[npt.NDArray[np.bool_]] = []
         self.multiplier_bcs: list[fem.DirichletBC] = []
+        self._normals = [s.vertex_normals.copy() for s in surfaces]
         for s in surfaces:
             removed = self._removed(s)
             self.clamped.append(np.asarray(removed.all(axis=1)))
@@ -68,7 +69,15 @@ class Constraints:
     def check_values(self, surfaces: Sequence[ContactSurface], size: float) -> None:
         """Raise ``ValueError`` if a clamped node is pushed into its obstacle. Collective."""
         values = self.values()
-        for s in surfaces:
+        for s, normals in zip(surfaces, self._normals, strict=True):
+            touched = self.fixed[s.vertex_trace_dofs].any(axis=1)
+            turned = np.abs(s.vertex_normals - normals).max(axis=1, initial=0.0) > _TOLERANCE
+            require(
+                s.comm,
+                not bool((touched & turned).any()),
+                f"{s.name}: the obstacle has turned at a contact node with Dirichlet data since "
+                "the problem was made; make a new problem",
+            )
             prescribed = np.where(self.fixed, values, 0.0)[s.vertex_trace_dofs]
             normal = s.vertex_normals
             free = np.where(self.fixed[s.vertex_trace_dofs], 0.0, normal)

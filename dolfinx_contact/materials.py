@@ -40,6 +40,16 @@ def lame(young: float, poisson: float) -> tuple[float, float]:
     return young * poisson / ((1 + poisson) * (1 - 2 * poisson)), young / (2 * (1 + poisson))
 
 
+def _check_lame(lmbda: Any, mu: Any) -> None:
+    """Raise ``ValueError`` if Lame coefficients that are numbers give no stable material."""
+    if all(isinstance(v, int | float | np.floating) for v in (lmbda, mu)) and not (
+        mu > 0 and 3 * lmbda + 2 * mu > 0
+    ):
+        raise ValueError(
+            f"Lame coefficients need mu > 0 and 3 lambda + 2 mu > 0, got {lmbda} and {mu}"
+        )
+
+
 def _constants(u: fem.Function, *values: Any) -> list[Any]:
     """Numbers as Constants of the mesh of ``u``; the rest as it is."""
     domain = u.function_space.mesh
@@ -97,6 +107,9 @@ class LinearElastic(Material):
     mu: Any
     plane_stress: bool = False
 
+    def __post_init__(self) -> None:
+        _check_lame(self.lmbda, self.mu)
+
     @classmethod
     def from_young(
         cls, young: float, poisson: float, *, plane_stress: bool = False
@@ -137,6 +150,9 @@ class StVenantKirchhoff(Elastic):
     lmbda: Any
     mu: Any
 
+    def __post_init__(self) -> None:
+        _check_lame(self.lmbda, self.mu)
+
     def _stored(self, u: fem.Function, F: Any) -> Any:
         lmbda, mu = _constants(u, self.lmbda, self.mu)
         E = (F.T * F - ufl.Identity(F.ufl_shape[0])) / 2
@@ -149,6 +165,9 @@ class NeoHookean(Elastic):
 
     lmbda: Any
     mu: Any
+
+    def __post_init__(self) -> None:
+        _check_lame(self.lmbda, self.mu)
 
     def _stored(self, u: fem.Function, F: Any) -> Any:
         lmbda, mu = _constants(u, self.lmbda, self.mu)
@@ -171,6 +190,13 @@ class CiarletGeymonat(Elastic):
     lmbda: Any
     mu: Any
     a: Any
+
+    def __post_init__(self) -> None:
+        _check_lame(self.lmbda, self.mu)
+        if all(isinstance(v, int | float) for v in (self.mu, self.a)) and not (
+            0 < self.a < self.mu / 2
+        ):
+            raise ValueError(f"a must lie between 0 and mu/2 = {self.mu / 2}, got {self.a}")
 
     def _stored(self, u: fem.Function, F: Any) -> Any:
         lmbda, mu, a = _constants(u, self.lmbda, self.mu, self.a)

@@ -19,6 +19,8 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem, mesh
 
+from dolfinx_contact._errors import require
+
 __all__ = ["Cylinder", "HalfSpace", "LevelSet", "Obstacle", "Sphere"]
 
 
@@ -30,8 +32,8 @@ def _vector(domain: mesh.Mesh, value: Any, what: str) -> Any:
             raise ValueError(f"{what} must have {dim} components, got shape {value.ufl_shape}")
         return value
     array = np.asarray(value, dtype=np.float64)
-    if array.shape != (dim,) or not np.isfinite(array).all():
-        raise ValueError(f"{what} must have {dim} finite components, got {value!r}")
+    good = array.shape == (dim,) and bool(np.isfinite(array).all())
+    require(domain.comm, good, f"{what} must have {dim} finite components, got {value!r}")
     return fem.Constant(domain, array)
 
 
@@ -40,8 +42,7 @@ def _direction(domain: mesh.Mesh, value: Any, what: str) -> Any:
     vector = _vector(domain, value, what)
     if isinstance(vector, fem.Constant):
         length = np.linalg.norm(vector.value)
-        if length == 0:
-            raise ValueError(f"{what} is the zero vector")
+        require(domain.comm, bool(length > 0), f"{what} is the zero vector")
         if vector is not value:
             vector.value = vector.value / length
             return vector
@@ -51,8 +52,8 @@ def _direction(domain: mesh.Mesh, value: Any, what: str) -> Any:
 def _radius(domain: mesh.Mesh, value: Any) -> Any:
     if isinstance(value, ufl.core.expr.Expr):
         return value
-    if not np.isfinite(value) or value <= 0:
-        raise ValueError(f"the radius must be positive, got {value}")
+    good = bool(np.isfinite(value)) and value > 0
+    require(domain.comm, good, f"the radius must be positive, got {value}")
     return fem.Constant(domain, float(value))
 
 

@@ -18,6 +18,7 @@ import numpy.typing as npt
 
 import ufl
 from dolfinx import fem
+from ufl.algorithms.analysis import extract_constants
 
 from dolfinx_contact._compat import interpolation_points
 from dolfinx_contact.continuation import Events, Piece
@@ -65,6 +66,7 @@ class ParametricContact:
             for rows in problem.rows
         ]
         self._driven = [_Driven(f, expression, gamma, variable) for f, expression in driven]
+        self._moving = [s for s in problem.surfaces if gamma in extract_constants(s.gap)]
         self._metric = self._mass()
         counts = [s.num_owned_points for s in problem.surfaces]
         #: Owned points that Dirichlet data clamp: they have no status of their own.
@@ -194,6 +196,8 @@ class ParametricContact:
         self.constant.value = gamma
         for d in self._driven:
             d.function.interpolate(d.value)
+        for s in self._moving:
+            s.update_geometry()
         if piece is None:
             return
         for s, a, b in self._parts():

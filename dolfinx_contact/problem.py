@@ -9,8 +9,10 @@ typical stiffness per area. So neither norms of H nor the matrix depend on the u
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
 from petsc4py import PETSc
@@ -34,6 +36,8 @@ if TYPE_CHECKING:
     from dolfinx_contact.result import Result
 
 __all__ = ["ContactProblem"]
+
+logger = logging.getLogger(__name__)
 
 
 class ContactProblem:
@@ -68,6 +72,8 @@ class ContactProblem:
         petsc_options: Mapping[str, Any] | None = None,
     ):
         require_real()
+        if isinstance(surfaces, ContactSurface) or isinstance(bcs, fem.DirichletBC):
+            raise ValueError("surfaces and bcs must be lists")
         self.u, self.V, self.surfaces, self.bcs = u, u.function_space, list(surfaces), list(bcs)
         self.comm = self.V.mesh.comm
         self.prefix = petsc_options_prefix
@@ -76,6 +82,8 @@ class ContactProblem:
             raise ValueError("a contact problem needs at least one contact surface")
         if any(s.u is not u for s in self.surfaces):
             raise ValueError("every contact surface must be made with the displacement u")
+        if not all(isinstance(bc, fem.DirichletBC) for bc in self.bcs):
+            raise ValueError("bcs must be a list of Dirichlet conditions")
         names = [s.name for s in self.surfaces]
         if len(set(names)) < len(names):
             raise ValueError(f"contact surfaces need different names, got {names}")
@@ -83,6 +91,8 @@ class ContactProblem:
             raise ValueError(f"the augmentation parameter r must be positive, got {r}")
         finite = bool(np.isfinite(self.V.mesh.geometry.x).all())
         require(self.comm, finite, "the mesh has a coordinate that is not finite")
+
+        _check_overlap(self.surfaces)
 
         self.energy, residual = _energy_and_residual(bulk, u)
         self.energy_form = None if self.energy is None else fem.form(self.energy)
@@ -302,20 +312,12 @@ class ContactProblem:
             self.update_status()
         assemble_block_matrix(A, self._J, self._all_bcs, self.stiffness_scale)
 
-    def nodal_forces(
-        self, s: ContactSurface, clamped: npt.NDArray[np.bool_]
-    ) -> npt.NDArray[np.float64]:
-        """Forces on the body at the owned vertices of ``s``, support reactions where clamped."""
-        work = self._R[0][1 + self.surfaces.index(s)]
-        f, reaction = fem.Function(self.V), fem.Function(self.V)
-        fem.assemble_vector(f.x.array, work)
-        f.x.scatter_reverse(la.InsertMode.add)
+    def support_forces(self, s: ContactSurface) -> npt.NDArray[np.float64]:
+        """Reactions of Dirichlet data on the body at the local vertices of ``s``. Collective."""
+        reaction = fem.Function(self.V)
         reaction.x.array[: self.owned_sizes[0]] = self.reactions
-        for g in (f, reaction):
-            g.x.scatter_forward()
-        nodes = s.vertex_trace_dofs[: len(clamped)]
-        contact, support = (g.x.array.reshape(-1, s.dim)[nodes] for g in (f, reaction))
-        return np.where(clamped[:, None], support, 0.0) - contact
+        reaction.x.scatter_forward()
+        return np.asarray(reaction.x.array.reshape(-1, s.dim)[s.vertex_trace_dofs])
 
     @contextmanager
     def automatic_augmentation(self) -> Iterator[None]:
@@ -328,6 +330,14 @@ class ContactProblem:
         finally:
             for s, r in zip(self.surfaces, forced, strict=True):
                 s.set_augmentation(r)
+
+    def round_off_force(self, displacement: float) -> float:
+        """Nodal forces that count as round-off at a displacement of this size.
+
+        Where a body moves without resistance all forces are the round-off of stiffness times
+        motion, and nothing else tells how small a force has to be.
+        """
+        return 1e-4 * self.stiffness_scale * displacement
 
     def loose_motions(self) -> str:
         """Rigid motions held neither by Dirichlet data nor by the contact status; "" if none."""
@@ -350,6 +360,21 @@ class ContactProblem:
     def destroy(self) -> None:
         """Free the matrix."""
         self.matrix.destroy()
+
+
+def _check_overlap(surfaces: Sequence[ContactSurface]) -> None:
+    """Refuse common facets of two surfaces, and warn of common nodes. Collective."""
+    for a, b in combinations(surfaces, 2):
+        facets = np.intersect1d(a.submesh.parent_facets, b.submesh.parent_facets)
+        require(a.comm, len(facets) == 0, f"surfaces {a.name} and {b.name} have common facets")
+        nodes = len(np.intersect1d(a.vertex_trace_dofs, b.vertex_trace_dofs))
+        if a.comm.allreduce(nodes, op=max) > 0 and a.comm.rank == 0:
+            logger.warning(
+                "surfaces %s and %s share nodes: where both hold one, their reactions cannot be "
+                "told apart and the solve may fail; leave a facet out between them",
+                a.name,
+                b.name,
+            )
 
 
 def _among(f: fem.Function, functions: Sequence[fem.Function]) -> bool:

@@ -200,6 +200,7 @@ def collect(problem: ContactProblem, x: PETSc.Vec, attempts: Sequence[Attempt]) 
         problem.comm.allreduce(float(np.max(np.abs(problem.reactions), initial=0.0)), op=max),
     )
     u = problem.comm.allreduce(float(np.max(np.abs(problem.u.x.array), initial=0.0)), op=max)
+    force = max(force, problem.round_off_force(u))
     violation = max(t.kkt_violation(force or 1.0, u or 1.0) for t in tables.values())
     return Result(tables, list(attempts), energies, violation, x.getSize())
 
@@ -214,7 +215,7 @@ def _table(
     if s.method != "integral":
         held = clamped[:n]
         letters = np.where(held, "d", letters)
-        force = problem.nodal_forces(s, held)
+        force = np.where(held[:, None], problem.support_forces(s)[:n], force)
         traction = np.where(held[:, None], force / area[:, None], traction)
     pressure = -np.sum(traction * normal, axis=1)
     columns = {

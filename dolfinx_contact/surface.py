@@ -102,7 +102,19 @@ class ContactSurface:
         degree = _displacement_degree(u)
         self.method: Method = method or ("nodal" if degree == 1 else "integral")
         self.degrees = (degree, multiplier_degree)
+        if not isinstance(law, FrictionLaw):
+            raise ValueError(f"{name}: the law must be Frictionless(), Coulomb(F) or Tresca(g)")
+        if not isinstance(obstacle, Obstacle):
+            raise ValueError(
+                f"{name}: the obstacle must be a HalfSpace, Sphere, Cylinder, LevelSet"
+            )
         _check_elements(name, self.method, self.degrees, self.dim)
+        rule_degree = 2 * degree if quadrature_degree is None else quadrature_degree
+        if not isinstance(rule_degree, int) or rule_degree < sum(self.degrees):
+            raise ValueError(
+                f"{name}: the quadrature degree must be at least {sum(self.degrees)} for a stable "
+                f"contact of P{degree} with P{multiplier_degree}, got {quadrature_degree}"
+            )
         self.law = law.bind(domain)
         self.gap, self.normal = obstacle.on(domain)
 
@@ -114,7 +126,7 @@ class ContactSurface:
         self.vertices = fem.functionspace(sub, ("Lagrange", 1))
         self._vertex_vectors = fem.functionspace(sub, ("Lagrange", 1, (self.dim,)))
         if self.method == "integral":
-            rule, order = "default", quadrature_degree or 2 * degree
+            rule, order = "default", rule_degree
             self.points, self._point_vectors = (
                 fem.functionspace(
                     sub,
@@ -174,9 +186,13 @@ class ContactSurface:
         #: Positions of the local contact points (n, dim).
         self.positions = at_points(ufl.SpatialCoordinate(self.domain))()[0]
         self._status_at_vertices = at_vertices(self._active, self._stick)
-        geometry = at_vertices(self.gap, self.normal)
-        self.vertex_gaps, self.vertex_normals = geometry()
-        self.vertex_areas, self.areas = geometry.areas, self._state.areas
+        self._geometry = at_vertices(self.gap, self.normal)
+        self.vertex_areas, self.areas = self._geometry.areas, self._state.areas
+        self.update_geometry()
+
+    def update_geometry(self) -> None:
+        """Evaluate gap and normal at the vertices anew, after an obstacle has moved. Collective."""
+        self.vertex_gaps, self.vertex_normals = self._geometry()
 
     # -- forms -----------------------------------------------------------------------------------
 
@@ -412,6 +428,10 @@ def _require_same_numbering(W: fem.FunctionSpace, Q: fem.FunctionSpace) -> None:
 def _displacement_degree(u: fem.Function) -> int:
     """Degree of a vector Lagrange displacement, or ``ValueError``."""
     domain, element = u.function_space.mesh, u.function_space.ufl_element()
+    if domain.geometry.x.dtype != np.float64 or u.x.array.dtype != np.float64:
+        raise ValueError("the mesh and the displacement must be in double precision")
+    if domain.basix_cell().name not in ("triangle", "quadrilateral", "tetrahedron", "hexahedron"):
+        raise ValueError(f"cells of kind {domain.basix_cell().name} are not supported")
     dim = domain.geometry.dim
     if domain.topology.dim != dim or dim not in (2, 3):
         raise ValueError("the body must be a 2D mesh in the plane or a 3D mesh")

@@ -37,7 +37,10 @@ def exterior_facets(
         tags = sorted(set().union(*comm.allgather(set(facets.values.tolist()))))
         missing = f"no facet has the tag {tag}; tags of the mesh: {tags}"
     else:
-        chosen = np.asarray(facets, dtype=np.int32).reshape(-1)
+        given = np.asarray(facets).reshape(-1)
+        whole = given.size == 0 or np.issubdtype(given.dtype, np.integer)
+        require(comm, whole, f"{name}: facets must be MeshTags or an array of integer indices")
+        chosen = given.astype(np.int32)
         missing = "no facet was given"
     index_map = domain.topology.index_map(fdim)
     size = index_map.size_local + index_map.num_ghosts

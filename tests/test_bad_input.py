@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from blocks import block, box, facets
 
+import basix.ufl
 import ufl
 from dolfinx import fem, mesh
 
@@ -22,7 +23,8 @@ from dolfinx_contact import (
     Sphere,
     Tresca,
 )
-from dolfinx_contact.materials import LinearElastic, lame
+from dolfinx_contact._rigid import parts
+from dolfinx_contact.materials import CiarletGeymonat, LinearElastic, lame
 from dolfinx_contact.solvers.errors import FloatingBodyError
 
 COMM = MPI.COMM_WORLD
@@ -271,6 +273,142 @@ def test_a_solve_that_cannot_converge():
     np.testing.assert_array_equal(s.multiplier.x.array, before[1])
 
 
+def test_a_part_of_the_mesh_that_nothing_holds():
+    """Two squares in one mesh, one of them without support: named, not solved into nonsense."""
+    n = 3
+    grid = [(i, j) for j in range(n + 1) for i in range(n + 1)]
+    x = np.array([(i / n + shift, j / n) for shift in (0.0, 2.0) for i, j in grid])
+    at = {ij: k for k, ij in enumerate(grid)}
+    one = [
+        t
+        for j in range(n)
+        for i in range(n)
+        for t in (
+            [at[i, j], at[i + 1, j], at[i, j + 1]],
+            [at[i + 1, j], at[i + 1, j + 1], at[i, j + 1]],
+        )
+    ]
+    cells = np.array(one + [[k + len(grid) for k in t] for t in one], dtype=np.int64)
+    if COMM.rank > 0:
+        x, cells = x[:0], cells[:0]
+    element = basix.ufl.element("Lagrange", "triangle", 1, shape=(2,))
+    domain = mesh.create_mesh(COMM, cells=cells, x=x, e=ufl.Mesh(element))
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    assert COMM.allreduce(int(parts(V).max(initial=0)), op=max) == 1
+
+    def problem(touching, friction):
+        u = fem.Function(V)
+        where = mesh.locate_entities_boundary(
+            domain, 1, lambda x: np.isclose(x[1], 0.0) & (x[0] < (4.0 if touching else 1.5))
+        )
+        top = fem.locate_dofs_geometrical(V, lambda x: np.isclose(x[1], 1.0) & (x[0] < 1.5))
+        bcs = [fem.dirichletbc(np.array([0.004, -0.01]), top, V)]
+        energy = MATERIAL.energy(u) * ufl.dx + 1.0 * u[1] * ufl.dx
+        contact = surface(u, where=where, law=Coulomb(friction))
+        return ContactProblem(energy, u, [contact], bcs=bcs)
+
+    with pytest.raises(FloatingBodyError, match="translation x of part 2 of 2") as info:
+        problem(touching=False, friction=0.3).solve()
+    same_on_every_rank(info)
+    # Resting on the floor with friction the second square is held, and both are solved.
+    result = problem(touching=True, friction=0.3).solve()
+    table = result.tables["contact"]
+    second = table.x[:, 0] > 1.5
+    np.testing.assert_allclose(table.rn[second].sum(), 1.0, rtol=1e-9)
+    assert table.rn[~second].sum() > 5.0
+    assert result.kkt_violation < 1e-9
+
+
+def test_an_obstacle_that_moves_between_solves():
+    """The clamped node is checked against where the floor is now, not where it was."""
+    domain, u = square()
+    point = fem.Constant(domain, (0.0, 0.0))
+    floor = HalfSpace(point, (0.0, 1.0))
+    problem = ContactProblem(
+        MATERIAL.energy(u) * ufl.dx, u, [surface(u, obstacle=floor)], bcs=[clamp(u, 0, 0.0)]
+    )
+    problem.solve()
+    point.value[:] = (0.0, 0.05)
+    with pytest.raises(ValueError, match=r"push a contact node 0\.05 into the obstacle"):
+        problem.solve()
+    point.value[:] = (0.0, -0.05)
+    assert problem.solve().tables["contact"].un.min() == pytest.approx(0.05)
+    normal = fem.Constant(domain, (0.0, 1.0))
+    turning = surface(u, obstacle=HalfSpace((0.0, -1.0), normal))
+    problem = ContactProblem(MATERIAL.energy(u) * ufl.dx, u, [turning], bcs=[clamp(u, 0, 0.0)])
+    problem.solve()
+    normal.value[:] = (0.6, 0.8)
+    with pytest.raises(ValueError, match="has turned at a contact node"):
+        problem.solve()
+
+
+@pytest.mark.parametrize(
+    ("degree", "multiplier", "quadrature"), [(1, 1, 1), (2, 1, 2), (2, 2, 3), (1, 1, 0), (1, 1, -1)]
+)
+def test_quadrature_too_coarse_for_stability(degree, multiplier, quadrature):
+    _, u = square(degree=degree)
+    with pytest.raises(ValueError, match="quadrature degree must be at least"):
+        surface(u, method="integral", multiplier_degree=multiplier, quadrature_degree=quadrature)
+
+
+def test_surfaces_that_meet(caplog):
+    domain, u = square()
+    floor, again = surface(u, name="floor"), surface(u, name="again")
+    energy = MATERIAL.energy(u) * ufl.dx
+    with pytest.raises(ValueError, match="floor and again have common facets"):
+        ContactProblem(energy, u, [floor, again], bcs=[clamp(u, 1, 1.0)])
+    wall = surface(
+        u, where=facets(domain, 0, 1.0), obstacle=HalfSpace((1.5, 0), (-1, 0)), name="wall"
+    )
+    ContactProblem(energy, u, [floor, wall], bcs=[clamp(u, 1, 1.0)])
+    warned = any("floor and wall share nodes" in r.getMessage() for r in caplog.records)
+    assert warned == (COMM.rank == 0)
+
+
+def test_bad_numbers_on_one_rank_only():
+    """What one rank objects to every rank raises."""
+    _, u = square()
+    last = COMM.rank == COMM.size - 1
+    for options, message in (
+        ({"law": Coulomb(-1.0 if last else 0.3)}, "finite and nonnegative"),
+        ({"obstacle": Sphere((0.5, -1.0), -1.0 if last else 1.0)}, "radius must be positive"),
+        ({"obstacle": HalfSpace((0.0, 0.0), (0.0, np.nan if last else 1.0))}, "finite components"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            surface(u, **options)
+
+
+def test_arguments_of_the_wrong_kind():
+    domain, u = square()
+    for options, message in (
+        ({"law": 0.3}, "the law must be"),
+        ({"obstacle": "floor"}, "the obstacle must be"),
+        ({"where": np.ones(4, dtype=bool)}, "integer indices"),
+        ({"where": np.array([0.5, 1.5])}, "integer indices"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            surface(u, **options)
+    other = box(COMM, 3, "tri")
+    with pytest.raises(ValueError, match="Function of another mesh"):
+        surface(u, law=Coulomb(fem.Function(fem.functionspace(other, ("Lagrange", 1)))))
+    energy, bc = MATERIAL.energy(u) * ufl.dx, clamp(u, 1, 1.0)
+    with pytest.raises(ValueError, match="must be lists"):
+        ContactProblem(energy, u, surface(u), bcs=[bc])
+    with pytest.raises(ValueError, match="must be lists"):
+        ContactProblem(energy, u, [surface(u)], bcs=bc)
+    single = mesh.create_unit_square(COMM, 3, 3, dtype=np.float32)
+    with pytest.raises(ValueError, match="double precision"):
+        surface(fem.Function(fem.functionspace(single, ("Lagrange", 1, (2,))), dtype=np.float32))
+    assert domain.topology.dim == 2
+
+
+def test_no_force_at_all_is_no_violation():
+    """A rigid slide over the floor: every force is round-off, and so is the violation."""
+    result = block(n=4, cell="quad", top=(0.01, 0.0)).solve()
+    assert result.kkt_violation < 1e-9
+    assert np.abs(result.tables["contact"].force).max() < 1e-9
+
+
 def test_bulk_that_does_not_fit():
     domain, u = square()
     other = fem.Function(u.function_space)
@@ -300,6 +438,10 @@ def other_space(domain):
 
 
 def test_materials_refuse_bad_numbers():
+    with pytest.raises(ValueError, match="mu > 0 and 3 lambda"):
+        LinearElastic(-100.0, -100.0)
+    with pytest.raises(ValueError, match="a must lie between 0 and mu/2"):
+        CiarletGeymonat(100.0, 82.0, 41.0)
     with pytest.raises(ValueError, match="Young's modulus"):
         lame(-1.0, 0.3)
     with pytest.raises(ValueError, match="Poisson's ratio"):

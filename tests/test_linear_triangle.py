@@ -1,4 +1,4 @@
-"""Hild's triangle with 64 contact nodes against an independent code, and its branch to zero load."""
+"""Hild's triangle with 64 contact nodes against independent codes, and its way to zero load."""
 
 from mpi4py import MPI
 

@@ -15,6 +15,8 @@ import numpy as np
 import ufl
 from dolfinx import fem, mesh
 
+from dolfinx_contact._errors import require
+
 __all__ = ["Coulomb", "FrictionLaw", "Frictionless", "Scalar", "Tresca"]
 
 #: A number, a `dolfinx.fem.Constant`, a `dolfinx.fem.Function` or any scalar UFL expression.
@@ -24,14 +26,17 @@ Scalar: TypeAlias = Any
 def _as_coefficient(domain: mesh.Mesh, value: Scalar, what: str) -> Scalar:
     """``value`` as UFL: numbers become Constants, so that forms need no new compilation."""
     if isinstance(value, int | float | np.floating | np.integer):
-        if not np.isfinite(value) or value < 0:
-            raise ValueError(f"{what} must be finite and nonnegative, got {value}")
+        good = bool(np.isfinite(value) and value >= 0)
+        require(domain.comm, good, f"{what} must be finite and nonnegative, got {value}")
         return fem.Constant(domain, float(value))
     if not isinstance(value, ufl.core.expr.Expr) or value.ufl_shape != ():
         raise ValueError(
             f"{what} must be a nonnegative number, a Constant, a scalar Function or a scalar UFL "
             f"expression, got {value!r}"
         )
+    for f in ufl.algorithms.extract_coefficients(value):
+        if f.function_space.mesh is not domain:
+            raise ValueError(f"{what} is a Function of another mesh")
     return value
 
 

@@ -128,7 +128,7 @@ def contact_fields(problem: ContactProblem, surface: ContactSurface) -> dict[str
     if s.method != "integral":
         # As in the table: what holds a clamped node is the reaction of its support.
         held, area = clamped[:n], s.vertex_areas[:n, None]
-        reaction = problem.nodal_forces(s, held) / area
+        reaction = problem.support_forces(s)[:n] / area
         state["traction"][:n][held] = reaction[held]
         state["pressure"][:n] = -np.sum(state["traction"] * s.vertex_normals, axis=1)[:n]
     values = {

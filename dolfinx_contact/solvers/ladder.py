@@ -162,6 +162,7 @@ def _follow_load(solver: Newton, x: PETSc.Vec, attempt: Attempt, increments: int
 def _check_data(problem: ContactProblem, x0: PETSc.Vec) -> None:
     """Raise ``ValueError`` for data that no solver can work with. Collective."""
     for s in problem.surfaces:
+        s.update_geometry()
         s.check_law()
         gaps = bool(np.isfinite(s.vertex_gaps).all() and np.isfinite(s.vertex_normals).all())
         require(problem.comm, gaps, f"{s.name}: the gap or normal of the obstacle is not finite")

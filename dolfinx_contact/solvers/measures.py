@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Measures", "Scales"]
 
-_ROUND_OFF = 1e-4
-
 
 @dataclass(frozen=True)
 class Measures:
@@ -80,8 +78,7 @@ class Scales:
         values = p.comm.allreduce(values, op=np.maximum)
         self.force = max(self.force, float(values[0]))
         self.length = max(self.length, float(values[1]), 1e-14 * p.body_size)
-        # Where a body moves without resistance, forces are the round-off of stiffness times motion.
-        force_scale = max(self.force, _ROUND_OFF * p.stiffness_scale * self.length)
+        force_scale = max(self.force, p.round_off_force(self.length))
         return Measures(values[2] / force_scale, values[3] / self.length, values[4] / force_scale)
 
 
