@@ -33,7 +33,6 @@ __all__ = [
     "create_block_matrix",
     "create_facet_submesh",
     "facet_integration_entities",
-    "geometry_dofmap",
     "gmsh_io",
     "interpolation_points",
     "merge_entity_maps",
@@ -110,12 +109,6 @@ def interpolation_points(V: fem.FunctionSpace) -> npt.NDArray[np.float64]:
     """Reference interpolation points (a method in 0.9, a property since 0.10)."""
     points = V.element.interpolation_points
     return points() if callable(points) else points
-
-
-def geometry_dofmap(domain: mesh.Mesh) -> npt.NDArray[np.int32]:
-    """Geometry dofmap (``dofmap`` is deprecated since 0.11)."""
-    geometry = domain.geometry
-    return geometry.dofmaps[0] if hasattr(geometry, "dofmaps") else geometry.dofmap
 
 
 def write_functions(comm: MPI.Comm, stem: Path, functions: Sequence[fem.Function]) -> Path:

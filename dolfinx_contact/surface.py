@@ -29,6 +29,7 @@ from dolfinx_contact._compat import (
     merge_entity_maps,
 )
 from dolfinx_contact._errors import require
+from dolfinx_contact.elements import check_elements, check_quadrature, displacement_degree
 from dolfinx_contact.evaluation import Evaluator
 from dolfinx_contact.laws import FrictionLaw, Status, augment, classify, projection
 from dolfinx_contact.obstacles import Obstacle
@@ -37,14 +38,6 @@ from dolfinx_contact.trace import exterior_facets, facet_closures, owned_exterio
 __all__ = ["ContactSurface", "Method"]
 
 Method = Literal["nodal", "integral", "mixed"]
-
-#: Stable pairs of displacement and multiplier degrees, by method. P1 multipliers are traces of the
-#: displacement space or smaller; P2/P2 is stable away from Dirichlet data, where nodes are removed.
-_STABLE: dict[str, set[tuple[int, int]]] = {
-    "nodal": {(1, 1)},
-    "integral": {(1, 1), (2, 1), (2, 2)},
-    "mixed": {(1, 1)},
-}
 
 
 class RowMeasures(NamedTuple):
@@ -99,7 +92,7 @@ class ContactSurface:
         domain = u.function_space.mesh
         self.u, self.domain, self.name, self.dim = u, domain, name, domain.geometry.dim
         self.comm = domain.comm
-        degree = _displacement_degree(u)
+        degree = displacement_degree(u)
         self.method: Method = method or ("nodal" if degree == 1 else "integral")
         self.degrees = (degree, multiplier_degree)
         if not isinstance(law, FrictionLaw):
@@ -108,13 +101,8 @@ class ContactSurface:
             raise ValueError(
                 f"{name}: the obstacle must be a HalfSpace, Sphere, Cylinder, LevelSet"
             )
-        _check_elements(name, self.method, self.degrees, self.dim)
-        rule_degree = 2 * degree if quadrature_degree is None else quadrature_degree
-        if not isinstance(rule_degree, int) or rule_degree < sum(self.degrees):
-            raise ValueError(
-                f"{name}: the quadrature degree must be at least {sum(self.degrees)} for a stable "
-                f"contact of P{degree} with P{multiplier_degree}, got {quadrature_degree}"
-            )
+        check_elements(name, self.method, self.degrees, self.dim)
+        rule_degree = check_quadrature(name, self.degrees, quadrature_degree)
         self.law = law.bind(domain)
         self.gap, self.normal = obstacle.on(domain)
 
@@ -407,40 +395,6 @@ def _largest(values: npt.NDArray[np.float64]) -> float:
     return float(np.max(np.abs(values), initial=0.0))
 
 
-def _check_elements(name: str, method: str, degrees: tuple[int, int], dim: int) -> None:
-    if method not in _STABLE:
-        raise ValueError(f"unknown contact method {method!r}; known: {sorted(_STABLE)}")
-    if method == "mixed" and dim != 2:
-        raise ValueError("the mixed method is for 2D; use 'nodal' or 'integral' in 3D")
-    if degrees not in _STABLE[method]:
-        stable = ", ".join(f"P{d}/P{m}" for d, m in sorted(_STABLE[method]))
-        raise ValueError(
-            f"{name}: displacement P{degrees[0]} with multiplier P{degrees[1]} is not a stable "
-            f"pair of the {method} method; stable: {stable}"
-        )
-
-
 def _require_same_numbering(W: fem.FunctionSpace, Q: fem.FunctionSpace) -> None:
     if not np.array_equal(W.dofmap.list, Q.dofmap.list):
         raise RuntimeError("scalar and vector spaces of a contact surface are numbered differently")
-
-
-def _displacement_degree(u: fem.Function) -> int:
-    """Degree of a vector Lagrange displacement, or ``ValueError``."""
-    domain, element = u.function_space.mesh, u.function_space.ufl_element()
-    if domain.geometry.x.dtype != np.float64 or u.x.array.dtype != np.float64:
-        raise ValueError("the mesh and the displacement must be in double precision")
-    if domain.basix_cell().name not in ("triangle", "quadrilateral", "tetrahedron", "hexahedron"):
-        raise ValueError(f"cells of kind {domain.basix_cell().name} are not supported")
-    dim = domain.geometry.dim
-    if domain.topology.dim != dim or dim not in (2, 3):
-        raise ValueError("the body must be a 2D mesh in the plane or a 3D mesh")
-    lagrange = element.family_name == "P" and not element.discontinuous
-    if not lagrange or element.reference_value_shape != (dim,):
-        raise ValueError(
-            "the displacement must be a continuous vector Lagrange Function with "
-            f"{dim} components, got {element}"
-        )
-    if element.degree not in (1, 2):
-        raise ValueError(f"displacements of degree 1 and 2 are supported, got {element.degree}")
-    return int(element.degree)
