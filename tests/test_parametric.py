@@ -2,6 +2,7 @@
 
 from mpi4py import MPI
 
+import demo_friction_parameter
 import demo_single_element
 import numpy as np
 import pytest
@@ -93,6 +94,17 @@ def test_single_element(folder):
     assert summary["bifurcations"] == 0
     np.testing.assert_allclose(summary["folds_closed_form"], folds, atol=1e-10)
     assert len(summary["solutions_at"]["solutions"]) == 3
+    assert (folder / "branch.png").stat().st_size > 10_000
+
+
+def test_friction_as_parameter(folder):
+    """Stick and slip are born together where the closed form has it."""
+    summary = demo_friction_parameter.main(["--output", str(folder)])
+    (fold,) = summary["folds"]
+    assert not fold["smooth"]
+    assert abs(fold["gamma"] - 2.4) < 1e-10
+    assert summary["slip_error"] < 1e-10
+    assert summary["gamma_end"] == pytest.approx(5.0, abs=1e-12)
     assert (folder / "branch.png").stat().st_size > 10_000
 
 
