@@ -7,11 +7,12 @@
 # - find the coefficient at which two of them meet and end.
 #
 # Hild's triangle (see `demo_hild_triangle.py`) under a load (F1, F2) that pulls to the left more
-# than it presses: |F1|/|F2| beyond the critical coefficient kt/k = (lambda + 3 mu)/(lambda + mu). With
-# strong friction A may stick. As the coefficient F falls, the shear reaches its bound at
-# F = |F1|/|F2|; no solution in contact exists below, and the branch turns back: A now slips to
-# the left while F *grows*, with ut = (pt + F |pn|)/(kt - F k) in closed form. Sticking and slipping are
-# born together, and the open solution, which knows no friction, exists beside them.
+# than it presses: |F1|/|F2| beyond the critical coefficient kt/k, which is
+# (lambda + 3 mu)/(lambda + mu). With strong friction A may stick. As the coefficient F falls, the
+# shear reaches its bound at F = |F1|/|F2|; no solution in contact exists below, and the branch
+# turns back: A now slips to the left while F *grows*, with ut = (pt + F |pn|)/(kt - F k) in closed
+# form. Sticking and slipping are born together, and the open solution, which knows no friction,
+# exists beside them.
 
 import argparse
 
