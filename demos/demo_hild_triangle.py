@@ -60,15 +60,14 @@ def arguments(argv=None):
 # loads of the diagram.
 
 
-def triangle(lame, friction, length):
-    comm = MPI.COMM_SELF
+def element(length):
+    """Displacement, measure of AC, facets of AB and the clamp on BC of the one-element body."""
     points = length * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
-    element = basix.ufl.element("Lagrange", "triangle", 1, shape=(2,))
+    lagrange = basix.ufl.element("Lagrange", "triangle", 1, shape=(2,))
     cells = np.array([[0, 1, 2]], dtype=np.int64)
-    domain = mesh.create_mesh(comm, cells=cells, x=points, e=ufl.Mesh(element))
+    domain = mesh.create_mesh(MPI.COMM_SELF, cells=cells, x=points, e=ufl.Mesh(lagrange))
     domain.topology.create_entities(1)
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u = fem.Function(V, name="displacement")
 
     def edge(where):
         return mesh.locate_entities_boundary(domain, 1, where)
@@ -78,10 +77,15 @@ def triangle(lame, friction, length):
     bottom = edge(lambda x: np.isclose(x[1], 0.0))
     clamped = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, slope), V)
     tags = mesh.meshtags(domain, 1, side, np.ones(len(side), dtype=np.int32))
-    load = fem.Constant(domain, (0.0, 0.0))
-    material = LinearElastic(*lame)
-    energy = material.energy(u) * ufl.dx
-    energy -= ufl.dot(load, u) * ufl.Measure("ds", domain, subdomain_data=tags)(1)
+    ds = ufl.Measure("ds", domain, subdomain_data=tags)(1)
+    return fem.Function(V, name="displacement"), ds, bottom, clamped
+
+
+def triangle(lame, friction, length):
+    """The problem, and the Constant of its traction."""
+    u, ds, bottom, clamped = element(length)
+    load = fem.Constant(u.function_space.mesh, (0.0, 0.0))
+    energy = LinearElastic(*lame).energy(u) * ufl.dx - ufl.dot(load, u) * ds
     surface = ContactSurface(u, bottom, obstacle=HalfSpace((0, 0), (0, 1)), law=Coulomb(friction))
     return ContactProblem(energy, u, [surface], bcs=[clamped]), load
 

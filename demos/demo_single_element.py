@@ -18,10 +18,10 @@ import argparse
 from mpi4py import MPI
 
 import numpy as np
+from demo_hild_triangle import element
 
-import basix.ufl
 import ufl
-from dolfinx import fem, mesh
+from dolfinx import fem
 
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, parse_arguments
 from dolfinx_contact.continuation import StepControl, follow
@@ -45,28 +45,12 @@ def arguments(argv=None):
 
 def triangle(args):
     """The element, alone on every rank, with gamma in its load."""
-    points = args.length * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
-    element = basix.ufl.element("Lagrange", "triangle", 1, shape=(2,))
-    cells = np.array([[0, 1, 2]], dtype=np.int64)
-    domain = mesh.create_mesh(MPI.COMM_SELF, cells=cells, x=points, e=ufl.Mesh(element))
-    domain.topology.create_entities(1)
-    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u = fem.Function(V, name="displacement")
-
-    def edge(where):
-        return mesh.locate_entities_boundary(domain, 1, where)
-
-    slope = edge(lambda x: np.isclose(x[0] + x[1], args.length))
-    side = edge(lambda x: np.isclose(x[0], 0.0))
-    bottom = edge(lambda x: np.isclose(x[1], 0.0))
-    clamped = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, slope), V)
-    tags = mesh.meshtags(domain, 1, side, np.ones(len(side), dtype=np.int32))
+    u, ds, bottom, clamped = element(args.length)
+    domain = u.function_space.mesh
     gamma = fem.Constant(domain, 0.0)
     start, direction = (fem.Constant(domain, v) for v in (args.load_start, args.load_direction))
     energy = LinearElastic(*args.lame).energy(u) * ufl.dx
-    energy -= ufl.dot(start + gamma * direction, u) * ufl.Measure(
-        "ds", domain, subdomain_data=tags
-    )(1)
+    energy -= ufl.dot(start + gamma * direction, u) * ds
     surface = ContactSurface(
         u, bottom, obstacle=HalfSpace((0, 0), (0, 1)), law=Coulomb(args.friction)
     )

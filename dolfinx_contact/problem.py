@@ -257,12 +257,18 @@ class ContactProblem:
                 fem.assemble_vector(c.array, form)
             if i == 0:
                 self.reactions = self._accumulated(c)
-            fem.apply_lifting(c.array, self._J[i], self._bcs_by_block, x0=values, alpha=-1.0)
-            c.scatter_reverse(la.InsertMode.add)
-            for bc in self._bcs_by_block[i]:
-                bc.set(c.array, values[i], -self.stiffness_scale)
-            parts.append(c.array[: self.owned_sizes[i]])
+            parts.append(self._constrained(i, c, values))
         b.array[:] = np.concatenate(parts)
+
+    def _constrained(
+        self, i: int, c: la.Vector, at: list[npt.NDArray[np.float64]]
+    ) -> npt.NDArray[np.float64]:
+        """Owned part of block ``i`` of ``c`` once Dirichlet data are lifted and their rows set."""
+        fem.apply_lifting(c.array, self._J[i], self._bcs_by_block, x0=at, alpha=-1.0)
+        c.scatter_reverse(la.InsertMode.add)
+        for bc in self._bcs_by_block[i]:
+            bc.set(c.array, at[i], -self.stiffness_scale)
+        return np.asarray(c.array[: self.owned_sizes[i]])
 
     def assemble_rates(
         self,
@@ -288,11 +294,7 @@ class ContactProblem:
             for form in forms:
                 if form is not None:
                     fem.assemble_vector(v.array, form)
-            fem.apply_lifting(v.array, self._J[i], self._bcs_by_block, x0=at, alpha=-1.0)
-            v.scatter_reverse(la.InsertMode.add)
-            for bc in self._bcs_by_block[i]:
-                bc.set(v.array, at[i], -self.stiffness_scale)
-            parts.append(v.array[: self.owned_sizes[i]])
+            parts.append(self._constrained(i, v, at))
         c.array[:] = np.concatenate(parts)
 
     @staticmethod

@@ -209,6 +209,19 @@ def test_smooth_bifurcations(name, H, J, c, other):
     assert name
 
 
+def test_a_bifurcation_in_the_last_step_is_kept():
+    """One long step leads past the bifurcation and out of the range."""
+    system = smooth(
+        1, lambda x, g: g * x - x**3, lambda x, g: [[g - 3 * x[0] ** 2]], lambda x, g: [x[0]]
+    )
+    control = StepControl(initial=1.0, maximum=1.0)
+    branch = follow(system, start(system, [0.0]), -0.1, gamma_range=(-0.1, 0.05), control=control)
+    (special,) = branch.special
+    assert special.kind == "bifurcation"
+    assert abs(special.gamma) < 1e-8
+    assert len(branch.points) == 2
+
+
 def test_bratu():
     """-u'' = g exp(u) on (0, 1): the fold at 3.513830719, and no bifurcation."""
     system = bratu(200)

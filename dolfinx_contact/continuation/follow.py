@@ -155,6 +155,8 @@ class Follower:
                 branch.reason = f"no step of at least {self.control.minimum:g} succeeds"
                 break
             if not low <= new.gamma <= high:
+                inside = [s for s in special if s.smooth and low <= s.gamma <= high]
+                branch.special += [replace(s, index=len(branch.points)) for s in inside]
                 new = self._end_at(point, new, low if new.gamma < low else high)
                 branch.points.append(new)
                 branch.reason = "gamma reached the end of its range"
