@@ -72,16 +72,22 @@ def test_seed_example_at_its_start():
     np.testing.assert_allclose(table.rt[:-1, 0].sum(), -3.956634, atol=1e-6)
 
 
-def test_the_ray_to_zero_load():
-    """Positively homogeneous: no event until, at gamma = 0, all contact nodes are at a kink."""
-    system = linear_triangle(16, 1.7)
-    problem = system.problem
-    problem.solve()
+def start_of(system):
+    """The solution at gamma = -1 as a vector."""
+    system.problem.solve()
     x = system.create_vector()
-    problem.write(x)
-    branch = follow(system, x, -1.0, gamma_range=(-1.0, 1.0))
-    assert [s.kind for s in branch.special] == ["end"]
-    assert branch.special[0].gamma == pytest.approx(0.0, abs=1e-12)
-    assert "16 points are at a kink at once" in branch.reason
-    lengths = [np.linalg.norm(p.y.array_r[:-1]) for p in branch.points]
-    assert COMM.allreduce(lengths[-1]) < 1e-10 * COMM.allreduce(lengths[0])
+    system.problem.write(x)
+    return x
+
+
+@pytest.mark.parametrize("route", ["pivoting", "steps"])
+def test_all_rays_of_the_degenerate_point(route):
+    """n = 64, F = 1.7: one ray comes to (0, 0), where all 64 nodes are at a kink, three leave it."""
+    system = linear_triangle(64, 1.7)
+    branch = follow(system, start_of(system), -1.0, gamma_range=(-1.0, 1.0), route=route)
+    (point,) = branch.special
+    assert point.kind == "bifurcation"
+    assert point.gamma == pytest.approx(0.0, abs=1e-10)
+    found = {system.letters(branch.points[-1].piece)}
+    found |= {system.letters(ray.piece) for ray in point.others}
+    assert found == {64 * "o" + "d", "k" + 63 * "o" + "d", "-" + 63 * "o" + "d"}

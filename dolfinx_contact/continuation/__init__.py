@@ -2,20 +2,26 @@
 """Following solution branches of piecewise smooth systems in PETSc."""
 
 from dolfinx_contact.continuation.branch import Branch, BranchPoint, Change, Ray, SpecialPoint
-from dolfinx_contact.continuation.follow import Follower, follow
+from dolfinx_contact.continuation.follow import Follower, Route, follow, follower_for
 from dolfinx_contact.continuation.parameters import StepControl
-from dolfinx_contact.continuation.system import Events, Piece, System
+from dolfinx_contact.continuation.pivoting import Pivoting
+from dolfinx_contact.continuation.system import Condensable, Condensed, Events, Piece, System
 
 __all__ = [
     "Branch",
     "BranchPoint",
     "Change",
+    "Condensable",
+    "Condensed",
     "Events",
     "Follower",
     "Piece",
+    "Pivoting",
     "Ray",
+    "Route",
     "SpecialPoint",
     "StepControl",
     "System",
     "follow",
+    "follower_for",
 ]

@@ -13,6 +13,7 @@ import logging
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
+from typing import Literal, TypeAlias
 
 from petsc4py import PETSc
 
@@ -24,9 +25,12 @@ from dolfinx_contact.continuation.branch import Branch, BranchPoint, Ray, Specia
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.crossing import cross
 from dolfinx_contact.continuation.parameters import StepControl
-from dolfinx_contact.continuation.system import Piece, System
+from dolfinx_contact.continuation.pivoting import Pivoting
+from dolfinx_contact.continuation.system import Condensable, Piece, System
 
-__all__ = ["Follower", "follow"]
+__all__ = ["Follower", "Route", "follow", "follower_for"]
+
+Route: TypeAlias = Literal["auto", "pivoting", "steps"]
 
 logger = logging.getLogger(__name__)
 
@@ -43,6 +47,7 @@ def follow(
     control: StepControl | None = None,
     max_steps: int = 1000,
     observer: Callable[[BranchPoint], None] | None = None,
+    route: Route = "auto",
 ) -> Branch:
     """Follow the branch through (x, gamma) until gamma leaves its range.
 
@@ -55,6 +60,7 @@ def follow(
         control: step lengths.
         max_steps: budget; when it is exhausted what was found is returned, and said.
         observer: called with every accepted point.
+        route: see `follower_for`.
 
     Returns:
         Points and special points, and why the branch ended.
@@ -68,9 +74,44 @@ def follow(
         raise ValueError(f"gamma = {gamma} must lie in the range [{low}, {high}], not empty")
     if max_steps < 1:
         raise ValueError(f"the budget of steps must be positive, got {max_steps}")
-    with Follower(system, control or StepControl(), gamma_scale=high - low) as follower:
+    scale = high - low
+    with follower_for(system, x, gamma, control, gamma_scale=scale, route=route) as follower:
         start = follower.start(x, gamma, increasing=increasing)
         return follower.run(start, (low, high), max_steps=max_steps, observer=observer)
+
+
+def follower_for(
+    system: System,
+    x: PETSc.Vec,
+    gamma: float,
+    control: StepControl | None = None,
+    *,
+    gamma_scale: float,
+    route: Route = "auto",
+) -> Follower | Pivoting:
+    """What follows the branches of a system.
+
+    Args:
+        system: H with its pieces.
+        x: a state at ``gamma``.
+        gamma: parameter.
+        control: step lengths of the general route.
+        gamma_scale: size of gamma that counts as 1.
+        route: ``"pivoting"`` from vertex to vertex, for affine pieces; ``"steps"`` by predictor and
+            corrector; ``"auto"`` by pivoting where that is possible.
+
+    Raises:
+        ValueError: if the pieces are not affine and pivoting is asked for.
+    """
+    if route not in ("auto", "pivoting", "steps"):
+        raise ValueError(f"the route must be auto, pivoting or steps, got {route!r}")
+    if route != "steps" and isinstance(system, Condensable) and system.is_piecewise_affine:
+        condensed = system.condensed(x, gamma)
+        if condensed is not None:
+            return Pivoting(system, condensed, gamma_scale=gamma_scale)
+    if route == "pivoting":
+        raise ValueError("the pieces of this system are not affine: pivoting cannot follow it")
+    return Follower(system, control or StepControl(), gamma_scale=gamma_scale)
 
 
 class Follower:
@@ -144,7 +185,10 @@ class Follower:
         max_steps: int = 1000,
         observer: Callable[[BranchPoint], None] | None = None,
     ) -> Branch:
-        """Follow from ``start`` along its tangent; see `follow`."""
+        """Follow from ``start`` along its tangent; see `follow`.
+
+        The system is left at the end of the branch.
+        """
         branch, b = Branch([start]), self.bordered
         before = b.factorisations, b.solves
         h, low, high = self.control.initial, *gamma_range
@@ -173,6 +217,7 @@ class Follower:
         else:
             branch.reason = f"the budget of {max_steps} steps is exhausted"
         branch.factorisations, branch.solves = b.factorisations - before[0], b.solves - before[1]
+        self.system.piece_at(*b.split(branch.points[-1].y))
         logger.info("branch ended: %s", branch.reason)
         return branch
 
