@@ -82,7 +82,7 @@ def start_of(system):
 
 @pytest.mark.parametrize("route", ["pivoting", "steps"])
 def test_all_rays_of_the_degenerate_point(route):
-    """n = 64, F = 1.7: one ray comes to (0, 0), where all 64 nodes are at a kink, three leave it."""
+    """n = 64, F = 1.7: one ray comes to (0, 0), where all nodes are at a kink, three leave it."""
     system = linear_triangle(64, 1.7)
     branch = follow(system, start_of(system), -1.0, gamma_range=(-1.0, 1.0), route=route)
     (point,) = branch.special
