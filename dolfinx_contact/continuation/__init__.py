@@ -3,6 +3,7 @@
 
 from dolfinx_contact.continuation.branch import Branch, BranchPoint, Change, Ray, SpecialPoint
 from dolfinx_contact.continuation.follow import Follower, follow
+from dolfinx_contact.continuation.observer import Observer, Stepping, Task
 from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.continuation.system import Events, Piece, System
 
@@ -12,10 +13,13 @@ __all__ = [
     "Change",
     "Events",
     "Follower",
+    "Observer",
     "Piece",
     "Ray",
     "SpecialPoint",
     "StepControl",
+    "Stepping",
     "System",
+    "Task",
     "follow",
 ]

@@ -23,6 +23,7 @@ from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.branch import Branch, BranchPoint, Ray, SpecialPoint
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.crossing import cross
+from dolfinx_contact.continuation.observer import Observer, Stepping, Task
 from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.continuation.system import Piece, System
 
@@ -42,7 +43,7 @@ def follow(
     increasing: bool = True,
     control: StepControl | None = None,
     max_steps: int = 1000,
-    observer: Callable[[BranchPoint], None] | None = None,
+    observer: Observer | None = None,
 ) -> Branch:
     """Follow the branch through (x, gamma) until gamma leaves its range.
 
@@ -54,7 +55,7 @@ def follow(
         increasing: whether gamma is to grow at the start.
         control: step lengths.
         max_steps: budget; when it is exhausted what was found is returned, and said.
-        observer: called with every accepted point.
+        observer: told of every accepted point.
 
     Returns:
         Points and special points, and why the branch ended.
@@ -142,39 +143,61 @@ class Follower:
         gamma_range: tuple[float, float],
         *,
         max_steps: int = 1000,
-        observer: Callable[[BranchPoint], None] | None = None,
+        observer: Observer | None = None,
+        branch_id: int = 0,
+        stepping: Stepping | None = None,
     ) -> Branch:
-        """Follow from ``start`` along its tangent; see `follow`."""
-        branch, b = Branch([start]), self.bordered
+        """Follow from ``start`` along its tangent; see `follow`.
+
+        Args:
+            start: a point of the branch.
+            gamma_range: the branch ends where gamma reaches either end.
+            max_steps: budget, from the first point of the branch.
+            observer: told of every accepted point, ``start`` included.
+            branch_id: number by which the observer knows the branch.
+            stepping: known at ``start`` if the branch was followed to it before.
+
+        Returns:
+            The branch from ``start`` on.
+        """
+        branch, b, first = Branch([start]), self.bordered, 0
         before = b.factorisations, b.solves
         h, low, high = self.control.initial, *gamma_range
+        if stepping is not None:
+            first, h = stepping.index, stepping.next_step
+            b.x_scale, self._largest_distance = stepping.x_scale, stepping.largest_distance
+        observer = observer or Observer()
+        observer.begin(branch_id, Task((low, high), b.gamma_scale, self.control, max_steps))
+        observer.point(branch_id, first, start, (), self._stepping(first, h))
         point = start
-        for _ in range(max_steps):
+        for index in range(first + 1, max_steps + 1):
             new, special, h = self._step(point, h)
             if new is None:
                 branch.reason = f"no step of at least {self.control.minimum:g} succeeds"
                 break
-            if not low <= new.gamma <= high:
-                inside = [s for s in special if s.smooth and low <= s.gamma <= high]
-                branch.special += [replace(s, index=len(branch.points)) for s in inside]
+            outside = not low <= new.gamma <= high
+            if outside:
+                special = [s for s in special if s.smooth and low <= s.gamma <= high]
                 new = self._end_at(point, new, low if new.gamma < low else high)
-                branch.points.append(new)
                 branch.reason = "gamma reached the end of its range"
-                break
-            for s in special:
-                branch.special.append(replace(s, index=len(branch.points)))
+            special = [replace(s, index=len(branch.points)) for s in special]
+            branch.special += special
             branch.points.append(new)
             point = new
-            if observer is not None:
-                observer(point)
+            observer.point(branch_id, index, point, special, self._stepping(index, h))
             if any(s.kind == "end" for s in special):
                 branch.reason = self._dead_end
+            if branch.reason:
                 break
         else:
             branch.reason = f"the budget of {max_steps} steps is exhausted"
+        observer.end(branch_id, branch.reason)
         branch.factorisations, branch.solves = b.factorisations - before[0], b.solves - before[1]
         logger.info("branch ended: %s", branch.reason)
         return branch
+
+    def _stepping(self, index: int, h: float) -> Stepping:
+        return Stepping(index, h, self.bordered.x_scale, self._largest_distance)
 
     def at(self, branch: Branch, gamma: float) -> list[BranchPoint]:
         """The points of ``branch`` at which its parameter is ``gamma``, in order.
