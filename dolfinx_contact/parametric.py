@@ -104,6 +104,15 @@ class ParametricContact:
         self._set(gamma, piece)
         self.problem.read(x)
 
+    @property
+    def scales(self) -> tuple[float, float]:
+        """Force and length that residuals are measured by; they grow along a branch."""
+        return self._scales.force, self._scales.length
+
+    @scales.setter
+    def scales(self, scales: tuple[float, float]) -> None:
+        self._scales.force, self._scales.length = scales
+
     # -- System ----------------------------------------------------------------------------------
 
     def create_vector(self) -> PETSc.Vec:

@@ -3,7 +3,7 @@
 
 from dolfinx_contact.continuation.branch import Branch, BranchPoint, Change, Ray, SpecialPoint
 from dolfinx_contact.continuation.follow import Follower, follow
-from dolfinx_contact.continuation.observer import Observer, Stepping, Task
+from dolfinx_contact.continuation.observer import Observer, Observers, Stepping, Task
 from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.continuation.system import Events, Piece, System
 
@@ -14,6 +14,7 @@ __all__ = [
     "Events",
     "Follower",
     "Observer",
+    "Observers",
     "Piece",
     "Ray",
     "SpecialPoint",

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from dolfinx_contact.continuation.branch import BranchPoint, SpecialPoint
 from dolfinx_contact.continuation.parameters import StepControl
 
-__all__ = ["Observer", "Stepping", "Task"]
+__all__ = ["Observer", "Observers", "Stepping", "Task"]
 
 
 @dataclass(frozen=True)
@@ -75,3 +75,29 @@ class Observer:
 
     def end(self, branch: int, reason: str) -> None:
         """The branch has ended, or its budget is exhausted."""
+
+
+class Observers(Observer):
+    """Several observers as one, told in this order."""
+
+    def __init__(self, *observers: Observer):
+        self._observers = observers
+
+    def begin(self, branch: int, task: Task) -> None:
+        for o in self._observers:
+            o.begin(branch, task)
+
+    def point(
+        self,
+        branch: int,
+        index: int,
+        point: BranchPoint,
+        special: Sequence[SpecialPoint],
+        stepping: Stepping,
+    ) -> None:
+        for o in self._observers:
+            o.point(branch, index, point, special, stepping)
+
+    def end(self, branch: int, reason: str) -> None:
+        for o in self._observers:
+            o.end(branch, reason)
