@@ -29,7 +29,7 @@ from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, 
 from dolfinx_contact.continuation import Follower, StepControl
 from dolfinx_contact.materials import CiarletGeymonat, LinearElastic, NeoHookean
 from dolfinx_contact.meshing import mesh_from_gmsh, read_mesh
-from dolfinx_contact.output import output_folder, write_summary
+from dolfinx_contact.output import Progress, output_folder, write_summary
 from dolfinx_contact.parametric import ParametricContact
 
 
@@ -198,14 +198,11 @@ def main(argv=None):
     x = followed.create_vector()
     problem.write(x)
 
-    def progress(point):
-        if comm.rank == 0:
-            print(f"  gamma {point.gamma:+.6f}  step {point.step:.1e}", flush=True)
-
     default, factor = StepControl(), args.step_factor
     control = StepControl(initial=factor * default.initial, maximum=factor * default.maximum)
     with Follower(followed, control, gamma_scale=1.0) as follower:
         start = follower.start(x, first)
+        progress = Progress(comm)
         branch = follower.run(start, (0.0, 1.0), max_steps=args.max_steps, observer=progress)
         seen = [observe(followed, follower, p) for p in branch.points]
         folds = [

@@ -3,6 +3,7 @@
 
 from dolfinx_contact.continuation.branch import Branch, BranchPoint, Change, Ray, SpecialPoint
 from dolfinx_contact.continuation.follow import Follower, Route, follow, follower_for
+from dolfinx_contact.continuation.observer import Observer, Observers, Stepping, Task
 from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.continuation.pivoting import Pivoting
 from dolfinx_contact.continuation.system import Condensable, Condensed, Events, Piece, System
@@ -15,13 +16,17 @@ __all__ = [
     "Condensed",
     "Events",
     "Follower",
+    "Observer",
+    "Observers",
     "Piece",
     "Pivoting",
     "Ray",
     "Route",
     "SpecialPoint",
     "StepControl",
+    "Stepping",
     "System",
+    "Task",
     "follow",
     "follower_for",
 ]

@@ -3,14 +3,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, TypeAlias
 
 from petsc4py import PETSc
 
 from dolfinx_contact.continuation.system import Piece
 
-__all__ = ["Branch", "BranchPoint", "Change", "Ray", "SpecialPoint"]
+__all__ = ["CLOSED", "Branch", "BranchPoint", "Change", "Ray", "SpecialPoint", "Stop"]
+
+#: Why a branch ended that came back to its start.
+CLOSED = "the branch is closed"
 
 Kind = Literal["event", "fold", "bifurcation", "end"]
 
@@ -72,6 +76,7 @@ class SpecialPoint:
             at a simple bifurcation; 0 if it was not evaluated.
         others: ways out that the branch does not take.
         complete: whether `others` has been enumerated completely; False if it was not looked for.
+        incoming: the tangent along which the branch came; None at folds and events.
     """
 
     kind: Kind
@@ -83,6 +88,12 @@ class SpecialPoint:
     parity: int = 0
     others: tuple[Ray, ...] = ()
     complete: bool = False
+    incoming: PETSc.Vec | None = None
+
+
+#: Asked at every accepted point, with the special points on the way to it; answers with the reason
+#: to end the branch there, or "".
+Stop: TypeAlias = Callable[[BranchPoint, Sequence[SpecialPoint]], str]
 
 
 @dataclass

@@ -21,9 +21,10 @@ import numpy as np
 
 from dolfinx_contact.continuation.bifurcation import BifurcationTest
 from dolfinx_contact.continuation.bordered import Bordered
-from dolfinx_contact.continuation.branch import Branch, BranchPoint, Ray, SpecialPoint
+from dolfinx_contact.continuation.branch import CLOSED, Branch, BranchPoint, Ray, SpecialPoint, Stop
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.crossing import cross
+from dolfinx_contact.continuation.observer import Observer, Stepping, Task
 from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.continuation.pivoting import Pivoting
 from dolfinx_contact.continuation.system import Condensable, Piece, System
@@ -46,7 +47,8 @@ def follow(
     increasing: bool = True,
     control: StepControl | None = None,
     max_steps: int = 1000,
-    observer: Callable[[BranchPoint], None] | None = None,
+    observer: Observer | None = None,
+    stop: Stop | None = None,
     route: Route = "auto",
 ) -> Branch:
     """Follow the branch through (x, gamma) until gamma leaves its range.
@@ -59,7 +61,10 @@ def follow(
         increasing: whether gamma is to grow at the start.
         control: step lengths.
         max_steps: budget; when it is exhausted what was found is returned, and said.
-        observer: called with every accepted point.
+        observer: told of every accepted point.
+        stop: asked at every accepted point, with the special points on the way to it, whether the
+            branch ends there: it answers with the reason, or "" to go on. A branch that comes back
+            to its start ends in any case.
         route: see `follower_for`.
 
     Returns:
@@ -183,43 +188,82 @@ class Follower:
         gamma_range: tuple[float, float],
         *,
         max_steps: int = 1000,
-        observer: Callable[[BranchPoint], None] | None = None,
+        observer: Observer | None = None,
+        stop: Stop | None = None,
+        branch_id: int = 0,
+        stepping: Stepping | None = None,
     ) -> Branch:
         """Follow from ``start`` along its tangent; see `follow`.
 
         The system is left at the end of the branch.
+
+        Args:
+            start: a point of the branch.
+            gamma_range: the branch ends where gamma reaches either end.
+            max_steps: budget, from the first point of the branch.
+            observer: told of every accepted point, ``start`` included.
+            stop: see `follow`.
+            branch_id: number by which the observer knows the branch.
+            stepping: known at ``start`` if the branch was followed to it before.
+
+        Returns:
+            The branch from ``start`` on.
         """
-        branch, b = Branch([start]), self.bordered
+        branch, b, first = Branch([start]), self.bordered, 0
         before = b.factorisations, b.solves
         h, low, high = self.control.initial, *gamma_range
+        if stepping is not None:
+            first, h = stepping.index, stepping.next_step
+            b.x_scale, self._largest_distance = stepping.x_scale, stepping.largest_distance
+        observer = observer or Observer()
+        observer.begin(branch_id, Task((low, high), b.gamma_scale, self.control, max_steps))
+        observer.point(branch_id, first, start, (), self._stepping(first, h))
         point = start
-        for _ in range(max_steps):
+        for index in range(first + 1, max_steps + 1):
             new, special, h = self._step(point, h)
             if new is None:
                 branch.reason = f"no step of at least {self.control.minimum:g} succeeds"
                 break
-            if not low <= new.gamma <= high:
-                inside = [s for s in special if s.smooth and low <= s.gamma <= high]
-                branch.special += [replace(s, index=len(branch.points)) for s in inside]
+            if self._is_closed(start, point, new):
+                new, special = start, [s for s in special if s.smooth]
+                branch.reason = CLOSED
+            elif not low <= new.gamma <= high:
+                special = [s for s in special if s.smooth and low <= s.gamma <= high]
                 new = self._end_at(point, new, low if new.gamma < low else high)
-                branch.points.append(new)
                 branch.reason = "gamma reached the end of its range"
-                break
-            for s in special:
-                branch.special.append(replace(s, index=len(branch.points)))
+            special = [replace(s, index=len(branch.points)) for s in special]
+            branch.special += special
             branch.points.append(new)
             point = new
-            if observer is not None:
-                observer(point)
+            observer.point(branch_id, index, point, special, self._stepping(index, h))
             if any(s.kind == "end" for s in special):
                 branch.reason = self._dead_end
+            branch.reason = branch.reason or (stop(point, special) if stop is not None else "")
+            if branch.reason:
                 break
         else:
             branch.reason = f"the budget of {max_steps} steps is exhausted"
+        observer.end(branch_id, branch.reason)
         branch.factorisations, branch.solves = b.factorisations - before[0], b.solves - before[1]
         self.system.piece_at(*b.split(branch.points[-1].y))
         logger.info("branch ended: %s", branch.reason)
         return branch
+
+    def _is_closed(self, start: BranchPoint, point: BranchPoint, new: BranchPoint) -> bool:
+        """Whether the step from ``point`` to ``new`` passes the start in the sense of the start."""
+        b, comm = self.bordered, self.bordered.comm
+        same = bool(np.array_equal(start.piece.codes, point.piece.codes))
+        if point is start or not comm.allreduce(same, op=_all):
+            return False
+        back = start.y - point.y
+        along, size = b.inner(point.tangent, back), b.inner(back, back)
+        end = b.inner(point.tangent, new.y) - b.inner(point.tangent, point.y)
+        beside = max(size - along**2, 0.0)
+        forwards = b.inner(point.tangent, start.tangent) > self.control.cosine
+        return bool(0 < along <= end and beside <= (0.1 * end) ** 2 and forwards)
+
+    def _stepping(self, index: int, h: float) -> Stepping:
+        return Stepping(index, h, self.bordered.x_scale, self._largest_distance)
 
     def at(self, branch: Branch, gamma: float) -> list[BranchPoint]:
         """The points of ``branch`` at which its parameter is ``gamma``, in order.
@@ -358,6 +402,7 @@ class Follower:
                 crossing.parity,
                 crossing.others,
                 crossing.complete,
+                tangent,
             )
         )
         new = BranchPoint(y, onwards.tangent, onwards.piece, here.gamma, s, here.corrections)
@@ -388,7 +433,14 @@ class Follower:
                 others = (Ray(point.piece, kernel), Ray(point.piece, opposite))
                 at = b.gamma(found[1])
                 crossing = SpecialPoint(
-                    "bifurcation", True, at, found[1], 0, parity=-1, others=others
+                    "bifurcation",
+                    True,
+                    at,
+                    found[1],
+                    0,
+                    parity=-1,
+                    others=others,
+                    incoming=point.tangent,
                 )
                 special.append((found[0], crossing))
         return [s for _, s in sorted(special, key=lambda pair: pair[0])]
@@ -463,3 +515,7 @@ class Follower:
         probe.destroy()
         if not size > 0:
             raise ValueError("gamma does not appear in H: its derivative by gamma vanishes")
+
+
+def _all(a: bool, b: bool) -> bool:
+    return a and b
