@@ -2,6 +2,7 @@
 """Following solution branches of piecewise smooth systems in PETSc."""
 
 from dolfinx_contact.continuation.branch import Branch, BranchPoint, Change, Ray, SpecialPoint
+from dolfinx_contact.continuation.diagram import Diagram, Edge, Node, explore
 from dolfinx_contact.continuation.follow import Follower, Route, follow, follower_for
 from dolfinx_contact.continuation.observer import Observer, Observers, Stepping, Task
 from dolfinx_contact.continuation.parameters import StepControl
@@ -14,8 +15,11 @@ __all__ = [
     "Change",
     "Condensable",
     "Condensed",
+    "Diagram",
+    "Edge",
     "Events",
     "Follower",
+    "Node",
     "Observer",
     "Observers",
     "Piece",
@@ -27,6 +31,7 @@ __all__ = [
     "Stepping",
     "System",
     "Task",
+    "explore",
     "follow",
     "follower_for",
 ]

@@ -76,7 +76,8 @@ class SpecialPoint:
             at a simple bifurcation; 0 if it was not evaluated.
         others: ways out that the branch does not take.
         complete: whether `others` has been enumerated completely; False if it was not looked for.
-        incoming: the tangent along which the branch came; None at folds and events.
+        incoming: at a bifurcation the ray along which the branch came; its tangent points to here.
+        onwards: at a bifurcation the ray by which the branch goes on.
     """
 
     kind: Kind
@@ -88,7 +89,8 @@ class SpecialPoint:
     parity: int = 0
     others: tuple[Ray, ...] = ()
     complete: bool = False
-    incoming: PETSc.Vec | None = None
+    incoming: Ray | None = None
+    onwards: Ray | None = None
 
 
 #: Asked at every accepted point, with the special points on the way to it; answers with the reason

@@ -223,7 +223,7 @@ class Pivoting:
         others = tuple(
             Ray(self.condensed.piece(r.codes), self._tangent(w, gamma, r)) for r in rays[1:]
         )
-        incoming = self._tangent(w, gamma, ray) if others else None
+        incoming = Ray(self.condensed.piece(ray.codes), self._tangent(w, gamma, ray))
         special = SpecialPoint(
             kind,  # type: ignore[arg-type]
             False,
@@ -234,7 +234,8 @@ class Pivoting:
             parity,
             others,
             complete,
-            incoming,
+            incoming if others else None,
+            Ray(point.piece, point.tangent) if others else None,
         )
         return point, special, onwards
 
