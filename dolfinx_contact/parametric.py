@@ -23,10 +23,10 @@ from ufl.algorithms.analysis import extract_constants
 from dolfinx_contact._compat import interpolation_points
 from dolfinx_contact._errors import require
 from dolfinx_contact.condensed import CondensedContact, can_condense
-from dolfinx_contact.continuation import Events, Piece
+from dolfinx_contact.continuation import BranchPoint, Events, Piece
 from dolfinx_contact.laws import Status
 from dolfinx_contact.problem import ContactProblem
-from dolfinx_contact.result import by_coordinates
+from dolfinx_contact.result import Result, by_coordinates, collect
 from dolfinx_contact.solvers.measures import Scales
 from dolfinx_contact.surface import ContactSurface
 
@@ -107,6 +107,19 @@ class ParametricContact:
         """Put a point of a branch into the Functions of the problem, its statuses included."""
         self._set(gamma, piece)
         self.problem.read(x)
+
+    def result_at(self, point: BranchPoint) -> Result:
+        """The tables of a point of a branch, which is left in the Functions. Collective.
+
+        Statuses are those of the piece of the point, also where it lies on a border.
+        """
+        x = self.create_vector()
+        x.array[:] = point.y.array_r[: x.getLocalSize()]
+        self.put(x, point.gamma, point.piece)
+        with self.problem.status_held():
+            result = collect(self.problem, x, [])
+        x.destroy()
+        return result
 
     @property
     def scales(self) -> tuple[float, float]:

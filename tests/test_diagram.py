@@ -62,9 +62,7 @@ def test_pitchfork_as_a_graph():
 
 def test_transcritical_from_both_sides():
     """x (g - x) = 0 from two starts: four edges and one node; neither branch is found twice."""
-    system = smooth(
-        1, lambda x, g: x * (g - x), lambda x, g: [[g - 2 * x[0]]], lambda x, g: [x[0]]
-    )
+    system = smooth(1, lambda x, g: x * (g - x), lambda x, g: [[g - 2 * x[0]]], lambda x, g: [x[0]])
     starts = [(start(system, [0.0]), -1.0), (start(system, [-1.0]), -1.0)]
     diagram = explore(system, starts, gamma_range=(-1.0, 1.0))
     assert len(diagram.nodes) == 1

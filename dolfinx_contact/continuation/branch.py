@@ -78,6 +78,7 @@ class SpecialPoint:
         complete: whether `others` has been enumerated completely; False if it was not looked for.
         incoming: at a bifurcation the ray along which the branch came; its tangent points to here.
         onwards: at a bifurcation the ray by which the branch goes on.
+        method: how the ways out were looked for.
     """
 
     kind: Kind
@@ -91,6 +92,7 @@ class SpecialPoint:
     complete: bool = False
     incoming: Ray | None = None
     onwards: Ray | None = None
+    method: str = ""
 
 
 #: Asked at every accepted point, with the special points on the way to it; answers with the reason

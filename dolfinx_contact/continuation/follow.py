@@ -405,6 +405,7 @@ class Follower:
                 crossing.complete,
                 Ray(point.piece, tangent),
                 onwards,
+                crossing.method,
             )
         )
         new = BranchPoint(y, onwards.tangent, onwards.piece, here.gamma, s, here.corrections)
@@ -471,8 +472,8 @@ class Follower:
         ``function`` is called when J at the point has been factorised; ``values`` are those at the
         ends. Secant steps; an end that stays twice counts half (Illinois), so that the bracket
         shrinks from both sides. Every point is corrected from the line between the ends of the
-        bracket (at first a parabola), whose distance from the branch falls with its square: so none is found on another
-        branch that crosses nearby.
+        bracket (at first a parabola), whose distance from the branch falls with its square: so none
+        is found on another branch that crosses nearby.
         """
         b, y_low = self.bordered, point.y
         end = b.inner(point.tangent, y_high) - b.inner(point.tangent, y_low)

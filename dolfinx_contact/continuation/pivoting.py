@@ -193,7 +193,7 @@ class Pivoting:
         held = affine.statuses_at(w, tolerance)
         kinked = np.flatnonzero(held.sum(axis=1) > 1)
         before = affine.piece(ray.codes) if ray.rate != 0 else None
-        rays, complete, found = [], False, []
+        rays, complete, found, method = [], False, [], ""
         self._unit = max(self._unit, float(np.abs(w).max(initial=0.0)))
         if len(kinked) == 1 and before is not None:
             i = int(kinked[0])
@@ -203,14 +203,15 @@ class Pivoting:
             back = AffineRay(ray.codes, -ray.direction, -ray.rate)
             ways = outgoing(affine.tangent_cone(w, tolerance), [back])
             rays = [r for r in ways.rays if not same_direction(r, back)]
-            complete = ways.complete
+            complete, method = ways.complete, ways.method
             logger.info("gamma = %.10g: %d rays by %s", gamma, len(ways.rays), ways.method)
         rays.sort(key=lambda r: (r.rate != ray.rate, -_cosine(r, ray)))
         onwards = rays[0] if rays else None
         point = self._point(w, gamma, onwards or ray, length)
         y, parity = point.y, 0
         if onwards is None:
-            return point, SpecialPoint("end", False, gamma, y, 0, complete=complete), None
+            end = SpecialPoint("end", False, gamma, y, 0, complete=complete, method=method)
+            return point, end, None
         after = affine.piece(onwards.codes)
         if before is not None and after is not None:
             parity = self._parity(before, ray, after, onwards.rate)
@@ -236,6 +237,7 @@ class Pivoting:
             complete,
             incoming if others else None,
             Ray(point.piece, point.tangent) if others else None,
+            method,
         )
         return point, special, onwards
 
