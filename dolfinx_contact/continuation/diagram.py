@@ -201,12 +201,12 @@ class _Explorer:
         )
         end = None
         if branch.reason == _AT_NODE:
-            special = branch.bifurcations[-1]
-            if special.smooth and special.incoming is not None:
-                # The last step went beyond; the branch ends at the node.
-                ray, last = special.incoming, branch.points[-1]
+            special, last = branch.bifurcations[-1], branch.points[-1]
+            came = special.incoming
+            if came is not None:
+                # The branch ends at the node, on its own piece.
                 branch.points[-1] = replace(
-                    last, y=special.y, tangent=ray.tangent, gamma=special.gamma
+                    last, y=special.y, gamma=special.gamma, tangent=came.tangent, piece=came.piece
                 )
             end = self._arrive(special, number)
         self.diagram.edges.append(Edge(branch, start, end))
