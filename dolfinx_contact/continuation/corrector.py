@@ -135,6 +135,7 @@ class Corrector:
     def _jacobian(self, _snes: PETSc.SNES, y: PETSc.Vec, A: PETSc.Mat, _P: PETSc.Mat) -> None:
         self.bordered.assemble(y, self._row, self._piece)
         self.bordered.factorisations += 1
+        self.bordered.solves += 1  # by SNES, once with every matrix
 
     def _test(self, snes: PETSc.SNES, it: int, _norms: tuple[float, float, float]) -> int:
         reasons = PETSc.SNES.ConvergedReason
