@@ -4,8 +4,8 @@
 Two examples of Ligursky and Renard: the linear triangle with 64 contact nodes and the block of
 Ciarlet and Geymonat's material. In every repetition GetFEM makes some steps, then this package
 does, so that what else the machine does hits both. Seconds are of the clock, `cpu` of the
-processor; a ratio is GetFEM's figure over ours. Nothing is asked of GetFEM that takes longer than a time limit;
-what was cut off is a lower bound and is called one.
+processor; a ratio is GetFEM's figure over ours. Nothing is asked of GetFEM that takes longer than a
+time limit; what was cut off is a lower bound and is called one.
 
     python3 benchmarks/branches_vs_getfem.py --output branches.json
 """

@@ -46,6 +46,8 @@ def arguments(argv=None):
     drive.add_argument("--drive-top", type=float, nargs=2, metavar=("DX", "DY"))
     parser.add_argument("--solutions-at", type=float, metavar="G")
     parser.add_argument("--step-factor", type=float, default=1.0, help="of the default steps")
+    parser.add_argument("--r", type=float, default=None, help="augmentation parameter")
+    parser.add_argument("--length", type=float, default=1.0, help="the unit of the mesh")
     parser.add_argument("--max-steps", type=int, default=2000)
     parser.add_argument("--output", default="output/followed_mesh")
     args = parse_arguments(parser, argv)
@@ -93,6 +95,7 @@ def system(args, comm):
     else:
         body = mesh_from_gmsh(comm, lambda: draw_vee(args.size), groups=("dirichlet", "contact"))
     domain = body.mesh
+    domain.geometry.x[:] *= args.length
     held = body.facet_tags.find(body.tag("dirichlet"))
     touching = body.facet_tags.find(body.tag("contact"))
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
@@ -126,7 +129,7 @@ def system(args, comm):
     surface = ContactSurface(
         u, touching, obstacle=HalfSpace((0.0, floor), (0.0, 1.0)), law=Coulomb(args.friction)
     )
-    problem = ContactProblem(energy, u, [surface], bcs=bcs)
+    problem = ContactProblem(energy, u, [surface], bcs=bcs, r=args.r)
     return ParametricContact(problem, gamma, driven=driven)
 
 
@@ -193,7 +196,9 @@ def main(argv=None):
     problem.write(x)
 
     default, factor = StepControl(), args.step_factor
-    control = StepControl(initial=factor * default.initial, maximum=factor * default.maximum)
+    control = StepControl(
+        initial=min(factor * default.initial, 1.0), maximum=min(factor * default.maximum, 1.0)
+    )
     with Follower(followed, control, gamma_scale=1.0) as follower:
         start = follower.start(x, first)
         progress = Progress(comm)
@@ -217,6 +222,8 @@ def main(argv=None):
             "events": sum(bool(s.changes) for s in branch.special),
             "bifurcations": [s.gamma for s in branch.bifurcations],
             "points": len(branch.points),
+            "gammas": [p.gamma for p in branch.points],
+            "augmentation": problem.surfaces[0].mean_augmentation,
             "factorisations": branch.factorisations,
             "gamma_end": branch.points[-1].gamma,
             "end": seen[-1],

@@ -209,6 +209,7 @@ def main(argv=None):
         "bifurcation_gamma": [node.point.gamma for node in diagram.nodes],
         "points": [len(b.points) for b in diagram.branches],
         "gammas": [[p.gamma for p in b.points] for b in diagram.branches],
+        "augmentation": system.problem.surfaces[0].mean_augmentation,
         "explore_seconds": seconds,
     }
     size = max(float(np.abs(s["ut_A"])) for _, s in found) or 1.0
