@@ -319,9 +319,9 @@ def getfem_rays(args, make, gammas, sense, tolerances):
             begun = time.perf_counter()
             try:
                 step = side.ask("step", limit=args.limit)
-            except TimeoutError:
-                spent = time.perf_counter() - begun
-                record |= {"search": {"wall": spent, "cpu": spent}, "lower_bound": True}
+            except TimeoutError as stopped:
+                spent = {"wall": time.perf_counter() - begun, "cpu": stopped.args[0]}
+                record |= {"search": spent, "lower_bound": True}
                 break
             if "tangents" in step:
                 record |= {"search": {k: step[k] for k in ("wall", "cpu")}}

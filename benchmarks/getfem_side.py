@@ -13,6 +13,7 @@ import select
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 
@@ -40,15 +41,22 @@ class GetFEM:
         self.size = self.ask("make", problem=problem, **parameters)
 
     def ask(self, what, limit=None, **parameters):
-        """The answer to a command; ``TimeoutError`` if it takes longer than ``limit`` seconds."""
+        """The answer to a command.
+
+        Raises:
+            TimeoutError: if it takes longer than ``limit`` seconds; its first argument is the time
+                of the processor that it took. The process has ended then.
+        """
+        before = self._cpu()
         line = json.dumps({"do": what, **parameters}) + "\n"
         self._process.stdin.write(line.encode())
         end = None if limit is None else time.monotonic() + limit
         while b"\n" not in self._rest:
             left = None if end is None else max(end - time.monotonic(), 0.0)
             if not select.select([self._process.stdout], [], [], left)[0]:
+                spent = self._cpu() - before
                 self._process.kill()
-                raise TimeoutError
+                raise TimeoutError(spent)
             more = os.read(self._process.stdout.fileno(), 1 << 16)
             if not more:
                 raise RuntimeError(f"GetFEM has ended in {what}")
@@ -58,6 +66,11 @@ class GetFEM:
         if "error" in answer:
             raise RuntimeError(f"GetFEM: {answer['error']}")
         return answer
+
+    def _cpu(self):
+        """Seconds of the processor that the process has taken."""
+        fields = Path(f"/proc/{self._process.pid}/stat").read_text().rsplit(")", 1)[1].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
     def close(self):
         """End the process."""

@@ -40,7 +40,7 @@ CASES = {
 #: Cases in which every point of every branch must come out again.
 SAME_POINTS = ("units", "renumbered", "2 ranks", "3 ranks")
 FOUND, POINTS = 1e-6, 1e-8
-#: What E is multiplied by where only the augmentation parameter tells: it is E over a length.
+#: The V-shaped body: its material, its body force at either end, and where solutions are counted.
 VEE = {"lame": (100.0, 82.0), "force": (0.0, -6.0, -14.0, -6.0), "at": 0.7}
 
 
@@ -57,6 +57,15 @@ class Problem:
 
     def found(self, s, length):
         raise NotImplementedError
+
+    def what(self, s):
+        """In words."""
+        kinds = [f.get("kind", "") for f in s["folds"]]
+        named = ", ".join(
+            f"{kinds.count(k)} {k} folds".replace("  ", " ") for k in sorted({*kinds})
+        )
+        there = s.get("solutions_at", {}).get("solutions", [])
+        return named + (f", {len(there)} solutions between" if there else "")
 
 
 def numbers(*values):
@@ -100,6 +109,10 @@ class LinearTriangle(Problem):
         values = [t[key] / length for _, t in ends for key in ("ut_A", "un_A")]
         return names, values + s["bifurcation_gamma"]
 
+    def what(self, s):
+        left, right = (len(s["solutions"][k]) for k in ("-1", "1"))
+        return f"{left} + {right} rays"
+
 
 class Block(Problem):
     def command(self, stress, length, seed, folder):
@@ -112,6 +125,10 @@ class Block(Problem):
         keys = ("ut_left", "un_left", "ut_right", "un_right")
         values = [t[key] / length / 40.0 for t in s["branches"] for key in keys]
         return names, values + s["bifurcation_gamma"]
+
+    def what(self, s):
+        ends = [t["gamma"] for t in s["branches"]]
+        return f"{ends.count(-1.0)} + {ends.count(1.0)} branches"
 
 
 class Vee(Problem):
@@ -179,9 +196,8 @@ def outcome(problem, case, automatic_r):
 def gammas_of(summary):
     """Gammas of all points, branch by branch; the order of branches is no matter."""
     gammas = summary["gammas"]
-    return sorted(
-        gammas if isinstance(gammas[0], list) else [gammas], key=lambda g: (len(g), g[-1])
-    )
+    branches = gammas if isinstance(gammas[0], list) else [gammas]
+    return sorted(branches, key=lambda g: (len(g), g[-1]))
 
 
 def compared(problem, case, summary, reference):
@@ -191,7 +207,9 @@ def compared(problem, case, summary, reference):
     names, values = problem.found(summary, CASES[case].get("length", 1.0))
     names_0, values_0 = problem.found(reference, 1.0)
     record = {
+        "what": problem.what(summary),
         "names": names,
+        "ranks": summary["ranks"],
         "same_names": names == names_0,
         "points": summary["points"],
         "wall_seconds": summary["wall_seconds"],
@@ -199,7 +217,8 @@ def compared(problem, case, summary, reference):
     if len(values) == len(values_0):
         record["largest_difference"] = float(np.abs(np.subtract(values, values_0)).max())
     close = record.get("largest_difference", np.inf) <= FOUND
-    record["found"] = bool(summary["converged"] and record["same_names"] and close)
+    asked = summary["ranks"] == CASES[case].get("ranks", 1)
+    record["found"] = bool(summary["converged"] and record["same_names"] and close and asked)
     if case in SAME_POINTS:
         a, b = gammas_of(summary), gammas_of(reference)
         same = [len(g) for g in a] == [len(g) for g in b]
@@ -217,7 +236,8 @@ def cell(record):
     if not record["found"]:
         return "**failed**" if "failure" in record else "**differs**"
     if "same_points" not in record:
-        return "yes"
+        points = record["points"]
+        return f"yes ({sum(points) if isinstance(points, list) else points})"
     if record["same_points"]:
         return f"yes, {record['gamma_difference']:.0e}"
     if record["same_count"]:
@@ -227,12 +247,15 @@ def cell(record):
 
 def table(records):
     cases = [case for case in CASES if case != "reference"]
-    lines = ["| | points | " + " | ".join(cases) + " |", "|---" * (len(cases) + 2) + "|"]
+    lines = ["| | found | points | " + " | ".join(cases) + " |", "|---" * (len(cases) + 3) + "|"]
     for name, record in records.items():
-        points = record["reference"].get("points", "**failed**")
-        points = " + ".join(str(p) for p in points) if isinstance(points, list) else str(points)
+        reference = record["reference"]
+        points = reference.get("points", "**failed**")
+        points = str(sum(points) if isinstance(points, list) else points)
         cells = [cell(record[case]) if case in record else "" for case in cases]
-        lines.append(f"| {name} | {points} | " + " | ".join(cells) + " |")
+        lines.append(
+            f"| {name} | {reference.get('what', '')} | {points} | " + " | ".join(cells) + " |"
+        )
     return "\n".join(lines)
 
 
