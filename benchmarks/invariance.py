@@ -60,10 +60,8 @@ class Problem:
 
     def what(self, s):
         """In words."""
-        kinds = [f.get("kind", "") for f in s["folds"]]
-        named = ", ".join(
-            f"{kinds.count(k)} {k} folds".replace("  ", " ") for k in sorted({*kinds})
-        )
+        kinds = [f["kind"] + " " if "kind" in f else "" for f in s["folds"]]
+        named = ", ".join(f"{kinds.count(k)} {k}fold(s)" for k in sorted(set(kinds)))
         there = s.get("solutions_at", {}).get("solutions", [])
         return named + (f", {len(there)} solutions between" if there else "")
 
@@ -253,9 +251,7 @@ def table(records):
         points = reference.get("points", "**failed**")
         points = str(sum(points) if isinstance(points, list) else points)
         cells = [cell(record[case]) if case in record else "" for case in cases]
-        lines.append(
-            f"| {name} | {reference.get('what', '')} | {points} | " + " | ".join(cells) + " |"
-        )
+        lines.append(f"| {' | '.join([name, reference.get('what', ''), points, *cells])} |")
     return "\n".join(lines)
 
 
