@@ -7,6 +7,7 @@ from dolfinx_contact.continuation.follow import Follower, Route, follow, followe
 from dolfinx_contact.continuation.observer import Observer, Observers, Stepping, Task
 from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.continuation.pivoting import Pivoting
+from dolfinx_contact.continuation.solutions import Solution, Solutions, find_solutions
 from dolfinx_contact.continuation.system import Condensable, Condensed, Events, Piece, System
 
 __all__ = [
@@ -26,12 +27,15 @@ __all__ = [
     "Pivoting",
     "Ray",
     "Route",
+    "Solution",
+    "Solutions",
     "SpecialPoint",
     "StepControl",
     "Stepping",
     "System",
     "Task",
     "explore",
+    "find_solutions",
     "follow",
     "follower_for",
 ]

@@ -2,7 +2,7 @@
 """The last strategy of a solve: follow the load from nothing to the whole, through folds.
 
 H(x, s) = H(x) - (1 - s) H(x_0) has the solution x_0 at s = 0, and at s = 1 its solutions are those
-of the problem. Where increments of s get stuck because the branch turns back, following it does not.
+of the problem. Following the branch goes on where increments of s get stuck because it turns back.
 """
 
 from __future__ import annotations
