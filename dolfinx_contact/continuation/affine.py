@@ -175,7 +175,7 @@ class AffinePiece:
 
     @cached_property
     def slack_coefficients(self) -> tuple[Array, Array]:
-        """C w = s_0 + gamma s_1 of the inequalities, (m, e) each; s_0 infinite where there is none."""
+        """C w = s_0 + gamma s_1 of the inequalities, (m, e) each; s_0 infinite where none is."""
         w_0, w_1 = self.coefficients
         C = self.system.inequalities[np.arange(self.system.points), self.codes]
         s_0, s_1 = (np.matmul(C, w[:, :, None])[:, :, 0] for w in (w_0, w_1))
