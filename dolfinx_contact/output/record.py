@@ -102,6 +102,7 @@ class BranchRecord(Observer):
         self._file: JournalFile | None = None
         self._x, self._mx = system.create_vector(), system.create_vector()
         self._last: tuple[BranchPoint, Stepping] | None = None
+        self._starts = False
         self.journal = on_root(comm, lambda: self._open(new=not resume))
         try:
             self._identify()
@@ -164,6 +165,7 @@ class BranchRecord(Observer):
             "max_steps": task.max_steps,
         }
         known = self.journal.branches.get(branch)
+        self._starts = True
         if known is None:
             self._append({"type": "branch", "branch": branch, "task": new})
             self.journal.branches[branch] = JournalBranch(new)
@@ -183,6 +185,7 @@ class BranchRecord(Observer):
     ) -> None:
         recorded = self.journal.branches[branch].points
         self._last = point, stepping
+        starts, self._starts = self._starts, False
         letters = self.system.letters(point.piece)
         entry = {
             "index": index,
@@ -195,6 +198,8 @@ class BranchRecord(Observer):
             "special": [described(self.system, s) for s in special],
         }
         if index < len(recorded):
+            if starts:  # what lies before it is not looked at again
+                entry["special"] = recorded[index]["special"]
             self._compare(branch, recorded[index], entry)
             return
         follows = index == len(recorded)
