@@ -200,6 +200,7 @@ def test_what_else_is_refused(whole, folder):
     with pytest.raises(ValueError, match="neither a UFL form nor a function"):
         BranchRecord(folder / "new", system, {"one": 1.0})
     assert not (folder / "new").exists()
+    COMM.barrier()
     with BranchRecord(folder / "new", system) as r:
         with pytest.raises(BlockingIOError, match="another process records"):
             BranchRecord(folder / "new", system, resume=True)

@@ -165,7 +165,7 @@ class Follower:
         h, low, high = self.control.initial, *gamma_range
         if stepping is not None:
             first, h = stepping.index, stepping.next_step
-            b.x_scale, self._largest_distance = stepping.x_scale, stepping.largest_distance
+            self.restore(stepping)
         observer = observer or Observer()
         observer.begin(branch_id, Task((low, high), b.gamma_scale, self.control, max_steps))
         observer.point(branch_id, first, start, (), self._stepping(first, h))
@@ -195,6 +195,11 @@ class Follower:
         branch.factorisations, branch.solves = b.factorisations - before[0], b.solves - before[1]
         logger.info("branch ended: %s", branch.reason)
         return branch
+
+    def restore(self, stepping: Stepping) -> None:
+        """Know again what was known at a point that was followed to before."""
+        self.bordered.x_scale = stepping.x_scale
+        self._largest_distance = stepping.largest_distance
 
     def _stepping(self, index: int, h: float) -> Stepping:
         return Stepping(index, h, self.bordered.x_scale, self._largest_distance)

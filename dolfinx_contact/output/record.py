@@ -323,6 +323,45 @@ class BranchRecord(Observer):
         recorded = self.journal.branches[branch].points
         return [self.state(branch, p["index"])[0] for p in recorded if "checkpoint" in p]
 
+    def go_on(
+        self, branch: int = 0, *, max_steps: int | None = None, observer: Observer | None = None
+    ) -> Branch:
+        """Go on with a branch from its last checkpoint; a branch that has ended stays as it is.
+
+        Range, step control and budget are those of the record.
+
+        Args:
+            branch: number of the branch.
+            max_steps: another budget, counted from the start of the branch.
+            observer: told of every point after the last checkpoint, beside the record.
+
+        Returns:
+            The branch from the last checkpoint on; the journal has all of it.
+
+        Raises:
+            ValueError: on every rank, if nothing of the branch was recorded, its checkpoints are
+                damaged, or the problem is not that of the record.
+        """
+        state = self.last_state(branch)
+        if state is None:
+            raise ValueError(f"no point of branch {branch} is in {self.folder}: start it afresh")
+        point, stepping = state
+        known = self.journal.branches[branch]
+        task, budget = known.task, max_steps or known.task["max_steps"]
+        exhausted = known.reason.startswith("the budget") and budget >= len(known.points)
+        if known.reason and not exhausted:
+            return Branch([point], reason=known.reason)
+        control, scale = StepControl(**task["control"]), task["gamma_scale"]
+        with Follower(self.system, control, gamma_scale=scale) as follower:
+            return follower.run(
+                point,
+                (task["gamma_range"][0], task["gamma_range"][1]),
+                max_steps=budget,
+                observer=Observers(self, observer or Observer()),
+                branch_id=branch,
+                stepping=stepping,
+            )
+
     # -- vectors ---------------------------------------------------------------------------------
 
     def _unknowns(self, y: PETSc.Vec) -> None:
@@ -350,43 +389,18 @@ def resume(
 ) -> Branch:
     """Go on with a recorded branch as if the run had never been killed. Collective.
 
-    Range, step control and budget are those of the record.
-
     Args:
         folder: of the record.
         system: the same problem, on any number of ranks.
         functionals: the same as recorded.
         branch: number of the branch.
         every: fields are kept at every so many points.
-        max_steps: another budget, counted from the start of the branch.
+        max_steps: see `BranchRecord.go_on`, as for the observer and what is returned.
         observer: told of every point after the last checkpoint, beside the record.
-
-    Returns:
-        The branch from the last checkpoint on; the journal has all of it.
 
     Raises:
         OSError: on every rank, if there is no record or another process has it.
         ValueError: on every rank, if the record is damaged, that of another problem, or empty.
     """
     with BranchRecord(folder, system, functionals, every=every, resume=True) as record:
-        state = record.last_state(branch)
-        if state is None:
-            raise ValueError(f"no point of branch {branch} is in {record.folder}: start it afresh")
-        point, stepping = state
-        known = record.journal.branches[branch]
-        budget = known.task["max_steps"] if max_steps is None else max_steps
-        exhausted = known.reason.startswith("the budget") and budget > len(known.points) - 1
-        if known.reason and not exhausted:
-            return Branch([point], reason=known.reason)
-        control, scale = StepControl(**known.task["control"]), known.task["gamma_scale"]
-        low, high = known.task["gamma_range"]
-        observers = Observers(record, observer or Observer())
-        with Follower(system, control, gamma_scale=scale) as follower:
-            return follower.run(
-                point,
-                (low, high),
-                max_steps=budget,
-                observer=observers,
-                branch_id=branch,
-                stepping=stepping,
-            )
+        return record.go_on(branch, max_steps=max_steps, observer=observer)
