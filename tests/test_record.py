@@ -1,5 +1,6 @@
 """The record of branches: the journal, checkpoints, and runs that are killed and resumed."""
 
+import io
 import os
 import random
 import signal
@@ -12,10 +13,26 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 import recorded_run
+from blocks import box
 from recorded_run import moved_block, record
 
-from dolfinx_contact.continuation import Observer
-from dolfinx_contact.output import BranchRecord, read_journal, resume
+from dolfinx_contact.continuation import (
+    Follower,
+    Observer,
+    Observers,
+    StepControl,
+    Task,
+    follow,
+)
+from dolfinx_contact.output import (
+    BranchRecord,
+    Progress,
+    draw_diagram,
+    read_journal,
+    resume,
+    write_series,
+)
+from dolfinx_contact.output.identity import mesh_hash
 from dolfinx_contact.output.journal import FILE_NAME, JournalFile, parse
 
 COMM = MPI.COMM_WORLD
@@ -231,8 +248,6 @@ def test_points_that_differ_are_refused(folder):
 
 
 def task(r, **changes):
-    from dolfinx_contact.continuation import StepControl, Task
-
     known = r.journal.branches[0].task
     values = {**known, "control": StepControl(**known["control"]), **changes}
     return Task(**values | {"gamma_range": tuple(values["gamma_range"])})
@@ -286,8 +301,6 @@ def test_an_interrupted_run_resumes(whole, folder):
             if index == 20:
                 raise KeyboardInterrupt
 
-    from dolfinx_contact.continuation import Observers, follow
-
     with BranchRecord(folder, system, functionals, every=7) as r, pytest.raises(KeyboardInterrupt):
         follow(
             system,
@@ -308,6 +321,94 @@ def test_an_interrupted_run_resumes(whole, folder):
     assert len(read_journal(folder).branches[0].points) == 14
     resume(folder, system, functionals, every=7)
     require_same(read_journal(folder), whole[2])
+
+
+def test_a_journal_without_a_complete_line_starts_afresh(folder):
+    """Killed in its first moment: there is nothing to lose, and a record can begin."""
+    system, functionals = moved_block(COMM)
+    if COMM.rank == 0:
+        (folder / FILE_NAME).write_bytes(b'{"type": "header", "form')
+    COMM.barrier()
+    record(system, functionals, folder, max_steps=1, resume=True)
+    assert len(read_journal(folder).branches[0].points) == 2
+
+
+def test_several_branches_in_one_record(folder):
+    """Two branches of one follower; each is resumed by its number. Then the pictures."""
+    system, functionals = moved_block(COMM)
+    x = recorded_run.start(system)
+    with (
+        BranchRecord(folder, system, functionals, every=5) as r,
+        Follower(system, recorded_run.CONTROL, gamma_scale=1.0) as follower,
+    ):
+        for branch, steps, increasing in ((0, 12, True), (3, 4, False)):
+            start = follower.start(x, 0.0, increasing=increasing)
+            follower.run(start, (-0.2, 0.2), max_steps=steps, observer=r, branch_id=branch)
+    journal = read_journal(folder)
+    assert sorted(journal.branches) == [0, 3]
+    assert len(journal.table()) == 13 + 5
+    assert len(journal.table(3)) == 5
+    for branch in (3, 0):
+        done = resume(folder, system, functionals, branch=branch, max_steps=100)
+        assert done.reason == "gamma reached the end of its range"
+    journal = read_journal(folder)
+    assert journal.table(3)["gamma"].iloc[-1] == pytest.approx(-0.2, abs=1e-12)
+    assert journal.table(0)["gamma"].iloc[-1] == pytest.approx(0.2, abs=1e-12)
+    if COMM.rank == 0:
+        file = draw_diagram(folder / "two.png", journal, "force", label="$F$", title="Two")
+        assert file.stat().st_size > 20_000
+        with pytest.raises(ValueError, match="is no number that was recorded"):
+            draw_diagram(folder / "none.png", journal, "status")
+        with pytest.raises(ValueError, match="no branch 5"):
+            draw_diagram(folder / "none.png", journal, branches=[5])
+    with BranchRecord(folder, system, functionals, resume=True) as r:
+        files = write_series(folder, r, 3)
+        kept = [p["index"] for p in r.journal.branches[3].points if "checkpoint" in p]
+        with pytest.raises(ValueError, match="no fields of branch 4"):
+            write_series(folder, r, 4)
+    names = [f.stem for f in files]
+    assert names == ["branch_0003_body", "branch_0003_contact"]
+    if COMM.rank == 0 and files[0].suffix == ".bp":
+        import adios2
+
+        with adios2.FileReader(str(files[1])) as f:
+            steps = f.num_steps()
+            assert steps == len(kept)
+            gammas = [np.unique(f.read("gamma", step_selection=[i, 1])) for i in range(steps)]
+        np.testing.assert_array_equal(np.ravel(gammas), journal.table(3)["gamma"].iloc[kept])
+
+
+def test_progress(folder):
+    """Without a terminal a line at first and one at the end; on one, a line that is rewritten."""
+    system, functionals = moved_block(COMM)
+
+    class Terminal(io.StringIO):
+        def isatty(self):
+            return True
+
+    plain, live = io.StringIO(), Terminal()
+    record(system, functionals, folder, max_steps=6)
+    observer = Observers(Progress(COMM, stream=plain), Progress(COMM, stream=live))
+    resume(folder, system, functionals, max_steps=9, observer=observer)
+    if COMM.rank == 0:
+        first, last = plain.getvalue().splitlines()
+        assert first.startswith("branch 0  point 6  gamma +0.0")
+        assert last == "branch 0: the budget of 9 steps is exhausted"
+        assert live.getvalue().count("\r\x1b[K") == 4
+        assert live.getvalue().count("\n") == 1
+    else:
+        assert plain.getvalue() == live.getvalue() == ""
+
+
+def test_a_mesh_has_one_hash():
+    """It does not depend on ranks; it changes with a coordinate, and with the cells."""
+    hashes = [mesh_hash(box(comm, n, cell)) for comm in (COMM, MPI.COMM_SELF)
+              for n, cell in ((3, "quad"), (3, "tri"), (4, "tri"), (2, "tet"))]  # fmt: skip
+    assert hashes[:4] == hashes[4:]
+    assert len(set(hashes)) == 4
+    moved = box(COMM, 3, "quad")
+    moved.geometry.x[:] *= 1 + 1e-15
+    assert mesh_hash(moved) not in hashes
 
 
 # -- kills -----------------------------------------------------------------------------------------

@@ -347,7 +347,8 @@ class BranchRecord(Observer):
             raise ValueError(f"no point of branch {branch} is in {self.folder}: start it afresh")
         point, stepping = state
         known = self.journal.branches[branch]
-        task, budget = known.task, max_steps or known.task["max_steps"]
+        task = known.task
+        budget = task["max_steps"] if max_steps is None else max_steps
         exhausted = known.reason.startswith("the budget") and budget >= len(known.points)
         if known.reason and not exhausted:
             return Branch([point], reason=known.reason)
@@ -393,14 +394,10 @@ def resume(
         folder: of the record.
         system: the same problem, on any number of ranks.
         functionals: the same as recorded.
-        branch: number of the branch.
+        branch: see `BranchRecord.go_on`, as for the budget, the observer, errors and the result.
         every: fields are kept at every so many points.
-        max_steps: see `BranchRecord.go_on`, as for the observer and what is returned.
-        observer: told of every point after the last checkpoint, beside the record.
-
-    Raises:
-        OSError: on every rank, if there is no record or another process has it.
-        ValueError: on every rank, if the record is damaged, that of another problem, or empty.
+        max_steps: another budget.
+        observer: told of every point beside the record.
     """
     with BranchRecord(folder, system, functionals, every=every, resume=True) as record:
         return record.go_on(branch, max_steps=max_steps, observer=observer)
