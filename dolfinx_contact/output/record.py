@@ -58,8 +58,7 @@ class BranchRecord(Observer):
         system: what is followed.
         functionals: by name, scalar UFL forms in the problem's Functions, or functions of the
             problem that return a number; these are called on every rank.
-        every: fields are kept at every so many points; also at the first and the last point of a
-            branch and at special points.
+        every: fields are kept at every so many points, at special points, and at both ends.
         resume: whether to go on with a record that exists. Else there must be none.
 
     Attributes:
@@ -269,11 +268,10 @@ class BranchRecord(Observer):
     def last_state(self, branch: int = 0) -> tuple[BranchPoint, Stepping] | None:
         """The last point of a branch whose fields were kept; None if there is none. Collective.
 
-        A damaged checkpoint is passed over for the one before, with a warning in the log.
+        A damaged checkpoint is passed over, with a warning in the log.
 
         Raises:
-            ValueError: on every rank, if the point is no solution of the problem, or all are
-                damaged.
+            ValueError: on every rank, if it is no solution of the problem, or all are damaged.
         """
         known = self.journal.branches.get(branch)
         kept = [p["index"] for p in known.points if "checkpoint" in p] if known else []
@@ -291,8 +289,7 @@ class BranchRecord(Observer):
         """A point whose fields were kept, and what is needed to go on from it. Collective.
 
         Raises:
-            ValueError: on every rank, if they were not kept or are damaged, or the point is no
-                solution of the problem.
+            ValueError: on every rank, if there are none, they are damaged, or it is no solution.
         """
         system, p = self.system, self.journal.branches[branch].points[index]
         if "checkpoint" not in p:
@@ -326,9 +323,7 @@ class BranchRecord(Observer):
     def go_on(
         self, branch: int = 0, *, max_steps: int | None = None, observer: Observer | None = None
     ) -> Branch:
-        """Go on with a branch from its last checkpoint; a branch that has ended stays as it is.
-
-        Range, step control and budget are those of the record.
+        """Go on with a branch as it was begun; one that has ended stays as it is. Collective.
 
         Args:
             branch: number of the branch.
