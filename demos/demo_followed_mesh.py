@@ -144,23 +144,25 @@ def system(args, comm):
     return ParametricContact(problem, gamma, driven=driven)
 
 
-def measure(problem):
+def observe(followed, point):
     """Displacement of the leftmost contact point and the resultant, all ranks."""
+    table = followed.result_at(point).tables["contact"]
+    free = table.letters != "d"
+    return {
+        "status": "".join(table.letters[free]),
+        "ut_left": float(table.ut[0, 0]),
+        "un_left": float(table.un[0]),
+        "sum_rt": float(table.rt[free, 0].sum()),
+        "sum_rn": float(table.rn[free].sum()),
+    }
+
+
+def ut_left(problem):
+    """Tangential displacement of the leftmost contact point, for the record."""
     (surface,) = problem.surfaces
     state, n = surface.state(), surface.num_owned_points
-    parts = problem.comm.allgather([state[k][:n] for k in ("x", "ut", "un", "traction", "area")])
-    x, ut, un, traction, area = (np.concatenate(column) for column in zip(*parts, strict=True))
-    left = int(np.argmin(x[:, 0]))
-    force = (traction * area[:, None]).sum(axis=0)
-    values = ut[left, 0], un[left], *force
-    return dict(zip(("ut_left", "un_left", "sum_rt", "sum_rn"), map(float, values), strict=True))
-
-
-def observe(followed, follower, point):
-    """Status and `measure` of a point."""
-    x, _ = follower.bordered.split(point.y)
-    followed.problem.read(x)
-    return {"status": followed.letters(point.piece), **measure(followed.problem)}
+    x, ut = (np.concatenate(problem.comm.allgather(state[key][:n])) for key in ("x", "ut"))
+    return ut[np.argmin(x[:, 0]), 0]
 
 
 def draw(path, gammas, seen, folds):
@@ -177,11 +179,11 @@ def draw(path, gammas, seen, folds):
         above.axvline(fold["gamma"], color="#c0392b", lw=0.8, ls="--")
     above.set(xlabel=r"$\gamma$", ylabel="$u_t$ of the leftmost contact point")
     above.set_title("Branch of solutions (dashed: folds)", loc="left")
-    colours = {"o": "#dfe3e8", "k": "#2e6db4", "+": "#2e9e4f", "-": "#e8892b", "d": "#555555"}
-    names = {"o": "open", "k": "stick", "+": "slip right", "-": "slip left", "d": "clamped"}
-    codes = np.array([["ok+-d".index(c) for c in s["status"]] for s in seen]).T
+    colours = {"o": "#dfe3e8", "k": "#2e6db4", "+": "#2e9e4f", "-": "#e8892b"}
+    names = {"o": "open", "k": "stick", "+": "slip right", "-": "slip left"}
+    codes = np.array([["ok+-".index(c) for c in s["status"]] for s in seen]).T
     below.imshow(
-        codes, aspect="auto", cmap=ListedColormap(list(colours.values())), vmin=-0.5, vmax=4.5,
+        codes, aspect="auto", cmap=ListedColormap(list(colours.values())), vmin=-0.5, vmax=3.5,
         interpolation="nearest", origin="lower",
     )  # fmt: skip
     below.set(xlabel="point of the branch", ylabel="contact point, left to right")
@@ -198,12 +200,9 @@ def draw(path, gammas, seen, folds):
 # ## Follow it
 #
 # `follower.run` tells observers of every point; a `BranchRecord` is one, and `go_on` takes up where
-# it ends. What is read from the record afterwards is what `observe` finds in memory.
+# it ends. Fields are kept at every point here, so that all of the branch can be read back.
 
-FUNCTIONALS = {
-    name: lambda problem, name=name: measure(problem)[name]
-    for name in ("ut_left", "un_left", "sum_rt", "sum_rn")
-}
+FUNCTIONALS = {"ut_left": ut_left}
 
 
 def follow_it(args, followed, follower, record):
@@ -236,15 +235,14 @@ def main(argv=None):
     with Follower(followed, control, gamma_scale=1.0) as follower:
         branch = follow_it(args, followed, follower, record)
         if record is None:
-            points, special = branch.points, [vars(s) for s in branch.special]
-            seen = [observe(followed, follower, p) for p in points]
+            special = [vars(s) for s in branch.special]
         else:
             # All of the branch, with what was followed before a kill.
-            points, special = record.points(), record.journal.special().to_dict("records")
-            names = ["status", *FUNCTIONALS]
-            seen = record.journal.table()[names].to_dict("records")
-            follower.restore(record.state(0, len(points) - 1)[1])
-            branch.points = points
+            branch.points = record.points()
+            special = record.journal.special().to_dict("records")
+            follower.restore(record.state(0, len(branch.points) - 1)[1])
+        points = branch.points
+        seen = [observe(followed, p) for p in points]
         folds = [
             {
                 "gamma": s["gamma"],
@@ -272,7 +270,7 @@ def main(argv=None):
             there = follower.at(branch, args.solutions_at)
             scalars["solutions_at"] = {
                 "gamma": args.solutions_at,
-                "solutions": [observe(followed, follower, p) for p in there],
+                "solutions": [observe(followed, p) for p in there],
             }
     if record is not None:
         write_series(folder, record)

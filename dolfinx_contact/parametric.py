@@ -22,10 +22,11 @@ from ufl.algorithms.analysis import extract_constants
 
 from dolfinx_contact._compat import interpolation_points
 from dolfinx_contact._errors import require
-from dolfinx_contact.continuation import Events, Piece
+from dolfinx_contact.condensed import CondensedContact, can_condense
+from dolfinx_contact.continuation import BranchPoint, Events, Piece
 from dolfinx_contact.laws import Status
 from dolfinx_contact.problem import ContactProblem
-from dolfinx_contact.result import by_coordinates
+from dolfinx_contact.result import Result, by_coordinates, collect
 from dolfinx_contact.solvers.measures import Scales
 from dolfinx_contact.surface import ContactSurface
 
@@ -67,11 +68,12 @@ class ParametricContact:
             for rows in problem.rows
         ]
         self._driven = [_Driven(f, expression, gamma, variable) for f, expression in driven]
-        self._moving = [s for s in problem.surfaces if gamma in extract_constants(s.gap)]
+        #: Surfaces whose obstacle moves with gamma.
+        self.moving = [s for s in problem.surfaces if self.depends_on_gamma(s.gap)]
         self._metric = self._mass()
         counts = [s.num_owned_points for s in problem.surfaces]
         #: Owned points that Dirichlet data clamp: they have no status of their own.
-        self._clamped = np.concatenate(
+        self.clamped = np.concatenate(
             [
                 clamped[:n] if s.method != "integral" else np.zeros(n, dtype=bool)
                 for s, clamped, n in zip(
@@ -80,6 +82,8 @@ class ParametricContact:
             ]
         )
         self._offsets = np.concatenate([[0], np.cumsum(counts)]).astype(int)
+        self._exact = self._is_affine(variable)
+        self._condensed: CondensedContact | None = None
 
     def _mass(self) -> PETSc.Mat:
         """Mass matrix of the displacement over the volume and the square of the body's size."""
@@ -104,6 +108,19 @@ class ParametricContact:
         self._set(gamma, piece)
         self.problem.read(x)
 
+    def result_at(self, point: BranchPoint) -> Result:
+        """The tables of a point of a branch, which is left in the Functions. Collective.
+
+        Statuses are those of the piece of the point, also where it lies on a border.
+        """
+        x = self.create_vector()
+        x.array[:] = point.y.array_r[: x.getLocalSize()]
+        self.put(x, point.gamma, point.piece)
+        with self.problem.status_held():
+            result = collect(self.problem, x, [])
+        x.destroy()
+        return result
+
     @property
     def scales(self) -> tuple[float, float]:
         """Force and length that residuals are measured by; they grow along a branch."""
@@ -112,6 +129,65 @@ class ParametricContact:
     @scales.setter
     def scales(self, scales: tuple[float, float]) -> None:
         self._scales.force, self._scales.length = scales
+
+    # -- affine pieces ---------------------------------------------------------------------------
+
+    def depends_on_gamma(self, expression: Any) -> bool:
+        """Whether a UFL expression contains the parameter."""
+        return self.constant in extract_constants(ufl.as_ufl(expression))
+
+    def _is_affine(self, variable: Any) -> bool:
+        """Whether the bulk is linear in u and gamma enters the data linearly."""
+        problem = self.problem
+        direction = ufl.TrialFunction(problem.V)
+        residual = problem.rows[0][0]
+        stiffness = ufl.algorithms.expand_derivatives(
+            ufl.derivative(residual, problem.u, direction)
+        )
+        if problem.u in stiffness.coefficients() or self.constant in stiffness.constants():
+            return False
+        curved = _second_rate(residual, self.constant, variable)
+        return not curved and all(d.is_affine for d in self._driven)
+
+    def condensed(self, x: PETSc.Vec, gamma: float) -> CondensedContact | None:
+        """The problem condensed onto its contact points, or its linearisation at (x, gamma).
+
+        None where the statuses of the points are no polyhedral cones (3D friction, integral
+        contact, a threshold given in advance, gamma in the law or in the obstacle) or there are too
+        many points. Collective.
+        """
+        if not can_condense(self):
+            return None
+        if not self._exact:
+            return CondensedContact(self, x, gamma, exact=False)
+        if self._condensed is None:
+            self._condensed = CondensedContact(self, x, gamma, exact=True)
+        return self._condensed
+
+    @property
+    def is_piecewise_affine(self) -> bool:
+        """Whether every piece is affine in (x, gamma). Collective."""
+        return self._exact and can_condense(self)
+
+    def surface_parts(
+        self,
+    ) -> Iterator[tuple[ContactSurface, npt.NDArray[np.bool_], int]]:
+        """Surfaces, which of their owned points are clamped, and the first local number."""
+        for s, a, b in self._parts():
+            yield s, self.clamped[a:b], a
+
+    def add_tractions(
+        self,
+        x: PETSc.Vec,
+        points: npt.NDArray[np.int64],
+        tractions: npt.NDArray[np.float64],
+    ) -> None:
+        """Add tractions at local points of nodal surfaces to the multipliers in ``x``."""
+        sizes = np.cumsum(self.problem.owned_sizes)
+        for (s, a, b), start in zip(self._parts(), sizes[:-1], strict=True):
+            chosen = (points >= a) & (points < b)
+            rows = start + s.dim * (points[chosen] - a)[:, None] + np.arange(s.dim)
+            x.array[rows] += tractions[chosen] / self.problem.unit_of(s.multiplier)
 
     # -- System ----------------------------------------------------------------------------------
 
@@ -159,7 +235,7 @@ class ParametricContact:
         self.problem.read(x)
         parts = [_events(s, piece.codes[a:b], a) for s, a, b in self._parts()]
         distance, point, target = (np.concatenate(column) for column in zip(*parts, strict=True))
-        free = ~self._clamped[point]
+        free = ~self.clamped[point]
         return Events(distance[free], point[free], target[free])
 
     def probe(self, seed: int) -> PETSc.Vec:
@@ -186,7 +262,7 @@ class ParametricContact:
         words = []
         for s, a, b in self._parts():
             names = np.array(list("ok+-" if s.dim == 2 else "oks"))
-            letters = np.where(self._clamped[a:b], "d", names[piece.codes[a:b]])
+            letters = np.where(self.clamped[a:b], "d", names[piece.codes[a:b]])
             places = np.concatenate(self.comm.allgather(s.positions[: b - a]))
             word = np.concatenate(self.comm.allgather(letters))
             words += word[by_coordinates(places)].tolist()
@@ -211,7 +287,7 @@ class ParametricContact:
             placed[order] = word
             first = sum(counts[: self.comm.rank])
             mine = placed[first : first + b - a]
-            same = bool(np.array_equal(mine == "d", self._clamped[a:b]))
+            same = bool(np.array_equal(mine == "d", self.clamped[a:b]))
             require(self.comm, same, f"{s.name}: other points are clamped")
             parts.append([0 if c == "d" else known.index(c) for c in mine])
         require(self.comm, start == len(letters), f"{start} statuses are needed, not more")
@@ -234,14 +310,14 @@ class ParametricContact:
             slip = np.where(status.slip[:n] > 0, _MINUS, _PLUS) if s.dim == 2 else _PLUS
             closed = np.where(status.stick[:n] > 0, _STICK, slip)
             codes.append(np.where(status.active[:n] > 0, closed, _OPEN))
-        return Piece(np.where(self._clamped, _OPEN, np.concatenate(codes)).astype(np.int8))
+        return Piece(np.where(self.clamped, _OPEN, np.concatenate(codes)).astype(np.int8))
 
     def _set(self, gamma: float, piece: Piece | None) -> None:
         """Put gamma, Dirichlet data and the statuses of ``piece`` into the problem. Collective."""
         self.constant.value = gamma
         for d in self._driven:
             d.function.interpolate(d.value)
-        for s in self._moving:
+        for s in self.moving:
             s.update_geometry()
         if piece is None:
             return
@@ -268,8 +344,9 @@ class ParametricContact:
 
     def destroy(self) -> None:
         """Free the PETSc objects made here."""
-        for thing in (self._metric, self._mass_in, self._mass_out):
-            thing.destroy()
+        for thing in (self._metric, self._mass_in, self._mass_out, self._condensed):
+            if thing is not None:
+                thing.destroy()
 
 
 class _Driven:
@@ -284,6 +361,9 @@ class _Driven:
         nothing = fem.Constant(domain, 0.0) * (x if expression.ufl_shape else x[0])
         rate = nothing + ufl.diff(ufl.replace(expression, {gamma: variable}), variable)
         self.function = function
+        second = ufl.diff(ufl.diff(ufl.replace(expression, {gamma: variable}), variable), variable)
+        #: Whether gamma enters linearly.
+        self.is_affine = not _nonzero(second)
         self.value = fem.Expression(expression + nothing, points)
         self.rate = fem.Expression(rate, points)
 
@@ -296,6 +376,19 @@ def _rate(row: ufl.Form, gamma: fem.Constant, variable: Any, maps: Any) -> fem.F
         ufl.diff(ufl.replace(row, {gamma: variable}), variable)
     )
     return None if rate.empty() else fem.form(rate, entity_maps=maps)
+
+
+def _nonzero(expression: Any) -> bool:
+    expanded = ufl.algorithms.expand_derivatives(expression)
+    return not isinstance(expanded, ufl.constantvalue.Zero)
+
+
+def _second_rate(form: ufl.Form, gamma: fem.Constant, variable: Any) -> bool:
+    """Whether the second derivative of a form by gamma is anything but zero."""
+    if gamma not in form.constants():
+        return False
+    second = ufl.diff(ufl.diff(ufl.replace(form, {gamma: variable}), variable), variable)
+    return not ufl.algorithms.expand_derivatives(second).empty()
 
 
 def _events(

@@ -183,7 +183,7 @@ class ContactProblem:
             automatic = stiffness * width / self.body_size
             self.automatic_r.append(automatic)
             s.set_augmentation(automatic if r is None else np.full_like(automatic, r))
-            self._unit_of(s.multiplier).value = self.stiffness_scale / s.mean_vertex_area
+            self._unit_constant(s.multiplier).value = self.stiffness_scale / s.mean_vertex_area
         self.free_motions = _rigid.free_motions(K, self.V, self.constraints.fixed)
         K.destroy()
 
@@ -211,7 +211,11 @@ class ContactProblem:
         pairs = zip(self.fields, self._units, strict=True)
         return [f.x.array / float(unit.value) for f, unit in pairs]
 
-    def _unit_of(self, f: fem.Function) -> fem.Constant:
+    def unit_of(self, f: fem.Function) -> float:
+        """What the PETSc unknowns of a field are multiplied by."""
+        return float(self._unit_constant(f).value)
+
+    def _unit_constant(self, f: fem.Function) -> fem.Constant:
         return next(unit for g, unit in zip(self.fields, self._units, strict=True) if g is f)
 
     def blocks(self, x: PETSc.Vec) -> list[npt.NDArray[np.float64]]:

@@ -269,7 +269,7 @@ class ContactSurface:
 
     def check_law(self) -> None:
         """Raise ``ValueError`` if a friction field is negative or not finite somewhere."""
-        (bound,) = self._unit_bound()
+        bound = self.friction_slope()
         what = "friction coefficient or threshold"
         require(self.comm, bool(np.isfinite(bound).all()), f"{self.name}: NaN in the {what}")
         require(self.comm, bool((bound > -1e-14).all()), f"{self.name}: negative {what}")
@@ -326,6 +326,10 @@ class ContactSurface:
         """Radius of the friction disc at the local contact points, in units of traction."""
         p, _, bound = self._status_data()
         return np.maximum(bound, 0.0) if not self.law.needs_pressure else np.where(p > 0, bound, 0)
+
+    def friction_slope(self) -> npt.NDArray[np.float64]:
+        """Radius of the friction disc at unit pressure at the local contact points. Collective."""
+        return np.asarray(self._unit_bound()[0])
 
     @property
     def node_normals(self) -> npt.NDArray[np.float64]:

@@ -15,7 +15,9 @@ turns folds into false bifurcations.)
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 from petsc4py import PETSc
@@ -25,9 +27,12 @@ import numpy.typing as npt
 
 from dolfinx_contact.continuation.branch import Change, Ray
 from dolfinx_contact.continuation.corrector import Corrector
-from dolfinx_contact.continuation.system import Events, Piece
+from dolfinx_contact.continuation.rays import outgoing
+from dolfinx_contact.continuation.system import Condensable, Events, Piece
 
 __all__ = ["Crossing", "cross", "outgoing_rays", "parity"]
+
+logger = logging.getLogger(__name__)
 
 _MOST_PIECES = 1024
 _PROBE = 1e-6  # length at which one-sided derivatives of events are taken
@@ -55,6 +60,7 @@ class Crossing:
         parity: see the module; 0 if not evaluated.
         others: further rays, the one that was come by excluded.
         complete: whether all pieces that meet have been tried.
+        method: how the rays were looked for.
     """
 
     kinks: int
@@ -63,6 +69,7 @@ class Crossing:
     parity: int
     others: tuple[Ray, ...]
     complete: bool
+    method: str = ""
 
 
 def kinks_at(
@@ -114,6 +121,10 @@ def cross(
 ) -> Crossing:
     """Pass the nonsmooth point ``y``, come to by ``piece`` along ``t``. Collective."""
     kinks = kinks_at(corrector, y, piece, tolerance)
+    if len(kinks) > 1:
+        crossing = _by_tangent_cone(corrector, y, t, kinks, tolerance)
+        if crossing is not None:
+            return crossing
     natural = tuple(k.target for k in kinks)
     rays = _not_back(corrector, piece, t, outgoing_rays(corrector, y, piece, kinks, natural, t))
     sign = parity(corrector, y, piece, t, rays[0]) if len(rays) == 1 else 0
@@ -129,6 +140,56 @@ def cross(
     if not rays:
         return Crossing(len(kinks), None, (), sign, (), complete)
     onwards, *others = _distinct(corrector, rays)
+    crossing = _crossing(corrector, kinks, onwards, others, sign, complete)
+    return replace(crossing, method="enumeration of the pieces" if complete else "")
+
+
+def _by_tangent_cone(
+    corrector: Corrector,
+    y: PETSc.Vec,
+    t: PETSc.Vec,
+    kinks: tuple[Kink, ...],
+    tolerance: float,
+) -> Crossing | None:
+    """Ways out where several points switch, by the condensed problem; None if there is none."""
+    b = corrector.bordered
+    system = b.system
+    x, gamma = b.split(y)
+    x = x.copy()
+    condensed = system.condensed(x, gamma) if isinstance(system, Condensable) else None
+    if condensed is None:
+        return None
+    w, base = condensed.contract(x), b.vector()
+    condensed.expand(w, gamma, x)
+    b.join(x, gamma, base)
+    rays, found = [], outgoing(condensed.system.tangent_cone(w, 100 * tolerance))
+    for ray in found.rays:
+        tangent = b.vector()
+        condensed.expand(w + ray.direction, gamma + ray.rate, x)
+        b.join(x, gamma + ray.rate, tangent)
+        tangent.axpy(-1.0, base)
+        tangent.scale(1.0 / np.sqrt(b.inner(tangent, tangent)))
+        rays.append(Ray(condensed.piece(ray.codes), tangent))
+    base.destroy(), x.destroy()
+    if not condensed.exact:
+        condensed.destroy()
+    logger.info("gamma = %.10g: %d rays by %s", gamma, len(rays), found.method)
+    rays = [r for r in _distinct(corrector, rays) if b.inner(r.tangent, t) > -1 + 1e-6]
+    if not rays:
+        return Crossing(len(kinks), None, (), 0, (), found.complete, found.method)
+    onwards, *others = sorted(rays, key=lambda r: -b.inner(r.tangent, t))
+    crossing = _crossing(corrector, kinks, onwards, others, 0, found.complete)
+    return replace(crossing, method=found.method)
+
+
+def _crossing(
+    corrector: Corrector,
+    kinks: tuple[Kink, ...],
+    onwards: Ray,
+    others: Sequence[Ray],
+    sign: int,
+    complete: bool,
+) -> Crossing:
     after = {k: _code(corrector, onwards.piece, k) for k in kinks}
     changes = tuple(Change(k.rank, k.point, k.code, c) for k, c in after.items() if c != k.code)
     return Crossing(len(kinks), onwards, changes, sign, tuple(others), complete)

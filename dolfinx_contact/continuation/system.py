@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -18,7 +18,9 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["Events", "Piece", "System"]
+from dolfinx_contact.continuation.affine import AffineSystem
+
+__all__ = ["Condensable", "Condensed", "Events", "Piece", "System"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,3 +94,45 @@ class System(Protocol):
 
     def statuses(self, point: int) -> Sequence[int]:
         """All statuses that the local ``point`` can have."""
+
+
+class Condensed(Protocol):
+    """The kinked points of a system, everything else eliminated: the same on every rank.
+
+    Every method is collective, but `piece`.
+    """
+
+    #: The pieces at the points.
+    system: AffineSystem
+    #: Whether they are those of H everywhere, not only its linearisation at a state.
+    exact: bool
+
+    def codes(self, piece: Piece) -> npt.NDArray[np.int8]:
+        """Statuses of all points."""
+
+    def piece(self, codes: npt.NDArray[np.int8]) -> Piece:
+        """The piece in which the points have these statuses."""
+
+    def point(self, i: int) -> tuple[int, int]:
+        """The rank that owns point ``i``, and its local number there."""
+
+    def contract(self, x: PETSc.Vec) -> npt.NDArray[np.float64]:
+        """The numbers w of all points, (m, k)."""
+
+    def expand(self, w: npt.NDArray[np.float64], gamma: float, x: PETSc.Vec) -> None:
+        """The state in which the points have the numbers ``w`` into ``x``."""
+
+    def destroy(self) -> None:
+        """Free the PETSc objects."""
+
+
+@runtime_checkable
+class Condensable(Protocol):
+    """A system that can be condensed onto its kinked points."""
+
+    @property
+    def is_piecewise_affine(self) -> bool:
+        """Whether every piece is affine in (x, gamma)."""
+
+    def condensed(self, x: PETSc.Vec, gamma: float) -> Condensed | None:
+        """The points at (x, gamma); None if their pieces are no polyhedral cones. Collective."""

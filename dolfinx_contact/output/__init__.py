@@ -9,6 +9,7 @@ from dolfinx_contact.output.pictures import picture_of_body, picture_of_contact
 from dolfinx_contact.output.progress import Progress
 from dolfinx_contact.output.record import BranchRecord, resume
 from dolfinx_contact.output.series import write_series
+from dolfinx_contact.output.states import picture_of_states
 from dolfinx_contact.output.table import write_contact_table
 
 __all__ = [
@@ -20,6 +21,7 @@ __all__ = [
     "output_folder",
     "picture_of_body",
     "picture_of_contact",
+    "picture_of_states",
     "read_journal",
     "resume",
     "write_contact_table",

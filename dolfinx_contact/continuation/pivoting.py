@@ -1,0 +1,299 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Following a branch whose pieces are affine: from vertex to vertex by ratio tests.
+
+There is no predictor, no Newton's method and no step length: on a piece the state is affine in
+gamma, the first status to change is that of the least ratio, and the change is a low-rank update of
+the inverse of a dense matrix of the size of the kinked points (parametric pivoting). Where several
+points change at once the tangent cone is solved for all the ways out (`rays.py`).
+"""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import replace
+from itertools import pairwise
+
+from petsc4py import PETSc
+
+import numpy as np
+
+from dolfinx_contact.continuation.affine import TOLERANCE, AffinePiece, Array, Codes
+from dolfinx_contact.continuation.bordered import Bordered
+from dolfinx_contact.continuation.branch import (
+    CLOSED,
+    Branch,
+    BranchPoint,
+    Change,
+    Ray,
+    SpecialPoint,
+    Stop,
+)
+from dolfinx_contact.continuation.observer import Observer, Stepping, Task
+from dolfinx_contact.continuation.parameters import StepControl
+from dolfinx_contact.continuation.rays import (
+    AffineRay,
+    neighbours,
+    outgoing,
+    same_direction,
+    step,
+)
+from dolfinx_contact.continuation.system import Condensed, System
+
+__all__ = ["Pivoting"]
+
+logger = logging.getLogger(__name__)
+
+
+class Pivoting:
+    """Follows branches of a system with affine pieces; the counterpart of `Follower`.
+
+    Args:
+        system: what is followed.
+        condensed: its kinked points, with exact pieces.
+        gamma_scale: size of gamma that counts as 1.
+    """
+
+    def __init__(self, system: System, condensed: Condensed, *, gamma_scale: float):
+        self.system, self.condensed = system, condensed
+        self.bordered = Bordered(system, gamma_scale=gamma_scale)
+        self._unit = 0.0
+
+    def __enter__(self) -> Pivoting:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.bordered.destroy()
+
+    def start(self, x: PETSc.Vec, gamma: float, *, increasing: bool = True) -> BranchPoint:
+        """The point of the branch near (x, gamma), with its tangent.
+
+        Raises:
+            ValueError: if there is none, gamma does not appear in H, or the tangent is not unique.
+        """
+        affine = self.condensed.system
+        if not np.abs(affine.rate).max(initial=0.0) > 0:
+            raise ValueError("gamma does not appear in H: its derivative by gamma vanishes")
+        codes = affine.solve(gamma, self.condensed.codes(self.system.piece_at(x, gamma)))
+        if codes is None:
+            raise ValueError(f"there is no solution near the given state at gamma = {gamma}")
+        piece = affine.piece(codes)
+        if piece is None:
+            raise ValueError("the start is a singular point: its tangent is not unique")
+        sense = 1.0 if increasing else -1.0
+        ray = AffineRay(codes, sense * piece.coefficients[1], sense)
+        return self._point(piece.at(gamma), gamma, ray, 0.0)
+
+    def branch_off(self, special: SpecialPoint, ray: Ray, distance: float = 0.0) -> BranchPoint:
+        """The special point itself, with one of its other rays as the tangent."""
+        del distance  # there is nothing to correct
+        return BranchPoint(special.y, ray.tangent, ray.piece, special.gamma, 0.0, 0)
+
+    def run(
+        self,
+        start: BranchPoint,
+        gamma_range: tuple[float, float],
+        *,
+        max_steps: int = 1000,
+        observer: Observer | None = None,
+        stop: Stop | None = None,
+        branch_id: int = 0,
+        stepping: Stepping | None = None,
+    ) -> Branch:
+        """Follow from ``start`` along its tangent; a step is a segment between two vertices.
+
+        The system is left at the end of the branch. Arguments as in `Follower.run`.
+        """
+        b, branch, point, first = self.bordered, Branch([start]), start, 0
+        if stepping is not None:
+            first, b.x_scale, self._unit = (
+                stepping.index,
+                stepping.x_scale,
+                stepping.largest_distance,
+            )
+        w, ray = self._state(point)
+        w_start, low, high = w, *gamma_range
+        observer = observer or Observer()
+        observer.begin(branch_id, Task((low, high), b.gamma_scale, StepControl(), max_steps))
+        observer.point(branch_id, first, start, (), self._stepping(first))
+        for index in range(first + 1, max_steps + 1):
+            length = step(self.condensed.system, ray.codes, w, ray.direction)
+            if not np.isfinite(length) and ray.rate == 0:
+                branch.reason = f"the branch goes to infinity at gamma = {point.gamma:.10g}"
+                break
+            ahead = high - point.gamma if ray.rate > 0 else point.gamma - low
+            special: list[SpecialPoint] = []
+            if self._passes(w, ray, length, w_start, start) and point is not start:
+                point, branch.reason = start, CLOSED
+            elif ray.rate != 0 and length >= ahead:
+                gamma = high if ray.rate > 0 else low
+                w = self._moved(w, gamma, ahead, ray)
+                point = self._point(w, gamma, ray, ahead)
+                branch.reason = "gamma reached the end of its range"
+            else:
+                gamma = point.gamma + length * ray.rate
+                w = self._moved(w, gamma, length, ray)
+                point, vertex, onwards = self._cross(w, gamma, ray, length)
+                special = [replace(vertex, index=len(branch.points))]
+                if onwards is None:
+                    branch.reason = f"no way on was found from gamma = {gamma:.10g}"
+                else:
+                    ray = onwards
+            branch.special += special
+            branch.points.append(point)
+            observer.point(branch_id, index, point, special, self._stepping(index))
+            branch.reason = branch.reason or (stop(point, special) if stop is not None else "")
+            if branch.reason:
+                break
+        else:
+            branch.reason = f"the budget of {max_steps} steps is exhausted"
+        observer.end(branch_id, branch.reason)
+        self.system.piece_at(*b.split(branch.points[-1].y))
+        logger.info("branch ended: %s", branch.reason)
+        return branch
+
+    def _stepping(self, index: int) -> Stepping:
+        return Stepping(index, 0.0, self.bordered.x_scale, self._unit)
+
+    def _passes(
+        self, w: Array, ray: AffineRay, length: float, w_start: Array, start: BranchPoint
+    ) -> bool:
+        """Whether a segment passes the start of the branch."""
+        if not np.array_equal(self.condensed.codes(start.piece), ray.codes):
+            return False
+        d = ray.direction
+        along = float(np.sum((w_start - w) * d) / (np.sum(d * d) or 1.0))
+        away = np.abs(w + along * d - w_start).max(initial=0.0)
+        return bool(0 < along <= length and away <= 1e-8 * self._unit)
+
+    def at(self, branch: Branch, gamma: float) -> list[BranchPoint]:
+        """The points of ``branch`` at which its parameter is ``gamma``, in order."""
+        found = []
+        for a, c in pairwise(branch.points):
+            if a.gamma == gamma:
+                found.append(a)
+            elif (a.gamma - gamma) * (c.gamma - gamma) < 0:
+                w, ray = self._state(a)
+                length = (gamma - a.gamma) * ray.rate
+                found.append(self._point(w + length * ray.direction, gamma, ray, length))
+        if branch.points[-1].gamma == gamma:
+            found.append(branch.points[-1])
+        return found
+
+    # -- vertices --------------------------------------------------------------------------------
+
+    def _moved(self, w: Array, gamma: float, length: float, ray: AffineRay) -> Array:
+        piece = self.condensed.system.piece(ray.codes) if ray.rate != 0 else None
+        return w + length * ray.direction if piece is None else piece.at(gamma)
+
+    def _cross(
+        self, w: Array, gamma: float, ray: AffineRay, length: float
+    ) -> tuple[BranchPoint, SpecialPoint, AffineRay | None]:
+        """The vertex (w, gamma), what is special about it, and the ray by which to go on."""
+        affine, tolerance = self.condensed.system, TOLERANCE * self._unit
+        held = affine.statuses_at(w, tolerance)
+        kinked = np.flatnonzero(held.sum(axis=1) > 1)
+        before = affine.piece(ray.codes) if ray.rate != 0 else None
+        rays, complete, found, method = [], False, [], ""
+        self._unit = max(self._unit, float(np.abs(w).max(initial=0.0)))
+        if len(kinked) == 1 and before is not None:
+            i = int(kinked[0])
+            found = neighbours(before, w, i, held[i], tolerance)
+            rays = [AffineRay(p.codes, s * p.coefficients[1], s) for p, s in found]
+        if len(found) != 1 or self._parity(before, ray, found[0][0], found[0][1]) <= 0:
+            back = AffineRay(ray.codes, -ray.direction, -ray.rate)
+            ways = outgoing(affine.tangent_cone(w, tolerance), [back])
+            rays = [r for r in ways.rays if not same_direction(r, back)]
+            complete, method = ways.complete, ways.method
+            logger.info("gamma = %.10g: %d rays by %s", gamma, len(ways.rays), ways.method)
+        rays.sort(key=lambda r: (r.rate != ray.rate, -_cosine(r, ray)))
+        onwards = rays[0] if rays else None
+        point = self._point(w, gamma, onwards or ray, length)
+        y, parity = point.y, 0
+        if onwards is None:
+            end = SpecialPoint("end", False, gamma, y, 0, complete=complete, method=method)
+            return point, end, None
+        after = affine.piece(onwards.codes)
+        if before is not None and after is not None:
+            parity = self._parity(before, ray, after, onwards.rate)
+        turned = onwards.rate * ray.rate < 0
+        kind = "bifurcation" if len(rays) > 1 else "fold" if turned else "event"
+        changes = tuple(
+            Change(*self.condensed.point(int(i)), int(ray.codes[i]), int(onwards.codes[i]))
+            for i in np.flatnonzero(onwards.codes != ray.codes)
+        )
+        others = tuple(
+            Ray(self.condensed.piece(r.codes), self._tangent(w, gamma, r)) for r in rays[1:]
+        )
+        incoming = Ray(self.condensed.piece(ray.codes), self._tangent(w, gamma, ray))
+        special = SpecialPoint(
+            kind,  # type: ignore[arg-type]
+            False,
+            gamma,
+            y,
+            0,
+            changes,
+            parity,
+            others,
+            complete,
+            incoming if others else None,
+            Ray(point.piece, point.tangent) if others else None,
+            method,
+        )
+        return point, special, onwards
+
+    @staticmethod
+    def _parity(before: AffinePiece | None, ray: AffineRay, after: AffinePiece, rate: float) -> int:
+        """Sign of the ratio of the bordered determinants: det A over gamma' on either side."""
+        return 0 if before is None else int(before.sign * ray.rate * after.sign * rate)
+
+    # -- points ----------------------------------------------------------------------------------
+
+    def _point(self, w: Array, gamma: float, ray: AffineRay, length: float) -> BranchPoint:
+        b = self.bordered
+        self._unit = max(self._unit, float(np.abs(w).max(initial=0.0)))
+        x, y = self.system.create_vector(), b.vector()
+        self.condensed.expand(w, gamma, x)
+        b.join(x, gamma, y)
+        x.destroy()
+        tangent = self._tangent(w, gamma, ray)
+        return BranchPoint(y, tangent, self.condensed.piece(ray.codes), gamma, length, 0)
+
+    def _tangent(self, w: Array, gamma: float, ray: AffineRay) -> PETSc.Vec:
+        """The unit tangent of a ray that leaves (w, gamma)."""
+        b = self.bordered
+        x, there = self.system.create_vector(), self.system.create_vector()
+        self.condensed.expand(w, gamma, x)
+        self.condensed.expand(w + ray.direction, gamma + ray.rate, there)
+        there.axpy(-1.0, x)
+        t = b.vector()
+        b.join(there, ray.rate, t)
+        x.destroy(), there.destroy()
+        b.set_scale(t)
+        if b.x_scale == 0.0 and ray.rate == 0:
+            b.require_scale()
+        t.scale(1.0 / np.sqrt(b.inner(t, t)))
+        return t
+
+    def _state(self, point: BranchPoint) -> tuple[Array, AffineRay]:
+        """The numbers of a point of a branch and the ray along which it goes on."""
+        b = self.bordered
+        codes: Codes = self.condensed.codes(point.piece)
+        x, _ = b.split(point.y)
+        w = self.condensed.contract(x)
+        there = point.y.copy()
+        rate = b.gamma(point.tangent)
+        resting = abs(rate) <= 1e-9 * b.gamma_scale
+        there.axpy(1.0 if resting else 1.0 / abs(rate), point.tangent)
+        x, _ = b.split(there)
+        direction = self.condensed.contract(x) - w
+        there.destroy()
+        sense = 0.0 if resting else float(np.sign(rate))
+        piece = self.condensed.system.piece(codes) if sense else None
+        if piece is not None:
+            direction = sense * piece.coefficients[1]
+        return w, AffineRay(codes, direction, sense)
+
+
+def _cosine(a: AffineRay, b: AffineRay) -> float:
+    product = float(np.sum(a.direction * b.direction))
+    return product / float(np.linalg.norm(a.direction) * np.linalg.norm(b.direction) or 1.0)

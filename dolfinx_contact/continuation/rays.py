@@ -1,0 +1,253 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""All ways out of a point at which the pieces of an affine system meet.
+
+The directions (dw, dgamma) that lead out solve a system of cones without load, M dw = dgamma q:
+the tangent cone. Its solutions are rays. They are found
+
+- by enumeration of the pieces, where these are few: the set is then complete, and rays with
+  dgamma = 0, along which gamma stands still, are among them;
+- otherwise by unfolding: with a load e added, M w = gamma q + e, the point falls apart into
+  branches without degenerate points, each of which comes in along one ray and goes out along
+  another. Following them by pivoting from the rays that are known leads to others, and loads drawn
+  anew connect them in other pairs. What that does not reach is not found, and nothing is proved.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact.continuation.affine import TOLERANCE, AffinePiece, AffineSystem, Array, Codes
+
+__all__ = ["AffineRay", "Rays", "neighbours", "outgoing", "same_direction", "step"]
+
+_MOST_PIECES = 65536
+_CHUNK = 4096  # pieces looked at together
+
+
+@dataclass(frozen=True, eq=False)
+class AffineRay:
+    """A way out: statuses, dw of shape (m, k), and dgamma: 1, -1 or 0."""
+
+    codes: Codes
+    direction: Array
+    rate: float
+
+
+@dataclass(frozen=True)
+class Rays:
+    """The ways out of a point.
+
+    Attributes:
+        rays: in no order.
+        complete: whether it is proved that there are no others.
+        method: how they were found, for people.
+    """
+
+    rays: tuple[AffineRay, ...]
+    complete: bool
+    method: str
+
+
+def step(system: AffineSystem, codes: Codes, w: Array, direction: Array) -> float:
+    """How far a state can go in a direction before an inequality is violated; maybe infinitely."""
+    slack, rate = system.slacks(codes, w), system.slacks(codes, direction)
+    falling = np.isfinite(slack) & (rate < -TOLERANCE * np.abs(direction).max(initial=0.0))
+    return float(np.min(np.maximum(slack[falling], 0.0) / -rate[falling], initial=np.inf))
+
+
+def neighbours(
+    piece: AffinePiece, w: Array, kinked: int, held: npt.NDArray[np.bool_], tolerance: float
+) -> list[tuple[AffinePiece, float]]:
+    """Pieces that differ in the status of one point, with the sense in which they lead out of w."""
+    found = []
+    for code in np.flatnonzero(held):
+        if code == piece.codes[kinked]:
+            continue
+        new = piece.neighbour(np.array([kinked]), np.array([code], dtype=np.int8))
+        if new is None:
+            continue
+        w_1 = new.coefficients[1]
+        at_border = np.abs(new.system.slacks(new.codes, w)) <= tolerance
+        rate = new.system.slacks(new.codes, w_1)[at_border]
+        least = -TOLERANCE * np.abs(w_1).max(initial=0.0)
+        found += [(new, sense) for sense in (1.0, -1.0) if (sense * rate >= least).all()]
+    return found
+
+
+def outgoing(
+    cone: AffineSystem, known: Sequence[AffineRay] = (), *, tries: int = 8, seed: int = 0
+) -> Rays:
+    """All rays of a tangent cone, as far as they can be found.
+
+    Args:
+        cone: a system without load.
+        known: rays that are known already.
+        tries: number of unfoldings in a row that may bring nothing new.
+        seed: of their loads.
+    """
+    choices = [np.flatnonzero(a) for a in cone.allowed]
+    pieces = float(np.prod([float(len(c)) for c in choices]))
+    if pieces <= _MOST_PIECES:
+        rays = tuple(_distinct([*known, *_enumerate(cone, choices)]))
+        return Rays(rays, True, f"enumeration of {pieces:.0f} pieces")
+    return _unfold(cone, known, choices, tries, seed)
+
+
+def _enumerate(cone: AffineSystem, choices: Sequence[npt.NDArray[np.int64]]) -> Iterator[AffineRay]:
+    """Rays of all pieces; points that keep their status are eliminated first."""
+    m, d = cone.points, cone.bases.shape[3]
+    kinked = np.array([i for i, c in enumerate(choices) if len(c) > 1], dtype=int)
+    held = np.setdiff1d(np.arange(m), kinked)
+    codes = np.array([c[0] for c in choices], dtype=np.int8)
+    N, width = len(cone.rate), d * len(held)
+    fixed = cone.pieced(codes).reshape(N, m, d)[:, held].reshape(N, width)
+    Q = np.linalg.qr(fixed, mode="complete")[0][:, width:]
+    M, q = np.einsum("np,nmk->pmk", Q, cone.matrix[:, kinked]), Q.T @ cone.rate
+    # Of every kinked point, in every status: its columns of A.
+    columns = np.einsum("pmk,mskd->mspd", M, cone.bases[kinked])
+    every = itertools.product(*(choices[i] for i in kinked))
+    B, C, points = cone.bases[kinked], cone.inequalities[kinked], np.arange(len(kinked))
+    while chunk := list(itertools.islice(every, _CHUNK)):
+        statuses = np.array(chunk, dtype=np.int8).reshape(len(chunk), len(kinked))
+        A = columns[points, statuses]  # (pieces, points, p, d)
+        A = np.moveaxis(A, 1, 2).reshape(len(chunk), len(q), -1)
+        regular, z = _solve_all(A, q)
+        w = np.einsum("cmkd,cmd->cmk", B[points, statuses], z.reshape(len(A), -1, d))
+        slack = np.einsum("cmek,cmk->cme", C[points, statuses], w)
+        tolerance = TOLERANCE * np.abs(w).max(axis=(1, 2), initial=0.0)
+        least, most = (f(axis=(1, 2), initial=0.0) for f in (slack.min, slack.max))
+        for i in np.flatnonzero(~regular | (least >= -tolerance) | (most <= tolerance)):
+            codes[kinked] = statuses[i]
+            found = (z[i], 1.0) if regular[i] else _kernel(A[i], q)
+            if found is not None:
+                yield from _inside(cone, codes.copy(), kinked, held, fixed, *found)
+
+
+def _solve_all(A: Array, q: Array) -> tuple[npt.NDArray[np.bool_], Array]:
+    """Which of the matrices A_i are regular, and A_i^{-1} q (zeros for the others)."""
+    sizes = np.abs(A).max(axis=(1, 2), initial=0.0) * A.shape[1]
+    regular = np.abs(np.linalg.det(A / sizes[:, None, None])) > 1e-250
+    inverse = np.zeros_like(A)
+    inverse[regular] = np.linalg.inv(A[regular])
+    regular &= np.abs(inverse).max(axis=(1, 2), initial=0.0) * sizes < 1e10
+    return regular, np.where(regular[:, None], inverse @ q, 0.0)
+
+
+def _kernel(A: Array, q: Array) -> tuple[Array, float] | None:
+    """The kernel (z, rate) of [A, -q], if it has one dimension."""
+    _, values, V = np.linalg.svd(np.column_stack([A, -q]))
+    if values[-1] < TOLERANCE * values[0]:
+        return None  # its edges are rays of other pieces
+    return V[-1, :-1], float(V[-1, -1])
+
+
+def _inside(
+    cone: AffineSystem,
+    codes: Codes,
+    kinked: npt.NDArray[np.int64],
+    held: npt.NDArray[np.int64],
+    fixed: Array,
+    z: Array,
+    rate: float,
+) -> Iterator[AffineRay]:
+    """The ray of a kernel vector, in the senses in which it is inside its cones."""
+    B, w = cone.bases[np.arange(cone.points), codes], np.zeros(cone.matrix.shape[1:])
+    w[kinked] = np.einsum("mkd,md->mk", B[kinked], z.reshape(len(kinked), -1))
+    quick = cone.slacks(codes, w)[kinked]
+    largest = np.abs(w).max(initial=0.0)
+    senses = [s for s in (1.0, -1.0) if _inside_for(quick, s) >= -TOLERANCE * largest]
+    if not senses:
+        return
+    if len(held):
+        rest = rate * cone.rate - np.einsum("nmk,mk->n", cone.matrix[:, kinked], w[kinked])
+        z_held = np.linalg.lstsq(fixed, rest)[0]
+        w[held] = np.einsum("mkd,md->mk", B[held], z_held.reshape(len(held), -1))
+    largest = float(np.abs(w).max(initial=0.0))
+    size = abs(rate) if abs(rate) > 1e-9 * largest else largest
+    slack = cone.slacks(codes, w)
+    for sense in senses if size > 0 else ():
+        if _inside_for(slack, sense) >= -TOLERANCE * largest:
+            yield AffineRay(codes, sense * w / size, float(np.round(sense * rate / size)))
+
+
+def _inside_for(slack: Array, sense: float) -> float:
+    """The least slack of a state that is multiplied by ``sense``."""
+    return float(np.min(sense * slack[np.isfinite(slack)], initial=np.inf))
+
+
+def _unfold(
+    cone: AffineSystem,
+    known: Sequence[AffineRay],
+    choices: Sequence[npt.NDArray[np.int64]],
+    tries: int,
+    seed: int,
+) -> Rays:
+    rays, idle, count = _distinct([*known, *_by_newton(cone, choices)]), 0, 0
+    random, size = np.random.default_rng(seed), float(np.abs(cone.rate).max())
+    while idle < tries:
+        unfolded = replace(cone, load=size * random.standard_normal(len(cone.load)))
+        before, ends = len(rays), list[AffineRay]()
+        for ray in rays:
+            if not any(same_direction(ray, end) for end in ends):
+                ends += [end for end in [_other_end(unfolded, ray)] if end is not None]
+        rays = _distinct([*rays, *ends])
+        idle, count = (idle + 1 if len(rays) == before else 0), count + 1
+    return Rays(tuple(rays), False, f"{count} unfoldings of {len(choices)} points")
+
+
+def _by_newton(cone: AffineSystem, choices: Sequence[npt.NDArray[np.int64]]) -> Iterator[AffineRay]:
+    """Rays found at dgamma = 1 and -1 from uniform statuses."""
+    for gamma, code in itertools.product((1.0, -1.0), range(cone.bases.shape[1])):
+        start = np.array([code if code in c else c[0] for c in choices], dtype=np.int8)
+        codes = cone.solve(gamma, start)
+        piece = None if codes is None else cone.piece(codes)
+        if piece is not None:
+            yield AffineRay(piece.codes, piece.at(gamma), gamma)
+
+
+def _other_end(unfolded: AffineSystem, ray: AffineRay) -> AffineRay | None:
+    """The ray by which the branch goes out that comes in by ``ray``; None if it gets lost."""
+    if ray.rate == 0:
+        return None
+    codes = unfolded.solve(1e6 * ray.rate, ray.codes)  # a border point of the ray falls to a side
+    piece = None if codes is None else unfolded.piece(codes)
+    if piece is None:
+        return None
+    gamma, sense = 1e6 * ray.rate, -ray.rate
+    for _ in range(50 * unfolded.points):
+        direction = sense * piece.coefficients[1]
+        length = step(unfolded, piece.codes, piece.at(gamma), direction)
+        if not np.isfinite(length):
+            return AffineRay(piece.codes, direction, sense)
+        gamma += sense * length
+        w = piece.at(gamma)
+        tolerance = TOLERANCE * np.abs(w).max(initial=0.0)
+        held = unfolded.statuses_at(w, tolerance)
+        kinked = np.flatnonzero(held.sum(axis=1) > 1)
+        if len(kinked) != 1:
+            return None
+        found = neighbours(piece, w, int(kinked[0]), held[kinked[0]], tolerance)
+        if len(found) != 1:
+            return None
+        piece, sense = found[0]
+    return None
+
+
+def same_direction(a: AffineRay, b: AffineRay) -> bool:
+    """Whether two rays are one."""
+    unit = np.abs(a.direction).max(initial=1e-300)
+    return a.rate == b.rate and bool(np.abs(a.direction - b.direction).max() <= 1e-7 * unit)
+
+
+def _distinct(rays: Sequence[AffineRay] | list[Any]) -> list[AffineRay]:
+    kept: list[AffineRay] = []
+    for ray in rays:
+        if not any(same_direction(ray, other) for other in kept):
+            kept.append(ray)
+    return kept
