@@ -192,6 +192,7 @@ class Follower:
         stop: Stop | None = None,
         branch_id: int = 0,
         stepping: Stepping | None = None,
+        origin: BranchPoint | None = None,
     ) -> Branch:
         """Follow from ``start`` along its tangent; see `follow`.
 
@@ -205,6 +206,7 @@ class Follower:
             stop: see `follow`.
             branch_id: number by which the observer knows the branch.
             stepping: known at ``start`` if the branch was followed to it before.
+            origin: then its first point, at which it may close.
 
         Returns:
             The branch from ``start`` on.
@@ -225,8 +227,8 @@ class Follower:
                 branch.reason = f"no step of at least {self.control.minimum:g} succeeds"
                 break
             node = any(s.kind == "bifurcation" for s in special)
-            if not node and self._is_closed(start, point, new):
-                new, special = start, [s for s in special if s.smooth]
+            if not node and self._is_closed(origin or start, point, new):
+                new, special = origin or start, [s for s in special if s.smooth]
                 branch.reason = CLOSED
             elif not low <= new.gamma <= high:
                 special = [s for s in special if s.smooth and low <= s.gamma <= high]

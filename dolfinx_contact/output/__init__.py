@@ -7,7 +7,8 @@ from dolfinx_contact.output.folder import output_folder, write_summary
 from dolfinx_contact.output.journal import Journal, read_journal
 from dolfinx_contact.output.pictures import picture_of_body, picture_of_contact
 from dolfinx_contact.output.progress import Progress
-from dolfinx_contact.output.record import BranchRecord, resume
+from dolfinx_contact.output.record import BranchRecord
+from dolfinx_contact.output.resuming import resume
 from dolfinx_contact.output.series import write_series
 from dolfinx_contact.output.states import picture_of_states
 from dolfinx_contact.output.table import write_contact_table

@@ -34,6 +34,7 @@ from dolfinx_contact.continuation import (
     Stepping,
     Task,
 )
+from dolfinx_contact.continuation.branch import Stop
 from dolfinx_contact.output.checkpoints import Checkpoints, joined, last_entry
 from dolfinx_contact.output.folder import output_folder
 from dolfinx_contact.output.identity import difference, identity
@@ -43,7 +44,7 @@ from dolfinx_contact.output.points import Functional, compiled, counts, describe
 if TYPE_CHECKING:
     from dolfinx_contact.parametric import ParametricContact
 
-__all__ = ["BranchRecord", "resume"]
+__all__ = ["BranchRecord"]
 
 logger = logging.getLogger(__name__)
 
@@ -298,7 +299,7 @@ class BranchRecord(Observer):
         self._checkpoints.read(p["checkpoint"], p["sum"], {"tangent": t, "x": x})
         y, tangent = joined(x, p["gamma"]), joined(t, p["tangent_gamma"])
         piece = system.piece_of(p["status"])
-        system.scales = tuple(p["scales"])
+        system.scales = p["scales"]
         system.residual(x, p["gamma"], b, piece)
         error = system.error(b)
         for v in (x, t, b):
@@ -310,7 +311,7 @@ class BranchRecord(Observer):
             f"point {index} of branch {branch} is no solution of this problem (residual "
             f"{error:.1e}): other loads, materials or conditions than recorded",
         )
-        system.scales = tuple(p["scales"])
+        system.scales = p["scales"]
         point = BranchPoint(y, tangent, piece, p["gamma"], p["step"], p["corrections"], p["tau"])
         stepping = Stepping(index, p["next_step"], p["x_scale"], p["largest_distance"])
         return point, stepping
@@ -321,7 +322,12 @@ class BranchRecord(Observer):
         return [self.state(branch, p["index"])[0] for p in recorded if "checkpoint" in p]
 
     def go_on(
-        self, branch: int = 0, *, max_steps: int | None = None, observer: Observer | None = None
+        self,
+        branch: int = 0,
+        *,
+        max_steps: int | None = None,
+        observer: Observer | None = None,
+        stop: Stop | None = None,
     ) -> Branch:
         """Go on with a branch as it was begun; one that has ended stays as it is. Collective.
 
@@ -329,6 +335,7 @@ class BranchRecord(Observer):
             branch: number of the branch.
             max_steps: another budget, counted from the start of the branch.
             observer: told of every point after the last checkpoint, beside the record.
+            stop: the same stop condition as at the beginning, if there was one.
 
         Returns:
             The branch from the last checkpoint on; the journal has all of it.
@@ -347,6 +354,8 @@ class BranchRecord(Observer):
         exhausted = known.reason.startswith("the budget") and budget >= len(known.points)
         if known.reason and not exhausted:
             return Branch([point], reason=known.reason)
+        origin = self.state(branch, 0)[0] if stepping.index else None
+        self.system.scales = known.points[stepping.index]["scales"]
         control, scale = StepControl(**task["control"]), task["gamma_scale"]
         with Follower(self.system, control, gamma_scale=scale) as follower:
             return follower.run(
@@ -354,8 +363,10 @@ class BranchRecord(Observer):
                 (task["gamma_range"][0], task["gamma_range"][1]),
                 max_steps=budget,
                 observer=Observers(self, observer or Observer()),
+                stop=stop,
                 branch_id=branch,
                 stepping=stepping,
+                origin=origin,
             )
 
     # -- vectors ---------------------------------------------------------------------------------
@@ -371,28 +382,3 @@ class BranchRecord(Observer):
         self._unknowns(y)
         self.system.metric(self._x, self._mx)
         return float(np.sqrt(max(float(self._x.dot(self._mx)), 0.0) / stepping.x_scale))
-
-
-def resume(
-    folder: str | os.PathLike[str],
-    system: ParametricContact,
-    functionals: Mapping[str, Functional] | None = None,
-    *,
-    branch: int = 0,
-    every: int = 10,
-    max_steps: int | None = None,
-    observer: Observer | None = None,
-) -> Branch:
-    """Go on with a recorded branch as if the run had never been killed. Collective.
-
-    Args:
-        folder: of the record.
-        system: the same problem, on any number of ranks.
-        functionals: the same as recorded.
-        branch: see `BranchRecord.go_on`, as for the budget, the observer, errors and the result.
-        every: fields are kept at every so many points.
-        max_steps: another budget.
-        observer: told of every point beside the record.
-    """
-    with BranchRecord(folder, system, functionals, every=every, resume=True) as record:
-        return record.go_on(branch, max_steps=max_steps, observer=observer)
