@@ -127,7 +127,7 @@ class ParametricContact:
         return self._scales.force, self._scales.length
 
     @scales.setter
-    def scales(self, scales: tuple[float, float]) -> None:
+    def scales(self, scales: Sequence[float]) -> None:
         self._scales.force, self._scales.length = scales
 
     # -- affine pieces ---------------------------------------------------------------------------

@@ -192,6 +192,7 @@ class Follower:
         stop: Stop | None = None,
         branch_id: int = 0,
         stepping: Stepping | None = None,
+        origin: BranchPoint | None = None,
     ) -> Branch:
         """Follow from ``start`` along its tangent; see `follow`.
 
@@ -205,6 +206,7 @@ class Follower:
             stop: see `follow`.
             branch_id: number by which the observer knows the branch.
             stepping: known at ``start`` if the branch was followed to it before.
+            origin: then its first point, at which it may close.
 
         Returns:
             The branch from ``start`` on.
@@ -214,7 +216,7 @@ class Follower:
         h, low, high = self.control.initial, *gamma_range
         if stepping is not None:
             first, h = stepping.index, stepping.next_step
-            b.x_scale, self._largest_distance = stepping.x_scale, stepping.largest_distance
+            self.restore(stepping)
         observer = observer or Observer()
         observer.begin(branch_id, Task((low, high), b.gamma_scale, self.control, max_steps))
         observer.point(branch_id, first, start, (), self._stepping(first, h))
@@ -225,8 +227,8 @@ class Follower:
                 branch.reason = f"no step of at least {self.control.minimum:g} succeeds"
                 break
             node = any(s.kind == "bifurcation" for s in special)
-            if not node and self._is_closed(start, point, new):
-                new, special = start, [s for s in special if s.smooth]
+            if not node and self._is_closed(origin or start, point, new):
+                new, special = origin or start, [s for s in special if s.smooth]
                 branch.reason = CLOSED
             elif not low <= new.gamma <= high:
                 special = [s for s in special if s.smooth and low <= s.gamma <= high]
@@ -249,6 +251,11 @@ class Follower:
         self.system.piece_at(*b.split(branch.points[-1].y))
         logger.info("branch ended: %s", branch.reason)
         return branch
+
+    def restore(self, stepping: Stepping) -> None:
+        """Know again what was known at a point that was followed to before."""
+        self.bordered.x_scale = stepping.x_scale
+        self._largest_distance = stepping.largest_distance
 
     def _is_closed(self, start: BranchPoint, point: BranchPoint, new: BranchPoint) -> bool:
         """Whether the step from ``point`` to ``new`` passes the start in the sense of the start."""

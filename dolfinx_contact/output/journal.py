@@ -202,15 +202,12 @@ def _decode(line: bytes) -> dict[str, Any]:
     body, mark, crc = text.rpartition(_MARK)
     if not mark or crc != f'{zlib.crc32(body.encode()):08x}"}}':
         raise ValueError("its check sum is wrong")
-    return dict(json.loads(body + "}", object_hook=_floats))
+    return dict(json.loads(body + "}", object_hook=_number))
 
 
-def _floats(entry: dict[str, Any]) -> dict[str, Any]:
-    return {k: float(v["float"]) if _is_word(v) else v for k, v in entry.items()}
-
-
-def _is_word(value: Any) -> bool:
-    return isinstance(value, dict) and list(value) == ["float"] and isinstance(value["float"], str)
+def _number(entry: dict[str, Any]) -> Any:
+    """A number that is not finite, if ``entry`` stands for one."""
+    return float(entry["float"]) if list(entry) == ["float"] else entry
 
 
 def _plain(value: Any) -> Any:
