@@ -107,10 +107,10 @@ def _enumerate(cone: AffineSystem, choices: Sequence[npt.NDArray[np.int64]]) -> 
     m, d = cone.points, cone.bases.shape[3]
     kinked = np.array([i for i, c in enumerate(choices) if len(c) > 1], dtype=int)
     codes, N = np.array([c[0] for c in choices], dtype=np.int8), len(cone.rate)
-    A = cone.pieced(codes).reshape(N, m, d)
     held = np.setdiff1d(np.arange(m), kinked)
-    fixed = A[:, held].reshape(N, d * len(held))
-    if len(kinked) == 0 or np.linalg.matrix_rank(fixed) < d * len(held):
+    fixed: Array = cone.pieced(codes).reshape(N, m, d)[:, held].reshape(N, d * len(held))
+    singular = len(held) > 0 and np.linalg.matrix_rank(fixed) < d * len(held)
+    if len(kinked) == 0 or singular:
         kinked, held, fixed = np.arange(m), held[:0], fixed[:, :0]
     width = fixed.shape[1]
     Q = np.linalg.qr(fixed, mode="complete")[0][:, width:]
