@@ -24,6 +24,18 @@ __all__ = ["Corrector"]
 _NEARLY_SINGULAR = 1e8
 
 
+class _BorderedSolve:
+    """The linear solve of a correction, for PETSc: see `Bordered.solve`."""
+
+    def __init__(self, bordered: Bordered):
+        self._bordered = bordered
+
+    def apply(self, pc: PETSc.PC, rhs: PETSc.Vec, out: PETSc.Vec) -> None:
+        reasons = PETSc.PC.FailedReason
+        ok = self._bordered.solve(rhs, out)
+        pc.setFailedReason(reasons.NOERROR if ok else reasons.FACTOR_NUMERIC_ZEROPIVOT)
+
+
 class Corrector:
     """Correctors on a bordered system.
 
@@ -39,10 +51,13 @@ class Corrector:
         self._hx = bordered.system.create_vector()
         self._e = bordered.last_unit()
         self.snes.setFunction(self._function, self._b)
-        self.snes.setKSP(bordered.ksp)
         self.snes.setOptionsPrefix(bordered.prefix)
         with options_in_database(bordered.prefix, {"snes_linesearch_type": "none"}):
             self.snes.setFromOptions()
+        ksp = self.snes.getKSP()
+        ksp.setType(PETSc.KSP.Type.PREONLY)
+        ksp.getPC().setType(PETSc.PC.Type.PYTHON)
+        ksp.getPC().setPythonContext(_BorderedSolve(bordered))
         self.snes.setConvergenceTest(self._test)
         self.snes.setMonitor(self._improve)
         self.snes.setTolerances(max_it=control.corrections)
@@ -80,7 +95,7 @@ class Corrector:
     def tangent(self, y: PETSc.Vec, towards: PETSc.Vec, piece: Piece | None) -> PETSc.Vec | None:
         """Unit tangent of ``piece`` at ``y``, on the side of ``towards``; None if there is no one.
 
-        The factorisation stays behind for other right-hand sides.
+        The matrix stays behind for other right-hand sides.
         """
         b = self.bordered
         # Beyond a kink the tangent may be orthogonal to the one before; then another row will do.
@@ -93,7 +108,7 @@ class Corrector:
             b.dual(row, self._row)
             b.assemble(y, self._row, piece)
             t = b.vector()
-            if b.factorise() and b.solve(self._e, t):
+            if b.solve(self._e, t):
                 size = np.sqrt(b.inner(t, t))
                 if np.isfinite(size) and 0 < size < _NEARLY_SINGULAR:
                     t.scale((1.0 if b.inner(t, towards) >= 0 else -1.0) / size)
@@ -112,10 +127,7 @@ class Corrector:
         with self.bordered.options():
             self.snes.solve(None, y)
         self.iterations = self.snes.getIterationNumber()
-        reason = self.snes.getConvergedReason()
-        if reason == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE:
-            self.bordered.ksp.reset()  # MUMPS does not recover from a singular matrix
-        return bool(reason > 0)
+        return bool(self.snes.getConvergedReason() > 0)
 
     def _matrix(self, y: PETSc.Vec) -> PETSc.Mat:
         if not self.bordered.matrix:
@@ -134,7 +146,6 @@ class Corrector:
 
     def _jacobian(self, _snes: PETSc.SNES, y: PETSc.Vec, A: PETSc.Mat, _P: PETSc.Mat) -> None:
         self.bordered.assemble(y, self._row, self._piece)
-        self.bordered.factorisations += 1
 
     def _test(self, snes: PETSc.SNES, it: int, _norms: tuple[float, float, float]) -> int:
         reasons = PETSc.SNES.ConvergedReason
