@@ -29,7 +29,7 @@ from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, 
 from dolfinx_contact.continuation import Follower, StepControl
 from dolfinx_contact.materials import CiarletGeymonat, LinearElastic, NeoHookean
 from dolfinx_contact.meshing import mesh_from_gmsh, read_mesh
-from dolfinx_contact.output import output_folder, write_summary
+from dolfinx_contact.output import Progress, output_folder, write_summary
 from dolfinx_contact.parametric import ParametricContact
 
 
@@ -130,22 +130,16 @@ def system(args, comm):
     return ParametricContact(problem, gamma, driven=driven)
 
 
-def observe(followed, follower, point):
+def observe(followed, point):
     """Displacement of the leftmost contact point and the resultant, all ranks."""
-    x, _ = follower.bordered.split(point.y)
-    followed.problem.read(x)
-    (surface,) = followed.problem.surfaces
-    state, n = surface.state(), surface.num_owned_points
-    parts = followed.comm.allgather([state[k][:n] for k in ("x", "ut", "un", "traction", "area")])
-    x, ut, un, traction, area = (np.concatenate(column) for column in zip(*parts, strict=True))
-    left = int(np.argmin(x[:, 0]))
-    force = (traction * area[:, None]).sum(axis=0)
+    table = followed.result_at(point).tables["contact"]
+    free = table.letters != "d"
     return {
-        "status": followed.letters(point.piece),
-        "ut_left": float(ut[left, 0]),
-        "un_left": float(un[left]),
-        "sum_rt": float(force[0]),
-        "sum_rn": float(force[1]),
+        "status": "".join(table.letters[free]),
+        "ut_left": float(table.ut[0, 0]),
+        "un_left": float(table.un[0]),
+        "sum_rt": float(table.rt[free, 0].sum()),
+        "sum_rn": float(table.rn[free].sum()),
     }
 
 
@@ -163,11 +157,11 @@ def draw(path, gammas, seen, folds):
         above.axvline(fold["gamma"], color="#c0392b", lw=0.8, ls="--")
     above.set(xlabel=r"$\gamma$", ylabel="$u_t$ of the leftmost contact point")
     above.set_title("Branch of solutions (dashed: folds)", loc="left")
-    colours = {"o": "#dfe3e8", "k": "#2e6db4", "+": "#2e9e4f", "-": "#e8892b", "d": "#555555"}
-    names = {"o": "open", "k": "stick", "+": "slip right", "-": "slip left", "d": "clamped"}
-    codes = np.array([["ok+-d".index(c) for c in s["status"]] for s in seen]).T
+    colours = {"o": "#dfe3e8", "k": "#2e6db4", "+": "#2e9e4f", "-": "#e8892b"}
+    names = {"o": "open", "k": "stick", "+": "slip right", "-": "slip left"}
+    codes = np.array([["ok+-".index(c) for c in s["status"]] for s in seen]).T
     below.imshow(
-        codes, aspect="auto", cmap=ListedColormap(list(colours.values())), vmin=-0.5, vmax=4.5,
+        codes, aspect="auto", cmap=ListedColormap(list(colours.values())), vmin=-0.5, vmax=3.5,
         interpolation="nearest", origin="lower",
     )  # fmt: skip
     below.set(xlabel="point of the branch", ylabel="contact point, left to right")
@@ -198,16 +192,13 @@ def main(argv=None):
     x = followed.create_vector()
     problem.write(x)
 
-    def progress(point):
-        if comm.rank == 0:
-            print(f"  gamma {point.gamma:+.6f}  step {point.step:.1e}", flush=True)
-
     default, factor = StepControl(), args.step_factor
     control = StepControl(initial=factor * default.initial, maximum=factor * default.maximum)
     with Follower(followed, control, gamma_scale=1.0) as follower:
         start = follower.start(x, first)
+        progress = Progress(comm)
         branch = follower.run(start, (0.0, 1.0), max_steps=args.max_steps, observer=progress)
-        seen = [observe(followed, follower, p) for p in branch.points]
+        seen = [observe(followed, p) for p in branch.points]
         folds = [
             {
                 "gamma": s.gamma,
@@ -234,7 +225,7 @@ def main(argv=None):
             there = follower.at(branch, args.solutions_at)
             scalars["solutions_at"] = {
                 "gamma": args.solutions_at,
-                "solutions": [observe(followed, follower, p) for p in there],
+                "solutions": [observe(followed, p) for p in there],
             }
     if comm.rank == 0:
         draw(folder / "branch.png", [p.gamma for p in branch.points], seen, folds)

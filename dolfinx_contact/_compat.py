@@ -29,13 +29,17 @@ except ImportError:  # DOLFINx 0.9
 
 __all__ = [
     "FacetSubmesh",
+    "FunctionSeries",
     "assemble_block_matrix",
     "create_block_matrix",
     "create_facet_submesh",
     "facet_integration_entities",
+    "geometry_dofmap",
     "gmsh_io",
     "interpolation_points",
     "merge_entity_maps",
+    "read_checkpoint",
+    "write_checkpoint",
     "write_functions",
 ]
 
@@ -126,3 +130,60 @@ def write_functions(comm: MPI.Comm, stem: Path, functions: Sequence[fem.Function
             vtk.write_function(list(functions), 0.0)
     comm.barrier()  # rank 0 writes the last part
     return file
+
+
+class FunctionSeries:
+    """A series in time of Functions of one mesh and one element, for ParaView.
+
+    VTX (``stem.bp``), or VTK (``stem.pvd``) where DOLFINx was built without ADIOS2. Collective.
+    """
+
+    def __init__(self, comm: MPI.Comm, stem: Path, functions: Sequence[fem.Function]):
+        self._functions, vtx = list(functions), hasattr(io, "VTXWriter")
+        self.file = stem.with_name(stem.name + (".bp" if vtx else ".pvd"))
+        self._writer = (
+            io.VTXWriter(comm, self.file, self._functions)
+            if vtx
+            else io.VTKFile(comm, self.file, "w")
+        )
+        self._vtx = vtx
+
+    def write(self, time: float) -> None:
+        """Write the Functions as they are."""
+        if self._vtx:
+            self._writer.write(time)
+        else:
+            self._writer.write_function(self._functions, time)
+
+    def close(self) -> None:
+        """Finish the file."""
+        self._writer.close()
+
+
+def geometry_dofmap(domain: mesh.Mesh) -> npt.NDArray[np.int32]:
+    """Local geometry nodes of every local cell (deprecated for ``dofmaps`` since 0.11)."""
+    geometry = domain.geometry
+    several = getattr(geometry, "dofmaps", None)
+    if several is None:
+        return np.asarray(geometry.dofmap)
+    return np.asarray(several(0) if callable(several) else several[0])
+
+
+def write_checkpoint(file: Path, functions: dict[str, fem.Function]) -> None:
+    """Write Functions so that they can be read on another number of ranks. Collective.
+
+    Values are stored by the cells of the mesh as it was given to DOLFINx, so that reading needs the
+    same mesh, made in the same way. ``file`` must not exist. (Functions of submeshes are refused.)
+    """
+    import adios4dolfinx
+
+    for name, f in functions.items():
+        adios4dolfinx.write_function_on_input_mesh(file, f, name=name)
+
+
+def read_checkpoint(file: Path, functions: dict[str, fem.Function]) -> None:
+    """Fill Functions from what `write_checkpoint` wrote, ghosts included. Collective."""
+    import adios4dolfinx
+
+    for name, f in functions.items():
+        adios4dolfinx.read_function(file, f, name=name)

@@ -3,9 +3,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import TypeVar
+
 from mpi4py import MPI
 
-__all__ = ["require"]
+__all__ = ["on_root", "require"]
+
+_T = TypeVar("_T")
 
 
 def require(comm: MPI.Comm, ok: bool, message: str) -> None:
@@ -18,3 +23,18 @@ def require(comm: MPI.Comm, ok: bool, message: str) -> None:
     failed = [m for m in messages if m is not None]
     if failed:
         raise ValueError(failed[0])
+
+
+def on_root(comm: MPI.Comm, do: Callable[[], _T]) -> _T:
+    """What ``do``, called on rank 0, returns or raises, on every rank. Collective."""
+    found: _T | None = None
+    failure: Exception | None = None
+    if comm.rank == 0:
+        try:
+            found = do()
+        except Exception as error:
+            failure = error
+    found, failure = comm.bcast((found, failure))
+    if failure is not None:
+        raise failure
+    return found  # type: ignore[return-value]

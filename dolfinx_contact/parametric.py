@@ -21,11 +21,12 @@ from dolfinx import fem
 from ufl.algorithms.analysis import extract_constants
 
 from dolfinx_contact._compat import interpolation_points
+from dolfinx_contact._errors import require
 from dolfinx_contact.condensed import CondensedContact, can_condense
-from dolfinx_contact.continuation import Events, Piece
+from dolfinx_contact.continuation import BranchPoint, Events, Piece
 from dolfinx_contact.laws import Status
 from dolfinx_contact.problem import ContactProblem
-from dolfinx_contact.result import by_coordinates
+from dolfinx_contact.result import Result, by_coordinates, collect
 from dolfinx_contact.solvers.measures import Scales
 from dolfinx_contact.surface import ContactSurface
 
@@ -101,6 +102,33 @@ class ParametricContact:
     def set_parameter(self, gamma: float) -> None:
         """Put gamma into the forms and the Dirichlet data, for a solve at this value."""
         self._set(gamma, None)
+
+    def put(self, x: PETSc.Vec, gamma: float, piece: Piece) -> None:
+        """Put a point of a branch into the Functions of the problem, its statuses included."""
+        self._set(gamma, piece)
+        self.problem.read(x)
+
+    def result_at(self, point: BranchPoint) -> Result:
+        """The tables of a point of a branch, which is left in the Functions. Collective.
+
+        Statuses are those of the piece of the point, also where it lies on a border.
+        """
+        x = self.create_vector()
+        x.array[:] = point.y.array_r[: x.getLocalSize()]
+        self.put(x, point.gamma, point.piece)
+        with self.problem.status_held():
+            result = collect(self.problem, x, [])
+        x.destroy()
+        return result
+
+    @property
+    def scales(self) -> tuple[float, float]:
+        """Force and length that residuals are measured by; they grow along a branch."""
+        return self._scales.force, self._scales.length
+
+    @scales.setter
+    def scales(self, scales: tuple[float, float]) -> None:
+        self._scales.force, self._scales.length = scales
 
     # -- affine pieces ---------------------------------------------------------------------------
 
@@ -239,6 +267,36 @@ class ParametricContact:
             word = np.concatenate(self.comm.allgather(letters))
             words += word[by_coordinates(places)].tolist()
         return "".join(words)
+
+    def piece_of(self, letters: str) -> Piece:
+        """The piece whose `letters` these are. Collective.
+
+        Raises:
+            ValueError: on every rank, if they are not statuses of these points.
+        """
+        parts, start = [], 0
+        for s, a, b in self._parts():
+            counts = self.comm.allgather(b - a)
+            order = by_coordinates(np.concatenate(self.comm.allgather(s.positions[: b - a])))
+            word = np.array(list(letters[start : start + len(order)]))
+            start += len(order)
+            known = "ok+-d" if s.dim == 2 else "oksd"
+            fits = len(word) == len(order) and set(word) <= set(known)
+            require(self.comm, fits, f"{s.name}: {len(order)} statuses of {known} are needed")
+            placed = np.empty(len(order), dtype=word.dtype)
+            placed[order] = word
+            first = sum(counts[: self.comm.rank])
+            mine = placed[first : first + b - a]
+            same = bool(np.array_equal(mine == "d", self.clamped[a:b]))
+            require(self.comm, same, f"{s.name}: other points are clamped")
+            parts.append([0 if c == "d" else known.index(c) for c in mine])
+        require(self.comm, start == len(letters), f"{start} statuses are needed, not more")
+        return Piece(np.concatenate(parts).astype(np.int8))
+
+    @property
+    def positions(self) -> npt.NDArray[np.float64]:
+        """Places of the owned points of all surfaces, in the order of a piece (n, dim)."""
+        return np.concatenate([s.positions[: b - a] for s, a, b in self._parts()])
 
     def _parts(self) -> Iterator[tuple[ContactSurface, int, int]]:
         """Surfaces with the range of their points among the local points."""

@@ -1,75 +1,17 @@
-"""Hild's triangle with 64 contact nodes against independent codes, and its way to zero load."""
+"""All branches of a triangle on a floor, against independent codes.
+
+The numbers are those of GetFEM and of an enumeration of all statuses in numpy, on the same mesh.
+"""
 
 from mpi4py import MPI
 
+import demo_linear_triangle as demo
 import numpy as np
 import pytest
 
-import basix.ufl
-import ufl
-from dolfinx import fem, mesh
-
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace
-from dolfinx_contact.continuation import follow
-from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.parametric import ParametricContact
+from dolfinx_contact.continuation import explore, follow
 
 COMM = MPI.COMM_WORLD
-
-
-def linear_triangle(n, friction):
-    """The triangle A, B, C cut into n * n congruent triangles, traction -gamma (26, 7.5) on AC."""
-    place = {}
-    for j in range(n + 1):
-        for i in range(n + 1 - j):
-            place[i, j] = len(place)
-    points = np.array([(i / n, j / n) for i, j in place])
-    cells = [
-        cell
-        for j in range(n)
-        for i in range(n - j)
-        for cell in (
-            [(i, j), (i + 1, j), (i, j + 1)],
-            [(i + 1, j), (i + 1, j + 1), (i, j + 1)],
-        )[: 2 if i + j < n - 1 else 1]
-    ]
-    numbers = np.array([[place[k] for k in cell] for cell in cells], dtype=np.int64)
-    if COMM.rank > 0:
-        points, numbers = points[:0], numbers[:0]
-    element = basix.ufl.element("Lagrange", "triangle", 1, shape=(2,))
-    domain = mesh.create_mesh(COMM, cells=numbers, x=points, e=ufl.Mesh(element))
-
-    def edge(where):
-        return mesh.locate_entities_boundary(domain, 1, where)
-
-    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u, gamma = fem.Function(V), fem.Constant(domain, -1.0)
-    slope = edge(lambda x: np.isclose(x[0] + x[1], 1.0))
-    side = np.sort(edge(lambda x: np.isclose(x[0], 0.0)))
-    tags = mesh.meshtags(domain, 1, side, np.ones(len(side), dtype=np.int32))
-    ds = ufl.Measure("ds", domain, subdomain_data=tags)(1)
-    energy = LinearElastic(100.0, 82.0).energy(u) * ufl.dx
-    energy += gamma * ufl.dot(ufl.as_vector([26.0, 7.5]), u) * ds
-    clamped = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, slope), V)
-    surface = ContactSurface(
-        u,
-        edge(lambda x: np.isclose(x[1], 0.0)),
-        obstacle=HalfSpace((0, 0), (0, 1)),
-        law=Coulomb(friction),
-    )
-    return ParametricContact(ContactProblem(energy, u, [surface], bcs=[clamped]), gamma)
-
-
-def test_seed_example_at_its_start():
-    """n = 64, F = 1.7, gamma = -1: one solution, known from two codes (GetFEM and numpy)."""
-    system = linear_triangle(64, 1.7)
-    table = system.problem.solve().tables["contact"]
-    assert table.status == 13 * "o" + 18 * "+" + 33 * "k" + "d"
-    np.testing.assert_allclose(table.ut[0, 0], 0.0357436, atol=1e-7)
-    np.testing.assert_allclose(table.un[0], 0.0198213, atol=1e-7)
-    # The clamped node belongs to the support.
-    np.testing.assert_allclose(table.rn[:-1].sum(), 3.319526, atol=1e-6)
-    np.testing.assert_allclose(table.rt[:-1, 0].sum(), -3.956634, atol=1e-6)
 
 
 def start_of(system):
@@ -80,14 +22,117 @@ def start_of(system):
     return x
 
 
+def test_seed_example_at_its_start():
+    """n = 64, F = 1.7, gamma = -1: one solution, known from two codes (GetFEM and numpy)."""
+    system = demo.linear_triangle(64, 1.7)
+    table = system.problem.solve().tables["contact"]
+    assert table.status == 13 * "o" + 18 * "+" + 33 * "k" + "d"
+    np.testing.assert_allclose(table.ut[0, 0], 0.0357436, atol=1e-7)
+    np.testing.assert_allclose(table.un[0], 0.0198213, atol=1e-7)
+    # The clamped node belongs to the support.
+    np.testing.assert_allclose(table.rn[:-1].sum(), 3.319526, atol=1e-6)
+    np.testing.assert_allclose(table.rt[:-1, 0].sum(), -3.956634, atol=1e-6)
+
+
 @pytest.mark.parametrize("route", ["pivoting", "steps"])
 def test_all_rays_of_the_degenerate_point(route):
     """n = 64, F = 1.7: one ray comes to (0, 0), where all nodes are at a kink, three leave it."""
-    system = linear_triangle(64, 1.7)
+    system = demo.linear_triangle(64, 1.7)
     branch = follow(system, start_of(system), -1.0, gamma_range=(-1.0, 1.0), route=route)
     (point,) = branch.special
     assert point.kind == "bifurcation"
     assert point.gamma == pytest.approx(0.0, abs=1e-10)
+    assert not point.complete  # 4^64 pieces
+    assert "unfoldings of 64 points" in point.method
     found = {system.letters(branch.points[-1].piece)}
     found |= {system.letters(ray.piece) for ray in point.others}
     assert found == {64 * "o" + "d", "k" + 63 * "o" + "d", "-" + 63 * "o" + "d"}
+
+
+def run(folder, *arguments):
+    return demo.main([*arguments, "--output", str(folder)])
+
+
+def test_demo(folder):
+    """The default: 3 + 1 solutions with the numbers of the oracle, and the pictures."""
+    summary = run(folder)
+    assert summary["converged"]
+    (left,) = summary["solutions"]["-1"]
+    assert left["sum_rt"] == pytest.approx(-3.956634, abs=1e-6)
+    slip, stick, free = summary["solutions"]["1"]
+    assert slip["status"] == "-" + 63 * "o"
+    assert slip["ut_A"] == pytest.approx(-0.0397846, abs=1e-7)
+    assert slip["sum_rn"] == pytest.approx(0.4752384, abs=1e-7)
+    assert stick["status"] == "k" + 63 * "o"
+    assert stick["sum_rn"] == pytest.approx(1.3878265, abs=1e-7)
+    assert stick["sum_rt"] == pytest.approx(2.3021273, abs=1e-7)
+    assert free["status"] == 64 * "o"
+    assert free["ut_A"] == pytest.approx(-0.0617672, abs=1e-7)
+    assert free["un_A"] == pytest.approx(0.00077225, abs=1e-8)
+    assert summary["complete"] is False
+    for name in ("states.png", "diagram.png"):
+        assert (folder / name).stat().st_size > 10_000
+
+
+def test_complete_set_on_a_coarse_mesh(folder):
+    """n = 4, F = 1.8: enumeration of the 256 pieces proves that there are 3 + 1 solutions."""
+    summary = run(folder, "--n", "4", "--friction", "1.8", "--load", "26", "9.05")
+    assert summary["complete"] is True
+    assert summary["methods"] == ["enumeration of 256 pieces"]
+    assert [s["status"] for s in summary["solutions"]["-1"]] == ["o++k"]
+    assert [s["status"] for s in summary["solutions"]["1"]] == ["-ooo", "kooo", "oooo"]
+    free = summary["solutions"]["1"][2]
+    assert free["ut_A"] == pytest.approx(-0.06609747034018448, rel=1e-9)
+    assert free["un_A"] == pytest.approx(0.0013871244868142803, rel=1e-9)
+
+
+def test_friction_decides_on_the_number_of_solutions():
+    """On the 64-node mesh three solutions exist for gamma > 0 iff F >= 1.6588005832."""
+    for friction, count in ((1.6588, 1), (1.6589, 3)):
+        system = demo.linear_triangle(64, friction)
+        diagram = explore(system, [(start_of(system), -1.0)], gamma_range=(-1.0, 1.0))
+        ends = [b for b in diagram.branches if b.points[-1].gamma == 1.0]
+        assert len(ends) == count
+
+
+@pytest.mark.parametrize("route", ["pivoting", "steps"])
+def test_units_numbering_and_augmentation(folder, route):
+    """Lengths times 1e3, stiffness and load times 1e9, another numbering, r times 0.1 to 100.
+
+    The points of all branches have the same gamma to 1e-8; statuses are the same.
+    """
+    plain = ("--n", "16", "--friction", "1.8", "--route", route)
+    reference = run(folder / "a", *plain)
+    others = {
+        "units": ("--length", "1e3", "--lame", "100e9", "82e9", "--load", "26e9", "7.5e9"),
+        "numbering": ("--seed", "7"),
+    }
+    for name, more in others.items():
+        other = run(folder / name, *plain, *more)
+        assert other["points"] == reference["points"], name
+        for a, b in zip(other["gammas"], reference["gammas"], strict=True):
+            np.testing.assert_allclose(a, b, atol=1e-8)
+    for r in ("20", "2000", "20000"):  # E / L is about 200
+        other = run(folder / r, *plain, "--r", r)
+        for end in ("-1", "1"):
+            statuses = [s["status"] for s in other["solutions"][end]]
+            assert statuses == [s["status"] for s in reference["solutions"][end]]
+
+
+def test_steps_and_pivoting_find_the_same(folder):
+    """Both routes, steps ten times longer and shorter: the same solutions."""
+    plain = ("--n", "16", "--friction", "1.8")
+    reference = run(folder / "a", *plain, "--route", "pivoting")
+    for factor in ("0.1", "1", "10"):
+        other = run(folder / factor, *plain, "--route", "steps", "--step-factor", factor)
+        for end in ("-1", "1"):
+            pairs = zip(other["solutions"][end], reference["solutions"][end], strict=True)
+            for a, b in pairs:
+                assert a["status"] == b["status"]
+                assert a["ut_A"] == pytest.approx(b["ut_A"], abs=1e-9)
+
+
+def test_bad_input(capsys):
+    with pytest.raises(SystemExit):
+        demo.main(["--n", "0"])
+    assert COMM.rank > 0 or "must be positive" in capsys.readouterr().err

@@ -2,7 +2,9 @@
 """Following solution branches of piecewise smooth systems in PETSc."""
 
 from dolfinx_contact.continuation.branch import Branch, BranchPoint, Change, Ray, SpecialPoint
+from dolfinx_contact.continuation.diagram import Diagram, Edge, Node, explore
 from dolfinx_contact.continuation.follow import Follower, Route, follow, follower_for
+from dolfinx_contact.continuation.observer import Observer, Observers, Stepping, Task
 from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.continuation.pivoting import Pivoting
 from dolfinx_contact.continuation.system import Condensable, Condensed, Events, Piece, System
@@ -13,15 +15,23 @@ __all__ = [
     "Change",
     "Condensable",
     "Condensed",
+    "Diagram",
+    "Edge",
     "Events",
     "Follower",
+    "Node",
+    "Observer",
+    "Observers",
     "Piece",
     "Pivoting",
     "Ray",
     "Route",
     "SpecialPoint",
     "StepControl",
+    "Stepping",
     "System",
+    "Task",
+    "explore",
     "follow",
     "follower_for",
 ]

@@ -3,14 +3,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, TypeAlias
 
 from petsc4py import PETSc
 
 from dolfinx_contact.continuation.system import Piece
 
-__all__ = ["Branch", "BranchPoint", "Change", "Ray", "SpecialPoint"]
+__all__ = ["CLOSED", "Branch", "BranchPoint", "Change", "Ray", "SpecialPoint", "Stop"]
+
+#: Why a branch ended that came back to its start.
+CLOSED = "the branch is closed"
 
 Kind = Literal["event", "fold", "bifurcation", "end"]
 
@@ -72,6 +76,9 @@ class SpecialPoint:
             at a simple bifurcation; 0 if it was not evaluated.
         others: ways out that the branch does not take.
         complete: whether `others` has been enumerated completely; False if it was not looked for.
+        incoming: at a bifurcation the ray along which the branch came; its tangent points to here.
+        onwards: at a bifurcation the ray by which the branch goes on.
+        method: how the ways out were looked for.
     """
 
     kind: Kind
@@ -83,6 +90,14 @@ class SpecialPoint:
     parity: int = 0
     others: tuple[Ray, ...] = ()
     complete: bool = False
+    incoming: Ray | None = None
+    onwards: Ray | None = None
+    method: str = ""
+
+
+#: Asked at every accepted point, with the special points on the way to it; answers with the reason
+#: to end the branch there, or "".
+Stop: TypeAlias = Callable[[BranchPoint, Sequence[SpecialPoint]], str]
 
 
 @dataclass

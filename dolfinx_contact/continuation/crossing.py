@@ -17,7 +17,7 @@ from __future__ import annotations
 import itertools
 import logging
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from petsc4py import PETSc
@@ -60,6 +60,7 @@ class Crossing:
         parity: see the module; 0 if not evaluated.
         others: further rays, the one that was come by excluded.
         complete: whether all pieces that meet have been tried.
+        method: how the rays were looked for.
     """
 
     kinks: int
@@ -68,6 +69,7 @@ class Crossing:
     parity: int
     others: tuple[Ray, ...]
     complete: bool
+    method: str = ""
 
 
 def kinks_at(
@@ -138,7 +140,8 @@ def cross(
     if not rays:
         return Crossing(len(kinks), None, (), sign, (), complete)
     onwards, *others = _distinct(corrector, rays)
-    return _crossing(corrector, kinks, onwards, others, sign, complete)
+    crossing = _crossing(corrector, kinks, onwards, others, sign, complete)
+    return replace(crossing, method="enumeration of the pieces" if complete else "")
 
 
 def _by_tangent_cone(
@@ -173,9 +176,10 @@ def _by_tangent_cone(
     logger.info("gamma = %.10g: %d rays by %s", gamma, len(rays), found.method)
     rays = [r for r in _distinct(corrector, rays) if b.inner(r.tangent, t) > -1 + 1e-6]
     if not rays:
-        return Crossing(len(kinks), None, (), 0, (), found.complete)
+        return Crossing(len(kinks), None, (), 0, (), found.complete, found.method)
     onwards, *others = sorted(rays, key=lambda r: -b.inner(r.tangent, t))
-    return _crossing(corrector, kinks, onwards, others, 0, found.complete)
+    crossing = _crossing(corrector, kinks, onwards, others, 0, found.complete)
+    return replace(crossing, method=found.method)
 
 
 def _crossing(

@@ -21,9 +21,10 @@ import numpy as np
 
 from dolfinx_contact.continuation.bifurcation import BifurcationTest
 from dolfinx_contact.continuation.bordered import Bordered
-from dolfinx_contact.continuation.branch import Branch, BranchPoint, Ray, SpecialPoint
+from dolfinx_contact.continuation.branch import CLOSED, Branch, BranchPoint, Ray, SpecialPoint, Stop
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.crossing import cross
+from dolfinx_contact.continuation.observer import Observer, Stepping, Task
 from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.continuation.pivoting import Pivoting
 from dolfinx_contact.continuation.system import Condensable, Piece, System
@@ -46,7 +47,8 @@ def follow(
     increasing: bool = True,
     control: StepControl | None = None,
     max_steps: int = 1000,
-    observer: Callable[[BranchPoint], None] | None = None,
+    observer: Observer | None = None,
+    stop: Stop | None = None,
     route: Route = "auto",
 ) -> Branch:
     """Follow the branch through (x, gamma) until gamma leaves its range.
@@ -59,7 +61,10 @@ def follow(
         increasing: whether gamma is to grow at the start.
         control: step lengths.
         max_steps: budget; when it is exhausted what was found is returned, and said.
-        observer: called with every accepted point.
+        observer: told of every accepted point.
+        stop: asked at every accepted point, with the special points on the way to it, whether the
+            branch ends there: it answers with the reason, or "" to go on. A branch that comes back
+            to its start ends in any case.
         route: see `follower_for`.
 
     Returns:
@@ -77,7 +82,7 @@ def follow(
     scale = high - low
     with follower_for(system, x, gamma, control, gamma_scale=scale, route=route) as follower:
         start = follower.start(x, gamma, increasing=increasing)
-        return follower.run(start, (low, high), max_steps=max_steps, observer=observer)
+        return follower.run(start, (low, high), max_steps=max_steps, observer=observer, stop=stop)
 
 
 def follower_for(
@@ -183,43 +188,83 @@ class Follower:
         gamma_range: tuple[float, float],
         *,
         max_steps: int = 1000,
-        observer: Callable[[BranchPoint], None] | None = None,
+        observer: Observer | None = None,
+        stop: Stop | None = None,
+        branch_id: int = 0,
+        stepping: Stepping | None = None,
     ) -> Branch:
         """Follow from ``start`` along its tangent; see `follow`.
 
         The system is left at the end of the branch.
+
+        Args:
+            start: a point of the branch.
+            gamma_range: the branch ends where gamma reaches either end.
+            max_steps: budget, from the first point of the branch.
+            observer: told of every accepted point, ``start`` included.
+            stop: see `follow`.
+            branch_id: number by which the observer knows the branch.
+            stepping: known at ``start`` if the branch was followed to it before.
+
+        Returns:
+            The branch from ``start`` on.
         """
-        branch, b = Branch([start]), self.bordered
+        branch, b, first = Branch([start]), self.bordered, 0
         before = b.factorisations, b.solves
         h, low, high = self.control.initial, *gamma_range
+        if stepping is not None:
+            first, h = stepping.index, stepping.next_step
+            b.x_scale, self._largest_distance = stepping.x_scale, stepping.largest_distance
+        observer = observer or Observer()
+        observer.begin(branch_id, Task((low, high), b.gamma_scale, self.control, max_steps))
+        observer.point(branch_id, first, start, (), self._stepping(first, h))
         point = start
-        for _ in range(max_steps):
+        for index in range(first + 1, max_steps + 1):
             new, special, h = self._step(point, h)
             if new is None:
                 branch.reason = f"no step of at least {self.control.minimum:g} succeeds"
                 break
-            if not low <= new.gamma <= high:
-                inside = [s for s in special if s.smooth and low <= s.gamma <= high]
-                branch.special += [replace(s, index=len(branch.points)) for s in inside]
+            node = any(s.kind == "bifurcation" for s in special)
+            if not node and self._is_closed(start, point, new):
+                new, special = start, [s for s in special if s.smooth]
+                branch.reason = CLOSED
+            elif not low <= new.gamma <= high:
+                special = [s for s in special if s.smooth and low <= s.gamma <= high]
                 new = self._end_at(point, new, low if new.gamma < low else high)
-                branch.points.append(new)
                 branch.reason = "gamma reached the end of its range"
-                break
-            for s in special:
-                branch.special.append(replace(s, index=len(branch.points)))
+            special = [replace(s, index=len(branch.points)) for s in special]
+            branch.special += special
             branch.points.append(new)
             point = new
-            if observer is not None:
-                observer(point)
+            observer.point(branch_id, index, point, special, self._stepping(index, h))
             if any(s.kind == "end" for s in special):
                 branch.reason = self._dead_end
+            branch.reason = branch.reason or (stop(point, special) if stop is not None else "")
+            if branch.reason:
                 break
         else:
             branch.reason = f"the budget of {max_steps} steps is exhausted"
+        observer.end(branch_id, branch.reason)
         branch.factorisations, branch.solves = b.factorisations - before[0], b.solves - before[1]
         self.system.piece_at(*b.split(branch.points[-1].y))
         logger.info("branch ended: %s", branch.reason)
         return branch
+
+    def _is_closed(self, start: BranchPoint, point: BranchPoint, new: BranchPoint) -> bool:
+        """Whether the step from ``point`` to ``new`` passes the start in the sense of the start."""
+        b, comm = self.bordered, self.bordered.comm
+        same = bool(np.array_equal(start.piece.codes, point.piece.codes))
+        if point is start or not comm.allreduce(same, op=_all):
+            return False
+        back = start.y - point.y
+        along, size = b.inner(point.tangent, back), b.inner(back, back)
+        end = b.inner(point.tangent, new.y) - b.inner(point.tangent, point.y)
+        beside = max(size - along**2, 0.0)
+        forwards = b.inner(point.tangent, start.tangent) > self.control.cosine
+        return bool(0 < along <= end and beside <= (0.1 * end) ** 2 and forwards)
+
+    def _stepping(self, index: int, h: float) -> Stepping:
+        return Stepping(index, h, self.bordered.x_scale, self._largest_distance)
 
     def at(self, branch: Branch, gamma: float) -> list[BranchPoint]:
         """The points of ``branch`` at which its parameter is ``gamma``, in order.
@@ -231,9 +276,8 @@ class Follower:
             if a.gamma == gamma:
                 found.append(a)
             elif (a.gamma - gamma) * (c.gamma - gamma) < 0:
-                end = b.inner(a.tangent, c.y) - b.inner(a.tangent, a.y)
                 values = a.gamma - gamma, c.gamma - gamma
-                located = self._locate(a, end, values, lambda y, _t: b.gamma(y) - gamma)
+                located = self._locate(a, c.y, values, lambda y, _t: b.gamma(y) - gamma)
                 if located is not None and self.corrector.natural(located[1], gamma, a.piece):
                     found.append(BranchPoint(located[1], a.tangent, a.piece, gamma, located[0], 0))
         if branch.points[-1].gamma == gamma:
@@ -264,7 +308,8 @@ class Follower:
             next_h = h * control.increase if corrections <= control.easy else h
             next_h = min(next_h, control.maximum)
             # The factorisation of the tangent serves the test function as well.
-            new = BranchPoint(y, tangent, point.piece, b.gamma(y), h, corrections, self._test())
+            tau = self._test(accepted=True)
+            new = BranchPoint(y, tangent, point.piece, b.gamma(y), h, corrections, tau)
             if self._least_distance(new) < 0:
                 return self._to_the_border(point, h)
             special = self._smooth_points(point, new)
@@ -358,6 +403,9 @@ class Follower:
                 crossing.parity,
                 crossing.others,
                 crossing.complete,
+                Ray(point.piece, tangent),
+                onwards,
+                crossing.method,
             )
         )
         new = BranchPoint(y, onwards.tangent, onwards.piece, here.gamma, s, here.corrections)
@@ -371,16 +419,15 @@ class Follower:
     def _smooth_points(self, point: BranchPoint, new: BranchPoint) -> list[SpecialPoint]:
         """Folds and bifurcations between two points of a piece, in order."""
         b, special = self.bordered, []
-        end = b.inner(point.tangent, new.y) - b.inner(point.tangent, point.y)
         if self._turned(point.tangent, new.tangent):
             slopes = b.gamma(point.tangent), b.gamma(new.tangent)
-            found = self._locate(point, end, slopes, lambda _y, t: b.gamma(t))
+            found = self._locate(point, new.y, slopes, lambda _y, t: b.gamma(t))
             if found is not None:
                 special.append(
                     (found[0], SpecialPoint("fold", True, b.gamma(found[1]), found[1], 0))
                 )
         if point.tau * new.tau < 0:
-            found = self._locate(point, end, (point.tau, new.tau), lambda _y, _t: self._test())
+            found = self._locate(point, new.y, (point.tau, new.tau), lambda _y, _t: self._test())
             if found is not None:
                 kernel = self._test.kernel()
                 opposite = kernel.copy()
@@ -388,32 +435,63 @@ class Follower:
                 others = (Ray(point.piece, kernel), Ray(point.piece, opposite))
                 at = b.gamma(found[1])
                 crossing = SpecialPoint(
-                    "bifurcation", True, at, found[1], 0, parity=-1, others=others
+                    "bifurcation",
+                    True,
+                    at,
+                    found[1],
+                    0,
+                    parity=-1,
+                    others=others,
+                    incoming=Ray(point.piece, self._secant(point, found[1], point.tangent)),
+                    onwards=Ray(point.piece, self._secant(found[1], new, new.tangent)),
                 )
                 special.append((found[0], crossing))
         return [s for _, s in sorted(special, key=lambda pair: pair[0])]
 
+    def _secant(
+        self, start: BranchPoint | PETSc.Vec, end: BranchPoint | PETSc.Vec, t: PETSc.Vec
+    ) -> PETSc.Vec:
+        """The unit vector from one point of a branch to another; ``t`` where they coincide."""
+        a, c = (p.y if isinstance(p, BranchPoint) else p for p in (start, end))
+        secant = c - a
+        size = np.sqrt(self.bordered.inner(secant, secant))
+        if size < self.control.minimum:
+            return t.copy()
+        secant.scale(1.0 / size)
+        return secant
+
     def _locate(
         self,
         point: BranchPoint,
-        end: float,
+        y_high: PETSc.Vec,
         values: tuple[float, float],
         function: Callable[[PETSc.Vec, PETSc.Vec], float],
     ) -> tuple[float, PETSc.Vec] | None:
-        """Where between ``point`` and the distance ``end`` a function of y and tangent vanishes.
+        """Where between ``point`` and ``y_high`` a function of y and tangent vanishes.
 
-        ``function`` is called when J at the point has been factorised. Secant steps (Illinois), so
-        that the bracket shrinks from both sides.
+        ``function`` is called when J at the point has been factorised; ``values`` are those at the
+        ends. Secant steps; an end that stays twice counts half (Illinois), so that the bracket
+        shrinks from both sides. Every point is corrected from the line between the ends of the
+        bracket (at first a parabola), whose distance from the branch falls with its square: so none
+        is found on another branch that crosses nearby.
         """
+        b, y_low = self.bordered, point.y
+        end = b.inner(point.tangent, y_high) - b.inner(point.tangent, y_low)
         low, high, (f_low, f_high) = 0.0, end, values
-        y, s, f = None, 0.0, np.inf
+        y, s, f, side = None, 0.0, np.inf, 0
         for _ in range(100):
-            s = low - f_low * (high - low) / (f_high - f_low)
-            found = self._along(point, s)
-            tangent = None
-            if found is not None:
-                tangent = self.corrector.tangent(found, point.tangent, point.piece)
-            if found is None or tangent is None:
+            fraction = -f_low / (f_high - f_low)
+            s = low + fraction * (high - low)
+            found = y_low.copy()
+            if side == 0:  # a parabola, whose tangent at the start is known
+                found.axpy(s - end * fraction**2, point.tangent)
+                found.axpy(fraction**2, y_high - y_low)
+            else:
+                found.axpy(fraction, y_high - y_low)
+            if not self.corrector.pseudo_arclength(found, point.y, point.tangent, s, point.piece):
+                break
+            tangent = self.corrector.tangent(found, point.tangent, point.piece)
+            if tangent is None:
                 break
             y, f = found, function(found, tangent)
             if not np.isfinite(f):
@@ -421,9 +499,11 @@ class Follower:
             if abs(f) <= 1e-12 * max(abs(v) for v in values) or high - low <= 1e-13 * abs(end):
                 break
             if f * f_low > 0:
-                low, f_low, f_high = s, f, f_high / 2
+                low, f_low, y_low, f_high = s, f, y, f_high / (2 if side < 0 else 1)
+                side = -1
             else:
-                high, f_high, f_low = s, f, f_low / 2
+                high, f_high, y_high, f_low = s, f, y, f_low / (2 if side > 0 else 1)
+                side = 1
         # A change of sign through infinity is no zero.
         return (s, y) if y is not None and abs(f) < 1e-3 * min(abs(v) for v in values) else None
 
@@ -437,7 +517,7 @@ class Follower:
             # Another border row, another test function.
             b.x_scale_is_new = False
             self.corrector.tangent(point.y, point.tangent, point.piece)
-            return replace(point, tau=self._test())
+            return replace(point, tau=self._test(accepted=True))
         return point
 
     def _end_at(self, point: BranchPoint, new: BranchPoint, gamma: float) -> BranchPoint:
@@ -463,3 +543,7 @@ class Follower:
         probe.destroy()
         if not size > 0:
             raise ValueError("gamma does not appear in H: its derivative by gamma vanishes")
+
+
+def _all(a: bool, b: bool) -> bool:
+    return a and b

@@ -10,7 +10,7 @@ points change at once the tangent cone is solved for all the ways out (`rays.py`
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from dataclasses import replace
 from itertools import pairwise
 
 from petsc4py import PETSc
@@ -19,7 +19,17 @@ import numpy as np
 
 from dolfinx_contact.continuation.affine import TOLERANCE, AffinePiece, Array, Codes
 from dolfinx_contact.continuation.bordered import Bordered
-from dolfinx_contact.continuation.branch import Branch, BranchPoint, Change, Ray, SpecialPoint
+from dolfinx_contact.continuation.branch import (
+    CLOSED,
+    Branch,
+    BranchPoint,
+    Change,
+    Ray,
+    SpecialPoint,
+    Stop,
+)
+from dolfinx_contact.continuation.observer import Observer, Stepping, Task
+from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.continuation.rays import (
     AffineRay,
     neighbours,
@@ -84,50 +94,76 @@ class Pivoting:
         gamma_range: tuple[float, float],
         *,
         max_steps: int = 1000,
-        observer: Callable[[BranchPoint], None] | None = None,
+        observer: Observer | None = None,
+        stop: Stop | None = None,
+        branch_id: int = 0,
+        stepping: Stepping | None = None,
     ) -> Branch:
         """Follow from ``start`` along its tangent; a step is a segment between two vertices.
 
-        The system is left at the end of the branch.
+        The system is left at the end of the branch. Arguments as in `Follower.run`.
         """
-        branch, point = Branch([start]), start
-        b, (w, ray) = self.bordered, self._state(point)
-        low, high = gamma_range
-        for _ in range(max_steps):
+        b, branch, point, first = self.bordered, Branch([start]), start, 0
+        if stepping is not None:
+            first, b.x_scale, self._unit = (
+                stepping.index,
+                stepping.x_scale,
+                stepping.largest_distance,
+            )
+        w, ray = self._state(point)
+        w_start, low, high = w, *gamma_range
+        observer = observer or Observer()
+        observer.begin(branch_id, Task((low, high), b.gamma_scale, StepControl(), max_steps))
+        observer.point(branch_id, first, start, (), self._stepping(first))
+        for index in range(first + 1, max_steps + 1):
             length = step(self.condensed.system, ray.codes, w, ray.direction)
-            ahead = (high - point.gamma) if ray.rate > 0 else (point.gamma - low)
             if not np.isfinite(length) and ray.rate == 0:
                 branch.reason = f"the branch goes to infinity at gamma = {point.gamma:.10g}"
                 break
-            last = ray.rate != 0 and length >= ahead
-            if last:
-                length = ahead
-            gamma = point.gamma + length * ray.rate
-            if last:
+            ahead = high - point.gamma if ray.rate > 0 else point.gamma - low
+            special: list[SpecialPoint] = []
+            if self._passes(w, ray, length, w_start, start) and point is not start:
+                point, branch.reason = start, CLOSED
+            elif ray.rate != 0 and length >= ahead:
                 gamma = high if ray.rate > 0 else low
-            w = self._moved(w, gamma, length, ray)
-            self._unit = max(self._unit, float(np.abs(w).max(initial=0.0)))
-            if last:
-                point = self._point(w, gamma, ray, length)
-                branch.points.append(point)
+                w = self._moved(w, gamma, ahead, ray)
+                point = self._point(w, gamma, ray, ahead)
                 branch.reason = "gamma reached the end of its range"
-                if observer is not None:
-                    observer(point)
-                break
-            point, special, onwards = self._cross(w, gamma, ray, length)
-            branch.special.append(SpecialPoint(**{**special.__dict__, "index": len(branch.points)}))
+            else:
+                gamma = point.gamma + length * ray.rate
+                w = self._moved(w, gamma, length, ray)
+                point, vertex, onwards = self._cross(w, gamma, ray, length)
+                special = [replace(vertex, index=len(branch.points))]
+                if onwards is None:
+                    branch.reason = f"no way on was found from gamma = {gamma:.10g}"
+                else:
+                    ray = onwards
+            branch.special += special
             branch.points.append(point)
-            if observer is not None:
-                observer(point)
-            if onwards is None:
-                branch.reason = f"no way on was found from gamma = {gamma:.10g}"
+            observer.point(branch_id, index, point, special, self._stepping(index))
+            branch.reason = branch.reason or (stop(point, special) if stop is not None else "")
+            if branch.reason:
                 break
-            ray = onwards
         else:
             branch.reason = f"the budget of {max_steps} steps is exhausted"
+        observer.end(branch_id, branch.reason)
         self.system.piece_at(*b.split(branch.points[-1].y))
         logger.info("branch ended: %s", branch.reason)
         return branch
+
+    def _stepping(self, index: int) -> Stepping:
+        return Stepping(index, 0.0, self.bordered.x_scale, self._unit)
+
+    def _passes(
+        self, w: Array, ray: AffineRay, length: float, w_start: Array, start: BranchPoint
+    ) -> bool:
+        """Whether a segment passes the start of the branch."""
+        if not np.array_equal(self.condensed.codes(start.piece), ray.codes):
+            return False
+        d = ray.direction
+        along = float(np.sum((w_start - w) * d) / (np.sum(d * d) or 1.0))
+        away = np.abs(w + along * d - w_start).max(initial=0.0)
+        return bool(0 < along <= length and away <= 1e-8 * self._unit)
 
     def at(self, branch: Branch, gamma: float) -> list[BranchPoint]:
         """The points of ``branch`` at which its parameter is ``gamma``, in order."""
@@ -157,7 +193,8 @@ class Pivoting:
         held = affine.statuses_at(w, tolerance)
         kinked = np.flatnonzero(held.sum(axis=1) > 1)
         before = affine.piece(ray.codes) if ray.rate != 0 else None
-        rays, complete, found = [], False, []
+        rays, complete, found, method = [], False, [], ""
+        self._unit = max(self._unit, float(np.abs(w).max(initial=0.0)))
         if len(kinked) == 1 and before is not None:
             i = int(kinked[0])
             found = neighbours(before, w, i, held[i], tolerance)
@@ -166,14 +203,15 @@ class Pivoting:
             back = AffineRay(ray.codes, -ray.direction, -ray.rate)
             ways = outgoing(affine.tangent_cone(w, tolerance), [back])
             rays = [r for r in ways.rays if not same_direction(r, back)]
-            complete = ways.complete
+            complete, method = ways.complete, ways.method
             logger.info("gamma = %.10g: %d rays by %s", gamma, len(ways.rays), ways.method)
         rays.sort(key=lambda r: (r.rate != ray.rate, -_cosine(r, ray)))
         onwards = rays[0] if rays else None
         point = self._point(w, gamma, onwards or ray, length)
         y, parity = point.y, 0
         if onwards is None:
-            return point, SpecialPoint("end", False, gamma, y, 0, complete=complete), None
+            end = SpecialPoint("end", False, gamma, y, 0, complete=complete, method=method)
+            return point, end, None
         after = affine.piece(onwards.codes)
         if before is not None and after is not None:
             parity = self._parity(before, ray, after, onwards.rate)
@@ -186,7 +224,21 @@ class Pivoting:
         others = tuple(
             Ray(self.condensed.piece(r.codes), self._tangent(w, gamma, r)) for r in rays[1:]
         )
-        special = SpecialPoint(kind, False, gamma, y, 0, changes, parity, others, complete)  # type: ignore[arg-type]
+        incoming = Ray(self.condensed.piece(ray.codes), self._tangent(w, gamma, ray))
+        special = SpecialPoint(
+            kind,  # type: ignore[arg-type]
+            False,
+            gamma,
+            y,
+            0,
+            changes,
+            parity,
+            others,
+            complete,
+            incoming if others else None,
+            Ray(point.piece, point.tangent) if others else None,
+            method,
+        )
         return point, special, onwards
 
     @staticmethod

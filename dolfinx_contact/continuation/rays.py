@@ -26,7 +26,8 @@ from dolfinx_contact.continuation.affine import TOLERANCE, AffinePiece, AffineSy
 
 __all__ = ["AffineRay", "Rays", "neighbours", "outgoing", "same_direction", "step"]
 
-_MOST_PIECES = 1024
+_MOST_PIECES = 65536
+_CHUNK = 4096  # pieces looked at together
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,30 +94,91 @@ def outgoing(
     choices = [np.flatnonzero(a) for a in cone.allowed]
     pieces = float(np.prod([float(len(c)) for c in choices]))
     if pieces <= _MOST_PIECES:
-        rays = [r for codes in itertools.product(*choices) for r in _rays_of(cone, codes)]
-        return Rays(tuple(_distinct([*known, *rays])), True, f"enumeration of {pieces:.0f} pieces")
+        rays = tuple(_distinct([*known, *_enumerate(cone, choices)]))
+        return Rays(rays, True, f"enumeration of {pieces:.0f} pieces")
     return _unfold(cone, known, choices, tries, seed)
 
 
-def _rays_of(cone: AffineSystem, statuses: Sequence[Any]) -> list[AffineRay]:
-    """Rays of one piece: the kernel of [A, -q] inside its cones."""
-    codes = np.array(statuses, dtype=np.int8)
-    A = np.column_stack([cone.pieced(codes), -cone.rate])
-    _, sizes, V = np.linalg.svd(A)
-    if sizes[-1] < TOLERANCE * sizes[0]:
-        return []  # a cone of more than one dimension; its edges are rays of other pieces
-    z, rate = V[-1, :-1], float(V[-1, -1])
-    B = cone.bases[np.arange(cone.points), codes]
-    w = np.einsum("mkd,md->mk", B, z.reshape(cone.points, -1))
+def _enumerate(cone: AffineSystem, choices: Sequence[npt.NDArray[np.int64]]) -> Iterator[AffineRay]:
+    """Rays of all pieces; points that keep their status are eliminated first."""
+    m, d = cone.points, cone.bases.shape[3]
+    kinked = np.array([i for i, c in enumerate(choices) if len(c) > 1], dtype=int)
+    held = np.setdiff1d(np.arange(m), kinked)
+    codes = np.array([c[0] for c in choices], dtype=np.int8)
+    N, width = len(cone.rate), d * len(held)
+    fixed = cone.pieced(codes).reshape(N, m, d)[:, held].reshape(N, width)
+    Q = np.linalg.qr(fixed, mode="complete")[0][:, width:]
+    M, q = np.einsum("np,nmk->pmk", Q, cone.matrix[:, kinked]), Q.T @ cone.rate
+    # Of every kinked point, in every status: its columns of A.
+    columns = np.einsum("pmk,mskd->mspd", M, cone.bases[kinked])
+    every = itertools.product(*(choices[i] for i in kinked))
+    B, C, points = cone.bases[kinked], cone.inequalities[kinked], np.arange(len(kinked))
+    while chunk := list(itertools.islice(every, _CHUNK)):
+        statuses = np.array(chunk, dtype=np.int8).reshape(len(chunk), len(kinked))
+        A = columns[points, statuses]  # (pieces, points, p, d)
+        A = np.moveaxis(A, 1, 2).reshape(len(chunk), len(q), -1)
+        regular, z = _solve_all(A, q)
+        w = np.einsum("cmkd,cmd->cmk", B[points, statuses], z.reshape(len(A), -1, d))
+        slack = np.einsum("cmek,cmk->cme", C[points, statuses], w)
+        tolerance = TOLERANCE * np.abs(w).max(axis=(1, 2), initial=0.0)
+        least, most = (f(axis=(1, 2), initial=0.0) for f in (slack.min, slack.max))
+        for i in np.flatnonzero(~regular | (least >= -tolerance) | (most <= tolerance)):
+            codes[kinked] = statuses[i]
+            found = (z[i], 1.0) if regular[i] else _kernel(A[i], q)
+            if found is not None:
+                yield from _inside(cone, codes.copy(), kinked, held, fixed, *found)
+
+
+def _solve_all(A: Array, q: Array) -> tuple[npt.NDArray[np.bool_], Array]:
+    """Which of the matrices A_i are regular, and A_i^{-1} q (zeros for the others)."""
+    sizes = np.abs(A).max(axis=(1, 2), initial=0.0) * A.shape[1]
+    regular = np.abs(np.linalg.det(A / sizes[:, None, None])) > 1e-250
+    inverse = np.zeros_like(A)
+    inverse[regular] = np.linalg.inv(A[regular])
+    regular &= np.abs(inverse).max(axis=(1, 2), initial=0.0) * sizes < 1e10
+    return regular, np.where(regular[:, None], inverse @ q, 0.0)
+
+
+def _kernel(A: Array, q: Array) -> tuple[Array, float] | None:
+    """The kernel (z, rate) of [A, -q], if it has one dimension."""
+    _, values, V = np.linalg.svd(np.column_stack([A, -q]))
+    if values[-1] < TOLERANCE * values[0]:
+        return None  # its edges are rays of other pieces
+    return V[-1, :-1], float(V[-1, -1])
+
+
+def _inside(
+    cone: AffineSystem,
+    codes: Codes,
+    kinked: npt.NDArray[np.int64],
+    held: npt.NDArray[np.int64],
+    fixed: Array,
+    z: Array,
+    rate: float,
+) -> Iterator[AffineRay]:
+    """The ray of a kernel vector, in the senses in which it is inside its cones."""
+    B, w = cone.bases[np.arange(cone.points), codes], np.zeros(cone.matrix.shape[1:])
+    w[kinked] = np.einsum("mkd,md->mk", B[kinked], z.reshape(len(kinked), -1))
+    quick = cone.slacks(codes, w)[kinked]
+    largest = np.abs(w).max(initial=0.0)
+    senses = [s for s in (1.0, -1.0) if _inside_for(quick, s) >= -TOLERANCE * largest]
+    if not senses:
+        return
+    if len(held):
+        rest = rate * cone.rate - np.einsum("nmk,mk->n", cone.matrix[:, kinked], w[kinked])
+        z_held = np.linalg.lstsq(fixed, rest)[0]
+        w[held] = np.einsum("mkd,md->mk", B[held], z_held.reshape(len(held), -1))
     largest = float(np.abs(w).max(initial=0.0))
     size = abs(rate) if abs(rate) > 1e-9 * largest else largest
-    if size == 0:
-        return []
-    return [
-        AffineRay(codes, sense * w / size, float(np.round(sense * rate / size)))
-        for sense in (1.0, -1.0)
-        if cone.slacks(codes, sense * w).min(initial=np.inf) >= -TOLERANCE * largest
-    ]
+    slack = cone.slacks(codes, w)
+    for sense in senses if size > 0 else ():
+        if _inside_for(slack, sense) >= -TOLERANCE * largest:
+            yield AffineRay(codes, sense * w / size, float(np.round(sense * rate / size)))
+
+
+def _inside_for(slack: Array, sense: float) -> float:
+    """The least slack of a state that is multiplied by ``sense``."""
+    return float(np.min(sense * slack[np.isfinite(slack)], initial=np.inf))
 
 
 def _unfold(

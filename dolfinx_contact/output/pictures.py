@@ -86,8 +86,8 @@ def picture_of_body(
         domain.topology.create_connectivity(2, 3)
         cells = facet_closures(V, mesh.exterior_facet_indices(domain.topology))
     data: dict[str, Any] = {"title": title or _title(u, scale)}
-    seen = _gather(comm, V, cells, values)
-    patches = [_patch(s) for s in problem.surfaces]
+    seen = gather_cells(comm, V, cells, values)
+    patches = [patch(s) for s in problem.surfaces]
     if comm.rank == 0:
         data |= {**seen, "x": _in_space(seen["x"] + scale * _in_space(seen["u"]))}
         data["contact_x"] = [_in_space(p["x"] + scale * _in_space(p["u"])) for p in patches]
@@ -137,7 +137,7 @@ def picture_of_contact(
         "n": s.vertex_normals,
     }
     cells = s.vertices.dofmap.list[: s.submesh.mesh.topology.index_map(s.dim - 1).size_local]
-    seen = _gather(s.comm, s.vertices, cells, values)
+    seen = gather_cells(s.comm, s.vertices, cells, values)
     data: dict[str, Any] = {"title": title or f"Contact surface: {s.name}"}
     if s.comm.rank == 0:
         axes, labels = _flat_axes(seen["n"].mean(axis=0), s.dim)
@@ -175,15 +175,15 @@ def _averaged(V: fem.FunctionSpace, e: Any) -> npt.NDArray[np.float64]:
     return np.asarray(sums[0] / sums[1])
 
 
-def _patch(s: ContactSurface) -> Arrays:
+def patch(s: ContactSurface) -> Arrays:
     """A contact surface and its obstacle."""
     u = s.u.x.array.reshape(-1, s.dim)[s.vertex_trace_dofs]
     values = {"u": u, "gap": s.vertex_gaps, "n": s.vertex_normals}
     cells = s.vertices.dofmap.list[: s.submesh.mesh.topology.index_map(s.dim - 1).size_local]
-    return _gather(s.comm, s.vertices, cells, values)
+    return gather_cells(s.comm, s.vertices, cells, values)
 
 
-def _gather(
+def gather_cells(
     comm: MPI.Comm, V: fem.FunctionSpace, cells: npt.NDArray[np.int32], values: Mapping[str, Any]
 ) -> Arrays:
     """Owned ``cells`` of all ranks with coordinates and values at their nodes, on rank 0 only."""

@@ -1,0 +1,249 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Bifurcation diagrams: all branches that hang together, as a graph.
+
+From every start branches are followed in both senses of gamma. A branch ends at its first
+bifurcation, which becomes a node with all of its rays; from every ray that no branch has taken yet
+a new one sets out. A branch that comes to a node that is known takes the ray by which it comes, so
+that none is followed twice. Points and branches that are found again are merged.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+
+from petsc4py import PETSc
+
+from dolfinx_contact.continuation.branch import Branch, BranchPoint, Ray, SpecialPoint
+from dolfinx_contact.continuation.follow import Follower, Route, follower_for
+from dolfinx_contact.continuation.observer import Observer
+from dolfinx_contact.continuation.parameters import StepControl
+from dolfinx_contact.continuation.pivoting import Pivoting
+from dolfinx_contact.continuation.system import System
+
+__all__ = ["Diagram", "Edge", "Node", "explore"]
+
+logger = logging.getLogger(__name__)
+
+_SAME = 1e-6  # distance at which two points are one
+_AT_NODE = "a bifurcation"
+
+
+@dataclass(eq=False)
+class Node:
+    """A bifurcation.
+
+    Attributes:
+        point: the special point, as it was found first.
+        rays: all ways out, that by which it was found included.
+        edges: number of the branch that leaves or arrives along each ray; None if none has yet.
+    """
+
+    point: SpecialPoint
+    rays: list[Ray]
+    edges: list[int | None]
+
+
+@dataclass(frozen=True)
+class Edge:
+    """A branch between two nodes.
+
+    Attributes:
+        branch: its points; they start at ``start`` and end at ``end``.
+        start: number of a node, None at a start of the exploration.
+        end: number of a node, None where the branch ends otherwise; `Branch.reason` says how.
+    """
+
+    branch: Branch
+    start: int | None
+    end: int | None
+
+
+@dataclass
+class Diagram:
+    """What was found.
+
+    Attributes:
+        edges: branches.
+        nodes: bifurcations.
+        complete: whether every ray has been followed and every node knows all of its rays.
+        reason: why the exploration ended.
+    """
+
+    edges: list[Edge] = field(default_factory=list)
+    nodes: list[Node] = field(default_factory=list)
+    complete: bool = False
+    reason: str = ""
+
+    @property
+    def branches(self) -> list[Branch]:
+        """The branches of all edges."""
+        return [edge.branch for edge in self.edges]
+
+    def open_rays(self) -> list[tuple[int, int]]:
+        """Node and ray number of the rays that no branch has taken."""
+        return [
+            (i, j)
+            for i, node in enumerate(self.nodes)
+            for j, edge in enumerate(node.edges)
+            if edge is None
+        ]
+
+
+def explore(
+    system: System,
+    starts: Iterable[tuple[PETSc.Vec, float]],
+    *,
+    gamma_range: tuple[float, float],
+    control: StepControl | None = None,
+    max_steps: int = 1000,
+    max_branches: int = 100,
+    max_seconds: float = float("inf"),
+    observer: Observer | None = None,
+    route: Route = "auto",
+) -> Diagram:
+    """Find all branches that are connected with some solutions. Collective.
+
+    Args:
+        system: H with its pieces.
+        starts: solutions x with their gamma, inside the range.
+        gamma_range: branches end where gamma reaches either end.
+        control: step lengths.
+        max_steps: budget of every branch.
+        max_branches: budget of branches.
+        max_seconds: no branch is begun later than this.
+        observer: told of the points of all branches, which it knows by their numbers.
+        route: see `follower_for`.
+
+    Returns:
+        The diagram, which is partial if a budget is exhausted; `Diagram.reason` says so.
+
+    Raises:
+        ValueError: if the range is empty or does not contain a start, or a start is no solution.
+    """
+    low, high = gamma_range
+    starts = list(starts)
+    if not low < high or not all(low <= gamma <= high for _, gamma in starts) or not starts:
+        raise ValueError(f"the starts must lie in the range [{low}, {high}], not empty")
+    if max_branches < 1 or max_steps < 1 or not max_seconds > 0:
+        raise ValueError("budgets of steps, branches and seconds must be positive")
+    scale = high - low
+    with follower_for(system, *starts[0], control, gamma_scale=scale, route=route) as follower:
+        explorer = _Explorer(follower, gamma_range, max_steps, observer)
+        explorer.run(starts, max_branches, max_seconds)
+        return explorer.diagram
+
+
+class _Explorer:
+    def __init__(
+        self,
+        follower: Follower | Pivoting,
+        gamma_range: tuple[float, float],
+        max_steps: int,
+        observer: Observer | None,
+    ):
+        self.follower, self.range, self.max_steps = follower, gamma_range, max_steps
+        self.observer, self.diagram = observer, Diagram()
+
+    def run(
+        self, starts: Sequence[tuple[PETSc.Vec, float]], max_branches: int, max_seconds: float
+    ) -> None:
+        diagram, begun = self.diagram, time.monotonic()
+        comm = self.follower.bordered.comm
+        low, high = self.range
+        waiting = [(x, gamma, up) for x, gamma in starts for up in (True, False)]
+        waiting = [w for w in waiting if (w[1] < high if w[2] else w[1] > low)]
+        while waiting or diagram.open_rays():
+            late = comm.bcast(time.monotonic() - begun > max_seconds)
+            if late or len(diagram.edges) >= max_branches:
+                what = f"{max_seconds:g} s" if late else f"{max_branches} branches"
+                diagram.reason = f"the budget of {what} is exhausted"
+                break
+            if waiting:
+                x, gamma, increasing = waiting.pop(0)
+                point = self.follower.start(x, gamma, increasing=increasing)
+                if not self._known(point):
+                    self._follow(point, None)
+                continue
+            i, j = diagram.open_rays()[0]
+            node = diagram.nodes[i]
+            node.edges[j] = len(diagram.edges)
+            try:
+                point = self.follower.branch_off(node.point, node.rays[j])
+            except ValueError as error:
+                # The ray stays without a branch, and the diagram incomplete.
+                logger.warning("gamma = %.10g: %s", node.point.gamma, error)
+                diagram.edges.append(Edge(Branch(reason=str(error)), i, None))
+                continue
+            self._follow(point, i)
+        else:
+            diagram.reason = "every ray has been followed"
+            known = all(node.point.complete for node in diagram.nodes)
+            diagram.complete = known and all(edge.branch.points for edge in diagram.edges)
+        logger.info(
+            "%d branches, %d bifurcations: %s",
+            len(diagram.edges),
+            len(diagram.nodes),
+            diagram.reason,
+        )
+
+    def _follow(self, point: BranchPoint, start: int | None) -> None:
+        number = len(self.diagram.edges)
+        branch = self.follower.run(
+            point,
+            self.range,
+            max_steps=self.max_steps,
+            observer=self.observer,
+            stop=_at_bifurcation,
+            branch_id=number,
+        )
+        end = None
+        if branch.reason == _AT_NODE:
+            special, last = branch.bifurcations[-1], branch.points[-1]
+            came = special.incoming
+            if came is not None:
+                # The branch ends at the node, on its own piece.
+                branch.points[-1] = replace(
+                    last, y=special.y, gamma=special.gamma, tangent=came.tangent, piece=came.piece
+                )
+            end = self._arrive(special, number)
+        self.diagram.edges.append(Edge(branch, start, end))
+
+    def _arrive(self, special: SpecialPoint, number: int) -> int:
+        """The node at which branch ``number`` ends, made if it is new."""
+        b, came, onwards = self.follower.bordered, special.incoming, special.onwards
+        assert came is not None  # so are bifurcations recorded
+        assert onwards is not None
+        back = came.tangent.copy()
+        back.scale(-1.0)
+        for i, node in enumerate(self.diagram.nodes):
+            away = node.point.y - special.y
+            if b.inner(away, away) <= _SAME**2:
+                free = [j for j, edge in enumerate(node.edges) if edge is None]
+                close = [(b.inner(node.rays[j].tangent, back), j) for j in free]
+                if close and max(close)[0] > 0.5:
+                    node.edges[max(close)[1]] = number
+                else:
+                    node.rays.append(Ray(came.piece, back))
+                    node.edges.append(number)
+                return i
+        rays = [Ray(came.piece, back), onwards, *special.others]
+        self.diagram.nodes.append(Node(special, rays, [number, *[None] * (len(rays) - 1)]))
+        return len(self.diagram.nodes) - 1
+
+    def _known(self, point: BranchPoint) -> bool:
+        """Whether a branch that was followed passes the point, or leaves it in the same sense."""
+        b = self.follower.bordered
+        for branch in self.diagram.branches:
+            for other in self.follower.at(branch, point.gamma) if branch.points else []:
+                away, leaving = other.y - point.y, other.y.equal(branch.points[0].y)
+                same_sense = b.inner(other.tangent, point.tangent) > 0
+                if b.inner(away, away) <= _SAME**2 and (same_sense or not leaving):
+                    return True
+        return False
+
+
+def _at_bifurcation(_point: BranchPoint, special: Sequence[SpecialPoint]) -> str:
+    return _AT_NODE if any(s.kind == "bifurcation" for s in special) else ""

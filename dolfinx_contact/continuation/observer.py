@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Who looks on while a branch is followed, and what is needed to go on from one of its points."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from dolfinx_contact.continuation.branch import BranchPoint, SpecialPoint
+from dolfinx_contact.continuation.parameters import StepControl
+
+__all__ = ["Observer", "Observers", "Stepping", "Task"]
+
+
+@dataclass(frozen=True)
+class Task:
+    """How a branch is followed.
+
+    Attributes:
+        gamma_range: the branch ends where gamma reaches either end.
+        gamma_scale: size of gamma that counts as 1.
+        control: step lengths.
+        max_steps: budget of steps from the first point of the branch.
+    """
+
+    gamma_range: tuple[float, float]
+    gamma_scale: float
+    control: StepControl
+    max_steps: int
+
+
+@dataclass(frozen=True)
+class Stepping:
+    """What a follower knows at a point beside the point: with it, it goes on as if never stopped.
+
+    Attributes:
+        index: of the point on its branch.
+        next_step: length of the next step.
+        x_scale: square of the length of x that counts as 1; 0 if no tangent has moved x yet.
+        largest_distance: of all events so far.
+    """
+
+    index: int
+    next_step: float
+    x_scale: float
+    largest_distance: float
+
+
+class Observer:
+    """Is called while branches are followed; every call is collective. Does nothing by itself.
+
+    An exception that it raises on every rank ends the run.
+    """
+
+    def begin(self, branch: int, task: Task) -> None:
+        """A branch is about to be followed, from its start or from a point reached before."""
+
+    def point(
+        self,
+        branch: int,
+        index: int,
+        point: BranchPoint,
+        special: Sequence[SpecialPoint],
+        stepping: Stepping,
+    ) -> None:
+        """A point has been accepted.
+
+        Args:
+            branch: number of the branch.
+            index: of the point on it, from 0.
+            point: start and end of the branch included.
+            special: special points on the way to it.
+            stepping: what is needed to go on from it.
+        """
+
+    def end(self, branch: int, reason: str) -> None:
+        """The branch has ended, or its budget is exhausted."""
+
+
+class Observers(Observer):
+    """Several observers as one, told in this order."""
+
+    def __init__(self, *observers: Observer):
+        self._observers = observers
+
+    def begin(self, branch: int, task: Task) -> None:
+        for o in self._observers:
+            o.begin(branch, task)
+
+    def point(
+        self,
+        branch: int,
+        index: int,
+        point: BranchPoint,
+        special: Sequence[SpecialPoint],
+        stepping: Stepping,
+    ) -> None:
+        for o in self._observers:
+            o.point(branch, index, point, special, stepping)
+
+    def end(self, branch: int, reason: str) -> None:
+        for o in self._observers:
+            o.end(branch, reason)

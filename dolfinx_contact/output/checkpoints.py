@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Fields of a branch point on the disk, to be read on any number of ranks.
+
+The unknowns of a point and its tangent are written by adios4dolfinx, cell by cell of the mesh as it
+was given to DOLFINx. It writes no Functions of submeshes: those of a contact surface are put into a
+Function of the body's mesh at the same nodes, and taken from there when they are read. A checkpoint
+is a folder of its own, written under another name and renamed when it is complete.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import zlib
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx import fem, la
+
+from dolfinx_contact._compat import read_checkpoint, write_checkpoint
+from dolfinx_contact._errors import on_root
+from dolfinx_contact.output.journal import sync_folder
+from dolfinx_contact.trace import trace_dofs
+
+if TYPE_CHECKING:
+    from dolfinx_contact.problem import ContactProblem
+
+__all__ = ["Checkpoints", "joined", "last_entry"]
+
+
+class Checkpoints:
+    """Checkpoints of one problem in one folder.
+
+    Args:
+        folder: made if need be.
+        problem: whose unknowns are kept. Its Functions follow what is written and read.
+    """
+
+    def __init__(self, folder: Path, problem: ContactProblem):
+        self.folder, self.problem, self.comm = folder, problem, problem.comm
+        on_root(self.comm, lambda: folder.mkdir(exist_ok=True))
+        self._whole: list[fem.Function | None] = [None]
+        self._nodes: list[npt.NDArray[np.int32]] = [np.zeros(0, dtype=np.int32)]
+        for s in problem.surfaces:
+            W = fem.functionspace(s.domain, ("Lagrange", s.degrees[1], (s.dim,)))
+            nodes = trace_dofs(W, s.Q, s.submesh.parent_facets)
+            for _ in s.unknowns:
+                self._whole.append(fem.Function(W))
+                self._nodes.append(nodes)
+
+    def write(self, name: str, vectors: dict[str, PETSc.Vec]) -> str:
+        """Keep ``vectors`` of unknowns under ``name``; a check sum of the files. Collective.
+
+        The last of them stays in the problem's Functions. Returns when all is on the disk.
+        """
+        part, final = self.folder / f".{name}.part", self.folder / name
+        on_root(self.comm, lambda: shutil.rmtree(part) if part.exists() else None)
+        for prefix, x in vectors.items():
+            self.problem.read(x)
+            functions = {}
+            for i, f in enumerate(self.problem.fields):
+                functions[f"{prefix}_{i}"] = self._on_the_body(i, f)
+            write_checkpoint(part, functions)
+
+        def finish() -> str:
+            total = _check_sum(part, sync=True)
+            if final.exists():  # no line of the journal names it: that run was killed in between
+                shutil.rmtree(final)
+            part.rename(final)
+            sync_folder(self.folder)
+            return total
+
+        self.comm.barrier()
+        return on_root(self.comm, finish)
+
+    def read(self, name: str, check_sum: str, vectors: dict[str, PETSc.Vec]) -> None:
+        """Fill ``vectors`` with what was kept under ``name``. Collective.
+
+        Raises:
+            ValueError: on every rank, if the files are not those that were written.
+        """
+        path = self.folder / name
+
+        def check() -> None:
+            if not path.is_dir() or _check_sum(path) != check_sum:
+                raise ValueError(f"the checkpoint {path} is damaged or missing")
+
+        on_root(self.comm, check)
+        for prefix, x in vectors.items():
+            for i, f in enumerate(self.problem.fields):
+                whole = self._whole[i]
+                target = f if whole is None else whole
+                read_checkpoint(path, {f"{prefix}_{i}": target})
+                if whole is not None:
+                    bs = f.function_space.dofmap.index_map_bs
+                    f.x.array[:] = whole.x.array.reshape(-1, bs)[self._nodes[i]].reshape(-1)
+                    f.x.scatter_forward()
+            self.problem.write(x)
+
+    def _on_the_body(self, i: int, f: fem.Function) -> fem.Function:
+        """Field ``i`` as a Function on the mesh of the body; 0 away from its surface."""
+        whole = self._whole[i]
+        if whole is None:
+            return f
+        W = whole.function_space
+        bs = W.dofmap.index_map_bs
+        # A rank may own a node of the body without seeing the facet beside it.
+        values, counts = la.vector(W.dofmap.index_map, bs), la.vector(W.dofmap.index_map, 1)
+        for v in (values, counts):
+            v.array[:] = 0.0
+        values.array.reshape(-1, bs)[self._nodes[i]] = f.x.array.reshape(-1, bs)
+        counts.array[self._nodes[i]] = 1.0
+        for v in (values, counts):
+            v.scatter_reverse(la.InsertMode.add)
+        n = W.dofmap.index_map.size_local
+        # Every rank that sees a node has added the same value.
+        mean = values.array.reshape(-1, bs)[:n] / np.maximum(counts.array[:n], 1.0)[:, None]
+        whole.x.array[: n * bs] = mean.reshape(-1)
+        whole.x.scatter_forward()
+        return whole
+
+
+def _check_sum(folder: Path, *, sync: bool = False) -> str:
+    """CRC-32 of the names and contents of the files in a folder; ``sync`` puts them on the disk."""
+    total = 0
+    for path in sorted(p for p in folder.rglob("*") if p.is_file()):
+        total = zlib.crc32(path.relative_to(folder).as_posix().encode(), total)
+        with open(path, "rb") as file:
+            while block := file.read(1 << 22):
+                total = zlib.crc32(block, total)
+            if sync:
+                os.fsync(file.fileno())
+    if sync:
+        sync_folder(folder)
+    return f"{total:08x}"
+
+
+def last_entry(y: PETSc.Vec) -> float:
+    """The last entry of y = (x, gamma), on every rank. Collective."""
+    comm = y.comm.tompi4py()
+    mine = float(y.array_r[-1]) if comm.rank == comm.size - 1 else 0.0
+    return float(comm.bcast(mine, root=comm.size - 1))
+
+
+def joined(x: PETSc.Vec, gamma: float) -> PETSc.Vec:
+    """A new vector y = (x, gamma), gamma on the last rank. Collective."""
+    comm, n = x.comm.tompi4py(), x.getLocalSize()
+    last = int(comm.rank == comm.size - 1)
+    y = PETSc.Vec().createMPI((n + last, x.getSize() + 1), comm=comm)
+    y.array[:n] = x.array_r
+    if last:
+        y.array[-1] = gamma
+    return y

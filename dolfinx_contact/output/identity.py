@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""What a contact problem with a parameter is known by, on any number of ranks.
+
+Mesh, elements, contact surfaces, forms and the numbers in them. So a run is not resumed with the
+journal of another problem.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+
+import ufl
+from dolfinx import mesh
+from ufl.algorithms.analysis import extract_constants
+
+from dolfinx_contact._compat import geometry_dofmap
+
+if TYPE_CHECKING:
+    from dolfinx_contact.parametric import ParametricContact
+
+__all__ = ["difference", "identity", "mesh_hash"]
+
+_TOLERANCE = 1e-9
+
+
+def mesh_hash(domain: mesh.Mesh) -> str:
+    """A hash of cells, nodes and coordinates, in the numbering of the input. Collective.
+
+    It depends neither on the number of ranks nor on how cells and nodes are numbered there.
+    """
+    n = domain.topology.index_map(domain.topology.dim).size_local
+    cells = geometry_dofmap(domain)[:n]
+    columns = [
+        domain.topology.original_cell_index[:n, None],
+        np.asarray(domain.geometry.input_global_indices)[cells],
+        # Adding zero makes -0.0 the same as 0.0.
+        (domain.geometry.x[cells].reshape(n, -1) + 0.0).view(np.int64),
+    ]
+    rows = np.concatenate([np.asarray(c, dtype=np.int64) for c in columns], axis=1).view(np.uint64)
+    sums = np.array([np.sum(_mix(rows, seed), dtype=np.uint64) for seed in (1, 2)])
+    # Sums modulo 2^64 do not depend on the order.
+    domain.comm.Allreduce(MPI.IN_PLACE, sums, op=MPI.SUM)
+    return "".join(f"{int(s):016x}" for s in sums)
+
+
+def _mix(rows: npt.NDArray[np.uint64], seed: int) -> npt.NDArray[np.uint64]:
+    """A hash of every row, by the finaliser of splitmix64."""
+    h: npt.NDArray[np.uint64] = np.full(len(rows), seed, dtype=np.uint64)
+    for column in rows.T:
+        h = (h ^ column) + np.uint64(0x9E3779B97F4A7C15)
+        h = (h ^ (h >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+        h = (h ^ (h >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+        h ^= h >> np.uint64(31)
+    return h
+
+
+def identity(system: ParametricContact) -> dict[str, Any]:
+    """What the problem is known by, in words and numbers for the journal. Collective."""
+    problem = system.problem
+    forms = "".join(f.signature() for row in problem.rows for f in row)
+    fixed = problem.constraints.fixed.reshape(-1)[: problem.owned_sizes[0]]
+    x = system.create_vector()
+    unknowns = int(x.getSize())
+    x.destroy()
+    return {
+        "mesh": mesh_hash(problem.V.mesh),
+        "unknowns": unknowns,
+        "elements": [str(f.function_space.ufl_element()) for f in problem.fields],
+        "surfaces": [
+            [s.name, s.method, problem.comm.allreduce(s.num_owned_points)] for s in problem.surfaces
+        ],
+        "fixed": problem.comm.allreduce(int(fixed.sum())),
+        "ufl": ufl.__version__,
+        "forms": hashlib.sha256(forms.encode()).hexdigest()[:32],
+        "numbers": _numbers(system),
+    }
+
+
+def _numbers(system: ParametricContact) -> list[float]:
+    """Values of the Constants in the forms: materials, loads, friction; not gamma."""
+    problem = system.problem
+    ours = [system.constant, *(s._average_stiffness for s in problem.surfaces)]
+    values: list[float] = []
+    seen: list[Any] = []
+    for row in problem.rows:
+        for f in row:
+            for c in extract_constants(f):
+                if not any(c is other for other in (*ours, *seen)):
+                    seen.append(c)
+                    values.extend(float(v) for v in np.real(np.ravel(c.value)))
+    return values
+
+
+def difference(recorded: Mapping[str, Any], present: Mapping[str, Any]) -> str:
+    """In which respect two problems differ; empty if they are the same."""
+    names = {
+        "mesh": "another mesh",
+        "unknowns": "another number of unknowns",
+        "elements": "other elements",
+        "surfaces": "other contact surfaces",
+        "fixed": "other Dirichlet conditions",
+        "forms": "other forms",
+        "numbers": "other materials, loads or friction",
+    }
+    for key, words in names.items():
+        # Another UFL may write the same form in another way.
+        if key == "forms" and recorded["ufl"] != present["ufl"]:
+            continue
+        a, b = recorded[key], present[key]
+        if key == "numbers":
+            scale = np.maximum(np.abs(a), np.abs(b)) if len(a) == len(b) else None
+            same = scale is not None and bool(
+                np.all(np.abs(np.subtract(a, b)) <= _TOLERANCE * scale)
+            )
+        else:
+            same = a == b
+        if not same:
+            return words
+    return ""

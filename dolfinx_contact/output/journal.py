@@ -1,0 +1,293 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The journal of a continuation: one JSON object a line, only ever appended to.
+
+The first line names the problem; then every branch has a line where it begins, a line for every
+point and a line where it ends. A line is on the disk before the next point is computed, so that a
+run may be killed at any moment: at worst the last line lacks its end, and is not counted. Every
+line ends with the CRC-32 of what is before it; a line that was damaged later is an error.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import math
+import os
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = [
+    "FILE_NAME",
+    "FORMAT",
+    "Journal",
+    "JournalBranch",
+    "JournalFile",
+    "parse",
+    "read_journal",
+    "sync_folder",
+]
+
+FILE_NAME = "journal.jsonl"
+FORMAT = 1
+_MARK = ', "crc": "'
+_SPECIAL = ("kind", "smooth", "gamma", "parity", "others", "complete")
+
+
+@dataclass
+class JournalBranch:
+    """What is known of one branch.
+
+    Attributes:
+        task: range and scale of gamma, step control, budget.
+        points: one dictionary a point, in order: ``index``, ``gamma``, ``step``, ``corrections``,
+            ``tau``, ``norm``, ``status``, ``counts``, ``functionals``, ``special``, ``next_step``,
+            ``x_scale``, ``largest_distance`` and, where fields were kept, ``checkpoint``.
+        reason: why it ended; empty if it has not.
+    """
+
+    task: dict[str, Any]
+    points: list[dict[str, Any]] = field(default_factory=list)
+    reason: str = ""
+
+
+@dataclass
+class Journal:
+    """What was recorded.
+
+    Attributes:
+        header: what identifies the problem, and the names of the functionals.
+        branches: by number.
+        sessions: one dictionary for every run that recorded: ranks, versions, time of its start.
+        length: of the file in bytes, without a last line that was not finished.
+        torn: whether there is such a line.
+    """
+
+    header: dict[str, Any] = field(default_factory=dict)
+    branches: dict[int, JournalBranch] = field(default_factory=dict)
+    sessions: list[dict[str, Any]] = field(default_factory=list)
+    length: int = 0
+    torn: bool = False
+
+    @property
+    def functionals(self) -> list[str]:
+        """Names of the functionals."""
+        return list(self.header.get("functionals", []))
+
+    def columns(self, branch: int | None = None) -> dict[str, npt.NDArray[Any]]:
+        """All points as numpy arrays by name, of one branch or of all, in order.
+
+        ``branch``, ``index``, ``gamma``, ``step``, ``corrections``, ``tau``, ``norm``, the
+        functionals, the numbers of points ``open``, ``stick``, ``slip`` and ``clamped``,
+        ``special`` (kinds of special points on the way to the point) and ``status``.
+        """
+        chosen = self._chosen(branch)
+        rows = [(b, p) for b in chosen for p in self.branches[b].points]
+        columns: dict[str, npt.NDArray[Any]] = {"branch": np.array([b for b, _ in rows], int)}
+        for name in ("index", "corrections"):
+            columns[name] = np.array([p[name] for _, p in rows], int)
+        for name in ("gamma", "step", "tau", "norm"):
+            columns[name] = np.array([p[name] for _, p in rows], float)
+        for name in self.functionals:
+            columns[name] = np.array([p["functionals"][name] for _, p in rows], float)
+        for name in ("open", "stick", "slip", "clamped"):
+            columns[name] = np.array([p["counts"][name] for _, p in rows], int)
+        kinds = [" ".join(s["kind"] for s in p["special"]) for _, p in rows]
+        columns["special"] = np.array(kinds, dtype=object)
+        columns["status"] = np.array([p["status"] for _, p in rows], dtype=object)
+        return columns
+
+    def table(self, branch: int | None = None) -> Any:
+        """All points as a pandas DataFrame; see `columns`."""
+        import pandas as pd
+
+        return pd.DataFrame(self.columns(branch))
+
+    def special(self, branch: int | None = None) -> Any:
+        """Special points as a pandas DataFrame.
+
+        ``branch``, ``index`` of the point that follows, ``kind``, ``smooth``, ``gamma``,
+        ``parity``, ``others`` (number of further ways out), ``complete``, and ``changes``, a
+        list of dictionaries with the place ``x`` and the status ``before`` and ``after``.
+        """
+        import pandas as pd
+
+        names = ["branch", "index", *_SPECIAL, "changes"]
+        rows = [
+            {"branch": b, "index": p["index"], **{k: s[k] for k in names[2:]}}
+            for b in self._chosen(branch)
+            for p in self.branches[b].points
+            for s in p["special"]
+        ]
+        return pd.DataFrame(rows, columns=names)
+
+    def _chosen(self, branch: int | None) -> list[int]:
+        if branch is not None and branch not in self.branches:
+            raise ValueError(f"no branch {branch} was recorded, only {sorted(self.branches)}")
+        return sorted(self.branches) if branch is None else [branch]
+
+
+def read_journal(folder: str | os.PathLike[str]) -> Journal:
+    """Read the journal of a folder, on this rank alone; it may be that of a run that goes on.
+
+    Raises:
+        OSError: if there is none.
+        ValueError: if it is damaged, or no journal.
+    """
+    return parse((Path(folder) / FILE_NAME).read_bytes())
+
+
+def parse(data: bytes) -> Journal:
+    """The journal in ``data``; a last line that was not finished is left out.
+
+    Raises:
+        ValueError: if a line is damaged or does not follow from those before it.
+    """
+    *lines, rest = data.split(b"\n")
+    journal = Journal(length=len(data) - len(rest), torn=bool(rest))
+    for number, line in enumerate(lines, 1):
+        try:
+            _take(journal, _decode(line))
+        except (ValueError, KeyError, TypeError, IndexError) as error:
+            raise ValueError(f"line {number} of the journal is damaged: {error}") from None
+    return journal
+
+
+def _take(journal: Journal, entry: dict[str, Any]) -> None:
+    """Add one line to what was read before."""
+    kind = entry.pop("type")
+    if (kind == "header") != (not journal.header):
+        raise ValueError("a journal has one header, as its first line")
+    if kind == "header":
+        if entry["format"] != FORMAT:
+            raise ValueError(f"its format is {entry['format']}, known is {FORMAT}")
+        journal.header = entry
+    elif kind == "session":
+        journal.sessions.append(entry)
+    elif kind == "branch":
+        if entry["branch"] in journal.branches:
+            raise ValueError(f"branch {entry['branch']} begins twice")
+        journal.branches[entry["branch"]] = JournalBranch(entry["task"])
+    elif kind == "point":
+        branch = journal.branches[entry.pop("branch")]
+        if entry["index"] != len(branch.points):
+            raise ValueError(f"point {entry['index']} follows after {len(branch.points)} points")
+        for name in ("gamma", "next_step", "status", "special", "functionals", "counts"):
+            if name == "status" and name not in entry:
+                entry[name] = branch.points[-1][name]  # written when it changes
+            entry[name]
+        branch.points.append(entry)
+        branch.reason = ""
+    elif kind == "end":
+        branch = journal.branches[entry["branch"]]
+        branch.reason = entry["reason"]
+        branch.points[-1].update({k: entry[k] for k in ("checkpoint", "sum") if k in entry})
+    else:
+        raise ValueError(f"lines of the kind {kind!r} are not known")
+
+
+def _encode(entry: Mapping[str, Any]) -> bytes:
+    """A line for ``entry``; numbers keep all their digits, those that are not finite are words."""
+    body = json.dumps(_plain(entry), allow_nan=False)[:-1]
+    return f'{body}{_MARK}{zlib.crc32(body.encode()):08x}"}}\n'.encode()
+
+
+def _decode(line: bytes) -> dict[str, Any]:
+    text = line.decode()
+    body, mark, crc = text.rpartition(_MARK)
+    if not mark or crc != f'{zlib.crc32(body.encode()):08x}"}}':
+        raise ValueError("its check sum is wrong")
+    return dict(json.loads(body + "}", object_hook=_floats))
+
+
+def _floats(entry: dict[str, Any]) -> dict[str, Any]:
+    return {k: float(v["float"]) if _is_word(v) else v for k, v in entry.items()}
+
+
+def _is_word(value: Any) -> bool:
+    return isinstance(value, dict) and list(value) == ["float"] and isinstance(value["float"], str)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(v) for v in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not math.isfinite(value):
+        return {"float": str(value)}
+    return value
+
+
+class JournalFile:
+    """A journal that is open for appending, locked against other processes. On one rank.
+
+    Args:
+        folder: where it is, or is to be.
+        new: whether it must not exist yet.
+
+    Attributes:
+        journal: what was in it when it was opened.
+
+    Raises:
+        FileExistsError: if it is to be new and something has been recorded.
+        FileNotFoundError: if it is to exist and does not.
+        BlockingIOError: if another process has it open.
+        ValueError: if it is damaged. It stays as it is.
+    """
+
+    def __init__(self, folder: Path, *, new: bool):
+        path = folder / FILE_NAME
+        if not new and not path.exists():
+            raise FileNotFoundError(f"there is no {FILE_NAME} in {folder}")
+        message = f"{path} exists: resume it, or record to another folder; nothing is overwritten"
+        if new and path.exists():
+            raise FileExistsError(message)
+        # Append mode: the position cannot be wrong.
+        self._file: BinaryIO = open(path, "a+b", buffering=0)  # noqa: SIM115
+        try:
+            try:
+                fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise BlockingIOError(f"another process records to {path}") from None
+            if new and self._file.seek(0, os.SEEK_END) > 0:
+                raise FileExistsError(message)
+            self._file.seek(0)
+            self.journal = parse(self._file.readall())  # type: ignore[attr-defined]
+        except BaseException:
+            self._file.close()
+            raise
+        sync_folder(folder)
+
+    def drop_torn_line(self) -> None:
+        """Cut off a last line that a killed run did not finish, so that lines can follow."""
+        if self.journal.torn:
+            self._file.truncate(self.journal.length)
+            os.fsync(self._file.fileno())
+            self.journal.torn = False
+
+    def append(self, entry: Mapping[str, Any]) -> None:
+        """Write one line; it is on the disk when this returns."""
+        line = _encode(entry)
+        while line:
+            line = line[self._file.write(line) :]
+        os.fsync(self._file.fileno())
+
+    def close(self) -> None:
+        """Close the file, which frees the lock."""
+        self._file.close()
+
+
+def sync_folder(folder: Path) -> None:
+    """Put the entries of a folder on the disk."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""What the journal says of a branch point: functionals, numbers of statuses, special points."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+
+import ufl
+from dolfinx import fem
+
+from dolfinx_contact._errors import require
+from dolfinx_contact.continuation import Change, SpecialPoint
+from dolfinx_contact.result import by_coordinates
+
+if TYPE_CHECKING:
+    from dolfinx_contact.parametric import ParametricContact
+    from dolfinx_contact.problem import ContactProblem
+
+__all__ = ["Functional", "compiled", "counts", "described"]
+
+#: A scalar UFL form in the problem's Functions, or a function of the problem.
+Functional: TypeAlias = "ufl.Form | Callable[[ContactProblem], float]"
+
+_KINDS = {"open": "o", "stick": "k", "slip": "+-s", "clamped": "d"}
+
+
+def counts(letters: str) -> dict[str, int]:
+    """Numbers of open, stuck, slipping and clamped points among status ``letters``."""
+    return {k: sum(map(letters.count, word)) for k, word in _KINDS.items()}
+
+
+def described(system: ParametricContact, s: SpecialPoint) -> dict[str, Any]:
+    """What the journal says of a special point. Collective."""
+    return {
+        "kind": s.kind,
+        "smooth": s.smooth,
+        "gamma": s.gamma,
+        "parity": s.parity,
+        "others": len(s.others),
+        "complete": s.complete,
+        "changes": _places(system, s.changes),
+    }
+
+
+def _places(system: ParametricContact, changes: Sequence[Change]) -> list[dict[str, Any]]:
+    """Changes by place, in order of coordinates: the same on any number of ranks."""
+    if not changes:
+        return []
+    positions, rank = system.positions, system.comm.rank
+    mine = {i: positions[c.point].tolist() for i, c in enumerate(changes) if c.rank == rank}
+    places = {i: x for part in system.comm.allgather(mine) for i, x in part.items()}
+    x = np.array([places[i] for i in range(len(changes))])
+    names = "ok+-" if x.shape[1] == 2 else "oks"
+    return [
+        {"x": places[i], "before": names[c.before], "after": names[c.after]}
+        for i, c in ((int(i), changes[i]) for i in by_coordinates(x))
+    ]
+
+
+def compiled(
+    system: ParametricContact, functionals: Mapping[str, Functional]
+) -> dict[str, Callable[[], float]]:
+    """Functions that evaluate the functionals at the problem's Functions."""
+    taken = {"branch", "index", "gamma", "step", "corrections", "tau", "norm", "special", "status"}
+    clash = sorted((taken | set(_KINDS)) & set(functionals))
+    if clash:
+        raise ValueError(f"functionals must not have the names of columns: {', '.join(clash)}")
+    return {name: _evaluator(system, name, f) for name, f in functionals.items()}
+
+
+def _evaluator(system: ParametricContact, name: str, f: Functional) -> Callable[[], float]:
+    problem, comm = system.problem, system.comm
+    if isinstance(f, ufl.Form):
+        if f.arguments():
+            raise ValueError(f"the functional {name!r} must be a scalar form")
+        form = fem.form(f, entity_maps=problem.entity_maps)
+        return lambda: float(comm.allreduce(float(np.real(fem.assemble_scalar(form)))))
+    if not callable(f):
+        raise ValueError(f"the functional {name!r} is neither a UFL form nor a function")
+
+    def value() -> float:
+        found = f(problem)
+        number = isinstance(found, (int, float, np.number)) or np.ndim(found) == 0
+        require(comm, bool(number), f"the functional {name!r} did not return a number")
+        return float(comm.bcast(float(np.real(found))))
+
+    return value

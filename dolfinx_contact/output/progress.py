@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Live progress of the following of branches, on rank 0."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Sequence
+from typing import TextIO
+
+from mpi4py import MPI
+
+from dolfinx_contact.continuation import BranchPoint, Observer, SpecialPoint, Stepping
+
+__all__ = ["Progress"]
+
+
+class Progress(Observer):
+    """One line that is kept up to date on a terminal; elsewhere a line from time to time.
+
+    Special points get a line each in both cases.
+
+    Args:
+        comm: only rank 0 writes.
+        stream: where to, by default the standard error stream.
+        seconds: between lines where there is no terminal.
+    """
+
+    def __init__(self, comm: MPI.Comm, *, stream: TextIO | None = None, seconds: float = 10.0):
+        self._stream = (stream or sys.stderr) if comm.rank == 0 else None
+        self._seconds, self._next, self._events = seconds, 0.0, 0
+        self._live = self._stream is not None and self._stream.isatty()
+        self._open = False
+
+    def point(
+        self,
+        branch: int,
+        index: int,
+        point: BranchPoint,
+        special: Sequence[SpecialPoint],
+        stepping: Stepping,
+    ) -> None:
+        self._events += len(special)
+        for s in special:
+            if s.kind != "event":
+                smooth = "smooth" if s.smooth else "nonsmooth"
+                self._write(f"branch {branch}: {smooth} {s.kind} at gamma {s.gamma:.10g}")
+        line = (
+            f"branch {branch}  point {index}  gamma {point.gamma:+.6f}  step {point.step:.1e}  "
+            f"special {self._events}"
+        )
+        if self._live:
+            self._write(line, stay=True)
+        elif time.monotonic() >= self._next:
+            self._write(line)
+            self._next = time.monotonic() + self._seconds
+
+    def end(self, branch: int, reason: str) -> None:
+        self._write(f"branch {branch}: {reason}")
+
+    def _write(self, line: str, *, stay: bool = False) -> None:
+        if self._stream is None:
+            return
+        erase = "\r\x1b[K" if self._open else ""
+        self._stream.write(erase + line + ("" if stay else "\n"))
+        self._stream.flush()
+        self._open = stay

@@ -1,0 +1,387 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The record of a continuation on the disk, from which a killed run is resumed.
+
+A record is a folder with the journal (`journal.py`: gamma, functionals, statuses, step data and
+special points of every accepted point) and checkpoints (`checkpoints.py`: unknowns and tangent of
+some). A run may be killed at any moment; resumed, on any number of ranks, it goes on from the last
+checkpoint to the same points. Those that had been recorded beyond it are computed once more, must
+coincide with the record, and are not recorded again.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from petsc4py import PETSc
+
+import numpy as np
+
+from dolfinx_contact._errors import on_root, require
+from dolfinx_contact.continuation import (
+    Branch,
+    BranchPoint,
+    Follower,
+    Observer,
+    Observers,
+    SpecialPoint,
+    StepControl,
+    Stepping,
+    Task,
+)
+from dolfinx_contact.output.checkpoints import Checkpoints, joined, last_entry
+from dolfinx_contact.output.folder import output_folder
+from dolfinx_contact.output.identity import difference, identity
+from dolfinx_contact.output.journal import FORMAT, Journal, JournalBranch, JournalFile
+from dolfinx_contact.output.points import Functional, compiled, counts, described
+
+if TYPE_CHECKING:
+    from dolfinx_contact.parametric import ParametricContact
+
+__all__ = ["BranchRecord", "resume"]
+
+logger = logging.getLogger(__name__)
+
+_COINCIDE = 1e-8  # of the range of gamma, and of the length of x that counts as 1
+
+
+class BranchRecord(Observer):
+    """Records branches of a contact problem in a folder. Collective.
+
+    Args:
+        folder: of the record, made if need be.
+        system: what is followed.
+        functionals: by name, scalar UFL forms in the problem's Functions, or functions of the
+            problem that return a number; these are called on every rank.
+        every: fields are kept at every so many points; also at the first and the last point of a
+            branch and at special points.
+        resume: whether to go on with a record that exists. Else there must be none.
+
+    Attributes:
+        journal: what has been recorded, on every rank.
+
+    Raises:
+        OSError: on every rank, if the folder cannot be written to, another process records there,
+            there is a record and it is not to be resumed, or the other way round.
+        ValueError: on every rank, if the journal is damaged or that of another problem. Nothing has
+            been written then.
+
+    Example:
+        Follow a branch with a record, and look at it::
+
+            push = {"push": ufl.dot(traction, u) * ds}
+            with BranchRecord("output/branch", system, push) as record:
+                branch = follow(system, x, 0.0, gamma_range=(0.0, 1.0), observer=record)
+            table = read_journal("output/branch").table()  # pandas, a row a point
+
+        If the run is killed, the same script goes on with ``resume``::
+
+            branch = resume("output/branch", system, push)
+    """
+
+    def __init__(
+        self,
+        folder: str | os.PathLike[str],
+        system: ParametricContact,
+        functionals: Mapping[str, Functional] | None = None,
+        *,
+        every: int = 10,
+        resume: bool = False,
+    ):
+        comm = system.comm
+        if every < 1:
+            raise ValueError(f"fields must be kept at every 1 or more points, got {every}")
+        self.system, self.comm, self.every = system, comm, every
+        self._functionals = compiled(system, functionals or {})
+        self.folder = Path(folder) if resume else output_folder(comm, folder)
+        self._file: JournalFile | None = None
+        self._x, self._mx = system.create_vector(), system.create_vector()
+        self._last: tuple[BranchPoint, Stepping] | None = None
+        self.journal = on_root(comm, lambda: self._open(new=not resume))
+        try:
+            self._identify()
+            self._checkpoints = Checkpoints(self.folder / "checkpoints", system.problem)
+        except Exception:
+            self.close()
+            raise
+
+    def _open(self, *, new: bool) -> Journal:
+        self._file = JournalFile(self.folder, new=new)
+        return self._file.journal
+
+    def _identify(self) -> None:
+        """Compare the header with the problem, or write it."""
+        from dolfinx_contact import __version__
+
+        names, problem = list(self._functionals), identity(self.system)
+        recorded = self.journal.header
+        if recorded:
+            differs = difference(recorded["problem"], problem)
+            if not differs and recorded["functionals"] != names:
+                differs = f"other functionals ({', '.join(recorded['functionals'])})"
+            message = f"the journal in {self.folder} is that of another problem: {differs}"
+            require(self.comm, not differs, message)
+            if recorded["package"] != __version__ and self.comm.rank == 0:
+                logger.warning("recorded by %s, resumed by %s", recorded["package"], __version__)
+        on_root(self.comm, lambda: self._file.drop_torn_line() if self._file else None)
+        if not recorded:
+            header = {"package": __version__, "functionals": names, "problem": problem}
+            self._append({"type": "header", "format": FORMAT, **header})
+            self.journal.header = header
+        session = {"time": time.time(), "ranks": self.comm.size, "package": __version__}
+        self._append({"type": "session", **session})
+        self.journal.sessions.append(session)
+
+    def _append(self, entry: Mapping[str, Any]) -> None:
+        on_root(self.comm, lambda: self._file.append(entry) if self._file else None)
+
+    def close(self) -> None:
+        """Close the journal; the record can then be resumed."""
+        if self._file is not None:
+            self._file.close()
+            self._file = None
+        for v in (self._x, self._mx):
+            v.destroy()
+
+    def __enter__(self) -> BranchRecord:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    # -- Observer --------------------------------------------------------------------------------
+
+    def begin(self, branch: int, task: Task) -> None:
+        new = {
+            "gamma_range": [float(g) for g in task.gamma_range],
+            "gamma_scale": float(task.gamma_scale),
+            "control": asdict(task.control),
+            "max_steps": task.max_steps,
+        }
+        known = self.journal.branches.get(branch)
+        if known is None:
+            self._append({"type": "branch", "branch": branch, "task": new})
+            self.journal.branches[branch] = JournalBranch(new)
+            return
+        for key in ("gamma_range", "gamma_scale", "control"):
+            same = known.task[key] == new[key]
+            message = f"branch {branch} was recorded with {key} {known.task[key]}, not {new[key]}"
+            require(self.comm, same, message)
+
+    def point(
+        self,
+        branch: int,
+        index: int,
+        point: BranchPoint,
+        special: Sequence[SpecialPoint],
+        stepping: Stepping,
+    ) -> None:
+        recorded = self.journal.branches[branch].points
+        self._last = point, stepping
+        letters = self.system.letters(point.piece)
+        entry = {
+            "index": index,
+            "gamma": point.gamma,
+            "norm": self._norm(point.y, stepping),
+            "step": point.step,
+            "corrections": point.corrections,
+            "tau": point.tau,
+            "status": letters,
+            "special": [described(self.system, s) for s in special],
+        }
+        if index < len(recorded):
+            self._compare(branch, recorded[index], entry)
+            return
+        follows = index == len(recorded)
+        message = f"point {index} cannot follow the {len(recorded)} recorded of branch {branch}"
+        require(self.comm, follows, message)
+        if index % self.every == 0 or special:
+            entry |= self._checkpoint(branch, index, point)
+        self._unknowns(point.y)
+        self.system.put(self._x, point.gamma, point.piece)
+        entry |= {
+            "functionals": {name: f() for name, f in self._functionals.items()},
+            "counts": counts(letters),
+            "next_step": stepping.next_step,
+            "x_scale": stepping.x_scale,
+            "largest_distance": stepping.largest_distance,
+            "scales": list(self.system.scales),
+            "tangent_gamma": last_entry(point.tangent),
+        }
+        written = dict(entry)
+        if recorded and recorded[-1]["status"] == letters:
+            del written["status"]
+        self._append({"type": "point", "branch": branch, **written})
+        recorded.append(entry)
+        self.journal.branches[branch].reason = ""
+
+    def end(self, branch: int, reason: str) -> None:
+        known = self.journal.branches[branch]
+        if known.reason == reason or self._last is None:
+            return
+        entry: dict[str, Any] = {}
+        point, stepping = self._last
+        if "checkpoint" not in known.points[-1] and stepping.index == len(known.points) - 1:
+            entry = self._checkpoint(branch, stepping.index, point)
+        self._append({"type": "end", "branch": branch, "reason": reason, **entry})
+        known.points[-1] |= entry
+        known.reason = reason
+
+    def _checkpoint(self, branch: int, index: int, point: BranchPoint) -> dict[str, str]:
+        """Keep unknowns and tangent of a point; what the journal says of it."""
+        name, t = f"branch_{branch:04d}_point_{index:06d}", self.system.create_vector()
+        t.array[:] = point.tangent.array_r[: t.getLocalSize()]
+        self._unknowns(point.y)
+        check_sum = self._checkpoints.write(name, {"tangent": t, "x": self._x})
+        t.destroy()
+        return {"checkpoint": name, "sum": check_sum}
+
+    def _compare(self, branch: int, recorded: Mapping[str, Any], found: Mapping[str, Any]) -> None:
+        """Refuse a point that is not the one that was recorded."""
+        scale = self.journal.branches[branch].task["gamma_scale"]
+        pairs = [(recorded["gamma"] / scale, found["gamma"] / scale)]
+        pairs += [(recorded["norm"], found["norm"])]
+        kinds = [[(s["kind"], s["smooth"]) for s in p["special"]] for p in (recorded, found)]
+        same = kinds[0] == kinds[1] and recorded["status"] == found["status"]
+        if same:
+            gammas = [[s["gamma"] / scale for s in p["special"]] for p in (recorded, found)]
+            pairs += zip(*gammas, strict=True)
+        same = same and all(abs(a - b) <= _COINCIDE * (1 + abs(a)) for a, b in pairs)
+        message = (
+            f"point {found['index']} of branch {branch} was recorded at gamma = "
+            f"{recorded['gamma']:.12g}, status {recorded['status']}, and is now found at gamma = "
+            f"{found['gamma']:.12g}, status {found['status']}: the problem has changed"
+        )
+        require(self.comm, same, message)
+
+    # -- going on --------------------------------------------------------------------------------
+
+    def last_state(self, branch: int = 0) -> tuple[BranchPoint, Stepping] | None:
+        """The last point of a branch whose fields were kept; None if there is none. Collective.
+
+        A damaged checkpoint is passed over for the one before, with a warning in the log.
+
+        Raises:
+            ValueError: on every rank, if the point is no solution of the problem, or all are
+                damaged.
+        """
+        known = self.journal.branches.get(branch)
+        kept = [p["index"] for p in known.points if "checkpoint" in p] if known else []
+        for index in reversed(kept):
+            try:
+                return self.state(branch, index)
+            except ValueError as error:
+                if "damaged" not in str(error) or index == kept[0]:
+                    raise
+                if self.comm.rank == 0:
+                    logger.warning("%s; going back to one before", error)
+        return None
+
+    def state(self, branch: int, index: int) -> tuple[BranchPoint, Stepping]:
+        """A point whose fields were kept, and what is needed to go on from it. Collective.
+
+        Raises:
+            ValueError: on every rank, if they were not kept or are damaged, or the point is no
+                solution of the problem.
+        """
+        system, p = self.system, self.journal.branches[branch].points[index]
+        if "checkpoint" not in p:
+            raise ValueError(f"no fields were kept at point {index} of branch {branch}")
+        x, t, b = (system.create_vector() for _ in range(3))
+        self._checkpoints.read(p["checkpoint"], p["sum"], {"tangent": t, "x": x})
+        y, tangent = joined(x, p["gamma"]), joined(t, p["tangent_gamma"])
+        piece = system.piece_of(p["status"])
+        system.scales = tuple(p["scales"])
+        system.residual(x, p["gamma"], b, piece)
+        error = system.error(b)
+        for v in (x, t, b):
+            v.destroy()
+        tolerance = self.journal.branches[branch].task["control"]["tolerance"]
+        require(
+            self.comm,
+            error <= 10 * tolerance,
+            f"point {index} of branch {branch} is no solution of this problem (residual "
+            f"{error:.1e}): other loads, materials or conditions than recorded",
+        )
+        system.scales = tuple(p["scales"])
+        point = BranchPoint(y, tangent, piece, p["gamma"], p["step"], p["corrections"], p["tau"])
+        stepping = Stepping(index, p["next_step"], p["x_scale"], p["largest_distance"])
+        return point, stepping
+
+    def points(self, branch: int = 0) -> list[BranchPoint]:
+        """All points of a branch whose fields were kept. Collective."""
+        recorded = self.journal.branches[branch].points
+        return [self.state(branch, p["index"])[0] for p in recorded if "checkpoint" in p]
+
+    # -- vectors ---------------------------------------------------------------------------------
+
+    def _unknowns(self, y: PETSc.Vec) -> None:
+        """The unknowns of y = (x, gamma) into a vector that is reused."""
+        self._x.array[:] = y.array_r[: self._x.getLocalSize()]
+
+    def _norm(self, y: PETSc.Vec, stepping: Stepping) -> float:
+        """Length of the unknowns in the units of steps; 0 while these are not known."""
+        if stepping.x_scale == 0:
+            return 0.0
+        self._unknowns(y)
+        self.system.metric(self._x, self._mx)
+        return float(np.sqrt(max(float(self._x.dot(self._mx)), 0.0) / stepping.x_scale))
+
+
+def resume(
+    folder: str | os.PathLike[str],
+    system: ParametricContact,
+    functionals: Mapping[str, Functional] | None = None,
+    *,
+    branch: int = 0,
+    every: int = 10,
+    max_steps: int | None = None,
+    observer: Observer | None = None,
+) -> Branch:
+    """Go on with a recorded branch as if the run had never been killed. Collective.
+
+    Range, step control and budget are those of the record.
+
+    Args:
+        folder: of the record.
+        system: the same problem, on any number of ranks.
+        functionals: the same as recorded.
+        branch: number of the branch.
+        every: fields are kept at every so many points.
+        max_steps: another budget, counted from the start of the branch.
+        observer: told of every point after the last checkpoint, beside the record.
+
+    Returns:
+        The branch from the last checkpoint on; the journal has all of it.
+
+    Raises:
+        OSError: on every rank, if there is no record or another process has it.
+        ValueError: on every rank, if the record is damaged, that of another problem, or empty.
+    """
+    with BranchRecord(folder, system, functionals, every=every, resume=True) as record:
+        state = record.last_state(branch)
+        if state is None:
+            raise ValueError(f"no point of branch {branch} is in {record.folder}: start it afresh")
+        point, stepping = state
+        known = record.journal.branches[branch]
+        budget = known.task["max_steps"] if max_steps is None else max_steps
+        exhausted = known.reason.startswith("the budget") and budget > len(known.points) - 1
+        if known.reason and not exhausted:
+            return Branch([point], reason=known.reason)
+        control, scale = StepControl(**known.task["control"]), known.task["gamma_scale"]
+        low, high = known.task["gamma_range"]
+        observers = Observers(record, observer or Observer())
+        with Follower(system, control, gamma_scale=scale) as follower:
+            return follower.run(
+                point,
+                (low, high),
+                max_steps=budget,
+                observer=observers,
+                branch_id=branch,
+                stepping=stepping,
+            )

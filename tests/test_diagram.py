@@ -1,0 +1,141 @@
+"""Diagrams, closed branches and stop conditions on systems whose diagrams are known."""
+
+import numpy as np
+import pytest
+from textbook import Textbook, one_node, smooth
+
+from dolfinx_contact.continuation import explore, follow
+
+
+def start(system, values):
+    x = system.create_vector()
+    x.array[:] = np.asarray(values, float)[slice(*x.getOwnershipRange())]
+    return x
+
+
+def gammas(branch):
+    return branch.points[0].gamma, branch.points[-1].gamma
+
+
+def test_closed_branch():
+    """The circle inside the range: the branch ends where it began, having folded twice."""
+    system = smooth(
+        1, lambda x, g: x**2 + g**2 - 1, lambda x, g: [[2 * x[0]]], lambda x, g: [2 * g]
+    )
+    branch = follow(system, start(system, [1.0]), 0.0, gamma_range=(-2.0, 2.0))
+    assert branch.reason == "the branch is closed"
+    np.testing.assert_allclose([s.gamma for s in branch.folds], [1.0, -1.0], atol=1e-10)
+    assert branch.points[-1].y.equal(branch.points[0].y)
+
+
+def test_stop_on_a_functional():
+    """A branch ends where the caller says so, with the caller's reason."""
+    system = smooth(
+        1, lambda x, g: x**2 + g**2 - 1, lambda x, g: [[2 * x[0]]], lambda x, g: [2 * g]
+    )
+    branch = follow(
+        system,
+        start(system, [1.0]),
+        0.0,
+        gamma_range=(-2.0, 2.0),
+        stop=lambda point, special: "enough" if point.gamma > 0.5 else "",
+    )
+    assert branch.reason == "enough"
+    assert branch.points[-1].gamma > 0.5 >= branch.points[-2].gamma
+
+
+def test_pitchfork_as_a_graph():
+    """x (g - x^2) = 0: one node with four rays; two ends at g = 1, one at -1, one arch cut off."""
+    system = smooth(
+        1,
+        lambda x, g: x * (g - x**2),
+        lambda x, g: [[g - 3 * x[0] ** 2]],
+        lambda x, g: [x[0]],
+    )
+    diagram = explore(system, [(start(system, [0.0]), -1.0)], gamma_range=(-1.0, 1.0))
+    assert len(diagram.nodes) == 1
+    assert abs(diagram.nodes[0].point.gamma) < 1e-8
+    assert diagram.open_rays() == []
+    assert sorted(round(b.points[-1].gamma, 8) for b in diagram.branches) == [0, 1, 1, 1]
+    assert [edge.start for edge in diagram.edges] == [None, 0, 0, 0]
+
+
+def test_transcritical_from_both_sides():
+    """x (g - x) = 0 from two starts: four edges and one node; neither branch is found twice."""
+    system = smooth(1, lambda x, g: x * (g - x), lambda x, g: [[g - 2 * x[0]]], lambda x, g: [x[0]])
+    starts = [(start(system, [0.0]), -1.0), (start(system, [-1.0]), -1.0)]
+    diagram = explore(system, starts, gamma_range=(-1.0, 1.0))
+    assert len(diagram.nodes) == 1
+    assert len(diagram.edges) == 4
+    assert diagram.nodes[0].edges.count(None) == 0
+    assert sorted(edge.end is None for edge in diagram.edges) == [False, False, True, True]
+
+
+def test_a_loop_of_two_nodes_is_followed_once():
+    """(x - a)(x^2 + g^2 - 1) = 0, a = g / 2: a line through a circle, two nodes, six edges."""
+    system = smooth(
+        1,
+        lambda x, g: (x - g / 2) * (x**2 + g**2 - 1),
+        lambda x, g: [[(x[0] ** 2 + g**2 - 1) + (x[0] - g / 2) * 2 * x[0]]],
+        lambda x, g: [-(x[0] ** 2 + g**2 - 1) / 2 + (x[0] - g / 2) * 2 * g],
+    )
+    diagram = explore(system, [(start(system, [-1.0]), -2.0)], gamma_range=(-2.0, 2.0))
+    at = 2 / np.sqrt(5)
+    np.testing.assert_allclose([n.point.gamma for n in diagram.nodes], [-at, at], atol=1e-8)
+    # The line: in, between, out; the circle: two arcs.
+    assert len(diagram.edges) == 5
+    assert diagram.open_rays() == []
+
+
+def test_three_pieces_that_meet_are_a_node():
+    """x = |g| beside a third branch (see the follower's test): rays each once, set complete."""
+
+    def law(x, g, codes):
+        sign = 1.0 if codes[0] else -1.0
+        return np.array([(x[0] - sign * x[1]) * 1.0, x[1] - g])
+
+    system = Textbook(
+        2,
+        lambda x, g, codes: law(x, g, codes),
+        lambda x, g, codes: [[1.0, -1.0 if codes[0] else 1.0], [0.0, 1.0]],
+        lambda x, g, codes: [0.0, -1.0],
+        lambda x, g, codes: [[(x[1] if codes[0] else -x[1], 1 - codes[0])]],
+        lambda x, g: [1 if x[1] > 0 else 0],
+        (0, 1),
+    )
+    diagram = explore(system, [(start(system, [1.0, -1.0]), -1.0)], gamma_range=(-1.0, 1.0))
+    assert diagram.nodes == []  # |g| only kinks
+    assert len(diagram.edges) == 1
+    assert diagram.complete
+
+
+def test_two_starts_on_one_branch():
+    """Both starts lie on the S path of one node: one of them is merged."""
+    system = one_node(2.0, 2.0, 1.0, 3.0, (0.0, -1.0), (-1.0, 0.0))
+    stuck = (start(system, [0, 0, 0, 1.0]), 0.0)
+    open_ = (start(system, [*np.linalg.solve([[2, 1], [1, 2]], [-5, -1]), 0, 0]), 5.0)
+    diagram = explore(system, [stuck, open_], gamma_range=(0.0, 5.0))
+    assert len(diagram.edges) == 1
+    assert gammas(diagram.branches[0]) == (0.0, pytest.approx(5.0, abs=1e-12))
+
+
+def test_budgets_and_bad_input():
+    system = smooth(
+        1,
+        lambda x, g: x * (g - x**2),
+        lambda x, g: [[g - 3 * x[0] ** 2]],
+        lambda x, g: [x[0]],
+    )
+    x = start(system, [0.0])
+    diagram = explore(system, [(x, -1.0)], gamma_range=(-1.0, 1.0), max_branches=2)
+    assert diagram.reason == "the budget of 2 branches is exhausted"
+    assert not diagram.complete
+    assert len(diagram.edges) == 2
+    with pytest.raises(ValueError, match="must lie in the range"):
+        explore(system, [(x, 3.0)], gamma_range=(-1.0, 1.0))
+    with pytest.raises(ValueError, match="budgets"):
+        explore(system, [(x, 0.5)], gamma_range=(-1.0, 1.0), max_branches=0)
+    with pytest.raises(ValueError, match="the route must be"):
+        explore(system, [(x, 0.5)], gamma_range=(-1.0, 1.0), route="guess")
+    with pytest.raises(ValueError, match="not affine"):
+        explore(system, [(x, 0.5)], gamma_range=(-1.0, 1.0), route="pivoting")
