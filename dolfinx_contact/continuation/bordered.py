@@ -33,6 +33,7 @@ _DEFAULTS = {
     "mat_mumps_icntl_33": 1,  # the determinant, for its sign
 }
 
+_LARGE = 2000  # unknowns from which on a factorisation is reused
 _ROUND_OFF = 1e-13  # relative, of GMRES
 _MOST_ITERATIONS = 30  # of GMRES; beyond, the matrix is factorised
 _WORN = 15  # iterations after which the next matrix is factorised
@@ -45,13 +46,23 @@ class Bordered:
         system: what is followed.
         gamma_scale: size of gamma that counts as 1.
         prefix: of PETSc options.
+        reuse: whether a factorisation also serves the matrices after it; by default it does where
+            factorising takes many times as long as solving.
     """
 
-    def __init__(self, system: System, *, gamma_scale: float, prefix: str = "continuation_"):
+    def __init__(
+        self,
+        system: System,
+        *,
+        gamma_scale: float,
+        prefix: str = "continuation_",
+        reuse: bool | None = None,
+    ):
         self.system, self.comm, self.prefix = system, system.comm, prefix
         self._last = self.comm.rank == self.comm.size - 1
         self.x, self._c, self._w = (system.create_vector() for _ in range(3))
         self._local, self._size = self.x.getLocalSize(), self.x.getSize()
+        self.reuse = self._size >= _LARGE if reuse is None else reuse
         self.gamma_scale = gamma_scale
         #: Square of the length of x that counts as 1; 0 until a tangent moves x.
         self.x_scale = 0.0
@@ -188,7 +199,8 @@ class Bordered:
     def solve(self, rhs: PETSc.Vec, out: PETSc.Vec) -> bool:
         """Solve with the matrix that was assembled; False if that failed."""
         if not self._current:
-            if self._factorised and not self._worn and self._solve_by_krylov(rhs, out):
+            again = self.reuse and self._factorised and not self._worn
+            if again and self._solve_by_krylov(rhs, out):
                 return True
             if not self.factorise():
                 return False
@@ -213,7 +225,12 @@ class Bordered:
         return e
 
     def determinant_sign(self) -> float:
-        """Sign of the determinant of the last factorisation, by MUMPS."""
+        """Sign of the determinant of the last factorisation, by MUMPS.
+
+        Of the matrix that was assembled last, which is factorised if it has not been yet.
+        """
+        if not self._current and not self.factorise():
+            return 0.0
         return float(np.sign(self.ksp.getPC().getFactorMatrix().getMumpsRinfog(12)))
 
     def destroy(self) -> None:
