@@ -4,9 +4,10 @@
 In 3D hundreds of points change their status one by one, and to locate each costs more than it
 tells. Here a step is corrected on H itself, with the status that the state asks for, so that it may
 lead over any number of kinks. It is accepted if the branch is monotone over it, as far as its two
-ends show: gamma goes on in the same sense, the tangents satisfy the target of their angle, and the
-determinant of [grad H; t^T], t the oriented tangent, keeps its sign, so that the parities of the
-kinks multiply to 1. Every change is recorded with the values of gamma between which it lies.
+ends show: gamma goes on in the same sense and by as much as its rates say, the tangents and the
+chord satisfy the target of their angles, and the determinant of [grad H; t^T], t the oriented
+tangent, keeps its sign, so that the parities of the kinks multiply to 1. Every change is recorded
+with the values of gamma between which it lies.
 
 Else the step is halved until it holds a change or two, and these are crossed one by one: so folds,
 changes of parity and the events that were asked for are located as by `ExactSteps`. What returns
@@ -47,7 +48,7 @@ class Crossed:
     Attributes:
         new: where it leads; None if it did not converge or turns by too large an angle.
         changes: with the fraction of the step at which each happens if its event is linear.
-        turned: whether gamma turns back.
+        turned: whether gamma turns back, at the end or in between.
         parity: product of the parities of the changes; 0 if it was not evaluated.
     """
 
@@ -83,13 +84,24 @@ class FreeSteps(ExactSteps):
         before = self._orientation(point) if changes else 0.0
         several = bool(changes)
         tangent = self.corrector.tangent(y, point.tangent, piece, factorise=several)
-        if tangent is None or b.inner(tangent, point.tangent) < self.control.cosine:
+        chord = y - point.y
+        length = np.sqrt(b.inner(chord, chord))
+        least = self.control.cosine * length
+        if (
+            tangent is None
+            or b.inner(tangent, point.tangent) < self.control.cosine
+            or min(b.inner(chord, point.tangent), b.inner(chord, tangent)) < least
+        ):
             return Crossed(None, changes)
         after = self.corrector.orientation() if several else 0.0
         tau = self.test(accepted=True)
         new = BranchPoint(y, tangent, piece, b.gamma(y), h, taken, tau)
         turned = self.turned(point.tangent, tangent)
         if several:
+            # Two folds in between: gamma goes on by less than both rates say.
+            rates = b.gamma(point.tangent), b.gamma(tangent)
+            slower = min(rates, key=abs)
+            turned |= (new.gamma - point.gamma) * np.sign(slower) < abs(slower) * length / 2
             self._oriented = (y, after)
         return Crossed(new, changes, turned, int(before * after))
 
