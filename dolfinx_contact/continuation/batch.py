@@ -9,9 +9,9 @@ chord satisfy the target of their angles, and the determinant of [grad H; t^T], 
 tangent, keeps its sign, so that the parities of the kinks multiply to 1. Every change is recorded
 with the values of gamma between which it lies.
 
-Else the step is halved until it holds a change or two, and these are crossed one by one: so folds,
-changes of parity and the events that were asked for are located as by `ExactSteps`. What returns
-within one step is not seen: a point that changes its status twice, or two folds.
+Else the step is shortened until it holds a few changes, and these are crossed one by one: so
+folds, changes of parity and the events that were asked for are located as by `ExactSteps`. What
+returns within one step is not seen: a point that changes its status twice, or two folds.
 """
 
 from __future__ import annotations
@@ -37,7 +37,8 @@ logger = logging.getLogger(__name__)
 #: Whether a change is to be located; asked on the rank that owns the point.
 Locate: TypeAlias = Callable[[Change], bool]
 
-_FEW = 2  # changes that are crossed one by one rather than divided by a shorter step
+_FEW = 3  # changes that are crossed one by one rather than divided by a shorter step
+_SHORT_OF = 0.9  # part of the way to an event that was asked for, if several are before it
 _MOST_HALVINGS = 6
 
 
@@ -204,39 +205,45 @@ class BatchedSteps(FreeSteps):
     def __init__(self, corrector: Corrector, locate: Locate | None = None):
         super().__init__(corrector)
         self._locate = locate
+        #: The step that was first refused, to be tried again beyond what it was refused for.
+        self._refused = 0.0
 
     def step(
         self, point: BranchPoint, h: float
     ) -> tuple[BranchPoint | None, list[SpecialPoint], float]:
         for _ in range(_MOST_HALVINGS):
             step = self.try_step(point, h)
-            changes = [change for _, change in step.changes]
             new = step.new
-            if new is not None and not changes:
+            if new is not None and not step.changes:
                 special = self.smooth_points(point, new)
                 if not any(s.kind == "bifurcation" for s in special):
                     self.keep_orientation(point, new)
                 return self.rescaled(new), special, self.longer(h, new)
-            if new is not None and not step.turned and step.parity > 0 and not self._asked(changes):
-                logger.info("gamma = %.10g: %d changes in one step", new.gamma, len(changes))
+            monotone = new is not None and not step.turned and step.parity > 0
+            asked = self._first_asked(step) if monotone else 1.0
+            if new is not None and monotone and asked > 1:
+                number = len(step.changes)
+                logger.info("gamma = %.10g: %d changes in one step", new.gamma, number)
                 return self.rescaled(new), self.events(point, new, step), self.longer(h, new)
-            if 0 < len(changes) <= _FEW or h * self.control.decrease < self.control.minimum:
+            self._refused = max(self._refused, h)
+            before = sum(fraction <= asked for fraction, _ in step.changes)
+            factor = min(_SHORT_OF * asked, self.control.decrease)
+            if 0 < before <= _FEW or h * factor < self.control.minimum:
                 break
-            h *= self.control.decrease
-        return super().step(point, h)
+            h *= factor
+        crossed, special, h = super().step(point, h)
+        if any(not s.smooth for s in special):
+            h, self._refused = max(h, self._refused), 0.0
+        return crossed, special, h
 
-    def _asked(self, changes: Sequence[Change]) -> bool:
-        """Whether one of the changes is to be located. Collective."""
+    def _first_asked(self, step: Crossed) -> float:
+        """The fraction of the step at the first change to be located; inf if none. Collective."""
         comm, locate = self.bordered.comm, self._locate
         if locate is None:
-            return False
-        mine = any(locate(c) for c in changes if c.rank == comm.rank)
-        return bool(comm.allreduce(mine, op=_any))
+            return np.inf
+        mine = [f for f, change in step.changes if change.rank == comm.rank and locate(change)]
+        return float(comm.allreduce(min(mine, default=np.inf), op=min))
 
 
 def _all(a: bool, b: bool) -> bool:
     return a and b
-
-
-def _any(a: bool, b: bool) -> bool:
-    return a or b
