@@ -8,6 +8,7 @@ from dolfinx_contact.continuation.follow import Follower, Route, follow, followe
 from dolfinx_contact.continuation.observer import Observer, Observers, Stepping, Task
 from dolfinx_contact.continuation.parameters import Kinks, StepControl
 from dolfinx_contact.continuation.pivoting import Pivoting
+from dolfinx_contact.continuation.solutions import Solution, Solutions, find_solutions
 from dolfinx_contact.continuation.system import (
     Condensable,
     Condensed,
@@ -37,12 +38,15 @@ __all__ = [
     "Pivoting",
     "Ray",
     "Route",
+    "Solution",
+    "Solutions",
     "SpecialPoint",
     "StepControl",
     "Stepping",
     "System",
     "Task",
     "explore",
+    "find_solutions",
     "follow",
     "follower_for",
 ]

@@ -35,8 +35,8 @@ _DEFAULTS = {
 
 _LARGE = 2000  # unknowns from which on a factorisation is reused
 _ROUND_OFF = 1e-13  # relative, of GMRES
-_MOST_ITERATIONS = 30  # of GMRES; beyond, the matrix is factorised
-_WORN = 15  # iterations after which the next matrix is factorised
+_MOST_ITERATIONS = 40  # of GMRES; beyond, the matrix is factorised
+_WORN = 20  # iterations after which the next matrix is factorised
 
 
 class Bordered:
