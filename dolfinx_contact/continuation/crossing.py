@@ -204,7 +204,6 @@ def parity(corrector: Corrector, y: PETSc.Vec, piece: Piece, t: PETSc.Vec, ray: 
     difference = b.matrix.copy()
     b.dual(t, row)
     b.assemble(y, row, piece)
-    b.factorise()
     difference.axpy(-1.0, b.matrix, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
     rows = _changed_rows(difference, b.matrix)
     e, w, dw = (b.vector() for _ in range(3))

@@ -36,7 +36,7 @@ __all__ = [
 FILE_NAME = "journal.jsonl"
 FORMAT = 1
 _MARK = ', "crc": "'
-_SPECIAL = ("kind", "smooth", "gamma", "parity", "others", "complete")
+_SPECIAL = ("kind", "smooth", "gamma", "parity", "others", "complete", "bracket")
 
 
 @dataclass
@@ -112,14 +112,15 @@ class Journal:
         """Special points as a pandas DataFrame.
 
         ``branch``, ``index`` of the point that follows, ``kind``, ``smooth``, ``gamma``,
-        ``parity``, ``others`` (number of further ways out), ``complete``, and ``changes``, a
-        list of dictionaries with the place ``x`` and the status ``before`` and ``after``.
+        ``parity``, ``others`` (number of further ways out), ``complete``, ``bracket`` (the values
+        of gamma between which it lies; None if it is located), and ``changes``, a list of
+        dictionaries with the place ``x`` and the status ``before`` and ``after``.
         """
         import pandas as pd
 
         names = ["branch", "index", *_SPECIAL, "changes"]
         rows = [
-            {"branch": b, "index": p["index"], **{k: s[k] for k in names[2:]}}
+            {"branch": b, "index": p["index"], **{k: s.get(k) for k in names[2:]}}
             for b in self._chosen(branch)
             for p in self.branches[b].points
             for s in p["special"]
