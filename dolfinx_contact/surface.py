@@ -262,6 +262,10 @@ class ContactSurface:
         """Status that the present displacement and multiplier ask for. Collective."""
         return classify(*self.augmented_values(), self.law, self.dim)
 
+    def closed_vertices(self) -> npt.NDArray[np.bool_]:
+        """Local vertices around which contact points are mostly closed. Collective."""
+        return np.asarray(self._status_at_vertices()[0] > 0.5)
+
     def touching_status(self, tolerance: float) -> Status:
         """Status in which every point whose present gap is at most ``tolerance`` sticks."""
         closed = (self.state()["un"] <= tolerance).astype(float)

@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""How exactly the linear system of a Newton step is worth solving.
+
+Eisenstat and Walker (SIAM J. Sci. Comput. 17, 1996, choice 2): the relative tolerance of step k is
+gamma (F_k / F_(k-1))^2, with their safeguard against a fall by accident. Two guards for kinks: while
+points change their status the reduction of the residual says nothing about the model of the next
+step, so that the tolerance stays at its largest value; and no step is solved beyond what the
+tolerance of the whole solve can use.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+__all__ = ["Forcing"]
+
+
+@dataclass
+class Forcing:
+    """Relative tolerances of successive linear solves.
+
+    Attributes:
+        largest: the tolerance of the first step and while many statuses change.
+        gamma: factor of the squared reduction.
+        smallest: the tightest tolerance.
+        reserve: part of the remaining reduction that the last step is solved to.
+        many: share of the contact points whose change counts as many.
+    """
+
+    largest: float = 1e-2
+    gamma: float = 0.9
+    smallest: float = 1e-8
+    reserve: float = 0.1
+    many: float = 0.02
+    _last: float = field(default=0.0, init=False)
+    _eta: float = field(default=0.0, init=False)
+
+    def tolerance(self, residual: float, target: float, changed: float) -> float:
+        """The relative tolerance of the step from a state.
+
+        Args:
+            residual: relative residual of the state.
+            target: at which the solve ends.
+            changed: share of the points that changed their status on the way to the state.
+        """
+        eta = self.largest
+        if self._last > 0 and changed <= self.many:
+            eta = self.gamma * min(residual / self._last, 1.0) ** 2
+            safeguard = self.gamma * self._eta**2
+            if safeguard > 0.1:
+                eta = max(eta, safeguard)
+        eta = max(eta, self.reserve * target / max(residual, 1e-300), self.smallest)
+        self._last, self._eta = residual, min(eta, self.largest)
+        return self._eta
+
+    def restart(self) -> None:
+        """Forget the past: the next step is the first."""
+        self._last = self._eta = 0.0
