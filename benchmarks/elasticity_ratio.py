@@ -175,7 +175,7 @@ def contact_problem(args, V, bottom, top):
 
 def contact(args, V, bottom, top):
     """The frictional solve from zero."""
-    comm, timer = V.mesh.comm, Timer(V.mesh.comm)
+    timer = Timer(V.mesh.comm)
     problem = timer("problem", lambda: contact_problem(args, V, bottom, top))
     timer("linear solver", lambda: problem.linear_solver)
     result = timer("solve", problem.solve)

@@ -27,6 +27,7 @@ from dolfinx_contact import _rigid
 from dolfinx_contact._compat import assemble_block_matrix, create_block_matrix, merge_entity_maps
 from dolfinx_contact._errors import require
 from dolfinx_contact._petsc import require_real
+from dolfinx_contact.augmentation import automatic_augmentation
 from dolfinx_contact.bulk import Bulk
 from dolfinx_contact.constraints import Constraints
 from dolfinx_contact.laws import Status
@@ -163,32 +164,12 @@ class ContactProblem:
         return fem.form(ufl.derivative(row, self.fields[j], direction), entity_maps=maps)
 
     def _scale(self, r: float | None) -> None:
-        """Typical stiffness of Dirichlet rows, r of the surfaces, free rigid motions.
-
-        The automatic r is near Young's modulus over the size of the body, taken from
-        the diagonal of the stiffness. A small r sends a point that slips the wrong way to stick; a
-        large one (the nodal stiffness, say) sends it to slip the other way, and Newton's method
-        into a cycle.
-        """
+        """Typical stiffness of Dirichlet rows, r of the surfaces, free rigid motions."""
         K = self.bulk.stiffness()
-        diagonal = fem.Function(self.V)
-        diagonal.x.array[: self.owned_sizes[0]] = np.abs(K.getDiagonal().array)
-        diagonal.x.scatter_forward()
-        size = self.comm.allreduce(float(np.sum(diagonal.x.array[: self.owned_sizes[0]])))
-        count = self.V.dofmap.index_map.size_global * self.V.dofmap.index_map_bs
-        require(
-            self.comm,
-            bool(np.isfinite(size)) and size > 0,
-            "the stiffness of the bulk is zero or not finite at the starting displacement",
+        self.stiffness_scale, self.automatic_r = automatic_augmentation(
+            K, self.V, self.surfaces, self.body_size
         )
-        self.stiffness_scale = size / count
-        self.automatic_r: list[npt.NDArray[np.float64]] = []
-        per_node = diagonal.x.array.reshape(-1, self.V.dofmap.index_map_bs).mean(axis=1)
-        for s in self.surfaces:
-            width = s.vertex_areas ** (1 / (s.dim - 1))
-            stiffness = per_node[s.vertex_trace_dofs] / s.vertex_areas
-            automatic = stiffness * width / self.body_size
-            self.automatic_r.append(automatic)
+        for s, automatic in zip(self.surfaces, self.automatic_r, strict=True):
             s.set_augmentation(automatic if r is None else np.full_like(automatic, r))
             self._unit_of(s.multiplier).value = self.stiffness_scale / s.mean_vertex_area
         self.free_motions = _rigid.free_motions(K, self.V, self.constraints.fixed)

@@ -2,9 +2,9 @@
 """How exactly the linear system of a Newton step is worth solving.
 
 Eisenstat and Walker (SIAM J. Sci. Comput. 17, 1996, choice 2): the relative tolerance of step k is
-gamma (F_k / F_(k-1))^2, with their safeguard against a fall by accident. Two guards for kinks: while
-points change their status the reduction of the residual says nothing about the model of the next
-step, so that the tolerance stays at its largest value; and no step is solved beyond what the
+gamma (F_k / F_(k-1))^2, with their safeguard against a fall by accident. Two guards for kinks:
+while points change their status the reduction of the residual says nothing about the model of the
+next step, so that the tolerance stays at its largest value; and no step is solved beyond what the
 tolerance of the whole solve can use.
 """
 
