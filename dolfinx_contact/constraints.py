@@ -29,6 +29,7 @@ class Constraints:
     Attributes:
         fixed: local nodes x dim of the displacement, True where fixed.
         clamped: per surface, local multiplier nodes whose normal multiplier is removed.
+        removed: per surface, local multiplier nodes x dim, True where the component is removed.
         multiplier_bcs: identity rows for the removed components.
 
     Raises:
@@ -46,10 +47,12 @@ class Constraints:
         # A value may itself be NaN, so a component is fixed if either filling is overwritten.
         self.fixed = np.isfinite(self.values()) | np.isnan(self.values(fill=0.0))
         self.clamped: list[npt.NDArray[np.bool_]] = []
+        self.removed: list[npt.NDArray[np.bool_]] = []
         self.multiplier_bcs: list[fem.DirichletBC] = []
         self._normals = [s.vertex_normals.copy() for s in surfaces]
         for s in surfaces:
             removed = self._removed(s)
+            self.removed.append(removed)
             self.clamped.append(np.asarray(removed.all(axis=1)))
             n = s.Q.dofmap.index_map.size_local
             left = s.comm.allreduce(int((~self.clamped[-1][:n]).sum()))
@@ -90,6 +93,19 @@ class Constraints:
                 bool(worst > -1e-9 * size),
                 f"{s.name}: Dirichlet data push a contact node {-worst:.3g} into the obstacle",
             )
+
+    def removed_multipliers(self, sizes: Sequence[int]) -> npt.NDArray[np.bool_]:
+        """Which of the owned unknowns after the displacement are removed multipliers.
+
+        Args:
+            sizes: numbers of owned unknowns, field by field, the displacement first.
+        """
+        marks, start = np.zeros(sum(sizes[1:]), dtype=bool), 0
+        per_surface = (len(sizes) - 1) // len(self.removed)
+        for removed, i in zip(self.removed, range(1, len(sizes), per_surface), strict=True):
+            marks[start : start + sizes[i]] = removed.reshape(-1)[: sizes[i]]
+            start += sum(sizes[i : i + per_surface])
+        return marks
 
     def _removed(self, s: ContactSurface) -> npt.NDArray[np.bool_]:
         """Local multiplier nodes x dim, True where the component is removed."""

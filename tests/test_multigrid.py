@@ -1,27 +1,21 @@
 """The surface filter with multigrid against MUMPS, on every rank count, law and mesh."""
 
 from mpi4py import MPI
-from petsc4py import PETSc
 
 import numpy as np
 import pytest
-from blocks import block, box, same_tables
+from blocks import block, same_tables
 
-import ufl
-from dolfinx import fem, mesh
+from dolfinx import mesh
 
 from dolfinx_contact import (
-    ContactProblem,
-    ContactSurface,
-    ConvergenceError,
     Coulomb,
     Frictionless,
     HalfSpace,
     Sphere,
     Tresca,
 )
-from dolfinx_contact.materials import LinearElastic, NeoHookean
-from dolfinx_contact.solvers.linear import create_linear_solver
+from dolfinx_contact.materials import NeoHookean
 
 COMM = MPI.COMM_WORLD
 AMG = {"linear_solver": "amg"}
@@ -83,5 +77,5 @@ def same(a, b, accuracy):
         same_tables(a, b, accuracy)
     else:
         assert a.status == b.status
-        assert np.abs(a.force).max() == 0.0
+        assert np.abs(a.force).max() < 1e-20  # round-off of nothing, at a stiffness of 1000
         np.testing.assert_allclose(a.un, b.un, rtol=accuracy)

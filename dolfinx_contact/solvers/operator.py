@@ -34,6 +34,7 @@ class ContactOperator:
         contact: S, on all unknowns, without Dirichlet rows of the displacement.
         fixed: local indices of the owned displacement dofs with Dirichlet data.
         diagonal: of the Dirichlet rows.
+        first: global index of the first unknown of this rank.
     """
 
     def __init__(self, problem: ContactProblem):
@@ -47,6 +48,7 @@ class ContactOperator:
         self.matrix = PETSc.Mat().createPython(((n, None), (n, None)), self, comm=self.comm)
         self.matrix.setUp()
         self._x = problem.create_vector()
+        self.first = self._x.getOwnershipRange()[0]
         self._xu, self._yu = self.stiffness.createVecRight(), self.stiffness.createVecLeft()
 
     def update(self) -> None:

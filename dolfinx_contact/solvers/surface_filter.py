@@ -15,31 +15,17 @@ well, so that its first step is left out.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
-
 from petsc4py import PETSc
 
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx import la
-
-from dolfinx_contact._petsc import logged, options_in_database
-from dolfinx_contact.solvers.errors import LinearSolverError
+from dolfinx_contact._petsc import logged
+from dolfinx_contact.solvers.condensation import CondensedBlock
 from dolfinx_contact.solvers.operator import ContactOperator
-from dolfinx_contact.trace import facet_closures, owned_exterior
+from dolfinx_contact.solvers.surface_block import SurfaceBlock, SurfaceSet
 
-if TYPE_CHECKING:
-    from dolfinx_contact.problem import ContactProblem
-
-__all__ = ["SurfaceFilter", "contact_dofs"]
-
-_DEFAULTS: dict[str, Any] = {
-    "ksp_type": "preonly",
-    "pc_type": "lu",
-    "pc_factor_mat_solver_type": "mumps",
-    "mat_mumps_icntl_14": 50,
-}
+__all__ = ["SurfaceFilter"]
 
 _NEGLIGIBLE = 1e-8  # share of a residual on the surface that needs no solve before the cycle
 
@@ -53,34 +39,22 @@ class SurfaceFilter:
 
     Attributes:
         cycle: approximate inverse of the stiffness, a PC on the displacement.
+        block: the factorised block on the surface, its multipliers condensed if they can be
+            (``<prefix>surface_condensed 0`` forbids it).
     """
 
     def __init__(self, operator: ContactOperator, prefix: str):
         self.operator, self.comm = operator, operator.comm
         self.cycle: PETSc.PC | None = None
+        self.block: SurfaceBlock | CondensedBlock | None = None
         self._prefix = prefix + "surface_"
-        n = operator.size
-        nodes = contact_dofs(operator.problem)
-        rest = np.arange(n, sum(operator.problem.owned_sizes), dtype=np.int32)
-        self._local = np.concatenate([nodes, rest])  # s among the local unknowns
-        first, first_u = operator._x.getOwnershipRange()[0], operator._xu.getOwnershipRange()[0]
-        self._s = PETSc.IS().createGeneral(self._local + first, comm=self.comm)
-        self._nodes = PETSc.IS().createGeneral(nodes + first_u, comm=self.comm)
-        self._all = PETSc.IS().createStride(n, first_u, 1, comm=self.comm)
-        self._n_nodes = len(nodes)
-        self._fixed = np.flatnonzero(np.isin(nodes, operator.fixed)).astype(np.int32)
-        self._Kss: PETSc.Mat | None = None
-        self._Krows: PETSc.Mat | None = None
-        self._Sss: PETSc.Mat | None = None
-        self.block: PETSc.Mat | None = None
+        self._s = SurfaceSet(operator)
+        first = operator.stiffness.getOwnershipRange()[0]
+        self._columns = PETSc.IS().createStride(operator.size, first, 1, comm=self.comm)
+        self._rows: PETSc.Mat | None = None
         self._assemblies = -1
-        self.ksp = PETSc.KSP().create(self.comm)
-        self.ksp.setOptionsPrefix(self._prefix)
-        with options_in_database(self._prefix, _DEFAULTS):
-            self.ksp.setFromOptions()
         self._t, self._e = (operator.problem.create_vector() for _ in range(2))
-        self._tu, self._zu = (operator._xu.duplicate() for _ in range(2))
-        self._rc: PETSc.Vec | None = None
+        self._tu, self._zu = operator.stiffness.createVecs()
 
     # -- set-up ----------------------------------------------------------------------------------
 
@@ -90,55 +64,32 @@ class SurfaceFilter:
         Raises:
             LinearSolverError: if it is singular.
         """
-        A = self.operator
         with logged("ContactSurfaceLU"):
-            if self._assemblies != A.problem.bulk.assemblies:
-                self._extract_stiffness()
-            self._Sss = A.contact.createSubMatrix(self._s, self._s, self._Sss)
-            assert self._Kss is not None
-            if self.block is not None:
-                self.block.destroy()
-            self.block = self._Kss.copy()
-            self.block.axpy(1.0, self._Sss, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-            rows = self._fixed + self.block.getOwnershipRange()[0]
-            self.block.zeroRowsColumns(rows, diag=A.diagonal)
-            if self._rc is None:
-                self._rc, self._zc = self.block.createVecs()
-            self.ksp.setOperators(self.block)
-            with options_in_database(self._prefix, _DEFAULTS):
-                self.ksp.setUp()
-        if self.ksp.getPC().getFailedReason() != PETSc.PC.FailedReason.NOERROR:
-            self.ksp.reset()  # MUMPS does not recover from a singular matrix
-            raise LinearSolverError(
-                "the contact block of the Jacobian is singular: contact conditions contradict one "
-                "another or the Dirichlet data, or a contact node has no stiffness"
-            )
+            if self.block is None:
+                self.block = self._choose_block()
+            assemblies = self.operator.problem.bulk.assemblies
+            if self._assemblies != assemblies:
+                K, nodes = self.operator.stiffness, self._s.of_body
+                self._rows = K.createSubMatrix(nodes, self._columns, self._rows)
+                square = K.createSubMatrix(nodes, nodes)
+                self.block.set_stiffness(square)
+                square.destroy()
+                self._assemblies = assemblies
+            self.block.update()
 
-    def _extract_stiffness(self) -> None:
-        """The rows of the contact nodes in K, and their square block in the numbering of s."""
-        A = self.operator
-        K = A.stiffness
-        self._assemblies = A.problem.bulk.assemblies
-        self._Krows = K.createSubMatrix(self._nodes, self._all, self._Krows)
-        square = K.createSubMatrix(self._nodes, self._nodes)
-        indptr, columns, values = square.getValuesCSR()
-        starts = np.asarray(square.getOwnershipRanges())
-        sizes = np.asarray(self.comm.allgather(len(self._local)))
-        shift = np.concatenate([[0], np.cumsum(sizes)])[:-1] - starts[:-1]
-        owner = np.searchsorted(starts, columns, side="right") - 1
-        n = len(self._local)
-        indptr = np.concatenate([indptr, np.full(n - self._n_nodes, indptr[-1])])
-        csr = (indptr.astype(np.int32), (columns + shift[owner]).astype(np.int32), values)
-        if self._Kss is not None:
-            self._Kss.destroy()
-        self._Kss = PETSc.Mat().createAIJ(((n, None), (n, None)), csr=csr, comm=self.comm)
-        square.destroy()
+    def _choose_block(self) -> SurfaceBlock | CondensedBlock:
+        if PETSc.Options().getBool(self._prefix + "condensed", True):
+            condensed = CondensedBlock(self.operator, self._s, self._prefix)
+            if condensed.applies:
+                return condensed
+            condensed.release()
+        return SurfaceBlock(self.operator, self._s, self._prefix)
 
     # -- application -----------------------------------------------------------------------------
 
     def apply(self, _pc: PETSc.PC, r: PETSc.Vec, z: PETSc.Vec) -> None:
         """Z = the filtered cycle of r."""
-        A, n, s = self.operator, self.operator.size, self._local
+        A, n, s = self.operator, self.operator.size, self._s.local
         t = self._t
         r.copy(t)
         z.set(0.0)
@@ -152,7 +103,7 @@ class SurfaceFilter:
         tu[:] = t.array_r[:n]
         tu[A.fixed] = 0.0
         assert self.cycle is not None
-        assert self._Krows is not None
+        assert self._rows is not None
         self.cycle.apply(self._tu, self._zu)
         zu = self._zu.array
         zu[A.fixed] = 0.0
@@ -164,38 +115,24 @@ class SurfaceFilter:
         rest = t.array_r[s].copy()
         A.contact.mult(self._e, t)
         rest -= t.array_r[s]
-        Kz = self._Krows.createVecLeft()
-        self._Krows.mult(self._zu, Kz)
-        rest[: self._n_nodes] -= Kz.array_r
+        Kz = self._rows.createVecLeft()
+        self._rows.mult(self._zu, Kz)
+        rest[: self._s.nodes] -= Kz.array_r
         Kz.destroy()
-        rest[self._fixed] = 0.0
+        rest[self._s.fixed] = 0.0
         self._solve_surface(rest, z)
 
     def _solve_surface(self, residual: npt.NDArray[np.float64], z: PETSc.Vec) -> None:
         """Add the exact solution on s for ``residual`` there to ``z``."""
-        assert self._rc is not None
-        self._rc.array[:] = residual
+        assert self.block is not None
         with logged("ContactSurface"):
-            self.ksp.solve(self._rc, self._zc)
-        z.array[self._local] += self._zc.array_r
+            z.array[self._s.local] += self.block.solve(residual)
 
     def release(self) -> None:
         """Free the PETSc objects."""
-        mine = (self.ksp, self._s, self._nodes, self._all, self._t, self._e, self._tu, self._zu)
-        made = (self._Kss, self._Krows, self._Sss, self.block)
-        for thing in (*mine, *(m for m in made if m is not None)):
+        self._s.release()
+        made = (self._rows,) if self._rows is not None else ()
+        for thing in (self._columns, self._t, self._e, self._tu, self._zu, *made):
             thing.destroy()
-
-
-def contact_dofs(problem: ContactProblem) -> npt.NDArray[np.int32]:
-    """Owned displacement dofs of the nodes of all contact facets, local indices. Collective."""
-    V = problem.V
-    marks = la.vector(V.dofmap.index_map, 1)
-    marks.array[:] = 0.0
-    for s in problem.surfaces:
-        facets = owned_exterior(V.mesh, s.submesh.parent_facets)
-        marks.array[facet_closures(V, facets).reshape(-1)] = 1.0
-    marks.scatter_reverse(la.InsertMode.add)
-    nodes = np.flatnonzero(marks.array[: V.dofmap.index_map.size_local] > 0)
-    bs = V.dofmap.index_map_bs
-    return (bs * nodes[:, None] + np.arange(bs)).reshape(-1).astype(np.int32)
+        if self.block is not None:
+            self.block.release()
