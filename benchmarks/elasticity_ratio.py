@@ -39,6 +39,7 @@ from dolfinx_contact import (
 )
 from dolfinx_contact._petsc import options_in_database
 from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.solvers import prolong
 from dolfinx_contact.solvers.hierarchy import Hierarchy
 
 CELLS = {"tet": mesh.CellType.tetrahedron, "hex": mesh.CellType.hexahedron}
@@ -56,6 +57,7 @@ def arguments(argv=None, **more):
     parser.add_argument("--poisson", type=float, default=0.3)
     parser.add_argument("--aspect", type=float, default=1.0, help="width over height of the block")
     parser.add_argument("--tolerance", type=float, default=1e-8, help="of both solves")
+    parser.add_argument("--nested", type=int, default=0, help="coarser meshes to solve on first")
     parser.add_argument("--only", choices=["elasticity", "contact"], help="for peak memory alone")
     parser.add_argument("--output", default="elasticity_ratio.json")
     for name, options in more.items():
@@ -173,15 +175,35 @@ def contact_problem(args, V, bottom, top):
     )
 
 
-def contact(args, V, bottom, top):
-    """The frictional solve from zero."""
+def contact(args, V, bottom, top, coarse=()):
+    """The frictional solve from zero, by way of coarser meshes if there are any."""
     timer = Timer(V.mesh.comm)
+    before, levels = None, []
+
+    def coarse_solves():
+        last = None
+        for part in coarse:
+            problem = contact_problem(args, *part)
+            if last is not None:
+                prolong(last, problem)
+                last.destroy()
+            result = problem.solve()
+            levels.append({"unknowns": result.dofs, "newton_iterations": result.iterations})
+            last = problem
+        return last
+
+    if coarse:
+        before = timer("coarse solves", coarse_solves)
     problem = timer("problem", lambda: contact_problem(args, V, bottom, top))
     timer("linear solver", lambda: problem.linear_solver)
+    if before is not None:
+        timer("prolongation", lambda: prolong(before, problem))
+        before.destroy()
     result = timer("solve", problem.solve)
     record = {
         "seconds": timer.total,
         "parts": timer.seconds,
+        "coarse": levels,
         "linear_solver": problem.linear_solver.name,
         "strategy": result.reason,
         "newton_iterations": result.iterations,
@@ -202,7 +224,7 @@ def contact(args, V, bottom, top):
 def warm_up(args, comm):
     """Compile all forms on a mesh of some cells."""
     V, bottom, top = block(args, 3, comm)
-    contact(args, V, bottom, top)
+    contact(args, V, bottom, top, [block(args, 2, comm)])
     elasticity(args, V, bottom, top, "gamg")
 
 
@@ -228,7 +250,8 @@ def run(args, n, comm):
         record["elasticity_seconds"] = record["elasticity"]["seconds"]
         record["memory_after_elasticity"] = peak_gigabytes(comm)
     if args.only != "elasticity":
-        record["contact"] = contact(args, V, bottom, top)
+        coarse = [block(args, n // 2**i, comm) for i in range(args.nested, 0, -1)]
+        record["contact"] = contact(args, V, bottom, top, coarse)
         record["contact_seconds"] = record["contact"]["seconds"]
         record["memory_after_contact"] = peak_gigabytes(comm)
     if args.only is None:

@@ -21,19 +21,35 @@ class Forcing:
 
     Attributes:
         largest: the tolerance of the first step and while many statuses change.
+        warm: the same for a start that is close to a solution, where an inexact step would make
+            statuses change that are right already.
         gamma: factor of the squared reduction.
         smallest: the tightest tolerance.
         reserve: part of the remaining reduction that the last step is solved to.
         many: share of the contact points whose change counts as many.
     """
 
-    largest: float = 1e-2
+    largest: float = 1e-1
+    warm: float = 1e-3
     gamma: float = 0.9
-    smallest: float = 1e-8
+    smallest: float = 1e-10
     reserve: float = 0.1
     many: float = 0.02
+    _cap: float = field(default=1e-1, init=False)
     _last: float = field(default=0.0, init=False)
     _eta: float = field(default=0.0, init=False)
+
+    def restart(self, *, warm: bool) -> None:
+        """Begin anew, from a state that is close to a solution or not."""
+        self._cap = self.warm if warm else self.largest
+        self._last = self._eta = 0.0
+
+    def tighten(self) -> bool:
+        """Solve more exactly from now on; False if that is done already."""
+        if self._cap <= self.warm**2:
+            return False
+        self._cap *= self.warm
+        return True
 
     def tolerance(self, residual: float, target: float, changed: float) -> float:
         """The relative tolerance of the step from a state.
@@ -43,16 +59,12 @@ class Forcing:
             target: at which the solve ends.
             changed: share of the points that changed their status on the way to the state.
         """
-        eta = self.largest
+        eta = self._cap
         if self._last > 0 and changed <= self.many:
             eta = self.gamma * min(residual / self._last, 1.0) ** 2
             safeguard = self.gamma * self._eta**2
             if safeguard > 0.1:
                 eta = max(eta, safeguard)
-        eta = max(eta, self.reserve * target / max(residual, 1e-300), self.smallest)
-        self._last, self._eta = residual, min(eta, self.largest)
+        least = max(self.reserve * target / max(residual, 1e-300), self.smallest)
+        self._last, self._eta = residual, max(min(eta, self._cap), least)
         return self._eta
-
-    def restart(self) -> None:
-        """Forget the past: the next step is the first."""
-        self._last = self._eta = 0.0

@@ -63,8 +63,9 @@ class LinearSolver:
         """A failed linear solve in words."""
         raise NotImplementedError
 
-    def restart(self) -> None:
-        """Another Newton iteration begins."""
+    def tighten(self) -> bool:
+        """Solve more exactly, if that has not been tried: statuses may cycle for want of it."""
+        return False
 
     def destroy(self) -> None:
         """Free the PETSc objects."""

@@ -119,11 +119,14 @@ class Multigrid(LinearSolver):
     def prepare(self, ksp: PETSc.KSP, step: Step, target: float) -> None:
         if PETSc.Options().hasName((ksp.getOptionsPrefix() or "") + "ksp_rtol"):
             return
-        changed = step.flips / max(self._points, 1) if step.iteration > 0 else 1.0
+        if step.iteration == 0:
+            closed = any(s.status.active.any() for s in self._problem.surfaces)
+            self.forcing.restart(warm=bool(self.comm.allreduce(int(closed))))
+        changed = step.flips / self._points if step.iteration > 0 else 1.0
         ksp.setTolerances(rtol=self.forcing.tolerance(step.measures.worst, target, changed))
 
-    def restart(self) -> None:
-        self.forcing.restart()
+    def tighten(self) -> bool:
+        return self.forcing.tighten()
 
     def retry(self, ksp: PETSc.KSP) -> bool:
         closed = self._closed()

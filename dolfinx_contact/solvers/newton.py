@@ -77,7 +77,6 @@ class Newton:
     def run(self, x: PETSc.Vec, attempt: Attempt) -> bool:
         """Solve H(x) = (1 - load) H(x_0) from ``x``, which is overwritten. Collective."""
         self.attempt, self._history, self.floating = attempt, [], None
-        self.linear.restart()
         ksp = self.snes.getKSP()
         try:
             with options_in_database(self.problem.prefix, self.options):
@@ -141,7 +140,11 @@ class Newton:
             return int(PETSc.SNES.ConvergedReason.CONVERGED_FNORM_RELATIVE)
         if it >= snes.getTolerances()[3]:
             return int(PETSc.SNES.ConvergedReason.DIVERGED_MAX_IT)
-        if self._full_steps and self._in_cycle(statuses, measures.worst):
+        if (
+            self._full_steps
+            and self._in_cycle(statuses, measures.worst)
+            and not self.linear.tighten()
+        ):
             self.attempt.reason = "the status repeats in a cycle"
             self.attempt.restless = _restless(problem, self._history[-1][0], statuses)
             return int(_STOPPED)
