@@ -1,30 +1,32 @@
 """The surface filter with multigrid against MUMPS, on every rank count, law and mesh."""
 
 from mpi4py import MPI
+from petsc4py import PETSc
 
 import numpy as np
 import pytest
-from blocks import block, same_tables
+from blocks import block, box, same_tables
 
-from dolfinx import mesh
+import ufl
+from dolfinx import fem, mesh
 
 from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    ConvergenceError,
     Coulomb,
     Frictionless,
     HalfSpace,
     Sphere,
     Tresca,
 )
-from dolfinx_contact.materials import NeoHookean
+from dolfinx_contact.materials import LinearElastic, NeoHookean
+from dolfinx_contact.solvers import solve_nested
+from dolfinx_contact.solvers.forcing import Forcing
 
 COMM = MPI.COMM_WORLD
 AMG = {"linear_solver": "amg"}
 TIGHT = {**AMG, "snes_rtol": 1e-11, "ksp_rtol": 1e-11}
-
-
-def one_node(domain):
-    """The facets around one node of the bottom, of which the sphere touches the node alone."""
-    return mesh.locate_entities_boundary(domain, 2, lambda x: np.isclose(x[2], 0.0))
 
 
 def corner(domain):
@@ -79,3 +81,129 @@ def same(a, b, accuracy):
         assert a.status == b.status
         assert np.abs(a.force).max() < 1e-20  # round-off of nothing, at a stiffness of 1000
         np.testing.assert_allclose(a.un, b.un, rtol=accuracy)
+
+
+def test_contact_of_one_node():
+    table = block(**PROBLEMS["one node"], options=AMG).solve().tables["contact"]
+    assert table.count("ks") == 1
+
+
+@pytest.mark.parametrize("name", ["tet", "partial contact", "P2", "neo-Hookean"])
+def test_product_is_that_of_the_assembled_jacobian(name):
+    problem = block(**PROBLEMS[name], options=AMG)
+    problem.solve()
+    x, y, z = (problem.create_vector() for _ in range(3))
+    x.setRandom()
+    problem.linear_solver.update()
+    problem.linear_solver.matrix.mult(x, y)
+    problem.assemble_jacobian(problem.matrix)
+    problem.matrix.mult(x, z)
+    size = z.norm()
+    z.axpy(-1.0, y)
+    assert z.norm() < 1e-13 * size
+
+
+def test_filter_leaves_nothing_on_the_surface():
+    """After an application the residual vanishes on contact nodes and multipliers."""
+    problem = block(cell="hex", n=4, options=AMG)
+    problem.solve()
+    solver = problem.linear_solver
+    solver.update()
+    r, z, rest = (problem.create_vector() for _ in range(3))
+    r.setRandom()
+    solver.filter.apply(None, r, z)
+    solver.matrix.mult(z, rest)
+    rest.aypx(-1.0, r)
+    on_surface = np.abs(rest.array_r[solver.filter.surface.local]).max(initial=0.0)
+    assert COMM.allreduce(on_surface, op=max) < 1e-10 * z.norm() * problem.stiffness_scale
+    assert rest.norm() < 10 * r.norm()
+
+
+@pytest.mark.parametrize("options", [{"surface_condensed": 0}, {"amg_pc_type": "hypre"}], ids=str)
+def test_options(options):
+    database = PETSc.Options()
+    for key, value in options.items():
+        database[f"contact_{key}"] = value
+    result = block(cell="tet", n=5, options=TIGHT).solve()
+    direct = block(cell="tet", n=5).solve()
+    same(result.tables["contact"], direct.tables["contact"], 1e-8)
+    assert len(result.attempts) == 1
+
+
+def test_choice():
+    """By size, unless the user says which; options of a KSP mean the assembled Jacobian."""
+    assert block(cell="tri", n=4).linear_solver.name == "direct"
+    assert block(cell="tri", n=4, options=AMG).linear_solver.name == "amg"
+    own = block(cell="tri", n=4, options={"ksp_type": "gmres", "pc_type": "lu"})
+    assert own.linear_solver.name == "direct"
+    assert len(own.solve().attempts) == 1
+    with pytest.raises(ValueError, match="unknown linear solver 'magic'"):
+        _ = block(cell="tri", n=4, options={"linear_solver": "magic"}).linear_solver
+    PETSc.Options()["contact_linear_solver"] = "direct"
+    assert block(cell="tri", n=4, options=AMG).linear_solver.name == "direct"
+
+
+def test_stagnation_says_what_to_try():
+    options = {**AMG, "ksp_rtol": 1e-12, "ksp_max_it": 1, "snes_max_it": 3}
+    problem = block(cell="tet", n=4, options=options)
+    with pytest.raises(ConvergenceError, match="stagnated after"):
+        problem.solve(increments=1)
+    assert np.abs(problem.u.x.array).max(initial=0.0) == 0.0
+
+
+def test_hierarchy_is_kept():
+    """Other data, the same hierarchy; another stiffness, another hierarchy."""
+    domain = box(COMM, 5, "tet")
+    V = fem.functionspace(domain, ("Lagrange", 1, (3,)))
+    u, young = fem.Function(V), fem.Constant(domain, 1000.0)
+    motion = fem.Constant(domain, np.array([0.004, 0.0, -0.01]))
+    held = fem.locate_dofs_geometrical(V, lambda x: np.isclose(x[2], 1.0))
+    bottom = mesh.locate_entities_boundary(domain, 2, lambda x: np.isclose(x[2], 0.0))
+    floor = HalfSpace((0, 0, 0), (0, 0, 1))
+    surface = ContactSurface(u, bottom, obstacle=floor, law=Coulomb(0.3))
+    energy = young * LinearElastic.from_young(1.0, 0.3).energy(u) * ufl.dx
+    problem = ContactProblem(
+        energy, u, [surface], bcs=[fem.dirichletbc(motion, held, V)], petsc_options=AMG
+    )
+    assert problem.bulk.linear
+    first = problem.solve().resultants["contact"]
+    motion.value[:] *= 1.1
+    np.testing.assert_allclose(problem.solve().resultants["contact"], 1.1 * first, rtol=1e-6)
+    assert problem.linear_solver.builds == 1
+    assert problem.bulk.assemblies == 1
+    young.value *= 2.0
+    np.testing.assert_allclose(problem.solve().resultants["contact"], 2.2 * first, rtol=1e-6)
+    assert problem.linear_solver.builds == 2
+    assert problem.bulk.assemblies == 2
+
+
+@pytest.mark.parametrize("name", ["tet", "P2", "P2/P2", "mixed", "neo-Hookean", "partial contact"])
+def test_nested_iteration(name):
+    """From the solution on a coarser mesh, not nested: the same solution in no more steps."""
+    options = dict(PROBLEMS[name])
+    n = options.pop("n")
+    levels = [block(**options, n=k, options=AMG) for k in (n, n + 3)]
+    coarse, fine = solve_nested(levels)
+    alone = block(**options, n=n + 3).solve()
+    same(fine.tables["contact"], alone.tables["contact"], 1e-6)
+    assert fine.iterations <= alone.iterations
+    assert coarse.dofs < fine.dofs
+
+
+def test_nested_problems_must_agree():
+    levels = block(cell="quad", n=4), block(cell="quad", n=4, method="mixed")
+    with pytest.raises(ValueError, match="the same surfaces"):
+        solve_nested(levels)
+
+
+def test_forcing():
+    forcing = Forcing()
+    forcing.restart(warm=False)
+    assert forcing.tolerance(1.0, 1e-10, 1.0) == forcing.largest
+    assert forcing.tolerance(0.5, 1e-10, 0.5) == forcing.largest  # statuses change
+    assert forcing.tolerance(5e-3, 1e-10, 0.0) == pytest.approx(0.9e-4)
+    assert forcing.tolerance(5e-10, 1e-10, 0.0) == pytest.approx(0.02)  # no further than needed
+    assert forcing.tighten()
+    assert forcing.tolerance(0.5, 1e-10, 1.0) < 1e-3
+    forcing.restart(warm=True)
+    assert forcing.tolerance(1.0, 1e-10, 1.0) == forcing.warm

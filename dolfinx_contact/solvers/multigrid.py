@@ -29,6 +29,9 @@ __all__ = ["Multigrid"]
 
 logger = logging.getLogger(__name__)
 
+_COST = 25.0  # iterations that take as long as the set-up of a hierarchy (measured)
+_FRESH = 3.0  # iterations per digit with a new hierarchy (measured)
+
 
 class Multigrid(LinearSolver):
     """Krylov solves of the uncondensed Jacobian, preconditioned by `SurfaceFilter`.
@@ -57,6 +60,7 @@ class Multigrid(LinearSolver):
         self.hierarchy = Hierarchy(problem.V, problem.prefix, symmetric=problem.energy is not None)
         self.forcing = Forcing()
         self._glued: npt.NDArray[np.bool_] | None = None
+        self._assemblies = 0  # of the stiffness, when the hierarchy was built
         self._points = sum(s.points.dofmap.index_map.size_global for s in problem.surfaces)
 
     def attach(self, ksp: PETSc.KSP) -> None:
@@ -69,7 +73,9 @@ class Multigrid(LinearSolver):
         with logged("ContactJacobian"):
             self.operator.update()
         self.filter.update()
-        if self.hierarchy.pc is None:
+        bulk = self._problem.bulk
+        changed = bulk.linear and self._assemblies != bulk.assemblies
+        if self.hierarchy.pc is None or changed:
             self.build()
 
     def build(self) -> None:
@@ -78,6 +84,7 @@ class Multigrid(LinearSolver):
         self._glued = self._closed()
         held = np.union1d(A.fixed, np.flatnonzero(self._glued)).astype(np.int32)
         self.filter.cycle = self.hierarchy.build(A.stiffness, held, A.diagonal)
+        self._assemblies = self._problem.bulk.assemblies
         if self.comm.rank == 0:
             logger.info("multigrid hierarchy %d built", self.hierarchy.builds)
 
@@ -123,15 +130,29 @@ class Multigrid(LinearSolver):
             closed = any(s.status.active.any() for s in self._problem.surfaces)
             self.forcing.restart(warm=bool(self.comm.allreduce(int(closed))))
         changed = step.flips / self._points if step.iteration > 0 else 1.0
+        if step.iteration > 0 and changed <= self.forcing.many:
+            self._rebuild_if_it_pays(ksp, step, target)
         ksp.setTolerances(rtol=self.forcing.tolerance(step.measures.worst, target, changed))
+
+    def _rebuild_if_it_pays(self, ksp: PETSc.KSP, step: Step, target: float) -> None:
+        """Build anew if that saves more iterations than it costs. Collective."""
+        digits = -np.log10(max(ksp.getTolerances()[0], 1e-16))
+        per_digit = step.krylov / max(digits, 1.0)
+        left = max(np.log10(max(step.measures.worst, target) / target), 0.0) + 1
+        if (per_digit - _FRESH) * left > _COST and self._is_stale():
+            self.build()
+
+    def _is_stale(self) -> bool:
+        """Whether a hierarchy built now would be another one. Collective."""
+        moved = self._glued is None or bool((self._closed() != self._glued).any())
+        other = self._assemblies != self._problem.bulk.assemblies
+        return bool(self.comm.allreduce(int(moved or other)))
 
     def tighten(self) -> bool:
         return self.forcing.tighten()
 
     def retry(self, ksp: PETSc.KSP) -> bool:
-        closed = self._closed()
-        stale = self._glued is None or bool((closed != self._glued).any())
-        if not self.comm.allreduce(int(stale)):
+        if not self._is_stale():
             return False
         self.build()
         return True

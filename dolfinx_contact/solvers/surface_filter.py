@@ -39,6 +39,7 @@ class SurfaceFilter:
 
     Attributes:
         cycle: approximate inverse of the stiffness, a PC on the displacement.
+        surface: the unknowns s.
         block: the factorised block on the surface, its multipliers condensed if they can be
             (``<prefix>surface_condensed 0`` forbids it).
     """
@@ -48,7 +49,7 @@ class SurfaceFilter:
         self.cycle: PETSc.PC | None = None
         self.block: SurfaceBlock | CondensedBlock | None = None
         self._prefix = prefix + "surface_"
-        self._s = SurfaceSet(operator)
+        self.surface = SurfaceSet(operator)
         first = operator.stiffness.getOwnershipRange()[0]
         self._columns = PETSc.IS().createStride(operator.size, first, 1, comm=self.comm)
         self._rows: PETSc.Mat | None = None
@@ -69,7 +70,7 @@ class SurfaceFilter:
                 self.block = self._choose_block()
             assemblies = self.operator.problem.bulk.assemblies
             if self._assemblies != assemblies:
-                K, nodes = self.operator.stiffness, self._s.of_body
+                K, nodes = self.operator.stiffness, self.surface.of_body
                 self._rows = K.createSubMatrix(nodes, self._columns, self._rows)
                 square = K.createSubMatrix(nodes, nodes)
                 self.block.set_stiffness(square)
@@ -79,17 +80,17 @@ class SurfaceFilter:
 
     def _choose_block(self) -> SurfaceBlock | CondensedBlock:
         if PETSc.Options().getBool(self._prefix + "condensed", True):
-            condensed = CondensedBlock(self.operator, self._s, self._prefix)
+            condensed = CondensedBlock(self.operator, self.surface, self._prefix)
             if condensed.applies:
                 return condensed
             condensed.release()
-        return SurfaceBlock(self.operator, self._s, self._prefix)
+        return SurfaceBlock(self.operator, self.surface, self._prefix)
 
     # -- application -----------------------------------------------------------------------------
 
     def apply(self, _pc: PETSc.PC, r: PETSc.Vec, z: PETSc.Vec) -> None:
         """Z = the filtered cycle of r."""
-        A, n, s = self.operator, self.operator.size, self._s.local
+        A, n, s = self.operator, self.operator.size, self.surface.local
         t = self._t
         r.copy(t)
         z.set(0.0)
@@ -117,20 +118,20 @@ class SurfaceFilter:
         rest -= t.array_r[s]
         Kz = self._rows.createVecLeft()
         self._rows.mult(self._zu, Kz)
-        rest[: self._s.nodes] -= Kz.array_r
+        rest[: self.surface.nodes] -= Kz.array_r
         Kz.destroy()
-        rest[self._s.fixed] = 0.0
+        rest[self.surface.fixed] = 0.0
         self._solve_surface(rest, z)
 
     def _solve_surface(self, residual: npt.NDArray[np.float64], z: PETSc.Vec) -> None:
         """Add the exact solution on s for ``residual`` there to ``z``."""
         assert self.block is not None
         with logged("ContactSurface"):
-            z.array[self._s.local] += self.block.solve(residual)
+            z.array[self.surface.local] += self.block.solve(residual)
 
     def release(self) -> None:
         """Free the PETSc objects."""
-        self._s.release()
+        self.surface.release()
         made = (self._rows,) if self._rows is not None else ()
         for thing in (self._columns, self._t, self._e, self._tu, self._zu, *made):
             thing.destroy()
