@@ -25,7 +25,7 @@ __all__ = ["Direct", "LinearSolver", "create_linear_solver", "predicted_gigabyte
 logger = logging.getLogger(__name__)
 
 _KINDS = ("auto", "direct", "amg")
-_LARGEST_DIRECT = {2: 100_000, 3: 15_000}
+_LARGEST_DIRECT = {2: 100_000, 3: 5_000}
 
 #: Gigabytes per unknown and power of the number of unknowns, by dimension.
 _DIRECT_MEMORY = {2: (2.0e-6, 1.1), 3: (4.0e-8, 4 / 3)}
