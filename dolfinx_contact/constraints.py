@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Dirichlet data that meet contact surfaces.
+"""Dirichlet data that meet contact surfaces, and surfaces that meet one another.
 
 Where Dirichlet data fix the displacement of a contact node, its multiplier has nothing to determine
 it: the reaction belongs to the support. Such multiplier components are removed (identity rows).
@@ -7,7 +7,9 @@ it: the reaction belongs to the support. Such multiplier components are removed 
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
+from itertools import combinations
 
 import numpy as np
 import numpy.typing as npt
@@ -18,7 +20,9 @@ from dolfinx_contact._errors import require
 from dolfinx_contact.laws import Frictionless
 from dolfinx_contact.surface import ContactSurface
 
-__all__ = ["Constraints"]
+__all__ = ["Constraints", "check_overlap"]
+
+logger = logging.getLogger(__name__)
 
 _TOLERANCE = 1e-6  # of a direction cosine
 
@@ -126,6 +130,21 @@ class Constraints:
             "be told apart; fix all components there or leave the node free",
         )
         return np.where(oblique[:, None], False, fixed) | clamped[:, None]
+
+
+def check_overlap(surfaces: Sequence[ContactSurface]) -> None:
+    """Refuse common facets of two surfaces, and warn of common nodes. Collective."""
+    for a, b in combinations(surfaces, 2):
+        facets = np.intersect1d(a.submesh.parent_facets, b.submesh.parent_facets)
+        require(a.comm, len(facets) == 0, f"surfaces {a.name} and {b.name} have common facets")
+        nodes = len(np.intersect1d(a.vertex_trace_dofs, b.vertex_trace_dofs))
+        if a.comm.allreduce(nodes, op=max) > 0 and a.comm.rank == 0:
+            logger.warning(
+                "surfaces %s and %s share nodes: where both hold one, their reactions cannot be "
+                "told apart and the solve may fail; leave a facet out between them",
+                a.name,
+                b.name,
+            )
 
 
 def _zero_rows(f: fem.Function, removed: npt.NDArray[np.bool_]) -> list[fem.DirichletBC]:

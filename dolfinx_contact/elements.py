@@ -7,7 +7,7 @@ import numpy as np
 
 from dolfinx import fem
 
-__all__ = ["check_elements", "check_quadrature", "displacement_degree", "require_same_numbering"]
+__all__ = ["check_elements", "check_quadrature", "displacement_degree"]
 
 #: Stable pairs of displacement and multiplier degrees, by method. P1 multipliers are traces of the
 #: displacement space or smaller; P2/P2 is stable away from Dirichlet data, where nodes are removed.
@@ -67,9 +67,3 @@ def check_quadrature(name: str, degrees: tuple[int, int], quadrature_degree: int
             f"of P{degrees[0]} with P{degrees[1]}, got {quadrature_degree}"
         )
     return degree
-
-
-def require_same_numbering(W: fem.FunctionSpace, Q: fem.FunctionSpace) -> None:
-    """Raise ``RuntimeError`` if two spaces of a surface differ in the numbering of their dofs."""
-    if not np.array_equal(W.dofmap.list, Q.dofmap.list):
-        raise RuntimeError("scalar and vector spaces of a contact surface are numbered differently")

@@ -9,10 +9,8 @@ typical stiffness per area. So neither norms of H nor the matrix depend on the u
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
 from petsc4py import PETSc
@@ -26,10 +24,10 @@ from dolfinx import fem, la
 from dolfinx_contact import _rigid
 from dolfinx_contact._compat import assemble_block_matrix, create_block_matrix, merge_entity_maps
 from dolfinx_contact._errors import require
-from dolfinx_contact._petsc import require_real
+from dolfinx_contact._petsc import logged, require_real
 from dolfinx_contact.augmentation import automatic_augmentation
 from dolfinx_contact.bulk import Bulk
-from dolfinx_contact.constraints import Constraints
+from dolfinx_contact.constraints import Constraints, check_overlap
 from dolfinx_contact.laws import Status
 from dolfinx_contact.surface import ContactSurface
 
@@ -38,8 +36,6 @@ if TYPE_CHECKING:
     from dolfinx_contact.solvers.linear import LinearSolver
 
 __all__ = ["ContactProblem"]
-
-logger = logging.getLogger(__name__)
 
 
 class ContactProblem:
@@ -94,8 +90,7 @@ class ContactProblem:
         finite = bool(np.isfinite(self.V.mesh.geometry.x).all())
         require(self.comm, finite, "the mesh has a coordinate that is not finite")
 
-        _check_overlap(self.surfaces)
-
+        check_overlap(self.surfaces)
         self.bulk = Bulk(bulk, u)
         self.energy = self.bulk.energy
         self.energy_form = None if self.energy is None else fem.form(self.energy)
@@ -238,8 +233,9 @@ class ContactProblem:
     def update_status(self) -> None:
         """Recompute the status from the Functions, unless it is held."""
         if not self.hold_status:
-            for s in self.surfaces:
-                s.status = s.evaluate_status()
+            with logged("ContactStatus"):
+                for s in self.surfaces:
+                    s.status = s.evaluate_status()
 
     def residual(self, x: PETSc.Vec, b: PETSc.Vec) -> None:
         """H(x) into ``b``; the Functions and the status follow ``x``. Collective."""
@@ -393,21 +389,6 @@ class ContactProblem:
         for thing in (self._matrix, self._linear_solver):
             if thing is not None:
                 thing.destroy()
-
-
-def _check_overlap(surfaces: Sequence[ContactSurface]) -> None:
-    """Refuse common facets of two surfaces, and warn of common nodes. Collective."""
-    for a, b in combinations(surfaces, 2):
-        facets = np.intersect1d(a.submesh.parent_facets, b.submesh.parent_facets)
-        require(a.comm, len(facets) == 0, f"surfaces {a.name} and {b.name} have common facets")
-        nodes = len(np.intersect1d(a.vertex_trace_dofs, b.vertex_trace_dofs))
-        if a.comm.allreduce(nodes, op=max) > 0 and a.comm.rank == 0:
-            logger.warning(
-                "surfaces %s and %s share nodes: where both hold one, their reactions cannot be "
-                "told apart and the solve may fail; leave a facet out between them",
-                a.name,
-                b.name,
-            )
 
 
 def _among(f: fem.Function, functions: Sequence[fem.Function]) -> bool:

@@ -29,13 +29,8 @@ from dolfinx_contact._compat import (
     merge_entity_maps,
 )
 from dolfinx_contact._errors import require
-from dolfinx_contact.elements import (
-    check_elements,
-    check_quadrature,
-    displacement_degree,
-    require_same_numbering,
-)
-from dolfinx_contact.evaluation import Evaluator
+from dolfinx_contact.elements import check_elements, check_quadrature, displacement_degree
+from dolfinx_contact.evaluation import Evaluator, require_same_numbering
 from dolfinx_contact.laws import FrictionLaw, Status, augment, classify, projection
 from dolfinx_contact.obstacles import Obstacle
 from dolfinx_contact.trace import exterior_facets, facet_closures, owned_exterior, trace_dofs

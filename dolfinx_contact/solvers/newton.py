@@ -16,7 +16,7 @@ from petsc4py import PETSc
 
 import numpy as np
 
-from dolfinx_contact._petsc import options_in_database
+from dolfinx_contact._petsc import logged, options_in_database
 from dolfinx_contact.laws import Status
 from dolfinx_contact.solvers.errors import FloatingBodyError, LinearSolverError
 from dolfinx_contact.solvers.history import Attempt, Step
@@ -99,7 +99,8 @@ class Newton:
         return bool(reason > 0)
 
     def _function(self, _snes: PETSc.SNES, x: PETSc.Vec, b: PETSc.Vec) -> None:
-        self.problem.residual(x, b)
+        with logged("ContactResidual"):
+            self.problem.residual(x, b)
         if self.load != 1.0:
             b.axpy(self.load - 1.0, self.offset)
 
