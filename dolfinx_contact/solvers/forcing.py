@@ -2,10 +2,11 @@
 """How exactly the linear system of a Newton step is worth solving.
 
 Eisenstat and Walker (SIAM J. Sci. Comput. 17, 1996, choice 2): the relative tolerance of step k is
-gamma (F_k / F_(k-1))^2, with their safeguard against a fall by accident. Two guards for kinks:
-while points change their status the reduction of the residual says nothing about the model of the
-next step, so that the tolerance stays at its largest value; and no step is solved beyond what the
-tolerance of the whole solve can use.
+gamma (F_k / F_(k-1))^2, with their safeguard against a fall by accident. Guards for kinks: while
+points change their status the reduction of the residual says nothing about the model of the next
+step, so that the tolerance stays at its largest value; where the residual finds no new minimum for
+some steps, or statuses cycle, that value shrinks, since it may be the inexactness that makes them
+change; and no step is solved beyond what the tolerance of the whole solve can use.
 """
 
 from __future__ import annotations
@@ -27,15 +28,19 @@ class Forcing:
         smallest: the tightest tolerance.
         reserve: part of the remaining reduction that the last step is solved to.
         many: share of the contact points whose change counts as many.
+        patience: steps without a new minimum of the residual before the tolerances shrink.
     """
 
     largest: float = 1e-1
     warm: float = 1e-3
     gamma: float = 0.9
     smallest: float = 1e-10
-    reserve: float = 0.1
+    reserve: float = 0.01
     many: float = 0.02
+    patience: int = 4
     _cap: float = field(default=1e-1, init=False)
+    _least: float = field(default=float("inf"), init=False)
+    _waited: int = field(default=0, init=False)
     _last: float = field(default=0.0, init=False)
     _eta: float = field(default=0.0, init=False)
 
@@ -43,12 +48,14 @@ class Forcing:
         """Begin anew, from a state that is close to a solution or not."""
         self._cap = self.warm if warm else self.largest
         self._last = self._eta = 0.0
+        self._least, self._waited = float("inf"), 0
 
     def tighten(self) -> bool:
         """Solve more exactly from now on; False if that is done already."""
         if self._cap <= self.warm**2:
             return False
-        self._cap *= self.warm
+        self._cap *= 0.03
+        self._waited = 0
         return True
 
     def tolerance(self, residual: float, target: float, changed: float) -> float:
@@ -59,6 +66,11 @@ class Forcing:
             target: at which the solve ends.
             changed: share of the points that changed their status on the way to the state.
         """
+        self._waited = 0 if residual < self._least else self._waited + 1
+        self._least = min(residual, self._least)
+        if self._waited > self.patience:
+            self.tighten()
+            self._waited = 0
         eta = self._cap
         if self._last > 0 and changed <= self.many:
             eta = self.gamma * min(residual / self._last, 1.0) ** 2
