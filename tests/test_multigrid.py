@@ -204,6 +204,6 @@ def test_forcing():
     assert forcing.tolerance(5e-3, 1e-10, 0.0) == pytest.approx(0.9e-4)
     assert forcing.tolerance(5e-10, 1e-10, 0.0) == pytest.approx(0.002)  # no further than needed
     assert forcing.tighten()
-    assert forcing.tolerance(0.5, 1e-10, 1.0) < 1e-3
+    assert forcing.tolerance(0.5, 1e-10, 1.0) < forcing.largest / 10
     forcing.restart(warm=True)
     assert forcing.tolerance(1.0, 1e-10, 1.0) == forcing.warm
