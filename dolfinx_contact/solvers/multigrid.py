@@ -69,6 +69,18 @@ class Multigrid(LinearSolver):
         pc.setType(PETSc.PC.Type.PYTHON)
         pc.setPythonContext(self.filter)
 
+    def create_preconditioner(self) -> PETSc.PC:
+        """A PC for the operator as `update` leaves it, for other systems with this block.
+
+        It follows later updates; the caller destroys it.
+        """
+        pc = PETSc.PC().create(self.comm)
+        pc.setOperators(self.matrix)
+        pc.setType(PETSc.PC.Type.PYTHON)
+        pc.setPythonContext(self.filter)
+        pc.setUp()
+        return pc
+
     def update(self) -> None:
         with logged("ContactJacobian"):
             self.operator.update()
