@@ -37,7 +37,7 @@ class Forcing:
     smallest: float = 1e-10
     reserve: float = 0.01
     many: float = 0.02
-    patience: int = 4
+    patience: int = 8
     _cap: float = field(default=1e-1, init=False)
     _least: float = field(default=float("inf"), init=False)
     _waited: int = field(default=0, init=False)
