@@ -5,7 +5,7 @@
 #
 # - follow the equilibrium of a 3D body as its load grows, while hundreds of contact points close,
 #   stick and slip one after another;
-# - have most of these events passed in batches, and those that matter located to round-off;
+# - have these events passed in batches, and one that matters located to round-off;
 # - read off how the contact area and the sliding part of it grow.
 #
 # The foot is a block of hexahedra with a rounded sole, just above a rigid floor. Its top is lowered
@@ -87,13 +87,14 @@ def foot(args, comm):
     return ParametricContact(problem, gamma, driven=[(moved, move)]), material
 
 
-def lowest_point(system):
-    """Local number of the lowest contact point on the rank that owns it, -1 on the others."""
+def first_contact(system):
+    """The predicate of the event at which the lowest point closes. Collective."""
     (surface,) = system.problem.surfaces
     heights = surface.positions[: surface.num_owned_points, 2]
     mine = int(np.argmin(heights)) if len(heights) else -1
     least = (float(heights.min(initial=np.inf)), system.comm.rank)
-    return mine if system.comm.allreduce(least, op=min) == least else -1
+    lowest = mine if system.comm.allreduce(least, op=min) == least else -1
+    return lambda change: change.point == lowest and change.before == 0
 
 
 def show(system, follower, point):
@@ -162,7 +163,8 @@ def draw(path, seen, special, friction):
 # ## Follow it
 #
 # `kinks="batched"` lets a step pass many events; it is the default for so many contact points. The
-# predicate `locate` asks for those of the lowest point to be located.
+# predicate `locate` asks for one of them, the first contact, to be located. It is asked on the rank
+# that owns the point.
 
 
 def main(argv=None):
@@ -173,8 +175,7 @@ def main(argv=None):
     problem = system.problem
     x = system.create_vector()
     x.set(0.0)  # in its place, the body does not touch
-    lowest = lowest_point(system)
-    locate = (lambda change: change.point == lowest) if args.kinks == "batched" else None
+    locate = first_contact(system) if args.kinks == "batched" else None
     control = StepControl(kinks=args.kinks)
     with Follower(system, control, gamma_scale=1.0, locate=locate) as follower:
         branch = follower.run(
