@@ -1,19 +1,21 @@
 # Each target sets its environment up on the way (docker/run); DEBIAN=sid takes the other suite.
 RUN = docker/run
-OUTPUT = output/dragged_body
+OUTPUT = output
 # mpirun gives its ranks a terminal, so that pytest would colour what goes to a log.
 PYTEST = python3 -m pytest --color=no tests
 
 .PHONY: help demo test lint clean
 
 help:
-	@echo "make demo   drag a body over a rigid floor on two ranks; pictures in OUTPUT=$(OUTPUT)"
+	@echo "make demo   all branches of a triangle on a floor, and a body dragged over one, on two"
+	@echo "            ranks; pictures in OUTPUT=$(OUTPUT)"
 	@echo "make test   lint, types, and the tests on one, two and three ranks"
 	@echo "make lint   ruff and mypy alone"
 	@echo "make clean  remove what demos, tests and tools wrote"
 
 demo:
-	$(RUN) mpirun -n 2 python3 demos/demo_dragged_body.py --output $(OUTPUT)
+	$(RUN) mpirun -n 2 python3 demos/demo_linear_triangle.py --output $(OUTPUT)/linear_triangle
+	$(RUN) mpirun -n 2 python3 demos/demo_dragged_body.py --output $(OUTPUT)/dragged_body
 
 test: lint
 	$(RUN) $(PYTEST)

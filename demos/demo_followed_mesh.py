@@ -15,6 +15,9 @@
 # gamma goes from 0 to 1. With `--body-force FX FY GX GY` the body force is
 # (1 - gamma) (FX, FY) + gamma (GX, GY); with `--drive-top DX DY` the highest part of `dirichlet` is
 # displaced by gamma (DX, DY), in small or, with a hyperelastic law, in large deformation.
+#
+# With `--record DIR` every point goes to the disk as it is found. If the run is killed, the same
+# command with `--resume` goes on, on any number of ranks.
 
 import argparse
 
@@ -26,10 +29,17 @@ import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, parse_arguments
-from dolfinx_contact.continuation import Follower, StepControl
+from dolfinx_contact.continuation import Follower, Observers, StepControl
 from dolfinx_contact.materials import CiarletGeymonat, LinearElastic, NeoHookean
 from dolfinx_contact.meshing import mesh_from_gmsh, read_mesh
-from dolfinx_contact.output import Progress, output_folder, write_summary
+from dolfinx_contact.output import (
+    BranchRecord,
+    Progress,
+    draw_diagram,
+    output_folder,
+    write_series,
+    write_summary,
+)
 from dolfinx_contact.parametric import ParametricContact
 
 
@@ -49,12 +59,16 @@ def arguments(argv=None):
     parser.add_argument("--r", type=float, default=None, help="augmentation parameter")
     parser.add_argument("--length", type=float, default=1.0, help="the unit of the mesh")
     parser.add_argument("--max-steps", type=int, default=2000)
+    parser.add_argument("--record", metavar="DIR", help="keep journal and fields of the branch")
+    parser.add_argument("--resume", action="store_true", help="go on with the record")
     parser.add_argument("--output", default="output/followed_mesh")
     args = parse_arguments(parser, argv)
     if args.body_force is None and args.drive_top is None:
         args.body_force = (0.0, -6.0, -14.0, -6.0)
     if args.solutions_at is not None and not 0 <= args.solutions_at <= 1:
         parser.error("--solutions-at must lie between 0 and 1")
+    if args.resume and args.record is None:
+        parser.error("--resume needs the record: --record DIR")
     return args
 
 
@@ -146,6 +160,14 @@ def observe(followed, point):
     }
 
 
+def ut_left(problem):
+    """Tangential displacement of the leftmost contact point, for the record."""
+    (surface,) = problem.surfaces
+    state, n = surface.state(), surface.num_owned_points
+    x, ut = (np.concatenate(problem.comm.allgather(state[key][:n])) for key in ("x", "ut"))
+    return ut[np.argmin(x[:, 0]), 0]
+
+
 def draw(path, gammas, seen, folds):
     import matplotlib as mpl
 
@@ -179,6 +201,28 @@ def draw(path, gammas, seen, folds):
 
 
 # ## Follow it
+#
+# `follower.run` tells observers of every point; a `BranchRecord` is one, and `go_on` takes up where
+# it ends. Fields are kept at every point here, so that all of the branch can be read back.
+
+FUNCTIONALS = {"ut_left": ut_left}
+
+
+def follow_it(args, followed, follower, record):
+    """The branch from its start, or on from the end of the record."""
+    progress = Progress(followed.comm)
+    if args.resume and record.journal.branches:
+        return record.go_on(max_steps=args.max_steps, observer=progress)
+    # The undeformed body that only grazes the floor has every contact point at a kink: when its
+    # support is driven, the branch is entered a little beyond.
+    first = 0.0 if args.drive_top is None else 1e-3
+    followed.set_parameter(first)
+    followed.problem.solve()
+    x = followed.create_vector()
+    followed.problem.write(x)
+    start = follower.start(x, first)
+    observer = progress if record is None else Observers(progress, record)
+    return follower.run(start, (0.0, 1.0), max_steps=args.max_steps, observer=observer)
 
 
 def main(argv=None):
@@ -186,46 +230,47 @@ def main(argv=None):
     comm = MPI.COMM_WORLD
     folder = output_folder(comm, args.output)
     followed = system(args, comm)
-    problem = followed.problem
-    # The undeformed body that only grazes the floor has every contact point at a kink: when its
-    # support is driven, the branch is entered a little beyond.
-    first = 0.0 if args.drive_top is None else 1e-3
-    followed.set_parameter(first)
-    problem.solve()
-    x = followed.create_vector()
-    problem.write(x)
-
     default, factor = StepControl(), args.step_factor
     control = StepControl(
         initial=min(factor * default.initial, 1.0), maximum=min(factor * default.maximum, 1.0)
     )
+    record = None
+    if args.record is not None:
+        record = BranchRecord(args.record, followed, FUNCTIONALS, every=1, resume=args.resume)
     with Follower(followed, control, gamma_scale=1.0) as follower:
-        start = follower.start(x, first)
-        progress = Progress(comm)
-        branch = follower.run(start, (0.0, 1.0), max_steps=args.max_steps, observer=progress)
-        seen = [observe(followed, p) for p in branch.points]
+        branch = follow_it(args, followed, follower, record)
+        if record is None:
+            special = [vars(s) for s in branch.special]
+        else:
+            # All of the branch, with what was followed before a kill.
+            branch.points = record.points()
+            special = record.journal.special().to_dict("records")
+            follower.restore(record.state(0, len(branch.points) - 1)[1])
+        points = branch.points
+        seen = [observe(followed, p) for p in points]
         folds = [
             {
-                "gamma": s.gamma,
-                "kind": "smooth" if s.smooth else "nonsmooth",
-                "before": seen[s.index - 1]["status"],
-                "after": seen[s.index]["status"],
+                "gamma": s["gamma"],
+                "kind": "smooth" if s["smooth"] else "nonsmooth",
+                "before": seen[s["index"] - 1]["status"],
+                "after": seen[s["index"]]["status"],
             }
-            for s in branch.folds
+            for s in special
+            if s["kind"] == "fold"
         ]
         scalars = {
             "converged": branch.reason == "gamma reached the end of its range",
             "reason": branch.reason,
-            "newton_iterations": sum(p.corrections for p in branch.points),
-            "dofs": x.getSize(),
+            "newton_iterations": sum(p.corrections for p in points),
+            "dofs": followed.matrix.getSize()[0],
             "folds": folds,
-            "events": sum(bool(s.changes) for s in branch.special),
-            "bifurcations": [s.gamma for s in branch.bifurcations],
-            "points": len(branch.points),
-            "gammas": [p.gamma for p in branch.points],
-            "augmentation": problem.surfaces[0].mean_augmentation,
+            "events": sum(bool(s["changes"]) for s in special),
+            "bifurcations": [s["gamma"] for s in special if s["kind"] == "bifurcation"],
+            "points": len(points),
+            "gammas": [p.gamma for p in points],
+            "augmentation": followed.problem.surfaces[0].mean_augmentation,
             "factorisations": branch.factorisations,
-            "gamma_end": branch.points[-1].gamma,
+            "gamma_end": points[-1].gamma,
             "end": seen[-1],
         }
         if args.solutions_at is not None:
@@ -234,10 +279,16 @@ def main(argv=None):
                 "gamma": args.solutions_at,
                 "solutions": [observe(followed, p) for p in there],
             }
+    if record is not None:
+        write_series(folder, record)
+        if comm.rank == 0:
+            label = "$u_t$ of the leftmost contact point"
+            draw_diagram(folder / "diagram.png", record.journal, "ut_left", label=label)
+        record.close()
     if comm.rank == 0:
-        draw(folder / "branch.png", [p.gamma for p in branch.points], seen, folds)
-        for s in branch.special:
-            print(f"{s.kind:11s} gamma {s.gamma:.12f}  {seen[s.index]['status']}")
+        draw(folder / "branch.png", [p.gamma for p in points], seen, folds)
+        for s in special:
+            print(f"{s['kind']:11s} gamma {s['gamma']:.12f}  {seen[s['index']]['status']}")
         for s in scalars.get("solutions_at", {}).get("solutions", []):
             print("  ", s)
         print(f"{branch.reason}; {len(folds)} folds, {scalars['events']} events")

@@ -8,6 +8,7 @@ it runs on; a branch goes when its DOLFINx leaves the table of the README.
 from __future__ import annotations
 
 import inspect
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -42,6 +43,10 @@ __all__ = [
     "write_checkpoint",
     "write_functions",
 ]
+
+# Debian's ADIOS2 takes its serial Python bindings in a process without mpirun, once and for all at
+# its first import; checkpoints need the others.
+os.environ.setdefault("ADIOS2_ALWAYS_USE_MPI", "1")
 
 _HAS_ENTITY_MAP = hasattr(mesh, "EntityMap")  # 0.10
 _HAS_BLOCK_NAMES = hasattr(fem_petsc, "create_matrix_block")  # 0.9 only

@@ -11,7 +11,7 @@ from typing import Any
 
 from petsc4py import PETSc
 
-__all__ = ["options_in_database", "parse_arguments", "require_real"]
+__all__ = ["logged", "options_in_database", "parse_arguments", "require_real"]
 
 
 def parse_arguments(
@@ -60,3 +60,14 @@ def require_real() -> None:
             "dolfinx_contact needs PETSc with real scalars, and this one has complex scalars. "
             "On Debian install python3-dolfinx-real and set PETSC_DIR to the real build."
         )
+
+
+@contextmanager
+def logged(name: str) -> Iterator[None]:
+    """Count the time and the flops of the context as an event of ``-log_view``."""
+    event = PETSc.Log.Event(name)
+    event.begin()
+    try:
+        yield
+    finally:
+        event.end()

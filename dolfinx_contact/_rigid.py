@@ -50,7 +50,7 @@ def parts(V: fem.FunctionSpace) -> npt.NDArray[np.int32]:
     whole = connected_components(links, directed=False)[1][mine]
     # Ghosts without a cell on this rank are parts of their own here; every part that is left
     # over by that has no owned node, and is dropped by numbering the others anew.
-    present = sorted(set().union(*comm.allgather(set(whole[:owned].tolist()))))
+    present = np.unique(np.concatenate(comm.allgather(np.unique(whole[:owned]))))
     return np.searchsorted(present, whole).astype(np.int32)
 
 

@@ -24,8 +24,6 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-import dolfinx.fem.petsc
-
 from dolfinx_contact._petsc import options_in_database
 from dolfinx_contact.continuation import Piece
 from dolfinx_contact.continuation.affine import AffineSystem
@@ -179,8 +177,7 @@ class CondensedContact:
     # -- bulk ------------------------------------------------------------------------------------
 
     def _factorise(self) -> None:
-        K = dolfinx.fem.petsc.assemble_matrix(self.problem.bulk_jacobian)
-        K.assemble()
+        K = self.problem.bulk.stiffness()
         start = K.getOwnershipRange()[0]
         fixed = self.problem.constraints.fixed.reshape(-1)[: self._n]
         inner = ~fixed
@@ -198,7 +195,6 @@ class CondensedContact:
             K.createSubMatrix(contact, contact),
             K.createSubMatrix(inside, inside),
         )
-        K.destroy()
         self._ksp = PETSc.KSP().create(self.comm)
         self._ksp.setOptionsPrefix("condensed_")
         self._ksp.setOperators(K_II)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Dirichlet data that meet contact surfaces.
+"""Dirichlet data that meet contact surfaces, and surfaces that meet one another.
 
 Where Dirichlet data fix the displacement of a contact node, its multiplier has nothing to determine
 it: the reaction belongs to the support. Such multiplier components are removed (identity rows).
@@ -7,7 +7,9 @@ it: the reaction belongs to the support. Such multiplier components are removed 
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
+from itertools import combinations
 
 import numpy as np
 import numpy.typing as npt
@@ -18,7 +20,9 @@ from dolfinx_contact._errors import require
 from dolfinx_contact.laws import Frictionless
 from dolfinx_contact.surface import ContactSurface
 
-__all__ = ["Constraints"]
+__all__ = ["Constraints", "check_overlap"]
+
+logger = logging.getLogger(__name__)
 
 _TOLERANCE = 1e-6  # of a direction cosine
 
@@ -29,6 +33,7 @@ class Constraints:
     Attributes:
         fixed: local nodes x dim of the displacement, True where fixed.
         clamped: per surface, local multiplier nodes whose normal multiplier is removed.
+        removed: per surface, local multiplier nodes x dim, True where the component is removed.
         multiplier_bcs: identity rows for the removed components.
 
     Raises:
@@ -46,10 +51,12 @@ class Constraints:
         # A value may itself be NaN, so a component is fixed if either filling is overwritten.
         self.fixed = np.isfinite(self.values()) | np.isnan(self.values(fill=0.0))
         self.clamped: list[npt.NDArray[np.bool_]] = []
+        self.removed: list[npt.NDArray[np.bool_]] = []
         self.multiplier_bcs: list[fem.DirichletBC] = []
         self._normals = [s.vertex_normals.copy() for s in surfaces]
         for s in surfaces:
             removed = self._removed(s)
+            self.removed.append(removed)
             self.clamped.append(np.asarray(removed.all(axis=1)))
             n = s.Q.dofmap.index_map.size_local
             left = s.comm.allreduce(int((~self.clamped[-1][:n]).sum()))
@@ -91,6 +98,19 @@ class Constraints:
                 f"{s.name}: Dirichlet data push a contact node {-worst:.3g} into the obstacle",
             )
 
+    def removed_multipliers(self, sizes: Sequence[int]) -> npt.NDArray[np.bool_]:
+        """Which of the owned unknowns after the displacement are removed multipliers.
+
+        Args:
+            sizes: numbers of owned unknowns, field by field, the displacement first.
+        """
+        marks, start = np.zeros(sum(sizes[1:]), dtype=bool), 0
+        per_surface = (len(sizes) - 1) // len(self.removed)
+        for removed, i in zip(self.removed, range(1, len(sizes), per_surface), strict=True):
+            marks[start : start + sizes[i]] = removed.reshape(-1)[: sizes[i]]
+            start += sum(sizes[i : i + per_surface])
+        return marks
+
     def _removed(self, s: ContactSurface) -> npt.NDArray[np.bool_]:
         """Local multiplier nodes x dim, True where the component is removed."""
         fixed = self.fixed[s.trace_dofs]
@@ -110,6 +130,21 @@ class Constraints:
             "be told apart; fix all components there or leave the node free",
         )
         return np.where(oblique[:, None], False, fixed) | clamped[:, None]
+
+
+def check_overlap(surfaces: Sequence[ContactSurface]) -> None:
+    """Refuse common facets of two surfaces, and warn of common nodes. Collective."""
+    for a, b in combinations(surfaces, 2):
+        facets = np.intersect1d(a.submesh.parent_facets, b.submesh.parent_facets)
+        require(a.comm, len(facets) == 0, f"surfaces {a.name} and {b.name} have common facets")
+        nodes = len(np.intersect1d(a.vertex_trace_dofs, b.vertex_trace_dofs))
+        if a.comm.allreduce(nodes, op=max) > 0 and a.comm.rank == 0:
+            logger.warning(
+                "surfaces %s and %s share nodes: where both hold one, their reactions cannot be "
+                "told apart and the solve may fail; leave a facet out between them",
+                a.name,
+                b.name,
+            )
 
 
 def _zero_rows(f: fem.Function, removed: npt.NDArray[np.bool_]) -> list[fem.DirichletBC]:

@@ -12,7 +12,7 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem, la
 
-__all__ = ["Evaluator"]
+__all__ = ["Evaluator", "require_same_numbering"]
 
 
 class Evaluator:
@@ -72,3 +72,9 @@ class Evaluator:
             integral = self._assemble(form, shape)
             values.append(integral / self.areas.reshape(-1, *(1 for _ in shape)))
         return values
+
+
+def require_same_numbering(W: fem.FunctionSpace, Q: fem.FunctionSpace) -> None:
+    """Raise ``RuntimeError`` if two spaces of a surface differ in the numbering of their dofs."""
+    if not np.array_equal(W.dofmap.list, Q.dofmap.list):
+        raise RuntimeError("scalar and vector spaces of a contact surface are numbered differently")

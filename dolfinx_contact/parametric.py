@@ -33,6 +33,7 @@ from dolfinx_contact.surface import ContactSurface
 __all__ = ["ParametricContact"]
 
 _OPEN, _STICK, _PLUS, _MINUS = range(4)
+_MANY_POINTS = 50
 
 
 class ParametricContact:
@@ -82,6 +83,7 @@ class ParametricContact:
             ]
         )
         self._offsets = np.concatenate([[0], np.cumsum(counts)]).astype(int)
+        self._num_points = self.comm.allreduce(int(self._offsets[-1]))
         self._exact = self._is_affine(variable)
         self._condensed: CondensedContact | None = None
 
@@ -127,8 +129,14 @@ class ParametricContact:
         return self._scales.force, self._scales.length
 
     @scales.setter
-    def scales(self, scales: tuple[float, float]) -> None:
+    def scales(self, scales: Sequence[float]) -> None:
         self._scales.force, self._scales.length = scales
+
+    @property
+    def has_many_pieces(self) -> bool:
+        """Whether kinks are passed in batches by default: in 3D beyond fifty contact points."""
+        in_space = any(s.dim == 3 for s in self.problem.surfaces)
+        return in_space and self._num_points > _MANY_POINTS
 
     # -- affine pieces ---------------------------------------------------------------------------
 

@@ -9,10 +9,8 @@ typical stiffness per area. So neither norms of H nor the matrix depend on the u
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
 from petsc4py import PETSc
@@ -20,24 +18,24 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-import dolfinx.fem.petsc
 import ufl
 from dolfinx import fem, la
 
 from dolfinx_contact import _rigid
 from dolfinx_contact._compat import assemble_block_matrix, create_block_matrix, merge_entity_maps
 from dolfinx_contact._errors import require
-from dolfinx_contact._petsc import require_real
-from dolfinx_contact.constraints import Constraints
+from dolfinx_contact._petsc import logged, require_real
+from dolfinx_contact.augmentation import automatic_augmentation
+from dolfinx_contact.bulk import Bulk
+from dolfinx_contact.constraints import Constraints, check_overlap
 from dolfinx_contact.laws import Status
 from dolfinx_contact.surface import ContactSurface
 
 if TYPE_CHECKING:
     from dolfinx_contact.result import Result
+    from dolfinx_contact.solvers.linear import LinearSolver
 
 __all__ = ["ContactProblem"]
-
-logger = logging.getLogger(__name__)
 
 
 class ContactProblem:
@@ -92,14 +90,15 @@ class ContactProblem:
         finite = bool(np.isfinite(self.V.mesh.geometry.x).all())
         require(self.comm, finite, "the mesh has a coordinate that is not finite")
 
-        _check_overlap(self.surfaces)
-
-        self.energy, residual = _energy_and_residual(bulk, u)
+        check_overlap(self.surfaces)
+        self.bulk = Bulk(bulk, u)
+        self.energy = self.bulk.energy
         self.energy_form = None if self.energy is None else fem.form(self.energy)
-        self._compile(residual)
+        self._compile()
         self.constraints = Constraints(self.V, self.surfaces, self.bcs)
         self._all_bcs = [*self.bcs, *self.constraints.multiplier_bcs]
-        self.matrix = create_block_matrix(self._J)
+        self._matrix: PETSc.Mat | None = None
+        self._linear_solver: LinearSolver | None = None
         spaces = [f.function_space for f in self.fields]
         self._scratch = [la.vector(W.dofmap.index_map, W.dofmap.index_map_bs) for W in spaces]
         self.owned_sizes = [W.dofmap.index_map.size_local * W.dofmap.index_map_bs for W in spaces]
@@ -121,7 +120,7 @@ class ContactProblem:
 
     # -- forms -----------------------------------------------------------------------------------
 
-    def _compile(self, residual: ufl.Form) -> None:
+    def _compile(self) -> None:
         """Forms of every block. Bulk and contact terms stay apart: each has measures of its own."""
         v, maps = ufl.TestFunction(self.V), merge_entity_maps([s.submesh for s in self.surfaces])
         domain = self.V.mesh
@@ -130,10 +129,9 @@ class ContactProblem:
         n = len(self.fields)
         #: The PETSc unknowns are the fields over these: all of them lengths.
         self._units = [fem.Constant(domain, 1.0) for _ in self.fields]
-        rows: list[list[ufl.Form]] = [[residual]] + [[] for _ in range(n - 1)]
+        rows: list[list[ufl.Form]] = [[self.bulk.residual]] + [[] for _ in range(n - 1)]
         self._J: list[list[fem.Form | None]] = [[None] * n for _ in range(n)]
-        bulk = ufl.derivative(residual, self.u, ufl.TrialFunction(self.V))
-        self._J[0][0] = self.bulk_jacobian = fem.form(bulk)
+        self._J[0][0] = self.bulk.jacobian_form
         start = 1
         for s in self.surfaces:
             indices = range(start, start + len(s.unknowns))
@@ -148,50 +146,43 @@ class ContactProblem:
                         self._J[i][j] = self._derivative(term, j, maps)
         #: UFL residuals of every block, bulk and contact terms apart.
         self.rows, self.entity_maps = rows, maps
-        self._R = [[fem.form(f, entity_maps=maps) for f in row] for row in rows]
+        #: Residuals of the contact terms alone, and of all terms.
+        self._contact = [
+            [fem.form(f, entity_maps=maps) for f in row] for row in (rows[0][1:], *rows[1:])
+        ]
+        self._R = [[self.bulk.residual_form, *self._contact[0]], *self._contact[1:]]
+        #: Derivatives of the contact terms alone.
+        self.contact_jacobian = [[None, *self._J[0][1:]], *self._J[1:]]
 
     def _derivative(self, row: Any, j: int, maps: Any) -> fem.Form:
         direction = self._units[j] * ufl.TrialFunction(self.fields[j].function_space)
         return fem.form(ufl.derivative(row, self.fields[j], direction), entity_maps=maps)
 
     def _scale(self, r: float | None) -> None:
-        """Typical stiffness of Dirichlet rows, r of the surfaces, free rigid motions.
-
-        The automatic r is near Young's modulus over the size of the body, taken from
-        the diagonal of the stiffness. A small r sends a point that slips the wrong way to stick; a
-        large one (the nodal stiffness, say) sends it to slip the other way, and Newton's method
-        into a cycle.
-        """
-        K = dolfinx.fem.petsc.assemble_matrix(self.bulk_jacobian)
-        K.assemble()
-        diagonal = fem.Function(self.V)
-        diagonal.x.array[: self.owned_sizes[0]] = np.abs(K.getDiagonal().array)
-        diagonal.x.scatter_forward()
-        size = self.comm.allreduce(float(np.sum(diagonal.x.array[: self.owned_sizes[0]])))
-        count = self.V.dofmap.index_map.size_global * self.V.dofmap.index_map_bs
-        require(
-            self.comm,
-            bool(np.isfinite(size)) and size > 0,
-            "the stiffness of the bulk is zero or not finite at the starting displacement",
+        """Typical stiffness of Dirichlet rows, r of the surfaces, free rigid motions."""
+        K = self.bulk.stiffness()
+        self.stiffness_scale, self.automatic_r = automatic_augmentation(
+            K, self.V, self.surfaces, self.body_size
         )
-        self.stiffness_scale = size / count
-        self.automatic_r: list[npt.NDArray[np.float64]] = []
-        per_node = diagonal.x.array.reshape(-1, self.V.dofmap.index_map_bs).mean(axis=1)
-        for s in self.surfaces:
-            width = s.vertex_areas ** (1 / (s.dim - 1))
-            stiffness = per_node[s.vertex_trace_dofs] / s.vertex_areas
-            automatic = stiffness * width / self.body_size
-            self.automatic_r.append(automatic)
+        for s, automatic in zip(self.surfaces, self.automatic_r, strict=True):
             s.set_augmentation(automatic if r is None else np.full_like(automatic, r))
             self._unit_constant(s.multiplier).value = self.stiffness_scale / s.mean_vertex_area
         self.free_motions = _rigid.free_motions(K, self.V, self.constraints.fixed)
-        K.destroy()
+        if not self.bulk.linear:
+            self.bulk.destroy()
 
     # -- vectors ---------------------------------------------------------------------------------
 
+    @property
+    def matrix(self) -> PETSc.Mat:
+        """The assembled Jacobian of H, made when it is first asked for. Collective."""
+        if self._matrix is None:
+            self._matrix = create_block_matrix(self._J)
+        return self._matrix
+
     def create_vector(self) -> PETSc.Vec:
         """A vector of all unknowns, rank by rank displacement then multipliers."""
-        return self.matrix.createVecRight()
+        return PETSc.Vec().createMPI((sum(self.owned_sizes), None), comm=self.comm)
 
     def read(self, x: PETSc.Vec) -> None:
         """Put the unknowns ``x`` into the Functions."""
@@ -246,30 +237,44 @@ class ContactProblem:
     def update_status(self) -> None:
         """Recompute the status from the Functions, unless it is held."""
         if not self.hold_status:
-            for s in self.surfaces:
-                s.status = s.evaluate_status()
+            with logged("ContactStatus"):
+                for s in self.surfaces:
+                    s.status = s.evaluate_status()
 
     def residual(self, x: PETSc.Vec, b: PETSc.Vec) -> None:
         """H(x) into ``b``; the Functions and the status follow ``x``. Collective."""
         self.read(x)
         self.update_status()
-        values = self._scaled_fields()
-        parts = []
-        for i, (forms, c) in enumerate(zip(self._R, self._scratch, strict=True)):
+        values, parts = self._scaled_fields(), []
+        lifted = values[0].copy()
+        for bc in self.bcs:
+            bc.set(lifted)
+        # A linear body takes its Dirichlet data in the product, and needs no assembly.
+        body = self.bulk.affine_residual(lifted)
+        R, J = (self._R, self._J) if body is None else (self._contact, self.contact_jacobian)
+        for i, (forms, c) in enumerate(zip(R, self._scratch, strict=True)):
             c.array[:] = 0.0
             for form in forms:
                 fem.assemble_vector(c.array, form)
+            add = body if i == 0 else None
             if i == 0:
-                self.reactions = self._accumulated(c)
-            parts.append(self._constrained(i, c, values))
+                self.reactions = self._accumulated(c) + (0.0 if add is None else add)
+            parts.append(self._constrained(i, c, values, J[i], add))
         b.array[:] = np.concatenate(parts)
 
     def _constrained(
-        self, i: int, c: la.Vector, at: list[npt.NDArray[np.float64]]
+        self,
+        i: int,
+        c: la.Vector,
+        at: list[npt.NDArray[np.float64]],
+        jacobian: Sequence[fem.Form | None],
+        add: npt.NDArray[np.float64] | None = None,
     ) -> npt.NDArray[np.float64]:
         """Owned part of block ``i`` of ``c`` once Dirichlet data are lifted and their rows set."""
-        fem.apply_lifting(c.array, self._J[i], self._bcs_by_block, x0=at, alpha=-1.0)
+        fem.apply_lifting(c.array, jacobian, self._bcs_by_block, x0=at, alpha=-1.0)
         c.scatter_reverse(la.InsertMode.add)
+        if add is not None:
+            c.array[: self.owned_sizes[i]] += add
         for bc in self._bcs_by_block[i]:
             bc.set(c.array, at[i], -self.stiffness_scale)
         return np.asarray(c.array[: self.owned_sizes[i]])
@@ -298,7 +303,7 @@ class ContactProblem:
             for form in forms:
                 if form is not None:
                     fem.assemble_vector(v.array, form)
-            parts.append(self._constrained(i, v, at))
+            parts.append(self._constrained(i, v, at, self._J[i]))
         c.array[:] = np.concatenate(parts)
 
     @staticmethod
@@ -316,7 +321,17 @@ class ContactProblem:
         self.read(x)
         if not keep_status:
             self.update_status()
+        self.assemble_jacobian(A)
+
+    def assemble_jacobian(self, A: PETSc.Mat) -> None:
+        """The Jacobian at the Functions and the status as they are into ``A``. Collective."""
         assemble_block_matrix(A, self._J, self._all_bcs, self.stiffness_scale)
+
+    @property
+    def global_sizes(self) -> list[int]:
+        """Numbers of unknowns on all ranks, field by field."""
+        spaces = [f.function_space for f in self.fields]
+        return [int(W.dofmap.index_map.size_global * W.dofmap.index_map_bs) for W in spaces]
 
     def support_forces(self, s: ContactSurface) -> npt.NDArray[np.float64]:
         """Reactions of Dirichlet data on the body at the local vertices of ``s``. Collective."""
@@ -363,41 +378,22 @@ class ContactProblem:
 
         return solve(self, **kwargs)
 
+    @property
+    def linear_solver(self) -> LinearSolver:
+        """What solves for Newton steps; it lasts as long as the problem. Collective."""
+        if self._linear_solver is None:
+            from dolfinx_contact.solvers.linear import create_linear_solver
+
+            self._linear_solver = create_linear_solver(self)
+        return self._linear_solver
+
     def destroy(self) -> None:
-        """Free the matrix."""
-        self.matrix.destroy()
-
-
-def _check_overlap(surfaces: Sequence[ContactSurface]) -> None:
-    """Refuse common facets of two surfaces, and warn of common nodes. Collective."""
-    for a, b in combinations(surfaces, 2):
-        facets = np.intersect1d(a.submesh.parent_facets, b.submesh.parent_facets)
-        require(a.comm, len(facets) == 0, f"surfaces {a.name} and {b.name} have common facets")
-        nodes = len(np.intersect1d(a.vertex_trace_dofs, b.vertex_trace_dofs))
-        if a.comm.allreduce(nodes, op=max) > 0 and a.comm.rank == 0:
-            logger.warning(
-                "surfaces %s and %s share nodes: where both hold one, their reactions cannot be "
-                "told apart and the solve may fail; leave a facet out between them",
-                a.name,
-                b.name,
-            )
+        """Free matrices and solvers."""
+        self.bulk.destroy()
+        for thing in (self._matrix, self._linear_solver):
+            if thing is not None:
+                thing.destroy()
 
 
 def _among(f: fem.Function, functions: Sequence[fem.Function]) -> bool:
     return any(f is g for g in functions)
-
-
-def _energy_and_residual(bulk: ufl.Form, u: fem.Function) -> tuple[ufl.Form | None, ufl.Form]:
-    if not isinstance(bulk, ufl.Form):
-        raise ValueError(f"the bulk must be a UFL form, got {type(bulk).__name__}")
-    if u not in bulk.coefficients():
-        raise ValueError("the bulk form does not contain the displacement u")
-    arguments = bulk.arguments()
-    if len(arguments) == 0:
-        return bulk, ufl.derivative(bulk, u, ufl.TestFunction(u.function_space))
-    if len(arguments) == 1 and arguments[0].ufl_function_space() == u.function_space:
-        return None, bulk
-    raise ValueError(
-        "the bulk must be an energy (no test function) or a residual with one test function of the "
-        "space of the displacement"
-    )

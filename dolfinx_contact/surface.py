@@ -30,7 +30,7 @@ from dolfinx_contact._compat import (
 )
 from dolfinx_contact._errors import require
 from dolfinx_contact.elements import check_elements, check_quadrature, displacement_degree
-from dolfinx_contact.evaluation import Evaluator
+from dolfinx_contact.evaluation import Evaluator, require_same_numbering
 from dolfinx_contact.laws import FrictionLaw, Status, augment, classify, projection
 from dolfinx_contact.obstacles import Obstacle
 from dolfinx_contact.trace import exterior_facets, facet_closures, owned_exterior, trace_dofs
@@ -127,9 +127,9 @@ class ContactSurface:
         else:
             rule, order = "vertex", 1
             self.points, self._point_vectors = self.vertices, self._vertex_vectors
-            _require_same_numbering(self.points, self.Q)
-        _require_same_numbering(self.vertices, self._vertex_vectors)
-        _require_same_numbering(self.points, self._point_vectors)
+            require_same_numbering(self.points, self.Q)
+        require_same_numbering(self.vertices, self._vertex_vectors)
+        require_same_numbering(self.points, self._point_vectors)
 
         entities = facet_integration_entities(domain, owned_exterior(domain, local))
         ds = ufl.Measure("ds", domain, subdomain_data=[(1, entities)])
@@ -261,6 +261,10 @@ class ContactSurface:
     def evaluate_status(self) -> Status:
         """Status that the present displacement and multiplier ask for. Collective."""
         return classify(*self.augmented_values(), self.law, self.dim)
+
+    def closed_vertices(self) -> npt.NDArray[np.bool_]:
+        """Local vertices around which contact points are mostly closed. Collective."""
+        return np.asarray(self._status_at_vertices()[0] > 0.5)
 
     def touching_status(self, tolerance: float) -> Status:
         """Status in which every point whose present gap is at most ``tolerance`` sticks."""
@@ -397,8 +401,3 @@ class ContactSurface:
 
 def _largest(values: npt.NDArray[np.float64]) -> float:
     return float(np.max(np.abs(values), initial=0.0))
-
-
-def _require_same_numbering(W: fem.FunctionSpace, Q: fem.FunctionSpace) -> None:
-    if not np.array_equal(W.dofmap.list, Q.dofmap.list):
-        raise RuntimeError("scalar and vector spaces of a contact surface are numbered differently")

@@ -18,7 +18,7 @@ from dolfinx_contact.materials import NeoHookean
 from dolfinx_contact.output import BranchRecord, resume
 from dolfinx_contact.parametric import ParametricContact
 
-CONTROL = StepControl(initial=0.01, maximum=0.04)
+CONTROL = StepControl(initial=0.01, maximum=0.01)
 
 
 def moved_block(comm, *, cell="quad", n=4, friction=0.3, method=None, degree=1, tilt=0.1):

@@ -79,3 +79,27 @@ def test_hyperelastic_vee_driven_by_its_top(folder):
     assert summary["end"]["ut_left"] > 0.2
     assert summary["end"]["sum_rn"] > 0
     assert abs(summary["end"]["sum_rt"]) <= 0.8 * summary["end"]["sum_rn"] * (1 + 1e-9)
+
+
+def test_a_budget_that_ends_early_is_resumed_from_the_record(reference, folder):
+    """Same summary from the record, resumed half-way, as from memory."""
+    summary, _ = reference
+    options = [*COARSE, f"--record={folder / 'record'}", f"--output={folder / 'out'}"]
+    first = demo.main([*options, "--max-steps", "15"])
+    assert first["points"] == 16
+    other = demo.main([*options, "--resume"])
+    for key in ("reason", "points", "events", "newton_iterations", "dofs", "bifurcations"):
+        assert other[key] == summary[key]
+    for a, b in zip(summary["folds"], other["folds"], strict=True):
+        assert (a["kind"], a["before"], a["after"]) == (b["kind"], b["before"], b["after"])
+        assert abs(a["gamma"] - b["gamma"]) < 1e-8
+    for a, b in zip(
+        summary["solutions_at"]["solutions"], other["solutions_at"]["solutions"], strict=True
+    ):
+        assert a["status"] == b["status"]
+        assert abs(a["ut_left"] - b["ut_left"]) < 1e-8
+    assert (folder / "out/diagram.png").stat().st_size > 20_000
+    assert {p.name for p in (folder / "out").glob("branch_0000_*")} == {
+        "branch_0000_body.bp",
+        "branch_0000_contact.bp",
+    }

@@ -6,7 +6,11 @@ from pathlib import Path
 from mpi4py import MPI
 
 import numpy as np
+from recorded_run import moved_block, start
 
+import ufl
+
+from dolfinx_contact.materials import NeoHookean
 from dolfinx_contact.meshing import read_mesh
 
 COMM = MPI.COMM_WORLD
@@ -37,7 +41,7 @@ def ball_segment(file):
 
 
 def test_readme_example(folder, monkeypatch):
-    (code,) = re.findall(r"```python\n(.*?)```", README.read_text(), flags=re.DOTALL)
+    code, _ = re.findall(r"```python\n(.*?)```", README.read_text(), flags=re.DOTALL)
     if COMM.rank == 0:
         ball_segment(folder / "body.msh")
     COMM.barrier()
@@ -52,3 +56,27 @@ def test_readme_example(folder, monkeypatch):
     assert force[2] > 0
     assert np.sign(force[0]) == -1  # dragged to the right, held back to the left
     assert any((folder / "output/body").iterdir())
+
+
+def test_readme_record(folder, monkeypatch):
+    """The example of a record, with a block and `steel` for its material."""
+    _, code = re.findall(r"```python\n(.*?)```", README.read_text(), flags=re.DOTALL)
+    monkeypatch.chdir(folder)
+    system, _ = moved_block(COMM, n=2)
+    names = {
+        "system": system,
+        "u": system.problem.u,
+        "steel": NeoHookean(600.0, 400.0),
+        "x": start(system),
+        "comm": COMM,
+        "ufl": ufl,
+    }
+    # One rank draws; on others the same file would be written at the same time.
+    exec(code if COMM.rank == 0 else code.replace("draw_diagram(", "(lambda *_: None)("), names)
+    assert names["branch"].reason == "gamma reached the end of its range"
+    table = names["table"]
+    assert table["gamma"].iloc[-1] == 1.0
+    assert table["energy"].iloc[-1] > 0
+    assert len(names["events"]) > 0
+    if COMM.rank == 0:
+        assert Path("output/branch.png").stat().st_size > 10_000

@@ -1,13 +1,22 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Following solution branches of piecewise smooth systems in PETSc."""
 
+from dolfinx_contact.continuation.batch import Locate
 from dolfinx_contact.continuation.branch import Branch, BranchPoint, Change, Ray, SpecialPoint
 from dolfinx_contact.continuation.diagram import Diagram, Edge, Node, explore
 from dolfinx_contact.continuation.follow import Follower, Route, follow, follower_for
 from dolfinx_contact.continuation.observer import Observer, Observers, Stepping, Task
-from dolfinx_contact.continuation.parameters import StepControl
+from dolfinx_contact.continuation.parameters import Kinks, StepControl
 from dolfinx_contact.continuation.pivoting import Pivoting
-from dolfinx_contact.continuation.system import Condensable, Condensed, Events, Piece, System
+from dolfinx_contact.continuation.solutions import Solution, Solutions, find_solutions
+from dolfinx_contact.continuation.system import (
+    Condensable,
+    Condensed,
+    Events,
+    ManyPieces,
+    Piece,
+    System,
+)
 
 __all__ = [
     "Branch",
@@ -19,6 +28,9 @@ __all__ = [
     "Edge",
     "Events",
     "Follower",
+    "Kinks",
+    "Locate",
+    "ManyPieces",
     "Node",
     "Observer",
     "Observers",
@@ -26,12 +38,15 @@ __all__ = [
     "Pivoting",
     "Ray",
     "Route",
+    "Solution",
+    "Solutions",
     "SpecialPoint",
     "StepControl",
     "Stepping",
     "System",
     "Task",
     "explore",
+    "find_solutions",
     "follow",
     "follower_for",
 ]

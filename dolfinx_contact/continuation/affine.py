@@ -91,6 +91,22 @@ class AffineSystem:
             self.allowed & (np.abs(away).max(axis=2) <= tolerance) & (least >= -tolerance)
         )
 
+    def statuses_of(self, i: int, w: Array, tolerance: float) -> npt.NDArray[np.bool_]:
+        """Which statuses hold one point with the numbers ``w``, (statuses,)."""
+        z = self._left_inverses[i] @ w
+        away = np.einsum("skd,sd->sk", self.bases[i], z) - w
+        least = (self.inequalities[i] @ w).min(axis=1, initial=0.0)
+        near = np.abs(away).max(axis=1) <= tolerance
+        return np.asarray(self.allowed[i] & near & (least >= -tolerance))
+
+    @cached_property
+    def _largest(self) -> float:
+        return float(np.abs(self.matrix).max(initial=0.0))
+
+    @cached_property
+    def _flat(self) -> Array:
+        return self.matrix.reshape(len(self.load), -1)
+
     @cached_property
     def _left_inverses(self) -> Array:
         return np.asarray(np.linalg.pinv(self.bases), dtype=float)
@@ -154,8 +170,16 @@ class AffinePiece:
         s = self.system
         z = self.inverse @ np.stack([s.load, s.rate], axis=1)
         B = s.bases[np.arange(s.points), self.codes]
-        w = np.einsum("mkd,mdj->jmk", B, z.reshape(s.points, -1, 2))
-        return w[0], w[1]
+        w = np.matmul(B, z.reshape(s.points, -1, 2))
+        return w[:, :, 0], w[:, :, 1]
+
+    @cached_property
+    def slack_coefficients(self) -> tuple[Array, Array]:
+        """C w = s_0 + gamma s_1 of the inequalities, (m, e) each; s_0 infinite where none is."""
+        w_0, w_1 = self.coefficients
+        C = self.system.inequalities[np.arange(self.system.points), self.codes]
+        s_0, s_1 = (np.matmul(C, w[:, :, None])[:, :, 0] for w in (w_0, w_1))
+        return np.where(np.any(C != 0, axis=2), s_0, np.inf), s_1
 
     def at(self, gamma: float) -> Array:
         """The state at ``gamma``, (m, k)."""
@@ -172,7 +196,9 @@ class AffinePiece:
         d = s.bases.shape[3]
         columns = (points[:, None] * d + np.arange(d)).reshape(-1)
         change = s.bases[points, new[points]] - s.bases[points, self.codes[points]]
-        U = np.einsum("nck,ckd->ncd", s.matrix[:, points], change).reshape(len(s.load), -1)
+        U = np.concatenate(
+            [s.matrix[:, i] @ c for i, c in zip(points, change, strict=True)], axis=1
+        )
         V = self.inverse @ U
         small = np.eye(len(columns)) + V[columns]
         determinant = float(np.linalg.det(small))
@@ -180,7 +206,7 @@ class AffinePiece:
             return s.piece(new)
         inverse = self.inverse - V @ np.linalg.solve(small, self.inverse[columns])
         moved = AffinePiece(s, new, inverse, self.sign * float(np.sign(determinant)))
-        w = np.stack(moved.coefficients)
-        residual = np.einsum("nmk,jmk->nj", s.matrix, w) - np.stack([s.load, s.rate], axis=1)
-        size = np.abs(s.matrix).max() * np.abs(w).max()
+        w = np.stack(moved.coefficients).reshape(2, -1)
+        residual = s._flat @ w.T - np.stack([s.load, s.rate], axis=1)
+        size = s._largest * np.abs(w).max()
         return moved if np.abs(residual).max() <= 1e-11 * size else s.piece(new)

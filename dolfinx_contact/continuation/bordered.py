@@ -5,7 +5,11 @@ r"""The bordered system: H(x, gamma) = 0 with one more row, regular where gamma 
     [ w^T  w_gamma ] [ dgamma ]
 
 Vectors y = (x, gamma) are PETSc vectors whose last entry, on the last rank, is gamma. The matrix is
-assembled and factorised by MUMPS; one factorisation serves every right-hand side.
+assembled and factorised by MUMPS; one factorisation serves every right-hand side, and the matrices
+that come after it as well: from one state and piece to the next they differ by little and by the
+rows of the points that change their status, so that GMRES, preconditioned with the factorisation,
+solves with the new matrix to round-off in a few iterations. When it needs many, the matrix is
+factorised anew.
 """
 
 from __future__ import annotations
@@ -29,6 +33,11 @@ _DEFAULTS = {
     "mat_mumps_icntl_33": 1,  # the determinant, for its sign
 }
 
+_LARGE = 2000  # unknowns from which on a factorisation is reused
+_ROUND_OFF = 1e-13  # relative, of GMRES
+_MOST_ITERATIONS = 40  # of GMRES; beyond, the matrix is factorised
+_WORN = 20  # iterations after which the next matrix is factorised
+
 
 class Bordered:
     """Vectors, inner product and linear algebra of y = (x, gamma).
@@ -37,19 +46,29 @@ class Bordered:
         system: what is followed.
         gamma_scale: size of gamma that counts as 1.
         prefix: of PETSc options.
+        reuse: whether a factorisation also serves the matrices after it; by default it does where
+            factorising takes many times as long as solving.
     """
 
-    def __init__(self, system: System, *, gamma_scale: float, prefix: str = "continuation_"):
+    def __init__(
+        self,
+        system: System,
+        *,
+        gamma_scale: float,
+        prefix: str = "continuation_",
+        reuse: bool | None = None,
+    ):
         self.system, self.comm, self.prefix = system, system.comm, prefix
         self._last = self.comm.rank == self.comm.size - 1
         self.x, self._c, self._w = (system.create_vector() for _ in range(3))
         self._local, self._size = self.x.getLocalSize(), self.x.getSize()
+        self.reuse = self._size >= _LARGE if reuse is None else reuse
         self.gamma_scale = gamma_scale
         #: Square of the length of x that counts as 1; 0 until a tangent moves x.
         self.x_scale = 0.0
         #: Set when `x_scale` is; whoever notices resets it.
         self.x_scale_is_new = False
-        #: Factorisations and solves so far.
+        #: Factorisations and their applications so far.
         self.factorisations = self.solves = 0
         one = int(self._last)
         n, N = self._local, self._size
@@ -63,6 +82,14 @@ class Bordered:
         self.ksp.setOptionsPrefix(prefix)
         with self.options():
             self.ksp.setFromOptions()
+        self.ksp.getPC().setReusePreconditioner(True)
+        self._krylov = PETSc.KSP().create(comm)
+        self._krylov.setType(PETSc.KSP.Type.GMRES)
+        self._krylov.setPC(self.ksp.getPC())
+        self._krylov.setGMRESRestart(_MOST_ITERATIONS)
+        self._krylov.setTolerances(rtol=_ROUND_OFF, max_it=_MOST_ITERATIONS)
+        #: Whether there is a factorisation, whether it is that of `matrix`, and whether it is old.
+        self._factorised = self._current = self._worn = False
 
     def options(self) -> AbstractContextManager[None]:
         """The options of the linear solver; MUMPS reads its own at every set-up."""
@@ -152,23 +179,42 @@ class Bordered:
         else:
             self._nest.assemble()
             self._nest.convert("aij", self.matrix)
+        self._current = False
 
     def factorise(self) -> bool:
         """Factorise the matrix that was assembled; False if it is singular."""
         self.ksp.setOperators(self.matrix)
+        self.ksp.getPC().setReusePreconditioner(False)
         with self.options():
             self.ksp.setUp()
+        self.ksp.getPC().setReusePreconditioner(True)
         self.factorisations += 1
         ok = bool(self.ksp.getPC().getFailedReason() == PETSc.PC.FailedReason.NOERROR)
         if not ok:
             self.ksp.reset()  # MUMPS does not recover from a singular matrix
+        self._factorised = self._current = ok
+        self._worn = False
         return ok
 
     def solve(self, rhs: PETSc.Vec, out: PETSc.Vec) -> bool:
-        """Solve with the last factorisation; False if that failed."""
+        """Solve with the matrix that was assembled; False if that failed."""
+        if not self._current:
+            again = self.reuse and self._factorised and not self._worn
+            if again and self._solve_by_krylov(rhs, out):
+                return True
+            if not self.factorise():
+                return False
         self.ksp.solve(rhs, out)
         self.solves += 1
         return bool(self.ksp.getConvergedReason() > 0 and np.isfinite(out.norm()))
+
+    def _solve_by_krylov(self, rhs: PETSc.Vec, out: PETSc.Vec) -> bool:
+        self._krylov.setOperators(self.matrix)
+        self._krylov.solve(rhs, out)
+        iterations = self._krylov.getIterationNumber()
+        self.solves += iterations + 1
+        self._worn = iterations > _WORN
+        return bool(self._krylov.getConvergedReason() > 0 and np.isfinite(out.norm()))
 
     def last_unit(self) -> PETSc.Vec:
         """The right-hand side (0, 1) of tangents."""
@@ -179,11 +225,24 @@ class Bordered:
         return e
 
     def determinant_sign(self) -> float:
-        """Sign of the determinant of the last factorisation, by MUMPS (a check for tests)."""
+        """Sign of the determinant of the last factorisation, by MUMPS.
+
+        Of the matrix that was assembled last, which is factorised if it has not been yet.
+        """
+        if not self._current and not self.factorise():
+            return 0.0
         return float(np.sign(self.ksp.getPC().getFactorMatrix().getMumpsRinfog(12)))
 
     def destroy(self) -> None:
         """Free the PETSc objects."""
-        for thing in (self.ksp, self.matrix, self._column, self._row, self._corner, self._nest):
+        for thing in (
+            self._krylov,
+            self.ksp,
+            self.matrix,
+            self._column,
+            self._row,
+            self._corner,
+            self._nest,
+        ):
             if thing is not None:
                 thing.destroy()

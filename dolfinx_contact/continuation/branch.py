@@ -68,8 +68,8 @@ class SpecialPoint:
         kind: ``"event"`` a status changes and gamma goes on, ``"fold"`` gamma turns back,
             ``"bifurcation"`` there are other ways out.
         smooth: False at a change of status.
-        gamma: parameter.
-        y: (x, gamma).
+        gamma: parameter; at an event that is not located, estimated.
+        y: (x, gamma); at an event that is not located, the point of the branch that follows it.
         index: of the point of the branch that follows it.
         changes: points that change status on the branch that is followed.
         parity: sign of the ratio of the determinants of the bordered systems before and after, -1
@@ -79,6 +79,8 @@ class SpecialPoint:
         incoming: at a bifurcation the ray along which the branch came; its tangent points to here.
         onwards: at a bifurcation the ray by which the branch goes on.
         method: how the ways out were looked for.
+        bracket: the values of gamma between which an event lies that is not located; None if it
+            is.
     """
 
     kind: Kind
@@ -93,6 +95,12 @@ class SpecialPoint:
     incoming: Ray | None = None
     onwards: Ray | None = None
     method: str = ""
+    bracket: tuple[float, float] | None = None
+
+    @property
+    def located(self) -> bool:
+        """Whether `gamma` and `y` are those of the special point to round-off."""
+        return self.bracket is None
 
 
 #: Asked at every accepted point, with the special points on the way to it; answers with the reason

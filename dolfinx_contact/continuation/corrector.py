@@ -24,6 +24,18 @@ __all__ = ["Corrector"]
 _NEARLY_SINGULAR = 1e8
 
 
+class _BorderedSolve:
+    """The linear solve of a correction, for PETSc: see `Bordered.solve`."""
+
+    def __init__(self, bordered: Bordered):
+        self._bordered = bordered
+
+    def apply(self, pc: PETSc.PC, rhs: PETSc.Vec, out: PETSc.Vec) -> None:
+        reasons = PETSc.PC.FailedReason
+        ok = self._bordered.solve(rhs, out)
+        pc.setFailedReason(reasons.NOERROR if ok else reasons.FACTOR_NUMERIC_ZEROPIVOT)
+
+
 class Corrector:
     """Correctors on a bordered system.
 
@@ -39,16 +51,20 @@ class Corrector:
         self._hx = bordered.system.create_vector()
         self._e = bordered.last_unit()
         self.snes.setFunction(self._function, self._b)
-        self.snes.setKSP(bordered.ksp)
         self.snes.setOptionsPrefix(bordered.prefix)
         with options_in_database(bordered.prefix, {"snes_linesearch_type": "none"}):
             self.snes.setFromOptions()
+        ksp = self.snes.getKSP()
+        ksp.setType(PETSc.KSP.Type.PREONLY)
+        ksp.getPC().setType(PETSc.PC.Type.PYTHON)
+        ksp.getPC().setPythonContext(_BorderedSolve(bordered))
         self.snes.setConvergenceTest(self._test)
         self.snes.setMonitor(self._improve)
         self.snes.setTolerances(max_it=control.corrections)
         self._piece: Piece | None = None
         self._reference: PETSc.Vec | None = None
-        self._distance = 0.0
+        self._distance, self._polish = 0.0, False
+        self._sense = 1.0
         self._T: PETSc.Vec | None = None
         self.iterations = 0
 
@@ -60,11 +76,24 @@ class Corrector:
         return self._run(y, t, piece)
 
     def pseudo_arclength(
-        self, y: PETSc.Vec, start: PETSc.Vec, t: PETSc.Vec, distance: float, piece: Piece | None
+        self,
+        y: PETSc.Vec,
+        start: PETSc.Vec,
+        t: PETSc.Vec,
+        distance: float,
+        piece: Piece | None,
+        *,
+        polish: bool = False,
     ) -> bool:
-        """Correct ``y`` in place to the point at ``distance`` from ``start`` along ``t``."""
+        """Correct ``y`` in place to the point at ``distance`` from ``start`` along ``t``.
+
+        With ``polish`` it is corrected once more when it is within the tolerance.
+        """
         self._reference, self._T, self._distance = start, None, distance
-        return self._run(y, t, piece)
+        self._polish = polish
+        ok = self._run(y, t, piece)
+        self._polish = False
+        return ok
 
     def natural(self, y: PETSc.Vec, gamma: float, piece: Piece | None) -> bool:
         """Correct ``y`` in place at fixed gamma."""
@@ -77,10 +106,17 @@ class Corrector:
             v.destroy()
         return ok
 
-    def tangent(self, y: PETSc.Vec, towards: PETSc.Vec, piece: Piece | None) -> PETSc.Vec | None:
+    def tangent(
+        self,
+        y: PETSc.Vec,
+        towards: PETSc.Vec,
+        piece: Piece | None,
+        *,
+        factorise: bool = False,
+    ) -> PETSc.Vec | None:
         """Unit tangent of ``piece`` at ``y``, on the side of ``towards``; None if there is no one.
 
-        The factorisation stays behind for other right-hand sides.
+        The matrix stays behind for other right-hand sides, with ``factorise`` factorised.
         """
         b = self.bordered
         # Beyond a kink the tangent may be orthogonal to the one before; then another row will do.
@@ -93,15 +129,23 @@ class Corrector:
             b.dual(row, self._row)
             b.assemble(y, self._row, piece)
             t = b.vector()
-            if b.factorise() and b.solve(self._e, t):
+            if (not factorise or b.factorise()) and b.solve(self._e, t):
                 size = np.sqrt(b.inner(t, t))
                 if np.isfinite(size) and 0 < size < _NEARLY_SINGULAR:
                     t.scale((1.0 if b.inner(t, towards) >= 0 else -1.0) / size)
-                    found = t
+                    found, self._sense = t, b.inner(t, row)
                     break
             t.destroy()
         axis.destroy(), both.destroy()
         return found
+
+    def orientation(self) -> float:
+        """Sign of det [grad H; t^T] at the `tangent` t that was computed last.
+
+        It is the same all along a branch but beyond bifurcations. The row of the matrix need not be
+        t: exchanging it for another multiplies the determinant by their inner product.
+        """
+        return self.bordered.determinant_sign() * float(np.sign(self._sense))
 
     # -- SNES ------------------------------------------------------------------------------------
 
@@ -112,10 +156,7 @@ class Corrector:
         with self.bordered.options():
             self.snes.solve(None, y)
         self.iterations = self.snes.getIterationNumber()
-        reason = self.snes.getConvergedReason()
-        if reason == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE:
-            self.bordered.ksp.reset()  # MUMPS does not recover from a singular matrix
-        return bool(reason > 0)
+        return bool(self.snes.getConvergedReason() > 0)
 
     def _matrix(self, y: PETSc.Vec) -> PETSc.Mat:
         if not self.bordered.matrix:
@@ -134,8 +175,6 @@ class Corrector:
 
     def _jacobian(self, _snes: PETSc.SNES, y: PETSc.Vec, A: PETSc.Mat, _P: PETSc.Mat) -> None:
         self.bordered.assemble(y, self._row, self._piece)
-        self.bordered.factorisations += 1
-        self.bordered.solves += 1  # by SNES, once with every matrix
 
     def _test(self, snes: PETSc.SNES, it: int, _norms: tuple[float, float, float]) -> int:
         reasons = PETSc.SNES.ConvergedReason
@@ -148,7 +187,9 @@ class Corrector:
             return int(reasons.DIVERGED_LOCAL_MIN)
         scale = max(abs(self._distance), 1e-6) if self._reference is not None else 1.0
         if error <= self.control.tolerance and abs(last) <= 1e-10 * scale:
-            return int(reasons.CONVERGED_FNORM_RELATIVE)
+            if not self._polish:
+                return int(reasons.CONVERGED_FNORM_RELATIVE)
+            self._polish = False
         if it >= self.control.corrections:
             return int(reasons.DIVERGED_MAX_IT)
         return 0

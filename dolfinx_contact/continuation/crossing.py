@@ -35,6 +35,7 @@ __all__ = ["Crossing", "cross", "outgoing_rays", "parity"]
 logger = logging.getLogger(__name__)
 
 _MOST_PIECES = 1024
+_LENGTHS = (1e-3, 1e-2, 1e-4, 1e-5)  # of steps on H itself
 _PROBE = 1e-6  # length at which one-sided derivatives of events are taken
 
 
@@ -137,11 +138,34 @@ def cross(
                 if codes != natural:
                     more = outgoing_rays(corrector, y, piece, kinks, codes, t)
                     rays += _not_back(corrector, piece, t, more)
+    method = "enumeration of the pieces" if complete else ""
+    if not rays and not complete:
+        rays, method = _as_H_leads(corrector, y, t), "one step of Newton's method on H"
     if not rays:
         return Crossing(len(kinks), None, (), sign, (), complete)
     onwards, *others = _distinct(corrector, rays)
     crossing = _crossing(corrector, kinks, onwards, others, sign, complete)
-    return replace(crossing, method="enumeration of the pieces" if complete else "")
+    return replace(crossing, method=method)
+
+
+def _as_H_leads(corrector: Corrector, y: PETSc.Vec, t: PETSc.Vec) -> list[Ray]:
+    """The ray on which the corrector for H itself ends, the status recomputed. Collective.
+
+    For points at which more pieces meet than can be tried; other rays are not looked for.
+    """
+    b = corrector.bordered
+    for length, sense in itertools.product(_LENGTHS, (1.0, -1.0)):
+        there, improved = y.copy(), t.copy()
+        improved.scale(sense)
+        there.axpy(length, improved)
+        if corrector.moore_penrose(there, improved, None):
+            piece = b.system.piece_at(*b.split(there))
+            away = there - y
+            size = np.sqrt(b.inner(away, away))
+            tangent = corrector.tangent(there, away, piece) if size > 0.1 * length else None
+            if tangent is not None and b.inner(tangent, away) > 0.9 * size:
+                return [Ray(piece, tangent)]
+    return []
 
 
 def _by_tangent_cone(
@@ -204,7 +228,6 @@ def parity(corrector: Corrector, y: PETSc.Vec, piece: Piece, t: PETSc.Vec, ray: 
     difference = b.matrix.copy()
     b.dual(t, row)
     b.assemble(y, row, piece)
-    b.factorise()
     difference.axpy(-1.0, b.matrix, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
     rows = _changed_rows(difference, b.matrix)
     e, w, dw = (b.vector() for _ in range(3))

@@ -4,8 +4,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal, TypeAlias, get_args
 
-__all__ = ["StepControl"]
+__all__ = ["Kinks", "StepControl"]
+
+#: How kinks are passed.
+Kinks: TypeAlias = Literal["exact", "batched", "stepping"]
 
 
 @dataclass(frozen=True)
@@ -22,6 +26,12 @@ class StepControl:
         cosine: least cosine between the tangents of two points of one piece.
         corrections: most corrections of a step.
         tolerance: relative residual at which a point is accepted.
+        kinks: how a branch passes them: ``"exact"`` every event is located, and a step ends there
+            (`ExactSteps`); ``"batched"`` a step may pass many events along which the branch goes
+            on without turning or branching, the others are located (`BatchedSteps`);
+            ``"stepping"`` the step shrinks to its minimum before a kink and is then tried along
+            the tangents beyond (`SteppingSteps`). None: batched where the system has many pieces
+            (`ManyPieces`), else exact.
     """
 
     initial: float = 0.02
@@ -33,6 +43,7 @@ class StepControl:
     cosine: float = 0.9
     corrections: int = 12
     tolerance: float = 1e-10
+    kinks: Kinks | None = None
 
     def __post_init__(self) -> None:
         if not 0 < self.minimum <= self.initial <= self.maximum:
@@ -46,3 +57,5 @@ class StepControl:
             raise ValueError(f"the least cosine must lie in [-1, 1), got {self.cosine}")
         if self.corrections < 1 or self.easy < 0 or not self.tolerance > 0:
             raise ValueError("corrections, easy and tolerance must be positive")
+        if self.kinks is not None and self.kinks not in get_args(Kinks):
+            raise ValueError(f"kinks are passed {get_args(Kinks)}, got {self.kinks!r}")

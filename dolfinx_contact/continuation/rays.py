@@ -8,8 +8,9 @@ the tangent cone. Its solutions are rays. They are found
   dgamma = 0, along which gamma stands still, are among them;
 - otherwise by unfolding: with a load e added, M w = gamma q + e, the point falls apart into
   branches without degenerate points, each of which comes in along one ray and goes out along
-  another. Following them by pivoting from the rays that are known leads to others, and loads drawn
-  anew connect them in other pairs. What that does not reach is not found, and nothing is proved.
+  another. They are followed by pivoting from the rays that are known, and from a state drawn at
+  random, for which e is made; loads drawn anew connect rays in other pairs. What that does not
+  reach is not found, and nothing is proved.
 """
 
 from __future__ import annotations
@@ -64,7 +65,10 @@ def step(system: AffineSystem, codes: Codes, w: Array, direction: Array) -> floa
 def neighbours(
     piece: AffinePiece, w: Array, kinked: int, held: npt.NDArray[np.bool_], tolerance: float
 ) -> list[tuple[AffinePiece, float]]:
-    """Pieces that differ in the status of one point, with the sense in which they lead out of w."""
+    """Pieces that differ in the status of one point, with the sense in which they lead out of w.
+
+    No other point of the state is at a border.
+    """
     found = []
     for code in np.flatnonzero(held):
         if code == piece.codes[kinked]:
@@ -72,16 +76,15 @@ def neighbours(
         new = piece.neighbour(np.array([kinked]), np.array([code], dtype=np.int8))
         if new is None:
             continue
-        w_1 = new.coefficients[1]
-        at_border = np.abs(new.system.slacks(new.codes, w)) <= tolerance
-        rate = new.system.slacks(new.codes, w_1)[at_border]
+        w_1, C = new.coefficients[1], new.system.inequalities[kinked, code]
+        rate = (C @ w_1[kinked])[np.abs(C @ w[kinked]) <= tolerance]
         least = -TOLERANCE * np.abs(w_1).max(initial=0.0)
         found += [(new, sense) for sense in (1.0, -1.0) if (sense * rate >= least).all()]
     return found
 
 
 def outgoing(
-    cone: AffineSystem, known: Sequence[AffineRay] = (), *, tries: int = 8, seed: int = 0
+    cone: AffineSystem, known: Sequence[AffineRay] = (), *, tries: int = 6, seed: int = 0
 ) -> Rays:
     """All rays of a tangent cone, as far as they can be found.
 
@@ -103,10 +106,13 @@ def _enumerate(cone: AffineSystem, choices: Sequence[npt.NDArray[np.int64]]) -> 
     """Rays of all pieces; points that keep their status are eliminated first."""
     m, d = cone.points, cone.bases.shape[3]
     kinked = np.array([i for i, c in enumerate(choices) if len(c) > 1], dtype=int)
+    codes, N = np.array([c[0] for c in choices], dtype=np.int8), len(cone.rate)
     held = np.setdiff1d(np.arange(m), kinked)
-    codes = np.array([c[0] for c in choices], dtype=np.int8)
-    N, width = len(cone.rate), d * len(held)
-    fixed = cone.pieced(codes).reshape(N, m, d)[:, held].reshape(N, width)
+    fixed: Array = cone.pieced(codes).reshape(N, m, d)[:, held].reshape(N, d * len(held))
+    singular = len(held) > 0 and np.linalg.matrix_rank(fixed) < d * len(held)
+    if len(kinked) == 0 or singular:
+        kinked, held, fixed = np.arange(m), held[:0], fixed[:, :0]
+    width = fixed.shape[1]
     Q = np.linalg.qr(fixed, mode="complete")[0][:, width:]
     M, q = np.einsum("np,nmk->pmk", Q, cone.matrix[:, kinked]), Q.T @ cone.rate
     # Of every kinked point, in every status: its columns of A.
@@ -189,16 +195,37 @@ def _unfold(
     seed: int,
 ) -> Rays:
     rays, idle, count = _distinct([*known, *_by_newton(cone, choices)]), 0, 0
-    random, size = np.random.default_rng(seed), float(np.abs(cone.rate).max())
+    random = np.random.default_rng(seed)
     while idle < tries:
-        unfolded = replace(cone, load=size * random.standard_normal(len(cone.load)))
+        codes, w = _random_state(cone, choices, random)
+        unfolded = replace(cone, load=np.einsum("nmk,mk->n", cone.matrix, w))
         before, ends = len(rays), list[AffineRay]()
+        piece = unfolded.piece(codes)
+        if piece is not None:
+            found = (_far_end(piece, 0.0, sense) for sense in (1.0, -1.0))
+            ends = [end for end in found if end is not None]
         for ray in rays:
             if not any(same_direction(ray, end) for end in ends):
                 ends += [end for end in [_other_end(unfolded, ray)] if end is not None]
         rays = _distinct([*rays, *ends])
         idle, count = (idle + 1 if len(rays) == before else 0), count + 1
     return Rays(tuple(rays), False, f"{count} unfoldings of {len(choices)} points")
+
+
+def _random_state(
+    cone: AffineSystem, choices: Sequence[npt.NDArray[np.int64]], random: np.random.Generator
+) -> tuple[Codes, Array]:
+    """Random statuses, and a random state inside their cones."""
+    codes = np.array([random.choice(c) for c in choices], dtype=np.int8)
+    B, w = cone.bases[np.arange(cone.points), codes], np.zeros(cone.matrix.shape[1:])
+    outside = np.ones(cone.points, dtype=bool)
+    for _ in range(100):
+        z = random.standard_normal((cone.points, B.shape[2]))
+        w = np.where(outside[:, None], np.einsum("mkd,md->mk", B, z), w)
+        outside = cone.slacks(codes, w).min(axis=1, initial=np.inf) < 0
+        if not outside.any():
+            break
+    return codes, w
 
 
 def _by_newton(cone: AffineSystem, choices: Sequence[npt.NDArray[np.int64]]) -> Iterator[AffineRay]:
@@ -217,22 +244,29 @@ def _other_end(unfolded: AffineSystem, ray: AffineRay) -> AffineRay | None:
         return None
     codes = unfolded.solve(1e6 * ray.rate, ray.codes)  # a border point of the ray falls to a side
     piece = None if codes is None else unfolded.piece(codes)
-    if piece is None:
-        return None
-    gamma, sense = 1e6 * ray.rate, -ray.rate
+    return None if piece is None else _far_end(piece, 1e6 * ray.rate, -ray.rate)
+
+
+def _far_end(piece: AffinePiece, gamma: float, sense: float) -> AffineRay | None:
+    """The ray by which the branch goes out that leaves ``gamma`` in this sense."""
+    unfolded = piece.system
     for _ in range(50 * unfolded.points):
         direction = sense * piece.coefficients[1]
-        length = step(unfolded, piece.codes, piece.at(gamma), direction)
-        if not np.isfinite(length):
+        s_0, s_1 = piece.slack_coefficients
+        slack, rate = s_0 + gamma * s_1, sense * s_1
+        falling = rate < -TOLERANCE * np.abs(direction).max(initial=0.0)
+        falling &= np.isfinite(slack)
+        if not falling.any():
             return AffineRay(piece.codes, direction, sense)
+        length = float((np.maximum(slack[falling], 0.0) / -rate[falling]).min())
         gamma += sense * length
         w = piece.at(gamma)
         tolerance = TOLERANCE * np.abs(w).max(initial=0.0)
-        held = unfolded.statuses_at(w, tolerance)
-        kinked = np.flatnonzero(held.sum(axis=1) > 1)
+        (kinked,) = np.nonzero((np.abs(s_0 + gamma * s_1) <= tolerance).any(axis=1))
         if len(kinked) != 1:
             return None
-        found = neighbours(piece, w, int(kinked[0]), held[kinked[0]], tolerance)
+        held = unfolded.statuses_of(int(kinked[0]), w[kinked[0]], tolerance)
+        found = neighbours(piece, w, int(kinked[0]), held, tolerance)
         if len(found) != 1:
             return None
         piece, sense = found[0]

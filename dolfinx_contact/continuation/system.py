@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from dolfinx_contact.continuation.affine import AffineSystem
 
-__all__ = ["Condensable", "Condensed", "Events", "Piece", "System"]
+__all__ = ["Condensable", "Condensed", "Events", "ManyPieces", "Piece", "System"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +94,15 @@ class System(Protocol):
 
     def statuses(self, point: int) -> Sequence[int]:
         """All statuses that the local ``point`` can have."""
+
+
+@runtime_checkable
+class ManyPieces(Protocol):
+    """A system that says whether its branches pass so many kinks that not all need be located."""
+
+    @property
+    def has_many_pieces(self) -> bool:
+        """Whether kinks are passed in batches unless `StepControl.kinks` says otherwise."""
 
 
 class Condensed(Protocol):

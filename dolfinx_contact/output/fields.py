@@ -32,7 +32,14 @@ if TYPE_CHECKING:
     from dolfinx_contact.problem import ContactProblem
     from dolfinx_contact.surface import ContactSurface
 
-__all__ = ["STATUS_CODES", "body_fields", "contact_fields", "von_mises", "write_fields"]
+__all__ = [
+    "STATUS_CODES",
+    "body_fields",
+    "contact_fields",
+    "file_stems",
+    "von_mises",
+    "write_fields",
+]
 
 #: Number of each status letter of the tables.
 STATUS_CODES = {"o": 0, "k": 1, "+": 2, "-": 2, "s": 2, "d": 3}
@@ -60,10 +67,7 @@ def write_fields(
         OSError: on every rank, if the folder cannot be written to.
         ValueError: on every rank, if the stress is not 3 x 3, or two surfaces would have one file.
     """
-    stems = [_stem(s) for s in problem.surfaces]
-    if len(set(stems)) < len(stems):
-        names = [s.name for s in problem.surfaces]
-        raise ValueError(f"the names of contact surfaces make the same file: {names}")
+    stems = file_stems(problem)
     stresses = [] if stress is None else body_fields(problem.u, stress)
     path = output_folder(problem.comm, folder)
     files = [write_functions(problem.comm, path / "body", [problem.u])]
@@ -73,6 +77,19 @@ def write_fields(
         fields = list(contact_fields(problem, s).values())
         files.append(write_functions(s.submesh.mesh.comm, path / stem, fields))
     return files
+
+
+def file_stems(problem: ContactProblem) -> list[str]:
+    """File names of the surfaces without suffix.
+
+    Raises:
+        ValueError: if two surfaces would have one file.
+    """
+    stems = [_stem(s) for s in problem.surfaces]
+    if len(set(stems)) < len(stems):
+        names = [s.name for s in problem.surfaces]
+        raise ValueError(f"the names of contact surfaces make the same file: {names}")
+    return stems
 
 
 def _stem(s: ContactSurface) -> str:

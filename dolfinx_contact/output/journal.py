@@ -36,7 +36,7 @@ __all__ = [
 FILE_NAME = "journal.jsonl"
 FORMAT = 1
 _MARK = ', "crc": "'
-_SPECIAL = ("kind", "smooth", "gamma", "parity", "others", "complete")
+_SPECIAL = ("kind", "smooth", "gamma", "parity", "others", "complete", "bracket")
 
 
 @dataclass
@@ -112,14 +112,15 @@ class Journal:
         """Special points as a pandas DataFrame.
 
         ``branch``, ``index`` of the point that follows, ``kind``, ``smooth``, ``gamma``,
-        ``parity``, ``others`` (number of further ways out), ``complete``, and ``changes``, a
-        list of dictionaries with the place ``x`` and the status ``before`` and ``after``.
+        ``parity``, ``others`` (number of further ways out), ``complete``, ``bracket`` (the values
+        of gamma between which it lies; None if it is located), and ``changes``, a list of
+        dictionaries with the place ``x`` and the status ``before`` and ``after``.
         """
         import pandas as pd
 
         names = ["branch", "index", *_SPECIAL, "changes"]
         rows = [
-            {"branch": b, "index": p["index"], **{k: s[k] for k in names[2:]}}
+            {"branch": b, "index": p["index"], **{k: s.get(k) for k in names[2:]}}
             for b in self._chosen(branch)
             for p in self.branches[b].points
             for s in p["special"]
@@ -202,15 +203,12 @@ def _decode(line: bytes) -> dict[str, Any]:
     body, mark, crc = text.rpartition(_MARK)
     if not mark or crc != f'{zlib.crc32(body.encode()):08x}"}}':
         raise ValueError("its check sum is wrong")
-    return dict(json.loads(body + "}", object_hook=_floats))
+    return dict(json.loads(body + "}", object_hook=_number))
 
 
-def _floats(entry: dict[str, Any]) -> dict[str, Any]:
-    return {k: float(v["float"]) if _is_word(v) else v for k, v in entry.items()}
-
-
-def _is_word(value: Any) -> bool:
-    return isinstance(value, dict) and list(value) == ["float"] and isinstance(value["float"], str)
+def _number(entry: dict[str, Any]) -> Any:
+    """A number that is not finite, if ``entry`` stands for one."""
+    return float(entry["float"]) if list(entry) == ["float"] else entry
 
 
 def _plain(value: Any) -> Any:

@@ -41,6 +41,7 @@ def described(system: ParametricContact, s: SpecialPoint) -> dict[str, Any]:
         "parity": s.parity,
         "others": len(s.others),
         "complete": s.complete,
+        "bracket": list(s.bracket) if s.bracket is not None else None,
         "changes": _places(system, s.changes),
     }
 

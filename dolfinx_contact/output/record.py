@@ -34,6 +34,7 @@ from dolfinx_contact.continuation import (
     Stepping,
     Task,
 )
+from dolfinx_contact.continuation.branch import Stop
 from dolfinx_contact.output.checkpoints import Checkpoints, joined, last_entry
 from dolfinx_contact.output.folder import output_folder
 from dolfinx_contact.output.identity import difference, identity
@@ -43,7 +44,7 @@ from dolfinx_contact.output.points import Functional, compiled, counts, describe
 if TYPE_CHECKING:
     from dolfinx_contact.parametric import ParametricContact
 
-__all__ = ["BranchRecord", "resume"]
+__all__ = ["BranchRecord"]
 
 logger = logging.getLogger(__name__)
 
@@ -58,8 +59,7 @@ class BranchRecord(Observer):
         system: what is followed.
         functionals: by name, scalar UFL forms in the problem's Functions, or functions of the
             problem that return a number; these are called on every rank.
-        every: fields are kept at every so many points; also at the first and the last point of a
-            branch and at special points.
+        every: fields are kept at every so many points, at special points, and at both ends.
         resume: whether to go on with a record that exists. Else there must be none.
 
     Attributes:
@@ -102,6 +102,7 @@ class BranchRecord(Observer):
         self._file: JournalFile | None = None
         self._x, self._mx = system.create_vector(), system.create_vector()
         self._last: tuple[BranchPoint, Stepping] | None = None
+        self._starts = False
         self.journal = on_root(comm, lambda: self._open(new=not resume))
         try:
             self._identify()
@@ -164,6 +165,7 @@ class BranchRecord(Observer):
             "max_steps": task.max_steps,
         }
         known = self.journal.branches.get(branch)
+        self._starts = True
         if known is None:
             self._append({"type": "branch", "branch": branch, "task": new})
             self.journal.branches[branch] = JournalBranch(new)
@@ -183,6 +185,7 @@ class BranchRecord(Observer):
     ) -> None:
         recorded = self.journal.branches[branch].points
         self._last = point, stepping
+        starts, self._starts = self._starts, False
         letters = self.system.letters(point.piece)
         entry = {
             "index": index,
@@ -195,6 +198,8 @@ class BranchRecord(Observer):
             "special": [described(self.system, s) for s in special],
         }
         if index < len(recorded):
+            if starts:  # what lies before it is not looked at again
+                entry["special"] = recorded[index]["special"]
             self._compare(branch, recorded[index], entry)
             return
         follows = index == len(recorded)
@@ -264,11 +269,10 @@ class BranchRecord(Observer):
     def last_state(self, branch: int = 0) -> tuple[BranchPoint, Stepping] | None:
         """The last point of a branch whose fields were kept; None if there is none. Collective.
 
-        A damaged checkpoint is passed over for the one before, with a warning in the log.
+        A damaged checkpoint is passed over, with a warning in the log.
 
         Raises:
-            ValueError: on every rank, if the point is no solution of the problem, or all are
-                damaged.
+            ValueError: on every rank, if it is no solution of the problem, or all are damaged.
         """
         known = self.journal.branches.get(branch)
         kept = [p["index"] for p in known.points if "checkpoint" in p] if known else []
@@ -286,8 +290,7 @@ class BranchRecord(Observer):
         """A point whose fields were kept, and what is needed to go on from it. Collective.
 
         Raises:
-            ValueError: on every rank, if they were not kept or are damaged, or the point is no
-                solution of the problem.
+            ValueError: on every rank, if there are none, they are damaged, or it is no solution.
         """
         system, p = self.system, self.journal.branches[branch].points[index]
         if "checkpoint" not in p:
@@ -296,7 +299,7 @@ class BranchRecord(Observer):
         self._checkpoints.read(p["checkpoint"], p["sum"], {"tangent": t, "x": x})
         y, tangent = joined(x, p["gamma"]), joined(t, p["tangent_gamma"])
         piece = system.piece_of(p["status"])
-        system.scales = tuple(p["scales"])
+        system.scales = p["scales"]
         system.residual(x, p["gamma"], b, piece)
         error = system.error(b)
         for v in (x, t, b):
@@ -308,7 +311,7 @@ class BranchRecord(Observer):
             f"point {index} of branch {branch} is no solution of this problem (residual "
             f"{error:.1e}): other loads, materials or conditions than recorded",
         )
-        system.scales = tuple(p["scales"])
+        system.scales = p["scales"]
         point = BranchPoint(y, tangent, piece, p["gamma"], p["step"], p["corrections"], p["tau"])
         stepping = Stepping(index, p["next_step"], p["x_scale"], p["largest_distance"])
         return point, stepping
@@ -317,6 +320,54 @@ class BranchRecord(Observer):
         """All points of a branch whose fields were kept. Collective."""
         recorded = self.journal.branches[branch].points
         return [self.state(branch, p["index"])[0] for p in recorded if "checkpoint" in p]
+
+    def go_on(
+        self,
+        branch: int = 0,
+        *,
+        max_steps: int | None = None,
+        observer: Observer | None = None,
+        stop: Stop | None = None,
+    ) -> Branch:
+        """Go on with a branch as it was begun; one that has ended stays as it is. Collective.
+
+        Args:
+            branch: number of the branch.
+            max_steps: another budget, counted from the start of the branch.
+            observer: told of every point after the last checkpoint, beside the record.
+            stop: the same stop condition as at the beginning, if there was one.
+
+        Returns:
+            The branch from the last checkpoint on; the journal has all of it.
+
+        Raises:
+            ValueError: on every rank, if nothing of the branch was recorded, its checkpoints are
+                damaged, or the problem is not that of the record.
+        """
+        state = self.last_state(branch)
+        if state is None:
+            raise ValueError(f"no point of branch {branch} is in {self.folder}: start it afresh")
+        point, stepping = state
+        known = self.journal.branches[branch]
+        task = known.task
+        budget = task["max_steps"] if max_steps is None else max_steps
+        exhausted = known.reason.startswith("the budget") and budget >= len(known.points)
+        if known.reason and not exhausted:
+            return Branch([point], reason=known.reason)
+        origin = self.state(branch, 0)[0] if stepping.index else None
+        self.system.scales = known.points[stepping.index]["scales"]
+        control, scale = StepControl(**task["control"]), task["gamma_scale"]
+        with Follower(self.system, control, gamma_scale=scale) as follower:
+            return follower.run(
+                point,
+                (task["gamma_range"][0], task["gamma_range"][1]),
+                max_steps=budget,
+                observer=Observers(self, observer or Observer()),
+                stop=stop,
+                branch_id=branch,
+                stepping=stepping,
+                origin=origin,
+            )
 
     # -- vectors ---------------------------------------------------------------------------------
 
@@ -331,57 +382,3 @@ class BranchRecord(Observer):
         self._unknowns(y)
         self.system.metric(self._x, self._mx)
         return float(np.sqrt(max(float(self._x.dot(self._mx)), 0.0) / stepping.x_scale))
-
-
-def resume(
-    folder: str | os.PathLike[str],
-    system: ParametricContact,
-    functionals: Mapping[str, Functional] | None = None,
-    *,
-    branch: int = 0,
-    every: int = 10,
-    max_steps: int | None = None,
-    observer: Observer | None = None,
-) -> Branch:
-    """Go on with a recorded branch as if the run had never been killed. Collective.
-
-    Range, step control and budget are those of the record.
-
-    Args:
-        folder: of the record.
-        system: the same problem, on any number of ranks.
-        functionals: the same as recorded.
-        branch: number of the branch.
-        every: fields are kept at every so many points.
-        max_steps: another budget, counted from the start of the branch.
-        observer: told of every point after the last checkpoint, beside the record.
-
-    Returns:
-        The branch from the last checkpoint on; the journal has all of it.
-
-    Raises:
-        OSError: on every rank, if there is no record or another process has it.
-        ValueError: on every rank, if the record is damaged, that of another problem, or empty.
-    """
-    with BranchRecord(folder, system, functionals, every=every, resume=True) as record:
-        state = record.last_state(branch)
-        if state is None:
-            raise ValueError(f"no point of branch {branch} is in {record.folder}: start it afresh")
-        point, stepping = state
-        known = record.journal.branches[branch]
-        budget = known.task["max_steps"] if max_steps is None else max_steps
-        exhausted = known.reason.startswith("the budget") and budget > len(known.points) - 1
-        if known.reason and not exhausted:
-            return Branch([point], reason=known.reason)
-        control, scale = StepControl(**known.task["control"]), known.task["gamma_scale"]
-        low, high = known.task["gamma_range"]
-        observers = Observers(record, observer or Observer())
-        with Follower(system, control, gamma_scale=scale) as follower:
-            return follower.run(
-                point,
-                (low, high),
-                max_steps=budget,
-                observer=observers,
-                branch_id=branch,
-                stepping=stepping,
-            )

@@ -3,5 +3,6 @@
 
 from dolfinx_contact.solvers.errors import ConvergenceError
 from dolfinx_contact.solvers.ladder import solve
+from dolfinx_contact.solvers.nested import prolong, solve_nested
 
-__all__ = ["ConvergenceError", "solve"]
+__all__ = ["ConvergenceError", "prolong", "solve", "solve_nested"]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from dolfinx_contact.solvers.history import Attempt
 
-__all__ = ["ConvergenceError", "FloatingBodyError"]
+__all__ = ["ConvergenceError", "FloatingBodyError", "LinearSolverError"]
 
 
 class ConvergenceError(RuntimeError):
@@ -26,3 +26,7 @@ class ConvergenceError(RuntimeError):
 
 class FloatingBodyError(ConvergenceError):
     """A rigid motion of the body is held neither by Dirichlet data nor by contact."""
+
+
+class LinearSolverError(RuntimeError):
+    """The linear system of a Newton step could not be solved; the message says why."""

@@ -12,12 +12,21 @@ __all__ = ["Attempt", "Step"]
 
 @dataclass(frozen=True)
 class Step:
-    """One Newton iterate: its residual, and how many points changed status on the way to it."""
+    """One Newton iterate: its residual, and how many points changed status on the way to it.
+
+    Attributes:
+        iteration: 0 for the start.
+        measures: its residual.
+        flips: points that changed status on the way to it.
+        load: the part of the load that is applied.
+        krylov: iterations of the linear solver on the way to it.
+    """
 
     iteration: int
     measures: Measures
     flips: int
     load: float
+    krylov: int = 0
 
 
 @dataclass
@@ -42,3 +51,8 @@ class Attempt:
     def iterations(self) -> int:
         """Newton steps taken (the first iterate of every start is none)."""
         return sum(s.iteration > 0 for s in self.steps)
+
+    @property
+    def krylov_iterations(self) -> int:
+        """Iterations of the linear solver."""
+        return sum(s.krylov for s in self.steps)

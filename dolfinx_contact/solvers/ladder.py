@@ -9,7 +9,8 @@ The strategies, in this order and each from the caller's state:
 3. pivoting: the pieces of H are solved one after the other, and when the number of points with a
    wrong status stops shrinking only one point changes at a time (`pivoting.py`);
 4. a backtracking line search on the norm of H;
-5. the load applied in increments that shrink and grow: H(x) = (1 - s) H(x_0), s from 0 to 1.
+5. the load applied in increments that shrink and grow: H(x) = (1 - s) H(x_0), s from 0 to 1;
+6. the branch of H(x) = (1 - s) H(x_0) followed from s = 0 through its folds (`following.py`).
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ def solve(
     Args:
         problem: the contact problem; its Functions receive the solution.
         monitor: called with every Newton iterate, on every rank.
-        increments: of the load in the last strategy, to begin with.
+        increments: of the load in the strategy of increments, to begin with.
 
     Returns:
         Statuses, resultants, residual histories and the KKT violation.
@@ -125,6 +126,14 @@ def _ladder(problem: ContactProblem, increments: int) -> list[tuple[str, _Run]]:
         with Newton(problem, "none", monitor) as solver:
             return _follow_load(solver, x, attempt, increments)
 
+    def by_following(x: PETSc.Vec, attempt: Attempt, monitor: Any) -> bool:
+        from dolfinx_contact.solvers.following import follow_load
+
+        if not follow_load(problem, x, attempt):
+            return False
+        with Newton(problem, "none", monitor) as solver:
+            return solver.run(x, attempt)
+
     def by_pivoting(x: PETSc.Vec, attempt: Attempt, monitor: Any) -> bool:
         with Newton(problem, "none", monitor) as solver:
             return pivot(solver, x, attempt)
@@ -135,6 +144,7 @@ def _ladder(problem: ContactProblem, increments: int) -> list[tuple[str, _Run]]:
     ladder.append(("pivoting", with_automatic_r(by_pivoting)))
     ladder.append(("line search", with_automatic_r(newton("bt"))))
     ladder.append(("load increments", with_automatic_r(by_increments)))
+    ladder.append(("load following", with_automatic_r(by_following)))
     return ladder
 
 

@@ -16,9 +16,9 @@ from petsc4py import PETSc
 
 import numpy as np
 
-from dolfinx_contact._petsc import options_in_database
+from dolfinx_contact._petsc import logged, options_in_database
 from dolfinx_contact.laws import Status
-from dolfinx_contact.solvers.errors import FloatingBodyError
+from dolfinx_contact.solvers.errors import FloatingBodyError, LinearSolverError
 from dolfinx_contact.solvers.history import Attempt, Step
 from dolfinx_contact.solvers.measures import Scales
 
@@ -32,10 +32,6 @@ logger = logging.getLogger(__name__)
 _DEFAULTS: dict[str, Any] = {
     "snes_rtol": 1e-10,
     "snes_max_it": 40,
-    "ksp_type": "preonly",
-    "pc_type": "lu",
-    "pc_factor_mat_solver_type": "mumps",
-    "mat_mumps_icntl_14": 80,
 }
 
 
@@ -56,10 +52,13 @@ class Newton:
         self.load = 1.0
         self.scales = Scales(problem)
         self.snes.setFunction(self._function, self.b)
-        self.snes.setJacobian(self._jacobian, problem.matrix)
+        self.linear = problem.linear_solver
+        self.snes.setJacobian(self._jacobian, self.linear.matrix)
         self.snes.setConvergenceTest(self._test)
         self.snes.setOptionsPrefix(problem.prefix)
-        self.options = {**_DEFAULTS, "snes_linesearch_type": line_search, **problem.petsc_options}
+        defaults = {**_DEFAULTS, **self.linear.defaults, "snes_linesearch_type": line_search}
+        self.options = {**defaults, **problem.petsc_options}
+        self.linear.attach(self.snes.getKSP())
         with options_in_database(problem.prefix, self.options):
             self.snes.setFromOptions()
         self.snes.setTolerances(atol=0.0, stol=0.0)
@@ -78,8 +77,16 @@ class Newton:
     def run(self, x: PETSc.Vec, attempt: Attempt) -> bool:
         """Solve H(x) = (1 - load) H(x_0) from ``x``, which is overwritten. Collective."""
         self.attempt, self._history, self.floating = attempt, [], None
-        with options_in_database(self.problem.prefix, self.options):
-            self.snes.solve(None, x)
+        ksp = self.snes.getKSP()
+        try:
+            with options_in_database(self.problem.prefix, self.options):
+                self.snes.solve(None, x)
+                while self.snes.getConvergedReason() == _LINEAR and self.linear.retry(ksp):
+                    logger.warning("%s; once more with a new preconditioner", self._explain())
+                    self.snes.solve(None, x)
+        except LinearSolverError as error:
+            attempt.reason = str(error)
+            return False
         if self.floating is not None:
             raise self.floating
         reason = self.snes.getConvergedReason()
@@ -87,18 +94,24 @@ class Newton:
         if reason > 0:
             attempt.reason = "converged"
         elif reason != _STOPPED:
-            self.snes.getKSP().reset()  # MUMPS does not recover from a singular matrix
-            attempt.reason = _explain(self.snes)
+            attempt.reason = self._explain()
+            ksp.reset()  # MUMPS does not recover from a singular matrix
         return bool(reason > 0)
 
     def _function(self, _snes: PETSc.SNES, x: PETSc.Vec, b: PETSc.Vec) -> None:
-        self.problem.residual(x, b)
+        with logged("ContactResidual"):
+            self.problem.residual(x, b)
         if self.load != 1.0:
             b.axpy(self.load - 1.0, self.offset)
 
-    def _jacobian(self, _snes: PETSc.SNES, x: PETSc.Vec, A: PETSc.Mat, _P: PETSc.Mat) -> None:
-        self.problem.jacobian(x, A, keep_status=self._from_touching)
+    def _jacobian(self, _snes: PETSc.SNES, x: PETSc.Vec, _A: PETSc.Mat, _P: PETSc.Mat) -> None:
+        self.problem.read(x)
+        if not self._from_touching:
+            self.problem.update_status()
         self._from_touching = False
+        self.linear.update()
+        tolerance = self.snes.getTolerances()[0]
+        self.linear.prepare(self.snes.getKSP(), self.attempt.steps[-1], tolerance)
 
     def _test(self, snes: PETSc.SNES, it: int, _norms: tuple[float, float, float]) -> int:
         problem = self.problem
@@ -112,7 +125,8 @@ class Newton:
                 for c, s in zip(changed, problem.surfaces, strict=True)
             ]
             flips = problem.comm.allreduce(sum(counts))
-        step = Step(it, measures, flips, self.load)
+        krylov = snes.getKSP().getIterationNumber() if it > 0 else 0
+        step = Step(it, measures, flips, self.load, krylov)
         self.attempt.steps.append(step)
         logger.info("%s: %s", self.attempt.strategy, step)
         if self.monitor is not None:
@@ -127,7 +141,11 @@ class Newton:
             return int(PETSc.SNES.ConvergedReason.CONVERGED_FNORM_RELATIVE)
         if it >= snes.getTolerances()[3]:
             return int(PETSc.SNES.ConvergedReason.DIVERGED_MAX_IT)
-        if self._full_steps and self._in_cycle(statuses, measures.worst):
+        if (
+            self._full_steps
+            and self._in_cycle(statuses, measures.worst)
+            and not self.linear.tighten()
+        ):
             self.attempt.reason = "the status repeats in a cycle"
             self.attempt.restless = _restless(problem, self._history[-1][0], statuses)
             return int(_STOPPED)
@@ -164,8 +182,22 @@ class Newton:
         same = self.problem.comm.allreduce(same.astype(np.int32), op=np.minimum)
         return bool(same.any())
 
+    def _explain(self) -> str:
+        """The reason of a failed SNES in words."""
+        reasons = PETSc.SNES.ConvergedReason
+        names = {v: k for k, v in vars(reasons).items() if isinstance(v, int)}
+        reason = self.snes.getConvergedReason()
+        if reason == reasons.DIVERGED_LINEAR_SOLVE:
+            return self.linear.explain(self.snes.getKSP())
+        if reason == reasons.DIVERGED_LINE_SEARCH:
+            return "the line search found no decrease of the norm of H"
+        if reason == reasons.DIVERGED_MAX_IT:
+            return f"no convergence in {self.snes.getIterationNumber()} iterations"
+        return names.get(reason, str(reason))
+
 
 _STOPPED = PETSc.SNES.ConvergedReason.DIVERGED_LOCAL_MIN
+_LINEAR = PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE
 
 
 def _restless(
@@ -180,19 +212,3 @@ def _restless(
         if everyone:
             places[s.name] = everyone[:5]
     return places
-
-
-def _explain(snes: PETSc.SNES) -> str:
-    """The reason of a failed SNES in words."""
-    names = {v: k for k, v in vars(PETSc.SNES.ConvergedReason).items() if isinstance(v, int)}
-    reason = snes.getConvergedReason()
-    if reason == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE:
-        return (
-            "the linear solver failed (a singular matrix: an unheld part of the mesh, a zero "
-            "stiffness, or contact conditions that contradict Dirichlet data)"
-        )
-    if reason == PETSc.SNES.ConvergedReason.DIVERGED_LINE_SEARCH:
-        return "the line search found no decrease of the norm of H"
-    if reason == PETSc.SNES.ConvergedReason.DIVERGED_MAX_IT:
-        return f"no convergence in {snes.getIterationNumber()} iterations"
-    return names.get(reason, str(reason))

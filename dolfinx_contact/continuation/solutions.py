@@ -1,0 +1,209 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""Many solutions at one gamma, connected with each other or not.
+
+Where the pieces are affine, a solution at gamma is a ray of the cones under the whole load, so that
+`rays.py` finds them, by enumeration (and then there are no others) or by unfolding. Else solutions
+that are known are deflated (Farrell, Birkisson and Funke, SIAM J. Sci. Comput. 37, 2015): Newton's
+method is applied to m(x) H(x) with
+
+    m(x) = prod_k (1 / |x - x_k|^2 + 1),
+
+which does not vanish at the x_k any more. Its step is that for H times 1 / (1 - grad log m . dx):
+nothing but the length and the sense of a step changes. How far a solution repels decides on where
+the steps lead; several parts of its distance from the guess are tried. H is taken with the status
+that x asks for: the method is semismooth, and may well find nothing where there is something.
+"""
+
+from __future__ import annotations
+
+import itertools
+import logging
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+from petsc4py import PETSc
+
+import numpy as np
+
+from dolfinx_contact.continuation.bordered import Bordered
+from dolfinx_contact.continuation.rays import outgoing
+from dolfinx_contact.continuation.system import Condensable, Piece, System
+
+__all__ = ["Solution", "Solutions", "find_solutions"]
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Solution:
+    """One solution: x and its statuses."""
+
+    x: PETSc.Vec
+    piece: Piece
+
+
+@dataclass(frozen=True)
+class Solutions:
+    """Solutions at one gamma.
+
+    Attributes:
+        gamma: parameter.
+        found: known ones first.
+        complete: whether it is proved that there are no others.
+        method: how they were looked for, for people.
+    """
+
+    gamma: float
+    found: tuple[Solution, ...]
+    complete: bool
+    method: str
+
+
+def find_solutions(
+    system: System,
+    guesses: Sequence[PETSc.Vec],
+    gamma: float,
+    *,
+    known: Sequence[PETSc.Vec] = (),
+    lengths: Sequence[float] = (1 / 2, 1 / 4, 1 / 8, 1 / 16, 1 / 32, 1 / 64),
+    max_iterations: int = 60,
+    tolerance: float = 1e-10,
+    deflation: bool = False,
+) -> Solutions:
+    """Solutions at ``gamma``, as many as can be found. Collective.
+
+    Args:
+        system: H with its pieces.
+        guesses: states to start from, over and over until nothing new is found; at least one.
+            Beside the solutions that are found further ones are taken.
+        gamma: parameter.
+        known: solutions that need not be found again.
+        lengths: parts of the distance between a guess and a solution within which the solution
+            repels, tried in turn.
+        max_iterations: of each run of Newton's method.
+        tolerance: relative residual at which a state is a solution.
+        deflation: use it even where the pieces are affine.
+
+    Raises:
+        ValueError: if there is no guess, or a number is not positive.
+    """
+    if not guesses:
+        raise ValueError("at least one guess is needed")
+    if not (all(part > 0 for part in lengths) and tolerance > 0 and max_iterations > 0):
+        raise ValueError("lengths, tolerance and max_iterations must be positive")
+    if not deflation and isinstance(system, Condensable) and system.is_piecewise_affine:
+        found = _of_cones(system, guesses[0], gamma)
+        if found is not None:
+            return found
+    with _Deflated(system, gamma, max_iterations, tolerance) as deflated:
+        solutions = [x.copy() for x in known]
+        runs, fruitless = 0, False
+        while not fruitless:
+            fruitless = True
+            starts = [*guesses, *deflated.beside(solutions, guesses[0])]
+            for guess, part in itertools.product(starts, lengths if solutions else (1.0,)):
+                runs += 1
+                x = deflated.solve(guess, solutions, part)
+                if x is not None:
+                    solutions.append(x)
+                    fruitless = False
+        found_ones = tuple(Solution(x, system.piece_at(x, gamma)) for x in solutions)
+    return Solutions(gamma, found_ones, False, f"deflation, {runs} runs of Newton's method")
+
+
+def _of_cones(system: Condensable, x: PETSc.Vec, gamma: float) -> Solutions | None:
+    condensed = system.condensed(x, gamma)
+    if condensed is None:
+        return None
+    affine = condensed.system
+    whole = affine.load + gamma * affine.rate
+    rays = outgoing(replace(affine, load=np.zeros_like(whole), rate=whole))
+    found = []
+    for ray in rays.rays:
+        if ray.rate == 1:
+            y = x.copy()
+            condensed.expand(ray.direction, gamma, y)
+            found.append(Solution(y, condensed.piece(ray.codes)))
+    return Solutions(gamma, tuple(found), rays.complete, rays.method)
+
+
+class _Deflated:
+    """Newton's method on m(x) H(x) at fixed gamma."""
+
+    def __init__(self, system: System, gamma: float, max_iterations: int, tolerance: float):
+        self.system, self.gamma = system, gamma
+        self.max_iterations, self.tolerance = max_iterations, tolerance
+        self.bordered = Bordered(system, gamma_scale=1.0, prefix="deflation_")
+        b = self.bordered
+        self._y, self._dy, self._rhs = (b.vector() for _ in range(3))
+        self._row = b.last_unit()
+        self._h, self._away, self._w = (system.create_vector() for _ in range(3))
+
+    def __enter__(self) -> _Deflated:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.bordered.destroy()
+        for v in (self._y, self._dy, self._rhs, self._row, self._h, self._away, self._w):
+            v.destroy()
+
+    def beside(self, solutions: Sequence[PETSc.Vec], guess: PETSc.Vec) -> Iterator[PETSc.Vec]:
+        """States on either side of the solutions, on the line from the guess."""
+        for x in solutions:
+            for part in (-0.1, 0.1):
+                y = x.copy()
+                y.axpy(part, x - guess)
+                yield y
+
+    def solve(self, guess: PETSc.Vec, known: Sequence[PETSc.Vec], part: float) -> PETSc.Vec | None:
+        """A solution that is not among ``known``, from ``guess``; None if none is found."""
+        b, x = self.bordered, guess.copy()
+        squares = [part**2 * self._product(guess, other)[0] or 1.0 for other in known]
+        for _ in range(self.max_iterations):
+            self.system.residual(x, self.gamma, self._h, None)
+            error = self.system.error(self._h)
+            if not np.isfinite(error):
+                break
+            if error <= self.tolerance:
+                return None if self._is_known(x, known) else x
+            b.join(x, self.gamma, self._y)
+            b.assemble(self._y, self._row, None)
+            b.join(self._h, 0.0, self._rhs)
+            self._rhs.scale(-1.0)
+            if not (b.factorise() and b.solve(self._rhs, self._dy)):
+                break
+            dx, _ = b.split(self._dy)
+            dx = dx.copy()
+            x.axpy(self._factor(x, dx, known, squares), dx)
+            dx.destroy()
+        x.destroy()
+        return None
+
+    def _factor(
+        self, x: PETSc.Vec, dx: PETSc.Vec, known: Sequence[PETSc.Vec], squares: Sequence[float]
+    ) -> float:
+        """1 / (1 - grad log m . dx)."""
+        slope = 0.0
+        for other, square in zip(known, squares, strict=True):
+            distance, along = self._product(x, other, dx)
+            # Of log(1/d + 1), d the square of the distance: -2 (x - x_k) . dx / (d (1 + d)).
+            slope -= 2 * along / (max(distance, 1e-300) * (1 + distance / square))
+        factor = 1.0 / (1.0 - slope) if slope != 1 else 1.0
+        return float(np.clip(factor, -1e3, 1e3))
+
+    def _product(
+        self, x: PETSc.Vec, other: PETSc.Vec, dx: PETSc.Vec | None = None
+    ) -> tuple[float, float]:
+        """|x - x_k|^2 and (x - x_k) . dx in the metric of the system."""
+        self._away.waxpy(-1.0, other, x)
+        self.system.metric(self._away, self._w)
+        along = 0.0 if dx is None else float(self._w.dot(dx))
+        return float(self._w.dot(self._away)), along
+
+    def _is_known(self, x: PETSc.Vec, known: Sequence[PETSc.Vec]) -> bool:
+        size = x.norm()
+        for other in known:
+            self._away.waxpy(-1.0, other, x)
+            if self._away.norm() <= 1e-6 * max(size, other.norm(), 1e-300):
+                return True
+        return False

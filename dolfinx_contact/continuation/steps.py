@@ -1,0 +1,324 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Steps from kink to kink.
+
+A step stays on one piece, which is smooth, by predictor and corrector. Then the events of the piece
+are looked at: if one has become negative, the first change of status is located along the branch to
+round-off, and the branch goes on in the piece beyond (`crossing.py`), its tangent oriented into it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from petsc4py import PETSc
+
+import numpy as np
+
+from dolfinx_contact.continuation.bifurcation import BifurcationTest
+from dolfinx_contact.continuation.branch import BranchPoint, Ray, SpecialPoint
+from dolfinx_contact.continuation.corrector import Corrector
+from dolfinx_contact.continuation.crossing import cross
+from dolfinx_contact.continuation.system import Piece
+
+__all__ = ["ExactSteps"]
+
+_AT_BORDER = 1e-9  # of the largest distance: an event that counts as located
+
+
+class ExactSteps:
+    """Steps that end at every event.
+
+    Args:
+        corrector: on the bordered system that is followed.
+    """
+
+    def __init__(self, corrector: Corrector):
+        self.corrector, self.control = corrector, corrector.control
+        self.bordered, self.system = corrector.bordered, corrector.bordered.system
+        self.test = BifurcationTest(self.bordered)
+        #: Of all events so far.
+        self.largest_distance = 0.0
+        #: Why the branch cannot be followed further.
+        self.dead_end = ""
+
+    def destroy(self) -> None:
+        """Free the PETSc objects."""
+        self.test.destroy()
+
+    def piece_between(self, a: BranchPoint, c: BranchPoint) -> Piece | None:
+        """The piece on which the branch runs from ``a`` to the next point ``c``; None if several.
+
+        Collective.
+        """
+        return a.piece
+
+    def step(
+        self, point: BranchPoint, h: float
+    ) -> tuple[BranchPoint | None, list[SpecialPoint], float]:
+        """The next point, special points on the way to it, and the next step length."""
+        control, b = self.control, self.bordered
+        while h >= control.minimum:
+            y, t = point.y.copy(), point.tangent.copy()
+            y.axpy(h, point.tangent)
+            if not self.corrector.moore_penrose(y, t, point.piece):
+                h *= control.decrease
+                continue
+            corrections = self.corrector.iterations
+            t.destroy()
+            tangent = self.corrector.tangent(y, point.tangent, point.piece)
+            if tangent is None or b.inner(tangent, point.tangent) < control.cosine:
+                if h * control.decrease >= control.minimum:
+                    h *= control.decrease
+                    continue
+                return None, [], h
+            next_h = h * control.increase if corrections <= control.easy else h
+            next_h = min(next_h, control.maximum)
+            # The factorisation of the tangent serves the test function as well.
+            tau = self.test(accepted=True)
+            new = BranchPoint(y, tangent, point.piece, b.gamma(y), h, corrections, tau)
+            if self._least_distance(new) < 0:
+                return self._to_the_border(point, h, y)
+            special = self.smooth_points(point, new)
+            return self.rescaled(new), special, next_h
+        return None, [], h
+
+    def _distances(self, y: PETSc.Vec, piece: Piece) -> np.ndarray:
+        x, gamma = self.bordered.split(y)
+        return self.system.events(x, gamma, piece).distance
+
+    def _unit(self, y: PETSc.Vec, piece: Piece) -> float:
+        """The largest distance so far: at a degenerate point all distances vanish. Collective."""
+        largest = float(np.max(np.abs(self._distances(y, piece)), initial=self.largest_distance))
+        self.largest_distance = float(self.bordered.comm.allreduce(largest, op=max))
+        return self.largest_distance or 1.0
+
+    def _least_distance(self, point: BranchPoint) -> float:
+        """The least event distance if it is beyond round-off, else 0. Collective."""
+        distance = self._distances(point.y, point.piece)
+        least = self.bordered.comm.allreduce(float(np.min(distance, initial=np.inf)), op=min)
+        return least if least < -_AT_BORDER * self._unit(point.y, point.piece) else 0.0
+
+    def _to_the_border(
+        self, point: BranchPoint, h: float, y_high: PETSc.Vec
+    ) -> tuple[BranchPoint | None, list[SpecialPoint], float]:
+        """Go to the first event between ``point`` and ``y_high``, a step ``h`` away; cross it."""
+        b = self.bordered
+        found = self._first_event(point, y_high)
+        if found is None:
+            return None, [], h
+        s, y = found
+        tangent = self.corrector.tangent(y, point.tangent, point.piece)
+        if tangent is None:
+            return None, [], h
+        taken = self.corrector.iterations
+        here = BranchPoint(y, tangent, point.piece, b.gamma(y), s, taken, self.test())
+        special = self.smooth_points(point, here)
+        tolerance = _AT_BORDER * self._unit(y, point.piece)
+        crossing = cross(self.corrector, y, point.piece, tangent, tolerance)
+        onwards = crossing.onwards
+        if onwards is None:
+            tried = "all pieces were tried" if crossing.complete else "too many pieces to try"
+            self.dead_end = (
+                f"no way on was found from gamma = {here.gamma:.10g}, where {crossing.kinks} "
+                f"points are at a kink at once ({tried})"
+            )
+            special.append(SpecialPoint("end", False, here.gamma, y, 0, complete=crossing.complete))
+            return here, special, h
+        turned = self.turned(tangent, onwards.tangent)
+        kind = "bifurcation" if crossing.others else "fold" if turned else "event"
+        special.append(
+            SpecialPoint(
+                kind,  # type: ignore[arg-type]
+                False,
+                here.gamma,
+                y,
+                0,
+                crossing.changes,
+                crossing.parity,
+                crossing.others,
+                crossing.complete,
+                Ray(point.piece, tangent),
+                onwards,
+                crossing.method,
+            )
+        )
+        new = BranchPoint(y, onwards.tangent, onwards.piece, here.gamma, s, here.corrections)
+        return self.rescaled(new), special, h
+
+    def _first_event(self, point: BranchPoint, y_high: PETSc.Vec) -> tuple[float, PETSc.Vec] | None:
+        """Where the first event between ``point`` and ``y_high`` vanishes. Collective.
+
+        The first zero if all distances were linear between the two ends; an end that stays twice
+        counts half (Illinois), so that the bracket shrinks from both sides. Points are corrected
+        from the line between the ends.
+        """
+        b, comm = self.bordered, self.bordered.comm
+        y_low, piece = point.y, point.piece
+        low, high = 0.0, b.inner(point.tangent, y_high) - b.inner(point.tangent, point.y)
+        d_low, d_high = (np.array(self._distances(y, piece)) for y in (y_low, y_high))
+        end, s, y, side = high, high, y_high, 0
+        for _ in range(60):
+            falling = d_high < 0
+            above = np.maximum(d_low, 0.0)
+            fraction = np.where(falling, above / np.where(falling, above - d_high, 1.0), np.inf)
+            first = comm.allreduce(float(np.min(fraction, initial=np.inf)), op=min)
+            s = low + first * (high - low)
+            y = y_low.copy()
+            y.axpy(first, y_high - y_low)
+            if not self.corrector.pseudo_arclength(
+                y, point.y, point.tangent, s, piece, polish=True
+            ):
+                return None
+            d = np.array(self._distances(y, piece))
+            least = comm.allreduce(float(np.min(d, initial=np.inf)), op=min)
+            if abs(least) <= 1e-13 * self._unit(y, piece) or high - low <= 1e-15 * end:
+                break
+            if least < 0:
+                d_low = d_low / (2 if side > 0 else 1)
+                high, d_high, y_high, side = s, d, y, 1
+            else:
+                d_high = d_high / (2 if side < 0 else 1)
+                low, d_low, y_low, side = s, d, y, -1
+        return s, y
+
+    def turned(self, t: PETSc.Vec, new: PETSc.Vec) -> bool:
+        """Whether gamma turns back between two tangents."""
+        a, c = self.bordered.gamma(t), self.bordered.gamma(new)
+        return a * c < 0 and min(abs(a), abs(c)) > 1e-9 * self.bordered.gamma_scale
+
+    def smooth_points(self, point: BranchPoint, new: BranchPoint) -> list[SpecialPoint]:
+        """Folds and bifurcations between two points of a piece, in order."""
+        b, special = self.bordered, []
+        if self.turned(point.tangent, new.tangent):
+            slopes = b.gamma(point.tangent), b.gamma(new.tangent)
+            found = self.locate(point, new.y, slopes, lambda _y, t: b.gamma(t), piece=point.piece)
+            if found is not None:
+                special.append(
+                    (found[0], SpecialPoint("fold", True, b.gamma(found[1]), found[1], 0))
+                )
+        if point.tau * new.tau < 0:
+            found = self.locate(
+                point, new.y, (point.tau, new.tau), lambda _y, _t: self.test(), piece=point.piece
+            )
+            if found is not None:
+                kernel = self.test.kernel()
+                opposite = kernel.copy()
+                opposite.scale(-1.0)
+                others = (Ray(point.piece, kernel), Ray(point.piece, opposite))
+                at = b.gamma(found[1])
+                crossing = SpecialPoint(
+                    "bifurcation",
+                    True,
+                    at,
+                    found[1],
+                    0,
+                    parity=-1,
+                    others=others,
+                    incoming=Ray(point.piece, self._secant(point, found[1], point.tangent)),
+                    onwards=Ray(point.piece, self._secant(found[1], new, new.tangent)),
+                )
+                special.append((found[0], crossing))
+        return [s for _, s in sorted(special, key=lambda pair: pair[0])]
+
+    def _secant(
+        self, start: BranchPoint | PETSc.Vec, end: BranchPoint | PETSc.Vec, t: PETSc.Vec
+    ) -> PETSc.Vec:
+        """The unit vector from one point of a branch to another; ``t`` where they coincide."""
+        a, c = (p.y if isinstance(p, BranchPoint) else p for p in (start, end))
+        secant = c - a
+        size = np.sqrt(self.bordered.inner(secant, secant))
+        if size < self.control.minimum:
+            return t.copy()
+        secant.scale(1.0 / size)
+        return secant
+
+    def locate(
+        self,
+        point: BranchPoint,
+        y_high: PETSc.Vec,
+        values: tuple[float, float],
+        function: Callable[[PETSc.Vec, PETSc.Vec], float],
+        *,
+        piece: Piece | None,
+    ) -> tuple[float, PETSc.Vec] | None:
+        """Where between ``point`` and ``y_high`` a function of y and tangent vanishes.
+
+        ``function`` is called when J at the point has been factorised; ``values`` are those at the
+        ends. Secant steps; an end that stays twice counts half (Illinois), so that the bracket
+        shrinks from both sides. Every point is corrected from the line between the ends of the
+        bracket (at first a parabola), whose distance from the branch falls with its square: so none
+        is found on another branch that crosses nearby.
+        """
+        b, y_low = self.bordered, point.y
+        end = b.inner(point.tangent, y_high) - b.inner(point.tangent, y_low)
+        low, high, (f_low, f_high) = 0.0, end, values
+        y, s, f, side = None, 0.0, np.inf, 0
+        for _ in range(100):
+            fraction = -f_low / (f_high - f_low)
+            s = low + fraction * (high - low)
+            found = y_low.copy()
+            if side == 0:  # a parabola, whose tangent at the start is known
+                found.axpy(s - end * fraction**2, point.tangent)
+                found.axpy(fraction**2, y_high - y_low)
+            else:
+                found.axpy(fraction, y_high - y_low)
+            if not self.corrector.pseudo_arclength(found, point.y, point.tangent, s, piece):
+                break
+            tangent = self.corrector.tangent(found, point.tangent, piece)
+            if tangent is None:
+                break
+            y, f = found, function(found, tangent)
+            if not np.isfinite(f):
+                break
+            if abs(f) <= 1e-12 * max(abs(v) for v in values) or high - low <= 1e-13 * abs(end):
+                break
+            if f * f_low > 0:
+                low, f_low, y_low, f_high = s, f, y, f_high / (2 if side < 0 else 1)
+                side = -1
+            else:
+                high, f_high, y_high, f_low = s, f, y, f_low / (2 if side > 0 else 1)
+                side = 1
+        # A change of sign through infinity is no zero.
+        return (s, y) if y is not None and abs(f) < 1e-3 * min(abs(v) for v in values) else None
+
+    def rescaled(self, point: BranchPoint) -> BranchPoint:
+        """The point once the scale of x has been taken from the first tangent that moves it."""
+        b = self.bordered
+        if b.x_scale == 0.0:
+            b.set_scale(point.tangent)
+        point.tangent.scale(1.0 / np.sqrt(b.inner(point.tangent, point.tangent)))
+        if b.x_scale_is_new or np.isnan(point.tau):
+            # Another border row, another test function.
+            b.x_scale_is_new = False
+            self.corrector.tangent(point.y, point.tangent, point.piece)
+            return replace(point, tau=self.test(accepted=True))
+        return point
+
+    def end_at(
+        self,
+        point: BranchPoint,
+        new: BranchPoint,
+        special: Sequence[SpecialPoint],
+        gamma_range: tuple[float, float],
+    ) -> tuple[BranchPoint, list[SpecialPoint]]:
+        """The point between ``point`` and ``new`` where gamma leaves its range.
+
+        And those of the special points between the two that lie before it.
+        """
+        low, high = gamma_range
+        special = [s for s in special if s.smooth and low <= s.gamma <= high]
+        y, gamma = self.between(point, new, low if new.gamma < low else high)
+        if not self.corrector.natural(y, gamma, point.piece):
+            return new, special
+        b = self.bordered
+        end = BranchPoint(y, new.tangent, point.piece, b.gamma(y), new.step, new.corrections)
+        return end, special
+
+    def between(
+        self, point: BranchPoint, new: BranchPoint, gamma: float
+    ) -> tuple[PETSc.Vec, float]:
+        """The state between two points where gamma has this value if all were linear; gamma."""
+        y = point.y.copy()
+        y.axpy((gamma - point.gamma) / (new.gamma - point.gamma), new.y - point.y)
+        return y, gamma

@@ -1,0 +1,169 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Diagrams of recorded branches: a functional over gamma, and the statuses along each branch.
+
+Colours are those of Okabe and Ito, which most colour-blind readers tell apart; kinds of special
+points differ in shape as well.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dolfinx_contact.output.journal import Journal
+
+__all__ = ["draw_diagram"]
+
+_BRANCHES = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")
+_DASHES = ("-", "--", "-.", ":")
+#: Letters with the colour and the name of their status.
+_STATUSES = {
+    "o": ("#e9edf2", "open"),
+    "k": ("#0072B2", "stick"),
+    "+": ("#009E73", "slip, $u_t > 0$"),
+    "-": ("#E69F00", "slip, $u_t < 0$"),
+    "s": ("#E69F00", "slip"),
+    "d": ("#555555", "clamped"),
+}
+#: Special points with the marker, its filling and their name, by kind and smoothness.
+_MARKS = {
+    ("fold", True): ("o", "white", "fold, smooth"),
+    ("fold", False): ("D", "white", "fold, nonsmooth"),
+    ("bifurcation", True): ("*", "#F0E442", "bifurcation, smooth"),
+    ("bifurcation", False): ("P", "#F0E442", "bifurcation, nonsmooth"),
+    ("end", False): ("X", "#F0E442", "no way on was found"),
+}
+_MOST_ROWS = 400  # of a strip: more cannot be told apart
+
+
+def draw_diagram(
+    file: str | os.PathLike[str],
+    journal: Journal,
+    functional: str | None = None,
+    *,
+    branches: Sequence[int] | None = None,
+    label: str | None = None,
+    title: str | None = None,
+    strips: int = 4,
+) -> Path:
+    """Draw recorded branches; on this rank alone.
+
+    Above, the functional over gamma with folds and bifurcations; below, a strip for each of the
+    first few branches: the status of every contact point (in order of coordinates) over the
+    distance along the branch, in units of steps.
+
+    Args:
+        file: the picture, of any kind that matplotlib writes.
+        journal: what `read_journal` returned.
+        functional: name of a functional, or of a column of the table that is a number; by default
+            the first functional, or ``norm``.
+        branches: their numbers, by default all.
+        label: of the functional, TeX between dollars; by default its name.
+        title: above the diagram.
+        strips: how many branches get one, at most.
+
+    Raises:
+        ValueError: if no point was recorded, or a branch or the functional is not known.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    chosen = sorted(journal.branches) if branches is None else list(branches)
+    chosen = [b for b in chosen if len(journal.columns(b)["gamma"])]
+    if not chosen:
+        raise ValueError("no point of these branches was recorded")
+    name = functional or (journal.functionals[0] if journal.functionals else "norm")
+    values = journal.columns(chosen[0]).get(name)
+    if values is None or values.dtype == object:
+        raise ValueError(f"{name!r} is no number that was recorded; {journal.functionals} are")
+    shown = chosen[:strips]
+    figure = Figure(figsize=(9.0, 4.8 + 1.7 * len(shown)), layout="constrained")
+    FigureCanvasAgg(figure)
+    ratios = [4.2, *[1.5] * len(shown)]
+    above, *below = figure.subplots(1 + len(shown), 1, height_ratios=ratios, squeeze=False)[:, 0]
+    for i, b in enumerate(chosen):
+        _curve(above, journal, b, name, i)
+    _marks(above, journal, chosen, name)
+    above.set(xlabel=r"$\gamma$", ylabel=label or name)
+    above.set_title(title or "Solutions", loc="left")
+    above.grid(color="0.92")
+    above.set_axisbelow(True)
+    above.legend(frameon=False, fontsize=9)
+    for axes, b in zip(below, shown, strict=True):
+        _strip(axes, journal, b)
+    if shown:
+        below[-1].set_xlabel("distance along the branch")
+        _status_legend(figure, journal, shown)
+    path = Path(file)
+    figure.savefig(path, dpi=130)
+    return path
+
+
+def _curve(axes: Any, journal: Journal, branch: int, name: str, i: int) -> None:
+    """One branch over gamma, with arrows in the sense in which it was followed."""
+    c = journal.columns(branch)
+    colour = _BRANCHES[i % len(_BRANCHES)]
+    style = _DASHES[(i // len(_BRANCHES)) % len(_DASHES)]
+    axes.plot(c["gamma"], c[name], style, color=colour, lw=1.8, label=f"branch {branch}")
+    axes.plot(c["gamma"][0], c[name][0], ">", color=colour, ms=7, mec="black", mew=0.6)
+    axes.plot(c["gamma"][-1], c[name][-1], "s", color=colour, ms=6, mec="black", mew=0.6)
+
+
+def _marks(axes: Any, journal: Journal, branches: Sequence[int], name: str) -> None:
+    """Special points, except events, where the curve passes them."""
+    named = set()
+    for b in branches:
+        c, points = journal.columns(b), journal.branches[b].points
+        for p in points:
+            for s in p["special"]:
+                mark = _MARKS.get((s["kind"], s["smooth"]))
+                if mark is None:
+                    continue
+                # A nonsmooth special point is a point of the branch, a smooth one lies before it.
+                i = p["index"]
+                near = c["gamma"][max(i - 1, 0) : i + 1] - s["gamma"]
+                i = i - len(near) + 1 + int(np.argmin(np.abs(near))) if s["smooth"] else i
+                value = c[name][i]
+                shape, filling, label = mark
+                known = None if label in named else label
+                look = dict(ms=10 if shape == "*" else 7, mfc=filling, mec="black", ls="")
+                axes.plot(s["gamma"], value, shape, zorder=5, label=known, **look)
+                named.add(label)
+
+
+def _strip(axes: Any, journal: Journal, branch: int) -> None:
+    """Statuses along a branch: one row a contact point, one column a step."""
+    from matplotlib.colors import ListedColormap
+
+    c = journal.columns(branch)
+    codes = np.array([[list(_STATUSES).index(x) for x in word] for word in c["status"]]).T
+    codes = codes[:: max(1, -(-len(codes) // _MOST_ROWS))]
+    # A point has its status up to the next one.
+    along = np.cumsum(c["step"])
+    edges = np.append(along, along[-1] + (0.01 * along[-1] or 1.0))
+    rows = np.arange(len(codes) + 1) / max(len(codes), 1) * len(c["status"][0])
+    colours = ListedColormap([colour for colour, _ in _STATUSES.values()])
+    axes.pcolormesh(edges, rows, codes, cmap=colours, vmin=-0.5, vmax=len(_STATUSES) - 0.5)
+    for p in journal.branches[branch].points:
+        for s in p["special"]:
+            if s["kind"] != "event":
+                axes.axvline(along[p["index"]], color="black", lw=1.0, ls=(0, (4, 2)))
+    axes.set_ylabel("contact point")
+    axes.set_title(f"Statuses along branch {branch} (dashed: folds, bifurcations)", loc="left")
+    axes.title.set_fontsize(10)
+
+
+def _status_legend(figure: Any, journal: Journal, branches: Sequence[int]) -> None:
+    from matplotlib.patches import Patch
+
+    present = set("".join("".join(journal.columns(b)["status"]) for b in branches))
+    handles = [
+        Patch(facecolor=colour, edgecolor="0.5", label=name)
+        for letter, (colour, name) in _STATUSES.items()
+        if letter in present
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False)

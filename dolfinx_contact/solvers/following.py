@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The last strategy of a solve: follow the load from nothing to the whole, through folds.
+
+H(x, s) = H(x) - (1 - s) H(x_0) has the solution x_0 at s = 0, and at s = 1 its solutions are those
+of the problem. Following the branch goes on where increments of s get stuck because it turns back.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from petsc4py import PETSc
+
+from dolfinx import fem
+
+from dolfinx_contact.continuation import Follower, Piece, StepControl
+from dolfinx_contact.parametric import ParametricContact
+
+if TYPE_CHECKING:
+    from dolfinx_contact.condensed import CondensedContact
+    from dolfinx_contact.problem import ContactProblem
+    from dolfinx_contact.solvers.history import Attempt
+
+__all__ = ["follow_load"]
+
+_MOST_STEPS = 400
+
+
+class _Loaded(ParametricContact):
+    """H(x, s): the contact problem with the part 1 - s of its residual at ``x0`` left over."""
+
+    def __init__(self, problem: ContactProblem, x0: PETSc.Vec):
+        super().__init__(problem, fem.Constant(problem.V.mesh, 0.0))
+        self._rest = problem.create_vector()
+        problem.residual(x0, self._rest)
+
+    def residual(self, x: PETSc.Vec, gamma: float, b: PETSc.Vec, piece: Piece | None) -> None:
+        super().residual(x, gamma, b, piece)
+        b.axpy(gamma - 1.0, self._rest)
+
+    def parameter_derivative(
+        self, x: PETSc.Vec, gamma: float, c: PETSc.Vec, piece: Piece | None
+    ) -> None:
+        self._rest.copy(c)
+
+    @property
+    def is_piecewise_affine(self) -> bool:
+        return False
+
+    def condensed(self, x: PETSc.Vec, gamma: float) -> CondensedContact | None:
+        return None  # the rest has entries in the contact rows
+
+    def destroy(self) -> None:
+        super().destroy()
+        self._rest.destroy()
+
+
+def follow_load(problem: ContactProblem, x: PETSc.Vec, attempt: Attempt) -> bool:
+    """Follow the load from ``x``, which becomes the solution at full load if that is reached."""
+    system = _Loaded(problem, x)
+    try:
+        with Follower(system, StepControl(), gamma_scale=1.0) as follower:
+            branch = follower.run(follower.start(x, 0.0), (-1.0, 1.0), max_steps=_MOST_STEPS)
+            last = branch.points[-1]
+            if last.gamma < 1.0:
+                attempt.reason = f"{branch.reason}, at {last.gamma:.4g} of the load"
+                return False
+            x.array[:] = last.y.array_r[: x.getLocalSize()]
+    except ValueError as error:
+        attempt.reason = str(error)
+        return False
+    finally:
+        system.destroy()
+    return True

@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""How exactly the linear system of a Newton step is worth solving.
+
+Eisenstat and Walker (SIAM J. Sci. Comput. 17, 1996, choice 2): the relative tolerance of step k is
+gamma (F_k / F_(k-1))^2, with their safeguard against a fall by accident. Guards for kinks: while
+points change their status the reduction of the residual says nothing about the model of the next
+step, so that the tolerance stays at its largest value; where the residual finds no new minimum for
+some steps, or statuses cycle, that value shrinks, since it may be the inexactness that makes them
+change; and no step is solved beyond what the tolerance of the whole solve can use.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+__all__ = ["Forcing"]
+
+
+@dataclass
+class Forcing:
+    """Relative tolerances of successive linear solves.
+
+    Attributes:
+        largest: the tolerance of the first step and while many statuses change.
+        warm: the same for a start that is close to a solution, where an inexact step would make
+            statuses change that are right already.
+        gamma: factor of the squared reduction.
+        smallest: the tightest tolerance.
+        reserve: part of the remaining reduction that the last step is solved to.
+        many: share of the contact points whose change counts as many.
+        patience: steps without a new minimum of the residual before the tolerances shrink.
+    """
+
+    largest: float = 1e-1
+    warm: float = 1e-3
+    gamma: float = 0.9
+    smallest: float = 1e-10
+    reserve: float = 0.01
+    many: float = 0.02
+    patience: int = 8
+    _cap: float = field(default=1e-1, init=False)
+    _least: float = field(default=float("inf"), init=False)
+    _waited: int = field(default=0, init=False)
+    _last: float = field(default=0.0, init=False)
+    _eta: float = field(default=0.0, init=False)
+
+    def restart(self, *, warm: bool) -> None:
+        """Begin anew, from a state that is close to a solution or not."""
+        self._cap = self.warm if warm else self.largest
+        self._last = self._eta = 0.0
+        self._least, self._waited = float("inf"), 0
+
+    def tighten(self) -> bool:
+        """Solve more exactly from now on; False if that is done already."""
+        if self._cap <= self.warm**2:
+            return False
+        self._cap *= 0.03
+        self._waited = 0
+        return True
+
+    def tolerance(self, residual: float, target: float, changed: float) -> float:
+        """The relative tolerance of the step from a state.
+
+        Args:
+            residual: relative residual of the state.
+            target: at which the solve ends.
+            changed: share of the points that changed their status on the way to the state.
+        """
+        self._waited = 0 if residual < self._least else self._waited + 1
+        self._least = min(residual, self._least)
+        if self._waited > self.patience:
+            self.tighten()
+            self._waited = 0
+        eta = self._cap
+        if self._last > 0 and changed <= self.many:
+            eta = self.gamma * min(residual / self._last, 1.0) ** 2
+            safeguard = self.gamma * self._eta**2
+            if safeguard > 0.1:
+                eta = max(eta, safeguard)
+        least = max(self.reserve * target / max(residual, 1e-300), self.smallest)
+        self._last, self._eta = residual, max(min(eta, self._cap), least)
+        return self._eta

@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""A multigrid hierarchy of the stiffness that outlives statuses.
+
+Algebraic multigrid by PETSc (GAMG, or BoomerAMG of hypre) with the rigid motions as near null
+space, built from the stiffness with the nodes glued that were closed when it was built. Statuses
+may move on: the surface filter corrects what the hierarchy gets wrong at the contact nodes.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx import fem, la
+
+from dolfinx_contact._petsc import logged, options_in_database
+
+__all__ = ["Hierarchy", "rigid_body_space"]
+
+_GAMG: dict[str, Any] = {
+    "pc_type": "gamg",
+    "pc_gamg_threshold": 0.02,
+    "pc_gamg_aggressive_coarsening": 1,
+    "mg_levels_ksp_type": "chebyshev",
+    "mg_levels_pc_type": "jacobi",
+}
+_HYPRE: dict[str, Any] = {
+    "pc_type": "hypre",
+    "pc_hypre_type": "boomeramg",
+    "pc_hypre_boomeramg_nodal_coarsen": 4,
+    "pc_hypre_boomeramg_vec_interp_variant": 2,
+    "pc_hypre_boomeramg_strong_threshold": 0.5,
+    "pc_hypre_boomeramg_coarsen_type": "HMIS",
+    "pc_hypre_boomeramg_interp_type": "ext+i",
+    "pc_hypre_boomeramg_P_max": 4,
+    "pc_hypre_boomeramg_agg_nl": 1,
+}
+
+
+class Hierarchy:
+    """An approximate inverse of the stiffness, kept until it is built anew.
+
+    Args:
+        V: displacement space.
+        prefix: of PETSc options; those of the hierarchy follow with ``amg_``.
+        symmetric: whether the stiffness is symmetric and positive definite.
+
+    Attributes:
+        null_space: rigid motions, for `Mat.setNearNullSpace`.
+    """
+
+    def __init__(self, V: fem.FunctionSpace, prefix: str, *, symmetric: bool = True):
+        self.comm, self.prefix, self._symmetric = V.mesh.comm, prefix + "amg_", symmetric
+        self.null_space, self._vectors = rigid_body_space(V)
+        self._bs = V.dofmap.index_map_bs
+        self.pc: PETSc.PC | None = None
+        self.matrix: PETSc.Mat | None = None
+        #: Number of set-ups so far.
+        self.builds = 0
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """The options of the PC where the database says nothing else."""
+        kind = PETSc.Options().getString(self.prefix + "pc_type", "gamg")
+        return {"gamg": _GAMG, "hypre": _HYPRE}.get(kind, {})
+
+    def build(self, K: PETSc.Mat, identity: npt.NDArray[np.int32], diagonal: float) -> PETSc.PC:
+        """Build from ``K`` with the owned local dofs ``identity`` held. Collective."""
+        self.release()
+        with logged("ContactAMGSetUp"):
+            self.matrix = K.copy()
+            self.matrix.setBlockSize(self._bs)
+            rows = identity + K.getOwnershipRange()[0]
+            self.matrix.zeroRowsColumns(rows.astype(np.int32), diag=diagonal)
+            self.matrix.setNearNullSpace(self.null_space)
+            if self._symmetric:
+                self.matrix.setOption(PETSc.Mat.Option.SPD, True)
+            self.pc = PETSc.PC().create(self.comm)
+            self.pc.setOptionsPrefix(self.prefix)
+            self.pc.setOperators(self.matrix)
+            with options_in_database(self.prefix, self.options):
+                self.pc.setFromOptions()
+                self.pc.setUp()
+        self.builds += 1
+        return self.pc
+
+    def release(self) -> None:
+        """Free the hierarchy."""
+        for thing in (self.pc, self.matrix):
+            if thing is not None:
+                thing.destroy()
+        self.pc = self.matrix = None
+
+
+def rigid_body_space(V: fem.FunctionSpace) -> tuple[PETSc.NullSpace, list[PETSc.Vec]]:
+    """Rigid motions of the whole body as a PETSc null space, and its vectors. Collective."""
+    index_map, dim = V.dofmap.index_map, V.mesh.geometry.dim
+    n = index_map.size_local
+    x = V.tabulate_dof_coordinates()[: n + index_map.num_ghosts, :dim]
+    axes = [(0, 1)] if dim == 2 else [(1, 2), (2, 0), (0, 1)]
+    basis = [la.vector(index_map, dim) for _ in range(dim + len(axes))]
+    for b in basis:
+        b.array[:] = 0.0
+    for i in range(dim):
+        basis[i].array.reshape(-1, dim)[:, i] = 1.0
+    for b, (i, j) in zip(basis[dim:], axes, strict=True):
+        b.array.reshape(-1, dim)[:, i] = -x[:, j]
+        b.array.reshape(-1, dim)[:, j] = x[:, i]
+    la.orthonormalize(basis)
+    comm = V.mesh.comm
+    vectors = [
+        PETSc.Vec().createWithArray(b.array[: dim * n].copy(), bsize=dim, comm=comm) for b in basis
+    ]
+    return PETSc.NullSpace().create(vectors=vectors, comm=comm), vectors

@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Which solver takes the linear systems of Newton's method: by size, or as the user says.
+
+``<prefix>linear_solver`` is ``auto`` (default), ``direct`` or ``amg``. Direct is any KSP and PC on
+the assembled Jacobian, by default MUMPS; amg is `multigrid.Multigrid`. Automatically, problems up
+to 10^5 unknowns in 2D and 5 10^3 in 3D are solved directly, and so are those for which the user
+has chosen a ``ksp_type`` or ``pc_type``.
+"""
+
+from __future__ import annotations
+
+import logging
+from typing import TYPE_CHECKING, Any
+
+from petsc4py import PETSc
+
+from dolfinx_contact._petsc import logged
+
+if TYPE_CHECKING:
+    from dolfinx_contact.problem import ContactProblem
+    from dolfinx_contact.solvers.history import Step
+
+__all__ = ["Direct", "LinearSolver", "create_linear_solver", "predicted_gigabytes"]
+
+logger = logging.getLogger(__name__)
+
+_KINDS = ("auto", "direct", "amg")
+_LARGEST_DIRECT = {2: 100_000, 3: 5_000}
+
+#: Factor and power of the number of unknowns, by dimension, that give the gigabytes of MUMPS:
+#: measured at 9 10^3 and 7 10^4 unknowns in 2D and at 4 10^3 and 10^4 in 3D.
+_DIRECT_MEMORY = {2: (6.5e-7, 1.1), 3: (3.8e-7, 4 / 3)}
+_AMG_MEMORY = 5.0e-6  # gigabytes per unknown, measured at 9 10^4 and 10^6 unknowns in 3D
+
+
+class LinearSolver:
+    """What Newton's method asks of a linear solver.
+
+    Attributes:
+        name: ``direct`` or ``amg``.
+        matrix: the Jacobian, for SNES.
+        defaults: PETSc options of the KSP.
+    """
+
+    name: str
+    matrix: PETSc.Mat
+    defaults: dict[str, Any]
+
+    def attach(self, ksp: PETSc.KSP) -> None:
+        """Prepare a KSP, before it reads its options."""
+
+    def update(self) -> None:
+        """Assemble the Jacobian at the Functions and the status as they are. Collective."""
+        raise NotImplementedError
+
+    def prepare(self, ksp: PETSc.KSP, step: Step, target: float) -> None:
+        """See to tolerances and preconditioner for the step from the iterate ``step``."""
+
+    def retry(self, ksp: PETSc.KSP) -> bool:
+        """Whether there is something better to try after a linear solve that failed. Collective."""
+        return False
+
+    def explain(self, ksp: PETSc.KSP) -> str:
+        """A failed linear solve in words."""
+        raise NotImplementedError
+
+    def tighten(self) -> bool:
+        """Solve more exactly, if that has not been tried: statuses may cycle for want of it."""
+        return False
+
+    def destroy(self) -> None:
+        """Free the PETSc objects."""
+
+
+class Direct(LinearSolver):
+    """A KSP on the assembled Jacobian, by default MUMPS."""
+
+    name = "direct"
+    defaults = {
+        "ksp_type": "preonly",
+        "pc_type": "lu",
+        "pc_factor_mat_solver_type": "mumps",
+        "mat_mumps_icntl_14": 80,
+    }
+
+    def __init__(self, problem: ContactProblem):
+        self._problem, self.matrix = problem, problem.matrix
+
+    def update(self) -> None:
+        with logged("ContactJacobian"):
+            self._problem.assemble_jacobian(self.matrix)
+
+    def explain(self, ksp: PETSc.KSP) -> str:
+        if ksp.getConvergedReason() == PETSc.KSP.ConvergedReason.DIVERGED_MAX_IT:
+            return f"the linear solver did not converge in {ksp.getIterationNumber()} iterations"
+        return (
+            "the linear solver failed (a singular matrix: an unheld part of the mesh, a zero "
+            "stiffness, or contact conditions that contradict Dirichlet data)"
+        )
+
+
+def create_linear_solver(problem: ContactProblem) -> LinearSolver:
+    """The linear solver that options or size ask for. Collective.
+
+    Raises:
+        ValueError: for an unknown kind.
+    """
+    from dolfinx_contact.solvers.multigrid import Multigrid
+
+    size, dim = sum(problem.global_sizes), problem.V.mesh.geometry.dim
+    kind = _option(problem, "linear_solver") or "auto"
+    if kind not in _KINDS:
+        raise ValueError(f"unknown linear solver {kind!r}; known: {', '.join(_KINDS)}")
+    if kind == "auto":
+        chosen = any(_option(problem, name) for name in ("ksp_type", "pc_type"))
+        kind = "direct" if chosen or size <= _LARGEST_DIRECT[dim] else "amg"
+    if problem.comm.rank == 0:
+        logger.info(
+            "%d unknowns, linear solver %s: about %.2g GB on all ranks (direct: %.2g GB)",
+            size,
+            kind,
+            predicted_gigabytes(kind, size, dim),
+            predicted_gigabytes("direct", size, dim),
+        )
+    return Direct(problem) if kind == "direct" else Multigrid(problem)
+
+
+def predicted_gigabytes(kind: str, size: int, dim: int) -> float:
+    """Memory of a linear solver for ``size`` unknowns, from measured runs, in 10^9 bytes."""
+    if kind == "direct":
+        factor, power = _DIRECT_MEMORY[dim]
+        return float(factor * size**power)
+    return _AMG_MEMORY * size
+
+
+def _option(problem: ContactProblem, name: str) -> str | None:
+    """An option of the problem: from the database, else from its own dictionary."""
+    database = PETSc.Options()
+    if database.hasName(problem.prefix + name):
+        return str(database.getString(problem.prefix + name))
+    value = problem.petsc_options.get(name)
+    return None if value is None else str(value)

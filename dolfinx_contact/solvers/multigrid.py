@@ -1,0 +1,187 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Newton steps by a Krylov method with the surface filter and a hierarchy that is kept."""
+
+from __future__ import annotations
+
+import logging
+from typing import TYPE_CHECKING, Any
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx import la
+
+from dolfinx_contact._petsc import logged
+from dolfinx_contact.solvers.forcing import Forcing
+from dolfinx_contact.solvers.hierarchy import Hierarchy
+from dolfinx_contact.solvers.linear import LinearSolver
+from dolfinx_contact.solvers.operator import ContactOperator
+from dolfinx_contact.solvers.surface_filter import SurfaceFilter
+from dolfinx_contact.trace import facet_closures
+
+if TYPE_CHECKING:
+    from dolfinx_contact.problem import ContactProblem
+    from dolfinx_contact.solvers.history import Step
+
+__all__ = ["Multigrid"]
+
+logger = logging.getLogger(__name__)
+
+_COST = 25.0  # iterations that take as long as the set-up of a hierarchy (measured)
+_FRESH = 3.0  # iterations per digit with a new hierarchy (measured)
+
+
+class Multigrid(LinearSolver):
+    """Krylov solves of the uncondensed Jacobian, preconditioned by `SurfaceFilter`.
+
+    The operator (`matrix`) and the filter act on H_x alone, so that a bordered system may use them
+    as the leading block of its own operator and preconditioner.
+
+    Args:
+        problem: the contact problem.
+    """
+
+    name = "amg"
+    defaults: dict[str, Any] = {
+        "ksp_type": "fgmres",
+        "ksp_initial_guess_knoll": True,
+        "ksp_gmres_restart": 60,
+        "ksp_max_it": 200,
+    }
+
+    def __init__(self, problem: ContactProblem):
+        self._problem, self.comm = problem, problem.comm
+        with logged("ContactJacobian"):
+            self.operator = ContactOperator(problem)
+        self.matrix = self.operator.matrix
+        self.filter = SurfaceFilter(self.operator, problem.prefix)
+        self.hierarchy = Hierarchy(problem.V, problem.prefix, symmetric=problem.energy is not None)
+        self.forcing = Forcing()
+        self._glued: npt.NDArray[np.bool_] | None = None
+        self._assemblies = 0  # of the stiffness, when the hierarchy was built
+        self._points = sum(s.points.dofmap.index_map.size_global for s in problem.surfaces)
+
+    def attach(self, ksp: PETSc.KSP) -> None:
+        ksp.setInitialGuessNonzero(False)
+        pc = ksp.getPC()
+        pc.setType(PETSc.PC.Type.PYTHON)
+        pc.setPythonContext(self.filter)
+
+    def create_preconditioner(self) -> PETSc.PC:
+        """A PC for the operator as `update` leaves it, for other systems with this block.
+
+        It follows later updates; the caller destroys it.
+        """
+        pc = PETSc.PC().create(self.comm)
+        pc.setOperators(self.matrix)
+        pc.setType(PETSc.PC.Type.PYTHON)
+        pc.setPythonContext(self.filter)
+        pc.setUp()
+        return pc
+
+    def update(self) -> None:
+        with logged("ContactJacobian"):
+            self.operator.update()
+        self.filter.update()
+        bulk = self._problem.bulk
+        changed = bulk.linear and self._assemblies != bulk.assemblies
+        if self.hierarchy.pc is None or changed:
+            self.build()
+
+    def build(self) -> None:
+        """Build the hierarchy from the status, or from a guess of it. Collective."""
+        A = self.operator
+        self._glued = self._closed()
+        held = np.union1d(A.fixed, np.flatnonzero(self._glued)).astype(np.int32)
+        self.filter.cycle = self.hierarchy.build(A.stiffness, held, A.diagonal)
+        self._assemblies = self._problem.bulk.assemblies
+        if self.comm.rank == 0:
+            logger.info("multigrid hierarchy %d built", self.hierarchy.builds)
+
+    def _closed(self) -> npt.NDArray[np.bool_]:
+        """Owned displacement dofs of the nodes to glue: those that are closed. Collective.
+
+        Where nothing is closed yet a guess takes their place (`_expected`).
+        """
+        V = self._problem.V
+        bs, n = V.dofmap.index_map_bs, V.dofmap.index_map.size_local
+        marks = la.vector(V.dofmap.index_map, 1)
+        marks.array[:] = 0.0
+        for s in self._problem.surfaces:
+            closed = s.closed_vertices()
+            if not self.comm.allreduce(int(closed.any())):
+                closed = s.vertex_gaps <= self._reach()
+            marks.array[s.vertex_trace_dofs[closed]] = 1.0
+        marks.scatter_reverse(la.InsertMode.add)
+        if any(s.degrees[0] > 1 for s in self._problem.surfaces):
+            marks.scatter_forward()
+            vertices = marks.array > 0
+            for s in self._problem.surfaces:
+                closures = facet_closures(V, s.submesh.parent_facets)
+                whole = vertices[closures].sum(axis=1) >= V.mesh.geometry.dim
+                marks.array[closures[whole].reshape(-1)] = 1.0
+        return np.repeat(marks.array[:n] > 0, bs)
+
+    def _reach(self) -> float:
+        """Gaps up to which nodes are expected to close, from a state that is open everywhere.
+
+        Half the largest prescribed motion: where Hertz's contact ends. Without such a motion all
+        nodes are expected to close, since a hierarchy that is glued too far costs less than one
+        that is glued too little.
+        """
+        motion = np.abs(self._problem.constraints.values(fill=0.0)).max(initial=0.0)
+        motion = self.comm.allreduce(float(motion), op=max)
+        return 0.5 * motion if motion > 0 else np.inf
+
+    def prepare(self, ksp: PETSc.KSP, step: Step, target: float) -> None:
+        if PETSc.Options().hasName((ksp.getOptionsPrefix() or "") + "ksp_rtol"):
+            return
+        if step.iteration == 0:
+            closed = any(s.status.active.any() for s in self._problem.surfaces)
+            self.forcing.restart(warm=bool(self.comm.allreduce(int(closed))))
+        changed = step.flips / self._points if step.iteration > 0 else 1.0
+        if step.iteration > 0 and changed <= self.forcing.many:
+            self._rebuild_if_it_pays(ksp, step, target)
+        ksp.setTolerances(rtol=self.forcing.tolerance(step.measures.worst, target, changed))
+
+    def _rebuild_if_it_pays(self, ksp: PETSc.KSP, step: Step, target: float) -> None:
+        """Build anew if that saves more iterations than it costs. Collective."""
+        digits = -np.log10(max(ksp.getTolerances()[0], 1e-16))
+        per_digit = step.krylov / max(digits, 1.0)
+        left = max(np.log10(max(step.measures.worst, target) / target), 0.0) + 1
+        if (per_digit - _FRESH) * left > _COST and self._is_stale():
+            self.build()
+
+    def _is_stale(self) -> bool:
+        """Whether a hierarchy built now would be another one. Collective."""
+        moved = self._glued is None or bool((self._closed() != self._glued).any())
+        other = self._assemblies != self._problem.bulk.assemblies
+        return bool(self.comm.allreduce(int(moved or other)))
+
+    def tighten(self) -> bool:
+        return self.forcing.tighten()
+
+    def retry(self, ksp: PETSc.KSP) -> bool:
+        if not self._is_stale():
+            return False
+        self.build()
+        return True
+
+    def explain(self, ksp: PETSc.KSP) -> str:
+        prefix = self._problem.prefix
+        return (
+            f"the Krylov method stagnated after {ksp.getIterationNumber()} iterations; try another "
+            f"-{prefix}amg_pc_type (gamg, hypre), -{prefix}ksp_max_it, or -{prefix}linear_solver "
+            "direct if memory allows"
+        )
+
+    @property
+    def builds(self) -> int:
+        """Hierarchies built so far."""
+        return self.hierarchy.builds
+
+    def destroy(self) -> None:
+        for thing in (self.hierarchy, self.filter, self.operator):
+            thing.release()

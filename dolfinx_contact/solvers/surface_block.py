@@ -1,0 +1,168 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The square block of the Jacobian on the contact nodes and all multipliers, factorised."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx import la
+
+from dolfinx_contact._petsc import options_in_database
+from dolfinx_contact.solvers.errors import LinearSolverError
+from dolfinx_contact.solvers.operator import ContactOperator
+from dolfinx_contact.trace import facet_closures, owned_exterior
+
+if TYPE_CHECKING:
+    from dolfinx_contact.problem import ContactProblem
+
+__all__ = ["SurfaceBlock", "SurfaceFactor", "SurfaceSet", "contact_dofs"]
+
+_DEFAULTS: dict[str, Any] = {
+    "ksp_type": "preonly",
+    "pc_type": "lu",
+    "pc_factor_mat_solver_type": "mumps",
+    "mat_mumps_icntl_14": 50,
+}
+_DIFFERENT = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
+
+
+class SurfaceSet:
+    """The unknowns s of a contact surface: dofs of its nodes, then all multipliers.
+
+    Attributes:
+        local: s among the local unknowns.
+        nodes: number of those that are displacements.
+        fixed: positions in s with Dirichlet data.
+        of_all: s among all unknowns, an index set.
+        of_body: its displacements in the numbering of the stiffness.
+    """
+
+    def __init__(self, operator: ContactOperator):
+        problem, self.comm = operator.problem, operator.comm
+        dofs = contact_dofs(problem)
+        rest = np.arange(operator.size, sum(problem.owned_sizes), dtype=np.int32)
+        self.local, self.nodes = np.concatenate([dofs, rest]), len(dofs)
+        self.fixed = np.flatnonzero(np.isin(dofs, operator.fixed)).astype(np.int32)
+        first, first_u = operator.first, operator.stiffness.getOwnershipRange()[0]
+        self.of_all = PETSc.IS().createGeneral(self.local + first, comm=self.comm)
+        self.of_body = PETSc.IS().createGeneral(dofs + first_u, comm=self.comm)
+        self.displacements = PETSc.IS().createGeneral(dofs + first, comm=self.comm)
+        self.multipliers = PETSc.IS().createGeneral(rest + first, comm=self.comm)
+
+    def release(self) -> None:
+        """Free the index sets."""
+        for thing in (self.of_all, self.of_body, self.displacements, self.multipliers):
+            thing.destroy()
+
+
+class SurfaceFactor:
+    """A direct solver for a matrix on the surface, by default MUMPS.
+
+    Args:
+        comm: communicator.
+        prefix: of PETSc options.
+    """
+
+    def __init__(self, comm: Any, prefix: str):
+        self._prefix = prefix
+        self.ksp = PETSc.KSP().create(comm)
+        self.ksp.setOptionsPrefix(prefix)
+        with options_in_database(prefix, _DEFAULTS):
+            self.ksp.setFromOptions()
+
+    def factorise(self, A: PETSc.Mat) -> None:
+        """Factorise ``A``. Collective.
+
+        Raises:
+            LinearSolverError: if it is singular.
+        """
+        self.ksp.setOperators(A)
+        with options_in_database(self._prefix, _DEFAULTS):
+            self.ksp.setUp()
+        if self.ksp.getPC().getFailedReason() != PETSc.PC.FailedReason.NOERROR:
+            self.ksp.reset()  # MUMPS does not recover from a singular matrix
+            raise LinearSolverError(
+                "the contact block of the Jacobian is singular: contact conditions contradict one "
+                "another or the Dirichlet data, or a contact node has no stiffness"
+            )
+
+    def release(self) -> None:
+        """Free the factors."""
+        self.ksp.destroy()
+
+
+class SurfaceBlock:
+    """Solves with the block on s as it stands, displacements and multipliers together.
+
+    It takes any coupling; where that is diagonal `condensation.CondensedBlock` is half its size.
+    """
+
+    def __init__(self, operator: ContactOperator, s: SurfaceSet, prefix: str):
+        self._operator, self._s, self._comm = operator, s, operator.comm
+        self._factor = SurfaceFactor(operator.comm, prefix)
+        self._K: PETSc.Mat | None = None
+        self._S: PETSc.Mat | None = None
+        self._block: PETSc.Mat | None = None
+        self._b: PETSc.Vec | None = None
+
+    def set_stiffness(self, square: PETSc.Mat) -> None:
+        """Take the stiffness among the contact nodes, in the numbering of s. Collective."""
+        indptr, columns, values = square.getValuesCSR()
+        starts = np.asarray(square.getOwnershipRanges())
+        n = len(self._s.local)
+        sizes = np.asarray(self._comm.allgather(n))
+        shift = np.concatenate([[0], np.cumsum(sizes)])[:-1] - starts[:-1]
+        owner = np.searchsorted(starts, columns, side="right") - 1
+        indptr = np.concatenate([indptr, np.full(n - self._s.nodes, indptr[-1])])
+        csr = (indptr.astype(np.int32), (columns + shift[owner]).astype(np.int32), values)
+        if self._K is not None:
+            self._K.destroy()
+        self._K = PETSc.Mat().createAIJ(((n, None), (n, None)), csr=csr, comm=self._comm)
+
+    def update(self) -> None:
+        """Factorise anew. Collective."""
+        assert self._K is not None
+        A, s = self._operator, self._s
+        self._S = A.contact.createSubMatrix(s.of_all, s.of_all, self._S)
+        if self._block is not None:
+            self._block.destroy()
+        self._block = self._K.copy()
+        self._block.axpy(1.0, self._S, structure=_DIFFERENT)
+        rows = s.fixed + self._block.getOwnershipRange()[0]
+        self._block.zeroRowsColumns(rows, diag=A.diagonal)
+        if self._b is None:
+            self._x, self._b = self._block.createVecs()
+        self._factor.factorise(self._block)
+
+    def solve(self, residual: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """The unknowns on s for a residual there, local parts. Collective."""
+        assert self._b is not None
+        self._b.array[:] = residual
+        self._factor.ksp.solve(self._b, self._x)
+        return self._x.array_r.copy()
+
+    def release(self) -> None:
+        """Free the PETSc objects."""
+        self._factor.release()
+        for thing in (self._K, self._S, self._block):
+            if thing is not None:
+                thing.destroy()
+
+
+def contact_dofs(problem: ContactProblem) -> npt.NDArray[np.int32]:
+    """Owned displacement dofs of the nodes of all contact facets, local indices. Collective."""
+    V = problem.V
+    marks = la.vector(V.dofmap.index_map, 1)
+    marks.array[:] = 0.0
+    for s in problem.surfaces:
+        facets = owned_exterior(V.mesh, s.submesh.parent_facets)
+        marks.array[facet_closures(V, facets).reshape(-1)] = 1.0
+    marks.scatter_reverse(la.InsertMode.add)
+    nodes = np.flatnonzero(marks.array[: V.dofmap.index_map.size_local] > 0)
+    bs = V.dofmap.index_map_bs
+    return (bs * nodes[:, None] + np.arange(bs)).reshape(-1).astype(np.int32)

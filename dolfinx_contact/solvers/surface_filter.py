@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""The surface filter: a multigrid cycle for the body, an exact solve for the contact surface.
+
+With s all dofs of the contact nodes and all multipliers, one application to a residual r is
+
+    z = E A_ss^-1 E^T r,   z += M (r - J z)_u,   z += E A_ss^-1 E^T (r - J z),
+
+A_ss the block of the Jacobian on s, factorised by a sparse LU, and M a multigrid cycle of the
+stiffness that knows nothing of the status (compare the AMG with filtering of Petrides, Hartland,
+Kolev et al., arXiv:2505.18576). After it the residual vanishes on s: the multipliers are those of
+the displacement, exactly, as if they had been condensed out of the system, and every later vector
+of a Krylov method that starts from an application (``-ksp_initial_guess_knoll``) vanishes on s as
+well, so that its first step is left out.
+"""
+
+from __future__ import annotations
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact._petsc import logged
+from dolfinx_contact.solvers.condensation import CondensedBlock
+from dolfinx_contact.solvers.operator import ContactOperator
+from dolfinx_contact.solvers.surface_block import SurfaceBlock, SurfaceSet
+
+__all__ = ["SurfaceFilter"]
+
+_NEGLIGIBLE = 1e-8  # share of a residual on the surface that needs no solve before the cycle
+
+
+class SurfaceFilter:
+    """Context of a PETSc PC of type python for a `ContactOperator`.
+
+    Args:
+        operator: the Jacobian.
+        prefix: of PETSc options; those of the surface solve follow with ``surface_``.
+
+    Attributes:
+        cycle: approximate inverse of the stiffness, a PC on the displacement.
+        surface: the unknowns s.
+        block: the factorised block on the surface, its multipliers condensed if they can be
+            (``<prefix>surface_condensed 0`` forbids it).
+    """
+
+    def __init__(self, operator: ContactOperator, prefix: str):
+        self.operator, self.comm = operator, operator.comm
+        self.cycle: PETSc.PC | None = None
+        self.block: SurfaceBlock | CondensedBlock | None = None
+        self._prefix = prefix + "surface_"
+        self.surface = SurfaceSet(operator)
+        first = operator.stiffness.getOwnershipRange()[0]
+        self._columns = PETSc.IS().createStride(operator.size, first, 1, comm=self.comm)
+        self._rows: PETSc.Mat | None = None
+        self._assemblies = -1
+        self._t, self._e = (operator.problem.create_vector() for _ in range(2))
+        self._tu, self._zu = operator.stiffness.createVecs()
+
+    # -- set-up ----------------------------------------------------------------------------------
+
+    def update(self) -> None:
+        """Factorise the surface block of the operator as it is. Collective.
+
+        Raises:
+            LinearSolverError: if it is singular.
+        """
+        with logged("ContactSurfaceLU"):
+            if self.block is None:
+                self.block = self._choose_block()
+            assemblies = self.operator.problem.bulk.assemblies
+            if self._assemblies != assemblies:
+                K, nodes = self.operator.stiffness, self.surface.of_body
+                self._rows = K.createSubMatrix(nodes, self._columns, self._rows)
+                square = K.createSubMatrix(nodes, nodes)
+                self.block.set_stiffness(square)
+                square.destroy()
+                self._assemblies = assemblies
+            self.block.update()
+
+    def _choose_block(self) -> SurfaceBlock | CondensedBlock:
+        if PETSc.Options().getBool(self._prefix + "condensed", True):
+            condensed = CondensedBlock(self.operator, self.surface, self._prefix)
+            if condensed.applies:
+                return condensed
+            condensed.release()
+        return SurfaceBlock(self.operator, self.surface, self._prefix)
+
+    # -- application -----------------------------------------------------------------------------
+
+    def apply(self, _pc: PETSc.PC, r: PETSc.Vec, z: PETSc.Vec) -> None:
+        """Z = the filtered cycle of r."""
+        A, n, s = self.operator, self.operator.size, self.surface.local
+        t = self._t
+        r.copy(t)
+        z.set(0.0)
+        squares = np.array([np.sum(r.array_r[s] ** 2), np.sum(r.array_r**2)])
+        on_surface, whole = self.comm.allreduce(squares)
+        if on_surface > _NEGLIGIBLE**2 * whole:
+            self._solve_surface(t.array_r[s], z)
+            A.mult(A.matrix, z, self._e)
+            t.axpy(-1.0, self._e)
+        tu = self._tu.array
+        tu[:] = t.array_r[:n]
+        tu[A.fixed] = 0.0
+        assert self.cycle is not None
+        assert self._rows is not None
+        self.cycle.apply(self._tu, self._zu)
+        zu = self._zu.array
+        zu[A.fixed] = 0.0
+        e = self._e.array
+        e[:n], e[n:] = zu, 0.0
+        z.array[:] += e
+        z.array[A.fixed] += t.array_r[A.fixed] / A.diagonal
+        # What the cycle did to the rows of the surface, without a product with all of K.
+        rest = t.array_r[s].copy()
+        A.contact.mult(self._e, t)
+        rest -= t.array_r[s]
+        Kz = self._rows.createVecLeft()
+        self._rows.mult(self._zu, Kz)
+        rest[: self.surface.nodes] -= Kz.array_r
+        Kz.destroy()
+        rest[self.surface.fixed] = 0.0
+        self._solve_surface(rest, z)
+
+    def _solve_surface(self, residual: npt.NDArray[np.float64], z: PETSc.Vec) -> None:
+        """Add the exact solution on s for ``residual`` there to ``z``."""
+        assert self.block is not None
+        with logged("ContactSurface"):
+            z.array[self.surface.local] += self.block.solve(residual)
+
+    def release(self) -> None:
+        """Free the PETSc objects."""
+        self.surface.release()
+        made = (self._rows,) if self._rows is not None else ()
+        for thing in (self._columns, self._t, self._e, self._tu, self._zu, *made):
+            thing.destroy()
+        if self.block is not None:
+            self.block.release()

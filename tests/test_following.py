@@ -1,0 +1,46 @@
+"""The last strategy of a solve, alone."""
+
+import demo_hild_triangle
+import numpy as np
+import pytest
+from blocks import KINDS, block, same_tables
+
+from dolfinx_contact.solvers import ladder
+
+
+@pytest.fixture
+def only_following(monkeypatch):
+    """No other strategy is tried."""
+    whole = ladder._ladder
+    monkeypatch.setattr(ladder, "_ladder", lambda *a: whole(*a)[-1:])
+
+
+@pytest.mark.parametrize(("dim", "cell"), KINDS)
+def test_a_block_by_following_the_load(dim, cell, only_following, monkeypatch):
+    """The same solution as by Newton's method."""
+    followed = block(n=3, cell=cell).solve()
+    assert [a.strategy for a in followed.attempts] == ["load following"]
+    assert followed.kkt_violation < 1e-8
+    monkeypatch.undo()
+    same_tables(followed.tables["contact"], block(n=3, cell=cell).solve().tables["contact"], 1e-8)
+    assert dim in (2, 3)
+
+
+def test_past_a_fold(only_following):
+    """Hild's element beyond its folds: from stick at gamma = 0 only separation is left at 1.
+
+    With F = 2.5 under (-4 gamma, -1) the branch of stick ends in a fold at gamma = F / 4.
+    """
+    problem, load = demo_hild_triangle.triangle((100.0, 82.0), 2.5, 1.0)
+    load.value = (0.0, -1.0)
+    problem.solve()
+    assert problem.surfaces[0].status.stick.max() == 1
+    load.value = (-4.0, -1.0)
+    result = problem.solve()
+    table = result.tables["contact"]
+    assert table.letters[0] == "o"
+    np.testing.assert_allclose(
+        [table.ut[0, 0], table.un[0]],
+        np.linalg.solve([[173.0, 91.0], [91.0, 173.0]], [-2.0, -0.5]),
+        rtol=1e-8,
+    )

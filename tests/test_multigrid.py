@@ -1,0 +1,227 @@
+"""The surface filter with multigrid against MUMPS, on every rank count, law and mesh."""
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+import pytest
+from blocks import block, box, same_tables
+
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    ConvergenceError,
+    Coulomb,
+    Frictionless,
+    HalfSpace,
+    Sphere,
+    Tresca,
+)
+from dolfinx_contact.materials import LinearElastic, NeoHookean
+from dolfinx_contact.solvers import solve_nested
+from dolfinx_contact.solvers.forcing import Forcing
+
+COMM = MPI.COMM_WORLD
+AMG = {"linear_solver": "amg"}
+TIGHT = {**AMG, "snes_rtol": 1e-11, "ksp_rtol": 1e-11}
+
+
+def corner(domain):
+    return mesh.locate_entities_boundary(
+        domain, 2, lambda x: np.isclose(x[2], 0.0) & (x[0] < 0.3) & (x[1] < 0.3)
+    )
+
+
+PROBLEMS = {
+    "2D": dict(cell="tri", n=8),
+    "2D quad, disc": dict(cell="quad", n=8, obstacle=Sphere((0.4, -3.0), 3.0)),
+    "tet": dict(cell="tet", n=5),
+    "hex": dict(cell="hex", n=5),
+    "frictionless": dict(cell="hex", n=4, law=Frictionless()),
+    "Tresca": dict(cell="tet", n=4, law=Tresca(3.0)),
+    "strong friction": dict(cell="tet", n=4, law=Coulomb(2.0), top=(0.02, 0.005, -0.01)),
+    "partial contact": dict(cell="hex", n=6, obstacle=Sphere((0.5, 0.5, -4.0), 4.0)),
+    "tilted": dict(cell="tet", n=4, obstacle=HalfSpace((0, 0, 0), (0.02, 0.01, 1.0))),
+    "sliding": dict(cell="hex", n=4, law=Coulomb(0.05), top=(0.2, 0.0, -0.01)),
+    "no contact": dict(cell="tet", n=4, obstacle=HalfSpace((0, 0, -1.0), (0, 0, 1.0))),
+    "one node": dict(
+        cell="hex", n=4, obstacle=Sphere((0.5, 0.5, -0.1), 0.1), top=(0.001, 0.0, -0.01)
+    ),
+    "a rank without contact": dict(cell="hex", n=4, where=corner),
+    "P2": dict(cell="tri", n=4, degree=2),
+    "P2/P2": dict(cell="quad", n=4, degree=2, multiplier_degree=2),
+    "P2 in 3D": dict(cell="tet", n=2, degree=2, top=(0.02, 0.005, -0.01)),
+    "mixed": dict(cell="quad", n=6, method="mixed"),
+    "neo-Hookean": dict(cell="quad", n=6, material=NeoHookean(600.0, 400.0), top=(0.1, -0.1)),
+    "r forced": dict(cell="tet", n=4, r=1e5),
+}
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_same_as_direct(name):
+    """Tight tolerances give the answer of MUMPS to 1e-8, the defaults to 1e-6."""
+    options = PROBLEMS[name]
+    direct = block(**options, options={"snes_rtol": 1e-11}).solve()
+    for tolerances, accuracy in ((TIGHT, 1e-8), (AMG, 1e-6)):
+        problem = block(**options, options=tolerances)
+        result = problem.solve()
+        assert problem.linear_solver.name == "amg"
+        same(result.tables["contact"], direct.tables["contact"], accuracy)
+        assert sum(a.krylov_iterations for a in result.attempts) > 0
+        problem.destroy()
+
+
+def same(a, b, accuracy):
+    if np.abs(b.force).max() > 0:
+        same_tables(a, b, accuracy)
+    else:
+        assert a.status == b.status
+        assert np.abs(a.force).max() < 1e-20  # round-off of nothing, at a stiffness of 1000
+        np.testing.assert_allclose(a.un, b.un, rtol=accuracy)
+
+
+def test_contact_of_one_node():
+    table = block(**PROBLEMS["one node"], options=AMG).solve().tables["contact"]
+    assert table.count("ks") == 1
+
+
+@pytest.mark.parametrize("name", ["tet", "partial contact", "P2", "neo-Hookean"])
+def test_product_is_that_of_the_assembled_jacobian(name):
+    problem = block(**PROBLEMS[name], options=AMG)
+    problem.solve()
+    x, y, z = (problem.create_vector() for _ in range(3))
+    x.setRandom()
+    problem.linear_solver.update()
+    problem.linear_solver.matrix.mult(x, y)
+    problem.assemble_jacobian(problem.matrix)
+    problem.matrix.mult(x, z)
+    size = z.norm()
+    z.axpy(-1.0, y)
+    assert z.norm() < 1e-13 * size
+
+
+def test_filter_leaves_nothing_on_the_surface():
+    """After an application the residual vanishes on contact nodes and multipliers."""
+    problem = block(cell="hex", n=4, options=AMG)
+    problem.solve()
+    solver = problem.linear_solver
+    solver.update()
+    r, z, rest = (problem.create_vector() for _ in range(3))
+    r.setRandom()
+    solver.filter.apply(None, r, z)
+    solver.matrix.mult(z, rest)
+    rest.aypx(-1.0, r)
+    on_surface = np.abs(rest.array_r[solver.filter.surface.local]).max(initial=0.0)
+    assert COMM.allreduce(on_surface, op=max) < 1e-10 * z.norm() * problem.stiffness_scale
+    assert rest.norm() < 10 * r.norm()
+
+
+def test_preconditioner_for_other_systems():
+    """A bordered system, say, may use operator and preconditioner of H_x as blocks of its own."""
+    problem = block(cell="tet", n=5, options=AMG)
+    problem.solve()
+    solver = problem.linear_solver
+    solver.update()
+    pc = solver.create_preconditioner()
+    r, z, v = (problem.create_vector() for _ in range(3))
+    r.setRandom()
+    size = r.norm()
+    for _ in range(60):  # a Richardson iteration contracts
+        pc.apply(r, z)
+        solver.matrix.mult(z, v)
+        r.axpy(-1.0, v)
+    assert r.norm() < 1e-3 * size
+    pc.destroy()
+
+
+@pytest.mark.parametrize("options", [{"surface_condensed": 0}, {"amg_pc_type": "hypre"}], ids=str)
+def test_options(options):
+    database = PETSc.Options()
+    for key, value in options.items():
+        database[f"contact_{key}"] = value
+    result = block(cell="tet", n=5, options=TIGHT).solve()
+    direct = block(cell="tet", n=5).solve()
+    same(result.tables["contact"], direct.tables["contact"], 1e-8)
+    assert len(result.attempts) == 1
+
+
+def test_choice():
+    """By size, unless the user says which; options of a KSP mean the assembled Jacobian."""
+    assert block(cell="tri", n=4).linear_solver.name == "direct"
+    assert block(cell="tri", n=4, options=AMG).linear_solver.name == "amg"
+    own = block(cell="tri", n=4, options={"ksp_type": "gmres", "pc_type": "lu"})
+    assert own.linear_solver.name == "direct"
+    assert len(own.solve().attempts) == 1
+    with pytest.raises(ValueError, match="unknown linear solver 'magic'"):
+        _ = block(cell="tri", n=4, options={"linear_solver": "magic"}).linear_solver
+    PETSc.Options()["contact_linear_solver"] = "direct"
+    assert block(cell="tri", n=4, options=AMG).linear_solver.name == "direct"
+
+
+def test_stagnation_says_what_to_try():
+    options = {**AMG, "ksp_rtol": 1e-12, "ksp_max_it": 1, "snes_max_it": 3}
+    problem = block(cell="tet", n=4, options=options)
+    with pytest.raises(ConvergenceError, match="stagnated after"):
+        problem.solve(increments=1)
+    assert np.abs(problem.u.x.array).max(initial=0.0) == 0.0
+
+
+def test_hierarchy_is_kept():
+    """Other data, the same hierarchy; another stiffness, another hierarchy."""
+    domain = box(COMM, 5, "tet")
+    V = fem.functionspace(domain, ("Lagrange", 1, (3,)))
+    u, young = fem.Function(V), fem.Constant(domain, 1000.0)
+    motion = fem.Constant(domain, np.array([0.004, 0.0, -0.01]))
+    held = fem.locate_dofs_geometrical(V, lambda x: np.isclose(x[2], 1.0))
+    bottom = mesh.locate_entities_boundary(domain, 2, lambda x: np.isclose(x[2], 0.0))
+    floor = HalfSpace((0, 0, 0), (0, 0, 1))
+    surface = ContactSurface(u, bottom, obstacle=floor, law=Coulomb(0.3))
+    energy = young * LinearElastic.from_young(1.0, 0.3).energy(u) * ufl.dx
+    problem = ContactProblem(
+        energy, u, [surface], bcs=[fem.dirichletbc(motion, held, V)], petsc_options=AMG
+    )
+    assert problem.bulk.linear
+    first = problem.solve().resultants["contact"]
+    motion.value[:] *= 1.1
+    np.testing.assert_allclose(problem.solve().resultants["contact"], 1.1 * first, rtol=1e-6)
+    assert problem.linear_solver.builds == 1
+    assert problem.bulk.assemblies == 1
+    young.value *= 2.0
+    np.testing.assert_allclose(problem.solve().resultants["contact"], 2.2 * first, rtol=1e-6)
+    assert problem.linear_solver.builds == 2
+    assert problem.bulk.assemblies == 2
+
+
+@pytest.mark.parametrize("name", ["tet", "P2", "P2/P2", "mixed", "neo-Hookean", "partial contact"])
+def test_nested_iteration(name):
+    """From the solution on a coarser mesh, not nested: the same solution in no more steps."""
+    options = dict(PROBLEMS[name])
+    n = options.pop("n")
+    levels = [block(**options, n=k, options=AMG) for k in (n, n + 3)]
+    coarse, fine = solve_nested(levels)
+    alone = block(**options, n=n + 3).solve()
+    same(fine.tables["contact"], alone.tables["contact"], 1e-6)
+    assert fine.iterations <= alone.iterations
+    assert coarse.dofs < fine.dofs
+
+
+def test_nested_problems_must_agree():
+    levels = block(cell="quad", n=4), block(cell="quad", n=4, method="mixed")
+    with pytest.raises(ValueError, match="the same surfaces"):
+        solve_nested(levels)
+
+
+def test_forcing():
+    forcing = Forcing()
+    forcing.restart(warm=False)
+    assert forcing.tolerance(1.0, 1e-10, 1.0) == forcing.largest
+    assert forcing.tolerance(0.5, 1e-10, 0.5) == forcing.largest  # statuses change
+    assert forcing.tolerance(5e-3, 1e-10, 0.0) == pytest.approx(0.9e-4)
+    assert forcing.tolerance(5e-10, 1e-10, 0.0) == pytest.approx(0.002)  # no further than needed
+    assert forcing.tighten()
+    assert forcing.tolerance(0.5, 1e-10, 1.0) < forcing.largest / 10
+    forcing.restart(warm=True)
+    assert forcing.tolerance(1.0, 1e-10, 1.0) == forcing.warm

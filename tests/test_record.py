@@ -1,0 +1,510 @@
+"""The record of branches: the journal, checkpoints, and runs that are killed and resumed."""
+
+import io
+import os
+import random
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+import recorded_run
+from blocks import box
+from recorded_run import moved_block, record
+
+from dolfinx_contact.continuation import (
+    Follower,
+    Observer,
+    Observers,
+    StepControl,
+    Task,
+    follow,
+)
+from dolfinx_contact.output import (
+    BranchRecord,
+    Progress,
+    draw_diagram,
+    read_journal,
+    resume,
+    write_series,
+)
+from dolfinx_contact.output.identity import mesh_hash
+from dolfinx_contact.output.journal import FILE_NAME, JournalFile, parse
+
+COMM = MPI.COMM_WORLD
+TREE = Path(__file__).resolve().parents[1]
+serial = pytest.mark.skipif(COMM.size > 1, reason="starts processes of its own")
+NUMBERS = ("gamma", "step", "norm", "volume", "force")
+
+
+def require_same(journal, other, tolerance=1e-8):
+    """The same points, special points and statuses."""
+    a, b = journal.columns(), other.columns()
+    np.testing.assert_array_equal(a["index"], b["index"])
+    np.testing.assert_array_equal(a["status"], b["status"])
+    for name in NUMBERS:
+        np.testing.assert_allclose(a[name], b[name], rtol=tolerance, atol=tolerance, err_msg=name)
+    s, t = journal.special(), other.special()
+    assert s["kind"].tolist() == t["kind"].tolist()
+    np.testing.assert_allclose(s["gamma"], t["gamma"], atol=tolerance)
+    for mine, theirs in zip(s["changes"], t["changes"], strict=True):
+        assert [(c["before"], c["after"]) for c in mine] == [
+            (c["before"], c["after"]) for c in theirs
+        ]
+        np.testing.assert_allclose([c["x"] for c in mine], [c["x"] for c in theirs], atol=1e-12)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """An unkilled run on all ranks of the test."""
+    folder = COMM.bcast(tmp_path_factory.mktemp("whole") if COMM.rank == 0 else None)
+    branch = record(*moved_block(COMM), folder)
+    return folder, branch, read_journal(folder)
+
+
+# -- the journal -----------------------------------------------------------------------------------
+
+
+def test_journal_says_what_was_followed(whole):
+    _, branch, journal = whole
+    table = journal.table()
+    assert table["gamma"].tolist() == [p.gamma for p in branch.points]
+    assert table["step"].tolist() == [p.step for p in branch.points]
+    assert table["index"].tolist() == list(range(len(branch.points)))
+    special = journal.special(0)
+    assert special["gamma"].tolist() == [s.gamma for s in branch.special]
+    assert special["index"].tolist() == [s.index for s in branch.special]
+    assert journal.branches[0].reason == branch.reason == "gamma reached the end of its range"
+    # Compressed, so less volume; and a force as soon as a point has closed.
+    assert table["volume"].iloc[-1] < 0.99
+    assert (table["open"][table["force"] > 1e-9] < 5).all()
+    assert (table["force"] > 1e-9).sum() > 70
+    assert (table[["open", "stick", "slip", "clamped"]].sum(axis=1) == 5).all()
+    counted = [[s.count(c) for c in "ok"] for s in table["status"]]
+    assert table[["open", "stick"]].to_numpy().tolist() == counted
+    with pytest.raises(ValueError, match="no branch 3"):
+        journal.table(3)
+
+
+def test_fields_come_back_exactly(whole):
+    folder, branch, _ = whole
+    system, functionals = moved_block(COMM)
+    with BranchRecord(folder, system, functionals, resume=True) as r:
+        kept = [p["index"] for p in r.journal.branches[0].points if "checkpoint" in p]
+        assert set(kept) >= {0, 7, 14, *(s.index for s in branch.special), len(branch.points) - 1}
+        for index, back in zip(kept, r.points(0), strict=True):
+            point = branch.points[index]
+            np.testing.assert_allclose(back.y.array_r, point.y.array_r, rtol=1e-14, atol=1e-16)
+            np.testing.assert_allclose(back.tangent.array_r, point.tangent.array_r, rtol=1e-14)
+            np.testing.assert_array_equal(back.piece.codes, point.piece.codes)
+            assert back.gamma == point.gamma
+        with pytest.raises(ValueError, match="no fields were kept at point 1"):
+            r.state(0, 1)
+
+
+@pytest.mark.parametrize(
+    ("cell", "method", "degree"),
+    [("tri", "integral", 2), ("tri", "mixed", 1), ("tet", "nodal", 1)],
+)
+def test_every_discretisation_resumes(cell, method, degree, folder):
+    """A few steps, then a few more from the disk: the same as all at once."""
+    options = dict(cell=cell, method=method, degree=degree, n=2)
+    names = ("whole", "parts")
+    record(*moved_block(COMM, **options), folder / names[0], max_steps=12)
+    record(*moved_block(COMM, **options), folder / names[1], max_steps=8, every=100)
+    branch = resume(folder / names[1], *moved_block(COMM, **options), max_steps=12)
+    assert branch.reason == "the budget of 12 steps is exhausted"
+    require_same(*(read_journal(folder / name) for name in names))
+
+
+def test_numbers_survive(folder):
+    """All digits, and numbers that are not finite."""
+    values = {"pi": np.pi, "tiny": 5e-324, "nan": float("nan"), "many": [float("inf"), -np.inf]}
+    if COMM.rank == 0:
+        file = JournalFile(folder, new=True)
+        file.append({"type": "header", "format": 1, **values, "text": 'a "crc": "} é\n'})
+        file.close()
+        header = read_journal(folder).header
+        assert header["pi"] == np.pi
+        assert header["tiny"] == 5e-324
+        assert np.isnan(header["nan"])
+        assert header["many"] == [float("inf"), -np.inf]
+        assert header["text"] == 'a "crc": "} é\n'
+
+
+def test_a_torn_last_line_is_dropped(whole):
+    """Cut at any byte: complete lines count, what follows the last of them does not."""
+    data = (whole[0] / FILE_NAME).read_bytes()
+    lines = data.splitlines(keepends=True)
+    start = len(b"".join(lines[:8]))
+    for length in range(start, start + len(lines[8]) + 1):
+        journal = parse(data[:length])
+        complete = 8 + (length == start + len(lines[8]))
+        assert len(journal.branches[0].points) == complete - 3
+        assert journal.torn == (start < length < start + len(lines[8]))
+
+
+def test_a_damaged_line_is_an_error(whole, folder):
+    lines = (whole[0] / FILE_NAME).read_bytes().splitlines(keepends=True)
+    digit = lines[9].replace(b'"norm": 0.', b'"norm": 1.')
+    assert digit != lines[9]
+    damaged = {
+        "a digit": [*lines[:9], digit, *lines[10:]],
+        "a hole": [*lines[:9], *lines[10:]],
+        "no header": lines[1:],
+        "half a line": [*lines[:9], lines[9][:20] + b"\n", *lines[10:]],
+        "zeros": [*lines[:9], b"\0" * 30 + b"\n", *lines[10:]],
+        "twice": [*lines[:9], lines[8], *lines[9:]],
+        "the last one": [*lines[:-1], lines[-1].replace(b"type", b"tipe")],
+    }
+    system, functionals = moved_block(COMM)
+    for name, content in damaged.items():
+        with pytest.raises(ValueError, match=r"line \d+ of the journal is damaged"):
+            parse(b"".join(content))
+        path = folder / name.replace(" ", "_")
+        if COMM.rank == 0:
+            path.mkdir()
+            (path / FILE_NAME).write_bytes(b"".join(content))
+        COMM.barrier()
+        with pytest.raises(ValueError, match=r"line \d+ of the journal is damaged"):
+            resume(path, system, functionals)
+        assert (path / FILE_NAME).read_bytes() == b"".join(content)
+        assert not (path / "checkpoints").exists()
+
+
+# -- what is refused -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (dict(n=5), "another mesh"),
+        (dict(cell="tri"), "another mesh"),
+        (dict(degree=2), "another number of unknowns"),
+        (dict(friction=0.31), "other materials, loads or friction"),
+        (dict(method="mixed"), "another number of unknowns"),
+        (dict(tilt=0.11), "is no solution of this problem"),
+    ],
+)
+def test_the_journal_of_another_problem_is_refused(whole, options, message):
+    before = (whole[0] / FILE_NAME).read_bytes()
+    system, functionals = moved_block(COMM, **options)
+    with pytest.raises(ValueError, match=message):
+        resume(whole[0], system, functionals)
+    if "solution" not in message:
+        assert (whole[0] / FILE_NAME).read_bytes() == before
+    # What was recorded is still there.
+    require_same(read_journal(whole[0]), whole[2], tolerance=0)
+
+
+def test_what_else_is_refused(whole, folder):
+    system, functionals = moved_block(COMM)
+    with pytest.raises(FileExistsError, match="nothing is overwritten"):
+        BranchRecord(whole[0], system, functionals)
+    with pytest.raises(FileNotFoundError, match="there is no journal"):
+        resume(folder / "nowhere", system, functionals)
+    assert not (folder / "nowhere").exists()
+    with pytest.raises(ValueError, match="other functionals"):
+        resume(whole[0], system, {"force": recorded_run.force})
+    with pytest.raises(ValueError, match="names of columns: gamma"):
+        BranchRecord(folder / "new", system, {"gamma": recorded_run.force})
+    with pytest.raises(ValueError, match="every 1 or more"):
+        BranchRecord(folder / "new", system, every=0)
+    with pytest.raises(ValueError, match="neither a UFL form nor a function"):
+        BranchRecord(folder / "new", system, {"one": 1.0})
+    assert not (folder / "new").exists()
+    COMM.barrier()
+    with BranchRecord(folder / "new", system) as r:
+        with pytest.raises(BlockingIOError, match="another process records"):
+            BranchRecord(folder / "new", system, resume=True)
+        assert r.last_state() is None
+    with pytest.raises(ValueError, match="no point of branch 0"):
+        resume(folder / "new", system)
+
+
+def test_points_that_differ_are_refused(folder):
+    """A step control that does not belong to the record, and a point that has changed."""
+    system, functionals = moved_block(COMM)
+    record(system, functionals, folder, max_steps=3)
+    path = folder / FILE_NAME
+    text = path.read_bytes()
+    with BranchRecord(folder, system, functionals, resume=True) as r:
+        r.journal.branches[0].points[2]["gamma"] += 3e-8
+        point, stepping = r.state(0, 0)
+        r.begin(0, task(r, gamma_scale=1.1))
+        r.point(0, 0, point, (), stepping)
+        with pytest.raises(ValueError, match="was recorded with gamma_scale"):
+            r.begin(0, task(r, gamma_scale=2.0))
+        with pytest.raises(ValueError, match="point 2 of branch 0 was recorded at gamma"):
+            r.point(0, 2, point, (), stepping)
+        with pytest.raises(ValueError, match="point 9 cannot follow the 4 recorded"):
+            r.point(0, 9, point, (), stepping)
+    assert path.read_bytes().startswith(text)
+    assert len(read_journal(folder).branches[0].points) == 4
+
+
+def task(r, **changes):
+    known = r.journal.branches[0].task
+    values = {**known, "control": StepControl(**known["control"]), **changes}
+    return Task(**values | {"gamma_range": tuple(values["gamma_range"])})
+
+
+# -- resuming --------------------------------------------------------------------------------------
+
+
+def test_a_damaged_checkpoint_is_passed_over(whole, folder):
+    """The run goes on from the checkpoint before; if all are damaged, an error says so."""
+    system, functionals = moved_block(COMM)
+    record(system, functionals, folder, max_steps=16)
+    points = read_journal(folder).branches[0].points
+    kept = [p["checkpoint"] for p in points if "checkpoint" in p]
+    if COMM.rank == 0:
+        (folder / "checkpoints" / kept[-1] / "data.0").write_bytes(b"nothing")
+    COMM.barrier()
+    seen = []
+
+    class Watch(Observer):
+        def point(self, branch, index, *_):
+            seen.append(index)
+
+    branch = resume(folder, system, functionals, max_steps=1000, observer=Watch())
+    assert seen[0] == int(kept[-2][-6:])
+    assert branch.reason == "gamma reached the end of its range"
+    require_same(read_journal(folder), whole[2])
+    if COMM.rank == 0:
+        for name in os.listdir(folder / "checkpoints"):
+            (folder / "checkpoints" / name / "md.0").unlink()
+    COMM.barrier()
+    with pytest.raises(ValueError, match="is damaged or missing"):
+        resume(folder, system, functionals)
+
+
+def test_a_finished_branch_stays_as_it_is(whole):
+    folder, branch, journal = whole
+    again = resume(folder, *moved_block(COMM))
+    assert again.reason == branch.reason
+    (point,) = again.points
+    assert point.gamma == branch.points[-1].gamma
+    require_same(read_journal(folder), journal, tolerance=0)
+
+
+def test_an_interrupted_run_resumes(whole, folder):
+    """Ended by an exception between the checkpoint and the line of a point, and in a line."""
+    system, functionals = moved_block(COMM)
+
+    class Interrupt(Observer):
+        def point(self, branch, index, *_):
+            if index == 20:
+                raise KeyboardInterrupt
+
+    with BranchRecord(folder, system, functionals, every=7) as r, pytest.raises(KeyboardInterrupt):
+        follow(
+            system,
+            recorded_run.start(system),
+            0.0,
+            gamma_range=(-0.1, 1.0),
+            control=recorded_run.CONTROL,
+            observer=Observers(r, Interrupt()),
+        )
+    path = folder / FILE_NAME
+    if COMM.rank == 0:
+        lines = path.read_bytes().splitlines(keepends=True)
+        # As if killed while the line of point 14 was written, whose checkpoint is there already.
+        at = next(i for i, line in enumerate(lines) if b'"index": 14,' in line)
+        path.write_bytes(b"".join(lines[:at]) + lines[at][:-9])
+        (folder / "checkpoints/.branch_0000_point_000014.part").mkdir()
+    COMM.barrier()
+    assert len(read_journal(folder).branches[0].points) == 14
+    resume(folder, system, functionals, every=7)
+    require_same(read_journal(folder), whole[2])
+
+
+def test_a_journal_without_a_complete_line_starts_afresh(folder):
+    """Killed in its first moment: there is nothing to lose, and a record can begin."""
+    system, functionals = moved_block(COMM)
+    if COMM.rank == 0:
+        (folder / FILE_NAME).write_bytes(b'{"type": "header", "form')
+    COMM.barrier()
+    record(system, functionals, folder, max_steps=1, resume=True)
+    assert len(read_journal(folder).branches[0].points) == 2
+
+
+def test_several_branches_in_one_record(folder):
+    """Two branches of one follower; each is resumed by its number. Then the pictures."""
+    system, functionals = moved_block(COMM)
+    x = recorded_run.start(system)
+    with (
+        BranchRecord(folder, system, functionals, every=5) as r,
+        Follower(system, recorded_run.CONTROL, gamma_scale=1.0) as follower,
+    ):
+        for branch, steps, increasing in ((0, 12, True), (3, 4, False)):
+            start = follower.start(x, 0.0, increasing=increasing)
+            follower.run(start, (-0.2, 0.2), max_steps=steps, observer=r, branch_id=branch)
+    journal = read_journal(folder)
+    assert sorted(journal.branches) == [0, 3]
+    assert len(journal.table()) == 13 + 5
+    assert len(journal.table(3)) == 5
+    for branch in (3, 0):
+        done = resume(folder, system, functionals, branch=branch, max_steps=100)
+        assert done.reason == "gamma reached the end of its range"
+    journal = read_journal(folder)
+    assert journal.table(3)["gamma"].iloc[-1] == pytest.approx(-0.2, abs=1e-12)
+    assert journal.table(0)["gamma"].iloc[-1] == pytest.approx(0.2, abs=1e-12)
+    if COMM.rank == 0:
+        file = draw_diagram(folder / "two.png", journal, "force", label="$F$", title="Two")
+        assert file.stat().st_size > 20_000
+        with pytest.raises(ValueError, match="is no number that was recorded"):
+            draw_diagram(folder / "none.png", journal, "status")
+        with pytest.raises(ValueError, match="no branch 5"):
+            draw_diagram(folder / "none.png", journal, branches=[5])
+    with BranchRecord(folder, system, functionals, resume=True) as r:
+        files = write_series(folder, r, 3)
+        kept = [p["index"] for p in r.journal.branches[3].points if "checkpoint" in p]
+        with pytest.raises(ValueError, match="no fields of branch 4"):
+            write_series(folder, r, 4)
+    names = [f.stem for f in files]
+    assert names == ["branch_0003_body", "branch_0003_contact"]
+    if COMM.rank == 0 and files[0].suffix == ".bp":
+        import adios2
+
+        with adios2.FileReader(str(files[1])) as f:
+            steps = f.num_steps()
+            assert steps == len(kept)
+            if COMM.size == 1:  # on more ranks there is a block of values for each
+                gammas = [np.unique(f.read("gamma", step_selection=[i, 1])) for i in range(steps)]
+                expected = journal.table(3)["gamma"].iloc[kept]
+                np.testing.assert_array_equal(np.ravel(gammas), expected)
+
+
+def test_progress(folder):
+    """Without a terminal a line at first and one at the end; on one, a line that is rewritten."""
+    system, functionals = moved_block(COMM)
+
+    class Terminal(io.StringIO):
+        def isatty(self):
+            return True
+
+    plain, live = io.StringIO(), Terminal()
+    record(system, functionals, folder, max_steps=6)
+    observer = Observers(Progress(COMM, stream=plain), Progress(COMM, stream=live))
+    resume(folder, system, functionals, max_steps=9, observer=observer)
+    if COMM.rank == 0:
+        first, last = plain.getvalue().splitlines()
+        assert first.startswith("branch 0  point 6  gamma +0.0")
+        assert last == "branch 0: the budget of 9 steps is exhausted"
+        assert live.getvalue().count("\r\x1b[K") == 4
+        assert live.getvalue().count("\n") == 1
+    else:
+        assert plain.getvalue() == live.getvalue() == ""
+
+
+def test_a_mesh_has_one_hash():
+    """It does not depend on ranks; it changes with a coordinate, and with the cells."""
+    hashes = [mesh_hash(box(comm, n, cell)) for comm in (COMM, MPI.COMM_SELF)
+              for n, cell in ((3, "quad"), (3, "tri"), (4, "tri"), (2, "tet"))]  # fmt: skip
+    assert hashes[:4] == hashes[4:]
+    assert len(set(hashes)) == 4
+    moved = box(COMM, 3, "quad")
+    moved.geometry.x[:] *= 1 + 1e-15
+    assert mesh_hash(moved) not in hashes
+
+
+# -- kills -----------------------------------------------------------------------------------------
+
+
+def launch(ranks, *arguments):
+    """Start the recorded run on its own ranks, without what this process has from its launcher."""
+    taken = ("OMPI_", "PRTE_", "PMIX_", "PETSC_OPTIONS")
+    clean = {k: v for k, v in os.environ.items() if not k.startswith(taken)}
+    program = ["python3", str(TREE / "tests/recorded_run.py"), *map(str, arguments)]
+    command = program if ranks == 1 else ["mpirun", "-n", str(ranks), *program]
+    return subprocess.Popen(
+        [TREE / "docker/run", *command],
+        env=clean | {"DOLFINX_CONTACT_ENV": "direct"},
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+
+
+def family(pid):
+    """A process and its descendants."""
+    try:
+        threads = list(Path(f"/proc/{pid}/task").iterdir())
+        children = " ".join((t / "children").read_text() for t in threads)
+    except OSError:
+        return [pid]
+    return [pid, *(q for child in children.split() for q in family(int(child)))]
+
+
+def kill(process):
+    """SIGKILL for a process and all that it has started, and wait until they are gone."""
+    pids = family(process.pid)
+    for pid in pids:
+        try:
+            os.kill(pid, signal.SIGKILL)
+        except ProcessLookupError:
+            continue
+    process.wait()
+    for pid in pids:
+        while alive(pid):
+            time.sleep(0.005)
+
+
+def alive(pid):
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
+    except OSError:
+        return False
+
+
+@serial
+def test_killed_at_ten_random_moments(whole, folder):
+    """Every session on another number of ranks; each is killed, but for the last."""
+    random.seed(3)
+    path, total = folder / FILE_NAME, len((whole[0] / FILE_NAME).read_bytes())
+    moments = [0.05 + 0.09 * (i + random.uniform(0.0, 0.8)) for i in range(10)]
+    recorded = []
+    for session, moment in enumerate(moments):
+        process = launch(1 + session % 3, folder, *(["--resume"] if session else []))
+        # Time passes between a look at the file and the kill: any moment of a step may be hit.
+        delay = random.uniform(0.0, 0.03)
+        while (path.stat().st_size if path.exists() else 0) < moment * total:
+            assert process.poll() is None, (folder / "said.0").read_text()
+            time.sleep(0.002)
+        time.sleep(delay)
+        kill(process)
+        recorded.append(read_journal(folder).columns())
+    process = launch(2, folder, "--resume")
+    assert process.wait(timeout=60) == 0, (folder / "said.0").read_text()
+    journal = read_journal(folder)
+    require_same(journal, whole[2])
+    assert [s["ranks"] for s in journal.sessions] == [1, 2, 3, 1, 2, 3, 1, 2, 3, 1, 2]
+    # Nothing recorded was lost or written anew.
+    final = journal.columns()
+    lengths = [len(columns["gamma"]) for columns in recorded]
+    for n, columns in zip(lengths, recorded, strict=True):
+        np.testing.assert_array_equal(columns["gamma"], final["gamma"][:n])
+        np.testing.assert_array_equal(columns["status"], final["status"][:n])
+    assert sorted(set(lengths)) == lengths
+
+
+@serial
+@pytest.mark.parametrize("ranks", [2, 3])
+def test_errors_reach_every_rank(whole, folder, ranks):
+    """A foreign and a damaged journal on several ranks: one message, no hang."""
+    lines = (whole[0] / FILE_NAME).read_bytes().splitlines(keepends=True)
+    for content, friction, message in [
+        (lines, 0.4, "that of another problem: other materials, loads or friction"),
+        ([*lines[:5], *lines[6:]], 0.3, "line 6 of the journal is damaged"),
+    ]:
+        (folder / FILE_NAME).write_bytes(b"".join(content))
+        process = launch(ranks, folder, "--resume", "--friction", friction)
+        assert process.wait(timeout=60) == 3
+        said = {(folder / f"said.{rank}").read_text() for rank in range(ranks)}
+        assert len(said) == 1
+        assert message in said.pop()
+        assert (folder / FILE_NAME).read_bytes() == b"".join(content)

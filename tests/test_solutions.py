@@ -1,0 +1,96 @@
+"""Several solutions at one gamma."""
+
+import demo_linear_triangle
+import demo_single_element
+import numpy as np
+import pytest
+from textbook import smooth
+
+from dolfinx_contact.continuation import find_solutions
+
+
+def state(system, values):
+    x = system.create_vector()
+    x.array[:] = np.asarray(values, float)[slice(*x.getOwnershipRange())]
+    return x
+
+
+def whole(system, x):
+    return np.concatenate(system.comm.allgather(x.array_r.copy()))
+
+
+def gould():
+    """KKT points of min -2(x1-1/4)^2 + 2(x2-1/2)^2, x1+x2 <= 1, 6x1+2x2 <= 3, x >= 0.
+
+    Complementarity by min(a, b) = 0; unknowns x1, x2 and the multipliers of the two constraints.
+    """
+    A, b = np.array([[1.0, 1.0], [6.0, 2.0]]), np.array([1.0, 3.0])
+    Q, c = np.diag([-4.0, 4.0]), np.array([1.0, -2.0])
+
+    def pairs(z):
+        x, m = z[:2], z[2:]
+        first = np.concatenate([x, m])
+        second = np.concatenate([Q @ x + c + A.T @ m, b - A @ x])
+        slope = np.vstack([np.hstack([Q, A.T]), np.hstack([-A, np.zeros((2, 2))])])
+        return first, second, slope
+
+    def H(z, _g):
+        first, second, _ = pairs(z)
+        return np.minimum(first, second)
+
+    def J(z, _g):
+        first, second, slope = pairs(z)
+        return np.where((first <= second)[:, None], np.eye(4), slope)
+
+    return smooth(4, H, J, lambda z, g: np.zeros(4))
+
+
+def test_gould():
+    """Three KKT points from one guess (Gould's nonconvex problem)."""
+    system = gould()
+    solutions = find_solutions(system, [state(system, [0.2, 0.2, 0, 0])], 0.0)
+    points = sorted(whole(system, s.x)[:2].tolist() for s in solutions.found)
+    np.testing.assert_allclose(points, [[0, 1 / 2], [1 / 4, 1 / 2], [11 / 32, 15 / 32]], atol=1e-9)
+    assert "deflation" in solutions.method
+    assert not solutions.complete
+
+
+@pytest.mark.parametrize("deflation", [False, True])
+def test_one_element(deflation):
+    """Hild's element between its folds: open, stick and slip, by enumeration and by deflation."""
+    args = demo_single_element.arguments(["--friction", "2.5"])
+    system = demo_single_element.triangle(args)
+    gamma = 0.55  # between 0.4752747 and 0.625
+    x = system.create_vector()
+    x.set(0.0)
+    solutions = find_solutions(system, [x], gamma, deflation=deflation)
+    assert {system.letters(s.piece)[0] for s in solutions.found} == {"o", "k", "-"}
+    assert len(solutions.found) == 3
+    assert solutions.complete is not deflation
+    b = system.create_vector()
+    for s in solutions.found:
+        system.residual(s.x, gamma, b, s.piece)
+        assert system.error(b) < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("n", "vertical", "deflation"), [(8, 8.3, False), (4, 9.05, False), (4, 9.05, True)]
+)
+def test_three_solutions_of_a_triangle(n, vertical, deflation):
+    """F = 1.8: three solutions at gamma = 1; the enumeration of 4^n pieces is a proof."""
+    system = demo_linear_triangle.linear_triangle(n, 1.8, load=(26.0, vertical))
+    x = system.create_vector()
+    x.set(0.0)
+    solutions = find_solutions(system, [x], 1.0, deflation=deflation)
+    found = sorted(system.letters(s.piece) for s in solutions.found)
+    rest = (n - 1) * "o" + "d"
+    assert found == ["-" + rest, "k" + rest, "o" + rest]
+    assert solutions.complete is not deflation
+
+
+def test_bad_input():
+    system = gould()
+    with pytest.raises(ValueError, match="at least one guess"):
+        find_solutions(system, [], 0.0)
+    with pytest.raises(ValueError, match="must be positive"):
+        find_solutions(system, [state(system, np.zeros(4))], 0.0, lengths=(0.0,))
