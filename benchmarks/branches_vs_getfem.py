@@ -166,20 +166,10 @@ def plain_steps(system, side, gamma, gamma_range, args, *, increasing):
         )
         mine += steps
     getfem, ours = summary(plain(theirs)), summary(plain(mine))
-    mean = {
-        key: [sum(s[key] for s in steps) / len(steps) for steps in (theirs, mine)]
-        for key in ("wall", "cpu")
-    }
-    sides = [summary([{key: mean[key][i] for key in mean}]) for i in (0, 1)]
     return {
         "getfem": getfem,
         "ours": ours,
         "ours_with_event": summary([s for s in mine if s["kinds"]]),
-        "gamma_per_step": {
-            "getfem": abs(theirs[-1]["gamma"] - gamma) / len(theirs),
-            "ours": abs(steps[-1]["gamma"] - gamma) / len(steps),
-        },
-        "mean_step_speedup": ratios(*sides),
         "linear_algebra": counts(mine),
         "speedup": ratios(getfem, ours),
     }
