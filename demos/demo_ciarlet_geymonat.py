@@ -21,6 +21,7 @@ from mpi4py import MPI
 
 import numpy as np
 
+import basix.ufl
 import ufl
 from dolfinx import fem, mesh
 
@@ -39,6 +40,7 @@ def arguments(argv=None):
     parser.add_argument("--friction", type=float, default=1.0)
     parser.add_argument("--r", type=float, default=None, help="augmentation parameter")
     parser.add_argument("--step-factor", type=float, default=1.0, help="of the default steps")
+    parser.add_argument("--seed", type=int, default=None, help="renumbers the mesh at random")
     parser.add_argument("--length", type=float, default=1.0, help="unit of length, in mm")
     parser.add_argument("--stress", type=float, default=1.0, help="unit of stress, in MPa")
     parser.add_argument("--output", default="output/ciarlet_geymonat")
@@ -48,11 +50,29 @@ def arguments(argv=None):
     return args
 
 
-def block(nx, ny, friction, r=None, length=1.0, stress=1.0):
+def block_mesh(comm, nx, ny, mm, seed):
+    """nx * ny rectangles."""
+    if seed is None:
+        corners = np.array([[0.0, 0.0], [40.0, 80.0]]) * mm
+        return mesh.create_rectangle(comm, corners, (nx, ny), mesh.CellType.quadrilateral)
+    x, y = np.meshgrid(np.linspace(0.0, 40.0, nx + 1), np.linspace(0.0, 80.0, ny + 1))
+    points = mm * np.stack([x, y], axis=-1).reshape(-1, 2)
+    first = (np.arange(nx) + (nx + 1) * np.arange(ny)[:, None]).reshape(-1, 1)
+    cells = first + np.array([0, 1, nx + 1, nx + 2])
+    random = np.random.default_rng(seed)
+    order = random.permutation(len(points))
+    points, cells = points[order], np.argsort(order)[cells]
+    cells = cells[random.permutation(len(cells))]
+    if comm.rank > 0:
+        points, cells = points[:0], cells[:0]
+    element = basix.ufl.element("Lagrange", "quadrilateral", 1, shape=(2,))
+    return mesh.create_mesh(comm, cells=cells, x=points, e=ufl.Mesh(element))
+
+
+def block(nx, ny, friction, r=None, length=1.0, stress=1.0, seed=None):
     """The block with gamma in its traction, in the given units of length and stress."""
     comm, mm, MPa = MPI.COMM_WORLD, 1.0 / length, 1.0 / stress
-    corners = np.array([[0.0, 0.0], [40.0, 80.0]]) * mm
-    domain = mesh.create_rectangle(comm, corners, (nx, ny), mesh.CellType.quadrilateral)
+    domain = block_mesh(comm, nx, ny, mm, seed)
 
     def edge(axis, value):
         return mesh.locate_entities_boundary(
@@ -146,7 +166,7 @@ def main(argv=None):
     args = arguments(argv)
     comm = MPI.COMM_WORLD
     folder = output_folder(comm, args.output)
-    system = block(args.nx, args.ny, args.friction, args.r, args.length, args.stress)
+    system = block(args.nx, args.ny, args.friction, args.r, args.length, args.stress, args.seed)
     result = system.problem.solve()
     x = system.create_vector()
     system.problem.write(x)
@@ -180,6 +200,7 @@ def main(argv=None):
         "methods": sorted({node.point.method for node in diagram.nodes}),
         "points": [len(points) for points in branches],
         "gammas": [[p.gamma for p in points] for points in branches],
+        "augmentation": system.problem.surfaces[0].mean_augmentation,
         "factorisations": sum(b.factorisations for b in diagram.branches),
         "explore_seconds": seconds,
     }

@@ -29,7 +29,7 @@ import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, parse_arguments
-from dolfinx_contact.continuation import Follower, Observers, StepControl
+from dolfinx_contact.continuation import Observers, StepControl, follower_for
 from dolfinx_contact.materials import CiarletGeymonat, LinearElastic, NeoHookean
 from dolfinx_contact.meshing import mesh_from_gmsh, read_mesh
 from dolfinx_contact.output import (
@@ -56,6 +56,8 @@ def arguments(argv=None):
     drive.add_argument("--drive-top", type=float, nargs=2, metavar=("DX", "DY"))
     parser.add_argument("--solutions-at", type=float, metavar="G")
     parser.add_argument("--step-factor", type=float, default=1.0, help="of the default steps")
+    parser.add_argument("--r", type=float, default=None, help="augmentation parameter")
+    parser.add_argument("--length", type=float, default=1.0, help="the unit of the mesh")
     parser.add_argument("--max-steps", type=int, default=2000)
     parser.add_argument("--record", metavar="DIR", help="keep journal and fields of the branch")
     parser.add_argument("--resume", action="store_true", help="go on with the record")
@@ -107,6 +109,7 @@ def system(args, comm):
     else:
         body = mesh_from_gmsh(comm, lambda: draw_vee(args.size), groups=("dirichlet", "contact"))
     domain = body.mesh
+    domain.geometry.x[:] *= args.length
     held = body.facet_tags.find(body.tag("dirichlet"))
     touching = body.facet_tags.find(body.tag("contact"))
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
@@ -140,7 +143,7 @@ def system(args, comm):
     surface = ContactSurface(
         u, touching, obstacle=HalfSpace((0.0, floor), (0.0, 1.0)), law=Coulomb(args.friction)
     )
-    problem = ContactProblem(energy, u, [surface], bcs=bcs)
+    problem = ContactProblem(energy, u, [surface], bcs=bcs, r=args.r)
     return ParametricContact(problem, gamma, driven=driven)
 
 
@@ -228,11 +231,15 @@ def main(argv=None):
     folder = output_folder(comm, args.output)
     followed = system(args, comm)
     default, factor = StepControl(), args.step_factor
-    control = StepControl(initial=factor * default.initial, maximum=factor * default.maximum)
+    control = StepControl(
+        initial=min(factor * default.initial, 1.0), maximum=min(factor * default.maximum, 1.0)
+    )
     record = None
     if args.record is not None:
         record = BranchRecord(args.record, followed, FUNCTIONALS, every=1, resume=args.resume)
-    with Follower(followed, control, gamma_scale=1.0) as follower:
+    x = followed.create_vector()
+    followed.problem.write(x)
+    with follower_for(followed, x, 0.0, control, gamma_scale=1.0) as follower:
         branch = follow_it(args, followed, follower, record)
         if record is None:
             special = [vars(s) for s in branch.special]
@@ -262,6 +269,8 @@ def main(argv=None):
             "events": sum(bool(s["changes"]) for s in special),
             "bifurcations": [s["gamma"] for s in special if s["kind"] == "bifurcation"],
             "points": len(points),
+            "gammas": [p.gamma for p in points],
+            "augmentation": followed.problem.surfaces[0].mean_augmentation,
             "factorisations": branch.factorisations,
             "gamma_end": points[-1].gamma,
             "end": seen[-1],

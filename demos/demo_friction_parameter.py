@@ -32,6 +32,10 @@ def arguments(argv=None):
     parser.add_argument("--lame", type=float, nargs=2, default=(1.0, 1.0), metavar=("LAMBDA", "MU"))
     parser.add_argument("--load", type=float, nargs=2, default=(-2.4, -1.0), metavar=("F1", "F2"))
     parser.add_argument("--friction-max", type=float, default=5.0)
+    parser.add_argument("--length", type=float, default=1.0)
+    parser.add_argument("--step-factor", type=float, default=1.0, help="of the default steps")
+    parser.add_argument("--r", type=float, default=None, help="augmentation parameter")
+    parser.add_argument("--seed", type=int, default=None, help="renumbers the mesh at random")
     parser.add_argument("--output", default="output/friction_parameter")
     args = parse_arguments(parser, argv)
     critical = (args.lame[0] + 3 * args.lame[1]) / (args.lame[0] + args.lame[1])
@@ -45,7 +49,7 @@ def main(argv=None):
     args = arguments(argv)
     comm = MPI.COMM_WORLD
     folder = output_folder(comm, args.output)
-    problem, load = triangle(args.lame, args.friction_max, 1.0)
+    problem, load = triangle(args.lame, args.friction_max, args.length, args.r, args.seed)
     load.value[:] = args.load
     (surface,) = problem.surfaces
     system = ParametricContact(problem, surface.law.friction)
@@ -64,14 +68,19 @@ def main(argv=None):
         letter = system.letters(point.piece)[0]
         return [letter, point.gamma, float(state["ut"][at_A, 0]), *force.tolist()]
 
-    with Follower(system, StepControl(), gamma_scale=args.friction_max) as follower:
+    plain = StepControl()
+    control = StepControl(
+        initial=min(plain.initial * args.step_factor, 1.0),
+        maximum=min(plain.maximum * args.step_factor, 1.0),
+    )
+    with Follower(system, control, gamma_scale=args.friction_max) as follower:
         start = follower.start(x, args.friction_max, increasing=False)
         branch = follower.run(start, (0.0, args.friction_max))
         seen = [observe(follower, p) for p in branch.points]
 
     # The closed form of the slipping half, S = [[kt, k], [k, kt]] and p = l/2 (F1, F2).
     kt, k = (args.lame[0] + 3 * args.lame[1]) / 2, (args.lame[0] + args.lame[1]) / 2
-    pt, pn = np.asarray(args.load) / 2
+    pt, pn = args.length * np.asarray(args.load) / 2
     errors = [abs(ut - (pt - F * pn) / (kt - F * k)) for letter, F, ut, *_ in seen if letter == "-"]
     scalars = {
         "converged": branch.reason == "gamma reached the end of its range",
@@ -79,14 +88,18 @@ def main(argv=None):
         "dofs": x.getSize(),
         "folds": [{"gamma": s.gamma, "smooth": s.smooth} for s in branch.folds],
         "fold_closed_form": pt / pn,
-        "slip_error": max(errors),
+        "slip_error": max(errors) / args.length,
+        "statuses": "".join(letter for letter, *_ in seen),
+        "points": len(branch.points),
+        "gammas": [p.gamma for p in branch.points],
+        "augmentation": surface.mean_augmentation,
         "gamma_end": branch.points[-1].gamma,
     }
     if comm.rank == 0:
         draw(folder / "branch.png", seen)
         for s in branch.folds:
             print(f"stick and slip meet at F = {s.gamma:.12f} (closed form {pt / pn:.12f})")
-        print(f"slip against the closed form: {max(errors):.1e}; {branch.reason}")
+        print(f"slip against the closed form: {scalars['slip_error']:.1e}; {branch.reason}")
     return write_summary(comm, folder, scalars)
 
 

@@ -60,9 +60,11 @@ def arguments(argv=None):
 # loads of the diagram.
 
 
-def element(length):
+def element(length, seed=None):
     """Displacement, measure of AC, facets of AB and the clamp on BC of the one-element body."""
     points = length * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    if seed is not None:
+        points = points[np.random.default_rng(seed).permutation(3)]
     lagrange = basix.ufl.element("Lagrange", "triangle", 1, shape=(2,))
     cells = np.array([[0, 1, 2]], dtype=np.int64)
     domain = mesh.create_mesh(MPI.COMM_SELF, cells=cells, x=points, e=ufl.Mesh(lagrange))
@@ -73,21 +75,21 @@ def element(length):
         return mesh.locate_entities_boundary(domain, 1, where)
 
     slope = edge(lambda x: np.isclose(x[0] + x[1], length))
-    side = edge(lambda x: np.isclose(x[0], 0.0))
-    bottom = edge(lambda x: np.isclose(x[1], 0.0))
+    side = edge(lambda x: np.isclose(x[0], 0.0, atol=1e-9 * length))
+    bottom = edge(lambda x: np.isclose(x[1], 0.0, atol=1e-9 * length))
     clamped = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, slope), V)
     tags = mesh.meshtags(domain, 1, side, np.ones(len(side), dtype=np.int32))
     ds = ufl.Measure("ds", domain, subdomain_data=tags)(1)
     return fem.Function(V, name="displacement"), ds, bottom, clamped
 
 
-def triangle(lame, friction, length):
+def triangle(lame, friction, length, r=None, seed=None):
     """The problem, and the Constant of its traction."""
-    u, ds, bottom, clamped = element(length)
+    u, ds, bottom, clamped = element(length, seed)
     load = fem.Constant(u.function_space.mesh, (0.0, 0.0))
     energy = LinearElastic(*lame).energy(u) * ufl.dx - ufl.dot(load, u) * ds
     surface = ContactSurface(u, bottom, obstacle=HalfSpace((0, 0), (0, 1)), law=Coulomb(friction))
-    return ContactProblem(energy, u, [surface], bcs=[clamped]), load
+    return ContactProblem(energy, u, [surface], bcs=[clamped], r=r), load
 
 
 # ## The pieces

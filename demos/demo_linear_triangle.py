@@ -82,9 +82,16 @@ def triangle_mesh(comm, n, length, seed=None):
 
 
 def linear_triangle(
-    n, friction, load=(26.0, 7.5), lame=(100.0, 82.0), length=1.0, r=None, seed=None
+    n,
+    friction,
+    load=(26.0, 7.5),
+    lame=(100.0, 82.0),
+    length=1.0,
+    r=None,
+    seed=None,
+    preload=(0.0, 0.0),
 ):
-    """The body on the floor, with gamma in the traction on AC."""
+    """The body on the floor, with the traction preload - gamma load on AC."""
     domain = triangle_mesh(MPI.COMM_WORLD, n, length, seed)
 
     def edge(where):
@@ -98,7 +105,8 @@ def linear_triangle(
     tags = mesh.meshtags(domain, 1, side, np.ones(len(side), dtype=np.int32))
     ds = ufl.Measure("ds", domain, subdomain_data=tags)(1)
     energy = LinearElastic(*lame).energy(u) * ufl.dx
-    energy += gamma * ufl.dot(fem.Constant(domain, load), u) * ds
+    traction = fem.Constant(domain, preload) - gamma * fem.Constant(domain, load)
+    energy -= ufl.dot(traction, u) * ds
     clamped = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, slope), V)
     floor = HalfSpace((0, 0), (0, 1))
     surface = ContactSurface(u, bottom, obstacle=floor, law=Coulomb(friction))
@@ -201,6 +209,7 @@ def main(argv=None):
         "bifurcation_gamma": [node.point.gamma for node in diagram.nodes],
         "points": [len(b.points) for b in diagram.branches],
         "gammas": [[p.gamma for p in b.points] for b in diagram.branches],
+        "augmentation": system.problem.surfaces[0].mean_augmentation,
         "explore_seconds": seconds,
     }
     size = max(float(np.abs(s["ut_A"])) for _, s in found) or 1.0

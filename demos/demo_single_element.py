@@ -38,14 +38,17 @@ def arguments(argv=None):
     parser.add_argument("--load-direction", type=float, nargs=2, default=(-4.0, 0.0))
     parser.add_argument("--gamma-max", type=float, default=1.0)
     parser.add_argument("--length", type=float, default=1.0)
+    parser.add_argument("--route", choices=("auto", "pivoting", "steps"), default="auto")
     parser.add_argument("--step-factor", type=float, default=1.0, help="of the default steps")
+    parser.add_argument("--r", type=float, default=None, help="augmentation parameter")
+    parser.add_argument("--seed", type=int, default=None, help="renumbers the mesh at random")
     parser.add_argument("--output", default="output/single_element")
     return parse_arguments(parser, argv)
 
 
 def triangle(args):
     """The element, alone on every rank, with gamma in its load."""
-    u, ds, bottom, clamped = element(args.length)
+    u, ds, bottom, clamped = element(args.length, args.seed)
     domain = u.function_space.mesh
     gamma = fem.Constant(domain, 0.0)
     start, direction = (fem.Constant(domain, v) for v in (args.load_start, args.load_direction))
@@ -54,7 +57,7 @@ def triangle(args):
     surface = ContactSurface(
         u, bottom, obstacle=HalfSpace((0, 0), (0, 1)), law=Coulomb(args.friction)
     )
-    return ParametricContact(ContactProblem(energy, u, [surface], bcs=[clamped]), gamma)
+    return ParametricContact(ContactProblem(energy, u, [surface], bcs=[clamped], r=args.r), gamma)
 
 
 def observe(system, y, size):
@@ -130,11 +133,11 @@ def main(argv=None):
     system.problem.write(x)
     plain = StepControl()
     control = StepControl(
-        initial=plain.initial * args.step_factor, maximum=plain.maximum * args.step_factor
+        initial=min(plain.initial * args.step_factor, 1.0),
+        maximum=min(plain.maximum * args.step_factor, 1.0),
     )
-    branch = follow(
-        system, x, 0.0, gamma_range=(-0.1 * args.gamma_max, args.gamma_max), control=control
-    )
+    span = (-0.1 * args.gamma_max, args.gamma_max)
+    branch = follow(system, x, 0.0, gamma_range=span, control=control, route=args.route)
     values = [observe(system, p.y, x.getLocalSize()) for p in branch.points]
     letters = [system.letters(p.piece) for p in branch.points]
     folds = [
@@ -159,6 +162,8 @@ def main(argv=None):
         "bifurcations": len(branch.bifurcations),
         "events": sum(not s.smooth for s in branch.special),
         "points": len(branch.points),
+        "gammas": [p.gamma for p in branch.points],
+        "augmentation": system.problem.surfaces[0].mean_augmentation,
         "factorisations": branch.factorisations,
         "gamma_end": branch.points[-1].gamma,
     }

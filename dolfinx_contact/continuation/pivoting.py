@@ -57,6 +57,7 @@ class Pivoting:
         self.system, self.condensed = system, condensed
         self.bordered = Bordered(system, gamma_scale=gamma_scale)
         self._unit = 0.0
+        self._recent: list[AffinePiece] = []
 
     def __enter__(self) -> Pivoting:
         return self
@@ -98,6 +99,7 @@ class Pivoting:
         stop: Stop | None = None,
         branch_id: int = 0,
         stepping: Stepping | None = None,
+        origin: BranchPoint | None = None,
     ) -> Branch:
         """Follow from ``start`` along its tangent; a step is a segment between two vertices.
 
@@ -105,13 +107,11 @@ class Pivoting:
         """
         b, branch, point, first = self.bordered, Branch([start]), start, 0
         if stepping is not None:
-            first, b.x_scale, self._unit = (
-                stepping.index,
-                stepping.x_scale,
-                stepping.largest_distance,
-            )
+            first = stepping.index
+            self.restore(stepping)
         w, ray = self._state(point)
-        w_start, low, high = w, *gamma_range
+        origin, (low, high) = origin or start, gamma_range
+        w_origin = self._state(origin)[0]
         observer = observer or Observer()
         observer.begin(branch_id, Task((low, high), b.gamma_scale, StepControl(), max_steps))
         observer.point(branch_id, first, start, (), self._stepping(first))
@@ -122,8 +122,8 @@ class Pivoting:
                 break
             ahead = high - point.gamma if ray.rate > 0 else point.gamma - low
             special: list[SpecialPoint] = []
-            if self._passes(w, ray, length, w_start, start) and point is not start:
-                point, branch.reason = start, CLOSED
+            if self._passes(w, ray, length, w_origin, origin) and point is not start:
+                point, branch.reason = origin, CLOSED
             elif ray.rate != 0 and length >= ahead:
                 gamma = high if ray.rate > 0 else low
                 w = self._moved(w, gamma, ahead, ray)
@@ -150,6 +150,10 @@ class Pivoting:
         self.system.piece_at(*b.split(branch.points[-1].y))
         logger.info("branch ended: %s", branch.reason)
         return branch
+
+    def restore(self, stepping: Stepping) -> None:
+        """Know again what was known at a point that was followed to before."""
+        self.bordered.x_scale, self._unit = stepping.x_scale, stepping.largest_distance
 
     def _stepping(self, index: int) -> Stepping:
         return Stepping(index, 0.0, self.bordered.x_scale, self._unit)
@@ -181,8 +185,18 @@ class Pivoting:
 
     # -- vertices --------------------------------------------------------------------------------
 
+    def _piece(self, codes: Codes) -> AffinePiece | None:
+        """A piece, factorised once while the branch is on it or has just left it."""
+        for piece in self._recent:
+            if np.array_equal(piece.codes, codes):
+                return piece
+        new = self.condensed.system.piece(codes)
+        if new is not None:
+            self._recent = [new, *self._recent[:1]]
+        return new
+
     def _moved(self, w: Array, gamma: float, length: float, ray: AffineRay) -> Array:
-        piece = self.condensed.system.piece(ray.codes) if ray.rate != 0 else None
+        piece = self._piece(ray.codes) if ray.rate != 0 else None
         return w + length * ray.direction if piece is None else piece.at(gamma)
 
     def _cross(
@@ -192,7 +206,7 @@ class Pivoting:
         affine, tolerance = self.condensed.system, TOLERANCE * self._unit
         held = affine.statuses_at(w, tolerance)
         kinked = np.flatnonzero(held.sum(axis=1) > 1)
-        before = affine.piece(ray.codes) if ray.rate != 0 else None
+        before = self._piece(ray.codes) if ray.rate != 0 else None
         rays, complete, found, method = [], False, [], ""
         self._unit = max(self._unit, float(np.abs(w).max(initial=0.0)))
         if len(kinked) == 1 and before is not None:
@@ -212,7 +226,7 @@ class Pivoting:
         if onwards is None:
             end = SpecialPoint("end", False, gamma, y, 0, complete=complete, method=method)
             return point, end, None
-        after = affine.piece(onwards.codes)
+        after = self._piece(onwards.codes)
         if before is not None and after is not None:
             parity = self._parity(before, ray, after, onwards.rate)
         turned = onwards.rate * ray.rate < 0
@@ -224,7 +238,9 @@ class Pivoting:
         others = tuple(
             Ray(self.condensed.piece(r.codes), self._tangent(w, gamma, r)) for r in rays[1:]
         )
-        incoming = Ray(self.condensed.piece(ray.codes), self._tangent(w, gamma, ray))
+        incoming = None
+        if others:
+            incoming = Ray(self.condensed.piece(ray.codes), self._tangent(w, gamma, ray))
         special = SpecialPoint(
             kind,  # type: ignore[arg-type]
             False,
@@ -235,7 +251,7 @@ class Pivoting:
             parity,
             others,
             complete,
-            incoming if others else None,
+            incoming,
             Ray(point.piece, point.tangent) if others else None,
             method,
         )
@@ -254,20 +270,25 @@ class Pivoting:
         x, y = self.system.create_vector(), b.vector()
         self.condensed.expand(w, gamma, x)
         b.join(x, gamma, y)
+        tangent = self._tangent(w, gamma, ray, x)
         x.destroy()
-        tangent = self._tangent(w, gamma, ray)
         return BranchPoint(y, tangent, self.condensed.piece(ray.codes), gamma, length, 0)
 
-    def _tangent(self, w: Array, gamma: float, ray: AffineRay) -> PETSc.Vec:
-        """The unit tangent of a ray that leaves (w, gamma)."""
-        b = self.bordered
-        x, there = self.system.create_vector(), self.system.create_vector()
-        self.condensed.expand(w, gamma, x)
+    def _tangent(
+        self, w: Array, gamma: float, ray: AffineRay, x: PETSc.Vec | None = None
+    ) -> PETSc.Vec:
+        """The unit tangent of a ray that leaves (w, gamma), whose state is ``x`` if it is known."""
+        b, there = self.bordered, self.system.create_vector()
+        here = self.system.create_vector() if x is None else x
+        if x is None:
+            self.condensed.expand(w, gamma, here)
         self.condensed.expand(w + ray.direction, gamma + ray.rate, there)
-        there.axpy(-1.0, x)
+        there.axpy(-1.0, here)
         t = b.vector()
         b.join(there, ray.rate, t)
-        x.destroy(), there.destroy()
+        there.destroy()
+        if x is None:
+            here.destroy()
         b.set_scale(t)
         if b.x_scale == 0.0 and ray.rate == 0:
             b.require_scale()
@@ -288,7 +309,7 @@ class Pivoting:
         direction = self.condensed.contract(x) - w
         there.destroy()
         sense = 0.0 if resting else float(np.sign(rate))
-        piece = self.condensed.system.piece(codes) if sense else None
+        piece = self._piece(codes) if sense else None
         if piece is not None:
             direction = sense * piece.coefficients[1]
         return w, AffineRay(codes, direction, sense)
