@@ -29,7 +29,7 @@ import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, parse_arguments
-from dolfinx_contact.continuation import Follower, Observers, StepControl
+from dolfinx_contact.continuation import Observers, StepControl, follower_for
 from dolfinx_contact.materials import CiarletGeymonat, LinearElastic, NeoHookean
 from dolfinx_contact.meshing import mesh_from_gmsh, read_mesh
 from dolfinx_contact.output import (
@@ -237,7 +237,9 @@ def main(argv=None):
     record = None
     if args.record is not None:
         record = BranchRecord(args.record, followed, FUNCTIONALS, every=1, resume=args.resume)
-    with Follower(followed, control, gamma_scale=1.0) as follower:
+    x = followed.create_vector()
+    followed.problem.write(x)
+    with follower_for(followed, x, 0.0, control, gamma_scale=1.0) as follower:
         branch = follow_it(args, followed, follower, record)
         if record is None:
             special = [vars(s) for s in branch.special]

@@ -394,8 +394,8 @@ def test_a_point_with_too_many_kinks_is_said():
     assert not special.complete
     x, _ = values(system, branch.points[-1])
     np.testing.assert_allclose(x, 1.0, atol=1e-9)
-    # Where the natural piece is none, the branch ends, and says why.
-    stuck = Textbook(
+    # Where the natural piece is none, H itself leads on, and the record says so.
+    other = Textbook(
         n,
         lambda x, g, s: x - np.where(s, g, -g),
         lambda x, g, s: np.eye(n),
@@ -404,6 +404,26 @@ def test_a_point_with_too_many_kinks_is_said():
         lambda x, g: np.full(n, int(g > 0)),
         (0, 1),
     )
-    branch = follow(stuck, start(stuck, np.ones(n)), -1.0, gamma_range=(-1.0, 1.0))
+    branch = follow(other, start(other, np.ones(n)), -1.0, gamma_range=(-1.0, 1.0))
+    (special,) = branch.special
+    assert "Newton's method on H" in special.method
+    assert not special.complete
+    x, _ = values(other, branch.points[-1])
+    np.testing.assert_allclose(x, 1.0, atol=1e-9)
+
+
+def test_a_branch_that_ends():
+    """x - g = 0 for g < 0, and twelve more rows that have no solution beyond: said, and kept."""
+    n = 12
+    system = Textbook(
+        n,
+        lambda x, g, s: np.where(s, x**2 + g, x - g),
+        lambda x, g, s: np.diag(np.where(s, 2 * x, 1.0)),
+        lambda x, g, s: np.where(s, 1.0, -1.0),
+        lambda x, g, s: [[(g if c else -g, 1 - c)] for c in s],
+        lambda x, g: np.full(n, int(g > 0)),
+        (0, 1),
+    )
+    branch = follow(system, start(system, -np.ones(n)), -1.0, gamma_range=(-1.0, 1.0))
     assert "12 points are at a kink at once (too many pieces to try)" in branch.reason
-    assert branch.points[-1].gamma == pytest.approx(0.0, abs=1e-12)
+    assert branch.points[-1].gamma == pytest.approx(0.0, abs=1e-9)

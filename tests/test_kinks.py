@@ -24,7 +24,7 @@ def start(system, values):
 def test_path_with_two_nonsmooth_folds(kinks):
     """The one-node S: both folds, with their changes of status and their parity."""
     system = one_node(2.0, 2.0, 1.0, 3.0, (0.0, -1.0), (-1.0, 0.0))
-    control = StepControl(kinks=kinks)
+    control = StepControl(kinks=kinks, minimum=1e-6)
     x = start(system, [0, 0, 0, 1.0])
     branch = follow(system, x, 0.0, gamma_range=(-1.0, 5.0), control=control)
     assert branch.reason == "gamma reached the end of its range"
@@ -52,7 +52,7 @@ def test_vee(kinks):
         body.problem.solve()
         x = body.create_vector()
         body.problem.write(x)
-        with Follower(body, StepControl(kinks=mode), gamma_scale=1.0) as follower:
+        with Follower(body, StepControl(kinks=mode, minimum=1e-6), gamma_scale=1.0) as follower:
             branch = follower.run(follower.start(x, 0.0), (0.0, 1.0))
             there = follower.at(branch, 0.7)
             runs[mode] = branch, [body.letters(p.piece) for p in there]
@@ -61,7 +61,7 @@ def test_vee(kinks):
     (exact, letters), (other, same) = runs["exact"], runs[kinks]
     assert same == letters
     assert len(same) == 3
-    tolerance = 1e-10 if kinks == "batched" else 16 * StepControl().minimum
+    tolerance = 1e-10 if kinks == "batched" else 16 * 1e-6
     folds = [[s.gamma for s in branch.folds] for branch in (exact, other)]
     np.testing.assert_allclose(*folds, atol=tolerance)
     for s in other.folds:

@@ -140,7 +140,7 @@ def cross(
                     rays += _not_back(corrector, piece, t, more)
     method = "enumeration of the pieces" if complete else ""
     if not rays and not complete:
-        rays, method = _as_H_leads(corrector, y, t), "one step of Newton's method on H"
+        rays, method = _as_H_leads(corrector, y, piece, t), "one step of Newton's method on H"
     if not rays:
         return Crossing(len(kinks), None, (), sign, (), complete)
     onwards, *others = _distinct(corrector, rays)
@@ -148,23 +148,24 @@ def cross(
     return replace(crossing, method=method)
 
 
-def _as_H_leads(corrector: Corrector, y: PETSc.Vec, t: PETSc.Vec) -> list[Ray]:
+def _as_H_leads(corrector: Corrector, y: PETSc.Vec, come_by: Piece, t: PETSc.Vec) -> list[Ray]:
     """The ray on which the corrector for H itself ends, the status recomputed. Collective.
 
     For points at which more pieces meet than can be tried; other rays are not looked for.
     """
     b = corrector.bordered
-    for length, sense in itertools.product(_LENGTHS, (1.0, -1.0)):
-        there, improved = y.copy(), t.copy()
-        improved.scale(sense)
-        there.axpy(length, improved)
-        if corrector.moore_penrose(there, improved, None):
+    gamma, forwards = b.gamma(y), 1.0 if b.gamma(t) >= 0 else -1.0
+    for length, sense in itertools.product(_LENGTHS, (forwards, -forwards)):
+        there = y.copy()
+        if corrector.natural(there, gamma + sense * length * b.gamma_scale, None):
             piece = b.system.piece_at(*b.split(there))
             away = there - y
             size = np.sqrt(b.inner(away, away))
-            tangent = corrector.tangent(there, away, piece) if size > 0.1 * length else None
+            tangent = corrector.tangent(there, away, piece)
             if tangent is not None and b.inner(tangent, away) > 0.9 * size:
-                return [Ray(piece, tangent)]
+                rays = _not_back(corrector, come_by, t, [Ray(piece, tangent)])
+                if rays:
+                    return rays
     return []
 
 

@@ -99,6 +99,7 @@ class Pivoting:
         stop: Stop | None = None,
         branch_id: int = 0,
         stepping: Stepping | None = None,
+        origin: BranchPoint | None = None,
     ) -> Branch:
         """Follow from ``start`` along its tangent; a step is a segment between two vertices.
 
@@ -106,13 +107,11 @@ class Pivoting:
         """
         b, branch, point, first = self.bordered, Branch([start]), start, 0
         if stepping is not None:
-            first, b.x_scale, self._unit = (
-                stepping.index,
-                stepping.x_scale,
-                stepping.largest_distance,
-            )
+            first = stepping.index
+            self.restore(stepping)
         w, ray = self._state(point)
-        w_start, low, high = w, *gamma_range
+        origin, (low, high) = origin or start, gamma_range
+        w_origin = self._state(origin)[0]
         observer = observer or Observer()
         observer.begin(branch_id, Task((low, high), b.gamma_scale, StepControl(), max_steps))
         observer.point(branch_id, first, start, (), self._stepping(first))
@@ -123,8 +122,8 @@ class Pivoting:
                 break
             ahead = high - point.gamma if ray.rate > 0 else point.gamma - low
             special: list[SpecialPoint] = []
-            if self._passes(w, ray, length, w_start, start) and point is not start:
-                point, branch.reason = start, CLOSED
+            if self._passes(w, ray, length, w_origin, origin) and point is not start:
+                point, branch.reason = origin, CLOSED
             elif ray.rate != 0 and length >= ahead:
                 gamma = high if ray.rate > 0 else low
                 w = self._moved(w, gamma, ahead, ray)
@@ -151,6 +150,10 @@ class Pivoting:
         self.system.piece_at(*b.split(branch.points[-1].y))
         logger.info("branch ended: %s", branch.reason)
         return branch
+
+    def restore(self, stepping: Stepping) -> None:
+        """Know again what was known at a point that was followed to before."""
+        self.bordered.x_scale, self._unit = stepping.x_scale, stepping.largest_distance
 
     def _stepping(self, index: int) -> Stepping:
         return Stepping(index, 0.0, self.bordered.x_scale, self._unit)

@@ -26,13 +26,14 @@ from dolfinx_contact._errors import on_root, require
 from dolfinx_contact.continuation import (
     Branch,
     BranchPoint,
-    Follower,
     Observer,
     Observers,
+    Route,
     SpecialPoint,
     StepControl,
     Stepping,
     Task,
+    follower_for,
 )
 from dolfinx_contact.continuation.branch import Stop
 from dolfinx_contact.output.checkpoints import Checkpoints, joined, last_entry
@@ -357,7 +358,12 @@ class BranchRecord(Observer):
         origin = self.state(branch, 0)[0] if stepping.index else None
         self.system.scales = known.points[stepping.index]["scales"]
         control, scale = StepControl(**task["control"]), task["gamma_scale"]
-        with Follower(self.system, control, gamma_scale=scale) as follower:
+        # Pivoting has no length of steps.
+        route: Route = "steps" if stepping.next_step > 0 else "pivoting"
+        self._unknowns(point.y)
+        with follower_for(
+            self.system, self._x, point.gamma, control, gamma_scale=scale, route=route
+        ) as follower:
             return follower.run(
                 point,
                 (task["gamma_range"][0], task["gamma_range"][1]),
