@@ -169,6 +169,7 @@ def plain_steps(system, side, gamma, gamma_range, args, *, increasing):
     return {
         "getfem": getfem,
         "ours": ours,
+        "ours_with_event": summary([s for s in mine if s["kinds"]]),
         "linear_algebra": counts(mine),
         "speedup": ratios(getfem, ours),
     }
@@ -418,7 +419,8 @@ def block_rays(args):
     def side():
         return GetFEM("block", nx=args.nx, ny=2 * args.nx, friction=1.0, r=R_BLOCK)
 
-    return rays(args, system, 1.0, side, [0.01, 0.02], -1.0, BLOCK)
+    gammas = np.linspace(0.01, 0.05, 5).tolist()
+    return rays(args, system, 1.0, side, gammas, -1.0, BLOCK)
 
 
 def main():

@@ -55,6 +55,7 @@ def arguments(argv=None):
     drive.add_argument("--body-force", type=float, nargs=4, metavar=("FX", "FY", "GX", "GY"))
     drive.add_argument("--drive-top", type=float, nargs=2, metavar=("DX", "DY"))
     parser.add_argument("--solutions-at", type=float, metavar="G")
+    parser.add_argument("--route", choices=("auto", "pivoting", "steps"), default="auto")
     parser.add_argument("--step-factor", type=float, default=1.0, help="of the default steps")
     parser.add_argument("--r", type=float, default=None, help="augmentation parameter")
     parser.add_argument("--length", type=float, default=1.0, help="the unit of the mesh")
@@ -239,7 +240,7 @@ def main(argv=None):
         record = BranchRecord(args.record, followed, FUNCTIONALS, every=1, resume=args.resume)
     x = followed.create_vector()
     followed.problem.write(x)
-    with follower_for(followed, x, 0.0, control, gamma_scale=1.0) as follower:
+    with follower_for(followed, x, 0.0, control, gamma_scale=1.0, route=args.route) as follower:
         branch = follow_it(args, followed, follower, record)
         if record is None:
             special = [vars(s) for s in branch.special]
