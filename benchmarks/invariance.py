@@ -162,8 +162,8 @@ def problems(full):
         "linear triangle, pivoting": LinearTriangle("demo_linear_triangle", ("--route=pivoting",)),
         "linear triangle, steps": LinearTriangle("demo_linear_triangle", ("--route=steps",)),
         "hyperelastic block": Block("demo_ciarlet_geymonat", size),
-        "V-shaped body, pivoting": Vee("demo_followed_mesh", ("--route=pivoting",)),
-        "V-shaped body, steps": Vee("demo_followed_mesh", ("--route=steps",)),
+        "V-shaped body, pivoting": Vee("demo_followed_mesh", ("--route", "pivoting")),
+        "V-shaped body, steps": Vee("demo_followed_mesh", ("--route", "steps")),
     }
 
 

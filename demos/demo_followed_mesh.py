@@ -240,8 +240,7 @@ def main(argv=None):
         record = BranchRecord(args.record, followed, FUNCTIONALS, every=1, resume=args.resume)
     x = followed.create_vector()
     followed.problem.write(x)
-    how = {"gamma_scale": 1.0, "route": args.route}
-    with follower_for(followed, x, 0.0, control, **how) as follower:
+    with follower_for(followed, x, 0.0, control, gamma_scale=1.0, route=args.route) as follower:
         branch = follow_it(args, followed, follower, record)
         if record is None:
             special = [vars(s) for s in branch.special]

@@ -1,9 +1,13 @@
 """Six branches of a hyperelastic block, against GetFEM on the same 10 x 20 mesh."""
 
+from mpi4py import MPI
+
 import demo_ciarlet_geymonat as demo
 import numpy as np
 import pytest
 
+COMM = MPI.COMM_WORLD
+serial = pytest.mark.skipif(COMM.size > 1, reason="the same on every number of ranks, and long")
 COARSE = ("--nx", "10", "--ny", "20")
 
 # Statuses and corners (ut_left, un_left, ut_right, un_right, sum_rt, sum_rn) at the far ends, by an
@@ -52,7 +56,10 @@ def check(summary, length=1.0, force=1.0):
                 assert end[key] / scale == pytest.approx(value, rel=1e-7, abs=1e-7)
 
 
-@pytest.mark.parametrize("more", [(), ("--r", "0.3"), ("--r", "300")])
+@pytest.mark.parametrize(
+    "more",
+    [(), pytest.param(("--r", "0.3"), marks=serial), pytest.param(("--r", "300"), marks=serial)],
+)
 def test_six_branches(folder, more):
     """With the automatic augmentation parameter (about E / L, 4) and 10 and 100 times off."""
     check(demo.main([*COARSE, *more, "--output", str(folder)]))
@@ -60,6 +67,7 @@ def test_six_branches(folder, more):
         assert (folder / name).stat().st_size > 10_000
 
 
+@serial
 def test_steps_and_units(folder):
     """Ten times longer and shorter steps; lengths times 1e3, stresses times 1e6: the same points.
 

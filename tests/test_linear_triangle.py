@@ -12,6 +12,7 @@ import pytest
 from dolfinx_contact.continuation import explore, follow
 
 COMM = MPI.COMM_WORLD
+serial = pytest.mark.skipif(COMM.size > 1, reason="the same on every number of ranks, and long")
 
 
 def start_of(system):
@@ -86,6 +87,7 @@ def test_complete_set_on_a_coarse_mesh(folder):
     assert free["un_A"] == pytest.approx(0.0013871244868142803, rel=1e-9)
 
 
+@serial
 def test_friction_decides_on_the_number_of_solutions():
     """On the 64-node mesh three solutions exist for gamma > 0 iff F >= 1.6588005832."""
     for friction, count in ((1.6588, 1), (1.6589, 3)):
@@ -95,6 +97,7 @@ def test_friction_decides_on_the_number_of_solutions():
         assert len(ends) == count
 
 
+@serial
 @pytest.mark.parametrize("route", ["pivoting", "steps"])
 def test_units_numbering_and_augmentation(folder, route):
     """Lengths times 1e3, stiffness and load times 1e9, another numbering, r times 0.1 to 100.
@@ -119,6 +122,7 @@ def test_units_numbering_and_augmentation(folder, route):
             assert statuses == [s["status"] for s in reference["solutions"][end]]
 
 
+@serial
 def test_steps_and_pivoting_find_the_same(folder):
     """Both routes, steps ten times longer and shorter: the same solutions."""
     plain = ("--n", "16", "--friction", "1.8")

@@ -10,8 +10,9 @@ method is applied to m(x) H(x) with
 
 which does not vanish at the x_k any more. Its step is that for H times 1 / (1 - grad log m . dx):
 nothing but the length and the sense of a step changes. How far a solution repels decides on where
-the steps lead; several parts of its distance from the guess are tried. H is taken with the status
-that x asks for: the method is semismooth, and may well find nothing where there is something.
+the steps lead; several parts of its distance from the guess are tried, and first steps on pieces in
+which all points have one status. H is taken with the status that x asks for: the method is
+semismooth, and may well find nothing where there is something.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ import numpy as np
 
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.rays import outgoing
-from dolfinx_contact.continuation.system import Condensable, Piece, System
+from dolfinx_contact.continuation.system import Condensable, Events, Piece, System
 
 __all__ = ["Solution", "Solutions", "find_solutions"]
 
@@ -100,10 +101,11 @@ def find_solutions(
         runs, fruitless = 0, False
         while not fruitless:
             fruitless = True
-            starts = [*guesses, *deflated.beside(solutions, guesses[0])]
-            for guess, part in itertools.product(starts, lengths if solutions else (1.0,)):
+            starts = [(guess, piece) for guess in guesses for piece in deflated.pieces(guess)]
+            starts += [(guess, None) for guess in deflated.beside(solutions, guesses[0])]
+            for (guess, piece), part in itertools.product(starts, lengths):
                 runs += 1
-                x = deflated.solve(guess, solutions, part)
+                x = deflated.solve(guess, piece, solutions, part)
                 if x is not None:
                     solutions.append(x)
                     fruitless = False
@@ -155,27 +157,55 @@ class _Deflated:
                 y.axpy(part, x - guess)
                 yield y
 
-    def solve(self, guess: PETSc.Vec, known: Sequence[PETSc.Vec], part: float) -> PETSc.Vec | None:
-        """A solution that is not among ``known``, from ``guess``; None if none is found."""
+    def pieces(self, guess: PETSc.Vec) -> list[Piece | None]:
+        """None, and pieces in which all points have one status: of the first step from a guess."""
+        free = np.unique(self._events(guess).point)
+        here = self.system.piece_at(guess, self.gamma)
+        statuses = {int(s) for point in free for s in self.system.statuses(int(point))}
+        every = sorted(set().union(*self.bordered.comm.allgather(statuses)))
+        uniform = []
+        for status in every:
+            mine = [p for p in free if status in self.system.statuses(int(p))]
+            points = np.array(mine, dtype=np.int32)
+            uniform.append(here.with_codes(points, [status] * len(points)))
+        return [None, *uniform]
+
+    def _events(self, x: PETSc.Vec) -> Events:
+        return self.system.events(x, self.gamma, self.system.piece_at(x, self.gamma))
+
+    def solve(
+        self, guess: PETSc.Vec, piece: Piece | None, known: Sequence[PETSc.Vec], part: float
+    ) -> PETSc.Vec | None:
+        """A solution that is not among ``known``, from ``guess``; None if none is found.
+
+        The first step is a whole one on ``piece``, if there is one.
+        """
         b, x = self.bordered, guess.copy()
         squares = [part**2 * self._product(guess, other)[0] or 1.0 for other in known]
         for _ in range(self.max_iterations):
-            self.system.residual(x, self.gamma, self._h, None)
+            self.system.residual(x, self.gamma, self._h, piece)
             error = self.system.error(self._h)
             if not np.isfinite(error):
                 break
-            if error <= self.tolerance:
-                return None if self._is_known(x, known) else x
+            near = error <= self.tolerance and piece is None
+            if near and self._is_known(x, known):
+                break
             b.join(x, self.gamma, self._y)
-            b.assemble(self._y, self._row, None)
+            b.assemble(self._y, self._row, piece)
             b.join(self._h, 0.0, self._rhs)
             self._rhs.scale(-1.0)
             if not (b.factorise() and b.solve(self._rhs, self._dy)):
                 break
             dx, _ = b.split(self._dy)
             dx = dx.copy()
-            x.axpy(self._factor(x, dx, known, squares), dx)
+            repelled = piece is None and not near
+            x.axpy(self._factor(x, dx, known, squares) if repelled else 1.0, dx)
+            # The residual may be small beside those of wild steps before: the step decides.
+            done = near and dx.norm() <= 1e-8 * x.norm()
             dx.destroy()
+            if done:
+                return x
+            piece = None
         x.destroy()
         return None
 

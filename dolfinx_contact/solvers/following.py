@@ -55,11 +55,18 @@ class _Loaded(ParametricContact):
         self._rest.destroy()
 
 
-def follow_load(problem: ContactProblem, x: PETSc.Vec, attempt: Attempt) -> bool:
-    """Follow the load from ``x``, which becomes the solution at full load if that is reached."""
+def follow_load(problem: ContactProblem, x: PETSc.Vec, attempt: Attempt, most: int) -> bool:
+    """Follow the load from ``x``, which becomes the solution at full load if that is reached.
+
+    A point of the branch takes ``most`` iterations at most.
+    """
+    if most < 1:
+        attempt.reason = "no convergence in 0 iterations"
+        return False
+    control = StepControl(corrections=min(most, StepControl().corrections))
     system = _Loaded(problem, x)
     try:
-        with Follower(system, StepControl(), gamma_scale=1.0) as follower:
+        with Follower(system, control, gamma_scale=1.0) as follower:
             branch = follower.run(follower.start(x, 0.0), (-1.0, 1.0), max_steps=_MOST_STEPS)
             last = branch.points[-1]
             if last.gamma < 1.0:

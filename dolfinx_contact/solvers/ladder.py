@@ -129,10 +129,9 @@ def _ladder(problem: ContactProblem, increments: int) -> list[tuple[str, _Run]]:
     def by_following(x: PETSc.Vec, attempt: Attempt, monitor: Any) -> bool:
         from dolfinx_contact.solvers.following import follow_load
 
-        if not follow_load(problem, x, attempt):
-            return False
         with Newton(problem, "none", monitor) as solver:
-            return solver.run(x, attempt)
+            most = int(solver.snes.getTolerances()[3])
+            return follow_load(problem, x, attempt, most) and solver.run(x, attempt)
 
     def by_pivoting(x: PETSc.Vec, attempt: Attempt, monitor: Any) -> bool:
         with Newton(problem, "none", monitor) as solver:
