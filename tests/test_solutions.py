@@ -1,5 +1,7 @@
 """Several solutions at one gamma."""
 
+from mpi4py import MPI
+
 import demo_linear_triangle
 import demo_single_element
 import numpy as np
@@ -7,6 +9,8 @@ import pytest
 from textbook import smooth
 
 from dolfinx_contact.continuation import find_solutions
+
+serial = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="long, and the same on every rank")
 
 
 def state(system, values):
@@ -55,7 +59,7 @@ def test_gould():
     assert not solutions.complete
 
 
-@pytest.mark.parametrize("deflation", [False, True])
+@pytest.mark.parametrize("deflation", [False, pytest.param(True, marks=serial)])
 def test_one_element(deflation):
     """Hild's element between its folds: open, stick and slip, by enumeration and by deflation."""
     args = demo_single_element.arguments(["--friction", "2.5"])
@@ -74,7 +78,8 @@ def test_one_element(deflation):
 
 
 @pytest.mark.parametrize(
-    ("n", "vertical", "deflation"), [(8, 8.3, False), (4, 9.05, False), (4, 9.05, True)]
+    ("n", "vertical", "deflation"),
+    [(8, 8.3, False), (4, 9.05, False), pytest.param(4, 9.05, True, marks=serial)],
 )
 def test_three_solutions_of_a_triangle(n, vertical, deflation):
     """F = 1.8: three solutions at gamma = 1; the enumeration of 4^n pieces is a proof."""
