@@ -474,7 +474,9 @@ def test_killed_at_ten_random_moments(whole, folder):
         # Time passes between a look at the file and the kill: any moment of a step may be hit.
         delay = random.uniform(0.0, 0.03)
         while (path.stat().st_size if path.exists() else 0) < moment * total:
-            assert process.poll() is None, (folder / "said.0").read_text()
+            if process.poll() is not None:  # the last points may be written between two looks
+                assert process.returncode == 0, (folder / "said.0").read_text()
+                break
             time.sleep(0.002)
         time.sleep(delay)
         kill(process)
