@@ -69,7 +69,7 @@ class Stopwatch(Observer):
 
     def _now(self):
         b = self._bordered
-        return time.perf_counter(), time.process_time(), b.factorisations, b.solves
+        return time.perf_counter(), time.process_time(), b.solver.factorisations, b.solver.solves
 
 
 def timed(function):

@@ -27,7 +27,9 @@ from dolfinx_contact.continuation import BranchPoint, Events, Piece
 from dolfinx_contact.laws import Status
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.result import Result, by_coordinates, collect
+from dolfinx_contact.solvers.errors import LinearSolverError
 from dolfinx_contact.solvers.measures import Scales
+from dolfinx_contact.solvers.multigrid import Multigrid
 from dolfinx_contact.surface import ContactSurface
 
 __all__ = ["ParametricContact"]
@@ -61,7 +63,6 @@ class ParametricContact:
         if not isinstance(gamma, fem.Constant) or gamma.ufl_shape != ():
             raise ValueError("gamma must be a scalar Constant")
         self.problem, self.constant, self.comm = problem, gamma, problem.comm
-        self.matrix = problem.matrix
         self._scales = Scales(problem)
         variable = ufl.variable(gamma)
         self._rates = [
@@ -199,6 +200,17 @@ class ParametricContact:
 
     # -- System ----------------------------------------------------------------------------------
 
+    @property
+    def preconditioner(self) -> Multigrid | None:
+        """That of the problem's linear solver; None if it is a direct one. Collective."""
+        solver = self.problem.linear_solver
+        return solver if isinstance(solver, Multigrid) else None
+
+    @property
+    def matrix(self) -> PETSc.Mat:
+        """The derivative of H by x, a product of PETSc's or an assembled matrix. Collective."""
+        return self.problem.linear_solver.matrix
+
     def create_vector(self) -> PETSc.Vec:
         return self.problem.create_vector()
 
@@ -210,7 +222,16 @@ class ParametricContact:
     def jacobian(self, x: PETSc.Vec, gamma: float, piece: Piece | None) -> None:
         self._set(gamma, piece)
         with self.problem.status_held(piece is not None):
-            self.problem.jacobian(x, self.matrix)
+            problem = self.problem
+            if self.preconditioner is None:
+                problem.jacobian(x, self.matrix)
+                return
+            problem.read(x)
+            problem.update_status()
+            try:
+                problem.linear_solver.update()
+            except LinearSolverError as error:
+                raise ArithmeticError(str(error)) from error
 
     def parameter_derivative(
         self, x: PETSc.Vec, gamma: float, c: PETSc.Vec, piece: Piece | None

@@ -4,9 +4,17 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from textbook import Textbook, one_node, smooth
+from textbook import SymmetricGuess, Textbook, one_node, smooth
 
 from dolfinx_contact.continuation import Events, Follower, Piece, StepControl, follow
+
+
+@pytest.fixture(params=["factorised", "krylov"], autouse=True)
+def algebra(request, monkeypatch):
+    """Every test with an assembled matrix and with a Krylov method."""
+    if request.param == "krylov":
+        monkeypatch.setattr(Textbook, "preconditioner", SymmetricGuess())
+    return request.param
 
 
 def start(system, values):
@@ -57,7 +65,9 @@ def test_path_with_two_nonsmooth_folds():
 
 @pytest.mark.parametrize("factor", [0.1, 10.0])
 @pytest.mark.parametrize("units", [1.0, 1e9, 1e-6])
-def test_the_path_does_not_depend_on_steps_and_units(factor, units):
+def test_the_path_does_not_depend_on_steps_and_units(factor, units, algebra):
+    if algebra == "krylov" and units != 1:
+        pytest.skip("the preconditioner of these tests knows no units")
     control = StepControl(initial=0.02 * factor, maximum=0.1 * factor)
     system = one_node(2 * units, 2 * units, units, 3.0, (0.0, -units), (-units, 0.0))
     system.error = lambda b: b.norm() / units
@@ -156,7 +166,8 @@ def test_correctors_agree():
         assert abs(b.inner(t, t) - 1) < 1e-12
         exact = corrector.tangent(y, point.tangent, point.piece)
         exact.axpy(-1.0, t)
-        assert exact.norm() < 1e-6  # the tangent that came with it
+        if b.solver.many_sides:
+            assert exact.norm() < 1e-6  # the tangent that came with it
         z = point.y.copy()
         z.axpy(0.05, point.tangent)
         assert corrector.pseudo_arclength(z, point.y, point.tangent, 0.05, point.piece)
@@ -332,9 +343,9 @@ def test_parity_is_that_of_mumps():
                         t = corrector.tangent(point.y, point.tangent, piece)
                         row = b.vector()
                         b.dual(t, row)
-                        b.assemble(point.y, row, piece)
-                        b.factorise()
-                        signs.append(b.determinant_sign())
+                        b.solver.assemble(point.y, row, piece)
+                        b.solver.factorise()
+                        signs.append(b.solver.determinant_sign())
                         rays.append(Ray(piece, t))
                     mine = parity(corrector, point.y, rays[0].piece, rays[0].tangent, rays[1])
                     assert mine == int(np.sign(signs[0] * signs[1])), (F, before, after)
@@ -412,8 +423,10 @@ def test_a_point_with_too_many_kinks_is_said():
     np.testing.assert_allclose(x, 1.0, atol=1e-9)
 
 
-def test_a_branch_that_ends():
+def test_a_branch_that_ends(algebra):
     """x - g = 0 for g < 0, and twelve more rows that have no solution beyond: said, and kept."""
+    if algebra == "krylov":
+        pytest.skip("the matrix is singular, with the right-hand side in its range")
     n = 12
     system = Textbook(
         n,

@@ -9,7 +9,7 @@ import pytest
 from textbook import Textbook, one_node
 
 from dolfinx_contact.continuation import Follower, StepControl, follow
-from dolfinx_contact.continuation.bordered import Bordered
+from dolfinx_contact.continuation.factorised import Factorised
 
 COMM = MPI.COMM_WORLD
 
@@ -178,7 +178,7 @@ def test_reuse_of_a_factorisation_changes_nothing():
         x = body.create_vector()
         body.problem.write(x)
         with Follower(body, StepControl(), gamma_scale=1.0) as follower:
-            follower.bordered.reuse = reuse
+            follower.bordered.solver.reuse = reuse
             branches.append(follower.run(follower.start(x, 0.0), (0.0, 1.0)))
     each, reused = branches
     assert [s.kind for s in reused.special] == [s.kind for s in each.special]
@@ -187,7 +187,7 @@ def test_reuse_of_a_factorisation_changes_nothing():
     gammas = [[p.gamma for p in b.points] for b in branches]
     np.testing.assert_allclose(*gammas, atol=1e-8)
     assert reused.factorisations < each.factorisations / 3
-    assert Bordered.__init__.__kwdefaults__["reuse"] is None
+    assert Factorised.__init__.__kwdefaults__["reuse"] is None
 
 
 def test_3d_branch(folder):

@@ -8,12 +8,28 @@ import numpy as np
 from dolfinx_contact.continuation import Events, Piece
 
 
+class SymmetricGuess:
+    """A preconditioner that knows nothing of the system: symmetric, positive, and not diagonal."""
+
+    def apply(self, r, z):
+        total = r.sum()
+        z.array[:] = 2.0 * r.array_r + 0.3 * total
+
+    def determinant_sign(self):
+        return 1.0
+
+    def wear(self, iterations, digits):
+        pass
+
+
 class Textbook:
     """A dense system with kinked points, on any number of ranks.
 
     ``H(x, g, codes)``, ``J``, ``c`` are the pieces and their derivatives by x and g;
     ``distances(x, g, codes)`` lists, point by point, pairs (distance, status beyond).
     """
+
+    preconditioner = None
 
     def __init__(
         self, n, H, J, c, distances=None, codes=None, statuses=(), moves=None, comm=MPI.COMM_WORLD

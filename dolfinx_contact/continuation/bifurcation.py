@@ -13,6 +13,9 @@ orthogonal to t. With J^{-1} at hand from the tangent, tau = -1/(C^T J^{-1} B) c
 Where the whole matrix is singular tau changes its sign through infinity, and in one step with a
 bifurcation the two changes would hide each other. So there are three pairs of borders, and the
 median of their values decides: at a bifurcation all three vanish, elsewhere one is outvoted.
+
+Where every further right-hand side has its price there is one pair, and the sign of det J, which
+comes with the solve, is that of tau = sign(det J) / |C^T J^{-1} B|.
 """
 
 from __future__ import annotations
@@ -32,35 +35,41 @@ class BifurcationTest:
     """The test function tau_BP on a bordered system.
 
     Args:
-        bordered: whose last factorisation is that of J at the point to test.
+        bordered: whose matrix is J at the point to test, as the last tangent left it.
     """
 
     def __init__(self, bordered: Bordered):
         self._bordered = bordered
-        self._borders = [self._border(seed) for seed in range(1, 2 * _PAIRS + 1)]
-        self._V = [bordered.vector() for _ in range(_PAIRS)]
-        self._signs, self._chosen = np.ones(_PAIRS), 0
+        self._several = bordered.solver.many_sides
+        pairs = _PAIRS if self._several else 1
+        self._borders = [self._border(seed) for seed in range(1, 2 * pairs + 1)]
+        self._V = [bordered.vector() for _ in range(pairs)]
+        self._signs, self._chosen = np.ones(pairs), 0
 
     def _border(self, seed: int) -> PETSc.Vec:
         v, probe = self._bordered.vector(), self._bordered.system.probe(seed)
         probe.scale(1.0 / probe.norm())
-        self._bordered.join(probe, 0.6180339887 * np.cos(seed), v)
+        self._bordered.join(probe, 0.6180339887 * np.cos(seed) if self._several else 0.0, v)
         probe.destroy()
         return v
 
     def __call__(self, *, accepted: bool = False) -> float:
-        """Tau at the point at which J was factorised last; 0 if J is singular there.
+        """Tau at the point of the last tangent; 0 if J is singular there.
 
         Args:
             accepted: the point belongs to the branch: a pair that was outvoted there changes sides.
         """
-        values = np.empty(_PAIRS)
+        products = np.empty(len(self._V))
         for k, V in enumerate(self._V):
             B, C = self._borders[2 * k : 2 * k + 2]
-            if not self._bordered.solve(B, V):
+            if not self._bordered.solver.probe(B, V):
                 return 0.0
-            product = float(C.dot(V))
-            values[k] = -self._signs[k] / product if product != 0 else np.inf
+            products[k] = float(C.dot(V))
+        with np.errstate(divide="ignore"):
+            values = -self._signs / products
+        if not self._several:
+            orientation = self._bordered.solver.determinant_sign() * self._bordered.sense
+            return float(orientation * np.abs(values[0]))
         self._chosen = int(np.argsort(values)[_PAIRS // 2])
         tau = float(values[self._chosen])
         if accepted:

@@ -22,17 +22,20 @@ __all__ = ["Corrector"]
 
 #: Length of a solution of J t = (0, 1) beyond which the row says too little about the tangent.
 _NEARLY_SINGULAR = 1e8
+#: Relative residuals of linear solves, where exactness has a price: at most, beyond what the
+#: tolerance of the step asks for, and for one more correction within it.
+_COARSEST, _RESERVE, _POLISHED = 1e-3, 0.1, 1e-4
 
 
 class _BorderedSolve:
-    """The linear solve of a correction, for PETSc: see `Bordered.solve`."""
+    """The linear solve of a correction, for PETSc."""
 
-    def __init__(self, bordered: Bordered):
-        self._bordered = bordered
+    def __init__(self, corrector: Corrector):
+        self._corrector = corrector
 
     def apply(self, pc: PETSc.PC, rhs: PETSc.Vec, out: PETSc.Vec) -> None:
         reasons = PETSc.PC.FailedReason
-        ok = self._bordered.solve(rhs, out)
+        ok = self._corrector.bordered.solver.solve(rhs, out, rtol=self._corrector.forcing)
         pc.setFailedReason(reasons.NOERROR if ok else reasons.FACTOR_NUMERIC_ZEROPIVOT)
 
 
@@ -57,15 +60,17 @@ class Corrector:
         ksp = self.snes.getKSP()
         ksp.setType(PETSc.KSP.Type.PREONLY)
         ksp.getPC().setType(PETSc.PC.Type.PYTHON)
-        ksp.getPC().setPythonContext(_BorderedSolve(bordered))
+        ksp.getPC().setPythonContext(_BorderedSolve(self))
         self.snes.setConvergenceTest(self._test)
         self.snes.setMonitor(self._improve)
         self.snes.setTolerances(max_it=control.corrections)
         self._piece: Piece | None = None
         self._reference: PETSc.Vec | None = None
         self._distance, self._polish = 0.0, False
-        self._sense = 1.0
         self._T: PETSc.Vec | None = None
+        self._error = 0.0
+        #: Relative residual to which a correction is worth solving.
+        self.forcing = 0.0
         self.iterations = 0
 
     # -- the three correctors --------------------------------------------------------------------
@@ -118,7 +123,7 @@ class Corrector:
 
         The matrix stays behind for other right-hand sides, with ``factorise`` factorised.
         """
-        b = self.bordered
+        b, solver = self.bordered, self.bordered.solver
         # Beyond a kink the tangent may be orthogonal to the one before; then another row will do.
         axis = b.last_unit()
         axis.scale(b.gamma_scale)
@@ -127,13 +132,14 @@ class Corrector:
         found = None
         for row in rows:
             b.dual(row, self._row)
-            b.assemble(y, self._row, piece)
+            solver.assemble(y, self._row, piece)
             t = b.vector()
-            if (not factorise or b.factorise()) and b.solve(self._e, t):
+            near = towards if row is towards else None
+            if (not factorise or solver.factorise()) and solver.solve(self._e, t, near=near):
                 size = np.sqrt(b.inner(t, t))
                 if np.isfinite(size) and 0 < size < _NEARLY_SINGULAR:
                     t.scale((1.0 if b.inner(t, towards) >= 0 else -1.0) / size)
-                    found, self._sense = t, b.inner(t, row)
+                    found, b.sense = t, float(np.sign(b.inner(t, row)))
                     break
             t.destroy()
         axis.destroy(), both.destroy()
@@ -142,26 +148,26 @@ class Corrector:
     def orientation(self) -> float:
         """Sign of det [grad H; t^T] at the `tangent` t that was computed last.
 
-        It is the same all along a branch but beyond bifurcations. The row of the matrix need not be
-        t: exchanging it for another multiplies the determinant by their inner product.
+        It is the same all along a branch but beyond bifurcations.
         """
-        return self.bordered.determinant_sign() * float(np.sign(self._sense))
+        return self.bordered.solver.determinant_sign() * self.bordered.sense
 
     # -- SNES ------------------------------------------------------------------------------------
 
     def _run(self, y: PETSc.Vec, t: PETSc.Vec, piece: Piece | None) -> bool:
-        self._piece, self.iterations = piece, 0
+        self._piece, self.iterations, self._error = piece, 0, 0.0
         self.bordered.dual(t, self._row)
         self.snes.setJacobian(self._jacobian, self._matrix(y))
-        with self.bordered.options():
+        with self.bordered.solver.options():
             self.snes.solve(None, y)
         self.iterations = self.snes.getIterationNumber()
         return bool(self.snes.getConvergedReason() > 0)
 
     def _matrix(self, y: PETSc.Vec) -> PETSc.Mat:
-        if not self.bordered.matrix:
-            self.bordered.assemble(y, self._row, self._piece)
-        return self.bordered.matrix
+        solver = self.bordered.solver
+        if not solver.matrix:
+            solver.assemble(y, self._row, self._piece)
+        return solver.matrix
 
     def _function(self, _snes: PETSc.SNES, y: PETSc.Vec, out: PETSc.Vec) -> None:
         b = self.bordered
@@ -174,7 +180,7 @@ class Corrector:
         b.join(self._hx, last, out)
 
     def _jacobian(self, _snes: PETSc.SNES, y: PETSc.Vec, A: PETSc.Mat, _P: PETSc.Mat) -> None:
-        self.bordered.assemble(y, self._row, self._piece)
+        self.bordered.solver.assemble(y, self._row, self._piece)
 
     def _test(self, snes: PETSc.SNES, it: int, _norms: tuple[float, float, float]) -> int:
         reasons = PETSc.SNES.ConvergedReason
@@ -192,15 +198,28 @@ class Corrector:
             self._polish = False
         if it >= self.control.corrections:
             return int(reasons.DIVERGED_MAX_IT)
+        self.forcing = self._forcing(error)
+        self._error = error
         return 0
 
+    def _forcing(self, error: float) -> float:
+        """To what part the residual is worth reducing, after Eisenstat and Walker (choice 2)."""
+        if error <= self.control.tolerance:
+            return _POLISHED
+        least = _RESERVE * self.control.tolerance / error
+        reduced = 0.9 * (error / self._error) ** 2 if self._error > 0 else _COARSEST
+        return max(min(reduced, _COARSEST), least)
+
     def _improve(self, _snes: PETSc.SNES, it: int, _norm: float) -> None:
-        """Moore-Penrose: a better tangent from the factorisation of the step just taken."""
-        if it == 0 or self._T is None:
-            return
+        """Moore-Penrose: a better tangent from the factorisation of the step just taken.
+
+        Where another right-hand side costs another solve the tangent stays as it is.
+        """
         b = self.bordered
+        if it == 0 or self._T is None or not b.solver.many_sides:
+            return
         new = b.vector()
-        if b.solve(self._e, new):
+        if b.solver.solve(self._e, new):
             size = np.sqrt(b.inner(new, new))
             if np.isfinite(size) and size > 0:
                 new.scale(1.0 / size)

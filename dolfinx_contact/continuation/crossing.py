@@ -5,11 +5,6 @@ Where points change their status the branch goes on in another piece. A piece is
 own events at those points grow along its tangent, in one of the two senses. For one point the
 status named by its event is tried first; the others are tried if that fails, or if the parity of
 the determinants says that more branches meet. For k points at once all their statuses are tried.
-
-The parity is the sign of det J_1 / det J_0 with J = [grad H; t^T]. The two matrices differ in the
-rows of the changed points and in the border row, D = J_1 - J_0, so that with W = J_0^{-1} E the
-ratio is det(I + D W) over those rows: a determinant of their number. (Leaving the border row out
-turns folds into false bifurcations.)
 """
 
 from __future__ import annotations
@@ -221,48 +216,15 @@ def _crossing(
 
 
 def parity(corrector: Corrector, y: PETSc.Vec, piece: Piece, t: PETSc.Vec, ray: Ray) -> int:
-    """Sign of det J_1 / det J_0 across the point ``y``, by the low-rank identity. Collective."""
+    """Sign of det J_1 / det J_0 with J = [grad H; t^T] across the point ``y``. Collective."""
     b = corrector.bordered
-    row = b.vector()
-    b.dual(ray.tangent, row)
-    b.assemble(y, row, ray.piece)
-    difference = b.matrix.copy()
-    b.dual(t, row)
-    b.assemble(y, row, piece)
-    difference.axpy(-1.0, b.matrix, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-    rows = _changed_rows(difference, b.matrix)
-    e, w, dw = (b.vector() for _ in range(3))
-    start, end = e.getOwnershipRange()
-    S = np.zeros((len(rows), len(rows)))
-    for j, r in enumerate(rows):
-        e.set(0.0)
-        if start <= r < end:
-            e.array[r - start] = 1.0
-        b.solve(e, w)
-        difference.mult(w, dw)
-        mine = {i: float(dw.array_r[q - start]) for i, q in enumerate(rows) if start <= q < end}
-        for part in b.comm.allgather(mine):
-            for i, value in part.items():
-                S[i, j] = value
-    for thing in (row, difference, e, w, dw):
-        thing.destroy()
-    return int(np.sign(np.linalg.det(np.eye(len(rows)) + S)))
-
-
-def _changed_rows(difference: PETSc.Mat, reference: PETSc.Mat) -> list[int]:
-    """Global rows in which ``difference`` is not negligible. Collective."""
-    size, scale = _row_sums(difference), _row_sums(reference)
-    start = difference.getOwnershipRange()[0]
-    changed = np.flatnonzero(size > 1e-12 * (scale + size)) + start
-    return [int(r) for part in difference.comm.tompi4py().allgather(changed) for r in part]
-
-
-def _row_sums(A: PETSc.Mat) -> npt.NDArray[np.float64]:
-    """Sums of absolute values of the local rows of ``A``."""
-    offsets, _, values = A.getValuesCSR()
-    sums = np.zeros(len(offsets) - 1)
-    np.add.at(sums, np.repeat(np.arange(len(sums)), np.diff(offsets)), np.abs(values))
-    return sums
+    rows = b.vector(), b.vector()
+    for row, tangent in zip(rows, (t, ray.tangent), strict=True):
+        b.dual(tangent, row)
+    sign = b.solver.determinant_quotient(y, (rows[0], piece), (rows[1], ray.piece))
+    for row in rows:
+        row.destroy()
+    return sign
 
 
 def _with_codes(rank: int, piece: Piece, kinks: tuple[Kink, ...], codes: tuple[int, ...]) -> Piece:

@@ -214,7 +214,7 @@ class Follower:
             The branch from ``start`` on.
         """
         branch, b, first = Branch([start]), self.bordered, 0
-        before = b.factorisations, b.solves
+        before = b.solver.factorisations, b.solver.solves
         h, low, high = self.control.initial, *gamma_range
         if stepping is not None:
             first, h = stepping.index, stepping.next_step
@@ -248,7 +248,8 @@ class Follower:
         else:
             branch.reason = f"the budget of {max_steps} steps is exhausted"
         observer.end(branch_id, branch.reason)
-        branch.factorisations, branch.solves = b.factorisations - before[0], b.solves - before[1]
+        branch.factorisations = b.solver.factorisations - before[0]
+        branch.solves = b.solver.solves - before[1]
         self.system.piece_at(*b.split(branch.points[-1].y))
         logger.info("branch ended: %s", branch.reason)
         return branch

@@ -191,10 +191,10 @@ class _Deflated:
             if near and self._is_known(x, known):
                 break
             b.join(x, self.gamma, self._y)
-            b.assemble(self._y, self._row, piece)
+            b.solver.assemble(self._y, self._row, piece)
             b.join(self._h, 0.0, self._rhs)
             self._rhs.scale(-1.0)
-            if not (b.factorise() and b.solve(self._rhs, self._dy)):
+            if not b.solver.solve(self._rhs, self._dy):
                 break
             dx, _ = b.split(self._dy)
             dx = dx.copy()

@@ -271,7 +271,9 @@ class ExactSteps:
             y, f = found, function(found, tangent)
             if not np.isfinite(f):
                 break
-            if abs(f) <= 1e-12 * max(abs(v) for v in values) or high - low <= 1e-13 * abs(end):
+            if abs(f) <= b.solver.precision * max(
+                abs(v) for v in values
+            ) or high - low <= 1e-13 * abs(end):
                 break
             if f * f_low > 0:
                 low, f_low, y_low, f_high = s, f, y, f_high / (2 if side < 0 else 1)

@@ -20,7 +20,16 @@ import numpy.typing as npt
 
 from dolfinx_contact.continuation.affine import AffineSystem
 
-__all__ = ["Condensable", "Condensed", "Events", "ManyPieces", "Piece", "System"]
+__all__ = [
+    "Condensable",
+    "Condensed",
+    "Events",
+    "ManyPieces",
+    "Piece",
+    "Preconditioned",
+    "Preconditioner",
+    "System",
+]
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,8 +69,10 @@ class System(Protocol):
     """
 
     comm: MPI.Comm
-    #: N x N, AIJ; `jacobian` fills it.
-    matrix: PETSc.Mat
+
+    @property
+    def matrix(self) -> PETSc.Mat:
+        """N x N, which `jacobian` fills: AIJ, but for a system that is `Preconditioned`."""
 
     def create_vector(self) -> PETSc.Vec:
         """A vector for x."""
@@ -70,7 +81,11 @@ class System(Protocol):
         """H(x, gamma) into ``b``."""
 
     def jacobian(self, x: PETSc.Vec, gamma: float, piece: Piece | None) -> None:
-        """The derivative of H by x into `matrix`."""
+        """The derivative of H by x into `matrix`.
+
+        Raises:
+            ArithmeticError: on all ranks, if the system is preconditioned and that cannot be done.
+        """
 
     def parameter_derivative(
         self, x: PETSc.Vec, gamma: float, c: PETSc.Vec, piece: Piece | None
@@ -103,6 +118,28 @@ class ManyPieces(Protocol):
     @property
     def has_many_pieces(self) -> bool:
         """Whether kinks are passed in batches unless `StepControl.kinks` says otherwise."""
+
+
+class Preconditioner(Protocol):
+    """An approximate inverse P^-1 of `System.matrix` as `System.jacobian` left it. Linear."""
+
+    def apply(self, r: PETSc.Vec, z: PETSc.Vec) -> None:
+        """P^-1 r into ``z``. Collective."""
+
+    def determinant_sign(self) -> float:
+        """Sign of det P, up to a factor that is always the same. Collective."""
+
+    def wear(self, iterations: int, digits: float) -> None:
+        """Be told that a solve took so many iterations for so many decimal digits. Collective."""
+
+
+@runtime_checkable
+class Preconditioned(Protocol):
+    """A system that may be too large for its Jacobian to be factorised."""
+
+    @property
+    def preconditioner(self) -> Preconditioner | None:
+        """Of the Jacobian; None where that is to be factorised. Collective."""
 
 
 class Condensed(Protocol):

@@ -41,7 +41,7 @@ class CondensedBlock:
 
     def __init__(self, operator: ContactOperator, s: SurfaceSet, prefix: str):
         self._operator, self._s, self._comm = operator, s, operator.comm
-        self._factor = SurfaceFactor(operator.comm, prefix)
+        self.factor = SurfaceFactor(operator.comm, prefix)
         B = operator.contact.createSubMatrix(s.displacements, s.multipliers)
         indptr, columns, values = B.getValuesCSR()
         rows = np.repeat(np.arange(s.nodes), np.diff(indptr))
@@ -113,7 +113,7 @@ class CondensedBlock:
         self._block.zeroRowsColumns(rows, diag=A.diagonal)
         for thing in (LW, TLW, TC):
             thing.destroy()
-        self._factor.factorise(self._block)
+        self.factor.factorise(self._block)
 
     def solve(self, residual: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """The unknowns on s for a residual there, local parts. Collective."""
@@ -123,7 +123,7 @@ class CondensedBlock:
         self._rc.array[:], self._rl.array[:] = residual[:n], residual[n:]
         self._E.mult(self._rc, self._b)
         self._T.multAdd(self._rl, self._b, self._b)
-        self._factor.ksp.solve(self._b, self._x)
+        self.factor.ksp.solve(self._b, self._x)
         self._K.mult(self._x, self._t)
         self._t.aypx(-1.0, self._rc)
         self._W.mult(self._t, self._y)
@@ -133,7 +133,7 @@ class CondensedBlock:
 
     def release(self) -> None:
         """Free the PETSc objects."""
-        self._factor.release()
+        self.factor.release()
         made = (self._K, self._C, self._L, self._E, self._block)
         mine = (self._T, self._W, self._plain, self._rc, self._x, self._rl, self._y, self._b)
         for thing in (*mine, self._t, *(m for m in made if m is not None)):

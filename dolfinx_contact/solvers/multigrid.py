@@ -60,6 +60,7 @@ class Multigrid(LinearSolver):
         self.hierarchy = Hierarchy(problem.V, problem.prefix, symmetric=problem.energy is not None)
         self.forcing = Forcing()
         self._glued: npt.NDArray[np.bool_] | None = None
+        self._excess = 0.0  # iterations that a new hierarchy would have saved
         self._assemblies = 0  # of the stiffness, when the hierarchy was built
         self._points = sum(s.points.dofmap.index_map.size_global for s in problem.surfaces)
 
@@ -69,17 +70,25 @@ class Multigrid(LinearSolver):
         pc.setType(PETSc.PC.Type.PYTHON)
         pc.setPythonContext(self.filter)
 
-    def create_preconditioner(self) -> PETSc.PC:
-        """A PC for the operator as `update` leaves it, for other systems with this block.
+    # -- as the preconditioner of a system that is followed --------------------------------------
 
-        It follows later updates; the caller destroys it.
+    def apply(self, r: PETSc.Vec, z: PETSc.Vec) -> None:
+        """P^-1 r into ``z``, P as `update` left it. Collective."""
+        self.filter.apply(None, r, z)
+
+    def determinant_sign(self) -> float:
+        """Sign of det P, but for a factor that never changes. Collective.
+
+        P eliminates the surface exactly, and on the rest it is a cycle of multigrid that is
+        symmetric and positive definite: the sign is that of the surface block.
         """
-        pc = PETSc.PC().create(self.comm)
-        pc.setOperators(self.matrix)
-        pc.setType(PETSc.PC.Type.PYTHON)
-        pc.setPythonContext(self.filter)
-        pc.setUp()
-        return pc
+        return self.filter.determinant_sign()
+
+    def wear(self, iterations: int, digits: float) -> None:
+        """Add what a solve took more than a new hierarchy would; `update` acts on it."""
+        self._excess += max(iterations - _FRESH * digits, 0.0)
+
+    # -- as the linear solver of Newton's method -------------------------------------------------
 
     def update(self) -> None:
         with logged("ContactJacobian"):
@@ -87,7 +96,8 @@ class Multigrid(LinearSolver):
         self.filter.update()
         bulk = self._problem.bulk
         changed = bulk.linear and self._assemblies != bulk.assemblies
-        if self.hierarchy.pc is None or changed:
+        worn = self._excess > _COST and self._is_stale()
+        if self.hierarchy.pc is None or changed or worn:
             self.build()
 
     def build(self) -> None:
@@ -96,7 +106,7 @@ class Multigrid(LinearSolver):
         self._glued = self._closed()
         held = np.union1d(A.fixed, np.flatnonzero(self._glued)).astype(np.int32)
         self.filter.cycle = self.hierarchy.build(A.stiffness, held, A.diagonal)
-        self._assemblies = self._problem.bulk.assemblies
+        self._assemblies, self._excess = self._problem.bulk.assemblies, 0.0
         if self.comm.rank == 0:
             logger.info("multigrid hierarchy %d built", self.hierarchy.builds)
 

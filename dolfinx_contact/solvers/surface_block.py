@@ -27,6 +27,7 @@ _DEFAULTS: dict[str, Any] = {
     "pc_type": "lu",
     "pc_factor_mat_solver_type": "mumps",
     "mat_mumps_icntl_14": 50,
+    "mat_mumps_icntl_33": 1,  # the determinant, for its sign
 }
 _DIFFERENT = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
 
@@ -91,6 +92,10 @@ class SurfaceFactor:
                 "another or the Dirichlet data, or a contact node has no stiffness"
             )
 
+    def determinant_sign(self) -> float:
+        """Sign of the determinant of the matrix, by MUMPS."""
+        return float(np.sign(self.ksp.getPC().getFactorMatrix().getMumpsRinfog(12)))
+
     def release(self) -> None:
         """Free the factors."""
         self.ksp.destroy()
@@ -104,7 +109,7 @@ class SurfaceBlock:
 
     def __init__(self, operator: ContactOperator, s: SurfaceSet, prefix: str):
         self._operator, self._s, self._comm = operator, s, operator.comm
-        self._factor = SurfaceFactor(operator.comm, prefix)
+        self.factor = SurfaceFactor(operator.comm, prefix)
         self._K: PETSc.Mat | None = None
         self._S: PETSc.Mat | None = None
         self._block: PETSc.Mat | None = None
@@ -137,18 +142,18 @@ class SurfaceBlock:
         self._block.zeroRowsColumns(rows, diag=A.diagonal)
         if self._b is None:
             self._x, self._b = self._block.createVecs()
-        self._factor.factorise(self._block)
+        self.factor.factorise(self._block)
 
     def solve(self, residual: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """The unknowns on s for a residual there, local parts. Collective."""
         assert self._b is not None
         self._b.array[:] = residual
-        self._factor.ksp.solve(self._b, self._x)
+        self.factor.ksp.solve(self._b, self._x)
         return self._x.array_r.copy()
 
     def release(self) -> None:
         """Free the PETSc objects."""
-        self._factor.release()
+        self.factor.release()
         for thing in (self._K, self._S, self._block):
             if thing is not None:
                 thing.destroy()

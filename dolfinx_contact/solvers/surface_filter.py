@@ -88,7 +88,7 @@ class SurfaceFilter:
 
     # -- application -----------------------------------------------------------------------------
 
-    def apply(self, _pc: PETSc.PC, r: PETSc.Vec, z: PETSc.Vec) -> None:
+    def apply(self, _pc: PETSc.PC | None, r: PETSc.Vec, z: PETSc.Vec) -> None:
         """Z = the filtered cycle of r."""
         A, n, s = self.operator, self.operator.size, self.surface.local
         t = self._t
@@ -122,6 +122,11 @@ class SurfaceFilter:
         Kz.destroy()
         rest[self.surface.fixed] = 0.0
         self._solve_surface(rest, z)
+
+    def determinant_sign(self) -> float:
+        """Sign of the determinant of the surface block, up to a constant factor. Collective."""
+        assert self.block is not None
+        return self.block.factor.determinant_sign()
 
     def _solve_surface(self, residual: npt.NDArray[np.float64], z: PETSc.Vec) -> None:
         """Add the exact solution on s for ``residual`` there to ``z``."""

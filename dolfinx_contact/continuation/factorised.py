@@ -1,0 +1,190 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The bordered matrix assembled and factorised, by default by MUMPS.
+
+One factorisation serves every right-hand side, and the matrices that come after it as well: from
+one state and piece to the next they differ by little and by the rows of the points that change
+their status, so that GMRES, preconditioned with the factorisation, solves with the new matrix to
+round-off in a few iterations. When it needs many, the matrix is factorised anew.
+"""
+
+from __future__ import annotations
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact.continuation.layout import Layout
+from dolfinx_contact.continuation.linear import BorderedSolver
+from dolfinx_contact.continuation.system import Piece
+
+__all__ = ["Factorised"]
+
+_LARGE = 2000  # unknowns from which on a factorisation is reused
+_ROUND_OFF = 1e-13  # relative, of GMRES
+_MOST_ITERATIONS = 40  # of GMRES; beyond, the matrix is factorised
+_WORN = 20  # iterations after which the next matrix is factorised
+_DIFFERENT = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
+
+
+class Factorised(BorderedSolver):
+    """See the module.
+
+    Args:
+        layout: of vectors y.
+        prefix: of PETSc options.
+        reuse: whether a factorisation also serves the matrices after it; by default it does where
+            factorising takes many times as long as solving.
+    """
+
+    precision = 1e-12
+    many_sides = True
+    defaults = {
+        "ksp_type": "preonly",
+        "pc_type": "lu",
+        "pc_factor_mat_solver_type": "mumps",
+        "mat_mumps_icntl_14": 80,
+        "mat_mumps_icntl_33": 1,  # the determinant, for its sign
+    }
+
+    def __init__(self, layout: Layout, prefix: str, *, reuse: bool | None = None):
+        super().__init__(layout, prefix)
+        self.reuse = layout.size >= _LARGE if reuse is None else reuse
+        self._c = self.system.create_vector()
+        one, n, N, comm = int(layout.last), layout.local, layout.size, self.comm
+        self._column = PETSc.Mat().createAIJ([[n, N], [one, 1]], nnz=(1, 1), comm=comm)
+        self._row = PETSc.Mat().createAIJ([[one, 1], [n, N]], nnz=(max(n, 1), N), comm=comm)
+        self._corner = PETSc.Mat().createAIJ([[one, 1], [one, 1]], nnz=(1, 0), comm=comm)
+        self._nest: PETSc.Mat | None = None
+        self.matrix = PETSc.Mat()
+        self.ksp = PETSc.KSP().create(comm)
+        self.ksp.setOptionsPrefix(prefix)
+        with self.options():
+            self.ksp.setFromOptions()
+        self.ksp.getPC().setReusePreconditioner(True)
+        self._krylov = PETSc.KSP().create(comm)
+        self._krylov.setType(PETSc.KSP.Type.GMRES)
+        self._krylov.setPC(self.ksp.getPC())
+        self._krylov.setGMRESRestart(_MOST_ITERATIONS)
+        self._krylov.setTolerances(rtol=_ROUND_OFF, max_it=_MOST_ITERATIONS)
+        #: Whether there is a factorisation, whether it is that of `matrix`, and whether it is old.
+        self._factorised = self._current = self._worn = False
+
+    def assemble(self, y: PETSc.Vec, row: PETSc.Vec, piece: Piece | None) -> None:
+        layout, x, gamma = self.layout, *self.layout.split(y)
+        self.system.jacobian(x, gamma, piece)
+        self.system.parameter_derivative(x, gamma, self._c, piece)
+        start = self._c.getOwnershipRange()[0]
+        rows = np.arange(start, start + layout.local, dtype=np.int32)
+        self._column.setValues(rows, [0], self._c.array_r)
+        parts = self.comm.gather(row.array_r[: layout.local].copy(), root=self.comm.size - 1)
+        if layout.last:
+            columns = np.arange(layout.size, dtype=np.int32)
+            self._row.setValues([0], columns, np.concatenate(parts))
+            self._corner.setValue(0, 0, row.array_r[-1])
+        for block in (self._column, self._row, self._corner):
+            block.assemble()
+        if self._nest is None:
+            blocks = [[self.system.matrix, self._column], [self._row, self._corner]]
+            self._nest = PETSc.Mat().createNest(blocks, comm=self.comm)
+        self._nest.assemble()
+        self._nest.convert("aij", self.matrix)
+        self._current = False
+
+    def factorise(self) -> bool:
+        self.ksp.setOperators(self.matrix)
+        self.ksp.getPC().setReusePreconditioner(False)
+        with self.options():
+            self.ksp.setUp()
+        self.ksp.getPC().setReusePreconditioner(True)
+        self.factorisations += 1
+        ok = bool(self.ksp.getPC().getFailedReason() == PETSc.PC.FailedReason.NOERROR)
+        if not ok:
+            self.ksp.reset()  # MUMPS does not recover from a singular matrix
+        self._factorised = self._current = ok
+        self._worn = False
+        return ok
+
+    def solve(
+        self, rhs: PETSc.Vec, out: PETSc.Vec, *, rtol: float = 0.0, near: PETSc.Vec | None = None
+    ) -> bool:
+        if not self._current:
+            again = self.reuse and self._factorised and not self._worn
+            if again and self._solve_by_krylov(rhs, out):
+                return True
+            if not self.factorise():
+                return False
+        self.ksp.solve(rhs, out)
+        self.solves += 1
+        return bool(self.ksp.getConvergedReason() > 0 and np.isfinite(out.norm()))
+
+    def probe(self, rhs: PETSc.Vec, out: PETSc.Vec, *, rtol: float = 0.0) -> bool:
+        return self.solve(rhs, out)
+
+    def _solve_by_krylov(self, rhs: PETSc.Vec, out: PETSc.Vec) -> bool:
+        self._krylov.setOperators(self.matrix)
+        self._krylov.solve(rhs, out)
+        iterations = self._krylov.getIterationNumber()
+        self.solves += iterations + 1
+        self._worn = iterations > _WORN
+        return bool(self._krylov.getConvergedReason() > 0 and np.isfinite(out.norm()))
+
+    def determinant_sign(self) -> float:
+        if not self._current and not self.factorise():
+            return 0.0
+        return float(np.sign(self.ksp.getPC().getFactorMatrix().getMumpsRinfog(12)))
+
+    def determinant_quotient(
+        self,
+        y: PETSc.Vec,
+        before: tuple[PETSc.Vec, Piece | None],
+        after: tuple[PETSc.Vec, Piece | None],
+    ) -> int:
+        """By the low-rank identity.
+
+        With D = J_1 - J_0, which is not zero in a few rows E, and W = J_0^{-1} E the quotient is
+        det(I + D W) over those rows: a determinant of their number. (Leaving the border row out
+        turns folds into false bifurcations.)
+        """
+        self.assemble(y, *after)
+        difference = self.matrix.copy()
+        self.assemble(y, *before)
+        difference.axpy(-1.0, self.matrix, structure=_DIFFERENT)
+        rows = _changed_rows(difference, self.matrix)
+        e, w, dw = (self.layout.vector() for _ in range(3))
+        start, end = e.getOwnershipRange()
+        S = np.zeros((len(rows), len(rows)))
+        for j, r in enumerate(rows):
+            e.set(0.0)
+            if start <= r < end:
+                e.array[r - start] = 1.0
+            self.solve(e, w)
+            difference.mult(w, dw)
+            mine = {i: float(dw.array_r[q - start]) for i, q in enumerate(rows) if start <= q < end}
+            for part in self.comm.allgather(mine):
+                for i, value in part.items():
+                    S[i, j] = value
+        for thing in (difference, e, w, dw):
+            thing.destroy()
+        return int(np.sign(np.linalg.det(np.eye(len(rows)) + S)))
+
+    def destroy(self) -> None:
+        mine = (self._krylov, self.ksp, self.matrix, self._column, self._row, self._corner, self._c)
+        for thing in (*mine, *((self._nest,) if self._nest is not None else ())):
+            thing.destroy()
+
+
+def _changed_rows(difference: PETSc.Mat, reference: PETSc.Mat) -> list[int]:
+    """Global rows in which ``difference`` is not negligible. Collective."""
+    size, scale = _row_sums(difference), _row_sums(reference)
+    start = difference.getOwnershipRange()[0]
+    changed = np.flatnonzero(size > 1e-12 * (scale + size)) + start
+    return [int(r) for part in difference.comm.tompi4py().allgather(changed) for r in part]
+
+
+def _row_sums(A: PETSc.Mat) -> npt.NDArray[np.float64]:
+    """Sums of absolute values of the local rows of ``A``."""
+    offsets, _, values = A.getValuesCSR()
+    sums = np.zeros(len(offsets) - 1)
+    np.add.at(sums, np.repeat(np.arange(len(sums)), np.diff(offsets)), np.abs(values))
+    return sums

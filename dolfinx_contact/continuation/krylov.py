@@ -1,0 +1,216 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""Solves with the bordered matrix by a Krylov method, for systems too large to factorise.
+
+With P^-1 an approximate inverse of A = H_x, c = H_gamma, v = P^-1 c and s = w_gamma - w^T v the
+block elimination
+
+    x_0 = P^-1 f,   gamma = (g - w^T x_0) / s,   x = x_0 - gamma v
+
+is the exact inverse of [P c; w^T w_gamma] and preconditions J. It costs one P^-1 for each vector
+and one for v, and stays regular at folds, where A does not. After its first application the last
+row is satisfied, exactly; it is left out of all that follows.
+
+The sign of det J comes with a solve whose right-hand side has a part along every eigenvector. Its
+Krylov space knows the eigenvalues of J times the preconditioner that are far from the others: those
+that are real and negative among its Ritz values are counted, and
+
+    sign det J = sign det P  sign s  (-1)^(their number).
+
+An eigenvalue that a converged solve has not seen is as near to the others as the tolerance cannot
+tell; near zero it would keep the solve from converging. That J is singular is noticed where the
+right-hand side does not lie in its range.
+"""
+
+from __future__ import annotations
+
+import logging
+
+from petsc4py import PETSc
+
+import numpy as np
+
+from dolfinx_contact.continuation.layout import Layout
+from dolfinx_contact.continuation.linear import BorderedSolver
+from dolfinx_contact.continuation.system import Piece, Preconditioner
+
+__all__ = ["Krylov"]
+
+logger = logging.getLogger(__name__)
+
+_PRECISE = 1e-9  # relative residual when nothing less is asked for
+_SIGN = 1e-6  # and of solves that tell the sign of the determinant
+
+
+class Krylov(BorderedSolver):
+    """See the module.
+
+    Args:
+        layout: of vectors y.
+        prefix: of PETSc options.
+        preconditioner: of the derivative of the system by x.
+    """
+
+    precision = 1e-8
+    many_sides = False
+    defaults = {"ksp_type": "fgmres", "ksp_gmres_restart": 200, "ksp_max_it": 200}
+
+    def __init__(self, layout: Layout, prefix: str, preconditioner: Preconditioner):
+        super().__init__(layout, prefix)
+        self._P = preconditioner
+        self._c, self._v, self._w, self._f, self._x = (
+            self.system.create_vector() for _ in range(5)
+        )
+        self._r, self._d = layout.vector(), layout.vector()
+        self._corner = self._s = 0.0
+        n = self._r.getLocalSize()
+        self.matrix = PETSc.Mat().createPython(((n, None), (n, None)), _Product(self), self.comm)
+        self.matrix.setUp()
+        self.ksp = PETSc.KSP().create(self.comm)
+        self.ksp.setOptionsPrefix(prefix)
+        with self.options():
+            self.ksp.setFromOptions()
+        self.ksp.setPCSide(PETSc.PC.Side.RIGHT)
+        self.ksp.setComputeEigenvalues(True)
+        self.ksp.setOperators(self.matrix)
+        self.ksp.getPC().setType(PETSc.PC.Type.PYTHON)
+        self.ksp.getPC().setPythonContext(_Elimination(self))
+        self._most = self.ksp.getTolerances()[3]
+        self._regular = False
+        self._sign: float | None = None
+
+    # -- J and its approximate inverse -----------------------------------------------------------
+
+    def assemble(self, y: PETSc.Vec, row: PETSc.Vec, piece: Piece | None) -> None:
+        layout, x, gamma = self.layout, *self.layout.split(y)
+        self._sign = None
+        self._w.array[:] = row.array_r[: layout.local]
+        self._corner = layout.gamma(row)
+        self.system.parameter_derivative(x, gamma, self._c, piece)
+        try:
+            self.system.jacobian(x, gamma, piece)
+        except ArithmeticError as error:
+            logger.debug("no preconditioner: %s", error)
+            self._regular = False
+            return
+        self._apply(self._c, self._v)
+        self._s = self._corner - float(self._w.dot(self._v))
+        self._regular = bool(np.isfinite(self._s) and self._s != 0)
+
+    def _apply(self, f: PETSc.Vec, x: PETSc.Vec) -> None:
+        self._P.apply(f, x)
+        self.solves += 1
+
+    def eliminate(self, b: PETSc.Vec, y: PETSc.Vec) -> None:
+        """Y = (x, gamma) of the module for the right-hand side b = (f, g)."""
+        f, g = self.layout.split(b)
+        self._apply(f, self._x)
+        gamma = (g - float(self._w.dot(self._x))) / self._s
+        self._x.axpy(-gamma, self._v)
+        self.layout.join(self._x, gamma, y)
+
+    def multiply(self, y: PETSc.Vec, b: PETSc.Vec) -> None:
+        """B = J y but for the last row, which is 0."""
+        x, gamma = self.layout.split(y)
+        self.system.matrix.mult(x, self._f)
+        self._f.axpy(gamma, self._c)
+        self.layout.join(self._f, 0.0, b)
+
+    # -- solves ----------------------------------------------------------------------------------
+
+    def factorise(self) -> bool:
+        return self.determinant_sign() != 0
+
+    def solve(
+        self, rhs: PETSc.Vec, out: PETSc.Vec, *, rtol: float = 0.0, near: PETSc.Vec | None = None
+    ) -> bool:
+        if not self._regular:
+            return False
+        r, d, layout = self._r, self._d, self.layout
+        if near is None:
+            self.eliminate(rhs, out)
+        else:
+            # What is near satisfies the last row as well once r_g is 0 in all that follows.
+            self.multiply(near, r)
+            r.aypx(-1.0, rhs)
+            x, gamma = layout.split(near)
+            g = layout.gamma(rhs) - float(self._w.dot(x)) - self._corner * gamma
+            layout.join(layout.split(r)[0], g, r)
+            self.eliminate(r, out)
+            out.axpy(1.0, near)
+        self.multiply(out, r)
+        r.aypx(-1.0, rhs)
+        if layout.last:
+            r.array[-1] = 0.0
+        # Both parts of the equation f = A x + gamma c count: of tangents f is zero.
+        size = max(layout.split(rhs)[0].norm(), abs(layout.gamma(out)) * self._c.norm())
+        start, least = r.norm(), max(rtol, _PRECISE) * size
+        if not np.isfinite(start):
+            return False
+        if start > least:
+            self.ksp.setTolerances(rtol=0.0, atol=least, divtol=1e10, max_it=self._most)
+            self.ksp.solve(r, d)
+            out.axpy(1.0, d)
+            taken = self.ksp.getIterationNumber()
+            end = self.ksp.getResidualNorm()
+            self._P.wear(taken, float(np.log10(max(start / max(end, 1e-300), 1.0))))
+            if self.ksp.getConvergedReason() <= 0:
+                logger.info("%d Krylov iterations: from %.2e to %.2e", taken, start, end)
+                return False
+        return bool(np.isfinite(out.norm()))
+
+    def probe(self, rhs: PETSc.Vec, out: PETSc.Vec, *, rtol: float = 0.0) -> bool:
+        before = self.solves
+        if not self.solve(rhs, out, rtol=rtol or _SIGN):
+            return False
+        values = self.ksp.computeEigenvalues() if self.solves > before + 1 else np.zeros(0)
+        negative = int(np.sum((values.imag == 0) & (values.real < 0)))
+        sign = self._P.determinant_sign() * np.sign(self._s) * (-1.0) ** negative
+        self._sign = float(self.comm.bcast(sign, root=0))
+        return True
+
+    def determinant_sign(self) -> float:
+        if self._sign is None:
+            self._sign = 0.0
+            rhs, out, probe = self.layout.vector(), self.layout.vector(), self.system.probe(0)
+            self.layout.join(probe, 0.0, rhs)
+            self.probe(rhs, out)
+            for thing in (probe, rhs, out):
+                thing.destroy()
+        return self._sign
+
+    def determinant_quotient(
+        self,
+        y: PETSc.Vec,
+        before: tuple[PETSc.Vec, Piece | None],
+        after: tuple[PETSc.Vec, Piece | None],
+    ) -> int:
+        signs = []
+        for row, piece in (after, before):
+            self.assemble(y, row, piece)
+            signs.append(self.determinant_sign())
+        return int(signs[0] * signs[1])
+
+    def destroy(self) -> None:
+        mine = (self._c, self._v, self._w, self._f, self._x, self._r, self._d)
+        for thing in (self.ksp, self.matrix, *mine):
+            thing.destroy()
+
+
+class _Product:
+    """J, for PETSc."""
+
+    def __init__(self, solver: Krylov):
+        self._solver = solver
+
+    def mult(self, _mat: PETSc.Mat, y: PETSc.Vec, b: PETSc.Vec) -> None:
+        self._solver.multiply(y, b)
+
+
+class _Elimination:
+    """The block elimination, for PETSc."""
+
+    def __init__(self, solver: Krylov):
+        self._solver = solver
+
+    def apply(self, _pc: PETSc.PC, b: PETSc.Vec, y: PETSc.Vec) -> None:
+        self._solver.eliminate(b, y)

@@ -1,0 +1,127 @@
+"""Branches followed with a Krylov method, beside those with an assembled matrix."""
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import demo_3d_branch
+import demo_followed_mesh
+import numpy as np
+import pytest
+from textbook import SymmetricGuess, Textbook
+
+from dolfinx_contact.continuation import Follower, StepControl
+from dolfinx_contact.continuation.bordered import Bordered
+from dolfinx_contact.continuation.krylov import Krylov
+
+COMM = MPI.COMM_WORLD
+
+
+def test_sign_of_the_determinant(monkeypatch):
+    """Sixty random matrices of ten rows: numpy's sign, and its solution."""
+    monkeypatch.setattr(Textbook, "preconditioner", SymmetricGuess())
+    generator, n, seen = np.random.default_rng(7), 10, []
+    for _ in range(60):
+        A, c, row = (
+            generator.normal(size=(n, n)),
+            generator.normal(size=n),
+            generator.normal(size=n),
+        )
+        corner = generator.normal()
+        system = Textbook(n, lambda x, g, s: x, lambda x, g, s, A=A: A, lambda x, g, s, c=c: c)
+        b = Bordered(system, gamma_scale=1.0)
+        assert isinstance(b.solver, Krylov)
+        y, last, rhs, out = (b.vector() for _ in range(4))
+        y.set(0.0)
+        x = system.create_vector()
+        x.array[:] = row[slice(*x.getOwnershipRange())]
+        b.join(x, corner, last)
+        b.solver.assemble(y, last, None)
+        J = np.block([[A, c[:, None]], [row[None, :], np.array([[corner]])]])
+        sign = np.sign(np.linalg.det(J))
+        assert b.solver.determinant_sign() == sign
+        seen.append(sign)
+        values = generator.normal(size=n + 1)
+        x.array[:] = values[:n][slice(*x.getOwnershipRange())]
+        b.join(x, values[n], rhs)
+        assert b.solver.solve(rhs, out)
+        whole = np.concatenate(COMM.allgather(out.array_r))
+        np.testing.assert_allclose(J @ whole, values, atol=1e-6)
+        b.destroy()
+    assert set(seen) == {-1, 1}
+
+
+def follow_vee(solver, kinks, *options):
+    PETSc.Options()["contact_linear_solver"] = solver
+    args = demo_followed_mesh.arguments(["--size", "0.1", *options])
+    body = demo_followed_mesh.system(args, COMM)
+    body.problem.solve()
+    x = body.create_vector()
+    body.problem.write(x)
+    with Follower(body, StepControl(kinks=kinks), gamma_scale=1.0) as follower:
+        assert (type(follower.bordered.solver) is Krylov) == (solver == "amg")
+        branch = follower.run(follower.start(x, 0.0), (0.0, 1.0))
+        signs = []
+        for point in branch.points[::5]:
+            follower.corrector.tangent(point.y, point.tangent, point.piece, factorise=True)
+            sense = np.sign(follower.bordered.gamma(point.tangent))
+            signs.append(follower.corrector.orientation() * sense)
+    letters = [body.letters(p.piece) for p in branch.points]
+    return branch, letters, signs
+
+
+@pytest.mark.parametrize("kinks", ["exact", "batched"])
+def test_vee(kinks):
+    """Two nonsmooth folds, between which the determinant of H_x has the other sign."""
+    branch, letters, signs = follow_vee("amg", kinks)
+    direct, same, _ = follow_vee("direct", "exact")
+    assert branch.reason == direct.reason
+    assert branch.bifurcations == []
+    np.testing.assert_allclose(
+        [s.gamma for s in branch.folds], [s.gamma for s in direct.folds], atol=1e-9
+    )
+    assert len(branch.folds) == 2
+    if kinks == "exact":
+        assert letters[-1] == same[-1]
+        events = [[s.gamma for s in b.special] for b in (branch, direct)]
+        np.testing.assert_allclose(*events, atol=1e-9)
+        assert [s.parity for s in branch.special] == [s.parity for s in direct.special]
+    # Before the first fold, between the two, and after the second.
+    turns = np.flatnonzero(np.diff(signs))
+    assert len(turns) == 2
+    assert signs[0] == signs[-1]
+
+
+def test_large_deformation():
+    """A hyperelastic body with its support moved: its stiffness changes all along."""
+    options = ("--law", "neo-hookean", "--friction", "0.8", "--drive-top", "0.4", "-0.05")
+    branch, letters, _ = follow_vee("amg", "exact", *options)
+    direct, same, _ = follow_vee("direct", "exact", *options)
+    assert branch.reason == direct.reason
+    assert letters[0] != letters[-1]
+    assert letters[-1] == same[-1]
+    ends = [b.points[-1].y for b in (branch, direct)]
+    size = ends[0].norm()
+    ends[0].axpy(-1.0, ends[1])
+    assert ends[0].norm() < 1e-8 * size
+
+
+def test_3d_branch():
+    """The foot, every event located: those of the direct solver, and the hierarchy rebuilt."""
+    branches = []
+    for solver in ("amg", "direct"):
+        PETSc.Options()["contact_linear_solver"] = solver
+        args = demo_3d_branch.arguments(["--n", "3"])
+        system, _ = demo_3d_branch.foot(args, COMM)
+        x = system.create_vector()
+        x.set(0.0)
+        with Follower(system, StepControl(kinks="exact"), gamma_scale=1.0) as follower:
+            branches.append(follower.run(follower.start(x, 0.0), (0.0, 0.4)))
+        if solver == "amg":
+            builds = system.problem.linear_solver.builds
+    mine, direct = branches
+    np.testing.assert_allclose(
+        [s.gamma for s in mine.special], [s.gamma for s in direct.special], atol=1e-9
+    )
+    assert len(mine.special) > 5
+    assert mine.factorisations == 0
+    assert 1 <= builds < len(mine.points)
