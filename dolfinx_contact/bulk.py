@@ -84,19 +84,26 @@ class Bulk:
             Owned entries; None if the body is not linear or its stiffness has changed, so that the
             residual is cheaper assembled than multiplied.
         """
-        if not self.linear or self._K is None:
-            return None
-        if not self._same(self._mark(self._data), self._K_mark):
+        values = self.product(u)
+        if values is None:
             return None
         mark = self._mark(self._loads)
         if self._f is None or not self._same(mark, self._f_mark):
             self._f, self._f_mark = self._load(), mark
+        return np.asarray(values + self._f)
+
+    def product(self, u: npt.NDArray[np.float64]) -> npt.NDArray[np.float64] | None:
+        """K u, as `affine_residual`. Collective."""
+        if not self.linear or self._K is None:
+            return None
+        if not self._same(self._mark(self._data), self._K_mark):
+            return None
         x, y = self._K.createVecRight(), self._K.createVecLeft()
         x.array[:] = u[: x.getLocalSize()]
         self._K.mult(x, y)
-        values = y.array_r + self._f
+        values = y.array_r.copy()
         x.destroy(), y.destroy()
-        return np.asarray(values)
+        return values
 
     def _load(self) -> npt.NDArray[np.float64]:
         """Owned entries of the residual at zero displacement. Collective."""

@@ -297,13 +297,15 @@ class ContactProblem:
         fixed = self.constraints.fixed.reshape(-1)
         prescribed = self.constraints.values(fill=0.0).reshape(-1)
         at[0] = np.where(fixed, prescribed - dirichlet_rates, at[0])
+        body = self.bulk.product(np.where(fixed, dirichlet_rates, 0.0))
+        J = self._J if body is None else self.contact_jacobian
         parts = []
         for i, (forms, v) in enumerate(zip(rates, self._scratch, strict=True)):
             v.array[:] = 0.0
             for form in forms:
                 if form is not None:
                     fem.assemble_vector(v.array, form)
-            parts.append(self._constrained(i, v, at, self._J[i]))
+            parts.append(self._constrained(i, v, at, J[i], body if i == 0 else None))
         c.array[:] = np.concatenate(parts)
 
     @staticmethod

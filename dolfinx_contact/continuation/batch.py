@@ -84,7 +84,7 @@ class FreeSteps(ExactSteps):
         changes = self.changes(point, y, piece)
         before = self._orientation(point) if changes else 0.0
         several = bool(changes)
-        tangent = self.corrector.tangent(y, point.tangent, piece, factorise=several)
+        tangent = self.corrector.tangent(y, point.tangent, piece, factorise=several, precise=False)
         chord = y - point.y
         length = np.sqrt(b.inner(chord, chord))
         least = self.control.cosine * length
@@ -94,8 +94,8 @@ class FreeSteps(ExactSteps):
             or min(b.inner(chord, point.tangent), b.inner(chord, tangent)) < least
         ):
             return Crossed(None, changes)
-        after = self.corrector.orientation() if several else 0.0
         tau = self.test(accepted=True)
+        after = self.corrector.orientation() if several else 0.0
         new = BranchPoint(y, tangent, piece, b.gamma(y), h, taken, tau)
         turned = self.turned(point.tangent, tangent)
         if several:

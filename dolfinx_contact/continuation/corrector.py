@@ -25,6 +25,8 @@ _NEARLY_SINGULAR = 1e8
 #: Relative residuals of linear solves, where exactness has a price: at most, beyond what the
 #: tolerance of the step asks for, and for one more correction within it.
 _COARSEST, _RESERVE, _POLISHED = 1e-3, 0.1, 1e-4
+#: Relative residual of a tangent that is no more than a direction to step along.
+_TO_STEP_ALONG = 1e-5
 
 
 class _BorderedSolve:
@@ -118,10 +120,12 @@ class Corrector:
         piece: Piece | None,
         *,
         factorise: bool = False,
+        precise: bool = True,
     ) -> PETSc.Vec | None:
         """Unit tangent of ``piece`` at ``y``, on the side of ``towards``; None if there is no one.
 
-        The matrix stays behind for other right-hand sides, with ``factorise`` factorised.
+        The matrix stays behind for other right-hand sides, with ``factorise`` factorised. Where
+        exactness has a price, a tangent to step along need not be ``precise``.
         """
         b, solver = self.bordered, self.bordered.solver
         # Beyond a kink the tangent may be orthogonal to the one before; then another row will do.
@@ -129,13 +133,16 @@ class Corrector:
         axis.scale(b.gamma_scale)
         both = towards + axis
         rows = (towards, axis, both)
+        rtol = 0.0 if precise or b.x_scale == 0 else _TO_STEP_ALONG
         found = None
         for row in rows:
             b.dual(row, self._row)
             solver.assemble(y, self._row, piece)
             t = b.vector()
             near = towards if row is towards else None
-            if (not factorise or solver.factorise()) and solver.solve(self._e, t, near=near):
+            if (not factorise or solver.factorise()) and solver.solve(
+                self._e, t, rtol=rtol, near=near
+            ):
                 size = np.sqrt(b.inner(t, t))
                 if np.isfinite(size) and 0 < size < _NEARLY_SINGULAR:
                     t.scale((1.0 if b.inner(t, towards) >= 0 else -1.0) / size)

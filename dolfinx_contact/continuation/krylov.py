@@ -38,7 +38,7 @@ __all__ = ["Krylov"]
 logger = logging.getLogger(__name__)
 
 _PRECISE = 1e-9  # relative residual when nothing less is asked for
-_SIGN = 1e-6  # and of solves that tell the sign of the determinant
+_SIGN = 1e-5  # and of solves that tell the sign of the determinant
 
 
 class Krylov(BorderedSolver):
@@ -118,7 +118,7 @@ class Krylov(BorderedSolver):
     # -- solves ----------------------------------------------------------------------------------
 
     def factorise(self) -> bool:
-        return self.determinant_sign() != 0
+        return self._regular
 
     def solve(
         self, rhs: PETSc.Vec, out: PETSc.Vec, *, rtol: float = 0.0, near: PETSc.Vec | None = None

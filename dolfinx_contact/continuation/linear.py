@@ -48,7 +48,7 @@ class BorderedSolver(ABC):
 
     @abstractmethod
     def factorise(self) -> bool:
-        """See that `determinant_sign` is at hand; False if J is singular. Collective."""
+        """Factorise J, if that is what the solver does; False if J is singular. Collective."""
 
     @abstractmethod
     def solve(

@@ -66,7 +66,7 @@ class ExactSteps:
                 continue
             corrections = self.corrector.iterations
             t.destroy()
-            tangent = self.corrector.tangent(y, point.tangent, point.piece)
+            tangent = self.corrector.tangent(y, point.tangent, point.piece, precise=False)
             if tangent is None or b.inner(tangent, point.tangent) < control.cosine:
                 if h * control.decrease >= control.minimum:
                     h *= control.decrease

@@ -1,0 +1,207 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""What does a step of a continuation cost over a warm static solve?
+
+A body with a rounded sole is lowered on a floor and dragged. Its branch is followed, with the
+detection of folds, bifurcations and changes of status on; then every point of it is solved for once
+more by the static solver, from the point before it, with the same linear solver and to the same
+tolerance. Steps are grouped: those that locate an event to round-off take many corrections.
+
+    mpirun -n 2 python3 benchmarks/continuation_step.py --dim 3 --n 43 --steps 8
+
+PETSc options with the prefixes ``contact_`` and ``continuation_`` reach the two solvers.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import logging
+import time
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, parse_arguments
+from dolfinx_contact.continuation import Follower, Observer, StepControl
+from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.parametric import ParametricContact
+
+CELLS = {
+    (2, "simplex"): mesh.CellType.triangle,
+    (2, "tensor"): mesh.CellType.quadrilateral,
+    (3, "simplex"): mesh.CellType.tetrahedron,
+    (3, "tensor"): mesh.CellType.hexahedron,
+}
+
+
+def arguments(argv=None):
+    parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
+    parser.add_argument("--dim", type=int, choices=(2, 3), default=3)
+    parser.add_argument("--n", type=int, default=24, help="cells along an edge")
+    parser.add_argument("--cell", choices=("simplex", "tensor"), default="tensor")
+    parser.add_argument("--friction", type=float, default=0.4)
+    parser.add_argument("--steps", type=int, default=12, help="of the continuation")
+    parser.add_argument("--skip", type=int, default=3, help="first steps that do not count")
+    parser.add_argument("--kinks", choices=("exact", "batched", "stepping"))
+    parser.add_argument("--tolerance", type=float, default=1e-10, help="of both")
+    parser.add_argument("--output", default="continuation_step.json")
+    return parse_arguments(parser, argv)
+
+
+def foot(args, n, comm):
+    """The body and its parameter: lowered by gamma, dragged by gamma^2."""
+    cell = CELLS[args.dim, args.cell]
+    low, high = np.zeros(args.dim), np.ones(args.dim)
+    box = mesh.create_rectangle if args.dim == 2 else mesh.create_box
+    domain = box(comm, [low, high], [n] * args.dim, cell)
+    last = args.dim - 1
+    sole, top = (
+        mesh.locate_entities_boundary(domain, last, lambda x, z=z: np.isclose(x[last], z))
+        for z in (0.0, 1.0)
+    )
+    x = domain.geometry.x
+    away = (x[:, 0] - 0.46) ** 2 + ((x[:, 1] - 0.53) ** 2 if args.dim == 3 else 0.0)
+    x[:, last] += 0.08 * (1 - x[:, last]) * away
+    V = fem.functionspace(domain, ("Lagrange", 1, (args.dim,)))
+    u, moved = fem.Function(V), fem.Function(V)
+    gamma = fem.Constant(domain, 0.0)
+    sideways = 0.12 * gamma**2
+    move = [sideways, -0.06 * gamma] if args.dim == 2 else [sideways, 0.4 * sideways, -0.06 * gamma]
+    held = fem.dirichletbc(moved, fem.locate_dofs_topological(V, last, top))
+    point, normal = np.zeros(args.dim), np.eye(args.dim)[last]
+    surface = ContactSurface(u, sole, obstacle=HalfSpace(point, normal), law=Coulomb(args.friction))
+    problem = ContactProblem(
+        LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx,
+        u,
+        [surface],
+        bcs=[held],
+        petsc_options={"snes_rtol": args.tolerance},
+    )
+    return ParametricContact(problem, gamma, driven=[(moved, ufl.as_vector(move))])
+
+
+class Clock(Observer):
+    """Notes when every point was accepted, and what had been applied by then."""
+
+    def __init__(self, comm, solver):
+        self.comm, self.solver, self.seen = comm, solver, []
+
+    def point(self, branch_id, index, point, special, stepping):
+        self.comm.barrier()
+        now = time.perf_counter()
+        self.seen.append((now, self.solver.solves, self.solver.factorisations, special))
+
+
+def follow(args, system, comm):
+    """The steps of the branch, one record each, and its points."""
+    x = system.create_vector()
+    x.set(0.0)
+    control = StepControl(kinks=args.kinks, tolerance=args.tolerance)
+    with Follower(system, control, gamma_scale=1.0) as follower:
+        clock = Clock(comm, follower.bordered.solver)
+        start = follower.start(x, 0.0)
+        branch = follower.run(start, (0.0, 1.0), max_steps=args.steps, observer=clock)
+    steps = [
+        {
+            "gamma": point.gamma,
+            "seconds": after[0] - before[0],
+            "applications": after[1] - before[1],
+            "factorisations": after[2] - before[2],
+            "corrections": point.corrections,
+            "changes": sum(len(s.changes) for s in after[3]),
+            "located": sum(s.located and not s.smooth for s in after[3]),
+        }
+        for before, after, point in zip(
+            clock.seen[:-1], clock.seen[1:], branch.points[1:], strict=True
+        )
+    ]
+    return steps, branch
+
+
+def static(system, branch, comm):
+    """Seconds and counts of the static solves from point to point."""
+    records, problem = [], system.problem
+    for before, point in zip(branch.points[:-1], branch.points[1:], strict=True):
+        x = system.create_vector()
+        x.array[:] = before.y.array_r[: x.getLocalSize()]
+        system.put(x, before.gamma, before.piece)
+        system.set_parameter(point.gamma)
+        comm.barrier()
+        start = time.perf_counter()
+        result = problem.solve()
+        comm.barrier()
+        records.append(
+            {
+                "seconds": time.perf_counter() - start,
+                "newton_iterations": result.iterations,
+                "krylov_iterations": sum(a.krylov_iterations for a in result.attempts),
+            }
+        )
+        problem.write(x)
+        away = point.y.array_r[: x.getLocalSize()] - x.array_r
+        squares = comm.allreduce(np.array([away @ away, x.array_r @ x.array_r]))
+        records[-1]["difference"] = float(np.sqrt(squares[0] / max(squares[1], 1e-300)))
+        x.destroy()
+    return records
+
+
+def main(argv=None):
+    args = arguments(argv)
+    comm = MPI.COMM_WORLD
+    logging.basicConfig(level=logging.WARNING)
+    small = foot(args, 3, comm)  # compiles all forms
+    static(small, follow(args, small, comm)[1], comm)
+    system = foot(args, args.n, comm)
+    steps, branch = follow(args, system, comm)
+    solves = static(system, branch, comm)
+    pairs = list(zip(steps, solves, strict=True))[args.skip :]
+    record = {
+        "dim": args.dim,
+        "n": args.n,
+        "cell": args.cell,
+        "ranks": comm.size,
+        "unknowns": system.create_vector().getSize(),
+        "linear_solver": system.problem.linear_solver.name,
+        "steps": steps,
+        "static": solves,
+    }
+    groups = {
+        "batched": [p for p in pairs if not p[0]["located"]],
+        "located": [p for p in pairs if p[0]["located"]],
+    }
+    for name, group in groups.items():
+        if not group:
+            continue
+        of_static = sum(s["seconds"] for _, s in group)
+        record[name] = {
+            "steps": len(group),
+            "ratio": sum(s["seconds"] for s, _ in group) / of_static,
+            "median_ratio": float(np.median([a["seconds"] / s["seconds"] for a, s in group])),
+            "applications": float(np.mean([s["applications"] for s, _ in group])),
+            "factorisations": float(np.mean([s["factorisations"] for s, _ in group])),
+            "corrections": float(np.mean([s["corrections"] for s, _ in group])),
+            "changes": float(np.mean([s["changes"] for s, _ in group])),
+            "static_newton": float(np.mean([s["newton_iterations"] for _, s in group])),
+            "static_krylov": float(np.mean([s["krylov_iterations"] for _, s in group])),
+            "static_seconds": of_static / len(group),
+        }
+    if comm.rank == 0:
+        print(f"{record['unknowns']} unknowns in {args.dim}D, {comm.size} ranks, "
+              f"{record['linear_solver']}")  # fmt: skip
+        for name in groups:
+            if name in record:
+                print(f"  {name}:", ", ".join(f"{k} {v:.3g}" for k, v in record[name].items()))
+        worst = max(s["difference"] for s in solves)
+        print(f"  the two agree to {worst:.1e}", flush=True)
+        Path(args.output).parent.mkdir(parents=True, exist_ok=True)
+        Path(args.output).write_text(json.dumps(record, indent=1) + "\n")
+    return record
+
+
+if __name__ == "__main__":
+    main()
