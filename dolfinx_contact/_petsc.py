@@ -11,7 +11,7 @@ from typing import Any
 
 from petsc4py import PETSc
 
-__all__ = ["logged", "options_in_database", "parse_arguments", "require_real"]
+__all__ = ["logged", "options_in_database", "parse_arguments", "require_real", "staged"]
 
 
 def parse_arguments(
@@ -71,3 +71,14 @@ def logged(name: str) -> Iterator[None]:
         yield
     finally:
         event.end()
+
+
+@contextmanager
+def staged(name: str) -> Iterator[None]:
+    """Make the context a stage of ``-log_view``, or a part of one."""
+    stage = PETSc.Log.Stage(name)
+    stage.push()
+    try:
+        yield
+    finally:
+        stage.pop()

@@ -24,7 +24,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._petsc import options_in_database
+from dolfinx_contact._petsc import options_in_database, staged
 from dolfinx_contact.continuation import Piece
 from dolfinx_contact.continuation.affine import AffineSystem
 from dolfinx_contact.laws import Coulomb, Frictionless
@@ -91,6 +91,7 @@ class CondensedContact:
     _b_points: Array  # condensed residual and load, (m, 2)
     _c_points: Array
 
+    @staged("ContactCondensation")
     def __init__(self, parametric: ParametricContact, x: PETSc.Vec, gamma: float, *, exact: bool):
         self.parametric, self.problem, self.exact = parametric, parametric.problem, exact
         self.comm, self._gamma, self._x = self.problem.comm, gamma, x.copy()

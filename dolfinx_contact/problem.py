@@ -24,7 +24,7 @@ from dolfinx import fem, la
 from dolfinx_contact import _rigid
 from dolfinx_contact._compat import assemble_block_matrix, create_block_matrix, merge_entity_maps
 from dolfinx_contact._errors import require
-from dolfinx_contact._petsc import logged, require_real
+from dolfinx_contact._petsc import logged, require_real, staged
 from dolfinx_contact.augmentation import automatic_augmentation
 from dolfinx_contact.bulk import Bulk
 from dolfinx_contact.constraints import Constraints, check_overlap
@@ -58,6 +58,7 @@ class ContactProblem:
         RuntimeError: if PETSc has complex scalars.
     """
 
+    @staged("ContactSetUp")
     def __init__(
         self,
         bulk: ufl.Form,

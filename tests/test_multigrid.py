@@ -202,6 +202,18 @@ def test_hierarchy_is_kept():
     assert problem.bulk.assemblies == 2
 
 
+def test_log():
+    """What -log_view shows: the parts of a solve by name, in a stage of its own."""
+    PETSc.Log.begin()
+    problem = block(cell="tet", n=5, options=AMG)
+    problem.solve()
+    stages = {PETSc.Log.Stage(name).id for name in ("ContactSetUp", "ContactSolve")}
+    assert len(stages) == 2
+    for part in ("Residual", "Jacobian", "Status", "SurfaceLU", "Surface", "AMGSetUp", "Krylov"):
+        stage = PETSc.Log.Stage("ContactSolve").id
+        assert PETSc.Log.Event(f"Contact{part}").getPerfInfo(stage)["count"] > 0, part
+
+
 @pytest.mark.parametrize("name", ["tet", "P2", "P2/P2", "mixed", "neo-Hookean"])
 def test_nested_iteration(name):
     """From the solution on a coarser mesh, not nested: the same solution in no more steps."""

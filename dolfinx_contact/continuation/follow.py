@@ -16,6 +16,7 @@ from petsc4py import PETSc
 
 import numpy as np
 
+from dolfinx_contact._petsc import staged
 from dolfinx_contact.continuation.batch import BatchedSteps, Locate
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.branch import CLOSED, Branch, BranchPoint, Ray, SpecialPoint, Stop
@@ -184,6 +185,7 @@ class Follower:
         t.destroy()
         return self._steps.rescaled(BranchPoint(y, tangent, ray.piece, b.gamma(y), distance, 0))
 
+    @staged("Continuation")
     def run(
         self,
         start: BranchPoint,

@@ -29,6 +29,7 @@ from petsc4py import PETSc
 
 import numpy as np
 
+from dolfinx_contact._petsc import logged
 from dolfinx_contact.continuation.layout import Layout
 from dolfinx_contact.continuation.linear import BorderedSolver
 from dolfinx_contact.continuation.system import Piece, Preconditioner
@@ -148,7 +149,8 @@ class Krylov(BorderedSolver):
             return False
         if start > least:
             self.ksp.setTolerances(rtol=0.0, atol=least, divtol=1e10, max_it=self._most)
-            self.ksp.solve(r, d)
+            with logged("ContinuationKrylov"):
+                self.ksp.solve(r, d)
             out.axpy(1.0, d)
             taken = self.ksp.getIterationNumber()
             end = self.ksp.getResidualNorm()

@@ -24,6 +24,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from dolfinx_contact._errors import require
+from dolfinx_contact._petsc import staged
 from dolfinx_contact.result import Result, collect
 from dolfinx_contact.solvers.errors import ConvergenceError, FloatingBodyError
 from dolfinx_contact.solvers.history import Attempt, Step
@@ -73,6 +74,7 @@ def solve(
         x0.destroy()
 
 
+@staged("ContactSolve")
 def _solve(
     problem: ContactProblem,
     x0: PETSc.Vec,

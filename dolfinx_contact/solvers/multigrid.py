@@ -66,6 +66,9 @@ class Multigrid(LinearSolver):
 
     def attach(self, ksp: PETSc.KSP) -> None:
         ksp.setInitialGuessNonzero(False)
+        event = PETSc.Log.Event("ContactKrylov")
+        ksp.setPreSolve(lambda *_: event.begin())
+        ksp.setPostSolve(lambda *_: event.end())
         pc = ksp.getPC()
         pc.setType(PETSc.PC.Type.PYTHON)
         pc.setPythonContext(self.filter)
