@@ -1,5 +1,7 @@
 """The surface filter with multigrid against MUMPS, on every rank count, law and mesh."""
 
+import logging
+
 from mpi4py import MPI
 from petsc4py import PETSc
 
@@ -153,6 +155,17 @@ def test_options(options):
     direct = block(cell="tet", n=5).solve()
     same(result.tables["contact"], direct.tables["contact"], 1e-8)
     assert len(result.attempts) == 1
+
+
+@pytest.mark.parametrize("options", [{}, AMG], ids=["direct", "amg"])
+def test_prediction(caplog, options):
+    """What a solve will take is said before it; the text alone is tested."""
+    with caplog.at_level(logging.INFO):
+        solver = block(cell="tet", n=5, options=options).linear_solver
+    assert 0 < solver.predicted_seconds() < 60
+    if COMM.rank == 0:
+        assert f"linear solver {solver.name}: about" in caplog.text
+        assert "s from a cold start" in caplog.text
 
 
 def test_choice():

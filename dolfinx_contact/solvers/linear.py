@@ -10,6 +10,7 @@ has chosen a ``ksp_type`` or ``pc_type``.
 from __future__ import annotations
 
 import logging
+import time
 from typing import TYPE_CHECKING, Any
 
 from petsc4py import PETSc
@@ -32,6 +33,14 @@ _LARGEST_DIRECT = {2: 100_000, 3: 5_000}
 _DIRECT_MEMORY = {2: (6.5e-7, 1.1), 3: (3.8e-7, 4 / 3)}
 _AMG_MEMORY = 5.0e-6  # gigabytes per unknown, measured at 9 10^4 and 10^6 unknowns in 3D
 
+#: Factor and power of the number of unknowns, by dimension, that give the seconds of one
+#: factorisation by MUMPS on one processor: measured at 4.5 10^3 unknowns in 2D, at 7 10^3 and
+#: 4.7 10^4 in 3D.
+_DIRECT_SECONDS = {2: (8e-8, 1.5), 3: (8.2e-9, 2.0)}
+_NEWTON_STEPS = 8  # of a cold solve
+_TRIES = 3  # products that are timed
+_PRODUCTS = 1500  # with the stiffness that take as long as a solve by multigrid: 900 to 1900
+
 
 class LinearSolver:
     """What Newton's method asks of a linear solver.
@@ -51,6 +60,10 @@ class LinearSolver:
 
     def update(self) -> None:
         """Assemble the Jacobian at the Functions and the status as they are. Collective."""
+        raise NotImplementedError
+
+    def predicted_seconds(self) -> float:
+        """What a cold solve may take, from measured runs. Collective."""
         raise NotImplementedError
 
     def prepare(self, ksp: PETSc.KSP, step: Step, target: float) -> None:
@@ -90,6 +103,11 @@ class Direct(LinearSolver):
         with logged("ContactJacobian"):
             self._problem.assemble_jacobian(self.matrix)
 
+    def predicted_seconds(self) -> float:
+        problem = self._problem
+        factor, power = _DIRECT_SECONDS[problem.V.mesh.geometry.dim]
+        return float(_NEWTON_STEPS * factor * sum(problem.global_sizes) ** power)
+
     def explain(self, ksp: PETSc.KSP) -> str:
         if ksp.getConvergedReason() == PETSc.KSP.ConvergedReason.DIVERGED_MAX_IT:
             return f"the linear solver did not converge in {ksp.getIterationNumber()} iterations"
@@ -107,6 +125,7 @@ def create_linear_solver(problem: ContactProblem) -> LinearSolver:
     """
     from dolfinx_contact.solvers.multigrid import Multigrid
 
+    solver: LinearSolver
     size, dim = sum(problem.global_sizes), problem.V.mesh.geometry.dim
     kind = _option(problem, "linear_solver") or "auto"
     if kind not in _KINDS:
@@ -114,15 +133,32 @@ def create_linear_solver(problem: ContactProblem) -> LinearSolver:
     if kind == "auto":
         chosen = any(_option(problem, name) for name in ("ksp_type", "pc_type"))
         kind = "direct" if chosen or size <= _LARGEST_DIRECT[dim] else "amg"
+    solver = Direct(problem) if kind == "direct" else Multigrid(problem)
+    seconds = solver.predicted_seconds()
     if problem.comm.rank == 0:
         logger.info(
-            "%d unknowns, linear solver %s: about %.2g GB on all ranks (direct: %.2g GB)",
+            "%d unknowns, linear solver %s: about %.2g s from a cold start and %.2g GB on all "
+            "ranks (direct: %.2g GB)",
             size,
             kind,
+            seconds,
             predicted_gigabytes(kind, size, dim),
             predicted_gigabytes("direct", size, dim),
         )
-    return Direct(problem) if kind == "direct" else Multigrid(problem)
+    return solver
+
+
+def seconds_of_multigrid(K: PETSc.Mat) -> float:
+    """What a cold solve by multigrid may take: so many products with the stiffness. Collective."""
+    x, y = K.createVecs()
+    x.set(0.0)
+    K.mult(x, y)
+    start = time.perf_counter()
+    for _ in range(_TRIES):
+        K.mult(x, y)
+    mine = (time.perf_counter() - start) / _TRIES
+    x.destroy(), y.destroy()
+    return float(_PRODUCTS * K.comm.tompi4py().allreduce(mine, op=max))
 
 
 def predicted_gigabytes(kind: str, size: int, dim: int) -> float:

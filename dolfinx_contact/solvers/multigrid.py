@@ -16,7 +16,7 @@ from dolfinx import la
 from dolfinx_contact._petsc import logged
 from dolfinx_contact.solvers.forcing import Forcing
 from dolfinx_contact.solvers.hierarchy import Hierarchy
-from dolfinx_contact.solvers.linear import LinearSolver
+from dolfinx_contact.solvers.linear import LinearSolver, seconds_of_multigrid
 from dolfinx_contact.solvers.operator import ContactOperator
 from dolfinx_contact.solvers.surface_filter import SurfaceFilter
 from dolfinx_contact.trace import facet_closures
@@ -92,6 +92,9 @@ class Multigrid(LinearSolver):
         self._excess += max(iterations - _FRESH * digits, 0.0)
 
     # -- as the linear solver of Newton's method -------------------------------------------------
+
+    def predicted_seconds(self) -> float:
+        return seconds_of_multigrid(self.operator.stiffness)
 
     def update(self) -> None:
         with logged("ContactJacobian"):
