@@ -11,6 +11,7 @@ from textbook import SymmetricGuess, Textbook
 
 from dolfinx_contact.continuation import Follower, StepControl
 from dolfinx_contact.continuation.bordered import Bordered
+from dolfinx_contact.continuation.factorised import Factorised
 from dolfinx_contact.continuation.krylov import Krylov
 
 COMM = MPI.COMM_WORLD
@@ -125,3 +126,33 @@ def test_3d_branch():
     assert len(mine.special) > 5
     assert mine.factorisations == 0
     assert 1 <= builds < len(mine.points)
+
+
+@pytest.mark.parametrize("n", [3, 5])
+def test_parity_is_that_of_mumps(n):
+    """A foot with much friction, held in random pieces: the sign of MUMPS, but for a constant."""
+    quotients, seen, made = set(), set(), []
+    args = demo_3d_branch.arguments(["--n", str(n), "--friction", "12"])
+    for solver in ("amg", "direct"):
+        PETSc.Options()["contact_linear_solver"] = solver
+        system, _ = demo_3d_branch.foot(args, COMM)
+        made.append((system, Bordered(system, gamma_scale=1.0)))
+        assert type(made[-1][1].solver) is (Krylov if solver == "amg" else Factorised)
+    system, krylov = made[0]
+    x = system.probe(5)
+    x.scale(1e-2 / x.norm())
+    y, row = krylov.vector(), krylov.last_unit()
+    krylov.join(x, 0.5, y)
+    generator = np.random.default_rng(1)
+    whole = len(system.letters(system.piece_at(x, 0.5)))
+    for _ in range(12):
+        word = "".join(generator.choice(list("oss"), size=whole))
+        signs = []
+        for s, b in made:
+            b.solver.assemble(y, row, s.piece_of(word))
+            signs.append(b.solver.determinant_sign())
+        quotients.add(signs[0] * signs[1])
+        seen.add(signs[1])
+    assert len(quotients) == 1
+    assert 0 not in quotients
+    assert seen == {-1.0, 1.0}
