@@ -4,6 +4,10 @@
 Every class takes numbers, Constants, Functions or UFL expressions; numbers become Constants when a
 form is made, so that another value needs no new compilation. The bulk of a contact problem may
 also be any other UFL energy or residual.
+
+FFCx integrates hyperelastic energies on quadrilaterals and hexahedra by rules of a degree that it
+estimates far too high (17 for a neo-Hookean hexahedron: 3 ms a cell, where degree 4 takes 0.1 ms).
+Say what is enough: ``material.energy(u) * ufl.dx(metadata={"quadrature_degree": 4})``.
 """
 
 from __future__ import annotations
