@@ -20,6 +20,8 @@ from dolfinx_contact import (
     Sphere,
     Tresca,
 )
+from dolfinx_contact.augmentation import softness
+from dolfinx_contact.bulk import Bulk
 from dolfinx_contact.materials import LinearElastic, NeoHookean
 from dolfinx_contact.solvers import solve_nested
 from dolfinx_contact.solvers.forcing import Forcing
@@ -126,6 +128,18 @@ def test_filter_leaves_nothing_on_the_surface():
     on_surface = np.abs(rest.array_r[solver.filter.surface.local]).max(initial=0.0)
     assert COMM.allreduce(on_surface, op=max) < 1e-10 * z.norm() * problem.stiffness_scale
     assert rest.norm() < 10 * r.norm()
+
+
+@pytest.mark.parametrize(("cell", "dim"), [("quad", 2), ("tet", 3)])
+@pytest.mark.parametrize("poisson", [0.3, 0.499])
+def test_softness_is_that_of_the_moduli(cell, dim, poisson):
+    domain = box(COMM, 3, cell)
+    V = fem.functionspace(domain, ("Lagrange", 1, (dim,)))
+    u = fem.Function(V)
+    energy = LinearElastic.from_young(7.0, poisson).energy(u) * ufl.dx
+    lmbda = 2 * poisson / (1 - 2 * poisson)  # over mu
+    expected = 2 / (2 + 2 * lmbda / (dim + 1))
+    assert softness(Bulk(energy, u).stiffness(), V) == pytest.approx(expected)
 
 
 def test_preconditioner_for_other_systems():
