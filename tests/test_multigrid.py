@@ -22,9 +22,12 @@ from dolfinx_contact import (
     Sphere,
     Tresca,
 )
+from dolfinx_contact.augmentation import softness
+from dolfinx_contact.bulk import Bulk
 from dolfinx_contact.materials import LinearElastic, NeoHookean
 from dolfinx_contact.solvers import solve_nested
 from dolfinx_contact.solvers.forcing import Forcing
+from dolfinx_contact.solvers.multigrid import Multigrid
 
 COMM = MPI.COMM_WORLD
 AMG = {"linear_solver": "amg"}
@@ -128,6 +131,53 @@ def test_filter_leaves_nothing_on_the_surface():
     on_surface = np.abs(rest.array_r[solver.filter.surface.local]).max(initial=0.0)
     assert COMM.allreduce(on_surface, op=max) < 1e-10 * z.norm() * problem.stiffness_scale
     assert rest.norm() < 10 * r.norm()
+
+
+def test_correction_solves_the_rows_of_the_surface():
+    """With the status held and slips nearly straight, one correction leaves nothing there."""
+    problem = block(cell="hex", n=4, options=AMG)
+    problem.solve()
+    solver, s = problem.linear_solver, problem.linear_solver.filter.surface
+    x, noise, b, d = (problem.create_vector() for _ in range(4))
+    problem.write(x)
+    noise.setRandom()
+    x.axpy(1e-8, noise)
+    with problem.status_held():
+        problem.residual(x, b)
+        before = COMM.allreduce(np.sum(b.array_r[s.local] ** 2))
+        assert solver.correct(b, d)
+        x.axpy(-1.0, d)
+        problem.residual(x, b)
+    assert COMM.allreduce(np.sum(b.array_r[s.local] ** 2)) < 1e-6 * before
+    elsewhere = np.setdiff1d(np.arange(d.getLocalSize()), s.local)
+    assert not d.array_r[elsewhere].any()
+    assert not solver.correct(b, d)  # nothing is left to correct
+
+
+@pytest.mark.parametrize("obstacle", [None, Sphere((0.5, 0.5, -10.0), 10.0)], ids=["plane", "ball"])
+def test_corrections_save_steps(obstacle, monkeypatch):
+    """From a coarser mesh, where single points are left to change their status."""
+    options = dict(cell="tet", options={**AMG, "snes_rtol": 1e-8}, top=(0.004, 0.0, -0.02))
+    if obstacle is not None:
+        options["obstacle"] = obstacle
+    fine = []
+    for _ in range(2):
+        fine.append(solve_nested([block(**options, n=n) for n in (8, 16)])[-1])
+        monkeypatch.setattr(Multigrid, "correct", lambda *_: False)
+    assert fine[0].iterations < fine[1].iterations
+    assert fine[0].attempts[0].krylov_iterations < fine[1].attempts[0].krylov_iterations
+
+
+@pytest.mark.parametrize(("cell", "dim"), [("quad", 2), ("tet", 3)])
+@pytest.mark.parametrize("poisson", [0.3, 0.499])
+def test_softness_is_that_of_the_moduli(cell, dim, poisson):
+    domain = box(COMM, 3, cell)
+    V = fem.functionspace(domain, ("Lagrange", 1, (dim,)))
+    u = fem.Function(V)
+    energy = LinearElastic.from_young(7.0, poisson).energy(u) * ufl.dx
+    lmbda = 2 * poisson / (1 - 2 * poisson)  # over mu
+    expected = 2 / (2 + 2 * lmbda / (dim + 1))
+    assert softness(Bulk(energy, u).stiffness(), V) == pytest.approx(expected)
 
 
 def test_preconditioner_for_other_systems():

@@ -23,7 +23,7 @@ __all__ = ["Hierarchy", "rigid_body_space"]
 
 _GAMG: dict[str, Any] = {
     "pc_type": "gamg",
-    "pc_gamg_threshold": 0.02,
+    "pc_gamg_threshold": 0.005,
     "pc_gamg_aggressive_coarsening": 1,
     "mg_levels_ksp_type": "chebyshev",
     "mg_levels_pc_type": "jacobi",

@@ -69,6 +69,18 @@ class LinearSolver:
     def prepare(self, ksp: PETSc.KSP, step: Step, target: float) -> None:
         """See to tolerances and preconditioner for the step from the iterate ``step``."""
 
+    def correct(self, residual: PETSc.Vec, correction: PETSc.Vec) -> bool:
+        """What to subtract to solve the rows of the contact surface for its unknowns. Collective.
+
+        Args:
+            residual: at the Functions and the status as they are.
+            correction: receives the solution, zero off the surface.
+
+        Returns:
+            Whether there is anything to correct, and a solver for it.
+        """
+        return False
+
     def retry(self, ksp: PETSc.KSP) -> bool:
         """Whether there is something better to try after a linear solve that failed. Collective."""
         return False

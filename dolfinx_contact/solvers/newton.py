@@ -33,6 +33,7 @@ _DEFAULTS: dict[str, Any] = {
     "snes_rtol": 1e-10,
     "snes_max_it": 40,
 }
+_GROWTH = 10.0  # of the norm of H that a correction of the surface may cause
 
 
 class Newton:
@@ -49,6 +50,7 @@ class Newton:
         self.snes = PETSc.SNES().create(problem.comm)
         self.b = problem.create_vector()
         self.offset = problem.create_vector()  # H(x_0), for load increments
+        self._after = [self.b.duplicate() for _ in range(3)]  # a step, residual, correction
         self.load = 1.0
         self.scales = Scales(problem)
         self.snes.setFunction(self._function, self.b)
@@ -59,6 +61,8 @@ class Newton:
         defaults = {**_DEFAULTS, **self.linear.defaults, "snes_linesearch_type": line_search}
         self.options = {**defaults, **problem.petsc_options}
         self.linear.attach(self.snes.getKSP())
+        if self._full_steps:
+            self.snes.setLineSearchPreCheck(self._correct)
         with options_in_database(problem.prefix, self.options):
             self.snes.setFromOptions()
         self.snes.setTolerances(atol=0.0, stol=0.0)
@@ -71,7 +75,7 @@ class Newton:
         return self
 
     def __exit__(self, *_: object) -> None:
-        for thing in (self.snes, self.b, self.offset):
+        for thing in (self.snes, self.b, self.offset, *self._after):
             thing.destroy()
 
     def run(self, x: PETSc.Vec, attempt: Attempt) -> bool:
@@ -112,6 +116,26 @@ class Newton:
         self.linear.update()
         tolerance = self.snes.getTolerances()[0]
         self.linear.prepare(self.snes.getKSP(), self.attempt.steps[-1], tolerance)
+
+    def _correct(self, x: PETSc.Vec, step: PETSc.Vec) -> None:
+        """Put the contact surface right after the full step x - step.
+
+        A Newton step on the rows of the surface for its own unknowns, with the rest of the body
+        held, as in nonlinear elimination (Lanzkron, Rose and Wilkes, SIAM J. Sci. Comput. 17, 1996)
+        and truncated nonsmooth Newton multigrid (Graeser and Kornhuber, J. Comput. Math. 27, 2009):
+        points at the edge of the contact settle their status without a step of the whole body for
+        each. A nearly incompressible body that is held is too stiff for that; H then grows much.
+        """
+        after, b, d = self._after
+        after.waxpy(-1.0, step, x)
+        self._function(self.snes, after, b)
+        if not self.linear.correct(b, d):
+            return
+        size = b.norm()
+        after.axpy(-1.0, d)
+        self._function(self.snes, after, b)
+        if b.norm() < _GROWTH * size:
+            step.axpy(1.0, d)
 
     def _test(self, snes: PETSc.SNES, it: int, _norms: tuple[float, float, float]) -> int:
         problem = self.problem

@@ -53,8 +53,12 @@ class ContactOperator:
 
     def update(self) -> None:
         """Assemble at the Functions and the status of the problem as they are. Collective."""
+        self.stiffness = self.problem.bulk.stiffness()
+        self.update_contact()
+
+    def update_contact(self) -> None:
+        """Assemble S alone, which for a body that is not linear leaves K behind. Collective."""
         p = self.problem
-        self.stiffness = p.bulk.stiffness()
         removed = p.constraints.multiplier_bcs
         assemble_block_matrix(self.contact, p.contact_jacobian, removed, self.diagonal)
 

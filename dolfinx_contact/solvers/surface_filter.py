@@ -97,7 +97,7 @@ class SurfaceFilter:
         squares = np.array([np.sum(r.array_r[s] ** 2), np.sum(r.array_r**2)])
         on_surface, whole = self.comm.allreduce(squares)
         if on_surface > _NEGLIGIBLE**2 * whole:
-            self._solve_surface(t.array_r[s], z)
+            z.array[s] += self.solve(t.array_r[s])
             A.mult(A.matrix, z, self._e)
             t.axpy(-1.0, self._e)
         tu = self._tu.array
@@ -121,18 +121,18 @@ class SurfaceFilter:
         rest[: self.surface.nodes] -= Kz.array_r
         Kz.destroy()
         rest[self.surface.fixed] = 0.0
-        self._solve_surface(rest, z)
+        z.array[s] += self.solve(rest)
 
     def determinant_sign(self) -> float:
         """Sign of the determinant of the surface block, up to a constant factor. Collective."""
         assert self.block is not None
         return self.block.factor.determinant_sign()
 
-    def _solve_surface(self, residual: npt.NDArray[np.float64], z: PETSc.Vec) -> None:
-        """Add the exact solution on s for ``residual`` there to ``z``."""
+    def solve(self, residual: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """The unknowns on s for a residual there, local parts. Collective."""
         assert self.block is not None
         with logged("ContactSurface"):
-            z.array[self.surface.local] += self.block.solve(residual)
+            return self.block.solve(residual)
 
     def release(self) -> None:
         """Free the PETSc objects."""
