@@ -43,7 +43,7 @@ def test_path_with_two_nonsmooth_folds(kinks):
             assert high - low < 6 * 16 * control.minimum
 
 
-@pytest.mark.parametrize("kinks", ["batched", "stepping"])
+@pytest.mark.parametrize("kinks", ["batched", pytest.param("stepping", marks=pytest.mark.chatty)])
 def test_vee(kinks):
     """The V-shaped body: folds where the exact passage has them, three solutions at 0.7."""
     runs = {}
@@ -169,6 +169,7 @@ def test_a_change_of_parity_in_a_batch_is_located():
     assert len(special.others) == 2
 
 
+@pytest.mark.chatty
 def test_reuse_of_a_factorisation_changes_nothing():
     """The vee with one factorisation for many matrices, and with one for each."""
     branches = []

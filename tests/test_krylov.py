@@ -70,7 +70,7 @@ def follow_vee(solver, kinks, *options):
     return branch, letters, signs
 
 
-@pytest.mark.parametrize("kinks", ["exact", "batched"])
+@pytest.mark.parametrize("kinks", ["exact", pytest.param("batched", marks=pytest.mark.chatty)])
 def test_vee(kinks):
     """Two nonsmooth folds, between which the determinant of H_x has the other sign."""
     branch, letters, signs = follow_vee("amg", kinks)
@@ -92,6 +92,7 @@ def test_vee(kinks):
     assert signs[0] == signs[-1]
 
 
+@pytest.mark.chatty
 def test_large_deformation():
     """A hyperelastic body with its support moved: its stiffness changes all along."""
     options = ("--law", "neo-hookean", "--friction", "0.8", "--drive-top", "0.4", "-0.05")
@@ -106,6 +107,7 @@ def test_large_deformation():
     assert ends[0].norm() < 1e-8 * size
 
 
+@pytest.mark.chatty
 def test_3d_branch():
     """The foot, every event located: those of the direct solver, and the hierarchy rebuilt."""
     branches = []

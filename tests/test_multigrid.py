@@ -65,18 +65,17 @@ PROBLEMS = {
 }
 
 
-#: Left out on more than two ranks, which takes long on few cores.
-FEW_RANKS = (
+CHATTY = (
     *("2D quad, disc", "frictionless", "Tresca", "tilted", "sliding", "no contact"),
     *("P2/P2", "P2 in 3D", "r forced"),
 )
 
 
-@pytest.mark.parametrize("name", PROBLEMS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=pytest.mark.chatty) if n in CHATTY else n for n in PROBLEMS]
+)
 def test_same_as_direct(name):
     """Tight tolerances give the answer of MUMPS to 1e-8, the defaults to 1e-6."""
-    if COMM.size > 2 and name in FEW_RANKS:
-        pytest.skip("on one and two ranks only")
     options = PROBLEMS[name]
     direct = block(**options, options={"snes_rtol": 1e-11}).solve()
     for tolerances, accuracy in ((TIGHT, 1e-8), (AMG, 1e-6)):

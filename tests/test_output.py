@@ -356,7 +356,15 @@ def drawn(file):
     return COMM.bcast(count)
 
 
-@pytest.mark.parametrize(("cell", "degree"), [("tri", 1), ("quad", 2), ("hex", 1), ("tet", 2)])
+@pytest.mark.parametrize(
+    ("cell", "degree"),
+    [
+        pytest.param("tri", 1, marks=pytest.mark.chatty),
+        pytest.param("quad", 2, marks=pytest.mark.chatty),
+        ("hex", 1),
+        ("tet", 2),
+    ],
+)
 def test_pictures(folder, cell, degree):
     three_d = cell in ("tet", "hex")
     if three_d and shutil.which("Xvfb") is None:

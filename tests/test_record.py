@@ -108,7 +108,11 @@ def test_fields_come_back_exactly(whole):
 
 @pytest.mark.parametrize(
     ("cell", "method", "degree"),
-    [("tri", "integral", 2), ("tri", "mixed", 1), ("tet", "nodal", 1)],
+    [
+        ("tri", "integral", 2),
+        pytest.param("tri", "mixed", 1, marks=pytest.mark.chatty),
+        ("tet", "nodal", 1),
+    ],
 )
 def test_every_discretisation_resumes(cell, method, degree, folder):
     """A few steps, then a few more from the disk: the same as all at once."""
@@ -257,6 +261,7 @@ def task(r, **changes):
 # -- resuming --------------------------------------------------------------------------------------
 
 
+@pytest.mark.chatty
 def test_a_damaged_checkpoint_is_passed_over(whole, folder):
     """The run goes on from the checkpoint before; if all are damaged, an error says so."""
     system, functionals = moved_block(COMM)
@@ -334,6 +339,7 @@ def test_a_journal_without_a_complete_line_starts_afresh(folder):
     assert len(read_journal(folder).branches[0].points) == 2
 
 
+@pytest.mark.chatty
 def test_several_branches_in_one_record(folder):
     """Two branches of one follower; each is resumed by its number. Then the pictures."""
     system, functionals = moved_block(COMM)

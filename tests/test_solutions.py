@@ -49,6 +49,7 @@ def gould():
     return smooth(4, H, J, lambda z, g: np.zeros(4))
 
 
+@pytest.mark.chatty
 def test_gould():
     """Three KKT points from one guess (Gould's nonconvex problem)."""
     system = gould()
