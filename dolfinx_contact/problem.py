@@ -390,6 +390,12 @@ class ContactProblem:
             self._linear_solver = create_linear_solver(self)
         return self._linear_solver
 
+    @linear_solver.setter
+    def linear_solver(self, solver: LinearSolver) -> None:
+        if self._linear_solver is not None:
+            self._linear_solver.destroy()
+        self._linear_solver = solver
+
     def destroy(self) -> None:
         """Free matrices and solvers."""
         self.bulk.destroy()

@@ -25,7 +25,7 @@ from dolfinx_contact import (
 from dolfinx_contact.augmentation import softness
 from dolfinx_contact.bulk import Bulk
 from dolfinx_contact.materials import LinearElastic, NeoHookean
-from dolfinx_contact.solvers import solve_nested
+from dolfinx_contact.solvers import linear, solve_nested
 from dolfinx_contact.solvers.forcing import Forcing
 from dolfinx_contact.solvers.multigrid import Multigrid
 
@@ -228,6 +228,27 @@ def test_choice():
         _ = block(cell="tri", n=4, options={"linear_solver": "magic"}).linear_solver
     PETSc.Options()["contact_linear_solver"] = "direct"
     assert block(cell="tri", n=4, options=AMG).linear_solver.name == "direct"
+
+
+def test_a_direct_solver_takes_over(monkeypatch, caplog):
+    """Where multigrid stagnates and nobody asked for it; unless memory is short."""
+    monkeypatch.setattr(linear, "_LARGEST_DIRECT", {3: 10})
+    options = {"ksp_rtol": 1e-12, "ksp_max_it": 2}
+    direct = block(cell="tet", n=4, options={"linear_solver": "direct"}).solve()
+    problem = block(cell="tet", n=4, options=options)
+    assert problem.linear_solver.name == "amg"
+    result = problem.solve()
+    assert problem.linear_solver.name == "direct"
+    assert result.reason == "full steps"
+    same(result.tables["contact"], direct.tables["contact"], 1e-8)
+    assert COMM.rank > 0 or "the direct solver takes over" in caplog.text
+
+    assert linear.available_gigabytes(COMM) > 0
+    monkeypatch.setattr(linear, "available_gigabytes", lambda _: 0.0)
+    problem = block(cell="tet", n=4, options={**options, "snes_max_it": 2})
+    with pytest.raises(ConvergenceError, match="stagnated"):
+        problem.solve()
+    assert problem.linear_solver.name == "amg"
 
 
 def test_stagnation_says_what_to_try():

@@ -28,6 +28,7 @@ from dolfinx_contact._petsc import staged
 from dolfinx_contact.result import Result, collect
 from dolfinx_contact.solvers.errors import ConvergenceError, FloatingBodyError
 from dolfinx_contact.solvers.history import Attempt, Step
+from dolfinx_contact.solvers.linear import direct_instead
 from dolfinx_contact.solvers.newton import Newton
 from dolfinx_contact.solvers.pivoting import pivot
 
@@ -113,7 +114,11 @@ def _ladder(problem: ContactProblem, increments: int) -> list[tuple[str, _Run]]:
     def newton(line_search: str) -> _Run:
         def run(x: PETSc.Vec, attempt: Attempt, monitor: Any) -> bool:
             with Newton(problem, line_search, monitor) as solver:
-                return solver.run(x, attempt)
+                done, stagnated = solver.run(x, attempt), solver.stagnated
+            if stagnated and direct_instead(problem):
+                with Newton(problem, line_search, monitor) as solver:
+                    done = solver.run(x, attempt)
+            return done
 
         return run
 

@@ -4,16 +4,21 @@
 ``<prefix>linear_solver`` is ``auto`` (default), ``direct`` or ``amg``. Direct is any KSP and PC on
 the assembled Jacobian, by default MUMPS; amg is `multigrid.Multigrid`. Automatically, problems up
 to 10^5 unknowns in 2D and 5 10^3 in 3D are solved directly, and so are those for which the user
-has chosen a ``ksp_type`` or ``pc_type``.
+has chosen a ``ksp_type`` or ``pc_type``. Where multigrid stagnates the direct solver takes over, if
+the memory that is free suffices.
 """
 
 from __future__ import annotations
 
 import logging
 import time
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mpi4py import MPI
 from petsc4py import PETSc
+
+import numpy as np
 
 from dolfinx_contact._petsc import logged
 
@@ -26,6 +31,7 @@ __all__ = ["Direct", "LinearSolver", "create_linear_solver", "predicted_gigabyte
 logger = logging.getLogger(__name__)
 
 _KINDS = ("auto", "direct", "amg")
+_MEMORY = Path("/proc/meminfo")
 _LARGEST_DIRECT = {2: 100_000, 3: 5_000}
 
 #: Factor and power of the number of unknowns, by dimension, that give the gigabytes of MUMPS:
@@ -158,6 +164,36 @@ def create_linear_solver(problem: ContactProblem) -> LinearSolver:
             predicted_gigabytes("direct", size, dim),
         )
     return solver
+
+
+def direct_instead(problem: ContactProblem) -> bool:
+    """Let the direct solver take over from multigrid, if that was no wish and memory allows.
+
+    Collective.
+    """
+    asked = (_option(problem, "linear_solver") or "auto") != "auto"
+    if asked or problem.linear_solver.name == "direct":
+        return False
+    size, dim = sum(problem.global_sizes), problem.V.mesh.geometry.dim
+    needed, free = predicted_gigabytes("direct", size, dim), available_gigabytes(problem.comm)
+    if needed > free:
+        logger.warning("a direct solver needs about %.2g GB, of which %.2g are free", needed, free)
+        return False
+    logger.warning("the direct solver takes over: about %.2g GB", needed)
+    problem.linear_solver = Direct(problem)
+    return True
+
+
+def available_gigabytes(comm: MPI.Comm) -> float:
+    """Memory that is free on all hosts, 10^9 bytes; inf if they do not say. Collective."""
+    host = comm.Split_type(MPI.COMM_TYPE_SHARED)
+    mine = 0.0
+    if host.rank == 0:
+        lines = _MEMORY.read_text().splitlines() if _MEMORY.exists() else []
+        found = [int(line.split()[1]) for line in lines if line.startswith("MemAvailable:")]
+        mine = 1024e-9 * found[0] if found else np.inf
+    host.Free()
+    return float(comm.allreduce(mine))
 
 
 def seconds_of_multigrid(K: PETSc.Mat) -> float:

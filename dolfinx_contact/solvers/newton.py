@@ -102,6 +102,11 @@ class Newton:
             ksp.reset()  # MUMPS does not recover from a singular matrix
         return bool(reason > 0)
 
+    @property
+    def stagnated(self) -> bool:
+        """Whether the last run ended with a linear system that was not solved."""
+        return bool(self.snes.getConvergedReason() == _LINEAR)
+
     def _function(self, _snes: PETSc.SNES, x: PETSc.Vec, b: PETSc.Vec) -> None:
         with logged("ContactResidual"):
             self.problem.residual(x, b)
