@@ -23,13 +23,11 @@ from ufl.algorithms.analysis import extract_constants
 from dolfinx_contact._compat import interpolation_points
 from dolfinx_contact._errors import require
 from dolfinx_contact.condensed import CondensedContact, can_condense
-from dolfinx_contact.continuation import BranchPoint, Events, Piece
+from dolfinx_contact.continuation import BranchPoint, Events, Piece, Preconditioner
 from dolfinx_contact.laws import Status
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.result import Result, by_coordinates, collect
-from dolfinx_contact.solvers.errors import LinearSolverError
 from dolfinx_contact.solvers.measures import Scales
-from dolfinx_contact.solvers.multigrid import Multigrid
 from dolfinx_contact.surface import ContactSurface
 
 __all__ = ["ParametricContact"]
@@ -201,10 +199,9 @@ class ParametricContact:
     # -- System ----------------------------------------------------------------------------------
 
     @property
-    def preconditioner(self) -> Multigrid | None:
+    def preconditioner(self) -> Preconditioner | None:
         """That of the problem's linear solver; None if it is a direct one. Collective."""
-        solver = self.problem.linear_solver
-        return solver if isinstance(solver, Multigrid) else None
+        return self.problem.linear_solver.preconditioner
 
     @property
     def matrix(self) -> PETSc.Mat:
@@ -222,16 +219,9 @@ class ParametricContact:
     def jacobian(self, x: PETSc.Vec, gamma: float, piece: Piece | None) -> None:
         self._set(gamma, piece)
         with self.problem.status_held(piece is not None):
-            problem = self.problem
-            if self.preconditioner is None:
-                problem.jacobian(x, self.matrix)
-                return
-            problem.read(x)
-            problem.update_status()
-            try:
-                problem.linear_solver.update()
-            except LinearSolverError as error:
-                raise ArithmeticError(str(error)) from error
+            self.problem.read(x)
+            self.problem.update_status()
+            self.problem.linear_solver.update()
 
     def parameter_derivative(
         self, x: PETSc.Vec, gamma: float, c: PETSc.Vec, piece: Piece | None

@@ -15,6 +15,8 @@ from dolfinx_contact.continuation.system import (
     Events,
     ManyPieces,
     Piece,
+    Preconditioned,
+    Preconditioner,
     System,
 )
 
@@ -36,6 +38,8 @@ __all__ = [
     "Observers",
     "Piece",
     "Pivoting",
+    "Preconditioned",
+    "Preconditioner",
     "Ray",
     "Route",
     "Solution",

@@ -28,5 +28,5 @@ class FloatingBodyError(ConvergenceError):
     """A rigid motion of the body is held neither by Dirichlet data nor by contact."""
 
 
-class LinearSolverError(RuntimeError):
+class LinearSolverError(ArithmeticError):
     """The linear system of a Newton step could not be solved; the message says why."""

@@ -23,6 +23,7 @@ import numpy as np
 from dolfinx_contact._petsc import logged
 
 if TYPE_CHECKING:
+    from dolfinx_contact.continuation import Preconditioner
     from dolfinx_contact.problem import ContactProblem
     from dolfinx_contact.solvers.history import Step
 
@@ -60,6 +61,11 @@ class LinearSolver:
     name: str
     matrix: PETSc.Mat
     defaults: dict[str, Any]
+
+    @property
+    def preconditioner(self) -> Preconditioner | None:
+        """For systems that contain the Jacobian; None where it is to be factorised."""
+        return None
 
     def attach(self, ksp: PETSc.KSP) -> None:
         """Prepare a KSP, before it reads its options."""

@@ -76,6 +76,10 @@ class Multigrid(LinearSolver):
 
     # -- as the preconditioner of a system that is followed --------------------------------------
 
+    @property
+    def preconditioner(self) -> Multigrid:
+        return self
+
     def apply(self, r: PETSc.Vec, z: PETSc.Vec) -> None:
         """P^-1 r into ``z``, P as `update` left it. Collective."""
         self.filter.apply(None, r, z)
