@@ -24,9 +24,9 @@ __all__ = ["Corrector"]
 _NEARLY_SINGULAR = 1e8
 #: Relative residuals of linear solves, where exactness has a price: at most, beyond what the
 #: tolerance of the step asks for, and for one more correction within it.
-_COARSEST, _RESERVE, _POLISHED = 1e-3, 0.1, 1e-4
+_COARSEST, _RESERVE, _POLISHED = 1e-2, 0.1, 1e-4
 #: Relative residual of a tangent that is no more than a direction to step along.
-_TO_STEP_ALONG = 1e-5
+_TO_STEP_ALONG = 1e-4
 
 
 class _BorderedSolve:

@@ -39,7 +39,9 @@ __all__ = ["Krylov"]
 logger = logging.getLogger(__name__)
 
 _PRECISE = 1e-9  # relative residual when nothing less is asked for
-_SIGN = 1e-5  # and of solves that tell the sign of the determinant
+# And of solves that tell the sign of the determinant: well below 1 / sqrt(N), the part of a random
+# right-hand side along one of N eigenvectors.
+_SIGN = 1e-5
 
 
 class Krylov(BorderedSolver):
