@@ -19,7 +19,6 @@ from mpi4py import MPI
 import elasticity_ratio
 import numpy as np
 
-
 _PER_STEP = 2  # factorisations on the surface in a Newton step and its correction
 
 

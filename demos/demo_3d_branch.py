@@ -13,8 +13,8 @@
 # from the rim of the contact area inwards, until the last point that stuck gives way. The law is
 # that of the static problem, without memory: a point sticks as long as it has not moved sideways.
 #
-# Above 5000 unknowns a Krylov method with multigrid takes the place of factorisations: `--n 32`, with
-# 1.1 10^5 unknowns and a thousand events, is a matter of minutes on two ranks.
+# Above 5000 unknowns a Krylov method with multigrid takes the place of factorisations: `--n 32`,
+# with 1.1 10^5 unknowns and a thousand events, is a matter of minutes on two ranks.
 
 import argparse
 from itertools import pairwise
