@@ -109,7 +109,7 @@ def test_large_deformation():
 
 @pytest.mark.chatty
 def test_3d_branch():
-    """The foot, every event located: those of the direct solver, and the hierarchy rebuilt."""
+    """The foot, every event located: those of the direct solver, with few hierarchies."""
     branches = []
     for solver in ("amg", "direct"):
         PETSc.Options()["contact_linear_solver"] = solver

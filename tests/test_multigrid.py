@@ -153,18 +153,16 @@ def test_correction_solves_the_rows_of_the_surface():
     assert not solver.correct(b, d)  # nothing is left to correct
 
 
-@pytest.mark.parametrize("obstacle", [None, Sphere((0.5, 0.5, -10.0), 10.0)], ids=["plane", "ball"])
-def test_corrections_save_steps(obstacle, monkeypatch):
-    """From a coarser mesh, where single points are left to change their status."""
-    options = dict(cell="tet", options={**AMG, "snes_rtol": 1e-8}, top=(0.004, 0.0, -0.02))
-    if obstacle is not None:
-        options["obstacle"] = obstacle
-    fine = []
+def test_corrections_save_steps(monkeypatch):
+    """Points at the edge of the contact settle their status without a step of the body for each."""
+    options = dict(cell="tet", n=16, options={**AMG, "snes_rtol": 1e-8}, top=(0.004, 0.0, -0.02))
+    ball = Sphere((0.5, 0.5, -10.0), 10.0)
+    steps = []
     for _ in range(2):
-        fine.append(solve_nested([block(**options, n=n) for n in (8, 16)])[-1])
+        problems = block(**options), block(**options, obstacle=ball)
+        steps.append(sum(problem.solve().iterations for problem in problems))
         monkeypatch.setattr(Multigrid, "correct", lambda *_: False)
-    assert fine[0].iterations < fine[1].iterations
-    assert fine[0].attempts[0].krylov_iterations < fine[1].attempts[0].krylov_iterations
+    assert steps[0] < steps[1]
 
 
 @pytest.mark.parametrize(("cell", "dim"), [("quad", 2), ("tet", 3)])
@@ -283,6 +281,29 @@ def test_hierarchy_is_kept():
     np.testing.assert_allclose(problem.solve().resultants["contact"], 2.2 * first, rtol=1e-6)
     assert problem.linear_solver.builds == 2
     assert problem.bulk.assemblies == 2
+
+
+def test_a_worn_hierarchy_is_rebuilt():
+    """Once it has cost more than another one, and only where that would be another one."""
+    problem = block(cell="tet", n=5, options=AMG)
+    problem.solve()
+    solver = problem.linear_solver
+    before = solver.builds
+    solver.build()
+    solver.wear(1000, 2.0)
+    solver.update()
+    assert solver.builds == before + 1  # the same nodes are closed
+    (surface,) = problem.surfaces
+    status = surface.status
+    status.active[: surface.num_owned_points // 2] = 0.0
+    surface.status = status
+    solver.wear(1, 2.0)  # it has been worn before
+    solver.update()
+    assert solver.builds == before + 2
+    solver.wear(10, 2.0)
+    surface.status = surface.evaluate_status()
+    solver.update()
+    assert solver.builds == before + 2  # not yet worth it
 
 
 def test_log():

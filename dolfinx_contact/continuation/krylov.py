@@ -137,7 +137,8 @@ class Krylov(BorderedSolver):
             r.aypx(-1.0, rhs)
             x, gamma = layout.split(near)
             g = layout.gamma(rhs) - float(self._w.dot(x)) - self._corner * gamma
-            layout.join(layout.split(r)[0], g, r)
+            if layout.last:
+                r.array[-1] = g
             self.eliminate(r, out)
             out.axpy(1.0, near)
         self.multiply(out, r)
