@@ -20,7 +20,8 @@ def parse_arguments(
     """Parse a script's command line, leaving PETSc's options to PETSc.
 
     Words that the parser does not know and that begin with one dash, such as
-    ``-contact_snes_monitor``, go to PETSc's database with their values; others are an error.
+    ``-contact_snes_monitor``, go to PETSc's database with their values; others are an error. With
+    ``-log_view`` logging begins here, since PETSc has been initialised without these words.
 
     Args:
         parser: knows the options of the script.
@@ -33,6 +34,8 @@ def parse_arguments(
     for word, value in pairwise([*rest, "-"]):
         if word.startswith("-"):
             database.setValue(word[1:], "" if value.startswith("-") else value)
+    if database.hasName("log_view") and not PETSc.Log.isActive():
+        PETSc.Log.begin()
     return args
 
 

@@ -73,6 +73,19 @@ class Constraints:
         f.x.scatter_forward()
         return f.x.array.reshape(-1, self._V.dofmap.index_map_bs).copy()
 
+    def approach(self, s: ContactSurface, u: npt.NDArray[np.float64]) -> float:
+        """How far Dirichlet data will move the body along the mean contact normal. Collective.
+
+        Args:
+            s: surface with that normal.
+            u: displacement of the local nodes, (n, dim).
+        """
+        n = s.vertices.dofmap.index_map.size_local
+        normal = s.comm.allreduce(s.vertex_normals[:n].sum(axis=0))
+        normal /= max(float(np.linalg.norm(normal)), 1e-300)
+        motion = np.where(self.fixed, self.values(fill=0.0) - u, 0.0)
+        return float(s.comm.allreduce(float((motion @ normal).max(initial=0.0)), op=max))
+
     def check_values(self, surfaces: Sequence[ContactSurface], size: float) -> None:
         """Raise ``ValueError`` if a clamped node is pushed into its obstacle. Collective."""
         values = self.values()

@@ -110,7 +110,7 @@ class ContactProblem:
         #: Raw residual of the displacement rows at the last evaluation (local): reactions on
         #: Dirichlet dofs.
         self.reactions: npt.NDArray[np.float64] = np.zeros(self.owned_sizes[0])
-        self.hold_status = False
+        self.hold_status: bool = False
         x = self.V.mesh.geometry.x
         low = self.comm.allreduce(x.min(axis=0, initial=np.inf), op=np.minimum)
         high = self.comm.allreduce(x.max(axis=0, initial=-np.inf), op=np.maximum)
@@ -241,6 +241,14 @@ class ContactProblem:
             with logged("ContactStatus"):
                 for s in self.surfaces:
                     s.status = s.evaluate_status()
+
+    def reach(self, s: ContactSurface) -> float:
+        """Gaps up to which points of ``s`` are expected to close, from an open state. Collective.
+
+        Half the motion that Dirichlet data prescribe, where the contact of Hertz ends.
+        """
+        u = self.u.x.array.reshape(-1, s.dim)
+        return 0.5 * self.constraints.approach(s, u)
 
     def residual(self, x: PETSc.Vec, b: PETSc.Vec) -> None:
         """H(x) into ``b``; the Functions and the status follow ``x``. Collective."""

@@ -267,8 +267,16 @@ class ContactSurface:
         return np.asarray(self._status_at_vertices()[0] > 0.5)
 
     def touching_status(self, tolerance: float) -> Status:
-        """Status in which every point whose present gap is at most ``tolerance`` sticks."""
-        closed = (self.state()["un"] <= tolerance).astype(float)
+        """Status in which all points whose gap is at most ``tolerance`` stick. Collective.
+
+        The gap is that of the displacement, also where averages of it are unknowns of their own.
+        """
+        if self.average is None:
+            gap = self.state()["un"]
+        else:
+            u = self.u.x.array.reshape(-1, self.dim)[self.vertex_trace_dofs]
+            gap = self.vertex_gaps - np.sum(u * self.vertex_normals, axis=1)
+        closed = (gap <= tolerance).astype(float)
         return Status(closed, closed.copy(), np.zeros_like(closed))
 
     def check_law(self) -> None:

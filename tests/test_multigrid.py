@@ -340,7 +340,7 @@ def test_nested_problems_must_agree():
 def test_forcing():
     forcing = Forcing()
     forcing.restart(warm=False)
-    assert forcing.tolerance(1.0, 1e-10, 1.0) == forcing.largest
+    assert forcing.tolerance(1.0, 1e-10, 1.0) == forcing.first
     assert forcing.tolerance(0.5, 1e-10, 0.5) == forcing.largest  # statuses change
     assert forcing.tolerance(5e-3, 1e-10, 0.0) == pytest.approx(0.9e-4)
     assert forcing.tolerance(5e-10, 1e-10, 0.0) == pytest.approx(0.002)  # no further than needed

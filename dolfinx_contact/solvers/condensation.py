@@ -23,11 +23,9 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact.solvers.operator import ContactOperator
-from dolfinx_contact.solvers.surface_block import SurfaceFactor, SurfaceSet
+from dolfinx_contact.solvers.surface_block import SurfaceFactor, SurfaceSet, combined, copied
 
 __all__ = ["CondensedBlock"]
-
-_DIFFERENT = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
 
 
 class CondensedBlock:
@@ -79,6 +77,10 @@ class CondensedBlock:
         self._K: PETSc.Mat | None = None
         self._C: PETSc.Mat | None = None
         self._L: PETSc.Mat | None = None
+        self._LW: PETSc.Mat | None = None
+        self._TLW: PETSc.Mat | None = None
+        self._TC: PETSc.Mat | None = None
+        self._EK: PETSc.Mat | None = None
         self._E: PETSc.Mat | None = None
         self._block: PETSc.Mat | None = None
         for thing in (B, inverse, ones):
@@ -86,33 +88,28 @@ class CondensedBlock:
 
     def set_stiffness(self, square: PETSc.Mat) -> None:
         """Take the stiffness among the contact nodes. Collective."""
-        if self._K is not None:
-            self._K.destroy()
-        self._K = square.copy()
+        self._K = copied(square, self._K)
         # Columns of Dirichlet dofs are zero; their rows are never used but as identities.
         rows = self._s.fixed + self._K.getOwnershipRange()[0]
         self._K.zeroRowsColumns(rows, diag=self._operator.diagonal)
 
     def update(self) -> None:
-        """Condense and factorise anew. Collective."""
+        """Condense and factorise anew. Collective.
+
+        Patterns never change: products, sums and the analysis of the LU are set up once.
+        """
         A, s = self._operator, self._s
         self._C = A.contact.createSubMatrix(s.multipliers, s.displacements, self._C)
         self._L = A.contact.createSubMatrix(s.multipliers, s.multipliers, self._L)
-        for thing in (self._E, self._block):
-            if thing is not None:
-                thing.destroy()
-        LW = self._L.matMult(self._W)
-        TLW = self._T.matMult(LW)
-        self._E = self._plain.copy()
-        self._E.axpy(-1.0, TLW, structure=_DIFFERENT)
-        self._block = self._E.matMult(self._K)
-        TC = self._T.matMult(self._C)
-        self._block.axpy(1.0, TC, structure=_DIFFERENT)
+        self._LW = self._L.matMult(self._W, self._LW)
+        self._TLW = self._T.matMult(self._LW, self._TLW)
+        self._E = combined(self._plain, -1.0, self._TLW, self._E)
+        self._EK = self._E.matMult(self._K, self._EK)
+        self._TC = self._T.matMult(self._C, self._TC)
+        self._block = combined(self._EK, 1.0, self._TC, self._block)
         # Dirichlet columns of C as well.
         rows = s.fixed + self._block.getOwnershipRange()[0]
         self._block.zeroRowsColumns(rows, diag=A.diagonal)
-        for thing in (LW, TLW, TC):
-            thing.destroy()
         self.factor.factorise(self._block)
 
     def solve(self, residual: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
@@ -134,7 +131,7 @@ class CondensedBlock:
     def release(self) -> None:
         """Free the PETSc objects."""
         self.factor.release()
-        made = (self._K, self._C, self._L, self._E, self._block)
+        made = (self._K, self._C, self._L, self._LW, self._TLW, self._TC, self._EK, self._E)
         mine = (self._T, self._W, self._plain, self._rc, self._x, self._rl, self._y, self._b)
-        for thing in (*mine, self._t, *(m for m in made if m is not None)):
+        for thing in (*mine, self._t, *(m for m in (*made, self._block) if m is not None)):
             thing.destroy()

@@ -21,7 +21,8 @@ class Forcing:
     """Relative tolerances of successive linear solves.
 
     Attributes:
-        largest: the tolerance of the first step and while many statuses change.
+        largest: the tolerance while many statuses change.
+        first: that of the first step, which is to carry prescribed motions to the surface.
         warm: the same for a start that is close to a solution, where an inexact step would make
             statuses change that are right already.
         gamma: factor of the squared reduction.
@@ -32,6 +33,7 @@ class Forcing:
     """
 
     largest: float = 1e-1
+    first: float = 3e-2
     warm: float = 1e-3
     gamma: float = 0.9
     smallest: float = 1e-10
@@ -71,7 +73,7 @@ class Forcing:
         if self._waited > self.patience:
             self.tighten()
             self._waited = 0
-        eta = self._cap
+        eta = self._cap if self._last > 0 else min(self._cap, self.first)
         if self._last > 0 and changed <= self.many:
             eta = self.gamma * min(residual / self._last, 1.0) ** 2
             safeguard = self.gamma * self._eta**2

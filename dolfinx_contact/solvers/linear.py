@@ -78,8 +78,15 @@ class LinearSolver:
         """What a cold solve may take, from measured runs. Collective."""
         raise NotImplementedError
 
-    def prepare(self, ksp: PETSc.KSP, step: Step, target: float) -> None:
-        """See to tolerances and preconditioner for the step from the iterate ``step``."""
+    def prepare(self, ksp: PETSc.KSP, step: Step, target: float, *, warm: bool) -> None:
+        """See to tolerances and preconditioner for the step from the iterate ``step``. Collective.
+
+        Args:
+            ksp: to prepare.
+            step: the iterate.
+            target: relative residual at which Newton's method ends.
+            warm: whether it began from a state in contact.
+        """
 
     def correct(self, residual: PETSc.Vec, correction: PETSc.Vec) -> bool:
         """What to subtract to solve the rows of the contact surface for its unknowns. Collective.

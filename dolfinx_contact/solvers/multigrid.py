@@ -124,7 +124,7 @@ class Multigrid(LinearSolver):
     def _closed(self) -> npt.NDArray[np.bool_]:
         """Owned displacement dofs of the nodes to glue: those that are closed. Collective.
 
-        Where nothing is closed yet a guess takes their place (`_expected`).
+        Where nothing is closed yet a guess takes their place.
         """
         V = self._problem.V
         bs, n = V.dofmap.index_map_bs, V.dofmap.index_map.size_local
@@ -133,7 +133,8 @@ class Multigrid(LinearSolver):
         for s in self._problem.surfaces:
             closed = s.closed_vertices()
             if not self.comm.allreduce(int(closed.any())):
-                closed = s.vertex_gaps <= self._reach()
+                # A hierarchy that is glued too far costs less than one that is glued too little.
+                closed = s.vertex_gaps <= (self._problem.reach(s) or np.inf)
             marks.array[s.vertex_trace_dofs[closed]] = 1.0
         marks.scatter_reverse(la.InsertMode.add)
         if any(s.degrees[0] > 1 for s in self._problem.surfaces):
@@ -145,23 +146,11 @@ class Multigrid(LinearSolver):
                 marks.array[closures[whole].reshape(-1)] = 1.0
         return np.repeat(marks.array[:n] > 0, bs)
 
-    def _reach(self) -> float:
-        """Gaps up to which nodes are expected to close, from a state that is open everywhere.
-
-        Half the largest prescribed motion: where Hertz's contact ends. Without such a motion all
-        nodes are expected to close, since a hierarchy that is glued too far costs less than one
-        that is glued too little.
-        """
-        motion = np.abs(self._problem.constraints.values(fill=0.0)).max(initial=0.0)
-        motion = self.comm.allreduce(float(motion), op=max)
-        return 0.5 * motion if motion > 0 else np.inf
-
-    def prepare(self, ksp: PETSc.KSP, step: Step, target: float) -> None:
+    def prepare(self, ksp: PETSc.KSP, step: Step, target: float, *, warm: bool) -> None:
         if PETSc.Options().hasName((ksp.getOptionsPrefix() or "") + "ksp_rtol"):
             return
         if step.iteration == 0:
-            closed = any(s.status.active.any() for s in self._problem.surfaces)
-            self.forcing.restart(warm=bool(self.comm.allreduce(int(closed))))
+            self.forcing.restart(warm=warm)
         changed = step.flips / self._points if step.iteration > 0 else 1.0
         if step.iteration > 0 and changed <= self.forcing.many:
             self._rebuild_if_it_pays(ksp, step, target)

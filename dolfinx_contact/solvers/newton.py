@@ -2,7 +2,8 @@
 """Semismooth Newton on SNES.
 
 The status is recomputed from the iterate before every residual and Jacobian, so that the Jacobian
-is an element of the generalised Jacobian of H. Convergence is judged block by block
+is an element of the generalised Jacobian of H; only the first step from a body that touches nothing
+takes a guess of it. Convergence is judged block by block
 (`measures.py`). Full steps that come back to a status they had are stopped as a cycle.
 """
 
@@ -68,7 +69,7 @@ class Newton:
         self.snes.setTolerances(atol=0.0, stol=0.0)
         self.attempt: Attempt
         self.floating: FloatingBodyError | None = None
-        self._from_touching = False
+        self._guessed = self._warm = False
         self._history: list[tuple[list[Status], float]] = []
 
     def __enter__(self) -> Newton:
@@ -115,12 +116,13 @@ class Newton:
 
     def _jacobian(self, _snes: PETSc.SNES, x: PETSc.Vec, _A: PETSc.Mat, _P: PETSc.Mat) -> None:
         self.problem.read(x)
-        if not self._from_touching:
+        if not self._guessed:
             self.problem.update_status()
-        self._from_touching = False
+        self._guessed = False
         self.linear.update()
         tolerance = self.snes.getTolerances()[0]
-        self.linear.prepare(self.snes.getKSP(), self.attempt.steps[-1], tolerance)
+        step = self.attempt.steps[-1]
+        self.linear.prepare(self.snes.getKSP(), step, tolerance, warm=self._warm)
 
     def _correct(self, x: PETSc.Vec, step: PETSc.Vec) -> None:
         """Put the contact surface right after the full step x - step.
@@ -165,7 +167,7 @@ class Newton:
             return int(_STOPPED)
         if measures.worst <= snes.getTolerances()[0]:
             # A solution that a rigid motion may carry away is no answer either.
-            if self._floats(first=False):
+            if self._floats():
                 return int(_STOPPED)
             return int(PETSc.SNES.ConvergedReason.CONVERGED_FNORM_RELATIVE)
         if it >= snes.getTolerances()[3]:
@@ -179,16 +181,33 @@ class Newton:
             self.attempt.restless = _restless(problem, self._history[-1][0], statuses)
             return int(_STOPPED)
         self._history.append((statuses, measures.worst))
-        return int(_STOPPED) if self._floats(first=it == 0) else 0
+        if it == 0:
+            self._guess()
+        return int(_STOPPED) if self._floats() else 0
 
-    def _floats(self, *, first: bool) -> bool:
-        """Whether a rigid motion is free; before the first step what touches may hold the body."""
+    def _guess(self) -> None:
+        """Let what is expected to close stick in the first step, where that is more than what does.
+
+        From a body that touches nothing the first step would lead into the obstacle, the second
+        hold all that got there. Not where the status is held, and not beside a line search, which
+        needs a step that is H's own, unless a body would float.
+        """
+        problem = self.problem
+        closed = any(s.status.active.any() for s in problem.surfaces)
+        self._warm = bool(problem.comm.allreduce(int(closed)))
+        cold = self._full_steps and not self._warm and not problem.hold_status
+        if cold or problem.loose_motions():
+            touching = 1e-9 * problem.body_size
+            problem.statuses = [
+                s.touching_status(max(self.load * problem.reach(s), touching))
+                for s in problem.surfaces
+            ]
+            self._guessed = True
+
+    def _floats(self) -> bool:
+        """Whether a rigid motion is free."""
         problem = self.problem
         loose = problem.loose_motions()
-        if loose and first:
-            tolerance = 1e-9 * problem.body_size
-            problem.statuses = [s.touching_status(tolerance) for s in problem.surfaces]
-            loose, self._from_touching = problem.loose_motions(), True
         if loose:
             self.attempt.reason = (
                 f"a rigid motion of the body is free ({loose}): neither Dirichlet data nor contact "

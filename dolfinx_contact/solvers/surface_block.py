@@ -20,7 +20,7 @@ from dolfinx_contact.trace import facet_closures, owned_exterior
 if TYPE_CHECKING:
     from dolfinx_contact.problem import ContactProblem
 
-__all__ = ["SurfaceBlock", "SurfaceFactor", "SurfaceSet", "contact_dofs"]
+__all__ = ["SurfaceBlock", "SurfaceFactor", "SurfaceSet", "combined", "contact_dofs", "copied"]
 
 _DEFAULTS: dict[str, Any] = {
     "ksp_type": "preonly",
@@ -29,7 +29,7 @@ _DEFAULTS: dict[str, Any] = {
     "mat_mumps_icntl_14": 50,
     "mat_mumps_icntl_33": 1,  # the determinant, for its sign
 }
-_DIFFERENT = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
+_STRUCTURE = PETSc.Mat.Structure
 
 
 class SurfaceSet:
@@ -77,20 +77,26 @@ class SurfaceFactor:
             self.ksp.setFromOptions()
 
     def factorise(self, A: PETSc.Mat) -> None:
-        """Factorise ``A``. Collective.
+        """Factorise ``A``; analysed is a pattern only when it is a new one. Collective.
 
         Raises:
             LinearSolverError: if it is singular.
         """
-        self.ksp.setOperators(A)
-        with options_in_database(self._prefix, _DEFAULTS):
-            self.ksp.setUp()
-        if self.ksp.getPC().getFailedReason() != PETSc.PC.FailedReason.NOERROR:
-            self.ksp.reset()  # MUMPS does not recover from a singular matrix
+        if not (self._factorise(A) or self._factorise(A)):
             raise LinearSolverError(
                 "the contact block of the Jacobian is singular: contact conditions contradict one "
                 "another or the Dirichlet data, or a contact node has no stiffness"
             )
+
+    def _factorise(self, A: PETSc.Mat) -> bool:
+        """Whether it worked; if not, the next try begins with an analysis of its own."""
+        self.ksp.setOperators(A)
+        with options_in_database(self._prefix, _DEFAULTS):
+            self.ksp.setUp()
+        done = self.ksp.getPC().getFailedReason() == PETSc.PC.FailedReason.NOERROR
+        if not done:
+            self.ksp.reset()  # MUMPS does not recover from a singular matrix
+        return bool(done)
 
     def determinant_sign(self) -> float:
         """Sign of the determinant of the matrix, by MUMPS."""
@@ -125,19 +131,16 @@ class SurfaceBlock:
         owner = np.searchsorted(starts, columns, side="right") - 1
         indptr = np.concatenate([indptr, np.full(n - self._s.nodes, indptr[-1])])
         csr = (indptr.astype(np.int32), (columns + shift[owner]).astype(np.int32), values)
-        if self._K is not None:
-            self._K.destroy()
-        self._K = PETSc.Mat().createAIJ(((n, None), (n, None)), csr=csr, comm=self._comm)
+        whole = PETSc.Mat().createAIJ(((n, None), (n, None)), csr=csr, comm=self._comm)
+        self._K = copied(whole, self._K)
+        whole.destroy()
 
     def update(self) -> None:
         """Factorise anew. Collective."""
         assert self._K is not None
         A, s = self._operator, self._s
         self._S = A.contact.createSubMatrix(s.of_all, s.of_all, self._S)
-        if self._block is not None:
-            self._block.destroy()
-        self._block = self._K.copy()
-        self._block.axpy(1.0, self._S, structure=_DIFFERENT)
+        self._block = combined(self._K, 1.0, self._S, self._block)
         rows = s.fixed + self._block.getOwnershipRange()[0]
         self._block.zeroRowsColumns(rows, diag=A.diagonal)
         if self._b is None:
@@ -157,6 +160,29 @@ class SurfaceBlock:
         for thing in (self._K, self._S, self._block):
             if thing is not None:
                 thing.destroy()
+
+
+def copied(A: PETSc.Mat, out: PETSc.Mat | None) -> PETSc.Mat:
+    """A copy of ``A`` that keeps its pattern, in ``out`` if that is one already. Collective."""
+    if out is None:
+        out = A.copy()
+        out.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
+    else:
+        A.copy(out, structure=_STRUCTURE.SAME_NONZERO_PATTERN)
+    return out
+
+
+def combined(A: PETSc.Mat, a: float, B: PETSc.Mat, out: PETSc.Mat | None) -> PETSc.Mat:
+    """A + a B, in ``out`` if that is such a sum already, with the same patterns. Collective."""
+    if out is None:
+        out = copied(A, None)
+        out.axpy(a, B, structure=_STRUCTURE.DIFFERENT_NONZERO_PATTERN)
+        out.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
+        return out
+    out.zeroEntries()
+    out.axpy(1.0, A, structure=_STRUCTURE.SUBSET_NONZERO_PATTERN)
+    out.axpy(a, B, structure=_STRUCTURE.SUBSET_NONZERO_PATTERN)
+    return out
 
 
 def contact_dofs(problem: ContactProblem) -> npt.NDArray[np.int32]:
