@@ -37,7 +37,6 @@ from dolfinx_contact import (
     Sphere,
     parse_arguments,
 )
-from dolfinx_contact._petsc import options_in_database
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.solvers import prolong
 from dolfinx_contact.solvers.hierarchy import Hierarchy
@@ -138,14 +137,10 @@ def elasticity(args, V, bottom, top, kind):
     ksp = PETSc.KSP().create(comm)
     ksp.setType("cg")
     ksp.setTolerances(rtol=args.tolerance, max_it=500)
-    pc = ksp.getPC()
     ksp.setOperators(K)
     K.setNearNullSpace(hierarchy.null_space)
     K.setOption(PETSc.Mat.Option.SPD, True)
-    pc.setOptionsPrefix(hierarchy.prefix)
-    with options_in_database(hierarchy.prefix, hierarchy.options):
-        pc.setFromOptions()
-        timer("set-up", ksp.setUp)
+    timer("set-up", lambda: (hierarchy.set_up(ksp.getPC()), ksp.setUp()))
     x = b.duplicate()
     timer("solve", lambda: ksp.solve(b, x))
     record = {
