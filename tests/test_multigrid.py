@@ -251,6 +251,7 @@ def test_a_direct_solver_takes_over(monkeypatch, caplog):
 
 def test_stagnation_says_what_to_try():
     options = {**AMG, "ksp_rtol": 1e-12, "ksp_max_it": 1, "snes_max_it": 3}
+    PETSc.Options()["continuation_ksp_max_it"] = 1  # load following would help
     problem = block(cell="tet", n=4, options=options)
     with pytest.raises(ConvergenceError, match="stagnated after"):
         problem.solve(increments=1)

@@ -15,6 +15,9 @@ class SymmetricGuess:
         total = r.sum()
         z.array[:] = 2.0 * r.array_r + 0.3 * total
 
+    def correct(self, residual, correction):
+        return False
+
     def determinant_sign(self):
         return 1.0
 

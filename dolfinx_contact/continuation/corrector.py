@@ -14,6 +14,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from dolfinx_contact._petsc import options_in_database
+from dolfinx_contact._settling import ROUNDS, settle
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.continuation.system import Piece
@@ -53,7 +54,7 @@ class Corrector:
         self.bordered, self.control = bordered, control
         self.snes = PETSc.SNES().create(bordered.comm)
         self._b, self._row, self._away = (bordered.vector() for _ in range(3))
-        self._hx = bordered.system.create_vector()
+        self._hx, self._x, self._d = (bordered.system.create_vector() for _ in range(3))
         self._e = bordered.last_unit()
         self.snes.setFunction(self._function, self._b)
         self.snes.setOptionsPrefix(bordered.prefix)
@@ -64,6 +65,7 @@ class Corrector:
         ksp.getPC().setType(PETSc.PC.Type.PYTHON)
         ksp.getPC().setPythonContext(_BorderedSolve(self))
         self.snes.setConvergenceTest(self._test)
+        self.snes.setLineSearchPreCheck(self._settle)
         self.snes.setMonitor(self._improve)
         self.snes.setTolerances(max_it=control.corrections)
         self._piece: Piece | None = None
@@ -189,6 +191,22 @@ class Corrector:
     def _jacobian(self, _snes: PETSc.SNES, y: PETSc.Vec, A: PETSc.Mat, _P: PETSc.Mat) -> None:
         self.bordered.solver.assemble(y, self._row, self._piece)
 
+    def _settle(self, y: PETSc.Vec, step: PETSc.Vec) -> None:
+        """Put right after the step y - step what is cheap to solve on its own; see `settle`."""
+        b = self.bordered
+        if not b.solver.corrects:
+            return
+        self._away.waxpy(-1.0, step, y)
+        x, gamma = b.split(self._away)
+        x.copy(self._x)
+
+        def evaluate(x: PETSc.Vec, hx: PETSc.Vec) -> None:
+            b.system.residual(x, gamma, hx, self._piece)
+
+        if settle(evaluate, b.solver.correct, self._x, self._hx, self._d, ROUNDS):
+            b.join(self._x, gamma, self._away)
+            step.waxpy(-1.0, self._away, y)
+
     def _test(self, snes: PETSc.SNES, it: int, _norms: tuple[float, float, float]) -> int:
         reasons = PETSc.SNES.ConvergedReason
         out = snes.getFunction()[0]
@@ -236,5 +254,6 @@ class Corrector:
 
     def destroy(self) -> None:
         """Free the PETSc objects."""
-        for thing in (self.snes, self._b, self._row, self._away, self._hx, self._e):
+        mine = (self._b, self._row, self._away, self._e, self._hx, self._x, self._d)
+        for thing in (self.snes, *mine):
             thing.destroy()

@@ -38,7 +38,7 @@ class Factorised(BorderedSolver):
     """
 
     precision = 1e-12
-    many_sides = True
+    many_sides, corrects = True, False
     defaults = {
         "ksp_type": "preonly",
         "pc_type": "lu",

@@ -54,7 +54,7 @@ class Krylov(BorderedSolver):
     """
 
     precision = 1e-8
-    many_sides = False
+    many_sides, corrects = False, True
     defaults = {"ksp_type": "fgmres", "ksp_gmres_restart": 200, "ksp_max_it": 200}
 
     def __init__(self, layout: Layout, prefix: str, preconditioner: Preconditioner):
@@ -162,6 +162,9 @@ class Krylov(BorderedSolver):
                 logger.info("%d Krylov iterations: from %.2e to %.2e", taken, start, end)
                 return False
         return bool(np.isfinite(out.norm()))
+
+    def correct(self, residual: PETSc.Vec, correction: PETSc.Vec) -> bool:
+        return self._P.correct(residual, correction)
 
     def probe(self, rhs: PETSc.Vec, out: PETSc.Vec, *, rtol: float = 0.0) -> bool:
         before = self.solves

@@ -23,6 +23,7 @@ class BorderedSolver(ABC):
         defaults: PETSc options where the database says nothing else.
         precision: relative error that solutions may have.
         many_sides: whether one set-up makes every further right-hand side cheap.
+        corrects: whether `correct` may do anything.
         matrix: J, for SNES.
         factorisations, solves: matrices factorised and applications of their inverse so far, or of
             the preconditioner.
@@ -31,6 +32,7 @@ class BorderedSolver(ABC):
     defaults: dict[str, Any]
     precision: float
     many_sides: bool
+    corrects: bool
     matrix: PETSc.Mat
 
     def __init__(self, layout: Layout, prefix: str):
@@ -62,6 +64,10 @@ class BorderedSolver(ABC):
             rtol: relative residual that is good enough, if exactness has a price.
             near: something near the solution.
         """
+
+    def correct(self, residual: PETSc.Vec, correction: PETSc.Vec) -> bool:
+        """See `Preconditioner.correct`. Collective."""
+        return False
 
     @abstractmethod
     def probe(self, rhs: PETSc.Vec, out: PETSc.Vec, *, rtol: float = 0.0) -> bool:

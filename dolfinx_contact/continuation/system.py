@@ -129,6 +129,17 @@ class Preconditioner(Protocol):
     def determinant_sign(self) -> float:
         """Sign of det P, up to a factor that is always the same. Collective."""
 
+    def correct(self, residual: PETSc.Vec, correction: PETSc.Vec) -> bool:
+        """What to subtract from x to solve a few rows of H for their own unknowns. Collective.
+
+        Args:
+            residual: of H, as `System.residual` evaluated it last.
+            correction: receives the solution.
+
+        Returns:
+            Whether there is anything to correct.
+        """
+
     def wear(self, iterations: int, digits: float) -> None:
         """Be told that a solve took so many iterations for so many decimal digits. Collective."""
 

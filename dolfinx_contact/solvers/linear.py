@@ -56,9 +56,11 @@ class LinearSolver:
         name: ``direct`` or ``amg``.
         matrix: the Jacobian, for SNES.
         defaults: PETSc options of the KSP.
+        corrects: whether `correct` may do anything.
     """
 
     name: str
+    corrects = False
     matrix: PETSc.Mat
     defaults: dict[str, Any]
 

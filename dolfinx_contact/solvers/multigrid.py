@@ -29,7 +29,7 @@ __all__ = ["Multigrid"]
 
 logger = logging.getLogger(__name__)
 
-_COST = 25.0  # iterations that take as long as the set-up of a hierarchy (measured)
+_COST = 35.0  # iterations that take as long as the set-up of a hierarchy (measured)
 _NEGLIGIBLE = 0.01  # share of the residual on the surface that needs no correction
 _FRESH = 3.0  # iterations per digit with a new hierarchy (measured)
 
@@ -44,7 +44,7 @@ class Multigrid(LinearSolver):
         problem: the contact problem.
     """
 
-    name = "amg"
+    name, corrects = "amg", True
     defaults: dict[str, Any] = {
         "ksp_type": "fgmres",
         "ksp_initial_guess_knoll": True,
@@ -152,8 +152,11 @@ class Multigrid(LinearSolver):
         if step.iteration == 0:
             self.forcing.restart(warm=warm)
         changed = step.flips / self._points if step.iteration > 0 else 1.0
-        if step.iteration > 0 and changed <= self.forcing.many:
-            self._rebuild_if_it_pays(ksp, step, target)
+        if step.iteration > 0:
+            digits = -float(np.log10(max(ksp.getTolerances()[0], 1e-16)))
+            self.wear(step.krylov, digits)
+            if changed <= self.forcing.many:
+                self._rebuild_if_it_pays(step, digits, target)
         ksp.setTolerances(rtol=self.forcing.tolerance(step.measures.worst, target, changed))
 
     def correct(self, residual: PETSc.Vec, correction: PETSc.Vec) -> bool:
@@ -170,9 +173,8 @@ class Multigrid(LinearSolver):
         correction.array[s] = self.filter.solve(on_surface)
         return True
 
-    def _rebuild_if_it_pays(self, ksp: PETSc.KSP, step: Step, target: float) -> None:
+    def _rebuild_if_it_pays(self, step: Step, digits: float, target: float) -> None:
         """Build anew if that saves more iterations than it costs. Collective."""
-        digits = -np.log10(max(ksp.getTolerances()[0], 1e-16))
         per_digit = step.krylov / max(digits, 1.0)
         left = max(np.log10(max(step.measures.worst, target) / target), 0.0) + 1
         if (per_digit - _FRESH) * left > _COST and self._is_stale():

@@ -18,6 +18,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from dolfinx_contact._petsc import logged, options_in_database
+from dolfinx_contact._settling import ROUNDS, settle
 from dolfinx_contact.laws import Status
 from dolfinx_contact.solvers.errors import FloatingBodyError, LinearSolverError
 from dolfinx_contact.solvers.history import Attempt, Step
@@ -34,7 +35,6 @@ _DEFAULTS: dict[str, Any] = {
     "snes_rtol": 1e-10,
     "snes_max_it": 40,
 }
-_GROWTH = 10.0  # of the norm of H that a correction of the surface may cause
 
 
 class Newton:
@@ -62,8 +62,8 @@ class Newton:
         defaults = {**_DEFAULTS, **self.linear.defaults, "snes_linesearch_type": line_search}
         self.options = {**defaults, **problem.petsc_options}
         self.linear.attach(self.snes.getKSP())
-        if self._full_steps:
-            self.snes.setLineSearchPreCheck(self._correct)
+        if self._full_steps and self.linear.corrects:
+            self.snes.setLineSearchPreCheck(self._settle)
         with options_in_database(problem.prefix, self.options):
             self.snes.setFromOptions()
         self.snes.setTolerances(atol=0.0, stol=0.0)
@@ -124,25 +124,17 @@ class Newton:
         step = self.attempt.steps[-1]
         self.linear.prepare(self.snes.getKSP(), step, tolerance, warm=self._warm)
 
-    def _correct(self, x: PETSc.Vec, step: PETSc.Vec) -> None:
-        """Put the contact surface right after the full step x - step.
-
-        A Newton step on the rows of the surface for its own unknowns, with the rest of the body
-        held, as in nonlinear elimination (Lanzkron, Rose and Wilkes, SIAM J. Sci. Comput. 17, 1996)
-        and truncated nonsmooth Newton multigrid (Graeser and Kornhuber, J. Comput. Math. 27, 2009):
-        points at the edge of the contact settle their status without a step of the whole body for
-        each. A nearly incompressible body that is held is too stiff for that; H then grows much.
-        """
+    def _settle(self, x: PETSc.Vec, step: PETSc.Vec) -> None:
+        """Put the contact surface right after the full step x - step; see `settle`."""
         after, b, d = self._after
         after.waxpy(-1.0, step, x)
-        self._function(self.snes, after, b)
-        if not self.linear.correct(b, d):
-            return
-        size = b.norm()
-        after.axpy(-1.0, d)
-        self._function(self.snes, after, b)
-        if b.norm() < _GROWTH * size:
-            step.axpy(1.0, d)
+        rounds = ROUNDS if self._warm else 1
+
+        def evaluate(x: PETSc.Vec, b: PETSc.Vec) -> None:
+            self._function(self.snes, x, b)
+
+        if settle(evaluate, self.linear.correct, after, b, d, rounds):
+            step.waxpy(-1.0, after, x)
 
     def _test(self, snes: PETSc.SNES, it: int, _norms: tuple[float, float, float]) -> int:
         problem = self.problem
