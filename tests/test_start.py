@@ -1,0 +1,104 @@
+"""The first step from a body that touches nothing."""
+
+import subprocess
+import sys
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from blocks import KINDS, block
+
+from dolfinx_contact import HalfSpace, Sphere
+
+COMM = MPI.COMM_WORLD
+
+
+@pytest.mark.parametrize(("dim", "cell"), KINDS)
+def test_reach_is_half_of_what_is_left_to_approach(dim, cell):
+    down, rest = -0.01 * np.eye(dim)[-1], 0.03 * np.eye(dim)[0]
+    slope = np.array([0.6, *[0.0] * (dim - 2), 0.8])
+    below = np.zeros(dim) - 0.5 * np.eye(dim)[-1]
+    for top, obstacle, reach in [
+        (down, None, 0.005),
+        (down + rest, None, 0.005),
+        (rest, None, 0.0),
+        (-down, None, 0.0),
+        (down, HalfSpace(below, slope), 0.004),
+        (down - rest, HalfSpace(below, slope), 0.004 + 0.009),
+    ]:
+        problem = block(n=3, cell=cell, top=top, obstacle=obstacle)
+        assert problem.reach(problem.surfaces[0]) == pytest.approx(reach, abs=1e-15)
+    problem = block(n=3, cell=cell, top=down)
+    problem.solve()
+    assert problem.reach(problem.surfaces[0]) == pytest.approx(0.0, abs=1e-15)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        dict(cell="tri"),
+        dict(cell="tri", method="mixed"),
+        dict(cell="quad", degree=2),
+        dict(cell="tet"),
+        dict(cell="tet", degree=2, n=2),
+    ],
+    ids=str,
+)
+def test_touching_is_a_matter_of_the_displacement(options):
+    """Also where averages of it are unknowns that do not know it yet."""
+    dim = 3 if options["cell"] == "tet" else 2
+    floor = HalfSpace((*[0.0] * (dim - 1), -0.002), np.eye(dim)[-1])
+    problem = block(**options, obstacle=floor)
+    (s,) = problem.surfaces
+    assert not s.touching_status(0.0019).active.any()
+    assert s.touching_status(0.0021).stick.all()
+    problem.u.x.array.reshape(-1, dim)[:, -1] = -0.0015
+    assert s.touching_status(0.0006).active.all()
+
+
+def test_the_guess_finds_the_contact_in_fewer_steps(monkeypatch):
+    """Than steps from the state as it is, of which the first leads into the obstacle."""
+    from dolfinx_contact.solvers.newton import Newton
+
+    ball = Sphere((0.5, 0.5, -10.0), 10.0)
+    steps, tables = [], []
+    for _ in range(2):
+        problem = block(n=12, cell="tet", top=(0.004, 0.0, -0.02), obstacle=ball)
+        result = problem.solve()
+        steps.append(result.iterations)
+        tables.append(result.tables["contact"])
+        monkeypatch.setattr(Newton, "_guess", lambda *_: None)
+    assert steps[0] < steps[1]
+    assert tables[0].status == tables[1].status
+    np.testing.assert_allclose(tables[0].rn, tables[1].rn, atol=1e-7 * tables[0].rn.max())
+
+
+def test_a_status_that_is_held_is_no_matter_of_guessing():
+    problem = block(n=4, cell="quad")
+    with problem.status_held():
+        result = problem.solve()
+    assert result.iterations == 1
+    assert not problem.surfaces[0].multiplier.x.array.any()
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="starts a process of its own")
+def test_log_view_on_the_command_line_of_a_script(tmp_path):
+    """PETSc has been initialised by then."""
+    script = (
+        "import sys, argparse; sys.path.insert(0, sys.argv.pop(1))\n"
+        "from blocks import block\n"
+        "from dolfinx_contact import parse_arguments\n"
+        "parse_arguments(argparse.ArgumentParser())\n"
+        "block().solve()\n"
+    )
+    log = tmp_path / "log.txt"
+    done = subprocess.run(
+        [sys.executable, "-c", script, str(__file__).rsplit("/", 1)[0], "-log_view", f":{log}"],
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "ERROR" not in done.stderr
+    assert "ContactSolve" in log.read_text()
