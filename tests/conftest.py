@@ -51,6 +51,19 @@ def clean_petsc_options():
         options.delValue(key)
 
 
+@pytest.fixture(params=["direct", "multigrid", "multigrid by default"])
+def accuracy(request):
+    """Of contact forces over the largest, by a linear solver and its tolerance."""
+    options = PETSc.Options()
+    if request.param == "direct":
+        return 1e-8
+    options["contact_linear_solver"] = "amg"
+    if request.param == "multigrid":
+        options["contact_snes_rtol"] = 1e-11
+        return 1e-8
+    return 1e-6
+
+
 @pytest.fixture
 def folder(tmp_path_factory):
     """The same new folder on every rank."""

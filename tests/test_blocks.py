@@ -32,7 +32,7 @@ CASES = [k for k in ORACLE if k != "source"]
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_oracle_forces(case, folder):
+def test_oracle_forces(case, accuracy, folder):
     oracle = ORACLE[case]
     dim = oracle["dim"]
     options = {
@@ -54,12 +54,12 @@ def test_oracle_forces(case, folder):
     rt = np.array(oracle["lt"])[order]
     mine = np.array([[float(row[k]) for k in ("x", "y", "rn", "rt_x", "rt_y")] for row in rows])
     np.testing.assert_allclose(mine[:, : dim - 1], x[order], atol=1e-12)
-    assert np.abs(mine[:, 2] - rn).max() < 1e-8 * rn.max()
-    assert np.abs(mine[:, 3 : 2 + dim] - rt).max() < 1e-8 * rn.max()
+    assert np.abs(mine[:, 2] - rn).max() < accuracy * rn.max()
+    assert np.abs(mine[:, 3 : 2 + dim] - rt).max() < accuracy * rn.max()
     assert summary["kkt_violation"] < 1e-9
     assert summary["strategy"] == "full steps"
     assert summary["newton_iterations"] <= 9
-    np.testing.assert_allclose(summary["sum_rn"], rn.sum(), rtol=1e-9)
+    np.testing.assert_allclose(summary["sum_rn"], rn.sum(), rtol=0.1 * accuracy)
 
 
 @pytest.mark.parametrize("degree", [1, 2])
