@@ -20,6 +20,8 @@ import dolfinx.fem.petsc
 import ufl
 from dolfinx import fem, la
 
+from dolfinx_contact._petsc import half_of
+
 __all__ = ["Bulk"]
 
 
@@ -52,6 +54,7 @@ class Bulk:
         self._loads = [c for c in self.residual.coefficients() if c is not u]
         self._loads += self.residual.constants()
         self._K: PETSc.Mat | None = None
+        self._half: PETSc.Mat | None = None
         self._K_mark = self._f_mark = 0
         self._f: npt.NDArray[np.float64] | None = None
         #: How many times the stiffness was assembled.
@@ -70,9 +73,28 @@ class Bulk:
         self._K.zeroEntries()
         dolfinx.fem.petsc.assemble_matrix(self._K, self.jacobian_form)
         self._K.assemble()
+        self._forget_half()
         self._K_mark = mark
         self.assemblies += 1
         return self._K
+
+    @property
+    def multiplier(self) -> PETSc.Mat:
+        """The stiffness that was assembled last, for products. Collective.
+
+        Where it stays, and comes from an energy, it is stored by half.
+        """
+        assert self._K is not None
+        if not self.linear or self.energy is None:
+            return self._K
+        if self._half is None:
+            self._half = half_of(self._K)
+        return self._half
+
+    def _forget_half(self) -> None:
+        if self._half is not None:
+            self._half.destroy()
+            self._half = None
 
     def affine_residual(self, u: npt.NDArray[np.float64]) -> npt.NDArray[np.float64] | None:
         """K u + f at the owned values of a displacement, if K is at hand. Collective.
@@ -100,7 +122,7 @@ class Bulk:
             return None
         x, y = self._K.createVecRight(), self._K.createVecLeft()
         x.array[:] = u[: x.getLocalSize()]
-        self._K.mult(x, y)
+        self.multiplier.mult(x, y)
         values = y.array_r.copy()
         x.destroy(), y.destroy()
         return values
@@ -130,7 +152,8 @@ class Bulk:
         return not self.comm.allreduce(int(a != b))
 
     def destroy(self) -> None:
-        """Free the matrix."""
+        """Free the matrices."""
+        self._forget_half()
         if self._K is not None:
             self._K.destroy()
             self._K = None

@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from dolfinx import fem, la
 
-from dolfinx_contact._petsc import logged, options_in_database
+from dolfinx_contact._petsc import half_of, logged, options_in_database
 
 __all__ = ["Hierarchy", "rigid_body_space"]
 
@@ -39,6 +39,7 @@ _HYPRE: dict[str, Any] = {
     "pc_hypre_boomeramg_P_max": 4,
     "pc_hypre_boomeramg_agg_nl": 1,
 }
+_OF_PETSC = (PETSc.PC.Type.GAMG, PETSc.PC.Type.MG)
 #: PETSc's own way of Galerkin products on one rank takes twice as long.
 _PRODUCTS = {"matptap_via": "rap"}
 
@@ -61,6 +62,7 @@ class Hierarchy:
         self._bs = V.dofmap.index_map_bs
         self.pc: PETSc.PC | None = None
         self.matrix: PETSc.Mat | None = None
+        self._half: PETSc.Mat | None = None
         #: Number of set-ups so far.
         self.builds = 0
 
@@ -81,9 +83,14 @@ class Hierarchy:
             self.matrix.setNearNullSpace(self.null_space)
             if self._symmetric:
                 self.matrix.setOption(PETSc.Mat.Option.SPD, True)
+                self._half = half_of(self.matrix)
             self.pc = PETSc.PC().create(self.comm)
             self.pc.setOperators(self.matrix)
             self.set_up(self.pc)
+            if self._half is not None and self.pc.getType() in _OF_PETSC:
+                finest = self.pc.getMGLevels() - 1
+                if finest > 0:
+                    self.pc.getMGSmoother(finest).setOperators(self._half, self.matrix)
         self.builds += 1
         return self.pc
 
@@ -97,10 +104,10 @@ class Hierarchy:
 
     def release(self) -> None:
         """Free the hierarchy."""
-        for thing in (self.pc, self.matrix):
+        for thing in (self.pc, self.matrix, self._half):
             if thing is not None:
                 thing.destroy()
-        self.pc = self.matrix = None
+        self.pc = self.matrix = self._half = None
 
 
 def rigid_body_space(V: fem.FunctionSpace) -> tuple[PETSc.NullSpace, list[PETSc.Vec]]:
