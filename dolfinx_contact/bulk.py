@@ -79,11 +79,8 @@ class Bulk:
         return self._K
 
     @property
-    def multiplier(self) -> PETSc.Mat:
-        """The stiffness that was assembled last, for products. Collective.
-
-        Where it stays, and comes from an energy, it is stored by half.
-        """
+    def for_products(self) -> PETSc.Mat:
+        """The stiffness assembled last, by half where it stays and is symmetric. Collective."""
         assert self._K is not None
         if not self.linear or self.energy is None:
             return self._K
@@ -122,7 +119,7 @@ class Bulk:
             return None
         x, y = self._K.createVecRight(), self._K.createVecLeft()
         x.array[:] = u[: x.getLocalSize()]
-        self.multiplier.mult(x, y)
+        self.for_products.mult(x, y)
         values = y.array_r.copy()
         x.destroy(), y.destroy()
         return values

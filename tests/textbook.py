@@ -16,7 +16,7 @@ class SymmetricGuess:
         z.array[:] = 2.0 * r.array_r + 0.3 * total
 
     def correct(self, residual, correction):
-        return False
+        raise ArithmeticError("a correction that cannot be made is left out")
 
     def determinant_sign(self):
         return 1.0

@@ -164,7 +164,11 @@ class Krylov(BorderedSolver):
         return bool(np.isfinite(out.norm()))
 
     def correct(self, residual: PETSc.Vec, correction: PETSc.Vec) -> bool:
-        return self._P.correct(residual, correction)
+        try:
+            return self._P.correct(residual, correction)
+        except ArithmeticError as error:
+            logger.debug("no correction: %s", error)
+            return False
 
     def probe(self, rhs: PETSc.Vec, out: PETSc.Vec, *, rtol: float = 0.0) -> bool:
         before = self.solves

@@ -138,6 +138,9 @@ class Preconditioner(Protocol):
 
         Returns:
             Whether there is anything to correct.
+
+        Raises:
+            ArithmeticError: on all ranks, if the rows are singular.
         """
 
     def wear(self, iterations: int, digits: float) -> None:

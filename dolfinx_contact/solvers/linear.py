@@ -38,7 +38,7 @@ _LARGEST_DIRECT = {2: 100_000, 3: 5_000}
 #: Factor and power of the number of unknowns, by dimension, that give the gigabytes of MUMPS:
 #: measured at 9 10^3 and 7 10^4 unknowns in 2D and at 4 10^3 and 10^4 in 3D.
 _DIRECT_MEMORY = {2: (6.5e-7, 1.1), 3: (3.8e-7, 4 / 3)}
-_AMG_MEMORY = 5.0e-6  # gigabytes per unknown, measured at 9 10^4 and 10^6 unknowns in 3D
+_AMG_MEMORY = 5.3e-6  # gigabytes per unknown, measured at 10^6 and 3 10^6 unknowns in 3D
 
 #: Factor and power of the number of unknowns, by dimension, that give the seconds of one
 #: factorisation by MUMPS on one processor: measured at 4.5 10^3 unknowns in 2D, at 7 10^3 and

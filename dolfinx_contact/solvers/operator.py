@@ -70,7 +70,7 @@ class ContactOperator:
         free[self.fixed] = 0.0
         self._xu.array[:] = free[: self.size]
         self.contact.mult(self._x, y)
-        self.problem.bulk.multiplier.mult(self._xu, self._yu)
+        self.problem.bulk.for_products.mult(self._xu, self._yu)
         result = y.array
         result[: self.size] += self._yu.array_r
         result[self.fixed] = self.diagonal * values[self.fixed]
