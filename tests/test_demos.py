@@ -18,7 +18,7 @@ def test_greco_block(accuracy, folder):
     for point in "ABCD":
         expected = demo_greco_block.CODE_ASTER[point]
         assert abs(summary[f"ux_{point}"] / expected - 1) < 3e-3
-    assert summary["kkt_violation"] < accuracy
+    assert summary["kkt_violation"] < 0.1 * accuracy
 
 
 def test_greco_block_in_other_units(folder):
