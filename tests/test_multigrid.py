@@ -116,6 +116,26 @@ def test_product_is_that_of_the_assembled_jacobian(name):
     assert z.norm() < 1e-13 * size
 
 
+@pytest.mark.parametrize("cell", ["quad", "tet", "hex"])
+def test_products_with_half_of_a_symmetric_stiffness(cell):
+    """Where it stays; in the cycle as well."""
+    problem = block(cell=cell, n=8, options=AMG)
+    problem.solve()
+    bulk = problem.bulk
+    x, y = bulk.stiffness().createVecs()
+    x.setRandom()
+    assert "sbaij" in bulk.for_products.getType()
+    bulk.for_products.mult(x, y)
+    size = y.norm()
+    y.axpy(-1.0, bulk.stiffness() * x)
+    assert y.norm() < 1e-14 * size
+    cycle = problem.linear_solver.hierarchy.pc
+    finest = cycle.getMGSmoother(cycle.getMGLevels() - 1)
+    assert "sbaij" in finest.getOperators()[0].getType()
+    curved = block(**PROBLEMS["neo-Hookean"]).bulk
+    assert curved.stiffness() == curved.for_products
+
+
 def test_filter_leaves_nothing_on_the_surface():
     """After an application the residual vanishes on contact nodes and multipliers."""
     problem = block(cell="hex", n=4, options=AMG)

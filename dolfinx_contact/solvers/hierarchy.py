@@ -39,7 +39,6 @@ _HYPRE: dict[str, Any] = {
     "pc_hypre_boomeramg_P_max": 4,
     "pc_hypre_boomeramg_agg_nl": 1,
 }
-_OF_PETSC = (PETSc.PC.Type.GAMG, PETSc.PC.Type.MG)
 #: PETSc's own way of Galerkin products on one rank takes twice as long.
 _PRODUCTS = {"matptap_via": "rap"}
 
@@ -67,10 +66,13 @@ class Hierarchy:
         self.builds = 0
 
     @property
+    def _kind(self) -> str:
+        return str(PETSc.Options().getString(self.prefix + "pc_type", "gamg"))
+
+    @property
     def options(self) -> dict[str, Any]:
         """The options of the PC where the database says nothing else."""
-        kind = PETSc.Options().getString(self.prefix + "pc_type", "gamg")
-        return {"gamg": _GAMG, "hypre": _HYPRE}.get(kind, {})
+        return {"gamg": _GAMG, "hypre": _HYPRE}.get(self._kind, {})
 
     def build(self, K: PETSc.Mat, identity: npt.NDArray[np.int32], diagonal: float) -> PETSc.PC:
         """Build from ``K`` with the owned local dofs ``identity`` held. Collective."""
@@ -83,14 +85,14 @@ class Hierarchy:
             self.matrix.setNearNullSpace(self.null_space)
             if self._symmetric:
                 self.matrix.setOption(PETSc.Mat.Option.SPD, True)
-                self._half = half_of(self.matrix)
+                if self._kind == "gamg":
+                    self._half = half_of(self.matrix)
             self.pc = PETSc.PC().create(self.comm)
             self.pc.setOperators(self.matrix)
             self.set_up(self.pc)
-            if self._half is not None and self.pc.getType() in _OF_PETSC:
-                finest = self.pc.getMGLevels() - 1
-                if finest > 0:
-                    self.pc.getMGSmoother(finest).setOperators(self._half, self.matrix)
+            if self._half is not None and self.pc.getMGLevels() > 1:
+                finest = self.pc.getMGSmoother(self.pc.getMGLevels() - 1)
+                finest.setOperators(self._half, self.matrix)
         self.builds += 1
         return self.pc
 
