@@ -5,7 +5,7 @@ Newton steps on some rows for their own unknowns, with the others held (Lanzkron
 SIAM J. Sci. Comput. 17, 1996; truncated nonsmooth Newton multigrid, Graeser and Kornhuber, J.
 Comput. Math. 27, 2009): points at the edge of the contact settle their status without a step of the
 whole body for each. A nearly incompressible body that is held is too stiff for that; H then grows
-much, and the correction is taken back.
+much, and the correction is not taken.
 """
 
 from __future__ import annotations
@@ -39,16 +39,17 @@ def settle(
         d: for corrections.
         rounds: corrections at most.
     """
-    changed = False
+    changed, trial = False, x.duplicate()
     evaluate(x, b)
     for _ in range(rounds):
         if not correct(b, d):
             break
         size = b.norm()
-        x.axpy(-1.0, d)
-        evaluate(x, b)
-        if not b.norm() < _GROWTH * size:
-            x.axpy(1.0, d)
+        trial.waxpy(-1.0, d, x)
+        evaluate(trial, b)
+        if not b.norm() < _GROWTH * size:  # NaN is no improvement either
             break
+        trial.copy(x)
         changed = True
+    trial.destroy()
     return changed
