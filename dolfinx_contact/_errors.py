@@ -3,14 +3,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TypeVar
+import pickle
+import sys
+import time
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any, TypeVar
 
 from mpi4py import MPI
 
-__all__ = ["on_root", "require"]
+import numpy as np
+
+__all__ = ["everywhere", "on_root", "require", "same_everywhere"]
 
 _T = TypeVar("_T")
+_PATIENCE = 45.0  # seconds that a rank with an error waits for the others
 
 
 def require(comm: MPI.Comm, ok: bool, message: str) -> None:
@@ -23,6 +31,90 @@ def require(comm: MPI.Comm, ok: bool, message: str) -> None:
     failed = [m for m in messages if m is not None]
     if failed:
         raise ValueError(failed[0])
+
+
+def same_everywhere(comm: MPI.Comm, **values: Any) -> None:
+    """Raise ``ValueError`` on every rank if a value is not the same on all. Collective.
+
+    Args:
+        comm: communicator.
+        values: by name (underscores stand for blanks), compared by their `repr`.
+    """
+    mine = {name: repr(value) for name, value in values.items()}
+    for rank, theirs in enumerate(comm.allgather(mine)):
+        if rank == 0:
+            first = theirs
+        for name in first:
+            if first[name] != theirs.get(name):
+                raise ValueError(
+                    f"{name.replace('_', ' ')} differs between ranks: {first[name]} on rank 0, "
+                    f"{theirs.get(name)} on rank {rank}"
+                )
+
+
+@contextmanager
+def everywhere(comm: MPI.Comm, what: str = "") -> Iterator[None]:
+    """Raise on every rank what one rank raises in the context. Collective, at its end.
+
+    It is for code of the user, and for local work that may fail. The error is that of the lowest
+    rank that failed, with its traceback as a note. Where that rank's code was to communicate, the
+    others wait for it inside the context; they cannot be reached, and after some time the run is
+    aborted with the traceback.
+
+    Args:
+        comm: communicator.
+        what: is done here, for the note.
+    """
+    failure: Exception | None = None
+    try:
+        yield
+    except Exception as error:
+        failure = error
+    mine, failed = np.array([int(failure is not None)]), np.zeros(1, dtype=int)
+    request = comm.Iallreduce(mine, failed, op=MPI.MAX)
+    if failure is not None and not _done(request):
+        traceback.print_exception(failure)
+        print(
+            f"rank {comm.rank} failed{f' in {what}' if what else ''} (above) while other ranks "
+            "wait for it in a collective call: the run is aborted",
+            file=sys.stderr,
+            flush=True,
+        )
+        comm.Abort(1)
+    request.Wait()
+    if failed[0]:
+        first = _first(comm, failure, what)
+        raise first from (failure if failure is not first else first.__cause__)
+
+
+def _done(request: MPI.Request) -> bool:
+    """Whether the other ranks come within the time that a rank waits."""
+    end = time.monotonic() + _PATIENCE
+    while not request.Test():
+        if time.monotonic() > end:
+            return False
+        time.sleep(1e-3)
+    return True
+
+
+def _first(comm: MPI.Comm, failure: Exception | None, what: str) -> Exception:
+    """The error of the lowest rank that has one; there it is the object itself. Collective."""
+    sent = None
+    if failure is not None:
+        where = f"on rank {comm.rank}{f', in {what}' if what else ''}:\n"
+        note = where + "".join(traceback.format_exception(failure))
+        try:
+            sent = pickle.dumps(failure), note
+            pickle.loads(sent[0])
+        except Exception:  # an exception of a user's class need not be picklable
+            sent = pickle.dumps(RuntimeError(f"{type(failure).__name__}: {failure}")), note
+    parts = comm.allgather(sent)
+    rank, first = next((i, p) for i, p in enumerate(parts) if p is not None)
+    if rank == comm.rank and failure is not None:
+        return failure
+    error: Exception = pickle.loads(first[0])
+    error.add_note(first[1])
+    return error
 
 
 def on_root(comm: MPI.Comm, do: Callable[[], _T]) -> _T:
