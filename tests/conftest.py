@@ -19,8 +19,16 @@ def pytest_configure(config):
             reporter._tw._file = open(os.devnull, "w")  # noqa: SIM115
 
 
-def pytest_collection_modifyitems(items):
-    """Ranks that wait for a processor at every message take long: leave most of that out."""
+def pytest_addoption(parser):
+    parser.addoption("--long", action="store_true", help="run the tests that take long as well")
+
+
+def pytest_collection_modifyitems(config, items):
+    """Leave out what takes long, and most of what waits for a processor at every message."""
+    if not config.getoption("--long"):
+        for item in items:
+            if item.get_closest_marker("long"):
+                item.add_marker(pytest.mark.skip(reason="takes long: --long runs it"))
     if COMM.size <= COMM.bcast(os.cpu_count()):  # not the few that a rank may be bound to
         return
     for item in items:
