@@ -80,7 +80,7 @@ def rigid_motions(V: fem.FunctionSpace) -> npt.NDArray[np.float64]:
         for k, (i, j) in enumerate(axes):
             modes[p, dim + k, inside, i] = -here[:, j]
             modes[p, dim + k, inside, j] = here[:, i]
-    return modes.reshape(-1, len(x), dim)
+    return modes.reshape(number * modes.shape[1], len(x), dim)
 
 
 def free_motions(
@@ -98,7 +98,7 @@ def free_motions(
     """
     modes = rigid_motions(V)
     n = V.dofmap.index_map.size_local
-    held = np.where(fixed[None, :n], modes[:, :n], 0.0).reshape(len(modes), -1)
+    held = np.where(fixed[None, :n], modes[:, :n], 0.0).reshape(len(modes), n * modes.shape[2])
     x, y = K.createVecRight(), K.createVecLeft()
     scale = K.norm(PETSc.NormType.NORM_INFINITY)
     forces = []
@@ -124,8 +124,8 @@ def describe(free: npt.NDArray[np.float64], V: fem.FunctionSpace) -> str:
     modes = rigid_motions(V)
     n = V.dofmap.index_map.size_local
     comm = V.mesh.comm
-    A = modes[:, :n].reshape(len(modes), -1)
-    B = free[:, :n].reshape(len(free), -1)
+    A = modes[:, :n].reshape(len(modes), n * modes.shape[2])
+    B = free[:, :n].reshape(len(free), n * modes.shape[2])
     coefficients = np.linalg.solve(comm.allreduce(A @ A.T), comm.allreduce(A @ B.T))
     size = np.abs(coefficients).max(axis=1)
     names = _NAMES[V.mesh.geometry.dim]

@@ -47,8 +47,14 @@ _DEFAULTS = {
 }
 
 
-def can_condense(parametric: ParametricContact) -> bool:
-    """Whether a problem has affine pieces at its contact points. Collective."""
+def can_condense(parametric: ParametricContact, *, partly: bool = False) -> bool:
+    """Whether a problem has affine pieces at its contact points. Collective.
+
+    Args:
+        parametric: the problem.
+        partly: whether tangential displacements of contact points may be prescribed: the statuses
+            of such points are not those of the problem.
+    """
     problem = parametric.problem
     points = problem.comm.allreduce(int((~parametric.clamped).sum()))
     if problem.surfaces[0].dim != 2 or not 0 < points <= _MOST_POINTS:
@@ -60,11 +66,18 @@ def can_condense(parametric: ParametricContact) -> bool:
         if s in parametric.moving or parametric.depends_on_gamma(s.law.bound(s.gap)):
             return False
         nodes.append(s.vertex_trace_dofs)
-    fixed = np.concatenate([problem.constraints.fixed[n] for n in nodes])
-    partly = bool((fixed.any(axis=1) & ~fixed.all(axis=1)).any())
+    mixed = False
+    for s, n, clamped in zip(problem.surfaces, nodes, problem.constraints.clamped, strict=True):
+        fixed = problem.constraints.fixed[n]
+        some = fixed.any(axis=1) & ~fixed.all(axis=1)
+        if partly:
+            # Of a normal that is not along an axis a part would be prescribed.
+            along = np.abs(np.where(fixed, s.vertex_normals, 0.0)).max(axis=1, initial=0.0)
+            some &= ~clamped & (along > 1e-6)
+        mixed = mixed or bool(some.any())
     flat = np.concatenate(nodes)
     shared = len(np.unique(flat)) < len(flat)
-    return not problem.comm.allreduce(partly or shared, op=_any)
+    return not problem.comm.allreduce(mixed or shared, op=_any)
 
 
 class CondensedContact:
@@ -79,13 +92,15 @@ class CondensedContact:
     Attributes:
         system: the affine system of the contact points, in the order of their coordinates.
         exact: as given.
+        friction: coefficients of the points, (m,); 0 without friction.
     """
+
+    friction: Array
 
     _m: int  # points
     _nodes: npt.NDArray[np.int64]  # their displacement's global block numbers
     _frames: Array  # (m, 2, 2), u - g n = T (ut, un)
     _areas: Array
-    _friction: Array
     _grips: npt.NDArray[np.bool_]  # points with friction
     _r: Array  # augmentation times area
     _b_points: Array  # condensed residual and load, (m, 2)
@@ -114,9 +129,9 @@ class CondensedContact:
         rest = np.einsum("iap,ia->ip", T, self._b_points).reshape(-1) / k
         self._w = self.contract(x)
         load = np.einsum("nmk,mk->n", M, self._w) - rest - gamma * rate
-        bases, inequalities, exists = coulomb_cones(self._friction, self._grips)
+        bases, inequalities, exists = coulomb_cones(self.friction, self._grips)
         classify = partial(
-            classify_points, friction=self._friction, grips=self._grips, r=np.asarray(self._r / k)
+            classify_points, friction=self.friction, grips=self._grips, r=np.asarray(self._r / k)
         )
         self.system = AffineSystem(M, load, rate, bases, inequalities, classify, exists)
 
@@ -131,7 +146,8 @@ class CondensedContact:
             free = np.flatnonzero(~clamped)
             state, friction = s.state(), s.friction_slope()
             nodes = index_map.local_to_global(s.vertex_trace_dofs.astype(np.int32))
-            grips = np.full(len(nodes), isinstance(s.law, Coulomb))
+            held = self.problem.constraints.fixed[s.vertex_trace_dofs].any(axis=1)
+            grips = isinstance(s.law, Coulomb) & ~held
             r = s.r.x.array * s.vertex_areas
             what = nodes, state["n"], state["area"], friction, grips, r, state["x"]
             columns.append([values[free] for values in what])
@@ -143,7 +159,7 @@ class CondensedContact:
         nodes, normals, self._areas, friction, grips, self._r, _ = (
             values[self._sorted] for values in all_points
         )
-        self._friction, self._grips = np.where(grips, friction, 0.0), grips.astype(bool)
+        self.friction, self._grips = np.where(grips, friction, 0.0), grips.astype(bool)
         self._nodes, self._m = nodes.astype(np.int64), len(nodes)
         tangents = np.stack([-normals[:, 1], normals[:, 0]], axis=1)
         self._frames = np.stack([tangents, -normals], axis=2)
@@ -180,9 +196,14 @@ class CondensedContact:
     def _factorise(self) -> None:
         K = self.problem.bulk.stiffness()
         start = K.getOwnershipRange()[0]
-        fixed = self.problem.constraints.fixed.reshape(-1)[: self._n]
+        fixed = self.problem.constraints.fixed.reshape(-1)[: self._n].copy()
+        prescribed = start + self._contact[fixed[self._contact]]
+        several = self.comm.allreduce(len(prescribed)) > 0
+        if several:  # displacements of contact points that are not free have rows of their own
+            K = K.copy()
+            K.zeroRowsColumns(prescribed.astype(np.int32), self.problem.stiffness_scale)
         inner = ~fixed
-        inner[self._contact] = False
+        inner[self._contact] = fixed[self._contact] = False
         self._inner, self._fixed = np.flatnonzero(inner), np.flatnonzero(fixed)
         inside, contact = (
             PETSc.IS().createGeneral((start + part).astype(np.int32), comm=self.comm)
@@ -196,6 +217,8 @@ class CondensedContact:
             K.createSubMatrix(contact, contact),
             K.createSubMatrix(inside, inside),
         )
+        if several:
+            K.destroy()
         self._ksp = PETSc.KSP().create(self.comm)
         self._ksp.setOptionsPrefix("condensed_")
         self._ksp.setOperators(K_II)

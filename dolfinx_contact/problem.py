@@ -29,6 +29,7 @@ from dolfinx_contact.augmentation import automatic_augmentation
 from dolfinx_contact.bulk import Bulk
 from dolfinx_contact.constraints import Constraints, check_overlap
 from dolfinx_contact.laws import Status
+from dolfinx_contact.prescribed import PrescribedDisplacement
 from dolfinx_contact.surface import ContactSurface
 
 if TYPE_CHECKING:
@@ -97,7 +98,8 @@ class ContactProblem:
         self.energy_form = None if self.energy is None else fem.form(self.energy)
         self._compile()
         self.constraints = Constraints(self.V, self.surfaces, self.bcs)
-        self._all_bcs = [*self.bcs, *self.constraints.multiplier_bcs]
+        self.prescribed = PrescribedDisplacement(self.V, self.constraints)
+        self._all_bcs = [*self.prescribed.conditions, *self.constraints.multiplier_bcs]
         self._matrix: PETSc.Mat | None = None
         self._linear_solver: LinearSolver | None = None
         spaces = [f.function_space for f in self.fields]
@@ -105,7 +107,7 @@ class ContactProblem:
         self.owned_sizes = [W.dofmap.index_map.size_local * W.dofmap.index_map_bs for W in spaces]
         test_spaces = fem.extract_function_spaces([row[0] for row in self._R])
         self._bcs_by_block = fem.bcs_by_block(test_spaces, self._all_bcs)
-        if len(self._bcs_by_block[0]) != len(self.bcs):
+        if len(fem.bcs_by_block(test_spaces, self.bcs)[0]) != len(self.bcs):
             raise ValueError("a Dirichlet condition is not on the space of u or a component of it")
         #: Raw residual of the displacement rows at the last evaluation (local): reactions on
         #: Dirichlet dofs.
@@ -255,9 +257,8 @@ class ContactProblem:
         self.read(x)
         self.update_status()
         values, parts = self._scaled_fields(), []
-        lifted = values[0].copy()
-        for bc in self.bcs:
-            bc.set(lifted)
+        fixed = self.constraints.fixed.reshape(-1)
+        lifted = np.where(fixed, self.prescribed.update().reshape(-1), values[0])
         # A linear body takes its Dirichlet data in the product, and needs no assembly.
         body = self.bulk.affine_residual(lifted)
         R, J = (self._R, self._J) if body is None else (self._contact, self.contact_jacobian)
@@ -304,7 +305,7 @@ class ContactProblem:
         """
         at = [values.copy() for values in self._scaled_fields()]
         fixed = self.constraints.fixed.reshape(-1)
-        prescribed = self.constraints.values(fill=0.0).reshape(-1)
+        prescribed = self.prescribed.update().reshape(-1)
         at[0] = np.where(fixed, prescribed - dirichlet_rates, at[0])
         body = self.bulk.product(np.where(fixed, dirichlet_rates, 0.0))
         J = self._J if body is None else self.contact_jacobian

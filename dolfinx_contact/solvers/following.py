@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """The last strategy of a solve: follow the load from nothing to the whole, through folds.
 
-H(x, s) = H(x) - (1 - s) H(x_0) has the solution x_0 at s = 0, and at s = 1 its solutions are those
-of the problem. Following the branch goes on where increments of s get stuck because it turns back.
+The load grows as in `increments.py`, with s from 0 to 1. Following the branch of solutions goes on
+where increments of s get stuck because it turns back.
 """
 
 from __future__ import annotations
@@ -10,6 +10,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
 
 from dolfinx import fem
 
@@ -27,21 +30,32 @@ _MOST_STEPS = 400
 
 
 class _Loaded(ParametricContact):
-    """H(x, s): the contact problem with the part 1 - s of its residual at ``x0`` left over."""
+    """H(x, s) - (1 - s) H(x_0, 0): the contact problem with a part s of its load."""
 
     def __init__(self, problem: ContactProblem, x0: PETSc.Vec):
         super().__init__(problem, fem.Constant(problem.V.mesh, 0.0))
+        self._start = problem.prescribed.values()
         self._rest = problem.create_vector()
         problem.residual(x0, self._rest)
 
     def residual(self, x: PETSc.Vec, gamma: float, b: PETSc.Vec, piece: Piece | None) -> None:
+        self.problem.prescribed.part = gamma
         super().residual(x, gamma, b, piece)
         b.axpy(gamma - 1.0, self._rest)
 
     def parameter_derivative(
         self, x: PETSc.Vec, gamma: float, c: PETSc.Vec, piece: Piece | None
     ) -> None:
-        self._rest.copy(c)
+        self.problem.prescribed.part = gamma
+        super().parameter_derivative(x, gamma, c, piece)
+        c.axpy(1.0, self._rest)
+
+    def _dirichlet_rates(self) -> npt.NDArray[np.float64]:
+        prescribed = self.problem.prescribed
+        part, prescribed.part = prescribed.part, 1.0
+        rates = prescribed.values() - self._start
+        prescribed.part = part
+        return rates.reshape(-1)
 
     @property
     def is_piecewise_affine(self) -> bool:
@@ -64,7 +78,14 @@ def follow_load(problem: ContactProblem, x: PETSc.Vec, attempt: Attempt, most: i
         attempt.reason = "no convergence in 0 iterations"
         return False
     control = StepControl(corrections=min(most, StepControl().corrections))
-    system = _Loaded(problem, x)
+    problem.read(x)
+    start = problem.u.x.array.reshape(problem.constraints.fixed.shape)
+    with problem.prescribed.ramped(start):
+        problem.prescribed.part = 0.0
+        return _follow(_Loaded(problem, x), x, attempt, control)
+
+
+def _follow(system: _Loaded, x: PETSc.Vec, attempt: Attempt, control: StepControl) -> bool:
     try:
         with Follower(system, control, gamma_scale=1.0) as follower:
             branch = follower.run(follower.start(x, 0.0), (-1.0, 1.0), max_steps=_MOST_STEPS)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 from dolfinx_contact.solvers.measures import Measures
@@ -39,6 +40,8 @@ class Attempt:
         steps: its Newton iterates.
         converged: whether it solved the problem.
         restless: per surface name, coordinates of points that changed status in the last step.
+        limit: cost at which it gives up.
+        evaluations: of the residual.
     """
 
     strategy: str
@@ -46,11 +49,26 @@ class Attempt:
     steps: list[Step] = field(default_factory=list)
     converged: bool = False
     restless: dict[str, list[list[float]]] = field(default_factory=dict)
+    limit: float = math.inf
+    evaluations: int = 0
 
     @property
     def iterations(self) -> int:
         """Newton steps taken (the first iterate of every start is none)."""
         return sum(s.iteration > 0 for s in self.steps)
+
+    @property
+    def cost(self) -> float:
+        """What it took, in Newton steps: a residual beside those of the iterates is a quarter."""
+        return self.iterations + max(0, self.evaluations - len(self.steps)) / 4
+
+    @property
+    def exhausted(self) -> bool:
+        """Whether its cost has reached its limit; then also the reason says so."""
+        if self.cost < self.limit:
+            return False
+        self.reason = f"gave up after a cost of {self.limit:g} Newton steps"
+        return True
 
     @property
     def krylov_iterations(self) -> int:

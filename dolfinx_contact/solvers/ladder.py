@@ -2,20 +2,29 @@
 """Solving a contact problem: Newton's method, and what is tried when full steps fail.
 
 Full steps converge in a few iterations from nearly everywhere, but they can cycle between statuses.
-The strategies, in this order and each from the caller's state:
+The strategies, cheap ones first and each from the caller's state:
 
 1. full Newton steps;
 2. full steps with the automatic augmentation parameter, if the caller forced another;
 3. pivoting: the pieces of H are solved one after the other, and when the number of points with a
-   wrong status stops shrinking only one point changes at a time (`pivoting.py`);
+   wrong status stops shrinking only one point changes at a time (`pivoting.py`); last but one where
+   the body is not linear, since every piece then takes a Newton solve of its own;
 4. a backtracking line search on the norm of H;
-5. the load applied in increments that shrink and grow: H(x) = (1 - s) H(x_0), s from 0 to 1;
-6. the branch of H(x) = (1 - s) H(x_0) followed from s = 0 through its folds (`following.py`).
+5. Lemke's method on the reduced problem (`reduced.py`), which ends in a solution whatever the
+   friction: in 2D, for linear bodies held by Dirichlet data and contact at the nodes;
+6. the load applied in increments that shrink and grow (`increments.py`); before the line search
+   where the body is not linear;
+7. the branch of solutions under a growing load followed through its folds (`following.py`).
+
+Each strategy but the first has a budget, counted in Newton steps. A solution in which a
+hyperelastic body is turned inside out (det F <= 0) is no answer as long as increments of the load
+find another.
 """
 
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -28,9 +37,11 @@ from dolfinx_contact._petsc import staged
 from dolfinx_contact.result import Result, collect
 from dolfinx_contact.solvers.errors import ConvergenceError, FloatingBodyError
 from dolfinx_contact.solvers.history import Attempt, Step
+from dolfinx_contact.solvers.increments import raise_load
 from dolfinx_contact.solvers.linear import direct_instead
 from dolfinx_contact.solvers.newton import Newton
 from dolfinx_contact.solvers.pivoting import pivot
+from dolfinx_contact.solvers.states import inverted
 
 if TYPE_CHECKING:
     from dolfinx_contact.problem import ContactProblem
@@ -38,6 +49,10 @@ if TYPE_CHECKING:
 __all__ = ["solve"]
 
 logger = logging.getLogger(__name__)
+
+_INCREMENTS = "load increments"
+#: Cost at which a strategy gives up, in Newton steps.
+_LIMITS = {"pivoting": 500.0, "line search": 80.0, _INCREMENTS: 400.0}
 
 
 def solve(
@@ -85,10 +100,12 @@ def _solve(
     _check_data(problem, x0)
     attempts: list[Attempt] = []
     floating: FloatingBodyError | None = None
-    x = x0.duplicate()
+    x, turned, objection = x0.duplicate(), x0.duplicate(), ""
     try:
         for strategy, run in _ladder(problem, increments):
-            attempt = Attempt(strategy)
+            if objection and strategy != _INCREMENTS:
+                continue
+            attempt = Attempt(strategy, limit=_LIMITS.get(strategy, math.inf))
             attempts.append(attempt)
             x0.copy(x)
             try:
@@ -96,10 +113,19 @@ def _solve(
             except FloatingBodyError as error:
                 attempt.reason, floating = str(error), error
             if attempt.converged:
-                return collect(problem, x, attempts)
-            logger.warning("%s failed: %s", strategy, attempt.reason)
+                objection = inverted(problem)
+                if not objection:
+                    return collect(problem, x, attempts)
+                attempt.converged, attempt.reason = False, objection
+                x.copy(turned)
+            if problem.comm.rank == 0:
+                logger.warning("%s failed: %s", strategy, attempt.reason)
+        if objection:
+            # Nothing else was found: the result warns of it.
+            attempts.append(Attempt(attempts[-1].strategy, objection, converged=True))
+            return collect(problem, turned, attempts)
     finally:
-        x.destroy()
+        x.destroy(), turned.destroy()
     if floating is not None and attempts[0].reason == str(floating):
         raise FloatingBodyError(str(floating), attempts)
     raise ConvergenceError(_diagnosis(attempts), attempts)
@@ -131,7 +157,7 @@ def _ladder(problem: ContactProblem, increments: int) -> list[tuple[str, _Run]]:
 
     def by_increments(x: PETSc.Vec, attempt: Attempt, monitor: Any) -> bool:
         with Newton(problem, "none", monitor) as solver:
-            return _follow_load(solver, x, attempt, increments)
+            return raise_load(solver, x, attempt, increments)
 
     def by_following(x: PETSc.Vec, attempt: Attempt, monitor: Any) -> bool:
         from dolfinx_contact.solvers.following import follow_load
@@ -144,35 +170,31 @@ def _ladder(problem: ContactProblem, increments: int) -> list[tuple[str, _Run]]:
         with Newton(problem, "none", monitor) as solver:
             return pivot(solver, x, attempt)
 
+    def by_lemke(x: PETSc.Vec, attempt: Attempt, monitor: Any) -> bool:
+        from dolfinx_contact.solvers.reduced import solve_reduced
+
+        with Newton(problem, "none", monitor) as solver:
+            if solver.snes.getTolerances()[3] < 1:
+                attempt.reason = "no convergence in 0 iterations"
+                return False
+            return solve_reduced(problem, x, attempt) and solver.run(x, attempt)
+
     ladder: list[tuple[str, _Run]] = [("full steps", newton("none"))]
     if problem.forced_r is not None:
         ladder.append(("full steps with the automatic r", with_automatic_r(newton("none"))))
-    ladder.append(("pivoting", with_automatic_r(by_pivoting)))
-    ladder.append(("line search", with_automatic_r(newton("bt"))))
-    ladder.append(("load increments", with_automatic_r(by_increments)))
-    ladder.append(("load following", with_automatic_r(by_following)))
-    return ladder
-
-
-def _follow_load(solver: Newton, x: PETSc.Vec, attempt: Attempt, increments: int) -> bool:
-    """Raise the load from 0 to 1; an increment that fails is quartered, one that works doubled."""
-    solver.problem.residual(x, solver.offset)
-    done, step, good = 0.0, 1.0 / increments, x.duplicate()
-    try:
-        while done < 1.0:
-            x.copy(good)
-            solver.load = min(1.0, done + step)
-            if solver.run(x, attempt):
-                done, step = solver.load, 2 * step
-            else:
-                good.copy(x)
-                step /= 4
-                if step < 1e-4 / increments:
-                    attempt.reason = f"stuck at {done:.4g} of the load: {attempt.reason}"
-                    return False
-        return True
-    finally:
-        good.destroy()
+    rungs = {
+        "pivoting": by_pivoting,
+        "line search": newton("bt"),
+        "Lemke's method": by_lemke,
+        _INCREMENTS: by_increments,
+        "load following": by_following,
+    }
+    order = list(rungs)
+    if not problem.bulk.linear:
+        order = [_INCREMENTS, "line search", "pivoting", "load following"]
+    elif problem.V.mesh.geometry.dim == 3:
+        order.remove("Lemke's method")
+    return ladder + [(name, with_automatic_r(rungs[name])) for name in order]
 
 
 def _check_data(problem: ContactProblem, x0: PETSc.Vec) -> None:

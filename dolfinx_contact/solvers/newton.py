@@ -50,7 +50,7 @@ class Newton:
         self._full_steps = line_search == "none"
         self.snes = PETSc.SNES().create(problem.comm)
         self.b = problem.create_vector()
-        self.offset = problem.create_vector()  # H(x_0), for load increments
+        self.offset = problem.create_vector()  # of which 1 - load is left out
         self._after = [self.b.duplicate() for _ in range(3)]  # a step, residual, correction
         self.load = 1.0
         self.scales = Scales(problem)
@@ -80,7 +80,7 @@ class Newton:
             thing.destroy()
 
     def run(self, x: PETSc.Vec, attempt: Attempt) -> bool:
-        """Solve H(x) = (1 - load) H(x_0) from ``x``, which is overwritten. Collective."""
+        """Solve H(x) = (1 - load) offset from ``x``, which is overwritten. Collective."""
         self.attempt, self._history, self.floating = attempt, [], None
         ksp = self.snes.getKSP()
         try:
@@ -111,6 +111,7 @@ class Newton:
     def _function(self, _snes: PETSc.SNES, x: PETSc.Vec, b: PETSc.Vec) -> None:
         with logged("ContactResidual"):
             self.problem.residual(x, b)
+        self.attempt.evaluations += 1
         if self.load != 1.0:
             b.axpy(self.load - 1.0, self.offset)
 
@@ -162,6 +163,8 @@ class Newton:
             if self._floats():
                 return int(_STOPPED)
             return int(PETSc.SNES.ConvergedReason.CONVERGED_FNORM_RELATIVE)
+        if self.attempt.exhausted:
+            return int(_STOPPED)
         if it >= snes.getTolerances()[3]:
             return int(PETSc.SNES.ConvergedReason.DIVERGED_MAX_IT)
         if (

@@ -1,0 +1,215 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""Lemke's method, and friction in the plane as the problem that it cannot fail on.
+
+The reduced problem has S a = r + p with the positive definite stiffness S of the contact points,
+a = (ut, un) and the forces r = (rt, rn) on the body. With A = S^{-1}, c = A p and
+rt = rt+ - rt-, Signorini's and Coulomb's conditions are the linear complementarity problem
+0 <= w = q + M z, z >= 0, w.z = 0 for z = (rn, rt+, rt-, l),
+
+    un           = A_nn rn + A_nt (rt+ - rt-)       + c_n   against rn,
+    l + ut       = A_tn rn + A_tt (rt+ - rt-) + l   + c_t   against rt+,
+    l - ut       = -A_tn rn - A_tt (rt+ - rt-) + l  - c_t   against rt-,
+    F rn - rt+ - rt-                                        against l = |ut| of a slip.
+
+**Lemke's method ends in a solution for every F >= 0.** z^T M z = r^T A r + F l.rn, since the terms
+with rt+ and rt- times l cancel, so M is copositive. Let z >= 0 with M z >= 0 and z^T M z = 0; then
+r = 0 because A is positive definite, so rn = 0, and the last rows of M z >= 0 leave
+rt+ + rt- <= F rn = 0; what remains is z = (0, 0, 0, l), and q^T z = 0 because q vanishes in those
+rows. For a copositive M with q^T z >= 0 on that cone the method does not end in a ray (Cottle, Pang
+and Stone, The Linear Complementarity Problem, theorem 4.4.13), and with the lexicographic rule it
+does not cycle (section 4.9 there). So a solution exists, and failing to find it is a fault of the
+program or of round-off. A bound g >= 0 given in advance (Tresca) stands in q, and changes nothing.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from scipy.linalg.blas import dger
+
+__all__ = ["RayTermination", "coulomb_by_lemke", "lemke"]
+
+Array = npt.NDArray[np.float64]
+
+_TIE = 1e-11  # of ratios that count as equal, relative to the largest unknown
+_PIVOT = 1e-11  # entries that count as zero, relative to the largest of their column
+
+
+class RayTermination(ArithmeticError):
+    """Lemke's method ended in a ray, or took more pivots than it may."""
+
+
+def coulomb_by_lemke(
+    S: Array, p: Array, friction: Array, *, bound: Array | None = None
+) -> tuple[Array, int]:
+    """A solution of S a = r + p with Coulomb friction in 2D; see the module.
+
+    Args:
+        S: reduced stiffness, (2 m, 2 m), ordered ut, un point by point, positive definite.
+        p: reduced load, (2 m,).
+        friction: coefficients F >= 0, (m,).
+        bound: friction bounds g >= 0 beside F rn, forces, (m,).
+
+    Returns:
+        The state (ut, un, rt, rn) of every point, (m, 4), and the number of pivots.
+
+    Raises:
+        ValueError: if a number is not finite, F or g is negative, or S is not positive definite.
+        RayTermination: never but for round-off.
+    """
+    m = len(friction)
+    bound = np.zeros(m) if bound is None else bound
+    if not all(np.isfinite(v).all() for v in (S, p, friction, bound)):
+        raise ValueError("stiffness, load or friction is not finite")
+    if (friction < 0).any() or (bound < 0).any():
+        raise ValueError("the friction must not be negative")
+    try:
+        np.linalg.cholesky((S + S.T) / 2)
+    except np.linalg.LinAlgError:
+        raise ValueError("the reduced stiffness is not positive definite") from None
+    stiffness = float(np.abs(np.diag(S)).mean())
+    A = np.linalg.inv(S / stiffness)
+    c = A @ p / stiffness
+    length = float(np.abs(c).max()) or 1.0
+    c = c / length
+    t, n = np.arange(0, 2 * m, 2), np.arange(1, 2 * m, 2)
+    att, atn, ant, ann = (A[np.ix_(i, j)] for i, j in ((t, t), (t, n), (n, t), (n, n)))
+    zero, one, F = np.zeros((m, m)), np.eye(m), np.diag(friction)
+    M = np.block(
+        [
+            [ann, ant, -ant, zero],
+            [atn, att, -att, one],
+            [-atn, -att, att, one],
+            [F, -one, -one, zero],
+        ]
+    )
+    q = np.concatenate([c[n], c[t], -c[t], bound / (stiffness * length)])
+    z, pivots = lemke(M, q)
+    rn, plus, minus, _ = z.reshape(4, m)
+    r = np.empty(2 * m)
+    r[t], r[n] = plus - minus, rn
+    a = A @ r + c
+    state = np.stack([a[t], a[n], r[t] * stiffness, r[n] * stiffness], axis=1)
+    return state * length, pivots
+
+
+def lemke(M: Array, q: Array, *, max_pivots: int | None = None) -> tuple[Array, int]:
+    """Solve 0 <= q + M z against z >= 0 by Lemke's method with the lexicographic rule.
+
+    Args:
+        M: square matrix, (n, n).
+        q: (n,).
+        max_pivots: by default 50 n + 100.
+
+    Returns:
+        z, and the number of pivots.
+
+    Raises:
+        RayTermination: if the method ends in a ray or takes more pivots.
+    """
+    n = len(q)
+    if (q >= 0).all():
+        return np.zeros(n), 0
+    table = _Tableau(M, q)
+    leaving = table.first()
+    for pivots in range(1, (50 * n + 100 if max_pivots is None else max_pivots) + 1):
+        if leaving == table.artificial:
+            return table.solution(), pivots
+        entering = leaving + n if leaving < n else leaving - n
+        leaving = table.enter(entering)
+    raise RayTermination(f"Lemke's method took more than {pivots} pivots")
+
+
+class _Tableau:
+    """w - M z - d z_0 = q solved for the basic variables, numbered w 0.., z n.., z_0 2 n."""
+
+    def __init__(self, M: Array, q: Array):
+        self.n, self.artificial = len(q), 2 * len(q)
+        self._M, self._q, self._d = M, q, np.ones(len(q))
+        #: In Fortran's order, which BLAS changes in place.
+        self.table: Array = np.asfortranarray(np.column_stack([-M, -self._d]))
+        self.values = q.copy()
+        self.basic = np.arange(self.n)
+        self.nonbasic = np.arange(self.n, 2 * self.n + 1)
+        self._since = 0  # pivots since the table was made from the data
+
+    def first(self) -> int:
+        """Let z_0 enter; the variable that leaves."""
+        least = self.values.min()
+        tied = np.flatnonzero(self.values <= least + _TIE * np.abs(self._q).max())
+        return self._pivot(int(tied[-1]), self.n)  # the lexicographically least of them
+
+    def enter(self, variable: int) -> int:
+        """Let a variable enter; the variable that leaves."""
+        column = int(np.flatnonzero(self.nonbasic == variable)[0])
+        return self._pivot(self._row(column), column)
+
+    def _row(self, column: int) -> int:
+        """The lexicographic ratio test."""
+        entries = self.table[:, column]
+        rising = np.flatnonzero(entries > _PIVOT * np.abs(entries).max(initial=1.0))
+        if len(rising) == 0:
+            raise RayTermination("Lemke's method ended in a ray")
+        ratios = np.maximum(self.values[rising], 0.0) / entries[rising]
+        scale = _TIE * max(float(np.abs(self.values).max()), 1e-300)
+        tied = rising[ratios <= ratios.min() + scale / entries[rising]]
+        if len(tied) > 1:
+            ends = tied[self.basic[tied] == self.artificial]
+            if len(ends):
+                return int(ends[0])
+            for w in range(self.n):
+                keys = self._inverse(tied, w) / entries[tied]
+                size = float(np.abs(keys).max())
+                tied = tied[keys <= keys.min() + _TIE * size]
+                if len(tied) == 1:
+                    break
+        return int(tied[0])
+
+    def _inverse(self, rows: npt.NDArray[np.int64], w: int) -> Array:
+        """Entries of the inverse of the basis: the column of the variable ``w``."""
+        places = np.flatnonzero(self.nonbasic == w)
+        if len(places):
+            return np.asarray(self.table[rows, places[0]])
+        return (self.basic[rows] == w).astype(float)
+
+    def _pivot(self, row: int, column: int) -> int:
+        """Exchange a basic and a nonbasic variable; the one that leaves."""
+        T, element = self.table, float(self.table[row, column])
+        across, down = T[row] / element, T[:, column].copy()
+        value = float(self.values[row]) / element
+        self.table = T = dger(-1.0, down, across, a=T, overwrite_a=True)
+        T[row] = across
+        T[:, column] = -down / element
+        T[row, column] = 1.0 / element
+        self.values -= down * value
+        self.values[row] = value
+        leaving = int(self.basic[row])
+        self.basic[row], self.nonbasic[column] = self.nonbasic[column], leaving
+        self._since += 1
+        if self._since >= max(100, self.n):
+            self._refresh()
+        return leaving
+
+    def _columns(self, variables: npt.NDArray[np.int64]) -> Array:
+        """Columns of [I, -M, -d]."""
+        found = np.zeros((self.n, len(variables)))
+        w, z = np.flatnonzero(variables < self.n), np.flatnonzero(variables >= self.n)
+        found[variables[w], w] = 1.0
+        everything = np.column_stack([-self._M, -self._d])
+        found[:, z] = everything[:, variables[z] - self.n]
+        return found
+
+    def _refresh(self) -> None:
+        """Make the table anew from the data, without the round-off of the pivots."""
+        right = np.column_stack([self._columns(self.nonbasic), self._q])
+        solved = np.linalg.solve(self._columns(self.basic), right)
+        self.table = np.asfortranarray(solved[:, :-1], dtype=np.float64)
+        self.values = np.asarray(solved[:, -1], dtype=np.float64).copy()
+        self._since = 0
+
+    def solution(self) -> Array:
+        """z of the basis, solved from the data."""
+        values = np.linalg.solve(self._columns(self.basic), self._q)
+        z, inside = np.zeros(self.n), (self.basic >= self.n) & (self.basic < 2 * self.n)
+        z[self.basic[inside] - self.n] = np.maximum(values[inside], 0.0)
+        return z

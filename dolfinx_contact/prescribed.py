@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Prescribed displacements: the user's Dirichlet data, of which a part may be applied."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx import fem
+
+from dolfinx_contact.constraints import Constraints
+
+__all__ = ["PrescribedDisplacement"]
+
+
+class PrescribedDisplacement:
+    """Dirichlet data of a body as conditions of the problem's own, which follow the user's.
+
+    Args:
+        V: space of the displacement.
+        constraints: which components are fixed, and to what.
+
+    Attributes:
+        conditions: one for every component that is fixed somewhere.
+        part: of the way from a start to the user's data that is prescribed, 1 but in `ramped`.
+    """
+
+    def __init__(self, V: fem.FunctionSpace, constraints: Constraints):
+        self._constraints, self.part = constraints, 1.0
+        self._start: npt.NDArray[np.float64] | None = None
+        self.conditions: list[fem.DirichletBC] = []
+        self._components: list[tuple[int, fem.Function, npt.NDArray[np.int32]]] = []
+        bs = V.dofmap.index_map_bs
+        for i in range(bs):
+            fixed = constraints.fixed[:, i]
+            if not V.mesh.comm.allreduce(int(fixed.any())):
+                continue
+            W, parents = V.sub(i).collapse()
+            nodes = np.asarray(parents, dtype=np.int32) // bs
+            here = np.flatnonzero(fixed[nodes]).astype(np.int32)
+            f = fem.Function(W)
+            self._components.append((i, f, nodes))
+            dofs = [(bs * nodes[here] + i).astype(np.int32), here]
+            self.conditions.append(fem.dirichletbc(f, dofs, V.sub(i)))
+
+    def values(self) -> npt.NDArray[np.float64]:
+        """What is prescribed at the local nodes x dim, 0 where the displacement is free."""
+        values = self._constraints.values(fill=0.0)
+        if self._start is not None:
+            values = self._start + self.part * (values - self._start)
+        return np.where(self._constraints.fixed, values, 0.0)
+
+    def update(self) -> npt.NDArray[np.float64]:
+        """Bring the conditions up to date with the user's data; their values as from `values`."""
+        values = self.values()
+        for i, f, nodes in self._components:
+            f.x.array[:] = values[nodes, i]
+        return values
+
+    @contextmanager
+    def ramped(self, start: npt.NDArray[np.float64]) -> Iterator[None]:
+        """Prescribe `part` of the way from ``start`` to the user's data while the context lasts.
+
+        Args:
+            start: displacement of the local nodes, (n, dim).
+        """
+        self._start = start.copy()
+        try:
+            yield
+        finally:
+            self._start, self.part = None, 1.0

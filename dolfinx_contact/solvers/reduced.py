@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""A solution of a plane problem by Lemke's method on its contact points.
+
+The body is condensed onto its contact points (`condensed.py`), where Lemke's method ends in a
+solution for every friction if the reduced stiffness is positive definite (`algorithms.lemke`).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from petsc4py import PETSc
+
+from dolfinx import fem
+
+from dolfinx_contact._errors import on_root
+from dolfinx_contact.algorithms import RayTermination, coulomb_by_lemke
+from dolfinx_contact.condensed import CondensedContact, can_condense
+from dolfinx_contact.parametric import ParametricContact
+
+if TYPE_CHECKING:
+    from dolfinx_contact.problem import ContactProblem
+    from dolfinx_contact.solvers.history import Attempt
+
+__all__ = ["solve_reduced"]
+
+
+def solve_reduced(problem: ContactProblem, x: PETSc.Vec, attempt: Attempt) -> bool:
+    """Put a solution by Lemke's method into ``x``, at which the body is condensed. Collective.
+
+    Where the problem is not one that it solves the attempt says why.
+    """
+    system = ParametricContact(problem, fem.Constant(problem.V.mesh, 0.0))
+    condensed: CondensedContact | None = None
+    try:
+        if not can_condense(system, partly=True):
+            attempt.reason = "needs contact at the nodes with Coulomb's law or without friction"
+            return False
+        condensed = CondensedContact(system, x, 0.0, exact=True)
+        affine, friction = condensed.system, condensed.friction
+        S = affine.matrix[:, :, :2].reshape(len(affine.load), -1)
+        w, _ = on_root(problem.comm, lambda: coulomb_by_lemke(S, affine.load, friction))
+        condensed.expand(w, 0.0, x)
+    except (RayTermination, ValueError, RuntimeError) as error:
+        attempt.reason = str(error)
+        return False
+    finally:
+        if condensed is not None:
+            condensed.destroy()
+        system.destroy()
+    return True
