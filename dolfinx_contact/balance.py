@@ -37,6 +37,7 @@ __all__ = ["Balance", "balance", "support_at_nodes", "support_at_vertices"]
 logger = logging.getLogger(__name__)
 
 _LARGEST_IMBALANCE = 1e-6  # of all forces, above which there is a warning
+_NO_STRAIN = 1e-9
 
 
 @dataclass(frozen=True)
@@ -80,7 +81,9 @@ def balance(
         size += float(np.linalg.norm(t.force, axis=1).sum())
     size += comm.allreduce(float(np.linalg.norm(reactions, axis=1).sum()))
     size += float(np.linalg.norm(external))
-    size = max(size, problem.round_off_force(displacement)) or 1.0
+    # Stresses at a strain of nothing, (I + grad u) less I, are round-off of the moduli.
+    nothing = _NO_STRAIN * problem.stiffness_scale * problem.body_size
+    size = max(size, nothing, problem.round_off_force(displacement))
     imbalance = float(np.linalg.norm(contact + support + external)) / size
     if not imbalance <= _LARGEST_IMBALANCE and comm.rank == 0:
         logger.warning(
