@@ -21,7 +21,7 @@ from dolfinx import fem, mesh
 
 from dolfinx_contact._errors import require
 
-__all__ = ["Cylinder", "HalfSpace", "LevelSet", "Obstacle", "Sphere"]
+__all__ = ["Cylinder", "HalfSpace", "LevelSet", "Obstacle", "Sphere", "gap_at"]
 
 
 def _vector(domain: mesh.Mesh, value: Any, what: str) -> Any:
@@ -58,7 +58,28 @@ def _radius(domain: mesh.Mesh, value: Any) -> Any:
 
 
 class Obstacle:
-    """A rigid foundation, bound to a mesh by `on`."""
+    """A rigid foundation, bound to a mesh by `on`.
+
+    An obstacle of your own defines `at`, or `on` alone; then nothing is known of it at displaced
+    points, and whether the sliding is small is not checked.
+    """
+
+    @property
+    def flat(self) -> bool:
+        """Whether the normal is the same everywhere, so that no displacement is too large."""
+        return False
+
+    def at(self, domain: mesh.Mesh, x: Any) -> tuple[Any, Any]:
+        """UFL gap and unit normal (from the body into the obstacle) at a UFL point.
+
+        Args:
+            domain: mesh of the body.
+            x: a UFL vector, such as ``ufl.SpatialCoordinate(domain) + u``.
+
+        Raises:
+            ValueError: if the obstacle does not fit the dimension of the mesh.
+        """
+        raise NotImplementedError
 
     def on(self, domain: mesh.Mesh) -> tuple[Any, Any]:
         """UFL gap and unit normal (from the body into the obstacle) on ``domain``.
@@ -66,7 +87,20 @@ class Obstacle:
         Raises:
             ValueError: if the obstacle does not fit the dimension of the mesh.
         """
-        raise NotImplementedError
+        return self.at(domain, ufl.SpatialCoordinate(domain))
+
+
+def gap_at(obstacle: Obstacle, domain: mesh.Mesh, x: Any) -> Any | None:
+    """UFL gap at a UFL point; None if the obstacle is known in the reference configuration only.
+
+    That is so where a class has an `on` of its own and no `at` that goes with it.
+    """
+    for kind in type(obstacle).__mro__:
+        if "at" in vars(kind) and kind is not Obstacle:
+            return obstacle.at(domain, x)[0]
+        if "on" in vars(kind):
+            return None
+    return None
 
 
 @dataclass(frozen=True)
@@ -81,8 +115,14 @@ class HalfSpace(Obstacle):
     point: npt.ArrayLike | fem.Constant
     normal: npt.ArrayLike | fem.Constant
 
-    def on(self, domain: mesh.Mesh) -> tuple[Any, Any]:
-        x = ufl.SpatialCoordinate(domain)
+    @property
+    def flat(self) -> bool:
+        given = (self.point, self.normal)
+        return type(self).at is HalfSpace.at and not any(
+            isinstance(v, ufl.core.expr.Expr) and not isinstance(v, fem.Constant) for v in given
+        )
+
+    def at(self, domain: mesh.Mesh, x: Any) -> tuple[Any, Any]:
         normal = _direction(domain, self.normal, "the normal of the half-space")
         return ufl.dot(
             x - _vector(domain, self.point, "the point of the half-space"), normal
@@ -101,8 +141,8 @@ class Sphere(Obstacle):
     centre: npt.ArrayLike | fem.Constant
     radius: float | fem.Constant
 
-    def on(self, domain: mesh.Mesh) -> tuple[Any, Any]:
-        d = ufl.SpatialCoordinate(domain) - _vector(domain, self.centre, "the centre of the sphere")
+    def at(self, domain: mesh.Mesh, x: Any) -> tuple[Any, Any]:
+        d = x - _vector(domain, self.centre, "the centre of the sphere")
         distance = ufl.sqrt(ufl.dot(d, d))
         return distance - _radius(domain, self.radius), -d / distance
 
@@ -121,11 +161,11 @@ class Cylinder(Obstacle):
     axis: npt.ArrayLike | fem.Constant
     radius: float | fem.Constant
 
-    def on(self, domain: mesh.Mesh) -> tuple[Any, Any]:
+    def at(self, domain: mesh.Mesh, x: Any) -> tuple[Any, Any]:
         if domain.geometry.dim != 3:
             raise ValueError("a Cylinder needs a 3D mesh; in 2D a Sphere is a disc")
         axis = _direction(domain, self.axis, "the axis of the cylinder")
-        d = ufl.SpatialCoordinate(domain) - _vector(domain, self.point, "the point of the axis")
+        d = x - _vector(domain, self.point, "the point of the axis")
         d = d - ufl.dot(d, axis) * axis
         distance = ufl.sqrt(ufl.dot(d, d))
         return distance - _radius(domain, self.radius), -d / distance
@@ -144,8 +184,8 @@ class LevelSet(Obstacle):
 
     phi: Callable[[Any], Any]
 
-    def on(self, domain: mesh.Mesh) -> tuple[Any, Any]:
-        x = ufl.variable(ufl.SpatialCoordinate(domain))
+    def at(self, domain: mesh.Mesh, x: Any) -> tuple[Any, Any]:
+        x = ufl.variable(x)
         phi = self.phi(x)
         if not isinstance(phi, ufl.core.expr.Expr) or phi.ufl_shape != ():
             raise ValueError("the level set must return a scalar UFL expression")

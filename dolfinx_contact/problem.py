@@ -26,7 +26,10 @@ from dolfinx_contact._compat import assemble_block_matrix, create_block_matrix, 
 from dolfinx_contact._errors import require
 from dolfinx_contact._petsc import logged, require_real, staged
 from dolfinx_contact.augmentation import automatic_augmentation
+from dolfinx_contact.balance import support_at_vertices
 from dolfinx_contact.bulk import Bulk
+from dolfinx_contact.cells import check_cells
+from dolfinx_contact.checks import warn_of_obstacles
 from dolfinx_contact.constraints import Constraints, check_overlap
 from dolfinx_contact.laws import Status
 from dolfinx_contact.prescribed import PrescribedDisplacement
@@ -55,7 +58,7 @@ class ContactProblem:
 
     Raises:
         ValueError: on every rank, if the arguments do not fit together, contact nodes are all
-            clamped, or a mesh coordinate is not finite.
+            clamped, a mesh coordinate is not finite, or a cell has no volume.
         RuntimeError: if PETSc has complex scalars.
     """
 
@@ -91,6 +94,7 @@ class ContactProblem:
             raise ValueError(f"the augmentation parameter r must be positive, got {r}")
         finite = bool(np.isfinite(self.V.mesh.geometry.x).all())
         require(self.comm, finite, "the mesh has a coordinate that is not finite")
+        check_cells(self.V.mesh)
 
         check_overlap(self.surfaces)
         self.bulk = Bulk(bulk, u)
@@ -120,6 +124,7 @@ class ContactProblem:
         self.body_size: float = float(np.linalg.norm(high - low))
         self.forced_r: float | None = r
         self._scale(r)
+        warn_of_obstacles(self)
 
     # -- forms -----------------------------------------------------------------------------------
 
@@ -347,10 +352,7 @@ class ContactProblem:
 
     def support_forces(self, s: ContactSurface) -> npt.NDArray[np.float64]:
         """Reactions of Dirichlet data on the body at the local vertices of ``s``. Collective."""
-        reaction = fem.Function(self.V)
-        reaction.x.array[: self.owned_sizes[0]] = self.reactions
-        reaction.x.scatter_forward()
-        return np.asarray(reaction.x.array.reshape(-1, s.dim)[s.vertex_trace_dofs])
+        return support_at_vertices(self, s)
 
     @contextmanager
     def automatic_augmentation(self) -> Iterator[None]:

@@ -32,7 +32,7 @@ from dolfinx_contact._errors import require
 from dolfinx_contact.elements import check_elements, check_quadrature, displacement_degree
 from dolfinx_contact.evaluation import Evaluator, require_same_numbering
 from dolfinx_contact.laws import FrictionLaw, Status, augment, classify, projection
-from dolfinx_contact.obstacles import Obstacle
+from dolfinx_contact.obstacles import Obstacle, gap_at
 from dolfinx_contact.trace import exterior_facets, facet_closures, owned_exterior, trace_dofs
 
 __all__ = ["ContactSurface", "Method"]
@@ -104,6 +104,7 @@ class ContactSurface:
         check_elements(name, self.method, self.degrees, self.dim)
         rule_degree = check_quadrature(name, self.degrees, quadrature_degree)
         self.law = law.bind(domain)
+        self.obstacle = obstacle
         self.gap, self.normal = obstacle.on(domain)
 
         local = exterior_facets(domain, facets, tag, name)
@@ -176,6 +177,7 @@ class ContactSurface:
         self._status_at_vertices = at_vertices(self._active, self._stick)
         self._geometry = at_vertices(self.gap, self.normal)
         self.vertex_areas, self.areas = self._geometry.areas, self._state.areas
+        self._true_gaps: Evaluator | None = None
         self.update_geometry()
 
     def update_geometry(self) -> None:
@@ -271,13 +273,33 @@ class ContactSurface:
 
         The gap is that of the displacement, also where averages of it are unknowns of their own.
         """
-        if self.average is None:
-            gap = self.state()["un"]
-        else:
-            u = self.u.x.array.reshape(-1, self.dim)[self.vertex_trace_dofs]
-            gap = self.vertex_gaps - np.sum(u * self.vertex_normals, axis=1)
-        closed = (gap <= tolerance).astype(float)
+        closed = (self.gaps() <= tolerance).astype(float)
         return Status(closed, closed.copy(), np.zeros_like(closed))
+
+    def gaps(self) -> npt.NDArray[np.float64]:
+        """Gap of the displacement at the local contact points, to first order. Collective.
+
+        That is ``un`` of `state`, except where averages are unknowns of their own.
+        """
+        if self.average is None:
+            return self.state()["un"]
+        u = self.u.x.array.reshape(-1, self.dim)[self.vertex_trace_dofs]
+        return np.asarray(self.vertex_gaps - np.sum(u * self.vertex_normals, axis=1))
+
+    def true_gaps(self) -> npt.NDArray[np.float64] | None:
+        """Distance to the obstacle of the local contact points where they are now. Collective.
+
+        Returns:
+            One value a point, negative inside; None if the obstacle does not say (`obstacles`).
+        """
+        if self._true_gaps is None:
+            x = ufl.SpatialCoordinate(self.domain) + self.u
+            gap = gap_at(self.obstacle, self.domain, x)
+            if gap is None:
+                return None
+            W = self.points, self._point_vectors
+            self._true_gaps = Evaluator(*W, self._ds, [gap], self.entity_maps)
+        return self._true_gaps()[0]
 
     def check_law(self) -> None:
         """Raise ``ValueError`` if a friction field is negative or not finite somewhere."""

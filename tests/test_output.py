@@ -237,7 +237,7 @@ def test_files_read_back(folder, cell, degree):
     mises = np.sqrt(1.5 * np.sum(deviator**2, axis=(1, 2)))
     np.testing.assert_allclose(stress["von_mises"][:, 0], mises, rtol=1e-6, atol=1e-9)
     assert set(contact) == {
-        *("geometry", "displacement", "traction", "pressure", "gap", "slip", "status")
+        *("geometry", "displacement", "traction", "pressure", "gap", "slip", "status", "support")
     }
     assert np.abs(contact["geometry"][:, dim - 1]).max() < 1e-12
     if degree == 1:
@@ -308,8 +308,8 @@ def test_contact_table(folder, cell):
     write_contact_table(COMM, folder, result.tables.values())
     with open(folder / "contact.csv") as stream:
         rows = list(csv.DictReader(stream))
-    header = "surface,x,y,z,un,ut,ut_x,ut_y,ut_z,rn,rt,rt_x,rt_y,rt_z,pressure,shear,status"
-    assert list(rows[0]) == header.split(",")
+    header = "surface,x,y,z,un,ut,ut_x,ut_y,ut_z,rn,rt,rt_x,rt_y,rt_z,pressure,shear,status,"
+    assert list(rows[0]) == (header + "support_x,support_y,support_z").split(",")
     assert len(rows) == len(result.tables["contact"].x)
     places = [[float(r[k]) for k in "xyz"] for r in rows]
     assert np.round(places, 9).tolist() == sorted(np.round(places, 9).tolist())

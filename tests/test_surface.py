@@ -102,9 +102,13 @@ def test_reaction_of_a_clamped_contact_node():
     table = result.tables["contact"]
     assert table.letters[-1] == "d"
     assert result.counts["clamped"] == 1
-    np.testing.assert_allclose(table.force.sum(axis=0), (-0.05, 1.0), atol=1e-9)
-    # The multiplier of the clamped node is zero; the force is the reaction.
-    assert abs(table.rt[-1, 0]) > 0.1 * table.rn[-1]
+    contact = result.resultants["contact"]
+    np.testing.assert_allclose(contact + result.support, (-0.05, 1.0), atol=1e-9)
+    # The multiplier of the clamped node is zero; what holds it is its support, all there is.
+    assert not table.force[-1].any()
+    np.testing.assert_allclose(table.support[-1], result.support, rtol=1e-12)
+    assert not table.support[:-1].any()
+    assert abs(table.support[-1, 0]) > 0.1 * table.support[-1, 1]
 
 
 def test_several_solves_in_one_process():

@@ -3,8 +3,9 @@
 
 On the body: the displacement, the Cauchy stress and the von Mises stress
 (3/2 dev s : dev s)^(1/2), both linear and discontinuous. On each contact surface, a mesh of its own
-so that it opens beside the body, at the vertices: displacement, traction on the body, normal
-pressure, gap, slip (the tangential displacement) and status.
+so that it opens beside the body, at the vertices: displacement, contact traction on the body,
+normal pressure, gap, slip (the tangential displacement), status, and apart from contact the
+support, the force per area by which Dirichlet data hold the body there.
 
 The status is a number, `STATUS_CODES`: 0 open, 1 stick, 2 slip, 3 clamped by Dirichlet data. In the
 integral method the contact points are Gauss points, which ParaView cannot show; a vertex then has
@@ -133,21 +134,17 @@ def contact_fields(problem: ContactProblem, surface: ContactSurface) -> dict[str
     """What is known on a contact surface, as continuous linear Functions on its mesh. Collective.
 
     Returns:
-        By name: ``displacement``, ``traction`` (on the body), ``pressure``, ``gap``, ``slip``, a
-        vector, and ``status``, a number of `STATUS_CODES`.
+        By name: ``displacement``, ``traction`` (of contact, on the body), ``pressure``, ``gap``,
+        ``slip``, a vector, ``status``, a number of `STATUS_CODES`, and ``support``, the reaction of
+        Dirichlet data on the body over the area of a vertex.
     """
     s, state = surface, surface.vertex_state()
     shares = np.stack([state["open"], 1 - state["open"] - state["slip"], state["slip"]])
     status = np.argmax(np.round(shares, 9), axis=0).astype(float)
     clamped = _at_vertices(s, problem.constraints.clamped[problem.surfaces.index(s)])
     status[clamped] = STATUS_CODES["d"]
-    n = s.vertices.dofmap.index_map.size_local
     if s.method != "integral":
-        # As in the table: what holds a clamped node is the reaction of its support.
-        held, area = clamped[:n], s.vertex_areas[:n, None]
-        reaction = problem.support_forces(s)[:n] / area
-        state["traction"][:n][held] = reaction[held]
-        state["pressure"][:n] = -np.sum(state["traction"] * s.vertex_normals, axis=1)[:n]
+        state["traction"][clamped] = state["pressure"][clamped] = 0.0  # as in the table
     values = {
         "displacement": s.u.x.array.reshape(-1, s.dim)[s.vertex_trace_dofs],
         "traction": state["traction"],
@@ -155,6 +152,7 @@ def contact_fields(problem: ContactProblem, surface: ContactSurface) -> dict[str
         "gap": state["un"],
         "slip": state["ut"],
         "status": status,
+        "support": problem.support_forces(s) / s.vertex_areas[:, None],
     }
     return {name: _function(s, name, v) for name, v in values.items()}
 

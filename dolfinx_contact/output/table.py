@@ -17,7 +17,7 @@ __all__ = ["COLUMNS", "write_contact_table"]
 
 COLUMNS = [
     *("surface", "x", "y", "z", "un", "ut", "ut_x", "ut_y", "ut_z", "rn", "rt", "rt_x", "rt_y"),
-    *("rt_z", "pressure", "shear", "status"),
+    *("rt_z", "pressure", "shear", "status", "support_x", "support_y", "support_z"),
 ]
 
 
@@ -26,8 +26,16 @@ def _padded(vectors: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     return np.pad(vectors, ((0, 0), (0, 3 - vectors.shape[1])))
 
 
+def _written(numbers: npt.NDArray[np.float64]) -> list[str]:
+    return [repr(float(v)) for v in numbers]
+
+
 def write_contact_table(comm: MPI.Comm, folder: Path, tables: Iterable[ContactTable]) -> None:
-    """Write ``folder/contact.csv``, a row a contact point, surface by surface. Collective."""
+    """Write ``folder/contact.csv``, a row a contact point, surface by surface. Collective.
+
+    Forces, pressure and shear are those of contact; what Dirichlet data do to the body at a contact
+    node is in the last columns.
+    """
     if comm.rank == 0:
         lines = [",".join(COLUMNS)]
         for t in tables:
@@ -44,8 +52,9 @@ def write_contact_table(comm: MPI.Comm, folder: Path, tables: Iterable[ContactTa
                     t.along(t.shear),
                 ]
             )
+            support = _padded(t.support)
             for i, letter in enumerate(t.letters):
-                numbers_i = [repr(float(v)) for v in numbers[i]]
-                lines.append(",".join([t.name, *numbers_i, str(letter)]))
+                row = [t.name, *_written(numbers[i]), str(letter), *_written(support[i])]
+                lines.append(",".join(row))
         (folder / "contact.csv").write_text("\n".join(lines) + "\n")
     comm.barrier()

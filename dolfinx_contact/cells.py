@@ -1,0 +1,208 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Cells of a mesh that are no cells: empty ones, and ones that are turned inside out.
+
+The sign of the Jacobian determinant det J says nothing of a simplex, whose vertices DOLFINx takes
+in any order. A mesh is folded there where two simplices lie on the same side of their common facet.
+In quadrilaterals, hexahedra and curved cells det J changes its sign within a cell.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from functools import lru_cache
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+import basix
+from dolfinx import la, mesh
+
+from dolfinx_contact._compat import geometry_dofmap
+from dolfinx_contact._errors import require
+
+__all__ = ["check_cells", "determinants", "gradients", "midpoints", "reference_points"]
+
+logger = logging.getLogger(__name__)
+
+Array = npt.NDArray[np.float64]
+
+_CHUNK = 8192  # cells at once, so that what is at hand stays in the processor's cache
+_ROUND_OFF = 16 * np.finfo(np.float64).eps
+
+
+def check_cells(domain: mesh.Mesh) -> None:
+    """Refuse empty cells and warn of inverted ones. Collective.
+
+    A quadrilateral or hexahedron that is turned inside out as a whole is not found.
+
+    Raises:
+        ValueError: on every rank, if a cell has no volume to round-off.
+    """
+    n = domain.topology.index_map(domain.topology.dim).size_local
+    low, high, size = np.empty(n), np.empty(n), np.empty(n)
+    for part, J, volume in _jacobians(domain):
+        det = determinants(J)
+        low[part], high[part], size[part] = det.min(axis=1), det.max(axis=1), volume
+    smallest = np.maximum(np.abs(low), np.abs(high))
+    empty = smallest <= _ROUND_OFF * size
+    number, first = _first(domain, empty, -smallest)
+    require(
+        domain.comm,
+        number == 0,
+        f"{_some(number, 'cell has', 'cells have')} no volume: {first}; mesh the body anew",
+    )
+    crossed = (low < -_ROUND_OFF * size) & (high > _ROUND_OFF * size)
+    number, first = _first(domain, crossed, np.ones(n))
+    if number > 0 and domain.comm.rank == 0:
+        logger.warning(
+            "%s inverted in part (its Jacobian determinant changes sign): %s",
+            _some(number, "cell is", "cells are"),
+            first,
+        )
+    if _is_simplex(domain):
+        folds = _folds(domain, np.sign(low + high))
+        number, first = _first(domain, folds > 0, folds)
+        if number > 0 and domain.comm.rank == 0:
+            logger.warning(
+                "the mesh is folded: %s on the same side of a facet as the neighbour, so that some "
+                "are inverted: %s has most such facets",
+                _some(number, "cell lies", "cells lie"),
+                first,
+            )
+
+
+def _some(number: int, one: str, many: str) -> str:
+    return f"{number} {one if number == 1 else many}"
+
+
+def _first(domain: mesh.Mesh, marked: npt.NDArray[np.bool_], weights: Array) -> tuple[int, str]:
+    """How many owned cells are marked on all ranks, and which and where the worst is. Collective.
+
+    Of cells with the same weight it is the first in the order of the input.
+    """
+    cells = np.flatnonzero(marked)
+    mine: list[tuple[float, int, list[float]]] = []
+    if len(cells):
+        original = np.asarray(domain.topology.original_cell_index)[cells]
+        i = int(np.lexsort((original, -weights[cells]))[0])
+        x = midpoints(domain, cells[i : i + 1])[0]
+        mine = [(-float(weights[cells[i]]), int(original[i]), x.tolist())]
+    parts = domain.comm.allgather((len(cells), mine))
+    number, found = sum(p[0] for p in parts), sorted(c for p in parts for c in p[1])
+    if not found:
+        return number, ""
+    _, index, x = found[0]
+    place = ", ".join(f"{c:.6g}" for c in x)
+    return number, f"cell {index} (in the order of the input), at ({place})"
+
+
+# -- geometry ------------------------------------------------------------------------------------
+
+
+def _is_simplex(domain: mesh.Mesh) -> bool:
+    return domain.basix_cell() in (basix.CellType.triangle, basix.CellType.tetrahedron)
+
+
+def is_affine(domain: mesh.Mesh) -> bool:
+    """Whether cells are images of their reference cell under affine maps."""
+    return _is_simplex(domain) and domain.geometry.cmap.degree == 1
+
+
+def midpoints(domain: mesh.Mesh, cells: npt.NDArray[Any]) -> Array:
+    """Means of the vertices of local ``cells``, (n, dim)."""
+    corners = geometry_dofmap(domain)[cells][:, : len(basix.geometry(domain.basix_cell()))]
+    return np.asarray(domain.geometry.x[corners].mean(axis=1)[:, : domain.geometry.dim])
+
+
+@lru_cache(maxsize=32)
+def reference_points(cell: basix.CellType, degree: int) -> Array:
+    """Vertices of a reference cell and the points of a rule; for degree 0 its midpoint alone."""
+    corners = basix.geometry(cell)
+    if degree == 0:
+        return np.asarray(corners.mean(axis=0, keepdims=True))
+    return np.vstack([corners, basix.make_quadrature(cell, degree)[0]])
+
+
+def gradients(element: Any, points: Array) -> Array:
+    """Derivatives of a blocked Lagrange element at reference points, (nodes, points * dim)."""
+    scalar = element.sub_elements[0].basix_element
+    table = scalar.tabulate(1, points)[1:, :, :, 0]
+    return np.ascontiguousarray(table.transpose(2, 1, 0).reshape(table.shape[2], -1))
+
+
+def determinants(J: Array) -> Array:
+    """Determinants of 2 x 2 or 3 x 3 matrices in the last two axes."""
+    a = [[J[..., i, j] for j in range(J.shape[-1])] for i in range(J.shape[-1])]
+    if len(a) == 2:
+        return np.asarray(a[0][0] * a[1][1] - a[0][1] * a[1][0])
+    minors = [a[1][i] * a[2][j] - a[1][j] * a[2][i] for i, j in ((1, 2), (2, 0), (0, 1))]
+    return np.asarray(a[0][0] * minors[0] + a[0][1] * minors[1] + a[0][2] * minors[2])
+
+
+def chunks(number: int) -> Iterator[slice]:
+    """Slices of at most some thousand cells."""
+    for start in range(0, number, _CHUNK):
+        yield slice(start, min(start + _CHUNK, number))
+
+
+def _jacobians(domain: mesh.Mesh) -> Iterator[tuple[slice, Array, Array]]:
+    """Of owned cells, some at a time: J at points (n, points, dim, dim), and a scale of det J.
+
+    The scale is that of round-off: coordinates far from the origin are known less well.
+    """
+    dim, nodes = domain.geometry.dim, geometry_dofmap(domain)
+    x = domain.geometry.x[:, :dim]
+    degree = 0 if is_affine(domain) else 2 * domain.geometry.cmap.degree
+    points = reference_points(domain.basix_cell(), degree)
+    table = gradients(domain.ufl_domain().ufl_coordinate_element(), points)
+    for part in chunks(domain.topology.index_map(dim).size_local):
+        X = x[nodes[part]].transpose(0, 2, 1)
+        J = (X @ table).reshape(len(X), dim, len(points), dim).transpose(0, 2, 1, 3)
+        length = np.abs(J).max(axis=(1, 2, 3))
+        yield part, J, length ** (dim - 1) * (length + np.abs(X).max(axis=(1, 2)))
+
+
+# -- folds ---------------------------------------------------------------------------------------
+
+
+def _folds(domain: mesh.Mesh, sign: Array) -> Array:
+    """At how many facets each owned simplex lies on the side of its neighbour. Collective.
+
+    A simplex with its vertices in an order induces one on its facets, which is opposite to that of
+    the neighbour across the facet. The order is that of the global vertices, so that neighbours
+    may be on other ranks, with and without ghosts.
+
+    Args:
+        domain: mesh.
+        sign: of det J of the owned cells.
+    """
+    topology, tdim, n = domain.topology, domain.topology.dim, len(sign)
+    topology.create_connectivity(tdim, tdim - 1)
+    vertices = topology.index_map(0)
+    names = vertices.local_to_global(
+        np.arange(vertices.size_local + vertices.num_ghosts, dtype=np.int32)
+    )
+    corners = names[topology.connectivity(tdim, 0).array[: n * (tdim + 1)].reshape(n, tdim + 1)]
+    #: Parity of the order of the cell, and of the place of each vertex in it: facets are numbered
+    #: as the vertices opposite to them.
+    odd = np.zeros((n, tdim + 1), dtype=bool)
+    whole = np.zeros(n, dtype=bool)
+    for i, j in combinations(range(tdim + 1), 2):
+        after = corners[:, i] > corners[:, j]
+        whole ^= after
+        odd[:, i] ^= after
+        odd[:, j] ^= ~after
+    side = np.where(odd ^ whole[:, None], -sign[:, None], sign[:, None])
+    facets = topology.connectivity(tdim, tdim - 1).array[: n * (tdim + 1)]
+    sums = la.vector(topology.index_map(tdim - 1), 2)
+    size = len(sums.array) // 2
+    pairs = sums.array.reshape(-1, 2)
+    pairs[:, 0] = np.bincount(facets, weights=side.reshape(-1), minlength=size)
+    pairs[:, 1] = np.bincount(facets, minlength=size)
+    sums.scatter_reverse(la.InsertMode.add)
+    sums.scatter_forward()
+    folded = (pairs[:, 1] == 2) & (np.abs(pairs[:, 0]) == 2)
+    return np.asarray(folded[facets].reshape(n, tdim + 1).sum(axis=1), dtype=np.float64)
