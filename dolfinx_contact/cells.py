@@ -118,12 +118,13 @@ def midpoints(domain: mesh.Mesh, cells: npt.NDArray[Any]) -> Array:
 
 
 @lru_cache(maxsize=32)
-def reference_points(cell: basix.CellType, degree: int) -> Array:
+def reference_points(cell: basix.CellType, degree: int, *, vertices: bool = True) -> Array:
     """Vertices of a reference cell and the points of a rule; for degree 0 its midpoint alone."""
     corners = basix.geometry(cell)
     if degree == 0:
         return np.asarray(corners.mean(axis=0, keepdims=True))
-    return np.vstack([corners, basix.make_quadrature(cell, degree)[0]])
+    points = basix.make_quadrature(cell, degree)[0]
+    return np.vstack([corners, points]) if vertices else np.asarray(points)
 
 
 def gradients(element: Any, points: Array) -> Array:

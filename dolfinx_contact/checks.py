@@ -45,17 +45,18 @@ _FAR = 10.0  # body sizes
 # -- states --------------------------------------------------------------------------------------
 
 
-def smallest_jacobian(problem: ContactProblem) -> tuple[float, Array]:
+def smallest_jacobian(problem: ContactProblem, *, vertices: bool = True) -> tuple[float, Array]:
     """The smallest det(I + grad u) and the midpoint of its cell in the reference. Collective.
 
-    It is looked for at quadrature points and vertices; linear simplices have one value. The same on
+    It is looked for at quadrature points, which is where an energy sees the body, and if wanted at
+    the vertices of the cells; linear simplices have one value. The same on
     every rank. NaN, if the displacement is not finite: accept a state where it is ``> 0``.
     """
     u, domain = problem.u, problem.V.mesh
     dim, degree = domain.geometry.dim, problem.V.ufl_element().degree
     n = domain.topology.index_map(dim).size_local
     order = 0 if is_affine(domain) and degree == 1 else 2 * degree
-    points = reference_points(domain.basix_cell(), order)
+    points = reference_points(domain.basix_cell(), order, vertices=vertices)
     X, elements = domain.geometry.x[:, :dim], domain.ufl_domain().ufl_coordinate_element()
     fields = [
         (geometry_dofmap(domain), X, gradients(elements, points)),

@@ -167,7 +167,7 @@ def random_body(rng, friction):
     if rng.random() < 0.3:  # a second support, of which a corner may touch
         sides.append(facets(domain, 0, 1.0))
     held = [fem.locate_dofs_topological(V, 1, side) for side in sides]
-    motion = rng.uniform(-0.1, 0.1, 2) + [0.0, 0.05 - 0.15 * rng.random()]
+    motion = np.array([rng.uniform(-0.1, 0.1), rng.uniform(-0.2, 0.15)])
     map_ = np.array([[rng.uniform(0.3, 3), rng.uniform(-1, 1)], [rng.uniform(-0.2, 0.2), 1.0]])
     domain.geometry.x[:, :2] = domain.geometry.x[:, :2] @ map_.T
     lowest = COMM.allreduce(float(domain.geometry.x[:, 1].min(initial=np.inf)), op=min)
@@ -182,12 +182,13 @@ def random_body(rng, friction):
 def check_random_body(seed):
     """Solve, and look for the solution among all that there are; which strategy it took."""
     rng = np.random.default_rng(seed)
+    problem = random_body(rng, friction=rng.choice([0.0, 0.5, 2.0, 5.0]))
     try:
-        problem = random_body(rng, friction=rng.choice([0.0, 0.5, 2.0, 5.0]))
         result = problem.solve()
     except ValueError as error:
-        assert "into the obstacle" in str(error)  # a clamped corner that the floor is in
-        return "refused"
+        if "into the obstacle" in str(error):  # a clamped corner that the floor is in
+            return "refused"
+        raise
     system = ParametricContact(problem, fem.Constant(problem.V.mesh, 0.0))
     x = system.create_vector()
     problem.write(x)

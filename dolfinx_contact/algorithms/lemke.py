@@ -208,7 +208,7 @@ class _Tableau:
         self._since = 0
 
     def solution(self) -> Array:
-        """z of the basis, solved from the data."""
+        """The unknowns z of the basis, solved from the data."""
         values = np.linalg.solve(self._columns(self.basic), self._q)
         z, inside = np.zeros(self.n), (self.basic >= self.n) & (self.basic < 2 * self.n)
         z[self.basic[inside] - self.n] = np.maximum(values[inside], 0.0)

@@ -17,7 +17,7 @@ def inverted(problem: ContactProblem) -> str:
     """Where a hyperelastic body is turned inside out, in words; "" if nowhere. Collective."""
     if problem.bulk.linear:
         return ""
-    smallest, place = smallest_jacobian(problem)
+    smallest, place = smallest_jacobian(problem, vertices=False)
     if smallest > 0:
         return ""
     where = ", ".join(f"{c:.4g}" for c in place)
