@@ -23,7 +23,7 @@ import numpy.typing as npt
 from dolfinx_contact.continuation.branch import Change, Ray
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.rays import outgoing
-from dolfinx_contact.continuation.system import Condensable, Events, Piece
+from dolfinx_contact.continuation.system import Events, Piece, can_be_condensed
 
 __all__ = ["Crossing", "cross", "outgoing_rays", "parity"]
 
@@ -176,7 +176,7 @@ def _by_tangent_cone(
     system = b.system
     x, gamma = b.split(y)
     x = x.copy()
-    condensed = system.condensed(x, gamma) if isinstance(system, Condensable) else None
+    condensed = system.condensed(x, gamma) if can_be_condensed(system) else None
     if condensed is None:
         return None
     w, base = condensed.contract(x), b.vector()

@@ -26,7 +26,12 @@ from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.continuation.passage import SteppingSteps
 from dolfinx_contact.continuation.pivoting import Pivoting
 from dolfinx_contact.continuation.steps import ExactSteps
-from dolfinx_contact.continuation.system import Condensable, ManyPieces, Piece, System
+from dolfinx_contact.continuation.system import (
+    Piece,
+    System,
+    can_be_condensed,
+    knows_many_pieces,
+)
 
 __all__ = ["Follower", "Route", "follow", "follower_for"]
 
@@ -107,7 +112,7 @@ def follower_for(
     """
     if route not in ("auto", "pivoting", "steps"):
         raise ValueError(f"the route must be auto, pivoting or steps, got {route!r}")
-    if route != "steps" and isinstance(system, Condensable) and system.is_piecewise_affine:
+    if route != "steps" and can_be_condensed(system) and system.is_piecewise_affine:
         condensed = system.condensed(x, gamma)
         if condensed is not None:
             return Pivoting(system, condensed, gamma_scale=gamma_scale)
@@ -320,7 +325,7 @@ def _steps(corrector: Corrector, locate: Locate | None) -> ExactSteps:
     """Steps that pass kinks as `StepControl.kinks` says."""
     system, kinks = corrector.bordered.system, corrector.control.kinks
     if kinks is None:
-        many = isinstance(system, ManyPieces) and system.has_many_pieces
+        many = knows_many_pieces(system) and system.has_many_pieces
         kinks = "batched" if many else "exact"
     if kinks == "batched":
         return BatchedSteps(corrector, locate)

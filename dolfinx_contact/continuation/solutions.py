@@ -28,7 +28,13 @@ import numpy as np
 
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.rays import outgoing
-from dolfinx_contact.continuation.system import Condensable, Events, Piece, System
+from dolfinx_contact.continuation.system import (
+    Condensable,
+    Events,
+    Piece,
+    System,
+    can_be_condensed,
+)
 
 __all__ = ["Solution", "Solutions", "find_solutions"]
 
@@ -92,7 +98,7 @@ def find_solutions(
         raise ValueError("at least one guess is needed")
     if not (all(part > 0 for part in lengths) and tolerance > 0 and max_iterations > 0):
         raise ValueError("lengths, tolerance and max_iterations must be positive")
-    if not deflation and isinstance(system, Condensable) and system.is_piecewise_affine:
+    if not deflation and can_be_condensed(system) and system.is_piecewise_affine:
         found = _of_cones(system, guesses[0], gamma)
         if found is not None:
             return found

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, TypeGuard, runtime_checkable
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -29,6 +29,9 @@ __all__ = [
     "Preconditioned",
     "Preconditioner",
     "System",
+    "can_be_condensed",
+    "has_preconditioner",
+    "knows_many_pieces",
 ]
 
 
@@ -176,6 +179,10 @@ class Condensed(Protocol):
     def point(self, i: int) -> tuple[int, int]:
         """The rank that owns point ``i``, and its local number there."""
 
+    @property
+    def always_solvable(self) -> bool:
+        """Whether it is known that there is a solution at every gamma; needs no communication."""
+
     def contract(self, x: PETSc.Vec) -> npt.NDArray[np.float64]:
         """The numbers w of all points, (m, k)."""
 
@@ -196,3 +203,26 @@ class Condensable(Protocol):
 
     def condensed(self, x: PETSc.Vec, gamma: float) -> Condensed | None:
         """The points at (x, gamma); None if their pieces are no polyhedral cones. Collective."""
+
+
+# `isinstance` with a protocol may evaluate the properties of the system, which are collective and
+# may build what they return; these ask its class.
+
+
+def can_be_condensed(system: Any) -> TypeGuard[Condensable]:
+    """Whether a system is `Condensable`."""
+    return _has(system, "condensed", "is_piecewise_affine")
+
+
+def has_preconditioner(system: Any) -> TypeGuard[Preconditioned]:
+    """Whether a system is `Preconditioned`."""
+    return _has(system, "preconditioner")
+
+
+def knows_many_pieces(system: Any) -> TypeGuard[ManyPieces]:
+    """Whether a system is one with `ManyPieces`."""
+    return _has(system, "has_many_pieces")
+
+
+def _has(system: Any, *names: str) -> bool:
+    return all(hasattr(type(system), name) for name in names)
