@@ -42,6 +42,7 @@ __all__ = [
     "interpolation_points",
     "is_mesh_of",
     "is_topology_of",
+    "is_value_of",
     "merge_entity_maps",
     "option_is_used",
     "read_checkpoint",
@@ -186,6 +187,11 @@ def dirichlet_value(bc: fem.DirichletBC) -> Any:
     """The value of a Dirichlet condition: DOLFINx's Constant or Function in C++."""
     value = bc.g
     return getattr(value, "_cpp_object", value)
+
+
+def is_value_of(f: fem.Function, bc: fem.DirichletBC) -> bool:
+    """Whether a Dirichlet condition takes its values from this very Function."""
+    return f._cpp_object is dirichlet_value(bc)
 
 
 def option_is_used(key: str) -> bool:

@@ -21,14 +21,42 @@ logger = logging.getLogger(__name__)
 
 #: Names that users give, for what is nearly one of them.
 _KNOWN = (
-    "linear_solver amg_pc_type surface_condensed "
-    "snes_rtol snes_max_it snes_monitor snes_view snes_type snes_converged_reason snes_atol "
-    "snes_stol snes_max_funcs snes_linesearch_type snes_linesearch_monitor snes_monitor_cancel "
-    "ksp_type ksp_rtol ksp_atol ksp_divtol ksp_max_it ksp_monitor ksp_view ksp_converged_reason "
-    "ksp_monitor_true_residual ksp_gmres_restart ksp_pc_side ksp_norm_type ksp_error_if_not_converged "
-    "pc_type pc_factor_mat_solver_type pc_factor_mat_ordering_type pc_factor_levels "
-    "pc_factor_shift_type pc_hypre_type pc_view"
-).split()
+    "linear_solver",
+    "amg_pc_type",
+    "surface_condensed",
+    "snes_rtol",
+    "snes_max_it",
+    "snes_monitor",
+    "snes_view",
+    "snes_type",
+    "snes_converged_reason",
+    "snes_atol",
+    "snes_stol",
+    "snes_max_funcs",
+    "snes_linesearch_type",
+    "snes_linesearch_monitor",
+    "snes_monitor_cancel",
+    "ksp_type",
+    "ksp_rtol",
+    "ksp_atol",
+    "ksp_divtol",
+    "ksp_max_it",
+    "ksp_monitor",
+    "ksp_view",
+    "ksp_converged_reason",
+    "ksp_monitor_true_residual",
+    "ksp_gmres_restart",
+    "ksp_pc_side",
+    "ksp_norm_type",
+    "ksp_error_if_not_converged",
+    "pc_type",
+    "pc_factor_mat_solver_type",
+    "pc_factor_mat_ordering_type",
+    "pc_factor_levels",
+    "pc_factor_shift_type",
+    "pc_hypre_type",
+    "pc_view",
+)
 _MUMPS = re.compile(r"mat_mumps_i?cntl_\d+")
 _NEARLY = 0.88  # similarity from which on a name is taken for a misspelt one
 _POSITIVE = ("snes_rtol",)
@@ -93,8 +121,8 @@ def _check(key: str, value: Any, name: str) -> None:
             raise ValueError(f"{name} must be a nonnegative whole number, got {value}")
     if key == "snes_type" and value not in _SNES_TYPES:
         raise ValueError(
-            f"{name}: contact problems are not solved by the SNES {value!r}; {', '.join(_SNES_TYPES)} "
-            "solve them"
+            f"{name}: the SNES {value!r} does not solve contact problems; those that do are "
+            f"{', '.join(_SNES_TYPES)}"
         )
 
 
@@ -137,13 +165,12 @@ class OptionUse:
             options: given to the problem.
             multigrid: whether that is the linear solver, so that its options are to be read.
         """
-        foreign = [p[len(self._prefix) :] for p in self._prefixes if p.startswith(self._prefix)]
+        longer = tuple(p for p in self._prefixes if p != self._prefix)
+        longer = tuple(p[len(self._prefix) :] for p in longer if p.startswith(self._prefix))
         found = in_database(self._prefix)
         left = [k for k in options if k not in self._used and k not in found]
         left += [
-            k
-            for k in found
-            if not option_is_used(self._prefix + k) and not any(f and k.startswith(f) for f in foreign)
+            k for k in found if not k.startswith(longer) and not option_is_used(self._prefix + k)
         ]
         spared = _AT_TIMES if multigrid else (*_AT_TIMES, *_OF_MULTIGRID)
         return sorted(k for k in left if k != _READ_HERE and not k.startswith(spared))

@@ -93,12 +93,13 @@ class Constraints:
         if self._told or len(self._bcs) < 2:
             return
         bs, n = V.dofmap.index_map_bs, V.dofmap.index_map.size_local * V.dofmap.index_map_bs
-        held, before, found = np.full(len(self.fixed.reshape(-1)), np.nan), [], []
+        held: npt.NDArray[np.float64] = np.full(self.fixed.size, np.nan)
+        before, found = [], []
         for bc in self._bcs:
             mine = np.full_like(held, np.nan)
             bc.set(mine)
             before.append((held.copy(), mine))
-            held = np.where(np.isfinite(mine), mine, held)
+            held = np.asarray(np.where(np.isfinite(mine), mine, held))
         size = comm.allreduce(np.nanmax(np.abs(held), initial=0.0), op=max)
         x = V.tabulate_dof_coordinates()[:, : V.mesh.geometry.dim]
         for old, new in before:

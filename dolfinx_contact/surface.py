@@ -23,12 +23,12 @@ import basix.ufl
 import ufl
 from dolfinx import fem, la, mesh
 
+from dolfinx_contact._agreement import described, refuse_other_mesh
 from dolfinx_contact._compat import (
     create_facet_submesh,
     facet_integration_entities,
     merge_entity_maps,
 )
-from dolfinx_contact._agreement import described, refuse_other_mesh
 from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact.elements import check_elements, check_quadrature, displacement_degree
 from dolfinx_contact.evaluation import Evaluator, require_same_numbering

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeGuard, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -29,9 +29,9 @@ __all__ = [
     "Preconditioned",
     "Preconditioner",
     "System",
-    "can_be_condensed",
-    "has_preconditioner",
-    "knows_many_pieces",
+    "as_condensable",
+    "as_many_pieces",
+    "as_preconditioned",
 ]
 
 
@@ -209,19 +209,19 @@ class Condensable(Protocol):
 # may build what they return; these ask its class.
 
 
-def can_be_condensed(system: Any) -> TypeGuard[Condensable]:
-    """Whether a system is `Condensable`."""
-    return _has(system, "condensed", "is_piecewise_affine")
+def as_condensable(system: Any) -> Condensable | None:
+    """The system if it is `Condensable`."""
+    return system if _has(system, "condensed", "is_piecewise_affine") else None
 
 
-def has_preconditioner(system: Any) -> TypeGuard[Preconditioned]:
-    """Whether a system is `Preconditioned`."""
-    return _has(system, "preconditioner")
+def as_preconditioned(system: Any) -> Preconditioned | None:
+    """The system if it is `Preconditioned`."""
+    return system if _has(system, "preconditioner") else None
 
 
-def knows_many_pieces(system: Any) -> TypeGuard[ManyPieces]:
-    """Whether a system is one with `ManyPieces`."""
-    return _has(system, "has_many_pieces")
+def as_many_pieces(system: Any) -> ManyPieces | None:
+    """The system if it is one with `ManyPieces`."""
+    return system if _has(system, "has_many_pieces") else None
 
 
 def _has(system: Any, *names: str) -> bool:

@@ -199,8 +199,8 @@ class Multigrid(LinearSolver):
         prefix = self._problem.prefix
         return (
             f"the Krylov method stagnated after {ksp.getIterationNumber()} iterations "
-            f"({reasons_of(ksp)}); try another -{prefix}amg_pc_type (gamg, hypre), -{prefix}ksp_max_it, or -{prefix}linear_solver "
-            "direct if memory allows"
+            f"({reasons_of(ksp)}); try another -{prefix}amg_pc_type (gamg, hypre), "
+            f"-{prefix}ksp_max_it, or -{prefix}linear_solver direct if memory allows"
         )
 
     @property
