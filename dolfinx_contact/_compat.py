@@ -7,6 +7,7 @@ it runs on; a branch goes when its DOLFINx leaves the table of the README.
 
 from __future__ import annotations
 
+import ctypes
 import inspect
 import os
 from collections.abc import Sequence
@@ -34,11 +35,16 @@ __all__ = [
     "assemble_block_matrix",
     "create_block_matrix",
     "create_facet_submesh",
+    "dirichlet_value",
     "facet_integration_entities",
     "geometry_dofmap",
     "gmsh_io",
     "interpolation_points",
+    "is_mesh_of",
+    "is_topology_of",
+    "is_value_of",
     "merge_entity_maps",
+    "option_is_used",
     "read_checkpoint",
     "write_checkpoint",
     "write_functions",
@@ -163,6 +169,42 @@ class FunctionSeries:
     def close(self) -> None:
         """Finish the file."""
         self._writer.close()
+
+
+def is_topology_of(domain: mesh.Mesh, tags: mesh.MeshTags) -> bool:
+    """Whether MeshTags number the entities of this very mesh."""
+    mine, theirs = domain.topology, tags.topology
+    return getattr(mine, "_cpp_object", mine) is getattr(theirs, "_cpp_object", theirs)
+
+
+def is_mesh_of(domain: mesh.Mesh, space: Any) -> bool:
+    """Whether a function space, DOLFINx's in Python or in C++, is one of this very mesh."""
+    theirs = space.mesh
+    return domain._cpp_object is getattr(theirs, "_cpp_object", theirs)
+
+
+def dirichlet_value(bc: fem.DirichletBC) -> Any:
+    """The value of a Dirichlet condition: DOLFINx's Constant or Function in C++."""
+    value = bc.g
+    return getattr(value, "_cpp_object", value)
+
+
+def is_value_of(f: fem.Function, bc: fem.DirichletBC) -> bool:
+    """Whether a Dirichlet condition takes its values from this very Function."""
+    return f._cpp_object is dirichlet_value(bc)
+
+
+def option_is_used(key: str) -> bool:
+    """Whether anything has asked PETSc's database for ``key`` since it was set.
+
+    True if this PETSc does not tell: petsc4py has no name for ``PetscOptionsUsed``.
+    """
+    try:
+        ask = ctypes.CDLL(PETSc.__file__).PetscOptionsUsed
+    except (OSError, AttributeError):
+        return True
+    used = ctypes.c_int(0)  # PetscBool is an int, in newer versions a bool
+    return bool(ask(None, key.encode(), ctypes.byref(used)) or used.value)
 
 
 def geometry_dofmap(domain: mesh.Mesh) -> npt.NDArray[np.int32]:

@@ -33,22 +33,26 @@ def require(comm: MPI.Comm, ok: bool, message: str) -> None:
         raise ValueError(failed[0])
 
 
-def same_everywhere(comm: MPI.Comm, **values: Any) -> None:
+def same_everywhere(comm: MPI.Comm, where: str = "", /, **values: Any) -> None:
     """Raise ``ValueError`` on every rank if a value is not the same on all. Collective.
 
     Args:
         comm: communicator.
+        where: the values belong, with which the message begins.
         values: by name (underscores stand for blanks), compared by their `repr`.
     """
+    if comm.size == 1:
+        return
     mine = {name: repr(value) for name, value in values.items()}
+    what = f"{where}: " if where else ""
     for rank, theirs in enumerate(comm.allgather(mine)):
         if rank == 0:
             first = theirs
         for name in first:
             if first[name] != theirs.get(name):
                 raise ValueError(
-                    f"{name.replace('_', ' ')} differs between ranks: {first[name]} on rank 0, "
-                    f"{theirs.get(name)} on rank {rank}"
+                    f"{what}{name.replace('_', ' ')} differs between ranks: {first[name]} on "
+                    f"rank 0, {theirs.get(name)} on rank {rank}"
                 )
 
 
@@ -57,18 +61,18 @@ def everywhere(comm: MPI.Comm, what: str = "") -> Iterator[None]:
     """Raise on every rank what one rank raises in the context. Collective, at its end.
 
     It is for code of the user, and for local work that may fail. The error is that of the lowest
-    rank that failed, with its traceback as a note. Where that rank's code was to communicate, the
-    others wait for it inside the context; they cannot be reached, and after some time the run is
-    aborted with the traceback.
+    rank that failed, with its traceback as a note; KeyboardInterrupt and SystemExit pass likewise.
+    Where that rank's code was to communicate, the others wait for it inside the context; they
+    cannot be reached, and after some time the run is aborted with the traceback.
 
     Args:
         comm: communicator.
         what: is done here, for the note.
     """
-    failure: Exception | None = None
+    failure: BaseException | None = None
     try:
         yield
-    except Exception as error:
+    except BaseException as error:
         failure = error
     mine, failed = np.array([int(failure is not None)]), np.zeros(1, dtype=int)
     request = comm.Iallreduce(mine, failed, op=MPI.MAX)
@@ -97,7 +101,7 @@ def _done(request: MPI.Request) -> bool:
     return True
 
 
-def _first(comm: MPI.Comm, failure: Exception | None, what: str) -> Exception:
+def _first(comm: MPI.Comm, failure: BaseException | None, what: str) -> BaseException:
     """The error of the lowest rank that has one; there it is the object itself. Collective."""
     sent = None
     if failure is not None:
@@ -112,7 +116,7 @@ def _first(comm: MPI.Comm, failure: Exception | None, what: str) -> Exception:
     rank, first = next((i, p) for i, p in enumerate(parts) if p is not None)
     if rank == comm.rank and failure is not None:
         return failure
-    error: Exception = pickle.loads(first[0])
+    error: BaseException = pickle.loads(first[0])
     error.add_note(first[1])
     return error
 

@@ -11,7 +11,17 @@ from typing import Any
 
 from petsc4py import PETSc
 
-__all__ = ["logged", "options_in_database", "parse_arguments", "require_real", "staged"]
+__all__ = [
+    "as_raised",
+    "logged",
+    "options_in_database",
+    "parse_arguments",
+    "require_real",
+    "staged",
+]
+
+#: PETSc's codes for what it does not support, does not know, or was built without.
+_NO_SUCH_THING = (56, 86, 92)
 
 
 def parse_arguments(
@@ -54,6 +64,29 @@ def options_in_database(prefix: str, options: Mapping[str, Any]) -> Iterator[Non
     finally:
         for key in mine:
             database.delValue(key)
+
+
+@contextmanager
+def as_raised() -> Iterator[None]:
+    """Let exceptions that Python code raises inside PETSc come out as themselves.
+
+    PETSc hands them on as an error of its own, "error code -1". The objects at work are not to be
+    used again: their vectors may be locked.
+
+    Raises:
+        ValueError: for a kind of solver, or a use of one, that this PETSc does not know.
+    """
+    try:
+        yield
+    except PETSc.Error as error:
+        cause: BaseException | None = error
+        while isinstance(cause, PETSc.Error):
+            cause = cause.__cause__
+        if cause is not None:
+            raise cause from cause.__cause__
+        if error.ierr in _NO_SUCH_THING:
+            raise ValueError(f"PETSc: {str(error).splitlines()[-1].partition('] ')[2]}") from error
+        raise
 
 
 def half_of(A: PETSc.Mat) -> PETSc.Mat:

@@ -16,7 +16,7 @@ polyhedral cones (`laws.cones`).
 
 from __future__ import annotations
 
-from functools import partial
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 from petsc4py import PETSc
@@ -38,6 +38,7 @@ __all__ = ["CondensedContact", "can_condense"]
 
 Array = npt.NDArray[np.float64]
 _MOST_POINTS = 1024
+_DEFINITE = 1e-10  # least eigenvalue of the condensed stiffness, whose mean diagonal entry is 1
 _BATCH = 128  # right-hand sides solved at once
 _DEFAULTS = {
     "ksp_type": "preonly",
@@ -134,6 +135,18 @@ class CondensedContact:
             classify_points, friction=self.friction, grips=self._grips, r=np.asarray(self._r / k)
         )
         self.system = AffineSystem(M, load, rate, bases, inequalities, classify, exists)
+
+    @cached_property
+    def always_solvable(self) -> bool:
+        """Whether there is a solution at every gamma: S is positive definite, and H affine.
+
+        Then the problem with a friction bound given in advance has one solution, which depends
+        continuously on the bound, and Brouwer's theorem gives a bound that is F times its pressure
+        (Haslinger, Math. Methods Appl. Sci. 5, 1983).
+        """
+        n = 2 * self._m
+        S = self.system.matrix[:, :, :2].reshape(n, n)
+        return self.exact and bool(np.linalg.eigvalsh(S + S.T)[0] > _DEFINITE)
 
     # -- points ----------------------------------------------------------------------------------
 

@@ -25,6 +25,7 @@ __all__ = ["Constraints", "check_overlap"]
 logger = logging.getLogger(__name__)
 
 _TOLERANCE = 1e-6  # of a direction cosine
+_CONTRADICTION = 1e-10  # of the largest Dirichlet value: a difference that is none of round-off
 
 
 class Constraints:
@@ -47,7 +48,7 @@ class Constraints:
         surfaces: Sequence[ContactSurface],
         bcs: Sequence[fem.DirichletBC],
     ):
-        self._V, self._bcs = V, list(bcs)
+        self._V, self._bcs, self._told = V, list(bcs), False
         # A value may itself be NaN, so a component is fixed if either filling is overwritten.
         self.fixed = np.isfinite(self.values()) | np.isnan(self.values(fill=0.0))
         self.clamped: list[npt.NDArray[np.bool_]] = []
@@ -86,8 +87,48 @@ class Constraints:
         motion = np.where(self.fixed, self.values(fill=0.0) - u, 0.0)
         return float(s.comm.allreduce(float((motion @ normal).max(initial=0.0)), op=max))
 
+    def _warn_of_contradictions(self) -> None:
+        """Warn, once, of nodes with two values for one component. Collective."""
+        V, comm = self._V, self._V.mesh.comm
+        if self._told or len(self._bcs) < 2:
+            return
+        bs, n = V.dofmap.index_map_bs, V.dofmap.index_map.size_local * V.dofmap.index_map_bs
+        held: npt.NDArray[np.float64] = np.full(self.fixed.size, np.nan)
+        before, found = [], []
+        for bc in self._bcs:
+            mine = np.full_like(held, np.nan)
+            bc.set(mine)
+            before.append((held.copy(), mine))
+            held = np.asarray(np.where(np.isfinite(mine), mine, held))
+        size = comm.allreduce(np.nanmax(np.abs(held), initial=0.0), op=max)
+        x = V.tabulate_dof_coordinates()[:, : V.mesh.geometry.dim]
+        for old, new in before:
+            differs = np.abs(old[:n] - new[:n]) > _CONTRADICTION * size  # NaN where one is free
+            found += [
+                (tuple(x[i // bs].tolist()), int(i % bs), *map(float, (old[i], new[i], held[i])))
+                for i in np.flatnonzero(differs)
+            ]
+        everyone = sorted(place for part in comm.allgather(found) for place in part)
+        self._told = bool(everyone)
+        if everyone and comm.rank == 0:
+            where, i, old_value, new_value, last = everyone[0]
+            logger.warning(
+                "two Dirichlet conditions contradict each other: component %s at (%s) is %g and "
+                "%g; the later one of the list, %g, holds%s",
+                "xyz"[i],
+                ", ".join(f"{c:.6g}" for c in where),
+                old_value,
+                new_value,
+                last,
+                f" (the first of {len(everyone)} such components)" if len(everyone) > 1 else "",
+            )
+
     def check_values(self, surfaces: Sequence[ContactSurface], size: float) -> None:
-        """Raise ``ValueError`` if a clamped node is pushed into its obstacle. Collective."""
+        """Raise ``ValueError`` if a clamped node is pushed into its obstacle. Collective.
+
+        Of conditions that contradict each other at a node it warns.
+        """
+        self._warn_of_contradictions()
         values = self.values()
         for s, normals in zip(surfaces, self._normals, strict=True):
             touched = self.fixed[s.vertex_trace_dofs].any(axis=1)

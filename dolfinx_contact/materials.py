@@ -54,8 +54,20 @@ def _check_lame(lmbda: Any, mu: Any) -> None:
         )
 
 
+def _require_displacement(u: Any) -> None:
+    """Raise ``ValueError`` if ``u`` is anything but a vector Function."""
+    if not isinstance(u, fem.Function):
+        raise ValueError(
+            "a material needs the displacement, a Function (from its energy UFL makes residual and "
+            f"derivative), got {type(u).__name__}"
+        )
+    if len(u.ufl_shape) != 1:
+        raise ValueError(f"the displacement must be a vector Function, got shape {u.ufl_shape}")
+
+
 def _constants(u: fem.Function, *values: Any) -> list[Any]:
     """Numbers as Constants of the mesh of ``u``; the rest as it is."""
+    _require_displacement(u)
     domain = u.function_space.mesh
     return [
         fem.Constant(domain, float(v)) if isinstance(v, int | float | np.floating) else v
@@ -65,6 +77,7 @@ def _constants(u: fem.Function, *values: Any) -> list[Any]:
 
 def _gradient(u: fem.Function) -> Any:
     """Deformation gradient, dim x dim."""
+    _require_displacement(u)
     return ufl.Identity(len(u)) + ufl.grad(u)
 
 
@@ -86,6 +99,7 @@ class Material:
 
     def full_stress(self, u: fem.Function) -> Any:
         """Cauchy stress, 3 x 3 in 2D too: with the stress across the plane, for invariants."""
+        _require_displacement(u)
         return self.stress(u) if len(u) == 3 else self._cauchy(u, _in_space(_gradient(u), 1.0))
 
     def _cauchy(self, u: fem.Function, F: Any) -> Any:
@@ -131,6 +145,7 @@ class LinearElastic(Material):
         return 2 * mu * strain + lmbda * ufl.tr(strain) * ufl.Identity(len(u))
 
     def full_stress(self, u: fem.Function) -> Any:
+        _require_displacement(u)
         if len(u) == 3:
             return self.stress(u)
         (lmbda,) = _constants(u, 0.0 if self.plane_stress else self.lmbda)

@@ -19,7 +19,7 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact._errors import require
+from dolfinx_contact._agreement import refuse_other_mesh
 
 __all__ = ["Cylinder", "HalfSpace", "LevelSet", "Obstacle", "Sphere", "gap_at"]
 
@@ -30,10 +30,14 @@ def _vector(domain: mesh.Mesh, value: Any, what: str) -> Any:
     if isinstance(value, ufl.core.expr.Expr):
         if value.ufl_shape != (dim,):
             raise ValueError(f"{what} must have {dim} components, got shape {value.ufl_shape}")
+        refuse_other_mesh(value, domain, what)
         return value
-    array = np.asarray(value, dtype=np.float64)
-    good = array.shape == (dim,) and bool(np.isfinite(array).all())
-    require(domain.comm, good, f"{what} must have {dim} finite components, got {value!r}")
+    try:
+        array = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        array = np.empty(0)
+    if array.shape != (dim,) or not np.isfinite(array).all():
+        raise ValueError(f"{what} must have {dim} finite components, got {value!r}")
     return fem.Constant(domain, array)
 
 
@@ -42,7 +46,8 @@ def _direction(domain: mesh.Mesh, value: Any, what: str) -> Any:
     vector = _vector(domain, value, what)
     if isinstance(vector, fem.Constant):
         length = np.linalg.norm(vector.value)
-        require(domain.comm, bool(length > 0), f"{what} is the zero vector")
+        if not length > 0:
+            raise ValueError(f"{what} is the zero vector")
         if vector is not value:
             vector.value = vector.value / length
             return vector
@@ -51,9 +56,13 @@ def _direction(domain: mesh.Mesh, value: Any, what: str) -> Any:
 
 def _radius(domain: mesh.Mesh, value: Any) -> Any:
     if isinstance(value, ufl.core.expr.Expr):
+        if value.ufl_shape != ():
+            raise ValueError(f"the radius must be a number, got shape {value.ufl_shape}")
+        refuse_other_mesh(value, domain, "the radius")
         return value
-    good = bool(np.isfinite(value)) and value > 0
-    require(domain.comm, good, f"the radius must be positive, got {value}")
+    number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
+    if not (number and np.isfinite(value) and value > 0):
+        raise ValueError(f"the radius must be positive, got {value!r}")
     return fem.Constant(domain, float(value))
 
 
@@ -82,10 +91,11 @@ class Obstacle:
         raise NotImplementedError
 
     def on(self, domain: mesh.Mesh) -> tuple[Any, Any]:
-        """UFL gap and unit normal (from the body into the obstacle) on ``domain``.
+        """UFL gap and unit normal (from the body into the obstacle) on ``domain``. Not collective.
 
         Raises:
-            ValueError: if the obstacle does not fit the dimension of the mesh.
+            ValueError: if the obstacle does not fit the dimension of the mesh, or something is of
+                another mesh.
         """
         return self.at(domain, ufl.SpatialCoordinate(domain))
 
@@ -186,9 +196,12 @@ class LevelSet(Obstacle):
 
     def at(self, domain: mesh.Mesh, x: Any) -> tuple[Any, Any]:
         x = ufl.variable(x)
+        if not callable(self.phi):
+            raise ValueError(f"the level set must be a function of position, got {self.phi!r}")
         phi = self.phi(x)
         if not isinstance(phi, ufl.core.expr.Expr) or phi.ufl_shape != ():
             raise ValueError("the level set must return a scalar UFL expression")
+        refuse_other_mesh(phi, domain, "the level set")
         slope = ufl.diff(phi, x)
         steepness = ufl.sqrt(ufl.dot(slope, slope))
         return phi / steepness, -slope / steepness

@@ -20,10 +20,12 @@ import ufl
 from dolfinx import fem
 from ufl.algorithms.analysis import extract_constants
 
-from dolfinx_contact._compat import interpolation_points
-from dolfinx_contact._errors import require
+from dolfinx_contact._agreement import described, refuse_other_mesh
+from dolfinx_contact._compat import interpolation_points, is_mesh_of, is_value_of
+from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact.condensed import CondensedContact, can_condense
 from dolfinx_contact.continuation import BranchPoint, Events, Piece, Preconditioner
+from dolfinx_contact.continuation.arguments import checked_gamma
 from dolfinx_contact.laws import Status
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.result import Result, by_coordinates, collect
@@ -48,7 +50,8 @@ class ParametricContact:
             (and position) that it is to have.
 
     Raises:
-        ValueError: if ``gamma`` is no scalar Constant.
+        ValueError: on every rank, if ``gamma`` is no scalar Constant of the mesh, something of
+            ``driven`` is of another mesh or shape or in no Dirichlet condition, or ranks differ.
     """
 
     def __init__(
@@ -58,8 +61,15 @@ class ParametricContact:
         *,
         driven: Sequence[tuple[fem.Function, Any]] = (),
     ):
-        if not isinstance(gamma, fem.Constant) or gamma.ufl_shape != ():
-            raise ValueError("gamma must be a scalar Constant")
+        if not isinstance(problem, ContactProblem):
+            raise ValueError(f"a ContactProblem is needed, got {type(problem).__name__}")
+        with everywhere(problem.comm, "a contact problem with a parameter"):
+            driven = _checked(problem, gamma, driven)
+        same_everywhere(
+            problem.comm,
+            gamma=float(gamma.value),
+            driven=[described(expression, problem.V.mesh) for _, expression in driven],
+        )
         self.problem, self.constant, self.comm = problem, gamma, problem.comm
         self._scales = Scales(problem)
         variable = ufl.variable(gamma)
@@ -101,7 +111,14 @@ class ParametricContact:
         return mass
 
     def set_parameter(self, gamma: float) -> None:
-        """Put gamma into the forms and the Dirichlet data, for a solve at this value."""
+        """Put gamma into the forms and the Dirichlet data, for a solve at this value. Collective.
+
+        Raises:
+            ValueError: on every rank, if gamma is no finite number, or differs between ranks.
+        """
+        with everywhere(self.comm, "set_parameter"):
+            gamma = checked_gamma(gamma)
+        same_everywhere(self.comm, gamma=gamma)
         self._set(gamma, None)
 
     def put(self, x: PETSc.Vec, gamma: float, piece: Piece) -> None:
@@ -366,6 +383,38 @@ class ParametricContact:
         for thing in (self._metric, self._mass_in, self._mass_out, self._condensed):
             if thing is not None:
                 thing.destroy()
+
+
+def _checked(problem: ContactProblem, gamma: Any, driven: Any) -> list[tuple[fem.Function, Any]]:
+    """The pairs ``driven``, or ``ValueError`` if something does not fit. Not collective."""
+    domain = problem.V.mesh
+    if not isinstance(gamma, fem.Constant) or gamma.ufl_shape != ():
+        raise ValueError("gamma must be a scalar Constant")
+    if gamma.ufl_domain() != domain.ufl_domain():
+        raise ValueError("gamma is a Constant of another mesh")
+    pairs = []
+    for pair in driven:
+        if not isinstance(pair, tuple | list) or len(pair) != 2:
+            raise ValueError("driven must be a list of pairs: a Function and its UFL expression")
+        f, expression = pair
+        if not isinstance(f, fem.Function):
+            raise ValueError(f"a driven Function must be a Function, got {type(f).__name__}")
+        if not is_mesh_of(domain, f.function_space):
+            raise ValueError(f"the driven Function {f.name} is of another mesh")
+        try:
+            expression = ufl.as_ufl(expression)
+        except ValueError:
+            raise ValueError(f"what drives {f.name} is no UFL expression: {pair[1]!r}") from None
+        if expression.ufl_shape != f.ufl_shape:
+            raise ValueError(
+                f"the driven Function {f.name} has shape {f.ufl_shape}, its expression "
+                f"{expression.ufl_shape}"
+            )
+        refuse_other_mesh(expression, domain, f"the expression that drives {f.name}")
+        if not any(is_value_of(f, bc) for bc in problem.bcs):
+            raise ValueError(f"the driven Function {f.name} is in no Dirichlet condition")
+        pairs.append((f, expression))
+    return pairs
 
 
 class _Driven:

@@ -22,8 +22,16 @@ import ufl
 from dolfinx import fem, la
 
 from dolfinx_contact import _rigid
+from dolfinx_contact._agreement import (
+    described,
+    described_condition,
+    described_number,
+    refuse_other_condition,
+    refuse_other_mesh,
+)
 from dolfinx_contact._compat import assemble_block_matrix, create_block_matrix, merge_entity_maps
-from dolfinx_contact._errors import require
+from dolfinx_contact._errors import everywhere, require, same_everywhere
+from dolfinx_contact._options import OptionUse, check_options, in_database
 from dolfinx_contact._petsc import logged, require_real, staged
 from dolfinx_contact.augmentation import automatic_augmentation
 from dolfinx_contact.balance import support_at_vertices
@@ -54,11 +62,13 @@ class ContactProblem:
         r: augmentation parameter (stiffness per area), by default from the stiffness of the contact
             nodes. It changes the iterates, not the solution.
         petsc_options_prefix: of the SNES.
-        petsc_options: options of the SNES under that prefix; the command line wins.
+        petsc_options: options of the SNES under that prefix, named without it; the command line
+            wins. Names that nothing reads are warned of after the first solve.
 
     Raises:
-        ValueError: on every rank, if the arguments do not fit together, contact nodes are all
-            clamped, a mesh coordinate is not finite, or a cell has no volume.
+        ValueError: on every rank, if the arguments do not fit together, something is of another
+            mesh, arguments differ between ranks, contact nodes are all clamped, a mesh coordinate
+            is not finite, or a cell has no volume.
         RuntimeError: if PETSc has complex scalars.
     """
 
@@ -75,23 +85,29 @@ class ContactProblem:
         petsc_options: Mapping[str, Any] | None = None,
     ):
         require_real()
-        if isinstance(surfaces, ContactSurface) or isinstance(bcs, fem.DirichletBC):
-            raise ValueError("surfaces and bcs must be lists")
-        self.u, self.V, self.surfaces, self.bcs = u, u.function_space, list(surfaces), list(bcs)
-        self.comm = self.V.mesh.comm
-        self.prefix = petsc_options_prefix
-        self.petsc_options = dict(petsc_options or {})
-        if not self.surfaces:
-            raise ValueError("a contact problem needs at least one contact surface")
-        if any(s.u is not u for s in self.surfaces):
-            raise ValueError("every contact surface must be made with the displacement u")
-        if not all(isinstance(bc, fem.DirichletBC) for bc in self.bcs):
-            raise ValueError("bcs must be a list of Dirichlet conditions")
-        names = [s.name for s in self.surfaces]
-        if len(set(names)) < len(names):
-            raise ValueError(f"contact surfaces need different names, got {names}")
-        if r is not None and not (np.isfinite(r) and r > 0):
-            raise ValueError(f"the augmentation parameter r must be positive, got {r}")
+        if not isinstance(u, fem.Function):
+            raise ValueError(f"the displacement must be a Function, got {type(u).__name__}")
+        self.u, self.V, self.comm = u, u.function_space, u.function_space.mesh.comm
+        with everywhere(self.comm, "a contact problem"):
+            self.surfaces, self.bcs = _lists(surfaces, bcs)
+            _check(bulk, u, self.surfaces, self.bcs)
+            if r is not None and not (_is_number(r) and np.isfinite(r) and r > 0):
+                raise ValueError(f"the augmentation parameter r must be positive, got {r}")
+            options = {} if petsc_options is None else petsc_options
+            check_options(petsc_options_prefix, options)
+        self.prefix, self.petsc_options = petsc_options_prefix, dict(options)
+        #: Which options something has read.
+        self.option_use = OptionUse(self.prefix)
+        same_everywhere(
+            self.comm,
+            contact_surfaces=[s.name for s in self.surfaces],
+            Dirichlet_data=[described_condition(bc) for bc in self.bcs],
+            bulk=described(bulk, self.V.mesh),
+            r=described_number(r),
+            petsc_options_prefix=self.prefix,
+            petsc_options=sorted((k, described_number(v)) for k, v in options.items()),
+            PETSc_database=sorted(in_database(self.prefix).items()),
+        )
         finite = bool(np.isfinite(self.V.mesh.geometry.x).all())
         require(self.comm, finite, "the mesh has a coordinate that is not finite")
         check_cells(self.V.mesh)
@@ -413,6 +429,44 @@ class ContactProblem:
         for thing in (self._matrix, self._linear_solver):
             if thing is not None:
                 thing.destroy()
+
+
+def _lists(surfaces: Any, bcs: Any) -> tuple[list[ContactSurface], list[fem.DirichletBC]]:
+    """Surfaces and conditions as lists of their kinds, or ``ValueError``."""
+    if isinstance(surfaces, ContactSurface) or isinstance(bcs, fem.DirichletBC):
+        raise ValueError("surfaces and bcs must be lists")
+    try:
+        surfaces, bcs = list(surfaces), list(bcs)
+    except TypeError:
+        raise ValueError("surfaces and bcs must be lists") from None
+    if not all(isinstance(s, ContactSurface) for s in surfaces):
+        raise ValueError("surfaces must be a list of ContactSurfaces")
+    if not all(isinstance(bc, fem.DirichletBC) for bc in bcs):
+        raise ValueError("bcs must be a list of Dirichlet conditions")
+    return surfaces, bcs
+
+
+def _check(
+    bulk: Any, u: fem.Function, surfaces: list[ContactSurface], bcs: list[fem.DirichletBC]
+) -> None:
+    """Raise ``ValueError`` if the arguments of a problem do not fit together. Not collective."""
+    domain = u.function_space.mesh
+    if not surfaces:
+        raise ValueError("a contact problem needs at least one contact surface")
+    if any(s.u is not u for s in surfaces):
+        raise ValueError("every contact surface must be made with the displacement u")
+    names = [s.name for s in surfaces]
+    if len(set(names)) < len(names):
+        raise ValueError(f"contact surfaces need different names, got {names}")
+    if not isinstance(bulk, ufl.Form):
+        raise ValueError(f"the bulk must be a UFL form, got {type(bulk).__name__}")
+    refuse_other_mesh(bulk, domain, "the bulk")
+    for bc in bcs:
+        refuse_other_condition(bc, domain)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float | np.number) and not isinstance(value, bool)
 
 
 def _among(f: fem.Function, functions: Sequence[fem.Function]) -> bool:

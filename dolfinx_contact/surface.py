@@ -23,12 +23,13 @@ import basix.ufl
 import ufl
 from dolfinx import fem, la, mesh
 
+from dolfinx_contact._agreement import described, refuse_other_mesh
 from dolfinx_contact._compat import (
     create_facet_submesh,
     facet_integration_entities,
     merge_entity_maps,
 )
-from dolfinx_contact._errors import require
+from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact.elements import check_elements, check_quadrature, displacement_degree
 from dolfinx_contact.evaluation import Evaluator, require_same_numbering
 from dolfinx_contact.laws import FrictionLaw, Status, augment, classify, projection
@@ -53,7 +54,8 @@ class ContactSurface:
 
     Args:
         u: displacement of the body, a vector Lagrange Function of degree 1 or 2.
-        facets: MeshTags of facets, with ``tag``; or local indices of exterior facets.
+        facets: MeshTags of facets, with ``tag``, which is better: MeshTags of another mesh are
+            refused. Or local indices of exterior facets, which do not tell their mesh.
         obstacle: the rigid foundation.
         law: friction law.
         tag: which tag of the MeshTags.
@@ -73,7 +75,8 @@ class ContactSurface:
         trace_dofs: for every local multiplier node the node of the displacement at its place.
 
     Raises:
-        ValueError: on every rank, if the facets or elements do not fit.
+        ValueError: on every rank, if the facets or elements do not fit, something is of another
+            mesh, or the arguments differ between ranks.
     """
 
     def __init__(
@@ -89,23 +92,45 @@ class ContactSurface:
         quadrature_degree: int | None = None,
         name: str = "contact",
     ):
+        if not isinstance(u, fem.Function):
+            raise ValueError(f"the displacement must be a Function, got {type(u).__name__}")
         domain = u.function_space.mesh
         self.u, self.domain, self.name, self.dim = u, domain, name, domain.geometry.dim
         self.comm = domain.comm
-        degree = displacement_degree(u)
-        self.method: Method = method or ("nodal" if degree == 1 else "integral")
-        self.degrees = (degree, multiplier_degree)
-        if not isinstance(law, FrictionLaw):
-            raise ValueError(f"{name}: the law must be Frictionless(), Coulomb(F) or Tresca(g)")
-        if not isinstance(obstacle, Obstacle):
-            raise ValueError(
-                f"{name}: the obstacle must be a HalfSpace, Sphere, Cylinder, LevelSet"
-            )
-        check_elements(name, self.method, self.degrees, self.dim)
-        rule_degree = check_quadrature(name, self.degrees, quadrature_degree)
-        self.law = law.bind(domain)
-        self.obstacle = obstacle
-        self.gap, self.normal = obstacle.on(domain)
+        with everywhere(self.comm, "a contact surface"):
+            if not isinstance(name, str) or not name:
+                raise ValueError(f"the name of a contact surface must be a word, got {name!r}")
+            degree = displacement_degree(u)
+            self.method: Method = method or ("nodal" if degree == 1 else "integral")
+            self.degrees = (degree, multiplier_degree)
+            if not isinstance(law, FrictionLaw):
+                raise ValueError(f"{name}: the law must be Frictionless(), Coulomb(F) or Tresca(g)")
+            if not isinstance(obstacle, Obstacle):
+                raise ValueError(
+                    f"{name}: the obstacle must be a HalfSpace, Sphere, Cylinder, LevelSet"
+                )
+            check_elements(name, self.method, self.degrees, self.dim)
+            rule_degree = check_quadrature(name, self.degrees, quadrature_degree)
+            self.law = law.bind(domain)
+            self.obstacle = obstacle
+            self.gap, self.normal = obstacle.on(domain)
+            bound = self.law.bound(fem.Constant(domain, 1.0))
+            for what, expression in (("law", bound), ("obstacle", self.gap)):
+                refuse_other_mesh(expression, domain, f"{name}: the {what}")
+        same_everywhere(self.comm, name=name)
+        same_everywhere(
+            self.comm,
+            name,
+            displacement=str(u.function_space.ufl_element()),
+            kind_of_facets=isinstance(facets, mesh.MeshTags),
+            tag=None if tag is None else int(tag) if isinstance(tag, np.integer) else tag,
+            method=self.method,
+            multiplier_degree=int(multiplier_degree),
+            quadrature_degree=int(rule_degree),
+            law=f"{type(law).__name__} {described(bound, domain)}",
+            obstacle=f"{type(obstacle).__name__} {described(self.gap, domain)}",
+            normal=described(self.normal, domain),
+        )
 
         local = exterior_facets(domain, facets, tag, name)
         self.submesh = create_facet_submesh(domain, local)

@@ -8,7 +8,8 @@ import numpy.typing as npt
 
 from dolfinx import fem, la, mesh
 
-from dolfinx_contact._errors import require
+from dolfinx_contact._compat import is_topology_of
+from dolfinx_contact._errors import everywhere, require
 
 __all__ = ["exterior_facets", "facet_closures", "owned_exterior", "trace_dofs"]
 
@@ -24,28 +25,28 @@ def exterior_facets(
 ) -> npt.NDArray[np.int32]:
     """Facets of a surface on this rank, ghosts included, whichever rank the user named them on.
 
+    Every rank gives facets of the same kind, MeshTags or indices. Indices do not tell which mesh
+    they number: those of another one are taken for facets of this one.
+
     Raises:
-        ValueError: on every rank, if there is no such facet or one lies inside the body.
+        ValueError: on every rank, if there is no such facet, one lies inside the body, or the
+            MeshTags are those of another mesh.
     """
     fdim, comm = domain.topology.dim - 1, domain.comm
     domain.topology.create_connectivity(fdim, fdim + 1)
     domain.topology.create_connectivity(fdim + 1, fdim)
+    index_map = domain.topology.index_map(fdim)
+    size = index_map.size_local + index_map.num_ghosts
+    with everywhere(comm, f"the facets of {name}"):
+        chosen = _chosen(domain, facets, tag, name)
+        if not ((chosen >= 0) & (chosen < size)).all():
+            raise ValueError(f"{name}: facet indices outside the mesh")
+        chosen = chosen.astype(np.int32)
     if isinstance(facets, mesh.MeshTags):
-        require(comm, facets.dim == fdim, f"{name}: the MeshTags must be of dimension {fdim}")
-        require(comm, tag is not None, f"{name}: MeshTags of facets need a tag")
-        chosen = np.asarray(facets.find(tag), dtype=np.int32)
         tags = sorted(set().union(*comm.allgather(set(facets.values.tolist()))))
         missing = f"no facet has the tag {tag}; tags of the mesh: {tags}"
     else:
-        given = np.asarray(facets).reshape(-1)
-        whole = given.size == 0 or np.issubdtype(given.dtype, np.integer)
-        require(comm, whole, f"{name}: facets must be MeshTags or an array of integer indices")
-        chosen = given.astype(np.int32)
         missing = "no facet was given"
-    index_map = domain.topology.index_map(fdim)
-    size = index_map.size_local + index_map.num_ghosts
-    inside = bool(((chosen >= 0) & (chosen < size)).all())
-    require(comm, inside, f"{name}: facet indices outside the mesh")
     marks = la.vector(index_map, 1)
     marks.array[:] = 0.0
     marks.array[chosen] = 1.0
@@ -60,6 +61,27 @@ def exterior_facets(
     )
     marks.scatter_forward()
     return np.flatnonzero(marks.array > 0).astype(np.int32)
+
+
+def _chosen(
+    domain: mesh.Mesh, facets: mesh.MeshTags | npt.NDArray[np.int32], tag: int | None, name: str
+) -> npt.NDArray[np.int64]:
+    """The local facets that the user names, as they are named. Not collective."""
+    fdim = domain.topology.dim - 1
+    if isinstance(facets, mesh.MeshTags):
+        if facets.dim != fdim:
+            raise ValueError(f"{name}: the MeshTags must be of dimension {fdim}, not {facets.dim}")
+        if not is_topology_of(domain, facets):
+            raise ValueError(f"{name}: the MeshTags are those of another mesh")
+        if tag is None:
+            raise ValueError(f"{name}: MeshTags of facets need a tag")
+        if isinstance(tag, bool) or not isinstance(tag, int | np.integer):
+            raise ValueError(f"{name}: the tag must be a whole number, got {tag!r}")
+        return np.asarray(facets.indices[facets.values == tag], dtype=np.int64)
+    given = np.asarray(facets).reshape(-1)
+    if given.size > 0 and not np.issubdtype(given.dtype, np.integer):
+        raise ValueError(f"{name}: facets must be MeshTags or an array of integer indices")
+    return given.astype(np.int64)
 
 
 def facet_closures(V: fem.FunctionSpace, facets: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:

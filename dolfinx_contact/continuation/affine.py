@@ -59,6 +59,14 @@ class AffineSystem:
         """Number of points."""
         return int(self.bases.shape[0])
 
+    def require_finite(self) -> None:
+        """Raise ``ValueError`` if a number is not finite: nothing can be proved with such data."""
+        if not all(np.isfinite(a).all() for a in (self.matrix, self.load, self.rate)):
+            raise ValueError(
+                "the stiffness or the loads of the condensed problem are not finite: look for NaN "
+                "and overflow in loads, material and Dirichlet data, and gamma"
+            )
+
     def pieced(self, codes: Codes) -> Array:
         """A = M B of the piece, (N, N)."""
         B = self.bases[np.arange(self.points), codes]

@@ -13,7 +13,7 @@ from petsc4py import PETSc
 
 import numpy as np
 
-from dolfinx_contact._petsc import options_in_database
+from dolfinx_contact._petsc import as_raised, options_in_database
 from dolfinx_contact._settling import ROUNDS, settle
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.parameters import StepControl
@@ -167,7 +167,7 @@ class Corrector:
         self._piece, self.iterations, self._error = piece, 0, 0.0
         self.bordered.dual(t, self._row)
         self.snes.setJacobian(self._jacobian, self._matrix(y))
-        with self.bordered.solver.options():
+        with self.bordered.solver.options(), as_raised():
             self.snes.solve(None, y)
         self.iterations = self.snes.getIterationNumber()
         return bool(self.snes.getConvergedReason() > 0)

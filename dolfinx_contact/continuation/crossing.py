@@ -23,7 +23,7 @@ import numpy.typing as npt
 from dolfinx_contact.continuation.branch import Change, Ray
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.rays import outgoing
-from dolfinx_contact.continuation.system import Condensable, Events, Piece
+from dolfinx_contact.continuation.system import Events, Piece, as_condensable
 
 __all__ = ["Crossing", "cross", "outgoing_rays", "parity"]
 
@@ -173,10 +173,10 @@ def _by_tangent_cone(
 ) -> Crossing | None:
     """Ways out where several points switch, by the condensed problem; None if there is none."""
     b = corrector.bordered
-    system = b.system
+    system = as_condensable(b.system)
     x, gamma = b.split(y)
     x = x.copy()
-    condensed = system.condensed(x, gamma) if isinstance(system, Condensable) else None
+    condensed = None if system is None else system.condensed(x, gamma)
     if condensed is None:
         return None
     w, base = condensed.contract(x), b.vector()

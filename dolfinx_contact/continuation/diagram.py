@@ -16,6 +16,14 @@ from dataclasses import dataclass, field, replace
 
 from petsc4py import PETSc
 
+from dolfinx_contact._errors import everywhere, same_everywhere
+from dolfinx_contact.continuation.arguments import (
+    check_listeners,
+    check_states,
+    check_system,
+    checked_gamma,
+    checked_range,
+)
 from dolfinx_contact.continuation.branch import Branch, BranchPoint, Ray, SpecialPoint
 from dolfinx_contact.continuation.follow import Follower, Route, follower_for
 from dolfinx_contact.continuation.observer import Observer
@@ -121,18 +129,35 @@ def explore(
         The diagram, which is partial if a budget is exhausted; `Diagram.reason` says so.
 
     Raises:
-        ValueError: if the range is empty or does not contain a start, or a start is no solution.
+        ValueError: on every rank, if an argument does not fit or differs between ranks, the range
+            is empty or does not contain a start, or a start is no solution.
     """
-    low, high = gamma_range
-    starts = list(starts)
-    if not low < high or not all(low <= gamma <= high for _, gamma in starts) or not starts:
-        raise ValueError(f"the starts must lie in the range [{low}, {high}], not empty")
-    if max_branches < 1 or max_steps < 1 or not max_seconds > 0:
-        raise ValueError("budgets of steps, branches and seconds must be positive")
+    check_system(system)
+    with everywhere(system.comm, "explore"):
+        try:
+            pairs = [(x, checked_gamma(gamma, "gamma of a start")) for x, gamma in starts]
+        except TypeError:
+            raise ValueError("the starts must be pairs of a state and its gamma") from None
+        if not pairs:
+            raise ValueError("at least one start is needed")
+        low, high = checked_range(gamma_range, [gamma for _, gamma in pairs])
+        check_listeners(observer, None, control, max_steps)
+        if max_branches < 1 or not max_seconds > 0:
+            raise ValueError("budgets of steps, branches and seconds must be positive")
+    same_everywhere(
+        system.comm,
+        gammas_of_the_starts=[gamma for _, gamma in pairs],
+        gamma_range=(low, high),
+        control=control,
+        max_steps=int(max_steps),
+        max_branches=max_branches,
+        route=route,
+    )
+    check_states(system, [x for x, _ in pairs], "a start")
     scale = high - low
-    with follower_for(system, *starts[0], control, gamma_scale=scale, route=route) as follower:
-        explorer = _Explorer(follower, gamma_range, max_steps, observer)
-        explorer.run(starts, max_branches, max_seconds)
+    with follower_for(system, *pairs[0], control, gamma_scale=scale, route=route) as follower:
+        explorer = _Explorer(follower, (low, high), max_steps, observer)
+        explorer.run(pairs, max_branches, max_seconds)
         return explorer.diagram
 
 

@@ -16,7 +16,17 @@ from petsc4py import PETSc
 
 import numpy as np
 
+from dolfinx_contact._errors import everywhere, same_everywhere
 from dolfinx_contact._petsc import staged
+from dolfinx_contact.continuation.arguments import (
+    asked,
+    check_listeners,
+    check_states,
+    check_system,
+    checked_gamma,
+    checked_range,
+    told,
+)
 from dolfinx_contact.continuation.batch import BatchedSteps, Locate
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.branch import CLOSED, Branch, BranchPoint, Ray, SpecialPoint, Stop
@@ -26,7 +36,12 @@ from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.continuation.passage import SteppingSteps
 from dolfinx_contact.continuation.pivoting import Pivoting
 from dolfinx_contact.continuation.steps import ExactSteps
-from dolfinx_contact.continuation.system import Condensable, ManyPieces, Piece, System
+from dolfinx_contact.continuation.system import (
+    Piece,
+    System,
+    as_condensable,
+    as_many_pieces,
+)
 
 __all__ = ["Follower", "Route", "follow", "follower_for"]
 
@@ -68,14 +83,26 @@ def follow(
         Points and special points, and why the branch ended.
 
     Raises:
-        ValueError: if the range is empty or does not contain ``gamma``, if gamma does not appear in
-            H, or if there is no solution near the start.
+        ValueError: on every rank, if an argument does not fit or differs between ranks, the range
+            is empty or does not contain ``gamma``, gamma does not appear in H, or there is no
+            solution near the start.
     """
-    low, high = gamma_range
-    if not low < high or not low <= gamma <= high:
-        raise ValueError(f"gamma = {gamma} must lie in the range [{low}, {high}], not empty")
-    if max_steps < 1:
-        raise ValueError(f"the budget of steps must be positive, got {max_steps}")
+    check_system(system)
+    with everywhere(system.comm, "follow"):
+        gamma = checked_gamma(gamma)
+        low, high = checked_range(gamma_range, [gamma])
+        check_listeners(observer, stop, control, max_steps)
+    same_everywhere(
+        system.comm,
+        gamma=gamma,
+        gamma_range=(low, high),
+        increasing=bool(increasing),
+        control=control,
+        max_steps=int(max_steps),
+        route=route,
+        stop_condition=stop is not None,
+    )
+    check_states(system, [x], "x")
     scale = high - low
     with follower_for(system, x, gamma, control, gamma_scale=scale, route=route) as follower:
         start = follower.start(x, gamma, increasing=increasing)
@@ -103,12 +130,16 @@ def follower_for(
             corrector; ``"auto"`` by pivoting where that is possible.
 
     Raises:
-        ValueError: if the pieces are not affine and pivoting is asked for.
+        ValueError: if the pieces are not affine and pivoting is asked for, or the scale of gamma is
+            not positive.
     """
+    if not (np.isfinite(gamma_scale) and gamma_scale > 0):
+        raise ValueError(f"the scale of gamma must be positive, got {gamma_scale}")
     if route not in ("auto", "pivoting", "steps"):
         raise ValueError(f"the route must be auto, pivoting or steps, got {route!r}")
-    if route != "steps" and isinstance(system, Condensable) and system.is_piecewise_affine:
-        condensed = system.condensed(x, gamma)
+    affine = as_condensable(system) if route != "steps" else None
+    if affine is not None and affine.is_piecewise_affine:
+        condensed = affine.condensed(x, gamma)
         if condensed is not None:
             return Pivoting(system, condensed, gamma_scale=gamma_scale)
     if route == "pivoting":
@@ -221,7 +252,7 @@ class Follower:
         if stepping is not None:
             first, h = stepping.index, stepping.next_step
             self.restore(stepping)
-        observer = observer or Observer()
+        observer = told(b.comm, observer)
         observer.begin(branch_id, Task((low, high), b.gamma_scale, self.control, max_steps))
         observer.point(branch_id, first, start, (), self._stepping(first, h))
         point = start
@@ -244,7 +275,7 @@ class Follower:
             observer.point(branch_id, index, point, special, self._stepping(index, h))
             if any(s.kind == "end" for s in special):
                 branch.reason = self._steps.dead_end
-            branch.reason = branch.reason or (stop(point, special) if stop is not None else "")
+            branch.reason = branch.reason or asked(b.comm, stop, point, special)
             if branch.reason:
                 break
         else:
@@ -320,8 +351,8 @@ def _steps(corrector: Corrector, locate: Locate | None) -> ExactSteps:
     """Steps that pass kinks as `StepControl.kinks` says."""
     system, kinks = corrector.bordered.system, corrector.control.kinks
     if kinks is None:
-        many = isinstance(system, ManyPieces) and system.has_many_pieces
-        kinks = "batched" if many else "exact"
+        known = as_many_pieces(system)
+        kinks = "batched" if known is not None and known.has_many_pieces else "exact"
     if kinks == "batched":
         return BatchedSteps(corrector, locate)
     if locate is not None:

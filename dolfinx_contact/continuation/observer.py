@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from dolfinx_contact.continuation.branch import BranchPoint, SpecialPoint
 from dolfinx_contact.continuation.parameters import StepControl
@@ -77,10 +78,21 @@ class Observer:
         """The branch has ended, or its budget is exhausted."""
 
 
+def require_observer(observer: Any) -> None:
+    """Raise ``ValueError`` if ``observer`` has not the methods of one."""
+    if not all(callable(getattr(observer, name, None)) for name in ("begin", "point", "end")):
+        raise ValueError(
+            "the observer must be an Observer, whose methods begin, point and end are called; got "
+            f"{observer!r} (a function that ends the branch is the argument `stop`)"
+        )
+
+
 class Observers(Observer):
     """Several observers as one, told in this order."""
 
     def __init__(self, *observers: Observer):
+        for o in observers:
+            require_observer(o)
         self._observers = observers
 
     def begin(self, branch: int, task: Task) -> None:

@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Literal, TypeAlias, get_args
+
+import numpy as np
 
 __all__ = ["Kinks", "StepControl"]
 
@@ -46,6 +48,11 @@ class StepControl:
     kinks: Kinks | None = None
 
     def __post_init__(self) -> None:
+        numbers = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "kinks"}
+        for name, value in numbers.items():
+            number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
+            if not number or not np.isfinite(value):
+                raise ValueError(f"{name} of a StepControl must be a finite number, got {value!r}")
         if not 0 < self.minimum <= self.initial <= self.maximum:
             raise ValueError(
                 "step lengths need 0 < minimum <= initial <= maximum, got "

@@ -18,6 +18,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from dolfinx_contact.continuation.affine import TOLERANCE, AffinePiece, Array, Codes
+from dolfinx_contact.continuation.arguments import asked, told
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.branch import (
     CLOSED,
@@ -72,6 +73,7 @@ class Pivoting:
             ValueError: if there is none, gamma does not appear in H, or the tangent is not unique.
         """
         affine = self.condensed.system
+        affine.require_finite()
         if not np.abs(affine.rate).max(initial=0.0) > 0:
             raise ValueError("gamma does not appear in H: its derivative by gamma vanishes")
         codes = affine.solve(gamma, self.condensed.codes(self.system.piece_at(x, gamma)))
@@ -112,7 +114,7 @@ class Pivoting:
         w, ray = self._state(point)
         origin, (low, high) = origin or start, gamma_range
         w_origin = self._state(origin)[0]
-        observer = observer or Observer()
+        observer = told(b.comm, observer)
         observer.begin(branch_id, Task((low, high), b.gamma_scale, StepControl(), max_steps))
         observer.point(branch_id, first, start, (), self._stepping(first))
         for index in range(first + 1, max_steps + 1):
@@ -141,7 +143,7 @@ class Pivoting:
             branch.special += special
             branch.points.append(point)
             observer.point(branch_id, index, point, special, self._stepping(index))
-            branch.reason = branch.reason or (stop(point, special) if stop is not None else "")
+            branch.reason = branch.reason or asked(b.comm, stop, point, special)
             if branch.reason:
                 break
         else:

@@ -93,17 +93,30 @@ def outgoing(
         known: rays that are known already.
         tries: number of unfoldings in a row that may bring nothing new.
         seed: of their loads.
+
+    Raises:
+        ValueError: if a number of the system is not finite.
     """
+    cone.require_finite()
     choices = [np.flatnonzero(a) for a in cone.allowed]
     pieces = float(np.prod([float(len(c)) for c in choices]))
     if pieces <= _MOST_PIECES:
-        rays = tuple(_distinct([*known, *_enumerate(cone, choices)]))
-        return Rays(rays, True, f"enumeration of {pieces:.0f} pieces")
+        found, complete, method = list(known), True, f"enumeration of {pieces:.0f} pieces"
+        try:
+            for ray in _enumerate(cone, choices):
+                found.append(ray)
+        except OverflowError:
+            complete, method = False, f"{method}, which overflowed"
+        return Rays(tuple(_distinct(found)), complete, method)
     return _unfold(cone, known, choices, tries, seed)
 
 
 def _enumerate(cone: AffineSystem, choices: Sequence[npt.NDArray[np.int64]]) -> Iterator[AffineRay]:
-    """Rays of all pieces; points that keep their status are eliminated first."""
+    """Rays of all pieces; points that keep their status are eliminated first.
+
+    Raises:
+        OverflowError: if a piece has a state that is not finite, of which nothing can be said.
+    """
     m, d = cone.points, cone.bases.shape[3]
     kinked = np.array([i for i, c in enumerate(choices) if len(c) > 1], dtype=int)
     codes, N = np.array([c[0] for c in choices], dtype=np.int8), len(cone.rate)
@@ -125,6 +138,8 @@ def _enumerate(cone: AffineSystem, choices: Sequence[npt.NDArray[np.int64]]) -> 
         A = np.moveaxis(A, 1, 2).reshape(len(chunk), len(q), -1)
         regular, z = _solve_all(A, q)
         w = np.einsum("cmkd,cmd->cmk", B[points, statuses], z.reshape(len(A), -1, d))
+        if not np.isfinite(w).all():
+            raise OverflowError("a state is not finite")
         slack = np.einsum("cmek,cmk->cme", C[points, statuses], w)
         tolerance = TOLERANCE * np.abs(w).max(axis=(1, 2), initial=0.0)
         least, most = (f(axis=(1, 2), initial=0.0) for f in (slack.min, slack.max))

@@ -26,9 +26,17 @@ from petsc4py import PETSc
 
 import numpy as np
 
+from dolfinx_contact._errors import everywhere, same_everywhere
+from dolfinx_contact.continuation.arguments import check_states, check_system, checked_gamma
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.rays import outgoing
-from dolfinx_contact.continuation.system import Condensable, Events, Piece, System
+from dolfinx_contact.continuation.system import (
+    Condensable,
+    Events,
+    Piece,
+    System,
+    as_condensable,
+)
 
 __all__ = ["Solution", "Solutions", "find_solutions"]
 
@@ -86,14 +94,33 @@ def find_solutions(
         deflation: use it even where the pieces are affine.
 
     Raises:
-        ValueError: if there is no guess, or a number is not positive.
+        ValueError: on every rank, if there is no guess, a state does not fit, gamma, the loads or
+            the stiffness are not finite, a number is not positive, or ranks differ.
     """
-    if not guesses:
-        raise ValueError("at least one guess is needed")
-    if not (all(part > 0 for part in lengths) and tolerance > 0 and max_iterations > 0):
-        raise ValueError("lengths, tolerance and max_iterations must be positive")
-    if not deflation and isinstance(system, Condensable) and system.is_piecewise_affine:
-        found = _of_cones(system, guesses[0], gamma)
+    check_system(system)
+    with everywhere(system.comm, "find_solutions"):
+        gamma = checked_gamma(gamma)
+        if any(isinstance(states, PETSc.Vec) for states in (guesses, known)):
+            raise ValueError("guesses and known must be lists of states")
+        guesses, known, lengths = list(guesses), list(known), list(lengths)
+        if not guesses:
+            raise ValueError("at least one guess is needed")
+        positive = all(0 < part < np.inf for part in lengths)
+        if not (positive and tolerance > 0 and max_iterations > 0):
+            raise ValueError("lengths, tolerance and max_iterations must be positive")
+    same_everywhere(
+        system.comm,
+        gamma=gamma,
+        lengths=lengths,
+        max_iterations=max_iterations,
+        tolerance=tolerance,
+        deflation=bool(deflation),
+    )
+    check_states(system, guesses, "a guess")
+    check_states(system, known, "a known solution")
+    affine = None if deflation else as_condensable(system)
+    if affine is not None and affine.is_piecewise_affine:
+        found = _of_cones(affine, guesses[0], gamma)
         if found is not None:
             return found
     with _Deflated(system, gamma, max_iterations, tolerance) as deflated:
@@ -118,15 +145,28 @@ def _of_cones(system: Condensable, x: PETSc.Vec, gamma: float) -> Solutions | No
     if condensed is None:
         return None
     affine = condensed.system
+    affine.require_finite()
     whole = affine.load + gamma * affine.rate
-    rays = outgoing(replace(affine, load=np.zeros_like(whole), rate=whole))
+    # The rays are looked for in units in which the load is 1.
+    unit = float(np.abs(whole).max(initial=0.0)) or 1.0
+    rays = outgoing(replace(affine, load=np.zeros_like(whole), rate=np.asarray(whole / unit)))
     found = []
     for ray in rays.rays:
         if ray.rate == 1:
             y = x.copy()
-            condensed.expand(ray.direction, gamma, y)
+            condensed.expand(unit * ray.direction, gamma, y)
             found.append(Solution(y, condensed.piece(ray.codes)))
-    return Solutions(gamma, tuple(found), rays.complete, rays.method)
+    complete = rays.complete
+    if complete and not found and condensed.always_solvable:
+        complete = False
+        if x.comm.rank == 0:
+            logger.error(
+                "gamma = %.10g: a solution exists, since the stiffness at the contact points is "
+                "positive definite, and none was found by %s: round-off or overflow",
+                gamma,
+                rays.method,
+            )
+    return Solutions(gamma, tuple(found), complete, rays.method)
 
 
 class _Deflated:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -29,6 +29,9 @@ __all__ = [
     "Preconditioned",
     "Preconditioner",
     "System",
+    "as_condensable",
+    "as_many_pieces",
+    "as_preconditioned",
 ]
 
 
@@ -176,6 +179,10 @@ class Condensed(Protocol):
     def point(self, i: int) -> tuple[int, int]:
         """The rank that owns point ``i``, and its local number there."""
 
+    @property
+    def always_solvable(self) -> bool:
+        """Whether it is known that there is a solution at every gamma; needs no communication."""
+
     def contract(self, x: PETSc.Vec) -> npt.NDArray[np.float64]:
         """The numbers w of all points, (m, k)."""
 
@@ -196,3 +203,26 @@ class Condensable(Protocol):
 
     def condensed(self, x: PETSc.Vec, gamma: float) -> Condensed | None:
         """The points at (x, gamma); None if their pieces are no polyhedral cones. Collective."""
+
+
+# `isinstance` with a protocol may evaluate the properties of the system, which are collective and
+# may build what they return; these ask its class.
+
+
+def as_condensable(system: Any) -> Condensable | None:
+    """The system if it is `Condensable`."""
+    return system if _has(system, "condensed", "is_piecewise_affine") else None
+
+
+def as_preconditioned(system: Any) -> Preconditioned | None:
+    """The system if it is `Preconditioned`."""
+    return system if _has(system, "preconditioner") else None
+
+
+def as_many_pieces(system: Any) -> ManyPieces | None:
+    """The system if it is one with `ManyPieces`."""
+    return system if _has(system, "has_many_pieces") else None
+
+
+def _has(system: Any, *names: str) -> bool:
+    return all(hasattr(type(system), name) for name in names)

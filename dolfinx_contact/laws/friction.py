@@ -15,7 +15,7 @@ import numpy as np
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact._errors import require
+from dolfinx_contact._agreement import refuse_other_mesh
 
 __all__ = ["Coulomb", "FrictionLaw", "Frictionless", "Scalar", "Tresca"]
 
@@ -25,18 +25,16 @@ Scalar: TypeAlias = Any
 
 def _as_coefficient(domain: mesh.Mesh, value: Scalar, what: str) -> Scalar:
     """``value`` as UFL: numbers become Constants, so that forms need no new compilation."""
-    if isinstance(value, int | float | np.floating | np.integer):
-        good = bool(np.isfinite(value) and value >= 0)
-        require(domain.comm, good, f"{what} must be finite and nonnegative, got {value}")
+    if isinstance(value, int | float | np.floating | np.integer) and not isinstance(value, bool):
+        if not (np.isfinite(value) and value >= 0):
+            raise ValueError(f"{what} must be finite and nonnegative, got {value}")
         return fem.Constant(domain, float(value))
     if not isinstance(value, ufl.core.expr.Expr) or value.ufl_shape != ():
         raise ValueError(
             f"{what} must be a nonnegative number, a Constant, a scalar Function or a scalar UFL "
             f"expression, got {value!r}"
         )
-    for f in ufl.algorithms.extract_coefficients(value):
-        if f.function_space.mesh is not domain:
-            raise ValueError(f"{what} is a Function of another mesh")
+    refuse_other_mesh(value, domain, what)
     return value
 
 
@@ -51,10 +49,10 @@ class FrictionLaw:
         raise NotImplementedError
 
     def bind(self, domain: mesh.Mesh) -> FrictionLaw:
-        """This law with its numbers as Constants of ``domain``.
+        """This law with its numbers as Constants of ``domain``. Not collective.
 
         Raises:
-            ValueError: if a number is negative or not finite.
+            ValueError: if a number is negative or not finite, or something is of another mesh.
         """
         raise NotImplementedError
 

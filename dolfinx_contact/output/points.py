@@ -11,7 +11,7 @@ import numpy as np
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact._errors import require
+from dolfinx_contact._errors import everywhere, require
 from dolfinx_contact.continuation import Change, SpecialPoint
 from dolfinx_contact.result import by_coordinates
 
@@ -24,6 +24,7 @@ __all__ = ["Functional", "compiled", "counts", "described"]
 #: A scalar UFL form in the problem's Functions, or a function of the problem.
 Functional: TypeAlias = "ufl.Form | Callable[[ContactProblem], float]"
 
+_SAME = 1e-12  # relative: what sums over the ranks may differ by
 _KINDS = {"open": "o", "stick": "k", "slip": "+-s", "clamped": "d"}
 
 
@@ -83,9 +84,16 @@ def _evaluator(system: ParametricContact, name: str, f: Functional) -> Callable[
         raise ValueError(f"the functional {name!r} is neither a UFL form nor a function")
 
     def value() -> float:
-        found = f(problem)
-        number = isinstance(found, (int, float, np.number)) or np.ndim(found) == 0
-        require(comm, bool(number), f"the functional {name!r} did not return a number")
-        return float(comm.bcast(float(np.real(found))))
+        with everywhere(comm, f"the functional {name!r}"):
+            found = f(problem)
+            try:
+                number = float(np.real(found))
+            except (TypeError, ValueError):
+                raise ValueError(f"the functional {name!r} did not return a number") from None
+        numbers = comm.allgather(number)
+        same = np.allclose(numbers, numbers[0], rtol=_SAME, atol=0, equal_nan=True)
+        message = f"the functional {name!r} differs between ranks ({numbers[:4]}): sum over them"
+        require(comm, same, message)
+        return float(numbers[0])
 
     return value

@@ -46,6 +46,7 @@ _AMG_MEMORY = 5.3e-6  # gigabytes per unknown, measured at 10^6 and 3 10^6 unkno
 _DIRECT_SECONDS = {2: (8e-8, 1.5), 3: (8.2e-9, 2.0)}
 _NEWTON_STEPS = 8  # of a cold solve
 _TRIES = 3  # products that are timed
+_DOUBTFUL = 1e-2  # relative residual of a linear solve beyond which it leads nowhere
 _PRODUCTS = 1500  # with the stiffness that take as long as a solve by multigrid: 900 to 1900
 
 
@@ -107,8 +108,12 @@ class LinearSolver:
         return False
 
     def explain(self, ksp: PETSc.KSP) -> str:
-        """A failed linear solve in words."""
+        """A failed linear solve in words. Collective."""
         raise NotImplementedError
+
+    def doubt(self, ksp: PETSc.KSP) -> str:
+        """What is wrong with a solve that PETSc takes for a success; "" if nothing. Collective."""
+        return ""
 
     def tighten(self) -> bool:
         """Solve more exactly, if that has not been tried: statuses may cycle for want of it."""
@@ -131,6 +136,21 @@ class Direct(LinearSolver):
 
     def __init__(self, problem: ContactProblem):
         self._problem, self.matrix = problem, problem.matrix
+        self._residual = 0.0  # of the last solve, over its right-hand side
+        if (_option(problem, "pc_type") or "lu") not in ("lu", "cholesky"):
+            factor = ("pc_factor_mat_solver_type", "mat_mumps_icntl_14")
+            self.defaults = {k: v for k, v in Direct.defaults.items() if k not in factor}
+
+    def attach(self, ksp: PETSc.KSP) -> None:
+        ksp.setPostSolve(self._measure)
+
+    def _measure(self, ksp: PETSc.KSP, b: PETSc.Vec, x: PETSc.Vec) -> None:
+        """Take the true residual: what a KSP looks at is that of its preconditioned system."""
+        r = b.duplicate()
+        self.matrix.mult(x, r)
+        r.axpy(-1.0, b)
+        self._residual = r.norm() / (b.norm() or 1.0)
+        r.destroy()
 
     def update(self) -> None:
         with logged("ContactJacobian"):
@@ -142,11 +162,24 @@ class Direct(LinearSolver):
         return float(_NEWTON_STEPS * factor * sum(problem.global_sizes) ** power)
 
     def explain(self, ksp: PETSc.KSP) -> str:
+        reasons = reasons_of(ksp)
         if ksp.getConvergedReason() == PETSc.KSP.ConvergedReason.DIVERGED_MAX_IT:
-            return f"the linear solver did not converge in {ksp.getIterationNumber()} iterations"
+            number = ksp.getIterationNumber()
+            return f"the linear solver did not converge in {number} iterations ({reasons})"
+        if ksp.getConvergedReason() != PETSc.KSP.ConvergedReason.DIVERGED_PCSETUP_FAILED:
+            return f"the linear solver failed ({reasons})"
         return (
-            "the linear solver failed (a singular matrix: an unheld part of the mesh, a zero "
-            "stiffness, or contact conditions that contradict Dirichlet data)"
+            f"the linear solver failed ({reasons}): a singular matrix, by an unheld part of the "
+            "mesh, a zero stiffness, or contact conditions that contradict Dirichlet data; or "
+            "a solver that does not cope with this matrix"
+        )
+
+    def doubt(self, ksp: PETSc.KSP) -> str:
+        if self._residual <= _DOUBTFUL:
+            return ""
+        return (
+            f"the linear solver did not solve: its relative residual is {self._residual:.1e} "
+            f"({reasons_of(ksp)})"
         )
 
 
@@ -179,6 +212,28 @@ def create_linear_solver(problem: ContactProblem) -> LinearSolver:
             predicted_gigabytes("direct", size, dim),
         )
     return solver
+
+
+def reasons_of(ksp: PETSc.KSP) -> str:
+    """Why a KSP ended, in PETSc's names: its own reason, its PC's, and MUMPS'. Collective."""
+    comm, pc = ksp.comm.tompi4py(), ksp.getPC()
+    words = [f"{ksp.getType()} with {pc.getType()}"]
+    words.append(f"KSP {_name(PETSc.KSP.ConvergedReason, ksp.getConvergedReason())}")
+    failed = max(comm.allgather(int(pc.getFailedReason())), key=abs)
+    if failed != PETSc.PC.FailedReason.NOERROR:
+        words.append(f"PC {_name(PETSc.PC.FailedReason, failed)}")
+    if pc.getType() in ("lu", "cholesky"):
+        words.append(str(pc.getFactorSolverType()))
+        if pc.getFactorSolverType() == "mumps":
+            info = [pc.getFactorMatrix().getMumpsInfog(i) for i in (1, 2)]
+            if info[0] != 0:
+                words[-1] += f" INFOG(1:2) = {info[0]}, {info[1]}"
+    return ", ".join(words)
+
+
+def _name(reasons: Any, value: int) -> str:
+    names = [k for k, v in vars(reasons).items() if v == value and not k.startswith("_")]
+    return max(names, key=len, default=str(value))
 
 
 def direct_instead(problem: ContactProblem) -> bool:

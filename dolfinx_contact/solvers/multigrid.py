@@ -16,7 +16,7 @@ from dolfinx import la
 from dolfinx_contact._petsc import logged
 from dolfinx_contact.solvers.forcing import Forcing
 from dolfinx_contact.solvers.hierarchy import Hierarchy
-from dolfinx_contact.solvers.linear import LinearSolver, seconds_of_multigrid
+from dolfinx_contact.solvers.linear import LinearSolver, reasons_of, seconds_of_multigrid
 from dolfinx_contact.solvers.operator import ContactOperator
 from dolfinx_contact.solvers.surface_filter import SurfaceFilter
 from dolfinx_contact.trace import facet_closures
@@ -198,9 +198,9 @@ class Multigrid(LinearSolver):
     def explain(self, ksp: PETSc.KSP) -> str:
         prefix = self._problem.prefix
         return (
-            f"the Krylov method stagnated after {ksp.getIterationNumber()} iterations; try another "
-            f"-{prefix}amg_pc_type (gamg, hypre), -{prefix}ksp_max_it, or -{prefix}linear_solver "
-            "direct if memory allows"
+            f"the Krylov method stagnated after {ksp.getIterationNumber()} iterations "
+            f"({reasons_of(ksp)}); try another -{prefix}amg_pc_type (gamg, hypre), "
+            f"-{prefix}ksp_max_it, or -{prefix}linear_solver direct if memory allows"
         )
 
     @property

@@ -17,7 +17,9 @@ from petsc4py import PETSc
 
 import numpy as np
 
-from dolfinx_contact._petsc import logged, options_in_database
+from dolfinx_contact._errors import everywhere
+from dolfinx_contact._options import check_options
+from dolfinx_contact._petsc import as_raised, logged, options_in_database
 from dolfinx_contact._settling import ROUNDS, settle
 from dolfinx_contact.laws import Status
 from dolfinx_contact.solvers.errors import FloatingBodyError, LinearSolverError
@@ -48,50 +50,83 @@ class Newton:
     ):
         self.problem, self.monitor = problem, monitor
         self._full_steps = line_search == "none"
-        self.snes = PETSc.SNES().create(problem.comm)
-        self.b = problem.create_vector()
-        self.offset = problem.create_vector()  # of which 1 - load is left out
-        self._after = [self.b.duplicate() for _ in range(3)]  # a step, residual, correction
         self.load = 1.0
         self.scales = Scales(problem)
-        self.snes.setFunction(self._function, self.b)
         self.linear = problem.linear_solver
-        self.snes.setJacobian(self._jacobian, self.linear.matrix)
-        self.snes.setConvergenceTest(self._test)
-        self.snes.setOptionsPrefix(problem.prefix)
         defaults = {**_DEFAULTS, **self.linear.defaults, "snes_linesearch_type": line_search}
         self.options = {**defaults, **problem.petsc_options}
-        self.linear.attach(self.snes.getKSP())
-        if self._full_steps and self.linear.corrects:
-            self.snes.setLineSearchPreCheck(self._settle)
-        with options_in_database(problem.prefix, self.options):
-            self.snes.setFromOptions()
-        self.snes.setTolerances(atol=0.0, stol=0.0)
+        check_options(problem.prefix, problem.petsc_options)
+        self.offset = problem.create_vector()  # of which 1 - load is left out
+        self._after = [self.offset.duplicate() for _ in range(3)]  # a step, residual, correction
+        self._create()
         self.attempt: Attempt
         self.floating: FloatingBodyError | None = None
         self._guessed = self._warm = False
         self._history: list[tuple[list[Status], float]] = []
 
+    def _create(self) -> None:
+        """Make the SNES. Collective.
+
+        Raises:
+            ValueError: if the options ask for a solver that PETSc does not know, or that does not
+                solve contact problems with this linear solver.
+        """
+        problem = self.problem
+        self.snes, self.b = PETSc.SNES().create(problem.comm), problem.create_vector()
+        self.snes.setFunction(self._function, self.b)
+        self.snes.setJacobian(self._jacobian, self.linear.matrix)
+        self.snes.setConvergenceTest(self._test)
+        self.snes.setOptionsPrefix(problem.prefix)
+        self.linear.attach(self.snes.getKSP())
+        if self._full_steps and self.linear.corrects:
+            self.snes.setLineSearchPreCheck(self._settle)
+        with options_in_database(problem.prefix, self.options), as_raised():
+            self.snes.setFromOptions()
+            problem.option_use.note(problem.petsc_options)
+        self.snes.setTolerances(atol=0.0, stol=0.0)
+        if self.linear.name != "direct" and self.snes.getType() != PETSc.SNES.Type.NEWTONLS:
+            raise ValueError(
+                f"-{problem.prefix}snes_type {self.snes.getType()} needs an assembled matrix; "
+                f"with the linear solver {self.linear.name} only newtonls goes"
+            )
+
+    def _discard(self) -> None:
+        for thing in (self.snes, self.b):
+            thing.destroy()
+
     def __enter__(self) -> Newton:
         return self
 
     def __exit__(self, *_: object) -> None:
-        for thing in (self.snes, self.b, self.offset, *self._after):
+        self._discard()
+        for thing in (self.offset, *self._after):
             thing.destroy()
 
     def run(self, x: PETSc.Vec, attempt: Attempt) -> bool:
         """Solve H(x) = (1 - load) offset from ``x``, which is overwritten. Collective."""
         self.attempt, self._history, self.floating = attempt, [], None
-        ksp = self.snes.getKSP()
+        problem, ksp, y = self.problem, self.snes.getKSP(), x.copy()
         try:
-            with options_in_database(self.problem.prefix, self.options):
-                self.snes.solve(None, x)
+            with options_in_database(problem.prefix, self.options), as_raised():
+                self.snes.solve(None, y)
                 while self.snes.getConvergedReason() == _LINEAR and self.linear.retry(ksp):
                     logger.warning("%s; once more with a new preconditioner", self._explain())
-                    self.snes.solve(None, x)
+                    self.snes.solve(None, y)
+                problem.option_use.note(problem.petsc_options)
+            y.copy(x)
         except LinearSolverError as error:
             attempt.reason = str(error)
+            self._discard()  # what was at work when the error came stays locked
+            self._create()
             return False
+        finally:
+            y.destroy()
+        self._warn_of_options()
+        if not attempt.steps and self.snes.getConvergedReason() == _NOT_A_NUMBER:
+            raise ValueError(
+                "the residual overflows at the start: its square is beyond 1e308. Look at the "
+                "starting displacement, loads, Dirichlet and material data, or take other units"
+            )
         if self.floating is not None:
             raise self.floating
         reason = self.snes.getConvergedReason()
@@ -102,6 +137,13 @@ class Newton:
             attempt.reason = self._explain()
             ksp.reset()  # MUMPS does not recover from a singular matrix
         return bool(reason > 0)
+
+    def _warn_of_options(self) -> None:
+        """Warn of options that nothing has read, once a linear system has been solved."""
+        if self.snes.getLinearSolveIterations() > 0:
+            problem = self.problem
+            multigrid, root = self.linear.name == "amg", problem.comm.rank == 0
+            problem.option_use.warn(problem.petsc_options, multigrid=multigrid, root=root)
 
     @property
     def stagnated(self) -> bool:
@@ -154,7 +196,8 @@ class Newton:
         self.attempt.steps.append(step)
         logger.info("%s: %s", self.attempt.strategy, step)
         if self.monitor is not None:
-            self.monitor(step)
+            with everywhere(problem.comm, "the monitor"):
+                self.monitor(step)
         if not np.isfinite(measures.worst):
             self.attempt.reason = "the residual is not finite"
             return int(_STOPPED)
@@ -172,7 +215,8 @@ class Newton:
             and self._in_cycle(statuses, measures.worst)
             and not self.linear.tighten()
         ):
-            self.attempt.reason = "the status repeats in a cycle"
+            doubt = self.linear.doubt(snes.getKSP())
+            self.attempt.reason = doubt or "the status repeats in a cycle"
             self.attempt.restless = _restless(problem, self._history[-1][0], statuses)
             return int(_STOPPED)
         self._history.append((statuses, measures.worst))
@@ -232,15 +276,18 @@ class Newton:
         reason = self.snes.getConvergedReason()
         if reason == reasons.DIVERGED_LINEAR_SOLVE:
             return self.linear.explain(self.snes.getKSP())
+        doubt = self.linear.doubt(self.snes.getKSP())
+        because = f"; {doubt}" if doubt and self.snes.getIterationNumber() > 0 else ""
         if reason == reasons.DIVERGED_LINE_SEARCH:
-            return "the line search found no decrease of the norm of H"
+            return f"the line search found no decrease of the norm of H{because}"
         if reason == reasons.DIVERGED_MAX_IT:
-            return f"no convergence in {self.snes.getIterationNumber()} iterations"
+            return f"no convergence in {self.snes.getIterationNumber()} iterations{because}"
         return names.get(reason, str(reason))
 
 
 _STOPPED = PETSc.SNES.ConvergedReason.DIVERGED_LOCAL_MIN
 _LINEAR = PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE
+_NOT_A_NUMBER = PETSc.SNES.ConvergedReason.DIVERGED_FNORM_NAN
 
 
 def _restless(

@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""What the user's UFL is made of: whether it belongs to a mesh, and whether ranks mean the same.
+
+Nothing here communicates; `_errors.same_everywhere` compares what `described` returns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+import ufl
+from dolfinx import fem, mesh
+from ufl.algorithms.analysis import extract_constants
+from ufl.domain import extract_domains
+
+from dolfinx_contact._compat import dirichlet_value, is_mesh_of
+
+__all__ = [
+    "described",
+    "described_condition",
+    "described_number",
+    "refuse_other_condition",
+    "refuse_other_mesh",
+]
+
+
+def refuse_other_mesh(expression: Any, domain: mesh.Mesh, what: str) -> None:
+    """Raise ``ValueError`` if a UFL expression or form has to do with another mesh.
+
+    Args:
+        expression: of any shape, or a form.
+        domain: the mesh that it is to belong to.
+        what: it is, for the message.
+    """
+    if isinstance(expression, ufl.Form):
+        domains: Iterable[Any] = expression.ufl_domains()
+        coefficients, constants = expression.coefficients(), expression.constants()
+    else:
+        domains = extract_domains(expression)
+        coefficients = ufl.algorithms.extract_coefficients(expression)
+        constants = extract_constants(expression)
+    mine = domain.ufl_domain()
+    for f in coefficients:
+        if f.ufl_function_space().ufl_domain() != mine:
+            raise ValueError(f"{what} {_is_or_has(f, expression)} a Function of another mesh")
+    for c in constants:
+        if c.ufl_domain() != mine:
+            raise ValueError(f"{what} {_is_or_has(c, expression)} a Constant of another mesh")
+    if any(d != mine for d in domains):
+        raise ValueError(f"{what} belongs to another mesh")
+
+
+def _is_or_has(part: Any, whole: Any) -> str:
+    return "is" if part is whole else "contains"
+
+
+def described(expression: Any, domain: mesh.Mesh) -> str:
+    """What a UFL expression or form of ``domain`` says, the same on ranks that mean the same.
+
+    The values of its Constants and its signature, in which neither the counts of UFL's objects nor
+    the values of Functions, which are spread over the ranks, occur.
+    """
+    if isinstance(expression, ufl.Form):
+        form = expression
+    else:
+        expression = ufl.as_ufl(expression)
+        if isinstance(expression, ufl.constantvalue.Zero):
+            return "0"
+        form = ufl.inner(expression, expression) * ufl.dx(domain=domain)
+    values = [np.asarray(c.value).tolist() for c in form.constants()]
+    return f"{', '.join(map(repr, values)) or 'an expression'} (form {form.signature()[:12]})"
+
+
+def described_condition(bc: fem.DirichletBC) -> str:
+    """What a Dirichlet condition says on every rank: its value, or that it is a Function."""
+    value = dirichlet_value(bc)
+    if hasattr(value, "function_space"):
+        return "a Function"
+    return repr(np.asarray(value.value).tolist())
+
+
+def described_number(value: Any) -> str:
+    """A number of any type by its value, anything else by its `repr`."""
+    if isinstance(value, int | float | np.number) and not isinstance(value, bool):
+        return repr(float(value))
+    return repr(value)
+
+
+def refuse_other_condition(bc: fem.DirichletBC, domain: mesh.Mesh) -> None:
+    """Raise ``ValueError`` if a Dirichlet condition or its Function is of another mesh."""
+    if not is_mesh_of(domain, bc.function_space):
+        raise ValueError("a Dirichlet condition is on a space of another mesh")
+    value = dirichlet_value(bc)
+    if hasattr(value, "function_space") and not is_mesh_of(domain, value.function_space):
+        raise ValueError("the value of a Dirichlet condition is a Function of another mesh")

@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Arguments of the continuation, looked at before anything is computed with them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+
+from dolfinx_contact._errors import everywhere, same_everywhere
+from dolfinx_contact.continuation.branch import BranchPoint, SpecialPoint, Stop
+from dolfinx_contact.continuation.observer import (
+    Observer,
+    Stepping,
+    Task,
+    require_observer,
+)
+from dolfinx_contact.continuation.parameters import StepControl
+from dolfinx_contact.continuation.system import System
+
+__all__ = [
+    "asked",
+    "check_listeners",
+    "check_states",
+    "check_system",
+    "checked_gamma",
+    "checked_range",
+    "told",
+]
+
+_NEEDED = ("comm", "create_vector", "residual", "jacobian", "piece_at", "events")
+_SHORTEST, _LONGEST = 1e-150, 1e150  # ranges of gamma whose squares are numbers
+_ROUND_OFF = 1e-12  # of gamma: a range below it is a point
+
+
+def check_system(system: Any) -> None:
+    """Raise ``ValueError`` if ``system`` is none. Not collective."""
+    if not all(hasattr(type(system), name) or name in vars(system) for name in _NEEDED):
+        raise ValueError(
+            "what is followed must be a System, such as a ParametricContact of a contact problem "
+            f"and its parameter; got {type(system).__name__}"
+        )
+
+
+def checked_gamma(gamma: Any, what: str = "gamma") -> float:
+    """``gamma`` as a finite number, or ``ValueError``. Not collective."""
+    number = isinstance(gamma, int | float | np.number) and not isinstance(gamma, bool)
+    if not number or not np.isfinite(gamma):
+        raise ValueError(f"{what} must be a finite number, got {gamma!r}")
+    return float(gamma)
+
+
+def checked_range(gamma_range: Any, starts: Sequence[float]) -> tuple[float, float]:
+    """A range of gamma that contains ``starts``, or ``ValueError``. Not collective."""
+    try:
+        low, high = gamma_range
+    except (TypeError, ValueError):
+        raise ValueError(f"gamma_range must be two numbers, got {gamma_range!r}") from None
+    low, high = (checked_gamma(g, "either end of gamma_range") for g in (low, high))
+    if not low < high or not all(low <= gamma <= high for gamma in starts):
+        which = ", ".join(f"{gamma:g}" for gamma in starts)
+        raise ValueError(f"gamma = {which} must lie in the range [{low}, {high}], not empty")
+    if not max(_SHORTEST, _ROUND_OFF * max(-low, high)) < high - low < _LONGEST:
+        raise ValueError(
+            f"gamma_range [{low}, {high}] is too short or too long to be computed with"
+        )
+    return low, high
+
+
+def check_states(system: System, states: Sequence[Any], what: str) -> None:
+    """Raise ``ValueError`` on every rank if a state does not fit the system. Collective.
+
+    Args:
+        system: whose unknowns they are.
+        states: vectors.
+        what: they are, for the message.
+    """
+    same_everywhere(system.comm, number_of_states=len(states))
+    one = system.create_vector()
+    with everywhere(system.comm, what):
+        for x in states:
+            if not isinstance(x, PETSc.Vec):
+                raise ValueError(
+                    f"{what} must be a PETSc vector of all unknowns, as system.create_vector() "
+                    f"makes it and problem.write(x) fills it; got {type(x).__name__}"
+                )
+            if (x.getLocalSize(), x.getSize()) != (one.getLocalSize(), one.getSize()):
+                raise ValueError(
+                    f"{what} does not fit the unknowns: {x.getLocalSize()} of {x.getSize()} "
+                    f"entries on a rank that has {one.getLocalSize()} of {one.getSize()}"
+                )
+            if not np.isfinite(x.array_r).all():
+                raise ValueError(f"{what} has an entry that is not finite")
+    one.destroy()
+
+
+def check_listeners(
+    observer: Any = None, stop: Any = None, control: Any = None, max_steps: int = 1
+) -> None:
+    """Raise ``ValueError`` for what is no observer, stop condition, control or budget."""
+    if observer is not None:
+        require_observer(observer)
+    if stop is not None and not callable(stop):
+        raise ValueError(f"stop must be a function of a point and its special points, got {stop!r}")
+    if control is not None and not isinstance(control, StepControl):
+        raise ValueError(f"control must be a StepControl, got {control!r}")
+    whole = isinstance(max_steps, int | np.integer) and not isinstance(max_steps, bool)
+    if not whole or max_steps < 1:
+        raise ValueError(f"the budget of steps must be positive, got {max_steps!r}")
+
+
+def asked(
+    comm: MPI.Comm, stop: Stop | None, point: BranchPoint, special: Sequence[SpecialPoint]
+) -> str:
+    """What ``stop`` answers at a point. Collective.
+
+    Raises:
+        ValueError: on every rank, if that is no reason, or not the same on every rank.
+    """
+    if stop is None:
+        return ""
+    with everywhere(comm, "stop"):
+        answer = stop(point, special)
+        if not isinstance(answer, str):
+            raise ValueError(
+                "stop must answer with the reason to end the branch, a str, or with '' to go on; "
+                f"it answered {answer!r}"
+            )
+    same_everywhere(comm, the_answer_of_stop=answer)
+    return answer
+
+
+def told(comm: MPI.Comm, observer: Observer | None) -> Observer:
+    """The observer, whose exceptions on one rank are raised on every rank."""
+    return Observer() if observer is None else _Told(comm, observer)
+
+
+class _Told(Observer):
+    def __init__(self, comm: MPI.Comm, observer: Observer):
+        self._comm, self._observer = comm, observer
+
+    def _tell(self, do: Callable[..., None], *what: Any) -> None:
+        with everywhere(self._comm, f"the observer {type(self._observer).__name__}"):
+            do(*what)
+
+    def begin(self, branch: int, task: Task) -> None:
+        self._tell(self._observer.begin, branch, task)
+
+    def point(
+        self,
+        branch: int,
+        index: int,
+        point: BranchPoint,
+        special: Sequence[SpecialPoint],
+        stepping: Stepping,
+    ) -> None:
+        self._tell(self._observer.point, branch, index, point, special, stepping)
+
+    def end(self, branch: int, reason: str) -> None:
+        self._tell(self._observer.end, branch, reason)
