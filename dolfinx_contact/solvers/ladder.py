@@ -25,6 +25,7 @@ import numpy as np
 
 from dolfinx_contact._errors import require
 from dolfinx_contact._petsc import staged
+from dolfinx_contact._progress import SolveProgress
 from dolfinx_contact.result import Result, collect
 from dolfinx_contact.solvers.errors import ConvergenceError, FloatingBodyError
 from dolfinx_contact.solvers.history import Attempt, Step
@@ -39,12 +40,16 @@ __all__ = ["solve"]
 
 logger = logging.getLogger(__name__)
 
+_LATE = 2.0  # times the time that was predicted are worth a word in the log,
+_SHORT = 1.0  # if they are more than so many seconds
+
 
 def solve(
     problem: ContactProblem,
     *,
     monitor: Callable[[Step], None] | None = None,
     increments: int = 8,
+    progress: bool | None = None,
 ) -> Result:
     """Solve a contact problem from the present values of its Functions.
 
@@ -52,6 +57,8 @@ def solve(
         problem: the contact problem; its Functions receive the solution.
         monitor: called with every Newton iterate, on every rank.
         increments: of the load in the strategy of increments, to begin with.
+        progress: whether rank 0 says on the standard error stream where the solve is; by default
+            once it takes more than some seconds.
 
     Returns:
         Statuses, resultants, residual histories and the KKT violation.
@@ -61,17 +68,19 @@ def solve(
             negative friction field, a clamped node inside the obstacle).
         ConvergenceError: if no strategy converges; the Functions are as they were.
     """
+    said = SolveProgress(problem.comm, progress)
     x0 = problem.create_vector()
     problem.write(x0)
     before, statuses = [f.x.array.copy() for f in problem.fields], problem.statuses
     try:
-        return _solve(problem, x0, monitor, increments)
+        return _solve(problem, x0, monitor, increments, said)
     except BaseException:
         for f, values in zip(problem.fields, before, strict=True):
             f.x.array[:] = values
         problem.statuses = statuses
         raise
     finally:
+        said.end()
         x0.destroy()
 
 
@@ -81,6 +90,7 @@ def _solve(
     x0: PETSc.Vec,
     monitor: Callable[[Step], None] | None,
     increments: int,
+    progress: SolveProgress,
 ) -> Result:
     _check_data(problem, x0)
     attempts: list[Attempt] = []
@@ -90,19 +100,46 @@ def _solve(
         for strategy, run in _ladder(problem, increments):
             attempt = Attempt(strategy)
             attempts.append(attempt)
+            progress.strategy = strategy
             x0.copy(x)
             try:
-                attempt.converged = run(x, attempt, monitor)
+                attempt.converged = run(x, attempt, _told(progress, monitor))
             except FloatingBodyError as error:
                 attempt.reason, floating = str(error), error
             if attempt.converged:
-                return collect(problem, x, attempts)
-            logger.warning("%s failed: %s", strategy, attempt.reason)
+                result = collect(problem, x, attempts)
+                progress.end(sum(a.iterations for a in attempts))
+                _compare_with_prediction(problem, progress.seconds)
+                return result
+            progress.clear()
+            if problem.comm.rank == 0:
+                logger.warning("%s failed: %s", strategy, attempt.reason)
     finally:
         x.destroy()
     if floating is not None and attempts[0].reason == str(floating):
         raise FloatingBodyError(str(floating), attempts)
     raise ConvergenceError(_diagnosis(attempts), attempts)
+
+
+def _told(
+    progress: SolveProgress, monitor: Callable[[Step], None] | None
+) -> Callable[[Step], None]:
+    """The monitor of the caller, which may write where the line of progress was, and that line."""
+
+    def tell(step: Step) -> None:
+        progress.clear()
+        if monitor is not None:
+            monitor(step)
+        progress.step(step)
+
+    return tell
+
+
+def _compare_with_prediction(problem: ContactProblem, seconds: float) -> None:
+    """Say in the log if a solve took much longer than was predicted."""
+    predicted = problem.linear_solver.predicted
+    if problem.comm.rank == 0 and seconds > max(_LATE * predicted, _SHORT):
+        logger.info("the solve took %.2g s; %.2g s were predicted", seconds, predicted)
 
 
 _Run = Callable[[PETSc.Vec, Attempt, Callable[[Step], None] | None], bool]

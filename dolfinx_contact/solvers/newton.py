@@ -87,7 +87,9 @@ class Newton:
             with options_in_database(self.problem.prefix, self.options):
                 self.snes.solve(None, x)
                 while self.snes.getConvergedReason() == _LINEAR and self.linear.retry(ksp):
-                    logger.warning("%s; once more with a new preconditioner", self._explain())
+                    said = self._explain()
+                    if self.problem.comm.rank == 0:
+                        logger.warning("%s; once more with a new preconditioner", said)
                     self.snes.solve(None, x)
         except LinearSolverError as error:
             attempt.reason = str(error)
@@ -151,7 +153,8 @@ class Newton:
         krylov = snes.getKSP().getIterationNumber() if it > 0 else 0
         step = Step(it, measures, flips, self.load, krylov)
         self.attempt.steps.append(step)
-        logger.info("%s: %s", self.attempt.strategy, step)
+        if problem.comm.rank == 0:
+            logger.info("%s, %s", self.attempt.strategy, step)
         if self.monitor is not None:
             self.monitor(step)
         if not np.isfinite(measures.worst):
