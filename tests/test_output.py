@@ -2,7 +2,9 @@
 
 import csv
 import logging
+import re
 import shutil
+import textwrap
 
 from mpi4py import MPI
 
@@ -14,7 +16,7 @@ from blocks import block, box, facets
 import ufl
 from dolfinx import fem, io
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, Sphere
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, Sphere, materials
 from dolfinx_contact.materials import CiarletGeymonat, LinearElastic, NeoHookean, StVenantKirchhoff
 from dolfinx_contact.output import (
     STATUS_CODES,
@@ -96,6 +98,32 @@ def test_plane_strain_is_a_slice_of_space(material):
     for s in found:
         np.testing.assert_allclose(s, np.tile(expected, (len(s), 1)), atol=1e-12)
     assert abs(expected[8]) > 1e-3
+
+
+def recipe():
+    """The lines of the docstring of `materials`, but for the problem."""
+    code = textwrap.dedent(materials.__doc__.partition("comes out as well::\n")[2])
+    return re.sub(r"problem = .*\n", "energy = W(F) * ufl.dx\n", code)
+
+
+def test_energy_of_ones_own():
+    """The recipe in 2D gives the stress of the closed form, and the energy that belongs to it."""
+    gradient = np.array([[0.1, 0.05, 0.0], [-0.02, -0.08, 0.0], [0.0, 0.0, 0.0]])
+    plane = linear_displacement(box(COMM, 1, "tri"), gradient[:2, :2])
+    names = {"ufl": ufl, "u": plane, "mu": 1.0, "kappa": 2.0}
+    exec(recipe(), names)
+    F = np.eye(3) + gradient
+    J, B = np.linalg.det(F), F @ F.T
+    deviator = J ** (-5 / 3) * (B - np.trace(B) / 3 * np.eye(3))
+    expected = (deviator + 2.0 * (J - 1) * np.eye(3)).reshape(-1)
+    found = body_fields(plane, names["stress"])[0].x.array.reshape(-1, 9)
+    np.testing.assert_allclose(found, np.tile(expected, (len(found), 1)), atol=1e-12)
+    # The energy is that of the stress: its first variation is the work of P = J stress F^-T.
+    v = fem.Function(plane.function_space)
+    v.interpolate(lambda x: (x[0], 0.3 * x[1]))
+    first = fem.assemble_scalar(fem.form(ufl.derivative(names["energy"], plane, v)))
+    P = J * expected.reshape(3, 3) @ np.linalg.inv(F).T
+    np.testing.assert_allclose(COMM.allreduce(first), P[0, 0] + 0.3 * P[1, 1], rtol=1e-10)
 
 
 def test_stress_must_be_three_by_three(folder):
