@@ -61,7 +61,8 @@ class Journal:
     """What was recorded.
 
     Attributes:
-        header: what identifies the problem, and the names of the functionals.
+        header: what identifies the problem, the names of the functionals, and (not in journals of
+            old) the places of the contact points.
         branches: by number.
         sessions: one dictionary for every run that recorded: ranks, versions, time of its start.
         length: of the file in bytes, without a last line that was not finished.
@@ -78,6 +79,14 @@ class Journal:
     def functionals(self) -> list[str]:
         """Names of the functionals."""
         return list(self.header.get("functionals", []))
+
+    @property
+    def places(self) -> dict[str, npt.NDArray[np.float64]]:
+        """Coordinates (n, dim) of contact points by surface, in the order of the statuses.
+
+        Empty for a journal that does not have them.
+        """
+        return {k: np.array(x, float) for k, x in self.header.get("points", {}).items()}
 
     def columns(self, branch: int | None = None) -> dict[str, npt.NDArray[Any]]:
         """All points as numpy arrays by name, of one branch or of all, in order.
