@@ -23,6 +23,7 @@ from dolfinx import fem, mesh
 
 from dolfinx_contact._compat import gmsh_io
 from dolfinx_contact._errors import require, same_everywhere
+from dolfinx_contact._optional import optional
 
 __all__ = ["GmshMesh", "NamedTags", "mesh_from_gmsh", "read_mesh", "tagged_facets"]
 
@@ -163,8 +164,7 @@ def read_mesh(
         FileNotFoundError: on every rank, if there is no such file.
         ValueError: on every rank, if gmsh cannot read it or it does not fit; see `mesh_from_gmsh`.
     """
-    import gmsh
-
+    gmsh = optional("gmsh", "gmsh")
     found = comm.bcast(Path(filename).is_file() if comm.rank == 0 else None)
     if not found:
         raise FileNotFoundError(f"there is no mesh file {filename}")
@@ -192,8 +192,7 @@ def mesh_from_gmsh(
             none that holds the body, or lacks one of ``groups``; if groups of cells or of facets
             overlap, the cells are of several kinds, or a plane mesh is not in the plane.
     """
-    import gmsh
-
+    gmsh = optional("gmsh", "gmsh")
     if comm.rank > 0:
         return _distribute(comm, None, None, None)
     # A session that the caller has open goes on with its own models.

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._optional import optional
 from dolfinx_contact.output.journal import Journal
 
 __all__ = ["draw_diagram"]
@@ -71,6 +72,7 @@ def draw_diagram(
     Raises:
         ValueError: if no point was recorded, or a branch or the functional is not known.
     """
+    optional("matplotlib", "output")
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

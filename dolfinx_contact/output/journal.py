@@ -22,6 +22,8 @@ from typing import Any, BinaryIO
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._optional import optional
+
 __all__ = [
     "FILE_NAME",
     "FORMAT",
@@ -113,9 +115,7 @@ class Journal:
 
     def table(self, branch: int | None = None) -> Any:
         """All points as a pandas DataFrame; see `columns`."""
-        import pandas as pd
-
-        return pd.DataFrame(self.columns(branch))
+        return optional("pandas", "output").DataFrame(self.columns(branch))
 
     def special(self, branch: int | None = None) -> Any:
         """Special points as a pandas DataFrame.
@@ -125,8 +125,6 @@ class Journal:
         of gamma between which it lies; None if it is located), and ``changes``, a list of
         dictionaries with the place ``x`` and the status ``before`` and ``after``.
         """
-        import pandas as pd
-
         names = ["branch", "index", *_SPECIAL, "changes"]
         rows = [
             {"branch": b, "index": p["index"], **{k: s.get(k) for k in names[2:]}}
@@ -134,7 +132,7 @@ class Journal:
             for p in self.branches[b].points
             for s in p["special"]
         ]
-        return pd.DataFrame(rows, columns=names)
+        return optional("pandas", "output").DataFrame(rows, columns=names)
 
     def _chosen(self, branch: int | None) -> list[int]:
         if branch is not None and branch not in self.branches:

@@ -385,4 +385,8 @@ KINDS: dict[str, Callable[[Data, str], None]] = {
 
 if __name__ == "__main__":
     kind, file = sys.argv[1:]
-    KINDS[kind](pickle.load(sys.stdin.buffer), file)
+    try:
+        KINDS[kind](pickle.load(sys.stdin.buffer), file)
+    except ModuleNotFoundError as error:
+        extra = "python3 -m pip install 'signorini-coulomb[output]'"
+        sys.exit(f"{error.name} is not installed: {extra}, or python3-{error.name} of Debian")

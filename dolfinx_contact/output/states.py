@@ -12,6 +12,7 @@ import numpy as np
 
 from dolfinx import fem
 
+from dolfinx_contact._optional import optional
 from dolfinx_contact.continuation import BranchPoint
 from dolfinx_contact.output.pictures import gather_cells, patch
 from dolfinx_contact.parametric import ParametricContact
@@ -62,6 +63,7 @@ def picture_of_states(
     """
     if system.problem.V.mesh.geometry.dim != 2 or not points:
         raise ValueError("states are drawn side by side for 2D bodies, and at least one is needed")
+    optional("matplotlib", "output")  # on every rank, although one draws
     seen = [_seen(system, point) for point in points]
     if system.comm.rank == 0:
         _draw(Path(file), seen, list(titles) or [""] * len(points), scale)
