@@ -167,14 +167,14 @@ def _draw(file: Path, seen: Sequence[dict[str, Any]], titles: Sequence[str], sca
 def _layout(count: int, ratio: float) -> tuple[int, float]:
     """Columns of panels of this height over width, and their width in inches.
 
-    Panels are as large as a page takes, with few empty places.
+    Panels are as large as a page takes, with few empty places; one row is easier to compare.
     """
     found = []
     for columns in range(1, count + 1):
         rows = -(-count // columns)
         width = min(12.0 / columns, (9.0 / rows - 0.4) / ratio)
         fill = count / (rows * columns)
-        found.append((width * fill, -columns, width))
+        found.append((width * fill * (1.3 if rows == 1 else 1.0), -columns, width))
     _, columns, width = max(found)
     return -columns, width
 
