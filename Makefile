@@ -1,26 +1,33 @@
 # Each target sets its environment up on the way (docker/run); DEBIAN=sid takes the other suite.
 RUN = docker/run
 OUTPUT = output
+# The shell takes it from its environment as it is, blanks and all.
+export OUTPUT
 # mpirun gives its ranks a terminal, so that pytest would colour what goes to a log.
 PYTEST = python3 -m pytest --color=no tests
 
-.PHONY: help demo test lint clean
+.PHONY: help demo test test-long lint clean
 
 help:
 	@echo "make demo   all branches of a triangle on a floor, and a body dragged over one, on two"
-	@echo "            ranks; pictures in OUTPUT=$(OUTPUT)"
+	@echo "            ranks; pictures in OUTPUT=$$OUTPUT"
 	@echo "make test   lint, types, and the tests on one, two and three ranks"
+	@echo "make test-long  the tests that take long, on one and two ranks"
 	@echo "make lint   ruff and mypy alone"
 	@echo "make clean  remove what demos, tests and tools wrote"
 
 demo:
-	$(RUN) mpirun -n 2 python3 demos/demo_linear_triangle.py --output $(OUTPUT)/linear_triangle
-	$(RUN) mpirun -n 2 python3 demos/demo_dragged_body.py --output $(OUTPUT)/dragged_body
+	$(RUN) mpirun -n 2 python3 demos/demo_linear_triangle.py --output "$$OUTPUT/linear_triangle"
+	$(RUN) mpirun -n 2 python3 demos/demo_dragged_body.py --output "$$OUTPUT/dragged_body"
 
 test: lint
 	$(RUN) $(PYTEST)
 	$(RUN) mpirun -n 2 $(PYTEST)
 	$(RUN) mpirun -n 3 $(PYTEST)
+
+test-long:
+	$(RUN) $(PYTEST) --long -m long
+	$(RUN) mpirun -n 2 $(PYTEST) --long -m long
 
 lint:
 	@$(RUN) sh -c 'for tool in ruff mypy pytest; do command -v $$tool >/dev/null || { \

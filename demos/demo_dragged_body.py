@@ -129,18 +129,16 @@ def rocker_mesh(args, comm):
 
 
 def contact_problem(args, body):
-    domain, fdim = body.mesh, body.mesh.topology.dim - 1
-    comm = domain.comm
+    domain, comm = body.mesh, body.mesh.comm
     V = fem.functionspace(domain, ("Lagrange", args.degree, (3,)))
     u = fem.Function(V, name="displacement")
-    top = fem.locate_dofs_topological(V, fdim, body.facet_tags.find(body.tag("top")))
-    held = fem.dirichletbc(np.array([args.shift, 0.0, -args.press]), top, V)
+    held = fem.dirichletbc(np.array([args.shift, 0.0, -args.press]), body.dofs(V, "top"), V)
 
     lowest = comm.allreduce(domain.geometry.x[:, 2].min(initial=np.inf), op=MPI.MIN)
     surface = ContactSurface(
         u,
-        body.facet_tags,
-        tag=body.tag("contact"),
+        body,
+        tag="contact",
         obstacle=HalfSpace([0.0, 0.0, lowest], [0.0, 0.0, 1.0]),
         law=Coulomb(args.friction),
     )

@@ -111,8 +111,7 @@ def system(args, comm):
         body = mesh_from_gmsh(comm, lambda: draw_vee(args.size), groups=("dirichlet", "contact"))
     domain = body.mesh
     domain.geometry.x[:] *= args.length
-    held = body.facet_tags.find(body.tag("dirichlet"))
-    touching = body.facet_tags.find(body.tag("contact"))
+    held, touching = body.facets("dirichlet"), body.facets("contact")
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
     u, moved = fem.Function(V, name="displacement"), fem.Function(V)
     gamma = fem.Constant(domain, 0.0)

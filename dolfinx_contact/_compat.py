@@ -24,6 +24,8 @@ import numpy.typing as npt
 import dolfinx.fem.petsc as fem_petsc
 from dolfinx import fem, io, mesh
 
+from dolfinx_contact._optional import optional
+
 try:  # DOLFINx >= 0.10
     from dolfinx.io import gmsh as gmsh_io
 except ImportError:  # DOLFINx 0.9
@@ -222,15 +224,13 @@ def write_checkpoint(file: Path, functions: dict[str, fem.Function]) -> None:
     Values are stored by the cells of the mesh as it was given to DOLFINx, so that reading needs the
     same mesh, made in the same way. ``file`` must not exist. (Functions of submeshes are refused.)
     """
-    import adios4dolfinx
-
+    adios4dolfinx = optional("adios4dolfinx", "output")
     for name, f in functions.items():
         adios4dolfinx.write_function_on_input_mesh(file, f, name=name)
 
 
 def read_checkpoint(file: Path, functions: dict[str, fem.Function]) -> None:
     """Fill Functions from what `write_checkpoint` wrote, ghosts included. Collective."""
-    import adios4dolfinx
-
+    adios4dolfinx = optional("adios4dolfinx", "output")
     for name, f in functions.items():
         adios4dolfinx.read_function(file, f, name=name)

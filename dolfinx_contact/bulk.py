@@ -8,6 +8,7 @@ from what it was.
 
 from __future__ import annotations
 
+import time
 import zlib
 from typing import Any
 
@@ -23,6 +24,8 @@ from dolfinx import fem, la
 from dolfinx_contact._petsc import half_of
 
 __all__ = ["Bulk"]
+
+_PRODUCTS = 4  # that are timed
 
 
 class Bulk:
@@ -59,6 +62,8 @@ class Bulk:
         self._f: npt.NDArray[np.float64] | None = None
         #: How many times the stiffness was assembled.
         self.assemblies = 0
+        #: Seconds of the first assembly of the stiffness, and of a product with it, on this rank.
+        self.seconds = (0.0, 0.0)
 
     def stiffness(self) -> PETSc.Mat:
         """Derivative of the residual at ``u``, without Dirichlet rows. Collective.
@@ -70,9 +75,12 @@ class Bulk:
             self._K = dolfinx.fem.petsc.create_matrix(self.jacobian_form)
         elif self.linear and self._same(mark, self._K_mark):
             return self._K
+        start = time.perf_counter()
         self._K.zeroEntries()
         dolfinx.fem.petsc.assemble_matrix(self._K, self.jacobian_form)
         self._K.assemble()
+        if self.assemblies == 0:
+            self.seconds = time.perf_counter() - start, _seconds_of_product(self._K)
         self._forget_half()
         self._K_mark = mark
         self.assemblies += 1
@@ -154,6 +162,19 @@ class Bulk:
         if self._K is not None:
             self._K.destroy()
             self._K = None
+
+
+def _seconds_of_product(K: PETSc.Mat) -> float:
+    """The least of some products. Collective."""
+    x, y = K.createVecs()
+    x.set(0.0)
+    found = []
+    for _ in range(_PRODUCTS):
+        start = time.perf_counter()
+        K.mult(x, y)
+        found.append(time.perf_counter() - start)
+    x.destroy(), y.destroy()
+    return min(found)
 
 
 def _energy_and_residual(bulk: ufl.Form, u: fem.Function) -> tuple[ufl.Form | None, ufl.Form]:

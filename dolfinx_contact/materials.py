@@ -8,6 +8,19 @@ also be any other UFL energy or residual.
 FFCx integrates hyperelastic energies on quadrilaterals and hexahedra by rules of a degree that it
 estimates far too high (17 for a neo-Hookean hexahedron: 3 ms a cell, where degree 4 takes 0.1 ms).
 Say what is enough: ``material.energy(u) * ufl.dx(metadata={"quadrature_degree": 4})``.
+
+An energy of your own needs no class. Write it as a function of a 3 x 3 deformation gradient; in 2D
+(plane strain) F has a 1 across the plane, and the stress across it comes out as well::
+
+    def W(F):  # stored energy per reference volume
+        J = ufl.det(F)
+        return mu / 2 * (ufl.tr(F.T * F) / J ** (2 / 3) - 3) + kappa / 2 * (J - 1) ** 2
+
+    F = ufl.Identity(2) + ufl.grad(u)
+    F = ufl.as_tensor([[F[0, 0], F[0, 1], 0], [F[1, 0], F[1, 1], 0], [0, 0, 1]])  # not in 3D
+    F = ufl.variable(F)
+    problem = ContactProblem(W(F) * ufl.dx, u, surfaces, bcs=bcs)
+    stress = ufl.diff(W(F), F) * F.T / ufl.det(F)  # Cauchy, 3 x 3: for `output.write_fields`
 """
 
 from __future__ import annotations
@@ -98,7 +111,10 @@ class Material:
         return self._cauchy(u, _gradient(u))
 
     def full_stress(self, u: fem.Function) -> Any:
-        """Cauchy stress, 3 x 3 in 2D too: with the stress across the plane, for invariants."""
+        """Cauchy stress, 3 x 3 in 2D too: with the stress across the plane, for invariants.
+
+        The head of this module shows how to get it from an energy of your own.
+        """
         _require_displacement(u)
         return self.stress(u) if len(u) == 3 else self._cauchy(u, _in_space(_gradient(u), 1.0))
 

@@ -9,19 +9,43 @@ less.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from mpi4py import MPI
 
 import numpy as np
+import numpy.typing as npt
 
-from dolfinx import mesh
+import ufl
+from dolfinx import fem, mesh
 
 from dolfinx_contact._compat import gmsh_io
+from dolfinx_contact._errors import require, same_everywhere
+from dolfinx_contact._optional import optional
 
-__all__ = ["GmshMesh", "mesh_from_gmsh", "read_mesh"]
+__all__ = ["GmshMesh", "NamedTags", "mesh_from_gmsh", "read_mesh", "tagged_facets"]
+
+
+class NamedTags(mesh.MeshTags):  # type: ignore[misc]
+    """MeshTags that know the names of their groups.
+
+    Args:
+        tags: the MeshTags.
+        names: tag of every group that has a name.
+    """
+
+    def __init__(self, tags: mesh.MeshTags, names: Mapping[str, int]):
+        super().__init__(tags._cpp_object)
+        self.names = dict(names)
+
+    def tag(self, name: str) -> int:
+        """Tag of the group ``name``, or ``ValueError``."""
+        if name not in self.names:
+            known = f"names: {sorted(self.names)}" if self.names else "no group has a name"
+            raise ValueError(f"no group of facets is named {name!r}; {known}")
+        return self.names[name]
 
 
 class GmshMesh(NamedTuple):
@@ -32,6 +56,14 @@ class GmshMesh(NamedTuple):
         cell_tags: groups of cells.
         facet_tags: groups of facets, possibly empty.
         names: dimension and tag of every group that has a name.
+
+    Example:
+        Parts of the boundary by their names::
+
+            body = read_mesh(comm, "body.msh", groups=("top", "side", "contact"))
+            held = fem.dirichletbc(np.zeros(3), body.dofs(V, "top"), V)
+            contact = ContactSurface(u, body, tag="contact", obstacle=floor, law=Coulomb(0.4))
+            load = ufl.dot(traction, u) * body.ds("side")
     """
 
     mesh: mesh.Mesh
@@ -44,6 +76,73 @@ class GmshMesh(NamedTuple):
         if name not in self.names:
             raise ValueError(f"no physical group is named {name!r}; names: {sorted(self.names)}")
         return self.names[name][1]
+
+    def facets(self, name: str) -> npt.NDArray[np.int32]:
+        """Local indices of the facets of the group ``name``, or ``ValueError``."""
+        tags = self._named_facets
+        return np.asarray(tags.find(tags.tag(name)), dtype=np.int32)
+
+    def dofs(self, V: Any, name: str) -> Any:
+        """Dofs on the facets of the group ``name``, for Dirichlet conditions. Collective.
+
+        Args:
+            V: a space on the mesh, or a component of one, or a component and what it collapses to,
+                as for ``fem.locate_dofs_topological``.
+            name: of the group.
+
+        Raises:
+            ValueError: on every rank, if there is no such group, or the space is not on the mesh.
+        """
+        space = V[0] if isinstance(V, list | tuple) else V
+        if space.mesh is not self.mesh:
+            raise ValueError("the space is not on this mesh")
+        return fem.locate_dofs_topological(V, self.facet_tags.dim, self.facets(name))
+
+    def ds(self, name: str, **metadata: Any) -> ufl.Measure:
+        """Measure of the facets of the group ``name``, for loads, or ``ValueError``."""
+        tag = self._named_facets.tag(name)
+        return ufl.Measure(
+            "ds", self.mesh, subdomain_id=tag, subdomain_data=self.facet_tags, metadata=metadata
+        )
+
+    @property
+    def _named_facets(self) -> NamedTags:
+        dim = self.facet_tags.dim
+        return NamedTags(self.facet_tags, {k: t for k, (d, t) in self.names.items() if d == dim})
+
+
+def tagged_facets(
+    comm: MPI.Comm, facets: Any, tag: int | str | None, what: str
+) -> tuple[Any, int | None]:
+    """Facets and the number of the tag of a surface whose facets may be given by name. Collective.
+
+    Args:
+        comm: communicator.
+        facets: a GmshMesh, MeshTags or an array.
+        tag: a number, the name of a physical group, or None.
+        what: is looked for, for messages.
+
+    Returns:
+        MeshTags or the array, and the number.
+
+    Raises:
+        ValueError: on every rank, if no group has the name, or ranks ask for different tags.
+    """
+    same_everywhere(comm, **{f"{what}: tag": tag})
+    if isinstance(facets, GmshMesh):
+        facets = facets._named_facets
+        known = sorted(facets.names)
+        require(comm, tag is not None, f"{what}: the facets of a mesh need a tag; names: {known}")
+    if not isinstance(tag, str):
+        return facets, tag
+    message = (
+        f"{what}: the tag {tag!r} is a name, and only a GmshMesh and its facet_tags have names"
+    )
+    require(comm, isinstance(facets, NamedTags), message)
+    try:
+        return facets, facets.tag(tag)
+    except ValueError as error:  # the same on every rank, as names and tag are
+        raise ValueError(f"{what}: {error}") from None
 
 
 def read_mesh(
@@ -65,8 +164,7 @@ def read_mesh(
         FileNotFoundError: on every rank, if there is no such file.
         ValueError: on every rank, if gmsh cannot read it or it does not fit; see `mesh_from_gmsh`.
     """
-    import gmsh
-
+    gmsh = optional("gmsh", "gmsh")
     found = comm.bcast(Path(filename).is_file() if comm.rank == 0 else None)
     if not found:
         raise FileNotFoundError(f"there is no mesh file {filename}")
@@ -94,8 +192,7 @@ def mesh_from_gmsh(
             none that holds the body, or lacks one of ``groups``; if groups of cells or of facets
             overlap, the cells are of several kinds, or a plane mesh is not in the plane.
     """
-    import gmsh
-
+    gmsh = optional("gmsh", "gmsh")
     if comm.rank > 0:
         return _distribute(comm, None, None, None)
     # A session that the caller has open goes on with its own models.
@@ -145,7 +242,8 @@ def _distribute(
         domain.topology.create_entities(body - 1)
         none = np.empty(0, dtype=np.int32)
         facet_tags = mesh.meshtags(domain, body - 1, none, none)
-    return GmshMesh(domain, cell_tags, facet_tags, names)
+    of_facets = {name: tag for name, (d, tag) in names.items() if d == body - 1}
+    return GmshMesh(domain, cell_tags, NamedTags(facet_tags, of_facets), names)
 
 
 def _objection(model: Any, dim: int | None, wanted: list[str]) -> str | None:

@@ -33,6 +33,7 @@ from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact.elements import check_elements, check_quadrature, displacement_degree
 from dolfinx_contact.evaluation import Evaluator, require_same_numbering
 from dolfinx_contact.laws import FrictionLaw, Status, augment, classify, projection
+from dolfinx_contact.meshing import GmshMesh, tagged_facets
 from dolfinx_contact.obstacles import Obstacle, gap_at
 from dolfinx_contact.trace import exterior_facets, facet_closures, owned_exterior, trace_dofs
 
@@ -54,11 +55,12 @@ class ContactSurface:
 
     Args:
         u: displacement of the body, a vector Lagrange Function of degree 1 or 2.
-        facets: MeshTags of facets, with ``tag``, which is better: MeshTags of another mesh are
-            refused. Or local indices of exterior facets, which do not tell their mesh.
+        facets: the mesh of `meshing.read_mesh`, or MeshTags of facets, with ``tag``; of another
+            mesh they are refused. Or local indices of exterior facets, which do not tell their
+            mesh.
         obstacle: the rigid foundation.
         law: friction law.
-        tag: which tag of the MeshTags.
+        tag: which tag of the MeshTags; of a mesh from gmsh also the name of a physical group.
         method: ``"nodal"``, ``"integral"`` or ``"mixed"`` (see the module); by default nodal for
             degree 1 and integral for degree 2.
         multiplier_degree: 1 or 2; 1 is stable with both displacement degrees.
@@ -82,11 +84,11 @@ class ContactSurface:
     def __init__(
         self,
         u: fem.Function,
-        facets: mesh.MeshTags | npt.NDArray[np.int32],
+        facets: GmshMesh | mesh.MeshTags | npt.NDArray[np.int32],
         *,
         obstacle: Obstacle,
         law: FrictionLaw,
-        tag: int | None = None,
+        tag: int | str | None = None,
         method: Method | None = None,
         multiplier_degree: int = 1,
         quadrature_degree: int | None = None,
@@ -132,7 +134,7 @@ class ContactSurface:
             normal=described(self.normal, domain),
         )
 
-        local = exterior_facets(domain, facets, tag, name)
+        local = exterior_facets(domain, *tagged_facets(self.comm, facets, tag, name), name)
         self.submesh = create_facet_submesh(domain, local)
         self.entity_maps = merge_entity_maps([self.submesh])
         sub = self.submesh.mesh
@@ -206,7 +208,11 @@ class ContactSurface:
         self.update_geometry()
 
     def update_geometry(self) -> None:
-        """Evaluate gap and normal at the vertices anew, after an obstacle has moved. Collective."""
+        """Evaluate gap and normal at the vertices anew, after an obstacle has moved. Collective.
+
+        `ContactProblem.solve` does it by itself, so that only what is looked at without a solve
+        (tables, pictures, ``vertex_gaps``) needs it.
+        """
         self.vertex_gaps, self.vertex_normals = self._geometry()
 
     # -- forms -----------------------------------------------------------------------------------

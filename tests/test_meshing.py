@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 import ufl
-from dolfinx import fem
+from dolfinx import fem, mesh
 
-from dolfinx_contact.meshing import mesh_from_gmsh, read_mesh
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace
+from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.meshing import NamedTags, mesh_from_gmsh, read_mesh
 
 COMM = MPI.COMM_WORLD
 
@@ -66,6 +68,81 @@ def test_read(folder, options):
     assert set(body.cell_tags.values) <= {1}
     with pytest.raises(ValueError, match=r"'side'; names: \['body', 'contact', 'top'\]"):
         body.tag("side")
+
+
+# -- parts by their names ------------------------------------------------------------------------
+
+
+def surface(body, facets, tag):
+    V = fem.functionspace(body.mesh, ("Lagrange", 1, (body.mesh.geometry.dim,)))
+    u = fem.Function(V)
+    up = np.eye(V.mesh.geometry.dim)[-1]
+    floor = HalfSpace(np.zeros(len(up)), up)
+    return ContactSurface(u, facets, tag=tag, obstacle=floor, law=Coulomb(0.3), name="below")
+
+
+def test_surface_by_name():
+    """A name and its number are the same facets, of the mesh and of its MeshTags."""
+    body = mesh_from_gmsh(COMM, lambda: box(dim=2))
+    facets = surface(body, body.facet_tags, 5).submesh.parent_facets
+    assert COMM.allreduce(len(facets)) > 0
+    for given, tag in [(body, "contact"), (body, 5), (body.facet_tags, "contact")]:
+        np.testing.assert_array_equal(surface(body, given, tag).submesh.parent_facets, facets)
+
+
+def test_solve_with_names():
+    """Support, load and contact surface by name: the forces are in equilibrium."""
+    body = mesh_from_gmsh(COMM, lambda: box(dim=2))
+    contact = surface(body, body, "contact")
+    u, V = contact.u, contact.u.function_space
+    sideways = fem.dirichletbc(0.0, body.dofs(V.sub(0), "top"), V.sub(0))
+    pressure = fem.Constant(body.mesh, 3.0)
+    energy = LinearElastic(1.0, 1.0).energy(u) * ufl.dx + pressure * u[1] * body.ds("top")
+    result = ContactProblem(energy, u, [contact], bcs=[sideways]).solve()
+    np.testing.assert_allclose(result.tables["below"].rn.sum(), 6.0)
+
+
+def test_dofs_by_name():
+    body = mesh_from_gmsh(COMM, lambda: box(dim=2))
+    V = fem.functionspace(body.mesh, ("Lagrange", 1, (2,)))
+    W, _ = V.sub(1).collapse()
+    everywhere = fem.locate_dofs_topological(V, 1, body.facet_tags.find(9))
+    np.testing.assert_array_equal(body.facets("top"), body.facet_tags.find(9))
+    np.testing.assert_array_equal(body.dofs(V, "top"), everywhere)
+    np.testing.assert_array_equal(body.dofs(V.sub(1), "top"), 2 * everywhere + 1)
+    of_both = body.dofs((V.sub(1), W), "top")
+    np.testing.assert_array_equal(of_both[0], 2 * everywhere + 1)
+    other = fem.functionspace(mesh_from_gmsh(COMM, lambda: box(dim=2)).mesh, ("Lagrange", 1))
+    refused("not on this mesh", lambda: body.dofs(other, "top"))
+
+
+def refused(match, do):
+    with pytest.raises(ValueError, match=match) as info:
+        do()
+    assert len(set(COMM.allgather(str(info.value)))) == 1
+
+
+def test_unknown_names():
+    """The names there are, the same on every rank; the body is no facet."""
+    body = mesh_from_gmsh(COMM, lambda: box(dim=2))
+    V = fem.functionspace(body.mesh, ("Lagrange", 1, (2,)))
+    for name in ("side", "body"):
+        match = rf"no group of facets is named '{name}'; names: \['contact', 'top'\]"
+        for do in (body.facets, body.ds, lambda name: body.dofs(V, name), body.facet_tags.tag):
+            refused(match, lambda do=do, name=name: do(name))
+        for facets in (body, body.facet_tags):
+            refused(f"below: {match}", lambda f=facets, name=name: surface(body, f, name))
+    refused(r"below: .* need a tag; names: \['contact', 'top'\]", lambda: surface(body, body, None))
+    plain = mesh.MeshTags(body.facet_tags._cpp_object)
+    assert not isinstance(plain, NamedTags)
+    refused("only a GmshMesh and its facet_tags have", lambda: surface(body, plain, "contact"))
+
+
+@pytest.mark.skipif(COMM.size == 1, reason="needs another rank")
+def test_names_that_differ():
+    body = mesh_from_gmsh(COMM, lambda: box(dim=2))
+    tag = "contact" if COMM.rank == 0 else "top"
+    refused("tag differs between ranks: 'contact' on rank 0", lambda: surface(body, body, tag))
 
 
 def test_body_without_named_facets(folder):

@@ -2,30 +2,37 @@
 
 import csv
 import logging
+import re
 import shutil
+import textwrap
 
 from mpi4py import MPI
 
+import matplotlib.figure
 import matplotlib.image
 import numpy as np
 import pytest
 from blocks import block, box, facets
 
 import ufl
-from dolfinx import fem, io
+from dolfinx import fem, io, mesh
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, Sphere
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, Sphere, materials
+from dolfinx_contact.continuation import BranchPoint
 from dolfinx_contact.materials import CiarletGeymonat, LinearElastic, NeoHookean, StVenantKirchhoff
 from dolfinx_contact.output import (
     STATUS_CODES,
     output_folder,
     picture_of_body,
     picture_of_contact,
+    picture_of_states,
     pictures,
     write_contact_table,
     write_fields,
 )
+from dolfinx_contact.output.checkpoints import joined
 from dolfinx_contact.output.fields import body_fields, contact_fields
+from dolfinx_contact.parametric import ParametricContact
 
 COMM = MPI.COMM_WORLD
 MATERIAL = LinearElastic.from_young(1000.0, 0.3)
@@ -96,6 +103,32 @@ def test_plane_strain_is_a_slice_of_space(material):
     for s in found:
         np.testing.assert_allclose(s, np.tile(expected, (len(s), 1)), atol=1e-12)
     assert abs(expected[8]) > 1e-3
+
+
+def recipe():
+    """The lines of the docstring of `materials`, but for the problem."""
+    code = textwrap.dedent(materials.__doc__.partition("comes out as well::\n")[2])
+    return re.sub(r"problem = .*\n", "energy = W(F) * ufl.dx\n", code)
+
+
+def test_energy_of_ones_own():
+    """The recipe in 2D gives the stress of the closed form, and the energy that belongs to it."""
+    gradient = np.array([[0.1, 0.05, 0.0], [-0.02, -0.08, 0.0], [0.0, 0.0, 0.0]])
+    plane = linear_displacement(box(COMM, 1, "tri"), gradient[:2, :2])
+    names = {"ufl": ufl, "u": plane, "mu": 1.0, "kappa": 2.0}
+    exec(recipe(), names)
+    F = np.eye(3) + gradient
+    J, B = np.linalg.det(F), F @ F.T
+    deviator = J ** (-5 / 3) * (B - np.trace(B) / 3 * np.eye(3))
+    expected = (deviator + 2.0 * (J - 1) * np.eye(3)).reshape(-1)
+    found = body_fields(plane, names["stress"])[0].x.array.reshape(-1, 9)
+    np.testing.assert_allclose(found, np.tile(expected, (len(found), 1)), atol=1e-12)
+    # The energy is that of the stress: its first variation is the work of P = J stress F^-T.
+    v = fem.Function(plane.function_space)
+    v.interpolate(lambda x: (x[0], 0.3 * x[1]))
+    first = fem.assemble_scalar(fem.form(ufl.derivative(names["energy"], plane, v)))
+    P = J * expected.reshape(3, 3) @ np.linalg.inv(F).T
+    np.testing.assert_allclose(COMM.allreduce(first), P[0, 0] + 0.3 * P[1, 1], rtol=1e-10)
 
 
 def test_stress_must_be_three_by_three(folder):
@@ -380,6 +413,100 @@ def test_pictures(folder, cell, degree):
     for file in files:
         assert drawn(file) > 100
     assert not list(folder.glob("*.part*"))
+
+
+def strip(size, cells, *, tilt=0.0):
+    """A long body pressed on a ball, or a slender one in 2D, on its axes or tilted."""
+    dim, corners = len(size), [np.zeros(len(size)), np.array(size, float)]
+    make = mesh.create_rectangle if dim == 2 else mesh.create_box
+    domain = make(COMM, corners, cells)
+    below, above = facets(domain, dim - 1, 0.0), facets(domain, dim - 1, float(size[-1]))
+    turn = np.eye(3)
+    turn[np.ix_([0, dim - 1], [0, dim - 1])] = [
+        [np.cos(tilt), -np.sin(tilt)],
+        [np.sin(tilt), np.cos(tilt)],
+    ]
+    domain.geometry.x[:] = domain.geometry.x @ turn.T
+    radius = 1.5 * max(size) ** 2
+    centre = turn[:dim, :dim] @ [*(s / 2 for s in size[:-1]), -radius]
+    down = turn[:dim, :dim] @ [0.03, *[0.0] * (dim - 2), -0.05]
+    V = fem.functionspace(domain, ("Lagrange", 1, (dim,)))
+    u = fem.Function(V)
+    surface = ContactSurface(u, below, obstacle=Sphere(centre, radius), law=Coulomb(0.3))
+    bcs = [fem.dirichletbc(down, fem.locate_dofs_topological(V, dim - 1, above), V)]
+    problem = ContactProblem(MATERIAL.energy(u) * ufl.dx, u, [surface], bcs=bcs)
+    problem.solve()
+    return problem
+
+
+def coloured(file, comm=COMM):
+    """Share of the pixels, of the columns and of the rows of a picture that have a colour."""
+    found = None
+    if comm.rank == 0:
+        pixels = matplotlib.image.imread(file)[..., :3]
+        has = np.ptp(pixels, axis=2) > 0.1
+        found = has.mean(), has.any(axis=0).mean(), has.any(axis=1).mean()
+    return comm.bcast(found)
+
+
+@pytest.mark.parametrize(
+    ("size", "cells", "tilt"),
+    [((20, 1, 1), (24, 3, 2), 0.0), ((1, 20, 1), (3, 24, 2), 0.0), ((20, 1, 1), (24, 3, 2), 0.5)],
+)
+def test_narrow_surfaces_fill_the_picture(folder, size, cells, tilt):
+    """A strip lies along the page, whichever way it lies in space."""
+    file = picture_of_contact(folder / "contact.png", strip(size, cells, tilt=tilt))
+    share, across, _ = coloured(file)
+    assert share > 0.2
+    assert across > 0.8
+
+
+def test_a_long_body_fills_the_picture(folder):
+    if shutil.which("Xvfb") is None:
+        pytest.skip("VTK may need a display")
+    problem = strip((20, 1, 1), (24, 3, 2))
+    stress = MATERIAL.full_stress(problem.u)
+    share, across, _ = coloured(picture_of_body(folder / "body.png", problem, stress=stress))
+    assert share > 0.08
+    assert across > 0.8
+
+
+@pytest.mark.parametrize(("size", "cells"), [((20, 1), (40, 3)), ((1, 20), (3, 40))])
+def test_slender_bodies_fill_the_picture(folder, size, cells):
+    """Of a tower little is left but the body and the bar of its colours."""
+    problem = strip(size, cells)
+    stress = MATERIAL.full_stress(problem.u)
+    file = picture_of_body(folder / "body.png", problem, stress=stress)
+    share, across, along = coloured(file)
+    assert share > 0.09
+    assert max(across, along) > 0.8
+
+
+@pytest.mark.parametrize(("size", "cells"), [((20, 1), (40, 3)), ((1, 20), (3, 40))])
+def test_states_of_slender_bodies(folder, size, cells, monkeypatch):
+    """They fill the picture, and one bar tells what the colours of all states mean."""
+    bars, colorbar = [], matplotlib.figure.Figure.colorbar
+
+    def noted(figure, shades, **options):
+        bars.append(shades.norm.vmax)
+        return colorbar(figure, shades, **options)
+
+    monkeypatch.setattr(matplotlib.figure.Figure, "colorbar", noted)
+    problem = strip(size, cells)
+    system = ParametricContact(problem, fem.Constant(problem.V.mesh, 0.0))
+    x = system.create_vector()
+    problem.write(x)
+    piece, points = system.piece_at(x, 0.0), []
+    largest = COMM.allreduce(np.linalg.norm(problem.u.x.array.reshape(-1, 2), axis=1).max(), op=max)
+    for factor in (1.0, 0.5, 0.25):
+        part = x.copy()
+        part.scale(factor)
+        points.append(BranchPoint(joined(part, 0.0), x, piece, 0.0, 0.0, 0))
+    file = picture_of_states(folder / "states.png", system, points)
+    assert COMM.bcast(bars) == [pytest.approx(largest)]
+    share, across, along = coloured(file)
+    assert share > 0.04
+    assert max(across, along) > 0.65
 
 
 def test_pictures_of_two_surfaces(folder):

@@ -1,20 +1,27 @@
-"""The example of the README runs as it stands."""
+"""The examples of the README run as they stand."""
 
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 from mpi4py import MPI
 
 import numpy as np
-from recorded_run import moved_block, start
+import pytest
 
-import ufl
-
-from dolfinx_contact.materials import NeoHookean
 from dolfinx_contact.meshing import read_mesh
+from dolfinx_contact.output import read_journal
 
 COMM = MPI.COMM_WORLD
 README = Path(__file__).parents[1] / "README.md"
+
+
+def example(word):
+    """The one Python example with this word."""
+    blocks = re.findall(r"```python\n(.*?)```", README.read_text(), flags=re.DOTALL)
+    (code,) = (block for block in blocks if word in block)
+    return code
 
 
 def ball_segment(file):
@@ -41,14 +48,13 @@ def ball_segment(file):
 
 
 def test_readme_example(folder, monkeypatch):
-    code, _ = re.findall(r"```python\n(.*?)```", README.read_text(), flags=re.DOTALL)
     if COMM.rank == 0:
         ball_segment(folder / "body.msh")
     COMM.barrier()
     monkeypatch.chdir(folder)
     assert read_mesh(COMM, "body.msh", groups=("top", "contact")).mesh.geometry.dim == 3
     names: dict = {}
-    exec(compile(code, "README.md", "exec"), names)
+    exec(example("read_mesh"), names)
     result = names["result"]
     assert result.kkt_violation < 1e-8
     assert min(result.counts[k] for k in ("open", "slip")) > 0
@@ -58,25 +64,36 @@ def test_readme_example(folder, monkeypatch):
     assert any((folder / "output/body").iterdir())
 
 
-def test_readme_record(folder, monkeypatch):
-    """The example of a record, with a block and `steel` for its material."""
-    _, code = re.findall(r"```python\n(.*?)```", README.read_text(), flags=re.DOTALL)
+def test_readme_branch(folder, monkeypatch, capsys):
+    """Followed, cut short, resumed and drawn, on any number of ranks."""
     monkeypatch.chdir(folder)
-    system, _ = moved_block(COMM, n=2)
-    names = {
-        "system": system,
-        "u": system.problem.u,
-        "steel": NeoHookean(600.0, 400.0),
-        "x": start(system),
-        "comm": COMM,
-        "ufl": ufl,
-    }
-    # One rank draws; on others the same file would be written at the same time.
-    exec(code if COMM.rank == 0 else code.replace("draw_diagram(", "(lambda *_: None)("), names)
+    names: dict = {}
+    exec(example("BranchRecord"), names)
     assert names["branch"].reason == "gamma reached the end of its range"
-    table = names["table"]
-    assert table["gamma"].iloc[-1] == 1.0
-    assert table["energy"].iloc[-1] > 0
-    assert len(names["events"]) > 0
+    journal = read_journal("output/branch")
+    assert len(journal.sessions) == 2
+    assert journal.columns()["gamma"][-1] == 1.0
+    assert journal.columns()["energy"][-1] > 0
     if COMM.rank == 0:
+        assert len(names["table"]) == len(names["journal"].columns()["gamma"]) > 11
+        assert {"o", "k", "+", "-"} <= set("".join(names["table"]["status"]))
+        assert set(names["events"]["kind"]) == {"event"}
         assert Path("output/branch.png").stat().st_size > 10_000
+    said = COMM.bcast(capsys.readouterr().err)
+    assert "branch 0: the budget of 10 steps is exhausted" in said
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="starts a process of its own")
+def test_readme_log():
+    """What it says of the log switches it on."""
+    solve = "from blocks import block\nblock(n=2).solve()\n"
+    done = subprocess.run(
+        [sys.executable, "-c", example("logging.basicConfig") + solve],
+        cwd=Path(__file__).parent,
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=120,
+    )
+    assert "INFO:dolfinx_contact.solvers.newton:full steps, iteration 0: residual" in done.stderr
+    assert "INFO:dolfinx_contact.solvers.linear:" in done.stderr

@@ -223,7 +223,8 @@ class BatchedSteps(FreeSteps):
             asked = self._first_asked(step) if monotone else 1.0
             if new is not None and monotone and asked > 1:
                 number = len(step.changes)
-                logger.info("gamma = %.10g: %d changes in one step", new.gamma, number)
+                if self.bordered.comm.rank == 0:
+                    logger.info("gamma = %.10g: %d changes in one step", new.gamma, number)
                 return self.rescaled(new), self.events(point, new, step), self.longer(h, new)
             self._refused = max(self._refused, h)
             before = sum(fraction <= asked for fraction, _ in step.changes)

@@ -193,7 +193,8 @@ def _by_tangent_cone(
     base.destroy(), x.destroy()
     if not condensed.exact:
         condensed.destroy()
-    logger.info("gamma = %.10g: %d rays by %s", gamma, len(rays), found.method)
+    if b.comm.rank == 0:
+        logger.info("gamma = %.10g: %d rays by %s", gamma, len(rays), found.method)
     rays = [r for r in _distinct(corrector, rays) if b.inner(r.tangent, t) > -1 + 1e-6]
     if not rays:
         return Crossing(len(kinks), None, (), 0, (), found.complete, found.method)

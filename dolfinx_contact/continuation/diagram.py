@@ -199,7 +199,8 @@ class _Explorer:
                 point = self.follower.branch_off(node.point, node.rays[j])
             except ValueError as error:
                 # The ray stays without a branch, and the diagram incomplete.
-                logger.warning("gamma = %.10g: %s", node.point.gamma, error)
+                if comm.rank == 0:
+                    logger.warning("gamma = %.10g: %s", node.point.gamma, error)
                 diagram.edges.append(Edge(Branch(reason=str(error)), i, None))
                 continue
             self._follow(point, i)
@@ -207,12 +208,9 @@ class _Explorer:
             diagram.reason = "every ray has been followed"
             known = all(node.point.complete for node in diagram.nodes)
             diagram.complete = known and all(edge.branch.points for edge in diagram.edges)
-        logger.info(
-            "%d branches, %d bifurcations: %s",
-            len(diagram.edges),
-            len(diagram.nodes),
-            diagram.reason,
-        )
+        if comm.rank == 0:
+            found = len(diagram.edges), len(diagram.nodes), diagram.reason
+            logger.info("%d branches, %d bifurcations: %s", *found)
 
     def _follow(self, point: BranchPoint, start: int | None) -> None:
         number = len(self.diagram.edges)

@@ -284,7 +284,8 @@ class Follower:
         branch.factorisations = b.solver.factorisations - before[0]
         branch.solves = b.solver.solves - before[1]
         self.system.piece_at(*b.split(branch.points[-1].y))
-        logger.info("branch ended: %s", branch.reason)
+        if b.comm.rank == 0:
+            logger.info("branch ended: %s", branch.reason)
         return branch
 
     def restore(self, stepping: Stepping) -> None:

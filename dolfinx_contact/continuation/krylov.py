@@ -92,7 +92,8 @@ class Krylov(BorderedSolver):
         try:
             self.system.jacobian(x, gamma, piece)
         except ArithmeticError as error:
-            logger.debug("no preconditioner: %s", error)
+            if self.comm.rank == 0:
+                logger.debug("no preconditioner: %s", error)
             self._regular = False
             return
         self._apply(self._c, self._v)
@@ -159,7 +160,8 @@ class Krylov(BorderedSolver):
             end = self.ksp.getResidualNorm()
             self._P.wear(taken, float(np.log10(max(start / max(end, 1e-300), 1.0))))
             if self.ksp.getConvergedReason() <= 0:
-                logger.info("%d Krylov iterations: from %.2e to %.2e", taken, start, end)
+                if self.comm.rank == 0:
+                    logger.info("%d Krylov iterations: from %.2e to %.2e", taken, start, end)
                 return False
         return bool(np.isfinite(out.norm()))
 
@@ -167,7 +169,8 @@ class Krylov(BorderedSolver):
         try:
             return self._P.correct(residual, correction)
         except ArithmeticError as error:
-            logger.debug("no correction: %s", error)
+            if self.comm.rank == 0:
+                logger.debug("no correction: %s", error)
             return False
 
     def probe(self, rhs: PETSc.Vec, out: PETSc.Vec, *, rtol: float = 0.0) -> bool:

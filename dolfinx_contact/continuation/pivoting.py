@@ -150,7 +150,8 @@ class Pivoting:
             branch.reason = f"the budget of {max_steps} steps is exhausted"
         observer.end(branch_id, branch.reason)
         self.system.piece_at(*b.split(branch.points[-1].y))
-        logger.info("branch ended: %s", branch.reason)
+        if b.comm.rank == 0:
+            logger.info("branch ended: %s", branch.reason)
         return branch
 
     def restore(self, stepping: Stepping) -> None:
@@ -220,7 +221,8 @@ class Pivoting:
             ways = outgoing(affine.tangent_cone(w, tolerance), [back])
             rays = [r for r in ways.rays if not same_direction(r, back)]
             complete, method = ways.complete, ways.method
-            logger.info("gamma = %.10g: %d rays by %s", gamma, len(ways.rays), ways.method)
+            if self.bordered.comm.rank == 0:
+                logger.info("gamma = %.10g: %d rays by %s", gamma, len(ways.rays), ways.method)
         rays.sort(key=lambda r: (r.rate != ray.rate, -_cosine(r, ray)))
         onwards = rays[0] if rays else None
         point = self._point(w, gamma, onwards or ray, length)

@@ -9,11 +9,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
+from dolfinx_contact._optional import optional
 from dolfinx_contact.output.journal import Journal
 
 __all__ = ["draw_diagram"]
@@ -53,8 +56,8 @@ def draw_diagram(
     """Draw recorded branches; on this rank alone.
 
     Above, the functional over gamma with folds and bifurcations; below, a strip for each of the
-    first few branches: the status of every contact point (in order of coordinates) over the
-    distance along the branch, in units of steps.
+    first few branches: the status of every contact point (at its coordinate, or in order of
+    coordinates) over the distance along the branch, in units of steps.
 
     Args:
         file: the picture, of any kind that matplotlib writes.
@@ -69,6 +72,7 @@ def draw_diagram(
     Raises:
         ValueError: if no point was recorded, or a branch or the functional is not known.
     """
+    optional("matplotlib", "output")
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -135,24 +139,80 @@ def _marks(axes: Any, journal: Journal, branches: Sequence[int], name: str) -> N
                 named.add(label)
 
 
+@dataclass(frozen=True)
+class _Rows:
+    """Contact points from below to above.
+
+    Attributes:
+        chosen: numbers of the points that are shown.
+        edges: heights of the borders between them, one more.
+        ticks: heights that are labelled.
+        labels: of the ticks; None for the heights themselves.
+        title: of the axis.
+        borders: heights between surfaces.
+    """
+
+    chosen: npt.NDArray[np.int64]
+    edges: npt.NDArray[Any]
+    ticks: npt.NDArray[Any] | None
+    labels: list[str] | None
+    title: str
+    borders: Sequence[float] = ()
+
+
+def _rows(places: dict[str, npt.NDArray[np.float64]], count: int) -> _Rows:
+    """Where ``count`` contact points are drawn: at their coordinate where one tells them apart.
+
+    Else they are rows of the same height, in the order of the journal, with some coordinates.
+    """
+    chosen = np.arange(0, count, max(1, -(-count // _MOST_ROWS)))
+    edges = np.arange(len(chosen) + 1.0)
+    if sum(map(len, places.values())) != count or count == 0:
+        ticks = np.unique(np.linspace(0, len(chosen) - 1, 4).round().astype(int))
+        labels = [str(chosen[i]) for i in ticks]
+        return _Rows(chosen, edges, ticks + 0.5, labels, "contact point")
+    x = np.concatenate(list(places.values()))
+    axis = int(np.argmax(np.ptp(x, axis=0)))
+    along = x[chosen, axis]
+    if len(places) == 1 and len(chosen) > 1 and (np.diff(along) > 0).all():
+        middle = (along[1:] + along[:-1]) / 2
+        # Points at the ends have half of an edge, like their areas.
+        return _Rows(chosen, np.array([along[0], *middle, along[-1]]), None, None, "xyz"[axis])
+    ends = np.cumsum([len(part) for part in places.values()])
+    shown, borders = [], []
+    for first, end in zip([0, *ends[:-1]], ends, strict=True):
+        mine = np.flatnonzero((chosen >= first) & (chosen < end))
+        most = 5 if len(places) == 1 else 3
+        shown += np.unique(np.linspace(mine[0], mine[-1], most).round().astype(int)).tolist()
+        borders.append(float(mine[-1] + 1))
+    ticks = np.array(shown, dtype=int)
+    labels = ["(" + ", ".join(f"{c:.3g}" for c in x[chosen[i]]) + ")" for i in ticks]
+    title = "contact point" if len(places) == 1 else ", ".join(places)
+    return _Rows(chosen, edges, ticks + 0.5, labels, title, borders[:-1])
+
+
 def _strip(axes: Any, journal: Journal, branch: int) -> None:
     """Statuses along a branch: one row a contact point, one column a step."""
     from matplotlib.colors import ListedColormap
 
     c = journal.columns(branch)
+    rows = _rows(journal.places, len(c["status"][0]))
     codes = np.array([[list(_STATUSES).index(x) for x in word] for word in c["status"]]).T
-    codes = codes[:: max(1, -(-len(codes) // _MOST_ROWS))]
     # A point has its status up to the next one.
     along = np.cumsum(c["step"])
     edges = np.append(along, along[-1] + (0.01 * along[-1] or 1.0))
-    rows = np.arange(len(codes) + 1) / max(len(codes), 1) * len(c["status"][0])
     colours = ListedColormap([colour for colour, _ in _STATUSES.values()])
-    axes.pcolormesh(edges, rows, codes, cmap=colours, vmin=-0.5, vmax=len(_STATUSES) - 0.5)
+    look = dict(cmap=colours, vmin=-0.5, vmax=len(_STATUSES) - 0.5)
+    axes.pcolormesh(edges, rows.edges, codes[rows.chosen], **look)
+    if rows.ticks is not None:
+        axes.set_yticks(rows.ticks, rows.labels)
+    for height in rows.borders:
+        axes.axhline(height, color="white", lw=2.0)
     for p in journal.branches[branch].points:
         for s in p["special"]:
             if s["kind"] != "event":
                 axes.axvline(along[p["index"]], color="black", lw=1.0, ls=(0, (4, 2)))
-    axes.set_ylabel("contact point")
+    axes.set_ylabel(rows.title)
     axes.set_title(f"Statuses along branch {branch} (dashed: folds, bifurcations)", loc="left")
     axes.title.set_fontsize(10)
 

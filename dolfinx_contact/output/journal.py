@@ -22,6 +22,8 @@ from typing import Any, BinaryIO
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._optional import optional
+
 __all__ = [
     "FILE_NAME",
     "FORMAT",
@@ -61,7 +63,8 @@ class Journal:
     """What was recorded.
 
     Attributes:
-        header: what identifies the problem, and the names of the functionals.
+        header: what identifies the problem, the names of the functionals, and (not in journals of
+            old) the places of the contact points.
         branches: by number.
         sessions: one dictionary for every run that recorded: ranks, versions, time of its start.
         length: of the file in bytes, without a last line that was not finished.
@@ -78,6 +81,14 @@ class Journal:
     def functionals(self) -> list[str]:
         """Names of the functionals."""
         return list(self.header.get("functionals", []))
+
+    @property
+    def places(self) -> dict[str, npt.NDArray[np.float64]]:
+        """Coordinates (n, dim) of contact points by surface, in the order of the statuses.
+
+        Empty for a journal that does not have them.
+        """
+        return {k: np.array(x, float) for k, x in self.header.get("points", {}).items()}
 
     def columns(self, branch: int | None = None) -> dict[str, npt.NDArray[Any]]:
         """All points as numpy arrays by name, of one branch or of all, in order.
@@ -104,9 +115,7 @@ class Journal:
 
     def table(self, branch: int | None = None) -> Any:
         """All points as a pandas DataFrame; see `columns`."""
-        import pandas as pd
-
-        return pd.DataFrame(self.columns(branch))
+        return optional("pandas", "output").DataFrame(self.columns(branch))
 
     def special(self, branch: int | None = None) -> Any:
         """Special points as a pandas DataFrame.
@@ -116,8 +125,6 @@ class Journal:
         of gamma between which it lies; None if it is located), and ``changes``, a list of
         dictionaries with the place ``x`` and the status ``before`` and ``after``.
         """
-        import pandas as pd
-
         names = ["branch", "index", *_SPECIAL, "changes"]
         rows = [
             {"branch": b, "index": p["index"], **{k: s.get(k) for k in names[2:]}}
@@ -125,7 +132,7 @@ class Journal:
             for p in self.branches[b].points
             for s in p["special"]
         ]
-        return pd.DataFrame(rows, columns=names)
+        return optional("pandas", "output").DataFrame(rows, columns=names)
 
     def _chosen(self, branch: int | None) -> list[int]:
         if branch is not None and branch not in self.branches:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from dolfinx_contact.parametric import ParametricContact
     from dolfinx_contact.problem import ContactProblem
 
-__all__ = ["Functional", "compiled", "counts", "described"]
+__all__ = ["Functional", "compiled", "counts", "described", "places"]
 
 #: A scalar UFL form in the problem's Functions, or a function of the problem.
 Functional: TypeAlias = "ufl.Form | Callable[[ContactProblem], float]"
@@ -31,6 +31,16 @@ _KINDS = {"open": "o", "stick": "k", "slip": "+-s", "clamped": "d"}
 def counts(letters: str) -> dict[str, int]:
     """Numbers of open, stuck, slipping and clamped points among status ``letters``."""
     return {k: sum(map(letters.count, word)) for k, word in _KINDS.items()}
+
+
+def places(system: ParametricContact) -> dict[str, list[list[float]]]:
+    """Coordinates of the contact points by surface, in the order of `letters`. Collective."""
+    found = {}
+    for s, clamped, _ in system.surface_parts():
+        mine = s.positions[: len(clamped)]
+        x = np.concatenate(system.comm.allgather(mine))
+        found[s.name] = x[by_coordinates(x)].tolist()
+    return found
 
 
 def described(system: ParametricContact, s: SpecialPoint) -> dict[str, Any]:

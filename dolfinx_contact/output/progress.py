@@ -3,13 +3,12 @@
 
 from __future__ import annotations
 
-import sys
-import time
 from collections.abc import Sequence
 from typing import TextIO
 
 from mpi4py import MPI
 
+from dolfinx_contact._progress import Line
 from dolfinx_contact.continuation import BranchPoint, Observer, SpecialPoint, Stepping
 
 __all__ = ["Progress"]
@@ -27,10 +26,7 @@ class Progress(Observer):
     """
 
     def __init__(self, comm: MPI.Comm, *, stream: TextIO | None = None, seconds: float = 10.0):
-        self._stream = (stream or sys.stderr) if comm.rank == 0 else None
-        self._seconds, self._next, self._events = seconds, 0.0, 0
-        self._live = self._stream is not None and self._stream.isatty()
-        self._open = False
+        self._line, self._events = Line(comm, stream=stream, seconds=seconds), 0
 
     def point(
         self,
@@ -44,24 +40,11 @@ class Progress(Observer):
         for s in special:
             if s.kind != "event":
                 smooth = "smooth" if s.smooth else "nonsmooth"
-                self._write(f"branch {branch}: {smooth} {s.kind} at gamma {s.gamma:.10g}")
-        line = (
+                self._line.write(f"branch {branch}: {smooth} {s.kind} at gamma {s.gamma:.10g}")
+        self._line.update(
             f"branch {branch}  point {index}  gamma {point.gamma:+.6f}  step {point.step:.1e}  "
             f"special {self._events}"
         )
-        if self._live:
-            self._write(line, stay=True)
-        elif time.monotonic() >= self._next:
-            self._write(line)
-            self._next = time.monotonic() + self._seconds
 
     def end(self, branch: int, reason: str) -> None:
-        self._write(f"branch {branch}: {reason}")
-
-    def _write(self, line: str, *, stay: bool = False) -> None:
-        if self._stream is None:
-            return
-        erase = "\r\x1b[K" if self._open else ""
-        self._stream.write(erase + line + ("" if stay else "\n"))
-        self._stream.flush()
-        self._open = stay
+        self._line.write(f"branch {branch}: {reason}")

@@ -40,7 +40,7 @@ from dolfinx_contact.output.checkpoints import Checkpoints, joined, last_entry
 from dolfinx_contact.output.folder import output_folder
 from dolfinx_contact.output.identity import difference, identity
 from dolfinx_contact.output.journal import FORMAT, Journal, JournalBranch, JournalFile
-from dolfinx_contact.output.points import Functional, compiled, counts, described
+from dolfinx_contact.output.points import Functional, compiled, counts, described, places
 
 if TYPE_CHECKING:
     from dolfinx_contact.parametric import ParametricContact
@@ -133,6 +133,7 @@ class BranchRecord(Observer):
         on_root(self.comm, lambda: self._file.drop_torn_line() if self._file else None)
         if not recorded:
             header = {"package": __version__, "functionals": names, "problem": problem}
+            header["points"] = places(self.system)
             self._append({"type": "header", "format": FORMAT, **header})
             self.journal.header = header
         session = {"time": time.time(), "ranks": self.comm.size, "package": __version__}

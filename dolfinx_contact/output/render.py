@@ -20,6 +20,8 @@ Data = dict[str, Any]
 #: Status by code: name, colour.
 STATUS = [("open", "#dfe3e8"), ("stick", "#2f6db3"), ("slip", "#f08a24"), ("clamped", "#3d3d3d")]
 INK = "#22262b"
+_LONG = 2.5  # a surface that is so many times longer than wide lies along the page
+_THINNEST = 0.1  # height over width to which a surface is stretched across
 
 
 # -- matplotlib ----------------------------------------------------------------------------------
@@ -82,19 +84,45 @@ def _shares(x: npt.NDArray[Any], cells: npt.NDArray[np.int64]) -> tuple[Any, Any
     return quads.reshape(-1, 4, x.shape[1]), loop.reshape(-1)
 
 
+def _margin(count: int) -> float:
+    """Width of the black rims of ``count`` marks."""
+    return 0.5 if count <= 60 else 0.2
+
+
 def contact_3d(data: Data, file: str) -> None:
-    """Pressure, and status with the shear traction, side by side on the flattened surface."""
+    """Pressure, and status with the shear traction, on the flattened surface.
+
+    Side by side, or one above the other where the surface is long: it then lies along the page, and
+    is stretched across if it would be too thin to be seen.
+    """
     plt = _pyplot()
     from matplotlib.collections import PolyCollection
     from matplotlib.colors import LinearSegmentedColormap
 
     x, cells, status = data["x"], data["cells"], data["status"].astype(int)
-    width, height = np.ptp(x, axis=0)
-    panel = 5.0 * np.array([1.0, np.clip(height / width, 0.35, 1.5)])
-    figure = plt.figure(figsize=(2 * panel[0] + 1.2, panel[1] + 1.9), layout="constrained")
+    shear, labels = data["shear"], [str(label) for label in data["labels"]]
+    extent = np.ptp(x, axis=0)
+    if extent[1] > _LONG * extent[0]:
+        x, shear, labels, extent = x[:, ::-1], shear[:, ::-1], labels[::-1], extent[::-1]
+    ratio = extent[1] / extent[0]
+    is_long, stretch = ratio < 1 / _LONG, max(1.0, _THINNEST / ratio)
+    if stretch > 1:
+        labels[1] += f" (x{stretch:.2g})"
+    width = 10.0 if is_long else 5.0
+    over = 0.25 if is_long else 0.08  # room for arrows over the rim
+    height = width * ratio * stretch * ((1 + 2 * over) if is_long else 1.0)
+    if is_long:  # the legends lie below their panels
+        size, ratios = (width + 1.2, 2 * height + 3.4), (height, 0.14, height, 0.14)
+        figure = plt.figure(figsize=size, layout="constrained")
+        grid = figure.add_gridspec(4, 1, height_ratios=ratios)
+        cells_of_grid = [grid[i, 0] for i in (0, 2, 1, 3)]
+    else:
+        size = (2 * width + 1.2, height + 1.9)
+        figure = plt.figure(figsize=size, layout="constrained")
+        grid = figure.add_gridspec(2, 2, height_ratios=(height, 0.12))
+        cells_of_grid = [grid[i, j] for i in (0, 1) for j in (0, 1)]
     figure.suptitle(str(data["title"]), fontsize=14, fontweight="bold")
-    grid = figure.add_gridspec(2, 2, height_ratios=(panel[1], 0.12))
-    left, right = (figure.add_subplot(grid[0, i]) for i in range(2))
+    left, right, below, legend = (figure.add_subplot(c) for c in cells_of_grid)
 
     top = max(data["pressure"].max(), 0.0) or 1.0
     hot = plt.get_cmap("magma_r")(np.linspace(0.12, 0.95, 12))
@@ -107,7 +135,7 @@ def contact_3d(data: Data, file: str) -> None:
         vmin=0.0,
         vmax=top,
     )
-    bar = figure.colorbar(shades, cax=figure.add_subplot(grid[1, 0]), orientation="horizontal")
+    bar = figure.colorbar(shades, cax=below, orientation="horizontal")
     bar.outline.set_linewidth(0.5)
     left.set_title("Normal pressure")
 
@@ -115,34 +143,46 @@ def contact_3d(data: Data, file: str) -> None:
     colours = np.array([colour for _, colour in STATUS])[status[vertex]]
     right.add_collection(PolyCollection(quads, facecolors=colours, edgecolors=colours, lw=0.3))
     right.set_title("Status, and shear traction on the body")
-    _arrows(right, x, data["shear"])
-    legend = figure.add_subplot(grid[1, 1])
+    _arrows(right, x, shear, stretch)
     legend.axis("off")
     _status_legend(legend, data["counts"], loc="center", ncols=4)
     for axes in (left, right):
-        axes.set_aspect("equal")
-        axes.margins(0.08)
-        axes.autoscale_view()
+        axes.set_aspect(stretch)
+        rim = (0.02 if is_long else 0.08) * extent[0]
+        axes.set_xlim(x[:, 0].min() - rim, x[:, 0].max() + rim)
+        axes.set_ylim(x[:, 1].min() - over * extent[1], x[:, 1].max() + over * extent[1])
         axes.triplot(*x.T, _triangles(cells), color=INK, lw=0.15, alpha=0.25)
-        axes.set_xlabel(str(data["labels"][0]))
         axes.spines[["top", "right"]].set_visible(False)
-    left.set_ylabel(str(data["labels"][1]))
-    right.set_yticklabels([])
+        axes.locator_params(axis="y", nbins=4 if is_long else 6)
+        if is_long:
+            axes.set_ylabel(labels[1].replace(" ", "\n"), fontsize=9)
+    if is_long:
+        left.set_xticklabels([])
+        right.set_xlabel(labels[0])
+    else:
+        left.set_ylabel(labels[1])
+        right.set_yticklabels([])
+        left.set_xlabel(labels[0])
+        right.set_xlabel(labels[0])
     figure.savefig(file)
 
 
-def _arrows(axes: Any, x: npt.NDArray[Any], vectors: npt.NDArray[Any]) -> None:
-    """Arrows at the vertices, spread evenly if they are many."""
+def _arrows(
+    axes: Any, x: npt.NDArray[Any], vectors: npt.NDArray[Any], stretch: float = 1.0
+) -> None:
+    """Arrows at the vertices, spread evenly if they are many, ``stretch`` times longer across."""
     size = np.linalg.norm(vectors, axis=1)
     if size.max() == 0:
         return
     # The largest of each square of a grid, so that the arrows do not lie on each other.
     spacing = np.ptp(x, axis=0).max() / 28
     order = np.argsort(-size, kind="stable")
-    squares = np.floor((x[order] - x.min(axis=0)) / spacing).astype(int)
+    scale = np.array([1.0, stretch])
+    squares = np.floor(scale * (x[order] - x.min(axis=0)) / spacing).astype(int)
     chosen = order[np.unique(squares, axis=0, return_index=True)[1]]
     chosen = chosen[size[chosen] > 0.02 * size.max()]
-    arrows = 2.2 * spacing / size.max() * vectors[chosen]
+    longest = min(2.2 * spacing, 0.5 * np.ptp(x, axis=0).min())
+    arrows = longest / size.max() * vectors[chosen]
     look: Data = dict(angles="xy", scale_units="xy", scale=1, width=0.0032, color=INK)
     drawn = axes.quiver(*x[chosen].T, *arrows.T, pivot="mid", clip_on=False, zorder=3, **look)
     drawn.set_in_layout(False)
@@ -170,7 +210,8 @@ def contact_2d(data: Data, file: str) -> None:
         handles.append(line)
     colours = np.array([colour for _, colour in STATUS])[status]
     for key in ("pressure", "shear"):
-        axes.scatter(s, data[key], c=colours, s=26, zorder=3, edgecolors=INK, linewidths=0.5)
+        look = dict(s=26 if len(s) <= 60 else 12, linewidths=_margin(len(s)))
+        axes.scatter(s, data[key], c=colours, zorder=3, edgecolors=INK, **look)
     axes.axhline(0, color=INK, lw=0.6)
     low, high = np.min([data["shear"], -data["bound"]]), np.max([data["pressure"], data["bound"]])
     span = high - low
@@ -191,15 +232,23 @@ def body_2d(data: Data, file: str) -> None:
 
     x, cells, triangles = data["x"][:, :2], data["cells"], _triangles(data["cells"])
     length, height = np.ptp(x, axis=0)
-    figure, axes = plt.subplots(
-        figsize=(8.0, np.clip(8.0 * height / length, 2.6, 8.0) + 1.2), layout="constrained"
-    )
-    figure.suptitle(str(data["title"]), fontsize=13, fontweight="bold")
+    bands = _bands(data, 0.04 * np.hypot(length, height))
+    seen = np.concatenate([x, *(band.reshape(-1, 2) for band in bands)])
+    low, high = seen.min(axis=0), seen.max(axis=0)
+    margin = 0.03 * (high - low).max()
+    wide, tall = high - low + 2 * margin
+    # The body fills the picture: the bar of the colours goes where there is room.
+    flat = tall < 0.5 * wide
+    room = 8.6 * np.array([wide, tall]) / max(wide, tall)
+    size = np.maximum(room, (2.2, 0.9)) + ((0.9, 2.0) if flat else (1.9, 1.1))
+    figure, axes = plt.subplots(figsize=size, layout="constrained")
+    figure.suptitle(str(data["title"]), fontsize=13 if size[0] > 5 else 10, fontweight="bold")
     if "von_mises" in data:
         shades = axes.tripcolor(
             *x.T, triangles, data["von_mises"], shading="gouraud", cmap="Spectral_r"
         )
-        bar = figure.colorbar(shades, ax=axes, shrink=0.8, aspect=30, pad=0.02)
+        where = dict(location="bottom", shrink=0.6) if flat else dict(location="right", shrink=0.8)
+        bar = figure.colorbar(shades, ax=axes, aspect=30, pad=0.02, **where)
         bar.set_label("von Mises stress")
         bar.outline.set_linewidth(0.5)
     else:
@@ -210,18 +259,27 @@ def body_2d(data: Data, file: str) -> None:
     for key, width in (("contact", 2.4), ("obstacle", 1.2)):
         for points, segments in zip(data[f"{key}_x"], data[f"{key}_cells"], strict=True):
             axes.add_collection(LineCollection(points[segments, :2], colors=INK, linewidths=width))
-    for points, segments, n in zip(
-        data["obstacle_x"], data["obstacle_cells"], data["obstacle_normals"], strict=True
-    ):
-        inside = points + 0.04 * np.hypot(length, height) * n
-        quads = np.concatenate([points[segments], inside[segments[:, ::-1]]], axis=1)[..., :2]
+    for quads in bands:
         axes.add_collection(PolyCollection(quads, facecolors="#c9ced4", edgecolors="#c9ced4"))
     axes.set_aspect("equal")
-    axes.autoscale_view()
+    axes.set_xlim(low[0] - margin, high[0] + margin)
+    axes.set_ylim(low[1] - margin, high[1] + margin)
+    axes.locator_params(axis="y" if flat else "x", nbins=4 if min(room) < 2 else 8)
     axes.set_xlabel("x")
     axes.set_ylabel("y")
     axes.spines[["top", "right"]].set_visible(False)
     figure.savefig(file)
+
+
+def _bands(data: Data, depth: float) -> list[npt.NDArray[Any]]:
+    """Quadrilaterals of the obstacles' skin, ``depth`` thick."""
+    bands = []
+    for points, segments, n in zip(
+        data["obstacle_x"], data["obstacle_cells"], data["obstacle_normals"], strict=True
+    ):
+        inside = points + depth * n
+        bands.append(np.concatenate([points[segments], inside[segments[:, ::-1]]], axis=1)[..., :2])
+    return bands
 
 
 # -- pyvista -------------------------------------------------------------------------------------
@@ -232,6 +290,44 @@ def _surface(x: npt.NDArray[Any], cells: npt.NDArray[np.int64]) -> Any:
 
     loop = _loop(cells)
     return pyvista.PolyData(x, np.insert(loop, 0, loop.shape[1], axis=1).reshape(-1))
+
+
+def _floor(points: npt.NDArray[Any], normal: npt.NDArray[Any], size: float) -> Any:
+    """A rectangle in the plane across ``normal``, somewhat larger than ``points`` on it."""
+    import pyvista
+
+    centred = points - points.mean(axis=0)
+    axes = np.linalg.svd(centred, full_matrices=False)[2][:2]
+    axes -= np.outer(axes @ normal, normal) / (normal @ normal)
+    low, high = (centred @ axes.T).min(axis=0), (centred @ axes.T).max(axis=0)
+    rim = max(0.3 * float((high - low).min()), 0.05 * size)
+    (a, b), (c, d) = low - rim, high + rim
+    corners = np.array([[a, b], [c, b], [c, d], [a, d]]) @ axes + points.mean(axis=0)
+    return pyvista.PolyData(corners, [4, 0, 1, 2, 3])
+
+
+def _frame(
+    plotter: Any, x: npt.NDArray[Any], position: npt.NDArray[Any], up: npt.NDArray[Any]
+) -> None:
+    """Look at ``x`` from ``position`` so that it fills the picture between title and colour bar."""
+    ahead = x.mean(axis=0) - position
+    ahead /= np.linalg.norm(ahead)
+    right = np.cross(ahead, up) / np.linalg.norm(np.cross(ahead, up))
+    above = np.cross(right, ahead)
+    depth = (x - position) @ ahead
+    seen = np.stack([(x - position) @ right, (x - position) @ above], axis=1) / depth[:, None]
+    low, high = seen.min(axis=0), seen.max(axis=0)
+    wide, tall = high - low
+    # Of the picture the body takes 88 % of the width or 68 % of the height, whatever is reached.
+    height = np.clip(1600 * 0.88 * tall / wide / 0.68, 700, 1300)
+    width = np.clip(height * 0.68 * wide / tall / 0.88, 900, 1600)
+    plotter.window_size = round(width), round(height)
+    field = max(tall / 0.68, wide / 0.88 * height / width)  # tangents over the picture's height
+    middle = (low + high) / 2 - (0.0, 0.05 * field)
+    focus = position + ahead + middle[0] * right + middle[1] * above
+    plotter.camera_position = [position, focus, above]
+    plotter.camera.view_angle = 2 * np.degrees(np.arctan(field / 2))
+    plotter.camera.clipping_range = 0.2 * depth.min(), 3 * depth.max()
 
 
 def body_3d(data: Data, file: str) -> None:
@@ -266,19 +362,16 @@ def body_3d(data: Data, file: str) -> None:
     ):
         mean = normals.mean(axis=0)
         up -= mean
-        if np.ptp(normals, axis=0).max() < 1e-9:
-            patch = pyvista.Plane(points.mean(axis=0), mean, 0.95 * size, 0.95 * size)
-        else:
-            patch = _surface(points, cells)
+        is_flat = np.ptp(normals, axis=0).max() < 1e-9
+        patch = _floor(points, mean, size) if is_flat else _surface(points, cells)
         plotter.add_mesh(patch, color="#c9ced4", opacity=0.75, specular=0.0, ambient=0.25)
     up = up / np.linalg.norm(up) if np.linalg.norm(up) > 0.1 else np.eye(3)[2]
-    along = np.eye(3)[np.argmin(np.abs(up))]
+    extent = np.ptp(data["x"], axis=0)
+    along = np.eye(3)[np.argmax(extent * (1 - np.abs(up)))]
     along = (along - (along @ up) * up) / np.linalg.norm(along - (along @ up) * up)
     across = np.cross(up, along)
     eye = 0.5 * along - across + 0.33 * up
-    target = centre - 0.1 * size * up
-    plotter.camera_position = [target + 2.3 * size * eye, target, up]
-    plotter.camera.zoom(1.42)
+    _frame(plotter, data["x"], centre + 2.3 * size * eye, up)
     plotter.enable_anti_aliasing("ssaa")
     plotter.add_text(str(data["title"]), position="upper_edge", font_size=16, color=INK)
     plotter.screenshot(file)
@@ -292,4 +385,8 @@ KINDS: dict[str, Callable[[Data, str], None]] = {
 
 if __name__ == "__main__":
     kind, file = sys.argv[1:]
-    KINDS[kind](pickle.load(sys.stdin.buffer), file)
+    try:
+        KINDS[kind](pickle.load(sys.stdin.buffer), file)
+    except ModuleNotFoundError as error:
+        extra = "python3 -m pip install 'signorini-coulomb[output]'"
+        sys.exit(f"{error.name} is not installed: {extra}, or python3-{error.name} of Debian")

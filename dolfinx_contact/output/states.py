@@ -12,6 +12,7 @@ import numpy as np
 
 from dolfinx import fem
 
+from dolfinx_contact._optional import optional
 from dolfinx_contact.continuation import BranchPoint
 from dolfinx_contact.output.pictures import gather_cells, patch
 from dolfinx_contact.parametric import ParametricContact
@@ -62,6 +63,7 @@ def picture_of_states(
     """
     if system.problem.V.mesh.geometry.dim != 2 or not points:
         raise ValueError("states are drawn side by side for 2D bodies, and at least one is needed")
+    optional("matplotlib", "output")  # on every rank, although one draws
     seen = [_seen(system, point) for point in points]
     if system.comm.rank == 0:
         _draw(Path(file), seen, list(titles) or [""] * len(points), scale)
@@ -101,42 +103,48 @@ def _draw(file: Path, seen: Sequence[dict[str, Any]], titles: Sequence[str], sca
     from matplotlib.collections import PolyCollection
 
     count = len(seen)
-    columns = min(count, 4 if count != 6 else 3)
-    rows = -(-count // columns)
     every = np.concatenate([s["x"][:, :2] + scale * s["u"] for s in seen])
     low, high = every.min(axis=0), every.max(axis=0)
     margin = 0.05 * float((high - low).max())
-    ratio = float((high - low)[1] + 2 * margin) / float((high - low)[0] + 2 * margin)
-    width = 12.0 / columns
-    figure, axes = plt.subplots(
-        rows,
-        columns,
-        figsize=(12, rows * (min(width * ratio, 6.0) + 0.5) + 0.5),
-        squeeze=False,
-        layout="constrained",
-    )
+    width, height = (high - low) + 2 * margin
+    columns, panel = _layout(count, float(height / width))
+    rows = -(-count // columns)
+    size = max(columns * panel + 1.3, 4.5), rows * (panel * height / width + 0.4) + 0.9
+    figure, axes = plt.subplots(rows, columns, figsize=size, squeeze=False, layout="constrained")
+    # One scale of colours for all states, so that they can be compared.
+    sizes = [np.linalg.norm(s["u"], axis=1) for s in seen]
+    norm = mpl.colors.Normalize(0.0, max(float(v.max()) for v in sizes) or 1.0)
     for axis in axes.flat[count:]:
         axis.set_axis_off()
-    for axis, state, title in zip(axes.flat, seen, titles, strict=False):
+    for axis, state, values, title in zip(axes.flat, seen, sizes, titles, strict=False):
         x, cells = state["x"][:, :2], _around(state["cells"])
         edges = {"facecolor": "none", "edgecolor": "#d5d9de", "linewidth": 0.3}
         axis.add_collection(PolyCollection(x[cells], **edges))
-        size = np.linalg.norm(state["u"], axis=1)[cells].mean(axis=1)
         deformed = PolyCollection(
-            (x + scale * state["u"])[cells], array=size, cmap="GnBu", edgecolor="#5b6b7b", lw=0.25
+            (x + scale * state["u"])[cells],
+            array=values[cells].mean(axis=1),
+            norm=norm,
+            cmap="GnBu",
+            edgecolor="#5b6b7b",
+            lw=0.25,
         )
         axis.add_collection(deformed)
         for place, u, letters, floor in state["contact"]:
             marked = letters != ""
             colours = [STATUS_COLOURS[k] for k in letters[marked]]
             where = (place + scale * u)[marked]
-            axis.scatter(*where.T, c=colours, s=14, zorder=3, edgecolors="0.2", linewidths=0.3)
+            area = float(np.clip(14 * 40 / max(len(where), 1), 3, 14))
+            rim = 0.3 if len(where) <= 60 else 0.1
+            axis.scatter(*where.T, c=colours, s=area, zorder=3, edgecolors="0.2", linewidths=rim)
             axis.plot(*floor.T, color="0.15", lw=1.0, zorder=1)
         axis.set_xlim(low[0] - margin, high[0] + margin)
         axis.set_ylim(low[1] - margin, high[1] + margin)
         axis.set(aspect="equal", xticks=[], yticks=[])
-        axis.set_title(title, fontsize=8)
+        axis.set_title(title, fontsize=10)
         axis.spines[:].set_visible(False)
+    bar = figure.colorbar(deformed, ax=axes, shrink=0.8, pad=0.01, aspect=30)
+    bar.set_label("|u|")
+    bar.outline.set_linewidth(0.5)
     letters = {k for s in seen for part in s["contact"] for k in part[2]}
     present = [k for k in STATUS_NAMES if k in letters]
     marks = [
@@ -154,6 +162,21 @@ def _draw(file: Path, seen: Sequence[dict[str, Any]], titles: Sequence[str], sca
     )
     figure.savefig(file, dpi=130)
     plt.close(figure)
+
+
+def _layout(count: int, ratio: float) -> tuple[int, float]:
+    """Columns of panels of this height over width, and their width in inches.
+
+    Panels are as large as a page takes, with few empty places; one row is easier to compare.
+    """
+    found = []
+    for columns in range(1, count + 1):
+        rows = -(-count // columns)
+        width = min(12.0 / columns, (9.0 / rows - 0.4) / ratio)
+        fill = count / (rows * columns)
+        found.append((width * fill * (1.3 if rows == 1 else 1.0), -columns, width))
+    _, columns, width = max(found)
+    return -columns, width
 
 
 def _around(cells: Any) -> Any:

@@ -29,6 +29,15 @@ class Step:
     load: float
     krylov: int = 0
 
+    def __str__(self) -> str:
+        m = self.measures
+        load = f", load {self.load:.4g}" if self.load != 1.0 else ""
+        return (
+            f"iteration {self.iteration}: residual {m.worst:.1e} (force {m.force:.1e}, constraint "
+            f"{m.constraint:.1e}, cone {m.cone:.1e}), {self.flips} changes of status, "
+            f"{self.krylov} Krylov iterations{load}"
+        )
+
 
 @dataclass
 class Attempt:

@@ -34,6 +34,7 @@ import numpy as np
 
 from dolfinx_contact._errors import require
 from dolfinx_contact._petsc import staged
+from dolfinx_contact._progress import SolveProgress
 from dolfinx_contact.result import Result, collect
 from dolfinx_contact.solvers.errors import ConvergenceError, FloatingBodyError
 from dolfinx_contact.solvers.history import Attempt, Step
@@ -53,6 +54,8 @@ logger = logging.getLogger(__name__)
 _INCREMENTS = "load increments"
 #: Cost at which a strategy gives up, in Newton steps.
 _LIMITS = {"pivoting": 500.0, "line search": 80.0, _INCREMENTS: 400.0}
+_LATE = 2.0  # times the time that was predicted are worth a word in the log,
+_SHORT = 1.0  # if they are more than so many seconds
 
 
 def solve(
@@ -60,6 +63,7 @@ def solve(
     *,
     monitor: Callable[[Step], None] | None = None,
     increments: int = 8,
+    progress: bool | None = None,
 ) -> Result:
     """Solve a contact problem from the present values of its Functions.
 
@@ -67,6 +71,8 @@ def solve(
         problem: the contact problem; its Functions receive the solution.
         monitor: called with every Newton iterate, on every rank.
         increments: of the load in the strategy of increments, to begin with.
+        progress: whether rank 0 says on the standard error stream where the solve is; by default
+            once it takes more than some seconds.
 
     Returns:
         Statuses, resultants, residual histories and the KKT violation.
@@ -76,17 +82,19 @@ def solve(
             negative friction field, a clamped node inside the obstacle).
         ConvergenceError: if no strategy converges; the Functions are as they were.
     """
+    said = SolveProgress(problem.comm, progress)
     x0 = problem.create_vector()
     problem.write(x0)
     before, statuses = [f.x.array.copy() for f in problem.fields], problem.statuses
     try:
-        return _solve(problem, x0, monitor, increments)
+        return _solve(problem, x0, monitor, increments, said)
     except BaseException:
         for f, values in zip(problem.fields, before, strict=True):
             f.x.array[:] = values
         problem.statuses = statuses
         raise
     finally:
+        said.end()
         x0.destroy()
 
 
@@ -96,6 +104,7 @@ def _solve(
     x0: PETSc.Vec,
     monitor: Callable[[Step], None] | None,
     increments: int,
+    progress: SolveProgress,
 ) -> Result:
     _check_data(problem, x0)
     attempts: list[Attempt] = []
@@ -107,28 +116,60 @@ def _solve(
                 continue
             attempt = Attempt(strategy, limit=_LIMITS.get(strategy, math.inf))
             attempts.append(attempt)
+            progress.strategy = strategy
             x0.copy(x)
             try:
-                attempt.converged = run(x, attempt, monitor)
+                attempt.converged = run(x, attempt, _told(progress, monitor))
             except FloatingBodyError as error:
                 attempt.reason, floating = str(error), error
             if attempt.converged:
                 objection = inverted(problem)
                 if not objection:
-                    return collect(problem, x, attempts)
+                    return _finished(problem, x, attempts, progress)
                 attempt.converged, attempt.reason = False, objection
                 x.copy(turned)
+            progress.clear()
             if problem.comm.rank == 0:
                 logger.warning("%s failed: %s", strategy, attempt.reason)
         if objection:
             # Nothing else was found: the result warns of it.
             attempts.append(Attempt(attempts[-1].strategy, objection, converged=True))
-            return collect(problem, turned, attempts)
+            return _finished(problem, turned, attempts, progress)
     finally:
         x.destroy(), turned.destroy()
     if floating is not None and attempts[0].reason == str(floating):
         raise FloatingBodyError(str(floating), attempts)
     raise ConvergenceError(_diagnosis(attempts), attempts)
+
+
+def _told(
+    progress: SolveProgress, monitor: Callable[[Step], None] | None
+) -> Callable[[Step], None]:
+    """The monitor of the caller, which may write where the line of progress was, and that line."""
+
+    def tell(step: Step) -> None:
+        progress.clear()
+        if monitor is not None:
+            monitor(step)
+        progress.step(step)
+
+    return tell
+
+
+def _compare_with_prediction(problem: ContactProblem, seconds: float) -> None:
+    """Say in the log if a solve took much longer than was predicted."""
+    predicted = problem.linear_solver.predicted
+    if problem.comm.rank == 0 and seconds > max(_LATE * predicted, _SHORT):
+        logger.info("the solve took %.2g s; %.2g s were predicted", seconds, predicted)
+
+
+def _finished(
+    problem: ContactProblem, x: PETSc.Vec, attempts: list[Attempt], progress: SolveProgress
+) -> Result:
+    result = collect(problem, x, attempts)
+    progress.end(result.iterations)
+    _compare_with_prediction(problem, progress.seconds)
+    return result
 
 
 _Run = Callable[[PETSc.Vec, Attempt, Callable[[Step], None] | None], bool]

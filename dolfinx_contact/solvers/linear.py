@@ -11,7 +11,6 @@ the memory that is free suffices.
 from __future__ import annotations
 
 import logging
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -40,14 +39,20 @@ _LARGEST_DIRECT = {2: 100_000, 3: 5_000}
 _DIRECT_MEMORY = {2: (6.5e-7, 1.1), 3: (3.8e-7, 4 / 3)}
 _AMG_MEMORY = 5.3e-6  # gigabytes per unknown, measured at 10^6 and 3 10^6 unknowns in 3D
 
-#: Factor and power of the number of unknowns, by dimension, that give the seconds of one
-#: factorisation by MUMPS on one processor: measured at 4.5 10^3 unknowns in 2D, at 7 10^3 and
-#: 4.7 10^4 in 3D.
-_DIRECT_SECONDS = {2: (8e-8, 1.5), 3: (8.2e-9, 2.0)}
-_NEWTON_STEPS = 8  # of a cold solve
+#: Factor and power of the number of unknowns, by dimension, that give the seconds of a Newton step
+#: with MUMPS on one core: measured on an idle machine, per step of cold solves, with 3 10^3 to 10^5
+#: unknowns in 2D and 2 10^3 to 3.3 10^4 in 3D. Assembly of a bulk that is not linear comes on top.
+_DIRECT_SECONDS = {2: (3.5e-7, 1.19), 3: (2.5e-7, 1.47)}
+_NEWTON_STEPS = 9  # of a cold solve
+
+#: Products with the stiffness that take as long as a cold solve by multigrid, but for the contact
+#: surface: measured 430 to 1000 in 2D, 350 to 600 in 3D, P1 and P2, on one rank and two.
+_PRODUCTS = {2: 900, 3: 550}
+#: Factor and power of the number of contact points that give what the surface adds, in products
+#: over the number of unknowns: measured with 2 10^3 and 6 10^3 contact points in 3D.
+_SURFACE = (640.0, 1.37)
 _TRIES = 3  # products that are timed
 _DOUBTFUL = 1e-2  # relative residual of a linear solve beyond which it leads nowhere
-_PRODUCTS = 1500  # with the stiffness that take as long as a solve by multigrid: 900 to 1900
 
 
 class LinearSolver:
@@ -58,10 +63,12 @@ class LinearSolver:
         matrix: the Jacobian, for SNES.
         defaults: PETSc options of the KSP.
         corrects: whether `correct` may do anything.
+        predicted: seconds of a cold solve, if it was predicted.
     """
 
     name: str
     corrects = False
+    predicted = np.inf
     matrix: PETSc.Mat
     defaults: dict[str, Any]
 
@@ -159,7 +166,8 @@ class Direct(LinearSolver):
     def predicted_seconds(self) -> float:
         problem = self._problem
         factor, power = _DIRECT_SECONDS[problem.V.mesh.geometry.dim]
-        return float(_NEWTON_STEPS * factor * sum(problem.global_sizes) ** power)
+        steps = _NEWTON_STEPS * factor * sum(problem.global_sizes) ** power
+        return float(steps + _seconds_of_assembly(problem))
 
     def explain(self, ksp: PETSc.KSP) -> str:
         reasons = reasons_of(ksp)
@@ -200,7 +208,7 @@ def create_linear_solver(problem: ContactProblem) -> LinearSolver:
         chosen = any(_option(problem, name) for name in ("ksp_type", "pc_type"))
         kind = "direct" if chosen or size <= _LARGEST_DIRECT[dim] else "amg"
     solver = Direct(problem) if kind == "direct" else Multigrid(problem)
-    seconds = solver.predicted_seconds()
+    seconds = solver.predicted = solver.predicted_seconds()
     if problem.comm.rank == 0:
         logger.info(
             "%d unknowns, linear solver %s: about %.2g s from a cold start and %.2g GB on all "
@@ -246,10 +254,14 @@ def direct_instead(problem: ContactProblem) -> bool:
         return False
     size, dim = sum(problem.global_sizes), problem.V.mesh.geometry.dim
     needed, free = predicted_gigabytes("direct", size, dim), available_gigabytes(problem.comm)
+    root = problem.comm.rank == 0
     if needed > free:
-        logger.warning("a direct solver needs about %.2g GB, of which %.2g are free", needed, free)
+        if root:
+            words = "a direct solver needs about %.2g GB, of which %.2g are free"
+            logger.warning(words, needed, free)
         return False
-    logger.warning("the direct solver takes over: about %.2g GB", needed)
+    if root:
+        logger.warning("the direct solver takes over: about %.2g GB", needed)
     problem.linear_solver = Direct(problem)
     return True
 
@@ -266,17 +278,20 @@ def available_gigabytes(comm: MPI.Comm) -> float:
     return float(comm.allreduce(mine))
 
 
-def seconds_of_multigrid(K: PETSc.Mat) -> float:
-    """What a cold solve by multigrid may take: so many products with the stiffness. Collective."""
-    x, y = K.createVecs()
-    x.set(0.0)
-    K.mult(x, y)
-    start = time.perf_counter()
-    for _ in range(_TRIES):
-        K.mult(x, y)
-    mine = (time.perf_counter() - start) / _TRIES
-    x.destroy(), y.destroy()
-    return float(_PRODUCTS * K.comm.tompi4py().allreduce(mine, op=max))
+def seconds_of_multigrid(problem: ContactProblem) -> float:
+    """What a cold solve by multigrid may take, from the time of a product. Collective."""
+    dim = problem.V.mesh.geometry.dim
+    points = sum(s.points.dofmap.index_map.size_global for s in problem.surfaces)
+    factor, power = _SURFACE
+    surface = factor * points**power / sum(problem.global_sizes) if dim == 3 else 0.0
+    product = problem.comm.allreduce(problem.bulk.seconds[1], op=max)
+    return float((_PRODUCTS[dim] + surface) * product + _seconds_of_assembly(problem))
+
+
+def _seconds_of_assembly(problem: ContactProblem) -> float:
+    """What assembling a stiffness that changes takes in a cold solve. Collective."""
+    once = problem.comm.allreduce(problem.bulk.seconds[0], op=max)
+    return 0.0 if problem.bulk.linear else float(_NEWTON_STEPS * once)
 
 
 def predicted_gigabytes(kind: str, size: int, dim: int) -> float:

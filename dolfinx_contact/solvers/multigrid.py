@@ -99,7 +99,7 @@ class Multigrid(LinearSolver):
     # -- as the linear solver of Newton's method -------------------------------------------------
 
     def predicted_seconds(self) -> float:
-        return seconds_of_multigrid(self.operator.stiffness)
+        return seconds_of_multigrid(self._problem)
 
     def update(self) -> None:
         with logged("ContactJacobian"):

@@ -110,7 +110,9 @@ class Newton:
             with options_in_database(problem.prefix, self.options), as_raised():
                 self.snes.solve(None, y)
                 while self.snes.getConvergedReason() == _LINEAR and self.linear.retry(ksp):
-                    logger.warning("%s; once more with a new preconditioner", self._explain())
+                    said = self._explain()
+                    if problem.comm.rank == 0:
+                        logger.warning("%s; once more with a new preconditioner", said)
                     self.snes.solve(None, y)
                 problem.option_use.note(problem.petsc_options)
             y.copy(x)
@@ -194,7 +196,8 @@ class Newton:
         krylov = snes.getKSP().getIterationNumber() if it > 0 else 0
         step = Step(it, measures, flips, self.load, krylov)
         self.attempt.steps.append(step)
-        logger.info("%s: %s", self.attempt.strategy, step)
+        if problem.comm.rank == 0:
+            logger.info("%s, %s", self.attempt.strategy, step)
         if self.monitor is not None:
             with everywhere(problem.comm, "the monitor"):
                 self.monitor(step)

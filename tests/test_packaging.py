@@ -1,0 +1,132 @@
+"""What the package says of itself, what it says where something is missing, and the Makefile."""
+
+import ast
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+from mpi4py import MPI
+
+import pytest
+from blocks import block
+
+from dolfinx_contact import meshing
+from dolfinx_contact._optional import optional
+from dolfinx_contact.output import Journal, draw_diagram, picture_of_contact, picture_of_states
+
+COMM = MPI.COMM_WORLD
+TREE = Path(__file__).resolve().parents[1]
+SYSTEM = {"dolfinx", "ufl", "basix", "petsc4py", "mpi4py"}  # from Debian, conda or Docker
+serial = pytest.mark.skipif(COMM.size > 1, reason="one process is enough")
+
+
+def imported(text):
+    """Packages that a module asks for, by import or by `optional`."""
+    names = set()
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.level == 0:
+            names.add(node.module)
+        elif isinstance(node, ast.Call) and getattr(node.func, "id", "") == "optional":
+            names.add(node.args[0].value)
+    return {name.partition(".")[0] for name in names}
+
+
+@serial
+def test_everything_that_is_imported_is_declared():
+    project = tomllib.loads((TREE / "pyproject.toml").read_text())["project"]
+    extras = project["optional-dependencies"]
+    declared = {*project["dependencies"], *extras["output"], *extras["gmsh"]}
+    files = list((TREE / "dolfinx_contact").rglob("*.py"))
+    asked = set().union(*(imported(f.read_text()) for f in files))
+    assert asked - SYSTEM - set(sys.stdlib_module_names) - {"dolfinx_contact"} == declared
+    assert (TREE / "dolfinx_contact" / "py.typed").exists()
+
+
+def missing(monkeypatch, *packages):
+    """Let imports of the packages fail as if they were not installed."""
+    for name in packages:
+        for module in [m for m in sys.modules if m.partition(".")[0] == name]:
+            monkeypatch.delitem(sys.modules, module)
+
+    class Nowhere:
+        def find_spec(self, name, path=None, target=None):
+            if name.partition(".")[0] in packages:
+                raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+
+    monkeypatch.setattr(sys, "meta_path", [Nowhere(), *sys.meta_path])
+
+
+@pytest.mark.parametrize(
+    ("package", "extra", "do"),
+    [
+        ("pandas", "output", lambda: Journal().table()),
+        ("pandas", "output", lambda: Journal().special()),
+        ("matplotlib", "output", lambda: draw_diagram("x.png", Journal())),
+        ("gmsh", "gmsh", lambda: meshing.mesh_from_gmsh(COMM, lambda: None)),
+    ],
+)
+def test_a_missing_package_is_named(monkeypatch, package, extra, do):
+    missing(monkeypatch, package)
+    match = rf"{package} is not installed: .*'signorini-coulomb\[{extra}\]'"
+    with pytest.raises(ModuleNotFoundError, match=match):
+        do()
+
+
+def test_states_without_matplotlib(monkeypatch):
+    """One rank draws; all of them say what is missing."""
+    missing(monkeypatch, "matplotlib")
+    u = block(n=2).u
+    system = type("System", (), {"problem": type("Problem", (), {"V": u.function_space})})
+    with pytest.raises(ModuleNotFoundError, match="matplotlib is not installed"):
+        picture_of_states("x.png", system, [None])
+
+
+def test_what_a_package_lacks_itself(folder, monkeypatch):
+    """An import that fails inside a package that is there is its own error."""
+    if COMM.rank == 0:
+        (folder / "broken_package.py").write_text("import no_such_package\n")
+    COMM.barrier()
+    monkeypatch.syspath_prepend(str(folder))
+    with pytest.raises(ModuleNotFoundError, match="No module named 'no_such_package'"):
+        optional("broken_package", "output")
+
+
+def test_no_picture_without_matplotlib(folder, monkeypatch, caplog):
+    """The drawing process names it; no solve fails for want of it."""
+    if COMM.rank == 0:
+        (folder / "matplotlib.py").write_text(
+            "raise ModuleNotFoundError(\"No module named 'matplotlib'\", name='matplotlib')\n"
+        )
+    COMM.barrier()
+    monkeypatch.setenv("PYTHONPATH", str(folder))
+    problem = block(n=2)
+    problem.solve()
+    assert picture_of_contact(folder / "contact.png", problem) is None
+    if COMM.rank == 0:
+        assert "matplotlib is not installed: python3 -m pip install 'signorini-" in caplog.text
+
+
+@serial
+@pytest.mark.parametrize("output", ["out put", 'it\'s "here"'])
+def test_demo_into_a_folder_with_blanks(tmp_path, output):
+    """Also in a checkout whose path has blanks."""
+    tree = tmp_path / "a check out"
+    (tree / "docker").mkdir(parents=True)
+    shutil.copy(TREE / "Makefile", tree)
+    run = tree / "docker" / "run"
+    run.write_text('#!/bin/sh\nfor word in "$@"; do echo "<$word>"; done\n')
+    run.chmod(0o755)
+    done = subprocess.run(
+        ["make", "--no-print-directory", "-s", "demo", f"OUTPUT={output}"],
+        cwd=tree,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    words = done.stdout.splitlines()
+    assert f"<{output}/linear_triangle>" in words
+    assert f"<{output}/dragged_body>" in words

@@ -1,0 +1,186 @@
+"""Progress of solves on rank 0, and log records: once, readable, and none that were not wanted."""
+
+import io
+import logging
+import re
+import subprocess
+import sys
+
+from mpi4py import MPI
+
+import pytest
+from blocks import block
+from test_diagram import smooth, start
+
+from dolfinx_contact import ConvergenceError, _progress
+from dolfinx_contact._progress import Line, SolveProgress
+from dolfinx_contact.continuation import explore, follow
+from dolfinx_contact.solvers import ladder, linear
+from dolfinx_contact.solvers.history import Step
+from dolfinx_contact.solvers.measures import Measures
+
+COMM = MPI.COMM_WORLD
+STEP = Step(3, Measures(1e-3, 2e-5, 4e-2), 5, 1.0, 17)
+LINE = r"contact solve: full steps  iteration \d+  residual \S+  Krylov \d+  \d+ s"
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+def lines(capsys):
+    return [x for x in capsys.readouterr().err.splitlines() if x.startswith("contact solve")]
+
+
+def on_root(found):
+    """What rank 0 has; nothing may be found elsewhere."""
+    assert COMM.rank == 0 or not found
+    return COMM.bcast(found)
+
+
+def test_quick_solves_say_nothing(capsys):
+    block().solve()
+    out = capsys.readouterr()
+    assert out.out == out.err == ""
+
+
+def test_progress_when_wanted(capsys):
+    block().solve(progress=True)
+    found = on_root(lines(capsys))
+    assert re.fullmatch(LINE, found[0])
+    assert re.fullmatch(r"contact solve: solved by full steps, \d+ iterations, \S+ s", found[-1])
+
+
+def test_progress_of_a_long_solve(capsys, monkeypatch):
+    """By itself once a solve takes some seconds; never where it is not wanted, or all is logged."""
+    monkeypatch.setattr(_progress, "_PATIENCE", 0.0)
+    block().solve()
+    assert len(on_root(lines(capsys))) > 1
+    block().solve(progress=False)
+    assert not on_root(lines(capsys))
+    monkeypatch.setattr(logging.getLogger("dolfinx_contact"), "level", logging.INFO)
+    block().solve()
+    assert not on_root(lines(capsys))
+
+
+def test_progress_of_a_solve_that_fails(capsys):
+    """The last line is no success."""
+    problem = block(options={"snes_max_it": 0})
+    with pytest.raises(ConvergenceError):
+        problem.solve(progress=True)
+    found = on_root(lines(capsys))
+    assert found
+    assert not any("solved" in x for x in found)
+
+
+def test_line_of_a_terminal():
+    """Kept up to date in place, and taken back before others write."""
+    stream = Terminal()
+    progress = SolveProgress(COMM, True, stream=stream)
+    progress.strategy = "pivoting"
+    progress.step(STEP)
+    progress.step(STEP)
+    progress.clear()
+    progress.end(3)
+    text = on_root(stream.getvalue())
+    head = "contact solve: pivoting  iteration 3  residual 4.0e-02  Krylov 17  0 s"
+    assert text.startswith(head + "\r\x1b[K" + head + "\r\x1b[K")
+    assert text.count("\n") == 1
+    assert text.endswith("\n")
+
+
+def test_line_elsewhere():
+    """A line at once, others only from time to time; what must not be lost always."""
+    stream = io.StringIO()
+    line = Line(COMM, stream=stream, seconds=1000.0)
+    for i in range(5):
+        line.update(f"step {i}")
+    line.write("fold")
+    assert on_root(stream.getvalue()) == COMM.bcast("step 0\nfold\n" if COMM.rank == 0 else "")
+
+
+def test_a_monitor_finds_a_line_of_its_own(capsys, monkeypatch):
+    """What a monitor prints on a terminal does not mix with the line."""
+    stream = Terminal()
+    monkeypatch.setattr(sys, "stderr", stream)
+    block().solve(progress=True, monitor=lambda _: stream.write("mine\n"))
+    for part in stream.getvalue().split("mine\n")[1:]:
+        assert COMM.rank > 0 or part.startswith("contact solve")
+    for part in stream.getvalue().split("mine\n")[1:-1]:
+        assert COMM.rank > 0 or part.endswith("\r\x1b[K")
+
+
+# -- log -----------------------------------------------------------------------------------------
+
+
+def said(caplog):
+    """Messages of the package on rank 0; other ranks have none."""
+    mine = [r.getMessage() for r in caplog.records if r.name.startswith("dolfinx_contact")]
+    return on_root(mine)
+
+
+def test_log_of_a_solve(caplog):
+    with caplog.at_level(logging.INFO):
+        block().solve()
+    found = said(caplog)
+    number = r"\d\.\de[+-]\d\d"
+    pattern = (
+        rf"full steps, iteration 1: residual {number} \(force {number}, constraint {number}, "
+        rf"cone {number}\), \d+ changes of status, \d+ Krylov iterations"
+    )
+    assert sum(re.fullmatch(pattern, x) is not None for x in found) == 1
+    assert not any("Measures(" in x for x in found)
+
+
+def test_log_of_failures(caplog):
+    problem = block(options={"snes_max_it": 0})
+    with caplog.at_level(logging.WARNING), pytest.raises(ConvergenceError):
+        problem.solve()
+    assert sum(x.startswith("full steps failed: ") for x in said(caplog)) == 1
+
+
+def test_log_of_a_stagnating_solver(caplog, monkeypatch):
+    """A new preconditioner, then the direct solver: each said once."""
+    monkeypatch.setattr(linear, "_LARGEST_DIRECT", {3: 10})
+    with caplog.at_level(logging.WARNING):
+        block(cell="tet", n=4, options={"ksp_rtol": 1e-12, "ksp_max_it": 2}).solve()
+    assert sum("the direct solver takes over" in x for x in said(caplog)) == 1
+
+
+def test_log_of_branches(caplog):
+    system = smooth(
+        1,
+        lambda x, g: x * (g - x**2),
+        lambda x, g: [[g - 3 * x[0] ** 2]],
+        lambda x, g: [x[0]],
+    )
+    with caplog.at_level(logging.DEBUG):
+        follow(system, start(system, [0.0]), -1.0, gamma_range=(-1.0, -0.5))
+        explore(system, [(start(system, [0.0]), -1.0)], gamma_range=(-1.0, 1.0))
+    found = said(caplog)
+    assert "branch ended: gamma reached the end of its range" in found
+    assert "4 branches, 1 bifurcations: every ray has been followed" in found
+
+
+def test_a_solve_that_takes_longer_than_predicted(caplog, monkeypatch):
+    problem = block()
+    monkeypatch.setattr(ladder, "_SHORT", 1e9)
+    with caplog.at_level(logging.INFO):
+        problem.solve()
+    assert 0 < problem.linear_solver.predicted < 60
+    assert not any("were predicted" in x for x in said(caplog))
+    monkeypatch.setattr(ladder, "_SHORT", 0.0)
+    problem.linear_solver.predicted = 1e-6
+    with caplog.at_level(logging.INFO):
+        problem.solve()
+    assert sum("s; 1e-06 s were predicted" in x for x in said(caplog)) == 1
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="starts a process of its own")
+def test_import_says_nothing():
+    code = "import dolfinx_contact, dolfinx_contact.output, dolfinx_contact.meshing"
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120
+    )
+    assert done.stdout == done.stderr == ""
