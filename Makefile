@@ -21,7 +21,7 @@ demo:
 	$(RUN) mpirun -n 2 python3 demos/demo_dragged_body.py --output "$$OUTPUT/dragged_body"
 
 test: lint
-	$(RUN) $(PYTEST)
+	$(RUN) $(PYTEST) --numprocesses 2 --dist loadfile
 	$(RUN) mpirun -n 2 $(PYTEST)
 	$(RUN) mpirun -n 3 $(PYTEST)
 

@@ -24,16 +24,21 @@ def pytest_addoption(parser):
 
 
 def pytest_collection_modifyitems(config, items):
-    """Leave out what takes long, and most of what waits for a processor at every message."""
-    if not config.getoption("--long"):
-        for item in items:
-            if item.get_closest_marker("long"):
-                item.add_marker(pytest.mark.skip(reason="takes long: --long runs it"))
-    if COMM.size <= COMM.bcast(os.cpu_count()):  # not the few that a rank may be bound to
+    """Leave out what takes long; where ranks wait for processors, most repetitions as well."""
+    if config.getoption("--long"):
         return
+    crowded = COMM.size > COMM.bcast(os.cpu_count())  # not the few that a rank may be bound to
+    seen = set()
     for item in items:
-        if item.get_closest_marker("chatty"):
-            item.add_marker(pytest.mark.skip(reason="more ranks than processors"))
+        function = item.nodeid.partition("[")[0]
+        if item.get_closest_marker("long"):
+            item.add_marker(pytest.mark.skip(reason="takes long: --long runs it"))
+        elif crowded and item.get_closest_marker("chatty"):
+            item.add_marker(pytest.mark.skip(reason="sends many messages"))
+        elif crowded and function in seen:
+            item.add_marker(pytest.mark.skip(reason="another case runs on so many ranks"))
+        else:
+            seen.add(function)
 
 
 @pytest.hookimpl(hookwrapper=True)

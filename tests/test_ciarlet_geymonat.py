@@ -68,6 +68,7 @@ def test_six_branches(folder, more):
 
 
 @serial
+@pytest.mark.long
 def test_steps_and_units(folder):
     """Ten times longer and shorter steps; lengths times 1e3, stresses times 1e6: the same points.
 

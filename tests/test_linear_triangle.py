@@ -98,7 +98,7 @@ def test_friction_decides_on_the_number_of_solutions():
 
 
 @serial
-@pytest.mark.parametrize("route", ["pivoting", "steps"])
+@pytest.mark.parametrize("route", ["pivoting", pytest.param("steps", marks=pytest.mark.long)])
 def test_units_numbering_and_augmentation(folder, route):
     """Lengths times 1e3, stiffness and load times 1e9, another numbering, r times 0.1 to 100.
 

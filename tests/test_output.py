@@ -393,9 +393,9 @@ def drawn(file):
     ("cell", "degree"),
     [
         pytest.param("tri", 1, marks=pytest.mark.chatty),
-        pytest.param("quad", 2, marks=pytest.mark.chatty),
+        pytest.param("quad", 2, marks=pytest.mark.long),
         ("hex", 1),
-        ("tet", 2),
+        pytest.param("tet", 2, marks=pytest.mark.long),
     ],
 )
 def test_pictures(folder, cell, degree):
@@ -509,6 +509,7 @@ def test_states_of_slender_bodies(folder, size, cells, monkeypatch):
     assert max(across, along) > 0.65
 
 
+@pytest.mark.long
 def test_pictures_of_two_surfaces(folder):
     problem = two_surfaces()
     problem.solve()

@@ -63,7 +63,7 @@ def test_nothing_to_correct():
     np.testing.assert_array_equal(x.array_r, 1.0)
 
 
-@pytest.mark.chatty
+@pytest.mark.long
 def test_corrections_of_the_surface_save_those_of_a_branch(monkeypatch):
     """The foot in batches of events: to the same end."""
     PETSc.Options()["contact_linear_solver"] = "amg"

@@ -80,7 +80,11 @@ def test_one_element(deflation):
 
 @pytest.mark.parametrize(
     ("n", "vertical", "deflation"),
-    [(8, 8.3, False), (4, 9.05, False), pytest.param(4, 9.05, True, marks=serial)],
+    [
+        (8, 8.3, False),
+        (4, 9.05, False),
+        pytest.param(4, 9.05, True, marks=[serial, pytest.mark.long]),
+    ],
 )
 def test_three_solutions_of_a_triangle(n, vertical, deflation):
     """F = 1.8: three solutions at gamma = 1; the enumeration of 4^n pieces is a proof."""
