@@ -152,4 +152,4 @@ def _hats(V: fem.FunctionSpace) -> tuple[npt.NDArray[np.float64], list[int]]:
     layout = V.dofmap.dof_layout
     nodes = [int(layout.entity_dofs(0, i)[0]) for i in range(len(corners))]
     points = V.ufl_element().sub_elements[0].basix_element.points
-    return linear.tabulate(0, points)[0, :, :, 0], nodes
+    return np.round(linear.tabulate(0, points)[0, :, :, 0], 12), nodes

@@ -23,7 +23,15 @@ from dolfinx import la, mesh
 from dolfinx_contact._compat import geometry_dofmap
 from dolfinx_contact._errors import require
 
-__all__ = ["check_cells", "determinants", "gradients", "midpoints", "reference_points"]
+__all__ = [
+    "check_cells",
+    "chunks",
+    "determinants",
+    "gradients",
+    "is_affine",
+    "midpoints",
+    "reference_points",
+]
 
 logger = logging.getLogger(__name__)
 
@@ -46,9 +54,8 @@ def check_cells(domain: mesh.Mesh) -> None:
     for part, J, volume in _jacobians(domain):
         det = determinants(J)
         low[part], high[part], size[part] = det.min(axis=1), det.max(axis=1), volume
-    smallest = np.maximum(np.abs(low), np.abs(high))
-    empty = smallest <= _ROUND_OFF * size
-    number, first = _first(domain, empty, -smallest)
+    empty = np.maximum(np.abs(low), np.abs(high)) <= _ROUND_OFF * size
+    number, first = _first(domain, empty, np.ones(n))
     require(
         domain.comm,
         number == 0,
@@ -108,7 +115,7 @@ def _is_simplex(domain: mesh.Mesh) -> bool:
 
 def is_affine(domain: mesh.Mesh) -> bool:
     """Whether cells are images of their reference cell under affine maps."""
-    return _is_simplex(domain) and domain.geometry.cmap.degree == 1
+    return _is_simplex(domain) and domain.ufl_domain().ufl_coordinate_element().degree == 1
 
 
 def midpoints(domain: mesh.Mesh, cells: npt.NDArray[Any]) -> Array:
@@ -156,7 +163,7 @@ def _jacobians(domain: mesh.Mesh) -> Iterator[tuple[slice, Array, Array]]:
     """
     dim, nodes = domain.geometry.dim, geometry_dofmap(domain)
     x = domain.geometry.x[:, :dim]
-    degree = 0 if is_affine(domain) else 2 * domain.geometry.cmap.degree
+    degree = 0 if is_affine(domain) else 2 * domain.ufl_domain().ufl_coordinate_element().degree
     points = reference_points(domain.basix_cell(), degree)
     table = gradients(domain.ufl_domain().ufl_coordinate_element(), points)
     for part in chunks(domain.topology.index_map(dim).size_local):

@@ -75,13 +75,14 @@ def smallest_jacobian(problem: ContactProblem, *, vertices: bool = True) -> tupl
             for nodes, f, table in fields
         )
         # A corner of a degenerate quadrilateral has no gradient.
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             J = determinants(dX)
             ratio = np.where(J == 0, np.inf, determinants(dX + du) / J)
         values[part] = ratio.min(axis=1)
     smallest = problem.comm.allreduce(float(values.min(initial=np.inf)), op=np.minimum)
     # Of cells with the same value, up to round-off, the first in the order of the input.
-    cells = np.flatnonzero(~(values > smallest + 1e-9 * abs(smallest)))
+    tolerance = 1e-9 * abs(smallest) if np.isfinite(smallest) else 0.0
+    cells = np.flatnonzero((values <= smallest + tolerance) | np.isnan(values))
     original = np.asarray(domain.topology.original_cell_index)[cells]
     mine = [
         (int(original[i]), midpoints(domain, cells[i : i + 1])[0])
@@ -205,7 +206,8 @@ def _facing(s: ContactSurface, marked: npt.NDArray[np.bool_]) -> tuple[float, Ar
     """Largest n.N over the facets around ``marked`` local vertices, N outward, and where."""
     domain, dim, m = s.domain, s.dim, len(s.submesh.parent_facets)
     corners = s.vertices.dofmap.list[:m]
-    x = s.vertices.tabulate_dof_coordinates()[:, :dim]
+    # Without the round-off in them, so that the first of several places is the same everywhere.
+    x = _rounded(s.vertices.tabulate_dof_coordinates()[:, :dim])
     to_cells = domain.topology.connectivity(dim - 1, dim)
     inside = midpoints(domain, to_cells.array[to_cells.offsets[s.submesh.parent_facets]])
     edges = x[corners[:, 1:dim]] - x[corners[:, :1]]
@@ -227,5 +229,11 @@ def _facing(s: ContactSurface, marked: npt.NDArray[np.bool_]) -> tuple[float, Ar
     return value, np.array(place)
 
 
+def _rounded(x: Array) -> Array:
+    """Coordinates to nine digits of the largest."""
+    size = 10.0 ** np.ceil(np.log10(np.max(np.abs(x), initial=1e-300)))
+    return np.round(x / size, 9) * size + 0.0
+
+
 def _shown(x: npt.ArrayLike) -> str:
-    return "(" + ", ".join(f"{c:.6g}" for c in np.asarray(x)) + ")"
+    return "(" + ", ".join(f"{c:.6g}" for c in _rounded(np.asarray(x))) + ")"

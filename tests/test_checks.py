@@ -1,0 +1,354 @@
+"""What is to be doubted in a state, a mesh or an obstacle is measured and said."""
+
+import logging
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from blocks import CELLS, KINDS, block, box, facets
+
+import basix.ufl
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    Cylinder,
+    Frictionless,
+    HalfSpace,
+    LevelSet,
+    Sphere,
+    Tresca,
+)
+from dolfinx_contact.cells import check_cells
+from dolfinx_contact.checks import smallest_jacobian
+from dolfinx_contact.materials import LinearElastic, StVenantKirchhoff
+from dolfinx_contact.obstacles import Obstacle
+
+COMM = MPI.COMM_WORLD
+GHOSTS = list(mesh.GhostMode)[:2]
+
+
+def said(caplog, words):
+    """Warnings with these words: one on rank 0, none on other ranks. Their text on every rank."""
+    found = [r.getMessage() for r in caplog.records if words in r.getMessage()]
+    caplog.clear()
+    numbers = COMM.allgather(len(found))
+    assert numbers[0] <= 1
+    assert not any(numbers[1:])
+    return COMM.bcast(found[0] if found else "")
+
+
+@pytest.fixture
+def log(caplog):
+    caplog.set_level(logging.WARNING)
+    return caplog
+
+
+# -- curved obstacles ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("slide", [0.002, 0.2])
+@pytest.mark.parametrize("method", ["nodal", "mixed"])
+def test_sliding_on_a_disc_is_measured(method, slide, log):
+    """The distance to the disc where the closed points are now, from the displacement alone."""
+    centre, radius = np.array([0.4, -3.0]), 3.0
+    problem = block(
+        n=6, cell="quad", obstacle=Sphere(centre, radius), top=(slide, -0.02), method=method
+    )
+    result = problem.solve()
+    (s,), size = problem.surfaces, problem.body_size
+    n = s.num_owned_points
+    u = problem.u.x.array.reshape(-1, 2)[s.vertex_trace_dofs][:n]
+    x, closed = s.positions[:n], s.status.active[:n] > 0
+    true = np.linalg.norm(x + u - centre, axis=1) - radius
+    law = np.linalg.norm(x - centre, axis=1) - radius - np.sum(u * s.vertex_normals[:n], axis=1)
+    worst = COMM.allreduce(float(np.max(np.abs(true - law)[closed], initial=0.0)), op=max)
+    assert result.misfit == result.misfits["contact"] == result.summary()["misfit"]
+    assert result.misfit == pytest.approx(worst, rel=1e-9)
+    if method == "nodal":  # where the law has closed points on the disc
+        hanging = COMM.allreduce(float(np.max(true[closed], initial=0.0)), op=max)
+        assert result.misfit == pytest.approx(hanging, rel=1e-6)
+    message = said(log, "sliding is not small")
+    if slide < 0.1:
+        assert 0 < result.misfit < 1e-5 * size
+        assert not message
+    else:
+        assert result.misfit > 1e-3 * size
+        assert f"off by {worst:.3g}" in message
+        assert "away from" in message
+
+
+def test_misfit_of_other_obstacles(log):
+    """Zero where nothing curves; the same by a level set; by Gauss points; in 3D."""
+    dragged = {"n": 4, "cell": "tri", "top": (0.2, -0.02)}
+    assert block(**dragged).solve().misfit == 0.0
+    plane = LevelSet(lambda x: 3.0 * x[1])
+    assert 0 <= block(**dragged, obstacle=plane).solve().misfit < 1e-15
+    disc = block(**dragged, obstacle=Sphere((0.4, -3.0), 3.0)).solve().misfit
+    level = LevelSet(lambda x: ufl.sqrt((x[0] - 0.4) ** 2 + (x[1] + 3.0) ** 2) - 3.0)
+    assert disc > 1e-3
+    assert block(**dragged, obstacle=level).solve().misfit == pytest.approx(disc, rel=1e-9)
+    fine = block(**dragged, degree=2, obstacle=Sphere((0.4, -3.0), 3.0)).solve().misfit
+    assert fine == pytest.approx(disc, rel=0.1)
+    across = Cylinder((0.4, 0.0, -3.0), (0.0, 1.0, 0.0), 3.0)
+    solid = block(n=3, cell="hex", top=(0.2, 0.0, -0.02), obstacle=across).solve().misfit
+    assert solid == pytest.approx(disc, rel=0.2)
+    # Along its axis a cylinder is as flat as a plane.
+    along = Cylinder((0.0, 0.4, -3.0), (1.0, 0.0, 0.0), 3.0)
+    result = block(n=3, cell="hex", top=(0.2, 0.0, -0.02), obstacle=along, law=Coulomb(0.0))
+    assert result.solve().misfit < 0.05 * solid
+
+
+def test_open_points_in_the_obstacle_are_found(log):
+    """Dragged over the bump of a level set, points that the law has open are inside it."""
+    bump = LevelSet(lambda x: x[1] + 0.02 - 0.1 * ufl.exp(-(((x[0] - 1.6) / 0.2) ** 2)))
+    result = block(n=4, cell="tri", law=Frictionless(), top=(0.6, 0.0), obstacle=bump).solve()
+    assert result.counts["open"] == 5
+    assert result.misfit == pytest.approx(0.08, rel=0.01)
+    assert "inside the obstacle" in said(log, "sliding is not small")
+
+
+class Reference(Obstacle):
+    """A user's disc, known where the body is not displaced."""
+
+    def on(self, domain):
+        return Sphere((0.4, -3.0), 3.0).on(domain)
+
+
+class Turned(HalfSpace):
+    """A user's own plane, which says nothing of displaced points."""
+
+    def on(self, domain):
+        gap, normal = super().on(domain)
+        return 1.0 * gap, 1.0 * normal
+
+
+class Own(Obstacle):
+    def at(self, domain, x):
+        return Sphere((0.4, -3.0), 3.0).at(domain, x)
+
+
+def test_obstacles_of_users(log):
+    dragged = {"n": 4, "cell": "tri", "top": (0.2, -0.02)}
+    disc = block(**dragged, obstacle=Sphere((0.4, -3.0), 3.0)).solve()
+    log.clear()
+    result = block(**dragged, obstacle=Reference()).solve()
+    assert result.misfit is None
+    assert result.misfits == {"contact": None}
+    np.testing.assert_array_equal(result.tables["contact"].un, disc.tables["contact"].un)
+    assert not said(log, "sliding is not small")
+    assert block(**dragged, obstacle=Own()).solve().misfit == disc.misfit
+    assert block(**dragged, obstacle=Turned((0, 0), (0, 1))).solve().misfit == 0.0
+
+
+# -- det F ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize(("dim", "cell"), KINDS)
+def test_smallest_jacobian(dim, cell, degree):
+    """Of a homogeneous state everywhere; of one bad vertex, where it is; NaN of one value."""
+    problem = block(n=2, cell=cell, degree=degree)
+    G = np.array([[0.3, -0.2, 0.1], [0.1, -0.4, 0.2], [0.0, 0.3, 0.2]])[:dim, :dim]
+    problem.u.interpolate(lambda x: G @ x[:dim])
+    value, place = smallest_jacobian(problem)
+    np.testing.assert_allclose(value, np.linalg.det(np.eye(dim) + G), rtol=1e-12)
+    problem.u.x.array[:] = 0.0
+    corner = fem.locate_dofs_geometrical(problem.V, lambda x: np.isclose(x, 1.0)[:dim].all(axis=0))
+    problem.u.x.array.reshape(-1, dim)[corner] = -0.7
+    value, place = smallest_jacobian(problem)
+    assert value < 0
+    assert np.abs(place - 1.0).max() < 0.4
+    assert len({(value, *place) for value, place in COMM.allgather((value, place))}) == 1
+    problem.u.x.array.reshape(-1, dim)[corner] = np.nan
+    value, place = smallest_jacobian(problem)
+    assert np.isnan(value)
+    assert np.abs(place - 1.0).max() < 0.4
+
+
+def test_only_the_corner_is_inverted():
+    """A quadrilateral whose Gauss points are well: det F = 0 at 0.5, below that at its corner."""
+    problem = block(n=2, cell="quad")
+    corner = fem.locate_dofs_geometrical(problem.V, lambda x: (x[0] > 0.9) & (x[1] > 0.9))
+    problem.u.x.array.reshape(-1, 2)[corner] = -0.55 / 2
+    value, _ = smallest_jacobian(problem)
+    assert value == pytest.approx(-0.1, rel=1e-12)
+
+
+def test_an_inverted_solution_is_said(log):
+    """St Venant-Kirchhoff without lateral strain, pressed by 70 %, and through itself by 230 %."""
+    soft = StVenantKirchhoff(0.0, 400.0)
+    result = block(n=4, cell="tri", material=soft, top=(0.0, -0.7)).solve()
+    assert result.min_det_F == pytest.approx(0.3, rel=1e-9)
+    assert not said(log, "inside out")
+    problem = block(n=4, cell="tri", material=soft, top=(0.0, -2.3))
+    result = problem.solve()
+    assert result.min_det_F == pytest.approx(-1.3, rel=1e-9)
+    assert result.summary()["min_det_F"] == result.min_det_F
+    message = said(log, "inside out")
+    assert "det F = -1.3 in the cell at (" in message
+    assert block(n=4, cell="tri").solve().min_det_F is None
+
+
+# -- cells ---------------------------------------------------------------------------------------
+
+
+def with_vertex(domain, at, to):
+    """Move the vertex at one place to another."""
+    dim = len(at)
+    x = domain.geometry.x
+    x[np.isclose(x[:, :dim], at).all(axis=1), :dim] = to
+    return domain
+
+
+def strip(order):
+    """Four triangles in a row, on rank 0 in the given order; the third is empty."""
+    cells = np.array([[0, 1, 2], [1, 3, 2], [2, 3, 4], [3, 5, 4]], dtype=np.int64)[order]
+    x = np.array([[0, 0], [1, 0], [0, 1], [1, 1], [0.5, 1], [1, 2]], dtype=np.float64)
+    element = basix.ufl.element("Lagrange", "triangle", 1, shape=(2,))
+    if COMM.rank > 0:
+        cells, x = cells[:0], x[:0]
+    return mesh.create_mesh(COMM, cells=cells, x=x, e=ufl.Mesh(element))
+
+
+@pytest.mark.parametrize("order", [[0, 1, 2, 3], [2, 3, 1, 0], [3, 0, 1, 2]])
+def test_an_empty_cell_is_named(order):
+    """By its number in the input, on every rank, when a problem is made."""
+    domain = strip(order)
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    surface = ContactSurface(
+        u, facets(domain, 1, 0.0), obstacle=HalfSpace((0, 0), (0, 1)), law=Coulomb(0.3)
+    )
+    energy = LinearElastic.from_young(1.0, 0.3).energy(u) * ufl.dx
+    with pytest.raises(ValueError, match="1 cell has no volume") as info:
+        ContactProblem(energy, u, [surface])
+    assert f"cell {order.index(2)} (in the order of the input), at (0.5, 1)" in str(info.value)
+    assert len(set(COMM.allgather(str(info.value)))) == 1
+
+
+@pytest.mark.parametrize("ghost_mode", GHOSTS, ids=str)
+@pytest.mark.parametrize(("dim", "cell"), KINDS)
+def test_empty_and_inverted_cells(dim, cell, ghost_mode, log):
+    """A vertex moved on to its neighbours' face, and through it; good meshes are left in peace."""
+    n, middle = 4, np.full(dim, 0.5)
+    domain = box(COMM, n, cell, ghost_mode=ghost_mode)
+    check_cells(domain)
+    check_cells(with_vertex(domain, middle, middle + 0.05))
+    assert not log.records
+    through = middle + np.eye(dim)[0] * 0.35
+    check_cells(with_vertex(domain, middle + 0.05, through))
+    message = said(log, "folded" if cell in ("tri", "tet") else "inverted in part")
+    place = np.array([float(c) for c in message.split("at (")[1].split(")")[0].split(",")])
+    assert np.abs(place - through).max() < 0.4
+    # On the neighbour: what lies between is empty, of quadrilaterals only an edge.
+    check = with_vertex(domain, through, middle + np.eye(dim)[0] / n)
+    if cell in ("tri", "tet"):
+        with pytest.raises(ValueError, match=r"cells have no volume: cell \d+") as info:
+            check_cells(check)
+        assert len(set(COMM.allgather(str(info.value)))) == 1
+    else:
+        check_cells(check)
+    assert not said(log, "inverted in part")
+
+
+@pytest.mark.parametrize(("dim", "cell"), KINDS)
+def test_thin_cells_far_away_are_cells(dim, cell, log):
+    domain = box(COMM, 3, cell)
+    domain.geometry.x[:, 0] *= 1e-6
+    check_cells(domain)
+    domain.geometry.x[:, :dim] += 1e4
+    check_cells(domain)
+    # As thin as the coordinates there are exact.
+    domain.geometry.x[:, 0] = 1e4
+    with pytest.raises(ValueError, match="no volume"):
+        check_cells(domain)
+    assert not log.records
+
+
+@pytest.mark.parametrize("ghost_mode", GHOSTS, ids=str)
+def test_a_sheared_mesh_of_every_orientation(ghost_mode, log):
+    """Reflections turn all cells over, and fold nothing."""
+    for cell in CELLS:
+        domain = box(COMM, 3, cell, ghost_mode=ghost_mode)
+        domain.geometry.x[:, 0] *= -1
+        domain.geometry.x[:, 0] += 0.8 * domain.geometry.x[:, 1]
+        check_cells(domain)
+    assert not log.records
+
+
+# -- obstacles -----------------------------------------------------------------------------------
+
+
+def test_friction_without_contact(log):
+    far = HalfSpace((0, -20), (0, 1))
+    block(n=2, cell="tri", law=Tresca(1.0), obstacle=far)
+    message = said(log, "Tresca")
+    assert "20 away" in message
+    for quiet in (
+        {"law": Tresca(1.0), "obstacle": HalfSpace((0, -5), (0, 1))},
+        {"law": Tresca(0.0), "obstacle": far},
+        {"law": Coulomb(1.0), "obstacle": far},
+    ):
+        block(n=2, cell="tri", **quiet)
+    assert not log.records
+
+
+WHOLE = {"where": lambda d: mesh.exterior_facet_indices(d.topology)}
+#: Obstacles on the wrong side of the unit square or cube, and the place where that shows.
+WRONG = {
+    "floor reversed": ("tri", {"obstacle": HalfSpace((0, -0.1), (0, -1))}, "(0, 0)"),
+    "floor reversed, 3D": ("tet", {"obstacle": HalfSpace((0, 0, 0), (0, 0, -1))}, "(0, 0, 0)"),
+    "disc inside": ("tri", {"obstacle": Sphere((0.5, 0.3), 0.2)}, "(0.5, 0)"),
+    "ball inside": ("hex", {"obstacle": Sphere((0.5, 0.5, 0.3), 0.1)}, "(0.5, 0.5, 0)"),
+    "disc inside, all in contact": ("quad", {"obstacle": Sphere((0.5, 0.3), 0.2), **WHOLE}, "0)"),
+}
+#: Obstacles that are where they should be.
+RIGHT = {
+    "floor": ("tri", {}),
+    "floor below": ("tet", {"obstacle": HalfSpace((0, 0, -3.0), (0, 0, 1))}),
+    "steep plane": ("quad", {"obstacle": HalfSpace((0, 0), (0.9, 0.4))}),
+    "disc below": ("tri", {"obstacle": Sphere((0.4, -3.0), 3.0)}),
+    "small disc in the body": ("tri", {"obstacle": Sphere((0.5, -0.05), 0.2)}),
+    "floor high in the body": ("tri", {"obstacle": HalfSpace((0, 0.3), (0, 1))}),
+    "all of the surface": ("tri", WHOLE),
+    "all of it, deep in the floor": ("quad", {"obstacle": HalfSpace((0, 0.8), (0, 1)), **WHOLE}),
+    "all of it over a ball": ("tet", {"obstacle": Sphere((0.5, 0.5, -1.0), 1.0), **WHOLE}),
+    "inside of a ring": ("tri", {"obstacle": LevelSet(lambda x: 2 - ufl.sqrt(ufl.dot(x, x)))}),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_obstacle_on_the_wrong_side(name, log):
+    cell, options, place = WRONG[name]
+    block(n=4, cell=cell, **options)
+    message = said(log, "wrong side")
+    assert f"{place}, the contact normal" in message
+
+
+@pytest.mark.parametrize("name", RIGHT)
+def test_obstacle_on_the_right_side(name, log):
+    cell, options = RIGHT[name]
+    block(n=4, cell=cell, **options)
+    assert not log.records
+
+
+def test_reversed_floor_under_a_round_foot(log):
+    """The points deepest in it are the rims of the foot, which face neither way."""
+    domain = box(COMM, 8, "tri")
+    x = domain.geometry.x
+    x[:, 1] += (1 - x[:, 1]) * (1 - np.sqrt(1 - (0.999 * (2 * x[:, 0] - 1)) ** 2))
+    below = mesh.locate_entities_boundary(
+        domain,
+        1,
+        lambda x: np.isclose(x[1], 1 - np.sqrt(1 - (0.999 * (2 * x[0] - 1)) ** 2), atol=1e-9),
+    )
+    for normal, wrong in (((0, 1), False), ((0, -1), True)):
+        floor = HalfSpace((0, 0), normal)
+        block(domain=domain, where=lambda d: below, obstacle=floor)
+        message = said(log, "wrong side")
+        assert ("at (0.5, 0), " in message) == wrong

@@ -1,0 +1,218 @@
+"""Contact and support apart: resultants, the balance of forces, tables and fields."""
+
+import csv
+import logging
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from blocks import KINDS, block, box, facets
+
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, Frictionless, HalfSpace
+from dolfinx_contact.materials import LinearElastic, NeoHookean
+from dolfinx_contact.output import write_contact_table
+from dolfinx_contact.output.fields import contact_fields
+from dolfinx_contact.result import collect
+
+COMM = MPI.COMM_WORLD
+STEEL = LinearElastic.from_young(1000.0, 0.3)
+
+
+def floor(dim):
+    return HalfSpace(np.zeros(dim), np.eye(dim)[-1])
+
+
+def total(problem, integrand):
+    """Integral of a scalar over all ranks."""
+    return COMM.allreduce(fem.assemble_scalar(fem.form(integrand)))
+
+
+def arch(n, degree, lift=0.01):
+    """A body clamped on its left side, whose foot there is ``lift`` above the floor, pressed down.
+
+    The underside falls to the right: the clamped contact node stays open.
+    """
+    domain = box(COMM, n, "tri")
+    x = domain.geometry.x
+    x[:, 1] += lift * (1 - x[:, 0]) * (1 - x[:, 1])
+    V = fem.functionspace(domain, ("Lagrange", degree, (2,)))
+    u = fem.Function(V)
+    held = fem.locate_dofs_topological(V, 1, facets(domain, 0, 0.0))
+    below = mesh.locate_entities_boundary(domain, 1, lambda x: x[1] < lift * (1 - x[0]) + 1e-9)
+    surface = ContactSurface(u, below, obstacle=floor(2), law=Coulomb(0.3))
+    load = fem.Constant(domain, (0.0, -20.0))
+    energy = STEEL.energy(u) * ufl.dx - ufl.dot(load, u) * ufl.dx
+    clamp = fem.dirichletbc(np.array([0.004, 0.0]), held, V)
+    return ContactProblem(energy, u, [surface], bcs=[clamp])
+
+
+def test_contact_of_an_arch_in_two_discretisations():
+    """P1 at nodes and P2 at Gauss points agree on contact; support holds much of the load."""
+    result, other = arch(24, 1).solve(), arch(12, 2).solve()
+    contact, fine = result.resultants["contact"], other.resultants["contact"]
+    assert result.counts["clamped"] == 1
+    np.testing.assert_allclose(contact, fine, rtol=0.03)
+    np.testing.assert_allclose(result.support, other.support, atol=0.03 * fine[1])
+    # 1 x 1 with the wedge below taken off, times 20.
+    for r in (result, other):
+        np.testing.assert_allclose(r.external, (0.0, -20 * 0.995), atol=1e-12)
+        assert r.imbalance < 1e-9
+    # The clamped node is open, and what holds it is not contact.
+    table = result.tables["contact"]
+    assert table.letters[0] == "d"
+    assert table.un[0] > 0.009
+    assert np.linalg.norm(table.support[0]) > 0.01 * fine[1]
+    assert not table.force[0].any()
+    assert table.pressure[0] == table.rn[0] == 0.0
+
+
+def test_work_of_friction_is_that_of_contact():
+    """The clamped node moves by 0.004 against its support, which is no friction."""
+    problem = arch(12, 1, lift=0.0)
+    result = problem.solve()
+    table = result.tables["contact"]
+    free = table.letters != "d"
+    work = -np.sum(table.rt[free] * table.ut[free])
+    assert result.energies["friction"] == pytest.approx(work, rel=1e-12)
+    assert work > 0
+    support = -np.sum((table.support * table.ut)[:, 0])
+    assert abs(support) > 0.1 * work
+
+
+@pytest.mark.parametrize("material", ["linear", "neo-Hookean"])
+@pytest.mark.parametrize(("dim", "cell"), KINDS)
+def test_balance_of_all_forces(dim, cell, material):
+    """Body force, traction, clamped and half-fixed nodes: contact + support + external = 0."""
+    domain = box(COMM, 4 if dim == 2 else 2, cell)
+    V = fem.functionspace(domain, ("Lagrange", 1, (dim,)))
+    u, x = fem.Function(V), ufl.SpatialCoordinate(domain)
+    law = STEEL if material == "linear" else NeoHookean(600.0, 400.0)
+    body = fem.Constant(domain, (3.0, -40.0) if dim == 2 else (3.0, 2.0, -40.0))
+    pull = fem.Constant(domain, (5.0, -10.0) if dim == 2 else (5.0, -4.0, -10.0))
+    right = facets(domain, 0, 1.0)
+    ds = ufl.Measure("ds", domain, subdomain_data=mesh.meshtags(domain, dim - 1, np.sort(right), 1))
+    energy = law.energy(u) * ufl.dx - ufl.dot(body, u) * ufl.dx - x[0] * ufl.dot(pull, u) * ds(1)
+    left = facets(domain, 0, 0.0)
+    symmetry = fem.dirichletbc(0.0, fem.locate_dofs_topological(V.sub(0), dim - 1, left), V.sub(0))
+    edge = fem.locate_dofs_geometrical(V, lambda x: np.isclose(x[0], 1) & np.isclose(x[dim - 1], 1))
+    held = fem.dirichletbc(np.full(dim, 0.001), edge, V)
+    surface = ContactSurface(u, facets(domain, dim - 1, 0.0), obstacle=floor(dim), law=Coulomb(0.2))
+    problem = ContactProblem(
+        energy, u, [surface], bcs=[symmetry, held], petsc_options={"snes_rtol": 1e-12}
+    )
+    result = problem.solve()
+    contact, table = result.resultants["contact"], result.tables["contact"]
+    np.testing.assert_allclose(result.external, body.value + pull.value, rtol=1e-12)
+    size = np.linalg.norm(contact) + np.linalg.norm(result.support)
+    assert np.linalg.norm(contact + result.support + result.external) < 1e-9 * size
+    assert result.imbalance < 1e-9
+    # On the symmetry plane the normal multiplier is contact, the x component support.
+    on_plane = np.isclose(table.x[:, 0], 0.0)
+    assert not (table.letters[on_plane] == "d").any()
+    assert table.rn[on_plane].min() > 0
+    assert np.abs(table.force[on_plane, 0]).max() < 1e-12 * size
+    assert np.abs(table.support[on_plane, 0]).min() > 1e-4 * size
+    assert not table.support[on_plane, 1:].any()
+    assert not table.support[~on_plane].any()
+    summary = result.summary()
+    for k, axis in enumerate("xyz"[:dim]):
+        assert summary[f"support_{axis}"] == result.support[k]
+        assert summary[f"external_{axis}"] == result.external[k]
+    assert summary["force_imbalance"] == result.imbalance
+    assert ("support_z" in summary) == (dim == 3)
+
+
+@pytest.mark.parametrize(("degree", "method"), [(1, "nodal"), (1, "mixed"), (2, "integral")])
+def test_pressed_block_in_closed_form(degree, method):
+    """A pressure of 3 on a block of width 1 without lateral strain: contact 3, support 0."""
+    domain = box(COMM, 4, "tri")
+    V = fem.functionspace(domain, ("Lagrange", degree, (2,)))
+    u, p = fem.Function(V), fem.Constant(domain, 3.0)
+    top = mesh.meshtags(domain, 1, np.sort(facets(domain, 1, 1.0)), 1)
+    ds = ufl.Measure("ds", domain, subdomain_data=top)
+    energy = LinearElastic.from_young(1000.0, 0.0).energy(u) * ufl.dx + p * u[1] * ds(1)
+    left = fem.locate_dofs_topological(V.sub(0), 1, facets(domain, 0, 0.0))
+    surface = ContactSurface(
+        u, facets(domain, 1, 0.0), obstacle=floor(2), law=Frictionless(), method=method
+    )
+    problem = ContactProblem(energy, u, [surface], bcs=[fem.dirichletbc(0.0, left, V.sub(0))])
+    result = problem.solve()
+    np.testing.assert_allclose(result.resultants["contact"], (0.0, 3.0), atol=1e-10)
+    np.testing.assert_allclose(result.support, 0.0, atol=1e-10)
+    np.testing.assert_allclose(result.external, (0.0, -3.0), atol=1e-12)
+    np.testing.assert_allclose(result.tables["contact"].pressure, 3.0, rtol=1e-9)
+
+
+def test_an_imbalance_is_measured_and_said(caplog):
+    """Contact forces that are not those of the solution are found out."""
+    problem = block(n=4, cell="tri")
+    assert problem.solve().imbalance < 1e-9
+    assert not caplog.records
+    problem.surfaces[0].multiplier.x.array[:] *= 1.1
+    x = problem.create_vector()
+    problem.write(x)
+    with caplog.at_level(logging.WARNING), problem.status_held():
+        result = collect(problem, x, [])
+    x.destroy()
+    # The support is that of a body with these contact forces; free nodes are out of balance.
+    assert 0.01 < result.imbalance < 0.1
+    said = [r for r in caplog.records if "out of balance" in r.getMessage()]
+    assert len(said) == (COMM.rank == 0)
+
+
+def test_support_in_the_contact_table(folder):
+    table = arch(12, 1).solve().tables["contact"]
+    write_contact_table(COMM, folder, [table])
+    with open(folder / "contact.csv") as stream:
+        rows = list(csv.DictReader(stream))
+    assert list(rows[0])[-4:] == ["status", "support_x", "support_y", "support_z"]
+    assert [r["status"] for r in rows] == list(table.letters)
+    clamped, rest = rows[0], rows[1:]
+    assert clamped["status"] == "d"
+    for key in ("rn", "rt", "rt_x", "rt_y", "pressure", "shear"):
+        assert clamped[key] == "0.0"
+    assert float(clamped["support_x"]) == table.support[0, 0] != 0.0
+    assert float(clamped["support_y"]) == table.support[0, 1] != 0.0
+    assert all(float(r[f"support_{axis}"]) == 0.0 for r in rest for axis in "xyz")
+    assert sum(float(r["rn"]) for r in rest) > 1.0
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_support_as_a_field(degree):
+    """Force per area at the vertices, of all nodes of the surface: also of those between them."""
+    domain = box(COMM, 2, "tet")
+    V = fem.functionspace(domain, ("Lagrange", degree, (3,)))
+    u = fem.Function(V)
+    held = fem.locate_dofs_topological(V, 2, facets(domain, 0, 0.0))
+    load = fem.Constant(domain, (0.0, 0.0, -20.0))
+    surface = ContactSurface(u, facets(domain, 2, 0.0), obstacle=floor(3), law=Coulomb(0.3))
+    problem = ContactProblem(
+        STEEL.energy(u) * ufl.dx - ufl.dot(load, u) * ufl.dx,
+        u,
+        [surface],
+        bcs=[fem.dirichletbc(np.array([0.001, 0.0, 0.0]), held, V)],
+    )
+    problem.solve()
+    fields = contact_fields(problem, surface)
+    support = fields["support"].x.array.reshape(-1, 3)
+    n = surface.vertices.dofmap.index_map.size_local
+    found = COMM.allreduce((support * surface.vertex_areas[:, None])[:n].sum(axis=0))
+    below = fem.locate_dofs_geometrical(V, lambda x: np.isclose(x[0], 0) & np.isclose(x[2], 0))
+    owned = below[below < V.dofmap.index_map.size_local]
+    rows = problem.reactions.reshape(-1, 3)[owned]
+    expected = COMM.allreduce(rows.sum(axis=0))
+    np.testing.assert_allclose(found, expected, rtol=1e-10)
+    assert np.linalg.norm(expected) > 1.0
+    x = surface.vertices.tabulate_dof_coordinates()
+    assert not support[x[:, 0] > 1e-9].any()
+    held = x[:n, 0] < 1e-9
+    assert COMM.allreduce(int((np.abs(support[:n][held, 2]) > 1e-3).sum())) == 3
+    if degree == 1:
+        clamped = fields["status"].x.array == 3
+        np.testing.assert_array_equal(clamped, x[:, 0] < 1e-9)
+        assert not fields["traction"].x.array.reshape(-1, 3)[clamped].any()
+        assert not fields["pressure"].x.array[clamped].any()
