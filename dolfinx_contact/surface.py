@@ -116,6 +116,16 @@ class ContactSurface:
             bound = self.law.bound(ufl.SpatialCoordinate(domain)[0])  # any pressure will do
             for what, expression in (("law", bound), ("obstacle", self.gap)):
                 refuse_other_mesh(expression, domain, f"{name}: the {what}")
+            #: Functions of the user in law and obstacle.
+            self._data = sorted(
+                {
+                    f
+                    for e in (bound, self.gap, self.normal)
+                    for f in ufl.algorithms.extract_coefficients(e)
+                    if f is not u
+                },
+                key=lambda f: f.count(),
+            )
         same_everywhere(self.comm, name=name)
         same_everywhere(
             self.comm,
@@ -204,7 +214,12 @@ class ContactSurface:
         self.update_geometry()
 
     def update_geometry(self) -> None:
-        """Evaluate gap and normal at the vertices anew, after an obstacle has moved. Collective."""
+        """Evaluate gap and normal at the vertices anew, after an obstacle has moved. Collective.
+
+        The ghosts of Functions in law and obstacle follow their owners.
+        """
+        for f in self._data:
+            f.x.scatter_forward()
         self.vertex_gaps, self.vertex_normals = self._geometry()
 
     # -- forms -----------------------------------------------------------------------------------

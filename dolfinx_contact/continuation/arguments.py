@@ -145,8 +145,13 @@ def asked(
 
 
 def told(comm: MPI.Comm, observer: Observer | None) -> Observer:
-    """The observer, whose exceptions on one rank are raised on every rank."""
-    return Observer() if observer is None else _Told(comm, observer)
+    """The observer, whose exceptions on one rank are raised on every rank. Collective.
+
+    Ranks without one, beside others with one, have one that does nothing.
+    """
+    anywhere = comm.allreduce(int(observer is not None))
+    observer = Observer() if observer is None else observer
+    return _Told(comm, observer) if anywhere else observer
 
 
 class _Told(Observer):

@@ -49,13 +49,16 @@ class Newton:
         monitor: Callable[[Step], None] | None,
     ):
         self.problem, self.monitor = problem, monitor
+        # A monitor may be on one rank alone, as one that prints.
+        self._monitored = bool(problem.comm.allreduce(int(monitor is not None)))
         self._full_steps = line_search == "none"
         self.load = 1.0
         self.scales = Scales(problem)
         self.linear = problem.linear_solver
         defaults = {**_DEFAULTS, **self.linear.defaults, "snes_linesearch_type": line_search}
         self.options = {**defaults, **problem.petsc_options}
-        check_options(problem.prefix, problem.petsc_options)
+        with everywhere(problem.comm, "PETSc options"):
+            check_options(problem.prefix, problem.petsc_options)
         self.offset = problem.create_vector()  # H(x_0), for load increments
         self._after = [self.offset.duplicate() for _ in range(3)]  # a step, residual, correction
         self._create()
@@ -194,9 +197,10 @@ class Newton:
         step = Step(it, measures, flips, self.load, krylov)
         self.attempt.steps.append(step)
         logger.info("%s: %s", self.attempt.strategy, step)
-        if self.monitor is not None:
+        if self._monitored:
             with everywhere(problem.comm, "the monitor"):
-                self.monitor(step)
+                if self.monitor is not None:
+                    self.monitor(step)
         if not np.isfinite(measures.worst):
             self.attempt.reason = "the residual is not finite"
             return int(_STOPPED)
