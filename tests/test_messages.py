@@ -266,15 +266,14 @@ def test_back_to_no_force_at_all():
 def test_ghosts_of_a_friction_field_follow_their_owners():
     """Values that were set where they are owned alone: no rank computes with others."""
     domain = box(COMM, 3, "tri")  # on two ranks, contact nodes of one are ghosts of the other
-    tables = []
-    for scatter in (True, False):
-        F = fem.Function(fem.functionspace(domain, ("Lagrange", 1)))
-        n = F.function_space.dofmap.index_map.size_local
-        F.x.array[:n] = 0.2 + 0.2 * F.function_space.tabulate_dof_coordinates()[:n, 0]
-        if scatter:
-            F.x.scatter_forward()
-        tables.append(block(domain=domain, law=Coulomb(F)).solve().tables["contact"])
-    np.testing.assert_allclose(tables[1].force, tables[0].force, rtol=1e-12)
+    F = fem.Function(fem.functionspace(domain, ("Lagrange", 1)))
+    n = F.function_space.dofmap.index_map.size_local
+    F.x.array[:n] = 0.2 + 0.2 * F.function_space.tabulate_dof_coordinates()[:n, 0]
+    (s,) = block(domain=domain, law=Coulomb(F)).surfaces
+    np.testing.assert_allclose(s.friction_slope(), 0.2 + 0.2 * s.positions[:, 0], rtol=1e-12)
+    F.x.array[:n] *= 2
+    s.update_geometry()
+    np.testing.assert_allclose(s.friction_slope(), 0.4 + 0.4 * s.positions[:, 0], rtol=1e-12)
 
 
 def test_numbers_of_numpy_are_numbers():
