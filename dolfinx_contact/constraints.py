@@ -102,6 +102,7 @@ class Constraints:
             held = np.asarray(np.where(np.isfinite(mine), mine, held))
         size = comm.allreduce(np.nanmax(np.abs(held), initial=0.0), op=max)
         x = V.tabulate_dof_coordinates()[:, : V.mesh.geometry.dim]
+        x = np.where(np.abs(x) <= 1e-12 * np.abs(x).max(initial=0.0), 0.0, x)
         for old, new in before:
             differs = np.abs(old[:n] - new[:n]) > _CONTRADICTION * size  # NaN where one is free
             found += [

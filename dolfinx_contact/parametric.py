@@ -9,6 +9,7 @@ by gamma is exact, by UFL.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 from petsc4py import PETSc
@@ -138,6 +139,21 @@ class ParametricContact:
             result = collect(self.problem, x, [])
         x.destroy()
         return result
+
+    @contextmanager
+    def restored(self) -> Iterator[None]:
+        """Put Functions, statuses, gamma and Dirichlet data back if the context raises."""
+        functions = [*self.problem.fields, *(d.function for d in self._driven)]
+        before, statuses = [f.x.array.copy() for f in functions], self.problem.statuses
+        gamma = self.constant.value.copy()
+        try:
+            yield
+        except BaseException:
+            for f, values in zip(functions, before, strict=True):
+                f.x.array[:] = values
+            self.problem.statuses = statuses
+            self.constant.value = gamma
+            raise
 
     @property
     def scales(self) -> tuple[float, float]:

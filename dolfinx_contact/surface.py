@@ -116,9 +116,19 @@ class ContactSurface:
             self.law = law.bind(domain)
             self.obstacle = obstacle
             self.gap, self.normal = obstacle.on(domain)
-            bound = self.law.bound(fem.Constant(domain, 1.0))
+            bound = self.law.bound(ufl.SpatialCoordinate(domain)[0])  # any pressure will do
             for what, expression in (("law", bound), ("obstacle", self.gap)):
                 refuse_other_mesh(expression, domain, f"{name}: the {what}")
+            #: Functions of the user in law and obstacle.
+            self._data = sorted(
+                {
+                    f
+                    for e in (bound, self.gap, self.normal)
+                    for f in ufl.algorithms.extract_coefficients(e)
+                    if f is not u
+                },
+                key=lambda f: f.count(),
+            )
         same_everywhere(self.comm, name=name)
         same_everywhere(
             self.comm,
@@ -211,8 +221,11 @@ class ContactSurface:
         """Evaluate gap and normal at the vertices anew, after an obstacle has moved. Collective.
 
         `ContactProblem.solve` does it by itself, so that only what is looked at without a solve
-        (tables, pictures, ``vertex_gaps``) needs it.
+        (tables, pictures, ``vertex_gaps``) needs it. The ghosts of Functions in law and obstacle
+        follow their owners.
         """
+        for f in self._data:
+            f.x.scatter_forward()
         self.vertex_gaps, self.vertex_normals = self._geometry()
 
     # -- forms -----------------------------------------------------------------------------------

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
 from mpi4py import MPI
@@ -29,6 +30,7 @@ __all__ = [
     "check_system",
     "checked_gamma",
     "checked_range",
+    "restoring",
     "told",
 ]
 
@@ -39,7 +41,9 @@ _ROUND_OFF = 1e-12  # of gamma: a range below it is a point
 
 def check_system(system: Any) -> None:
     """Raise ``ValueError`` if ``system`` is none. Not collective."""
-    if not all(hasattr(type(system), name) or name in vars(system) for name in _NEEDED):
+    if not all(
+        hasattr(type(system), name) or name in getattr(system, "__dict__", {}) for name in _NEEDED
+    ):
         raise ValueError(
             "what is followed must be a System, such as a ParametricContact of a contact problem "
             f"and its parameter; got {type(system).__name__}"
@@ -113,6 +117,12 @@ def check_listeners(
         raise ValueError(f"the budget of steps must be positive, got {max_steps!r}")
 
 
+def restoring(system: System) -> AbstractContextManager[None]:
+    """Puts back what a system writes to if the context raises, where it has `restored`."""
+    restored: Callable[[], AbstractContextManager[None]] = getattr(system, "restored", nullcontext)
+    return restored()
+
+
 def asked(
     comm: MPI.Comm, stop: Stop | None, point: BranchPoint, special: Sequence[SpecialPoint]
 ) -> str:
@@ -135,8 +145,13 @@ def asked(
 
 
 def told(comm: MPI.Comm, observer: Observer | None) -> Observer:
-    """The observer, whose exceptions on one rank are raised on every rank."""
-    return Observer() if observer is None else _Told(comm, observer)
+    """The observer, whose exceptions on one rank are raised on every rank. Collective.
+
+    Ranks without one, beside others with one, have one that does nothing.
+    """
+    anywhere = comm.allreduce(int(observer is not None))
+    observer = Observer() if observer is None else observer
+    return _Told(comm, observer) if anywhere else observer
 
 
 class _Told(Observer):

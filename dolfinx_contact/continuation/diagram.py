@@ -23,6 +23,7 @@ from dolfinx_contact.continuation.arguments import (
     check_system,
     checked_gamma,
     checked_range,
+    restoring,
 )
 from dolfinx_contact.continuation.branch import Branch, BranchPoint, Ray, SpecialPoint
 from dolfinx_contact.continuation.follow import Follower, Route, follower_for
@@ -155,7 +156,10 @@ def explore(
     )
     check_states(system, [x for x, _ in pairs], "a start")
     scale = high - low
-    with follower_for(system, *pairs[0], control, gamma_scale=scale, route=route) as follower:
+    with (
+        restoring(system),
+        follower_for(system, *pairs[0], control, gamma_scale=scale, route=route) as follower,
+    ):
         explorer = _Explorer(follower, (low, high), max_steps, observer)
         explorer.run(pairs, max_branches, max_seconds)
         return explorer.diagram

@@ -25,6 +25,7 @@ from dolfinx_contact.continuation.arguments import (
     check_system,
     checked_gamma,
     checked_range,
+    restoring,
     told,
 )
 from dolfinx_contact.continuation.batch import BatchedSteps, Locate
@@ -104,7 +105,10 @@ def follow(
     )
     check_states(system, [x], "x")
     scale = high - low
-    with follower_for(system, x, gamma, control, gamma_scale=scale, route=route) as follower:
+    with (
+        restoring(system),
+        follower_for(system, x, gamma, control, gamma_scale=scale, route=route) as follower,
+    ):
         start = follower.start(x, gamma, increasing=increasing)
         return follower.run(start, (low, high), max_steps=max_steps, observer=observer, stop=stop)
 

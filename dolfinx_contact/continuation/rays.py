@@ -103,8 +103,8 @@ def outgoing(
     if pieces <= _MOST_PIECES:
         found, complete, method = list(known), True, f"enumeration of {pieces:.0f} pieces"
         try:
-            for ray in _enumerate(cone, choices):
-                found.append(ray)
+            with np.errstate(over="ignore", invalid="ignore"):
+                found += _enumerate(cone, choices)
         except OverflowError:
             complete, method = False, f"{method}, which overflowed"
         return Rays(tuple(_distinct(found)), complete, method)

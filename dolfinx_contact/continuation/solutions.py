@@ -27,7 +27,12 @@ from petsc4py import PETSc
 import numpy as np
 
 from dolfinx_contact._errors import everywhere, same_everywhere
-from dolfinx_contact.continuation.arguments import check_states, check_system, checked_gamma
+from dolfinx_contact.continuation.arguments import (
+    check_states,
+    check_system,
+    checked_gamma,
+    restoring,
+)
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.rays import outgoing
 from dolfinx_contact.continuation.system import (
@@ -120,10 +125,11 @@ def find_solutions(
     check_states(system, known, "a known solution")
     affine = None if deflation else as_condensable(system)
     if affine is not None and affine.is_piecewise_affine:
-        found = _of_cones(affine, guesses[0], gamma)
+        with restoring(system):
+            found = _of_cones(affine, guesses[0], gamma)
         if found is not None:
             return found
-    with _Deflated(system, gamma, max_iterations, tolerance) as deflated:
+    with restoring(system), _Deflated(system, gamma, max_iterations, tolerance) as deflated:
         solutions = [x.copy() for x in known]
         runs, fruitless = 0, False
         while not fruitless:

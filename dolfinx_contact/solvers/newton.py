@@ -24,7 +24,7 @@ from dolfinx_contact._settling import ROUNDS, settle
 from dolfinx_contact.laws import Status
 from dolfinx_contact.solvers.errors import FloatingBodyError, LinearSolverError
 from dolfinx_contact.solvers.history import Attempt, Step
-from dolfinx_contact.solvers.measures import Scales
+from dolfinx_contact.solvers.measures import Measures, Scales
 
 if TYPE_CHECKING:
     from dolfinx_contact.problem import ContactProblem
@@ -49,13 +49,16 @@ class Newton:
         monitor: Callable[[Step], None] | None,
     ):
         self.problem, self.monitor = problem, monitor
+        # A monitor may be on one rank alone, as one that prints.
+        self._monitored = bool(problem.comm.allreduce(int(monitor is not None)))
         self._full_steps = line_search == "none"
         self.load = 1.0
         self.scales = Scales(problem)
         self.linear = problem.linear_solver
         defaults = {**_DEFAULTS, **self.linear.defaults, "snes_linesearch_type": line_search}
         self.options = {**defaults, **problem.petsc_options}
-        check_options(problem.prefix, problem.petsc_options)
+        with everywhere(problem.comm, "PETSc options"):
+            check_options(problem.prefix, problem.petsc_options)
         self.offset = problem.create_vector()  # of which 1 - load is left out
         self._after = [self.offset.duplicate() for _ in range(3)]  # a step, residual, correction
         self._create()
@@ -183,7 +186,7 @@ class Newton:
 
     def _test(self, snes: PETSc.SNES, it: int, _norms: tuple[float, float, float]) -> int:
         problem = self.problem
-        measures = self.scales.measure(snes.getFunction()[0])
+        measures = self._measure(snes.getFunction()[0], snes.getTolerances()[0])
         statuses = problem.statuses
         flips = 0
         if self._history:
@@ -198,9 +201,10 @@ class Newton:
         self.attempt.steps.append(step)
         if problem.comm.rank == 0:
             logger.info("%s, %s", self.attempt.strategy, step)
-        if self.monitor is not None:
+        if self._monitored:
             with everywhere(problem.comm, "the monitor"):
-                self.monitor(step)
+                if self.monitor is not None:
+                    self.monitor(step)
         if not np.isfinite(measures.worst):
             self.attempt.reason = "the residual is not finite"
             return int(_STOPPED)
@@ -226,6 +230,22 @@ class Newton:
         if it == 0:
             self._guess()
         return int(_STOPPED) if self._floats() else 0
+
+    def _measure(self, b: PETSc.Vec, tolerance: float) -> Measures:
+        """Measures of the residual ``b``. Collective.
+
+        The scales remember the forces and lengths of the start. Where those of a state that looks
+        converged are a million times smaller, the state is judged by its own from now on: beside
+        a start far away everything is small.
+        """
+        measures = self.scales.measure(b)
+        if measures.worst <= tolerance:
+            own, then = Scales(self.problem), self.scales
+            judged = own.measure(b)
+            far = then.force > _FAR * own.force or then.length > _FAR * own.length
+            if far and own.length > _AT_REST * self.problem.body_size:
+                self.scales, measures, self._history = own, judged, []
+        return measures
 
     def _guess(self) -> None:
         """Let what is expected to close stick in the first step, where that is more than what does.
@@ -288,6 +308,8 @@ class Newton:
         return names.get(reason, str(reason))
 
 
+_FAR = 1e6  # scales of the start over those of a state beside which it does not count any more
+_AT_REST = 1e-12  # of the size of the body: displacements that are round-off
 _STOPPED = PETSc.SNES.ConvergedReason.DIVERGED_LOCAL_MIN
 _LINEAR = PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE
 _NOT_A_NUMBER = PETSc.SNES.ConvergedReason.DIVERGED_FNORM_NAN
