@@ -9,12 +9,12 @@ PYTEST = python3 -m pytest --color=no tests
 .PHONY: help demo test test-long lint clean
 
 help:
-	@echo "make demo   all branches of a triangle on a floor, and a body dragged over one, on two"
-	@echo "            ranks; pictures in OUTPUT=$$OUTPUT"
-	@echo "make test   lint, types, and the tests on one, two and three ranks"
+	@echo "make demo       all branches of a triangle on a floor, and a body dragged over one, on two"
+	@echo "                ranks; pictures in OUTPUT=$$OUTPUT"
+	@echo "make test       lint, types, and the tests on one, two and three ranks"
 	@echo "make test-long  the tests that take long, on one and two ranks"
-	@echo "make lint   ruff and mypy alone"
-	@echo "make clean  remove what demos, tests and tools wrote"
+	@echo "make lint       ruff and mypy alone"
+	@echo "make clean      remove what demos, tests and tools wrote"
 
 demo:
 	$(RUN) mpirun -n 2 python3 demos/demo_linear_triangle.py --output "$$OUTPUT/linear_triangle"

@@ -128,6 +128,7 @@ def tagged_facets(
     Raises:
         ValueError: on every rank, if no group has the name, or ranks ask for different tags.
     """
+    tag = int(tag) if isinstance(tag, np.integer) else tag
     same_everywhere(comm, **{f"{what}: tag": tag})
     if isinstance(facets, GmshMesh):
         facets = facets._named_facets

@@ -103,7 +103,8 @@ def contact_3d(data: Data, file: str) -> None:
     shear, labels = data["shear"], [str(label) for label in data["labels"]]
     extent = np.ptp(x, axis=0)
     if extent[1] > _LONG * extent[0]:
-        x, shear, labels, extent = x[:, ::-1], shear[:, ::-1], labels[::-1], extent[::-1]
+        x, shear, extent = x[:, ::-1], shear[:, ::-1], extent[::-1]
+        labels = labels[::-1] if len(labels[0]) == 1 else labels  # along is where it is long
     ratio = extent[1] / extent[0]
     is_long, stretch = ratio < 1 / _LONG, max(1.0, _THINNEST / ratio)
     if stretch > 1:
