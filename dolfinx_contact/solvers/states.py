@@ -21,4 +21,4 @@ def inverted(problem: ContactProblem) -> str:
     if smallest > 0:
         return ""
     where = ", ".join(f"{c:.4g}" for c in place)
-    return f"the body is turned inside out: det F = {smallest:.3g} at ({where})"
+    return f"its solution has det F = {smallest:.3g} at ({where})"
