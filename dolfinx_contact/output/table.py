@@ -11,6 +11,7 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact.output.disk import write_text
 from dolfinx_contact.result import ContactTable
 
 __all__ = ["COLUMNS", "write_contact_table"]
@@ -27,8 +28,13 @@ def _padded(vectors: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
 
 
 def write_contact_table(comm: MPI.Comm, folder: Path, tables: Iterable[ContactTable]) -> None:
-    """Write ``folder/contact.csv``, a row a contact point, surface by surface. Collective."""
-    if comm.rank == 0:
+    """Write ``folder/contact.csv``, a row a contact point, surface by surface. Collective.
+
+    Raises:
+        OSError: on every rank, with the path, if it cannot be written; it is then as it was.
+    """
+
+    def text() -> str:
         lines = [",".join(COLUMNS)]
         for t in tables:
             numbers = np.column_stack(
@@ -47,5 +53,6 @@ def write_contact_table(comm: MPI.Comm, folder: Path, tables: Iterable[ContactTa
             for i, letter in enumerate(t.letters):
                 numbers_i = [repr(float(v)) for v in numbers[i]]
                 lines.append(",".join([t.name, *numbers_i, str(letter)]))
-        (folder / "contact.csv").write_text("\n".join(lines) + "\n")
-    comm.barrier()
+        return "\n".join(lines) + "\n"
+
+    write_text(comm, folder / "contact.csv", text)

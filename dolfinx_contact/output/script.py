@@ -1,0 +1,20 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The script beside results that shows them in ParaView."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from mpi4py import MPI
+
+from dolfinx_contact._errors import on_root
+
+__all__ = ["SCRIPT_NAME", "write_script"]
+
+SCRIPT_NAME = "paraview.py"
+
+
+def write_script(comm: MPI.Comm, folder: Path) -> None:
+    """Write ``paraview.py``, which shows whatever results are in its folder. Collective."""
+    text = Path(__file__).with_name("in_paraview.py").read_text()
+    on_root(comm, lambda: (folder / SCRIPT_NAME).write_text(text))
