@@ -98,7 +98,7 @@ def write_fields(
             each.write(0.0)
             each.close()
             files.append(path / each.file.name)
-        write_script(comm, part)
+        write_script(comm, part, path)
     return files
 
 

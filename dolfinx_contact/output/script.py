@@ -14,7 +14,18 @@ __all__ = ["SCRIPT_NAME", "write_script"]
 SCRIPT_NAME = "paraview.py"
 
 
-def write_script(comm: MPI.Comm, folder: Path) -> None:
-    """Write ``paraview.py``, which shows whatever results are in its folder. Collective."""
-    text = Path(__file__).with_name("in_paraview.py").read_text()
-    on_root(comm, lambda: (folder / SCRIPT_NAME).write_text(text))
+def write_script(comm: MPI.Comm, part: Path, folder: Path) -> None:
+    """Write ``paraview.py``, which shows whatever results are in its folder. Collective.
+
+    Args:
+        comm: communicator.
+        part: where it is written.
+        folder: where it will be. It may be moved; ParaView does not always say where a script is.
+    """
+
+    def write() -> None:
+        text = Path(__file__).with_name("in_paraview.py").read_text()
+        known = text.replace('WRITTEN_TO = ""', f"WRITTEN_TO = {str(folder.resolve())!r}")
+        (part / SCRIPT_NAME).write_text(known)
+
+    on_root(comm, write)

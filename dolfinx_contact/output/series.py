@@ -79,7 +79,7 @@ def write_series(
         finally:
             for each in opened:
                 each.close()
-        write_script(comm, part)
+        write_script(comm, part, path)
     return [path / each.file.name for each in opened]
 
 
