@@ -295,7 +295,9 @@ def here(tmp_path):
         new = not (tmp_path / FILE_NAME).exists()
         return JournalFile(tmp_path, new=new)
 
-    opened().append({"type": "header", "format": 1})
+    file = opened()
+    file.append({"type": "header", "format": 1})
+    file.close()
     return tmp_path, opened
 
 
@@ -311,6 +313,7 @@ def test_the_lock_says_who_holds_it(folder):
         for part in (f"process {pid} (", f"on {host}", "which is alive", f"kill {pid} ends it"):
             assert part in said[0]
         assert (folder / lock.NOTE_NAME).exists()
+        COMM.barrier()
     COMM.barrier()
     assert not (folder / lock.NOTE_NAME).exists()
 

@@ -23,7 +23,7 @@ from mpi4py import MPI
 
 from dolfinx_contact._errors import on_root
 
-__all__ = ["aside", "os_error", "part_of", "reserve", "sync_folder", "write_text"]
+__all__ = ["aside", "os_error", "part_of", "put", "reserve", "sync_folder", "write_text"]
 
 _FILES = 8  # that a folder of ADIOS2 has at most, and some
 _UNSUPPORTED = (errno.EOPNOTSUPP, errno.ENOSYS, errno.EINVAL)
@@ -48,6 +48,14 @@ def part_of(file: Path) -> Iterator[Path]:
         raise os_error(error, file) from error
     finally:
         part.unlink(missing_ok=True)
+
+
+def put(file: Path, content: bytes) -> None:
+    """Write a file, on this rank alone. An ``OSError`` of it has the path."""
+    try:
+        file.write_bytes(content)
+    except OSError as error:
+        raise os_error(error, file) from error
 
 
 def write_text(comm: MPI.Comm, file: Path, text: Callable[[], str]) -> None:

@@ -12,11 +12,12 @@ end in .bp want the reader ADIOS2VTXReader: the one that ParaView proposes first
 
 import os
 import sys
+from typing import Any
 
 WRITTEN_TO = ""  # folder of this script when it was written, if ParaView does not tell where it is
 
 
-def own_folder():
+def own_folder() -> str:
     """Where the results are."""
     if "__file__" in globals():
         return os.path.dirname(os.path.abspath(__file__))
@@ -45,9 +46,9 @@ STATUSES = [
 ]
 
 
-def found(folder):
+def found(folder: str) -> list[tuple[str, dict[str, str]]]:
     """Files of every group (a state, "", or a branch) by what they show, the latest group last."""
-    groups = {}
+    groups: dict[str, dict[str, str]] = {}
     for name in sorted(os.listdir(folder)):
         stem, kind = os.path.splitext(name)
         if kind not in (".bp", ".vtu", ".pvd"):
@@ -61,7 +62,7 @@ def found(folder):
     return sorted(groups.items(), key=lambda g: max(map(os.path.getmtime, g[1].values())))
 
 
-def opened(path, name):
+def opened(path: str, name: str) -> Any:
     """A reader of a file, by the name that the pipeline browser shows."""
     if path.endswith(".bp"):
         parts = simple.ADIOS2VTXReader(registrationName=name + ".bp", FileName=path)
@@ -74,7 +75,7 @@ def opened(path, name):
     return reader
 
 
-def warped(reader, name):
+def warped(reader: Any, name: str) -> tuple[Any, str]:
     """What is read, deformed by its displacement; the name of that."""
     arrays = {a.GetName(): a.GetNumberOfComponents() for a in reader.PointData.values()}
     vectors = [a for a, components in arrays.items() if components == 3]
@@ -85,7 +86,7 @@ def warped(reader, name):
     return warp, vector
 
 
-def shown(source, view, array, title):
+def shown(source: Any, view: Any, array: list[str], title: str) -> None:
     """Show a source in a view, coloured by an array, with a colour bar."""
     display = simple.Show(source, view)
     display.Representation = "Surface"
@@ -106,7 +107,7 @@ def shown(source, view, array, title):
     bar.Title, bar.ComponentTitle = title, ""
 
 
-def show(prefix, files, views):
+def show(prefix: str, files: dict[str, str], views: list[Any]) -> None:
     """Open the files of a group and show them in the views, if there are any."""
     bodies = [part for part in ("body_stress", "body") if part in files]
     contacts = [part for part in files if part.startswith("contact")]
@@ -116,7 +117,7 @@ def show(prefix, files, views):
         if not views:
             continue
         if part in contacts:
-            for view, array in zip(views[1:], ("pressure", "status")):
+            for view, array in zip(views[1:], ("pressure", "status"), strict=True):
                 shown(warp, view, [array], f"{array} (contact)")
                 look(view, warp, along=True)
         elif part == bodies[0]:
@@ -127,26 +128,26 @@ def show(prefix, files, views):
             look(views[0], warp)
 
 
-def look(view, source, along=False):
+def look(view: Any, source: Any, along: bool = False) -> None:
     """Look at a plane as it lies, at the rest aslant, or along the axis where it is thinnest."""
     x = source.GetDataInformation().GetBounds()
     sizes = [x[1] - x[0], x[3] - x[2], x[5] - x[4]]
     thin = sizes.index(min(sizes))
     flat = sizes[2] <= 1e-9 * max(sizes)
-    direction, up = ((1.0, -1.7, 0.9), (0.0, 0.0, 1.0))
+    direction, up = [1.0, -1.7, 0.9], (0.0, 0.0, 1.0)
     if flat:
-        direction, up = (0.0, 0.0, 1.0), (0.0, 1.0, 0.0)
+        direction, up = [0.0, 0.0, 1.0], (0.0, 1.0, 0.0)
     elif along:
         direction = [0.15, -0.25, 0.15]
         direction[thin] = 1.0
         up = (0.0, 1.0, 0.0) if thin == 2 else (0.0, 0.0, 1.0)
     middle = [(x[0] + x[1]) / 2, (x[2] + x[3]) / 2, (x[4] + x[5]) / 2]
     view.CameraFocalPoint, view.CameraViewUp = middle, up
-    view.CameraPosition = [m + 3.0 * max(sizes) * d for m, d in zip(middle, direction)]
+    view.CameraPosition = [m + 3.0 * max(sizes) * d for m, d in zip(middle, direction, strict=True)]
     simple.ResetCamera(view)
 
 
-def views_for(contact):
+def views_for(contact: bool) -> tuple[Any, list[Any]]:
     """One view, or three: to the left, and to the right above and below."""
     views = [simple.GetActiveViewOrCreate("RenderView")]
     layout = simple.GetLayout(views[0])
@@ -160,7 +161,7 @@ def views_for(contact):
     return layout, views
 
 
-def main():
+def main() -> None:
     """Show the group that was written last; open the others."""
     folder = own_folder()
     groups = found(folder)

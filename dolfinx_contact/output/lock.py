@@ -46,8 +46,7 @@ class Lock:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
-            said = f"{_described(self._note)}. Its end frees the lock"
-            raise BlockingIOError(error.errno, f"another process records to {path}: {said}") from None
+            raise _taken(path, f"{_described(self._note)}. Its end frees the lock") from error
         except OSError as error:
             if error.errno not in _WITHOUT:
                 raise
@@ -68,7 +67,7 @@ class Lock:
             descriptor = os.open(self._note, os.O_WRONLY | os.O_CREAT | how, 0o666)
         except FileExistsError as error:
             said = f"{_described(self._note)}. If it is gone, remove {self._note}"
-            raise BlockingIOError(error.errno, f"another process records to {path}: {said}") from None
+            raise _taken(path, said) from error
         try:
             os.write(descriptor, content)
         finally:
@@ -94,6 +93,10 @@ def end_with_launcher() -> None:
         prctl(_PR_SET_PDEATHSIG, int(signal.SIGKILL), 0, 0, 0)
         if os.getppid() != parent:  # it ended in between
             os.kill(os.getpid(), signal.SIGKILL)
+
+
+def _taken(path: Path, said: str) -> BlockingIOError:
+    return BlockingIOError(errno.EAGAIN, f"another process records to {path}: {said}")
 
 
 def _holder() -> dict[str, Any]:

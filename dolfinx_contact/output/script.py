@@ -8,6 +8,7 @@ from pathlib import Path
 from mpi4py import MPI
 
 from dolfinx_contact._errors import on_root
+from dolfinx_contact.output.disk import put
 
 __all__ = ["SCRIPT_NAME", "write_script"]
 
@@ -26,6 +27,6 @@ def write_script(comm: MPI.Comm, part: Path, folder: Path) -> None:
     def write() -> None:
         text = Path(__file__).with_name("in_paraview.py").read_text()
         known = text.replace('WRITTEN_TO = ""', f"WRITTEN_TO = {str(folder.resolve())!r}")
-        (part / SCRIPT_NAME).write_text(known)
+        put(part / SCRIPT_NAME, known.encode())
 
     on_root(comm, write)

@@ -25,9 +25,18 @@ from dolfinx import fem, plot
 
 from dolfinx_contact._compat import VTXFile, has_vtx
 from dolfinx_contact._errors import everywhere, on_root, require
-from dolfinx_contact.output.disk import os_error, reserve
+from dolfinx_contact.output.disk import os_error, put, reserve
 
-__all__ = ["Format", "Series", "VTKSeries", "VTXSeries", "checked_format", "disk_errors", "see_room", "series"]
+__all__ = [
+    "Format",
+    "Series",
+    "VTKSeries",
+    "VTXSeries",
+    "checked_format",
+    "disk_errors",
+    "see_room",
+    "series",
+]
 
 #: Of files; None is VTX, or VTK where DOLFINx was built without ADIOS2.
 Format: TypeAlias = Literal["vtx", "vtk"] | None
@@ -174,7 +183,7 @@ class VTKSeries(Series):
         file = self.file if self._single else self.file.parent / name
         content = vtu(self._comm, self._functions)
         self._times.append((time, name))
-        on_root(self._comm, lambda: file.write_bytes(content))
+        on_root(self._comm, lambda: put(file, content))
 
     def close(self) -> None:
         if self._single:
@@ -184,7 +193,7 @@ class VTKSeries(Series):
             for time, name in self._times
         )
         text = _document("Collection", "0.1", f"<Collection>\n{sets}</Collection>\n")
-        on_root(self._comm, lambda: self.file.write_text(text))
+        on_root(self._comm, lambda: put(self.file, text.encode()))
 
 
 def vtu(comm: MPI.Comm, functions: Sequence[fem.Function]) -> bytes:
@@ -217,7 +226,7 @@ def vtu(comm: MPI.Comm, functions: Sequence[fem.Function]) -> bytes:
 def _cells(
     V: fem.FunctionSpace,
 ) -> tuple[int, npt.NDArray[np.int32], npt.NDArray[np.float64]]:
-    """VTK's number of the kind of cell (0 without cells), the nodes of cells in its order, all x."""
+    """VTK's number of the cells' kind (0 without cells), their nodes in its order, all x."""
     topology, kinds, x = plot.vtk_mesh(V)
     cells = topology.reshape(-1, V.dofmap.list.shape[1] + 1)[:, 1:]
     return int(kinds[0]) if len(kinds) else 0, cells, x
