@@ -33,7 +33,7 @@ except ImportError:  # DOLFINx 0.9
 
 __all__ = [
     "FacetSubmesh",
-    "FunctionSeries",
+    "VTXFile",
     "assemble_block_matrix",
     "create_block_matrix",
     "create_facet_submesh",
@@ -41,6 +41,7 @@ __all__ = [
     "facet_integration_entities",
     "geometry_dofmap",
     "gmsh_io",
+    "has_vtx",
     "interpolation_points",
     "is_mesh_of",
     "is_topology_of",
@@ -49,7 +50,6 @@ __all__ = [
     "option_is_used",
     "read_checkpoint",
     "write_checkpoint",
-    "write_functions",
 ]
 
 # Debian's ADIOS2 takes its serial Python bindings in a process without mpirun, once and for all at
@@ -128,49 +128,35 @@ def interpolation_points(V: fem.FunctionSpace) -> npt.NDArray[np.float64]:
     return points() if callable(points) else points
 
 
-def write_functions(comm: MPI.Comm, stem: Path, functions: Sequence[fem.Function]) -> Path:
-    """Write Functions of one mesh and one element for ParaView; the name of the file. Collective.
-
-    As VTX (``stem.bp``), or as VTK (``stem.pvd``) where DOLFINx was built without ADIOS2.
-    """
-    if hasattr(io, "VTXWriter"):
-        file = stem.with_name(stem.name + ".bp")
-        with io.VTXWriter(comm, file, list(functions)) as vtx:
-            vtx.write(0.0)
-    else:
-        file = stem.with_name(stem.name + ".pvd")
-        with io.VTKFile(comm, file, "w") as vtk:
-            vtk.write_function(list(functions), 0.0)
-    comm.barrier()  # rank 0 writes the last part
-    return file
+def has_vtx() -> bool:
+    """Whether DOLFINx was built with ADIOS2."""
+    return hasattr(io, "VTXWriter")
 
 
-class FunctionSeries:
-    """A series in time of Functions of one mesh and one element, for ParaView.
+class VTXFile:
+    """A series in time of Functions of one mesh and one element, as VTX. Collective.
 
-    VTX (``stem.bp``), or VTK (``stem.pvd``) where DOLFINx was built without ADIOS2. Collective.
+    Errors of ADIOS2 are ``RuntimeError``; `forsake` must be called after one.
     """
 
-    def __init__(self, comm: MPI.Comm, stem: Path, functions: Sequence[fem.Function]):
-        self._functions, vtx = list(functions), hasattr(io, "VTXWriter")
-        self.file = stem.with_name(stem.name + (".bp" if vtx else ".pvd"))
-        self._writer = (
-            io.VTXWriter(comm, self.file, self._functions)
-            if vtx
-            else io.VTKFile(comm, self.file, "w")
-        )
-        self._vtx = vtx
+    def __init__(self, comm: MPI.Comm, file: Path, functions: Sequence[fem.Function]):
+        self._writer = io.VTXWriter(comm, file, list(functions))
 
     def write(self, time: float) -> None:
         """Write the Functions as they are."""
-        if self._vtx:
-            self._writer.write(time)
-        else:
-            self._writer.write_function(self._functions, time)
+        self._writer.write(time)
 
     def close(self) -> None:
         """Finish the file."""
         self._writer.close()
+
+    def forsake(self) -> None:
+        """Leave the writer alone after an error.
+
+        The destructor of DOLFINx would close the file once more, and the error of that ends the
+        process. So it must never run.
+        """
+        ctypes.pythonapi.Py_IncRef(ctypes.py_object(self._writer._cpp_object))
 
 
 def is_topology_of(domain: mesh.Mesh, tags: mesh.MeshTags) -> bool:

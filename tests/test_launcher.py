@@ -33,6 +33,7 @@ STUBS = {
         [ ! -e "$STUB_BUILD_FAILS" ]
     """,
     "bwrap": """
+        case " $* " in *" -- "*) ;; *" ${STUB_REFUSES:-none} "*) exit 1 ;; esac
         until [ "$1" = -- ]; do [ $# -gt 0 ] || exit 0; shift; done
         shift
         "$@" <&0 &
@@ -194,4 +195,29 @@ def test_the_lists_make_the_environment(launch, stubs, tmp_path, name):
         images.append(calls(stubs / "docker")[-1][-2])
     launch("true", way="container")
     assert calls(stubs / "docker")[-1][-2] == images[0] != images[1]
-    assert f"/{name})" in (TREE / "docker/Dockerfile").read_text()
+    named = name.replace("packages", "${PACKAGES}")
+    assert f"/{named})" in (TREE / "docker/Dockerfile").read_text().replace('"', "")
+
+
+def test_another_list_makes_another_environment(launch, stubs):
+    """Its packages alone, no tools of pip, under a name of its own; even inside an environment."""
+    launch("true", way="root")
+    launch("true", way="root", DOLFINX_CONTACT_PACKAGES="paraview")
+    ours, theirs = calls(stubs / "mmdebstrap")
+    assert ours[-1] != theirs[-1]
+    assert "--include=python3-paraview," in "\n".join(theirs)
+    assert [sum("pip3" in argument for argument in build) for build in (ours, theirs)] == [1, 0]
+    for name in ("nothing", "requirements", "../docker/packages"):
+        result = launch("true", DOLFINX_CONTACT_PACKAGES=name)
+        assert result.returncode == 125
+        assert "no such list" in result.stderr
+
+
+def test_processes_of_a_run_have_their_own_numbers(launch, stubs):
+    """Where a new /proc may be mounted; else the run is as before."""
+    entered = "--unshare-pid --proc /proc --tmpfs /dev/shm"
+    for refuse, expected in [("", True), ("--unshare-pid", False)]:
+        launch("true", way="root", STUB_REFUSES=refuse)
+        enter = " ".join(calls(stubs / "bwrap")[-1])
+        assert (entered in enter) == expected
+        assert ("--bind /proc /proc" in enter) != expected

@@ -24,7 +24,8 @@ from dolfinx import fem, la
 
 from dolfinx_contact._compat import read_checkpoint, write_checkpoint
 from dolfinx_contact._errors import on_root
-from dolfinx_contact.output.journal import sync_folder
+from dolfinx_contact.output.disk import reserve, sync_folder
+from dolfinx_contact.output.writers import disk_errors
 from dolfinx_contact.trace import trace_dofs
 
 if TYPE_CHECKING:
@@ -57,15 +58,34 @@ class Checkpoints:
         """Keep ``vectors`` of unknowns under ``name``; a check sum of the files. Collective.
 
         The last of them stays in the problem's Functions. Returns when all is on the disk.
+
+        Raises:
+            OSError: on every rank, with the path, if they cannot be written; nothing is left then.
         """
         part, final = self.folder / f".{name}.part", self.folder / name
         on_root(self.comm, lambda: shutil.rmtree(part) if part.exists() else None)
+        try:
+            return self._write(part, final, vectors)
+        except BaseException:
+            if self.comm.rank == 0:
+                shutil.rmtree(part, ignore_errors=True)
+            raise
+
+    def remove(self, name: str) -> None:
+        """Forget what was kept under ``name``, on rank 0."""
+        if self.comm.rank == 0:
+            shutil.rmtree(self.folder / name, ignore_errors=True)
+
+    def _write(self, part: Path, final: Path, vectors: dict[str, PETSc.Vec]) -> str:
+        kept = [self._whole[i] or f for i, f in enumerate(self.problem.fields)]
+        reserve(self.comm, final, len(vectors) * sum(_size(f) for f in kept))
         for prefix, x in vectors.items():
             self.problem.read(x)
             functions = {}
             for i, f in enumerate(self.problem.fields):
                 functions[f"{prefix}_{i}"] = self._on_the_body(i, f)
-            write_checkpoint(part, functions)
+            with disk_errors(self.comm, final):
+                write_checkpoint(part, functions)
 
         def finish() -> str:
             total = _check_sum(part, sync=True)
@@ -123,6 +143,14 @@ class Checkpoints:
         whole.x.array[: n * bs] = mean.reshape(-1)
         whole.x.scatter_forward()
         return whole
+
+
+def _size(f: fem.Function) -> int:
+    """Bytes that this rank writes of a Function, at most."""
+    V = f.function_space
+    cells, bs = len(V.dofmap.list), V.dofmap.index_map_bs
+    # Numbers of the unknowns of every cell, its orientation and offset; values; what ADIOS2 adds.
+    return cells * (8 * V.dofmap.list.shape[1] * bs + 12) + 8 * len(f.x.array) + (1 << 15)
 
 
 def _check_sum(folder: Path, *, sync: bool = False) -> str:

@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact._optional import optional
+from dolfinx_contact.output.disk import part_of
 from dolfinx_contact.output.journal import Journal
 
 __all__ = ["draw_diagram"]
@@ -70,6 +71,7 @@ def draw_diagram(
         strips: how many branches get one, at most.
 
     Raises:
+        OSError: with the path, if it cannot be written; it is then as it was.
         ValueError: if no point was recorded, or a branch or the functional is not known.
     """
     optional("matplotlib", "output")
@@ -103,7 +105,8 @@ def draw_diagram(
         below[-1].set_xlabel("distance along the branch")
         _status_legend(figure, journal, shown)
     path = Path(file)
-    figure.savefig(path, dpi=130)
+    with part_of(path) as part:
+        figure.savefig(part, dpi=130)
     return path
 
 

@@ -26,8 +26,11 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact._compat import interpolation_points, write_functions
+from dolfinx_contact._compat import interpolation_points
+from dolfinx_contact.output.disk import aside
 from dolfinx_contact.output.folder import output_folder
+from dolfinx_contact.output.script import write_script
+from dolfinx_contact.output.writers import Format, checked_format, see_room, series
 
 if TYPE_CHECKING:
     from dolfinx_contact.problem import ContactProblem
@@ -47,37 +50,65 @@ STATUS_CODES = {"o": 0, "k": 1, "+": 2, "-": 2, "s": 2, "d": 3}
 
 
 def write_fields(
-    folder: str | os.PathLike[str], problem: ContactProblem, *, stress: Any = None
+    folder: str | os.PathLike[str],
+    problem: ContactProblem,
+    *,
+    stress: Any = None,
+    format: Format = None,
 ) -> list[Path]:
     """Write the present state of a problem for ParaView. Collective.
 
-    ``body.bp`` holds the displacement, ``body_stress.bp`` the stresses, and ``contact.bp`` (or
-    ``contact_NAME.bp``, if a surface has another name) the fields of a contact surface; ``.pvd``
-    where DOLFINx was built without ADIOS2.
+    ``body.bp`` holds the displacement, ``body_stress.bp`` the stresses with the displacement of the
+    vertices, and ``contact.bp`` (or ``contact_NAME.bp``, if a surface has another name) the fields
+    of a contact surface; with ``format="vtk"`` it is ``body.vtu``, ... ``paraview.py`` beside them
+    shows them: ``paraview --script=FOLDER/paraview.py``.
 
     Args:
-        folder: where to, made if need be.
+        folder: where to, made if need be. Files of an earlier state are replaced when all of the
+            new ones are complete.
         problem: a contact problem, usually solved.
         stress: 3 x 3 UFL stress, in 2D too: ``material.full_stress(u)``. Without it no stresses
             are written.
+        format: "vtx" (``.bp``) or "vtk" (``.vtu``, which PyVista and every ParaView read); by
+            default "vtx" unless DOLFINx was built without ADIOS2.
 
     Returns:
         The names of the files, on every rank.
 
     Raises:
-        OSError: on every rank, if the folder cannot be written to.
-        ValueError: on every rank, if the stress is not 3 x 3, or two surfaces would have one file.
+        OSError: on every rank, with the path and the reason, if the folder cannot be written to,
+            or has no room. It is then as it was.
+        ValueError: on every rank, if the stress is not 3 x 3, two surfaces would have one file, or
+            the format cannot be written.
     """
-    stems = file_stems(problem)
-    stresses = [] if stress is None else body_fields(problem.u, stress)
-    path = output_folder(problem.comm, folder)
-    files = [write_functions(problem.comm, path / "body", [problem.u])]
-    if stresses:
-        files.append(write_functions(problem.comm, path / "body_stress", stresses))
+    comm, kind, stems = problem.comm, checked_format(problem.comm, format), file_stems(problem)
+    written = [("body", comm, [problem.u])]
+    if stress is not None:
+        fields = [*body_fields(problem.u, stress), _at_corners(problem.u)]
+        written.append(("body_stress", comm, fields))
+    path = output_folder(comm, folder)
     for s, stem in zip(problem.surfaces, stems, strict=True):
         fields = list(contact_fields(problem, s).values())
-        files.append(write_functions(s.submesh.mesh.comm, path / stem, fields))
+        written.append((stem, s.submesh.mesh.comm, fields))
+    files = []
+    with aside(comm, path, "write_fields") as part:
+        if kind == "vtx":
+            see_room(comm, path / "body", [functions for *_, functions in written])
+        for stem, of_mesh, fields in written:
+            each = series(of_mesh, part / stem, fields, kind)
+            each.write(0.0)
+            each.close()
+            files.append(path / each.file.name)
+        write_script(comm, part, path)
     return files
+
+
+def _at_corners(u: fem.Function) -> fem.Function:
+    """The displacement with the element of the stresses, so that these can be shown deformed."""
+    domain = u.function_space.mesh
+    f = fem.Function(fem.functionspace(domain, ("DG", 1, u.ufl_shape)), name="displacement")
+    f.interpolate(u)
+    return f
 
 
 def file_stems(problem: ContactProblem) -> list[str]:

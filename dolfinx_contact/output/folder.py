@@ -6,6 +6,7 @@ from __future__ import annotations
 import json
 import os
 import time
+import uuid
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,9 @@ from petsc4py import PETSc
 import numpy as np
 
 import dolfinx
+
+from dolfinx_contact._errors import on_root
+from dolfinx_contact.output.disk import write_text
 
 __all__ = ["output_folder", "write_summary"]
 
@@ -29,18 +33,18 @@ def output_folder(comm: MPI.Comm, path: str | os.PathLike[str]) -> Path:
         OSError: on every rank, if the folder cannot be made or written to.
     """
     folder = Path(path)
-    problem = None
-    if comm.rank == 0:
+
+    def make() -> None:
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            probe = folder / f".probe-{os.getpid()}"
+            probe = folder / f".{uuid.uuid4().hex}.part"
             probe.touch()
             probe.unlink()
         except OSError as error:
-            problem = f"cannot write to the output folder {folder}: {error.strerror}"
-    problem = comm.bcast(problem)
-    if problem is not None:
-        raise OSError(problem)
+            reason = f"cannot write to the output folder: {error.strerror}"
+            raise OSError(error.errno, reason, str(folder)) from None
+
+    on_root(comm, make)
     return folder
 
 
@@ -57,6 +61,10 @@ def write_summary(comm: MPI.Comm, folder: Path, scalars: Mapping[str, Any]) -> d
 
     Returns:
         What was written, on every rank.
+
+    Raises:
+        OSError: on every rank, with the path, if it cannot be written; it is then as it was.
+        TypeError: on every rank, if something cannot be written as JSON.
     """
     from dolfinx_contact import __version__
 
@@ -70,9 +78,6 @@ def write_summary(comm: MPI.Comm, folder: Path, scalars: Mapping[str, Any]) -> d
         },
         "wall_seconds": comm.bcast(time.perf_counter() - _STARTED),
     }
-    if comm.rank == 0:
-        partial = folder / "summary.json.part"
-        partial.write_text(json.dumps(summary, indent=2, default=_plain) + "\n")
-        partial.replace(folder / "summary.json")
-    comm.barrier()
+    file = folder / "summary.json"
+    write_text(comm, file, lambda: json.dumps(summary, indent=2, default=_plain) + "\n")
     return summary

@@ -9,7 +9,6 @@ line ends with the CRC-32 of what is before it; a line that was damaged later is
 
 from __future__ import annotations
 
-import fcntl
 import json
 import math
 import os
@@ -23,6 +22,8 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact._optional import optional
+from dolfinx_contact.output.disk import os_error, sync_folder
+from dolfinx_contact.output.lock import Lock
 
 __all__ = [
     "FILE_NAME",
@@ -32,7 +33,6 @@ __all__ = [
     "JournalFile",
     "parse",
     "read_journal",
-    "sync_folder",
 ]
 
 FILE_NAME = "journal.jsonl"
@@ -243,7 +243,8 @@ class JournalFile:
     Raises:
         FileExistsError: if it is to be new and something has been recorded.
         FileNotFoundError: if it is to exist and does not.
-        BlockingIOError: if another process has it open.
+        BlockingIOError: if another process has it open; it says which.
+        OSError: if it cannot be opened.
         ValueError: if it is damaged. It stays as it is.
     """
 
@@ -257,18 +258,19 @@ class JournalFile:
         # Append mode: the position cannot be wrong.
         self._file: BinaryIO = open(path, "a+b", buffering=0)  # noqa: SIM115
         try:
-            try:
-                fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                raise BlockingIOError(f"another process records to {path}") from None
+            self._lock: Lock | None = None
+            self._lock = Lock(self._file, path)
             if new and self._file.seek(0, os.SEEK_END) > 0:
                 raise FileExistsError(message)
             self._file.seek(0)
             self.journal = parse(self._file.readall())  # type: ignore[attr-defined]
+            self._path, self._new = path, new
+            sync_folder(folder)
         except BaseException:
+            if self._lock is not None:
+                self._lock.free()
             self._file.close()
             raise
-        sync_folder(folder)
 
     def drop_torn_line(self) -> None:
         """Cut off a last line that a killed run did not finish, so that lines can follow."""
@@ -278,21 +280,24 @@ class JournalFile:
             self.journal.torn = False
 
     def append(self, entry: Mapping[str, Any]) -> None:
-        """Write one line; it is on the disk when this returns."""
-        line = _encode(entry)
-        while line:
-            line = line[self._file.write(line) :]
-        os.fsync(self._file.fileno())
+        """Write one line; it is on the disk when this returns.
+
+        Raises:
+            OSError: with the path, if it cannot be written. What was written of it is cut off.
+        """
+        line, length = _encode(entry), self._file.seek(0, os.SEEK_END)
+        try:
+            while line:
+                line = line[self._file.write(line) :]
+            os.fsync(self._file.fileno())
+        except OSError as error:
+            self._file.truncate(length)
+            raise os_error(error, self._path) from None
 
     def close(self) -> None:
-        """Close the file, which frees the lock."""
+        """Close the file, which frees the lock. A new one without a line is removed."""
+        if self._new and self._file.seek(0, os.SEEK_END) == 0:
+            self._path.unlink(missing_ok=True)
+        if self._lock is not None:
+            self._lock.free()
         self._file.close()
-
-
-def sync_folder(folder: Path) -> None:
-    """Put the entries of a folder on the disk."""
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)

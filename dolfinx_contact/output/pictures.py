@@ -19,7 +19,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -237,7 +237,7 @@ def _draw(comm: MPI.Comm, kind: str, data: Mapping[str, Any], file: Path) -> Pat
 
 def _draw_apart(kind: str, data: Mapping[str, Any], file: Path) -> str | None:
     """Draw in a process of its own; why it failed, or None."""
-    part = file.with_name(f"{file.stem}.part{file.suffix}")
+    part = file.with_name(f".{file.stem}.part{file.suffix}")
     program = [sys.executable, str(Path(__file__).with_name("render.py")), kind, str(part)]
     try:
         # A file and no pipe: PETSc takes the SIGPIPE of a reader that dies for an error of its own.
@@ -255,9 +255,11 @@ def _draw_apart(kind: str, data: Mapping[str, Any], file: Path) -> str | None:
         if done.returncode == 0:
             part.replace(file)
             return None
-        part.unlink(missing_ok=True)
     except (OSError, subprocess.TimeoutExpired) as error:
         return str(error)
+    finally:
+        with suppress(OSError):  # the reason is known by then
+            part.unlink(missing_ok=True)
     said = done.stderr.decode(errors="replace").strip().splitlines()
     if done.returncode < 0:
         return (

@@ -40,6 +40,7 @@ from dolfinx_contact.output.checkpoints import Checkpoints, joined, last_entry
 from dolfinx_contact.output.folder import output_folder
 from dolfinx_contact.output.identity import difference, identity
 from dolfinx_contact.output.journal import FORMAT, Journal, JournalBranch, JournalFile
+from dolfinx_contact.output.lock import end_with_launcher
 from dolfinx_contact.output.points import Functional, compiled, counts, described, places
 
 if TYPE_CHECKING:
@@ -55,6 +56,9 @@ _COINCIDE = 1e-8  # of the range of gamma, and of the length of x that counts as
 class BranchRecord(Observer):
     """Records branches of a contact problem in a folder. Collective.
 
+    While it is open no other process can record there. Ranks that ``mpirun`` has started end with
+    it from then on, also when it is killed.
+
     Args:
         folder: of the record, made if need be.
         system: what is followed.
@@ -68,7 +72,9 @@ class BranchRecord(Observer):
 
     Raises:
         OSError: on every rank, if the folder cannot be written to, another process records there,
-            there is a record and it is not to be resumed, or the other way round.
+            there is a record and it is not to be resumed, or the other way round. Later, from
+            whatever follows a branch, if a point cannot be written: the record then ends with the
+            point before, and can be resumed.
         ValueError: on every rank, if the journal is damaged or that of another problem. Nothing has
             been written then.
 
@@ -104,6 +110,7 @@ class BranchRecord(Observer):
         self._x, self._mx = system.create_vector(), system.create_vector()
         self._last: tuple[BranchPoint, Stepping] | None = None
         self._starts = False
+        end_with_launcher()
         self.journal = on_root(comm, lambda: self._open(new=not resume))
         try:
             self._identify()
@@ -141,7 +148,13 @@ class BranchRecord(Observer):
         self.journal.sessions.append(session)
 
     def _append(self, entry: Mapping[str, Any]) -> None:
-        on_root(self.comm, lambda: self._file.append(entry) if self._file else None)
+        """Write a line of the journal; a checkpoint that it cannot name is removed. Collective."""
+        try:
+            on_root(self.comm, lambda: self._file.append(entry) if self._file else None)
+        except OSError:
+            if "checkpoint" in entry:
+                self._checkpoints.remove(entry["checkpoint"])
+            raise
 
     def close(self) -> None:
         """Close the journal; the record can then be resumed."""

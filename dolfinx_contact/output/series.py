@@ -12,68 +12,89 @@ from pathlib import Path
 
 from dolfinx import fem
 
-from dolfinx_contact._compat import FunctionSeries
+from dolfinx_contact.output.disk import aside
 from dolfinx_contact.output.fields import contact_fields, file_stems
 from dolfinx_contact.output.folder import output_folder
 from dolfinx_contact.output.record import BranchRecord
+from dolfinx_contact.output.script import write_script
+from dolfinx_contact.output.writers import Format, Series, checked_format, see_room, series
 
 __all__ = ["write_series"]
 
 
 def write_series(
-    folder: str | os.PathLike[str], record: BranchRecord, branch: int = 0
+    folder: str | os.PathLike[str],
+    record: BranchRecord,
+    branch: int = 0,
+    *,
+    format: Format = None,
 ) -> list[Path]:
     """Write the points of a branch whose fields were kept, for ParaView. Collective.
 
     ``branch_0000_body.bp`` holds the displacement, ``branch_0000_contact.bp`` (or
     ``branch_0000_contact_NAME.bp``) the fields of a contact surface, and gamma, which is the same
-    at all its nodes; ``.pvd`` where DOLFINx was built without ADIOS2. gamma may go back along a
-    branch, so that the time of the series is the index of the point in the journal.
+    at all its nodes; with ``format="vtk"`` it is ``branch_0000_body.pvd`` and a folder of ``.vtu``,
+    ... ``paraview.py`` beside them shows them: ``paraview --script=FOLDER/paraview.py``. gamma may
+    go back along a branch, so that the time of the series is the index of the point in the journal.
 
     Args:
-        folder: where to, made if need be.
+        folder: where to, made if need be. Files of before are replaced when the series is complete.
         record: whose problem's Functions follow the points.
         branch: number of the branch.
+        format: "vtx" (``.bp``) or "vtk" (``.pvd``); by default as in `write_fields`.
 
     Returns:
         The names of the files, on every rank.
 
     Raises:
-        OSError: on every rank, if the folder cannot be written to.
-        ValueError: on every rank, if no fields of the branch were kept or they are damaged.
+        OSError: on every rank, with the path and the reason, if the folder cannot be written to,
+            or has no room. It is then as it was.
+        ValueError: on every rank, if no fields of the branch were kept, they are damaged, or the
+            format cannot be written.
     """
-    system, problem = record.system, record.system.problem
+    problem, comm = record.system.problem, record.comm
     known = record.journal.branches.get(branch)
     kept = [p["index"] for p in known.points if "checkpoint" in p] if known else []
     if not kept:
         raise ValueError(f"no fields of branch {branch} were kept in {record.folder}")
-    path, stem = output_folder(record.comm, folder), f"branch_{branch:04d}_"
-    series = [FunctionSeries(record.comm, path / f"{stem}body", [problem.u])]
-    shown: list[dict[str, fem.Function]] = []
-    try:
-        for index in kept:
-            point, _ = record.state(branch, index)
-            x = system.create_vector()
-            x.array[:] = point.y.array_r[: x.getLocalSize()]
-            system.put(x, point.gamma, point.piece)
-            for v in (x, point.y, point.tangent):
-                v.destroy()
-            for i, s in enumerate(problem.surfaces):
-                fields = contact_fields(problem, s)
-                gamma = fem.Function(s.vertices, name="gamma")
-                gamma.x.array[:] = point.gamma
-                fields["gamma"] = gamma
-                if i == len(shown):  # the Functions of the first point are those of the series
-                    shown.append(fields)
-                    name = path / (stem + file_stems(problem)[i])
-                    comm = s.submesh.mesh.comm
-                    series.append(FunctionSeries(comm, name, list(fields.values())))
-                for key, f in fields.items():
-                    shown[i][key].x.array[:] = f.x.array
-            for each in series:
-                each.write(float(index))
-    finally:
-        for each in series:
-            each.close()
-    record.comm.barrier()
-    return [each.file for each in series]
+    kind, path = checked_format(comm, format), output_folder(comm, folder)
+    stems = [f"branch_{branch:04d}_{stem}" for stem in ("body", *file_stems(problem))]
+    comms = [comm, *(s.submesh.mesh.comm for s in problem.surfaces)]
+    shown: list[list[fem.Function]] = []
+    opened: list[Series] = []
+    with aside(comm, path, "write_series") as part:
+        try:
+            for index in kept:
+                fields = _fields(record, branch, index)
+                # The Functions of the first point are those of the series.
+                shown = shown or fields
+                if kind == "vtx":  # for all that is to come: a disk may fill up on the way
+                    see_room(comm, path / stems[0], shown, len(kept) - kept.index(index))
+                for i, stem in enumerate(stems):
+                    if i == len(opened):
+                        opened.append(series(comms[i], part / stem, shown[i], kind, single=False))
+                    for mine, f in zip(shown[i], fields[i], strict=True):
+                        mine.x.array[:] = f.x.array
+                    opened[i].write(float(index))
+        finally:
+            for each in opened:
+                each.close()
+        write_script(comm, part, path)
+    return [path / each.file.name for each in opened]
+
+
+def _fields(record: BranchRecord, branch: int, index: int) -> list[list[fem.Function]]:
+    """Functions of the body and of every surface at a recorded point. Collective."""
+    system, problem = record.system, record.system.problem
+    point, _ = record.state(branch, index)
+    x = system.create_vector()
+    x.array[:] = point.y.array_r[: x.getLocalSize()]
+    system.put(x, point.gamma, point.piece)
+    for v in (x, point.y, point.tangent):
+        v.destroy()
+    found = [[problem.u]]
+    for s in problem.surfaces:
+        gamma = fem.Function(s.vertices, name="gamma")
+        gamma.x.array[:] = point.gamma
+        found.append([*contact_fields(problem, s).values(), gamma])
+    return found

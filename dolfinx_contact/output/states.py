@@ -12,8 +12,10 @@ import numpy as np
 
 from dolfinx import fem
 
+from dolfinx_contact._errors import on_root
 from dolfinx_contact._optional import optional
 from dolfinx_contact.continuation import BranchPoint
+from dolfinx_contact.output.disk import part_of
 from dolfinx_contact.output.pictures import gather_cells, patch
 from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.result import by_coordinates
@@ -59,16 +61,21 @@ def picture_of_states(
         The file.
 
     Raises:
+        OSError: on every rank, with the path, if it cannot be written; it is then as it was.
         ValueError: if the body is not 2D, or there is no point.
     """
     if system.problem.V.mesh.geometry.dim != 2 or not points:
         raise ValueError("states are drawn side by side for 2D bodies, and at least one is needed")
     optional("matplotlib", "output")  # on every rank, although one draws
     seen = [_seen(system, point) for point in points]
-    if system.comm.rank == 0:
-        _draw(Path(file), seen, list(titles) or [""] * len(points), scale)
-    system.comm.barrier()
-    return Path(file)
+    path = Path(file)
+
+    def draw() -> None:
+        with part_of(path) as part:
+            _draw(part, seen, list(titles) or [""] * len(points), scale)
+
+    on_root(system.comm, draw)
+    return path
 
 
 def _seen(system: ParametricContact, point: BranchPoint) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact.output.disk import write_text
 from dolfinx_contact.result import ContactTable
 
 __all__ = ["COLUMNS", "write_contact_table"]
@@ -35,8 +36,12 @@ def write_contact_table(comm: MPI.Comm, folder: Path, tables: Iterable[ContactTa
 
     Forces, pressure and shear are those of contact; what Dirichlet data do to the body at a contact
     node is in the last columns.
+
+    Raises:
+        OSError: on every rank, with the path, if it cannot be written; it is then as it was.
     """
-    if comm.rank == 0:
+
+    def text() -> str:
         lines = [",".join(COLUMNS)]
         for t in tables:
             numbers = np.column_stack(
@@ -56,5 +61,6 @@ def write_contact_table(comm: MPI.Comm, folder: Path, tables: Iterable[ContactTa
             for i, letter in enumerate(t.letters):
                 row = [t.name, *_written(numbers[i]), str(letter), *_written(support[i])]
                 lines.append(",".join(row))
-        (folder / "contact.csv").write_text("\n".join(lines) + "\n")
-    comm.barrier()
+        return "\n".join(lines) + "\n"
+
+    write_text(comm, folder / "contact.csv", text)

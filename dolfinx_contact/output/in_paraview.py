@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Show the results beside this script in ParaView.
+
+    paraview --script=FOLDER/paraview.py
+    pvbatch FOLDER/paraview.py PICTURE.png
+
+To the left the deformed body, coloured by the von Mises stress, or else by the displacement; to the
+right its contact surfaces, coloured by the pressure and by the status. Where there are branches as
+well as a state, the one written last is shown, the others wait in the pipeline browser. Files that
+end in .bp want the reader ADIOS2VTXReader: the one that ParaView proposes first cannot read them.
+"""
+
+import os
+import sys
+from typing import Any
+
+WRITTEN_TO = ""  # folder of this script when it was written, if ParaView does not tell where it is
+
+
+def own_folder() -> str:
+    """Where the results are."""
+    if "__file__" in globals():
+        return os.path.dirname(os.path.abspath(__file__))
+    try:  # paraview --script does not say
+        with open("/proc/self/cmdline") as file:
+            words = file.read().split("\0")
+    except OSError:
+        words = []
+    for i, word in enumerate(words[:-1]):
+        script = words[i + 1] if word == "--script" else word.partition("--script=")[2]
+        if os.path.isfile(script):
+            return os.path.dirname(os.path.abspath(script))
+    return WRITTEN_TO
+
+
+# This script has the name of what it imports.
+sys.path[:] = [p for p in sys.path if not os.path.isfile(os.path.join(p or ".", "paraview.py"))]
+
+from paraview import simple  # noqa: E402
+
+STATUSES = [
+    ("0", "open", (0.79, 0.82, 0.86)),
+    ("1", "stick", (0.18, 0.43, 0.71)),
+    ("2", "slip", (0.91, 0.54, 0.17)),
+    ("3", "clamped", (0.33, 0.33, 0.33)),
+]
+
+
+def found(folder: str) -> list[tuple[str, dict[str, str]]]:
+    """Files of every group (a state, "", or a branch) by what they show, the latest group last."""
+    groups: dict[str, dict[str, str]] = {}
+    for name in sorted(os.listdir(folder)):
+        stem, kind = os.path.splitext(name)
+        if kind not in (".bp", ".vtu", ".pvd"):
+            continue
+        prefix = stem[:12] if stem.startswith("branch_") else ""
+        part = stem[len(prefix) :]
+        if part in ("body", "body_stress") or part.startswith("contact"):
+            files, path = groups.setdefault(prefix, {}), os.path.join(folder, name)
+            if part not in files or os.path.getmtime(files[part]) < os.path.getmtime(path):
+                files[part] = path  # of two formats
+    return sorted(groups.items(), key=lambda g: max(map(os.path.getmtime, g[1].values())))
+
+
+def opened(path: str, name: str) -> Any:
+    """A reader of a file, by the name that the pipeline browser shows."""
+    if path.endswith(".bp"):
+        parts = simple.ADIOS2VTXReader(registrationName=name + ".bp", FileName=path)
+        reader = simple.MergeBlocks(registrationName=name, Input=parts)
+    elif path.endswith(".pvd"):
+        reader = simple.PVDReader(registrationName=name, FileName=path)
+    else:
+        reader = simple.XMLUnstructuredGridReader(registrationName=name, FileName=[path])
+    reader.UpdatePipeline()
+    return reader
+
+
+def warped(reader: Any, name: str) -> tuple[Any, str]:
+    """What is read, deformed by its displacement; the name of that."""
+    arrays = {a.GetName(): a.GetNumberOfComponents() for a in reader.PointData.values()}
+    vectors = [a for a, components in arrays.items() if components == 3]
+    vector = "displacement" if "displacement" in vectors else vectors[0]
+    warp = simple.WarpByVector(registrationName=name, Input=reader)
+    warp.Vectors = ["POINTS", vector]
+    warp.UpdatePipeline()
+    return warp, vector
+
+
+def shown(source: Any, view: Any, array: list[str], title: str) -> None:
+    """Show a source in a view, coloured by an array, with a colour bar."""
+    display = simple.Show(source, view)
+    display.Representation = "Surface"
+    display.LineWidth = 6.0  # of the contact surface of a 2D body
+    simple.ColorBy(display, ("POINTS", *array))
+    colours = simple.GetColorTransferFunction(array[0])
+    if array[0] == "status":
+        # There is nothing between two statuses.
+        display.InterpolateScalarsBeforeMapping = display.NonlinearSubdivisionLevel = 0
+        colours.InterpretValuesAsCategories = 1
+        colours.Annotations = [text for code, name, _ in STATUSES for text in (code, name)]
+        colours.IndexedColors = [c for *_, colour in STATUSES for c in colour]
+    else:
+        display.NonlinearSubdivisionLevel = 2  # cells of degree 2 are curved
+        display.RescaleTransferFunctionToDataRangeOverTime()
+    display.SetScalarBarVisibility(view, True)
+    bar = simple.GetScalarBar(colours, view)
+    bar.Title, bar.ComponentTitle = title, ""
+
+
+def show(prefix: str, files: dict[str, str], views: list[Any]) -> None:
+    """Open the files of a group and show them in the views, if there are any."""
+    bodies = [part for part in ("body_stress", "body") if part in files]
+    contacts = [part for part in files if part.startswith("contact")]
+    for part in bodies + contacts:
+        name = prefix + part
+        warp, vector = warped(opened(files[part], name), name + " deformed")
+        if not views:
+            continue
+        if part in contacts:
+            for view, array in zip(views[1:], ("pressure", "status"), strict=True):
+                shown(warp, view, [array], f"{array} (contact)")
+                look(view, warp, along=True)
+        elif part == bodies[0]:
+            if part == "body_stress":
+                shown(warp, views[0], ["von_mises"], "von Mises stress")
+            else:
+                shown(warp, views[0], [vector, "Magnitude"], "displacement")
+            look(views[0], warp)
+
+
+def look(view: Any, source: Any, along: bool = False) -> None:
+    """Look at a plane as it lies, at the rest aslant, or along the axis where it is thinnest."""
+    x = source.GetDataInformation().GetBounds()
+    sizes = [x[1] - x[0], x[3] - x[2], x[5] - x[4]]
+    thin = sizes.index(min(sizes))
+    flat = sizes[2] <= 1e-9 * max(sizes)
+    direction, up = [1.0, -1.7, 0.9], (0.0, 0.0, 1.0)
+    if flat:
+        direction, up = [0.0, 0.0, 1.0], (0.0, 1.0, 0.0)
+    elif along:
+        direction = [0.15, -0.25, 0.15]
+        direction[thin] = 1.0
+        up = (0.0, 1.0, 0.0) if thin == 2 else (0.0, 0.0, 1.0)
+    middle = [(x[0] + x[1]) / 2, (x[2] + x[3]) / 2, (x[4] + x[5]) / 2]
+    view.CameraFocalPoint, view.CameraViewUp = middle, up
+    view.CameraPosition = [m + 3.0 * max(sizes) * d for m, d in zip(middle, direction, strict=True)]
+    simple.ResetCamera(view)
+
+
+def views_for(contact: bool) -> tuple[Any, list[Any]]:
+    """One view, or three: to the left, and to the right above and below."""
+    views = [simple.GetActiveViewOrCreate("RenderView")]
+    layout = simple.GetLayout(views[0])
+    if contact:
+        cell = layout.SplitHorizontal(layout.GetViewLocation(views[0]), 0.5) + 1
+        for _ in range(2):
+            views.append(simple.CreateView("RenderView"))
+            simple.AssignViewToLayout(view=views[-1], layout=layout, hint=cell)
+            if len(views) == 2:
+                cell = layout.SplitVertical(cell, 0.5) + 1
+    return layout, views
+
+
+def main() -> None:
+    """Show the group that was written last; open the others."""
+    folder = own_folder()
+    groups = found(folder)
+    if not groups:
+        raise RuntimeError("there are no results in " + (folder or "the folder of this script"))
+    layout, views = views_for(any(part.startswith("contact") for part in groups[-1][1]))
+    for prefix, files in groups[:-1]:
+        show(prefix, files, [])
+    show(*groups[-1], views)
+    simple.GetAnimationScene().UpdateAnimationUsingDataTimeSteps()
+    simple.GetAnimationScene().GoToLast()
+    for view in views:
+        simple.ResetCamera(view)
+    simple.RenderAllViews()
+    pictures = [word for word in sys.argv[1:] if word.endswith(".png")]
+    if pictures:
+        layout.SetSize(1600, 900)
+        simple.SaveScreenshot(pictures[0], layout, ImageResolution=[1600, 900])
+
+
+main()

@@ -1,0 +1,415 @@
+"""Full disks, things in the way, locks, and ranks that lose mpirun: OSError everywhere, no harm."""
+
+import errno
+import faulthandler
+import json
+import os
+import resource
+import signal
+import subprocess
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+import recorded_run
+from blocks import block
+from recorded_run import moved_block, record
+
+from dolfinx_contact.continuation import Observer, Observers, follow
+from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.output import (
+    BranchRecord,
+    draw_diagram,
+    fields,
+    lock,
+    picture_of_contact,
+    picture_of_states,
+    read_journal,
+    resume,
+    write_contact_table,
+    write_fields,
+    write_series,
+    write_summary,
+)
+from dolfinx_contact.output.journal import FILE_NAME, JournalFile
+
+COMM = MPI.COMM_WORLD
+TREE = Path(__file__).resolve().parents[1]
+MATERIAL = LinearElastic.from_young(1000.0, 0.3)
+serial = pytest.mark.skipif(COMM.size > 1, reason="one process, or processes of its own")
+
+
+@pytest.fixture(autouse=True)
+def no_hang():
+    """A call that hangs ends the run, with the traceback."""
+    faulthandler.dump_traceback_later(120, exit=True)
+    yield
+    faulthandler.cancel_dump_traceback_later()
+
+
+@contextmanager
+def full(size):
+    """A disk on which no file may be larger than ``size`` bytes."""
+    COMM.barrier()
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def contents(folder):
+    """Files below a folder, hidden ones too; the same on every rank."""
+    found = None
+    if COMM.rank == 0:
+        paths = sorted(p for p in folder.rglob("*") if p.is_file() or not any(p.iterdir()))
+        found = {str(p.relative_to(folder)): p.is_file() and p.read_bytes() for p in paths}
+    return COMM.bcast(found)
+
+
+@contextmanager
+def fails(path, number=errno.EFBIG):
+    """``OSError`` on every rank, the same, with the path and the reason."""
+    with pytest.raises(OSError, match=os.strerror(number)) as info:
+        yield
+    assert info.value.errno == number
+    assert info.value.filename == str(path)
+    assert len(set(COMM.allgather(str(info.value)))) == 1
+
+
+def on_root(do):
+    if COMM.rank == 0:
+        do()
+    COMM.barrier()
+
+
+# -- fields ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("format", "size"), [("vtx", 20_000), ("vtk", 2_500)])
+def test_fields_on_a_full_disk(folder, format, size):
+    """The state of before is still there, whole, and nothing else."""
+    problem = block(n=6, cell="tri")
+    problem.solve()
+    stress = MATERIAL.full_stress(problem.u)
+    write_fields(folder, problem, stress=stress, format=format)
+    before = contents(folder)
+    problem.u.x.array[:] *= 2.0
+    suffix = {"vtx": "bp", "vtk": "vtu"}[format]
+    with full(size), fails(folder / f"body.{suffix}"):
+        write_fields(folder, problem, stress=stress, format=format)
+    assert contents(folder) == before
+    with full(size), fails(folder / "new" / f"body.{suffix}"):
+        write_fields(folder / "new", problem, format=format)
+    assert set(contents(folder)) == {*before, "new"}
+    write_fields(folder, problem, stress=stress, format=format)
+    after = contents(folder)
+    assert {k for k in after if "data" in k or "body.vtu" in k}
+    assert after != before
+
+
+@serial
+def test_adios_fails_on_the_way(folder, monkeypatch):
+    """Where the disk fills up in spite of what was seen before: no abort either."""
+    monkeypatch.setattr(fields, "see_room", lambda *_: None)
+    problem = block(n=6, cell="tri")
+    write_fields(folder, problem)
+    before = contents(folder)
+    with full(1500), fails(folder / "body.bp"):
+        write_fields(folder, problem)
+    assert contents(folder) == before
+
+
+@pytest.mark.parametrize(
+    ("format", "name", "make", "number"),
+    [
+        ("vtx", "body.bp", Path.touch, errno.ENOTDIR),
+        ("vtx", "contact.bp", lambda p: (p / "mine").mkdir(parents=True), errno.EEXIST),
+        ("vtk", "contact.vtu", Path.mkdir, errno.EISDIR),
+        ("vtk", "paraview.py", Path.mkdir, errno.EISDIR),
+    ],
+)
+def test_something_is_in_the_way_of_fields(folder, format, name, make, number):
+    on_root(lambda: make(folder / name))
+    before = contents(folder)
+    with fails(folder / name, number):
+        write_fields(folder, block(cell="tri"), format=format)
+    assert contents(folder) == before
+
+
+def test_what_a_killed_run_left_is_removed(folder):
+    on_root(lambda: (folder / ".write_fields.part/body.bp").mkdir(parents=True))
+    files = write_fields(folder, block(cell="tri"))
+    assert {p.split("/")[0] for p in contents(folder)} == {*(f.name for f in files), "paraview.py"}
+
+
+# -- tables, summaries, pictures -------------------------------------------------------------------
+
+
+def test_table_and_summary(folder):
+    result = block(cell="tri").solve()
+    writers = {
+        "contact.csv": lambda f: write_contact_table(COMM, f, result.tables.values()),
+        "summary.json": lambda f: write_summary(COMM, f, {"numbers": list(range(200))}),
+    }
+    for name, write in writers.items():
+        write(folder)
+        before = contents(folder)
+        with full(100), fails(folder / name):
+            write(folder)
+        assert contents(folder) == before
+        with fails(folder / "missing" / name, errno.ENOENT):
+            write(folder / "missing")
+        on_root((folder / name).unlink)
+        on_root((folder / name).mkdir)
+        with fails(folder / name, errno.EISDIR):
+            write(folder)
+        assert contents(folder) == {name: False}
+        on_root((folder / name).rmdir)
+
+
+def test_pictures(folder, caplog):
+    """Those of a solve are a warning, as ever; those of branches an error."""
+    system, _ = moved_block(COMM)
+    branch = record(system, {}, folder / "record", max_steps=2)
+    journal = read_journal(folder / "record")
+    states, diagram = folder / "states.png", folder / "diagram.png"
+    picture_of_states(states, system, branch.points[-1:])
+    before = contents(folder)
+    with full(5000):
+        with fails(states):
+            picture_of_states(states, system, branch.points[-1:])
+        with fails(diagram):
+            draw_diagram(diagram, journal)
+        assert picture_of_contact(folder / "contact.png", system.problem) is None
+    assert contents(folder) == before
+    on_root((folder / "contact.png").mkdir)
+    assert picture_of_contact(folder / "contact.png", system.problem) is None
+    assert set(contents(folder)) == {*before, "contact.png"}
+    assert len(caplog.records) == (2 if COMM.rank == 0 else 0)
+
+
+# -- records ---------------------------------------------------------------------------------------
+
+
+class Fills(Observer):
+    """The disk is full from a point on."""
+
+    def __init__(self, at, size):
+        self.at, self.size = at, size
+
+    def point(self, branch, index, *_):
+        if index == self.at:
+            COMM.barrier()
+            hard = resource.getrlimit(resource.RLIMIT_FSIZE)[1]
+            resource.setrlimit(resource.RLIMIT_FSIZE, (self.size(), hard))
+            COMM.barrier()
+
+
+def run_until_full(folder, every, size):
+    """Nine steps on a disk that is full after the fifth point."""
+    system, functionals = moved_block(COMM)
+    fills = Fills(4, size)
+    with BranchRecord(folder, system, functionals, every=every) as r, full(resource.RLIM_INFINITY):
+        follow(
+            system,
+            recorded_run.start(system),
+            0.0,
+            gamma_range=(-0.1, 1.0),
+            control=recorded_run.CONTROL,
+            max_steps=9,
+            observer=Observers(r, fills),
+        )
+
+
+@pytest.mark.parametrize(
+    ("every", "room", "name"), [(100, 60, FILE_NAME), (5, 9000, "branch_0000_point_000005")]
+)
+def test_a_record_on_a_full_disk_is_resumed(folder, every, room, name):
+    """Full in a line of the journal, or in a checkpoint: the points before it are kept."""
+    path, whole = folder / "cut" / FILE_NAME, folder / "whole"
+    place = path if name == FILE_NAME else path.parent / "checkpoints" / name
+    with fails(place):
+        run_until_full(folder / "cut", every, lambda: path.stat().st_size + room)
+    found = contents(folder / "cut")
+    assert not [p for p in found if "part" in p or "lock" in p]
+    assert not [p for p in found if "000005" in p]
+    journal = read_journal(folder / "cut")
+    assert not journal.torn  # a half line was cut off
+    assert len(journal.branches[0].points) == 5
+    system, functionals = moved_block(COMM)
+    record(system, functionals, whole, max_steps=9)
+    resume(folder / "cut", system, functionals, max_steps=9)
+    a, b = (read_journal(f).columns() for f in (folder / "cut", whole))
+    for key in ("gamma", "volume", "force"):
+        np.testing.assert_allclose(a[key], b[key], rtol=1e-8, atol=1e-8)
+    assert a["status"].tolist() == b["status"].tolist()
+
+
+def test_a_record_that_cannot_begin(folder):
+    """It leaves nothing that a second attempt would take for a record."""
+    system, functionals = moved_block(COMM)
+    with full(100), fails(folder / "new" / FILE_NAME):
+        BranchRecord(folder / "new", system, functionals)
+    assert contents(folder) == {"new": False}
+    on_root(lambda: (folder / "new/checkpoints").touch())
+    with fails(folder / "new/checkpoints", errno.EEXIST):
+        BranchRecord(folder / "new", system, functionals)
+    on_root((folder / "new/checkpoints").unlink)
+    on_root((folder / "new" / FILE_NAME).unlink)
+    on_root((folder / "new" / FILE_NAME).mkdir)
+    with pytest.raises(FileExistsError, match="nothing is overwritten"):
+        BranchRecord(folder / "new", system, functionals)
+    with fails(folder / "new" / FILE_NAME, errno.EISDIR):
+        BranchRecord(folder / "new", system, functionals, resume=True)
+
+
+@pytest.mark.parametrize(("format", "size"), [("vtx", 30_000), ("vtk", 1_000)])
+def test_a_series_on_a_full_disk(folder, format, size):
+    system, functionals = moved_block(COMM)
+    record(system, functionals, folder / "record", max_steps=8)
+    with BranchRecord(folder / "record", system, functionals, resume=True) as r:
+        files = write_series(folder / "series", r, format=format)
+        before = contents(folder / "series")
+        with full(size), pytest.raises(OSError, match="File too large") as info:
+            write_series(folder / "series", r, format=format)
+        assert len(set(COMM.allgather(str(info.value)))) == 1
+        assert info.value.filename.startswith(str(folder / "series/branch_0000_body"))
+        assert contents(folder / "series") == before
+        assert write_series(folder / "series", r, format=format) == files
+
+
+# -- the lock --------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def here(tmp_path):
+    """A folder with a new journal, and a way to open it."""
+
+    def opened():
+        new = not (tmp_path / FILE_NAME).exists()
+        return JournalFile(tmp_path, new=new)
+
+    file = opened()
+    file.append({"type": "header", "format": 1})
+    file.close()
+    return tmp_path, opened
+
+
+def test_the_lock_says_who_holds_it(folder):
+    system, functionals = moved_block(COMM)
+    with BranchRecord(folder, system, functionals):
+        with pytest.raises(BlockingIOError, match="another process records to") as info:
+            BranchRecord(folder, system, functionals, resume=True)
+        said = COMM.allgather(str(info.value))
+        assert len(set(said)) == 1
+        pid = COMM.bcast(os.getpid())
+        host = COMM.bcast(os.uname().nodename)
+        for part in (f"process {pid} (", f"on {host}", "which is alive", f"kill {pid} ends it"):
+            assert part in said[0]
+        assert (folder / lock.NOTE_NAME).exists()
+        COMM.barrier()
+    COMM.barrier()
+    assert not (folder / lock.NOTE_NAME).exists()
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"pid": 2**22 + 1}, "which is gone, though"),
+        ({"started": "1"}, "which is gone, though"),
+        ({"namespace": "other", "launcher": "321"}, "there kill 321 ends its docker/run"),
+        ({"host": "elsewhere"}, "elsewhere, since .* cannot be seen from here"),
+        ({"host": 0, "nothing": "else"}, "which is alive"),
+        (None, "left no word"),
+    ],
+)
+def test_what_is_known_of_a_holder(here, monkeypatch, changes, words):
+    folder, opened = here
+    file = opened()
+    note = folder / lock.NOTE_NAME
+    known = json.loads(note.read_text())
+    if changes is None:
+        note.write_text('{"host": ')
+    else:
+        note.write_text(json.dumps(known | {k: v for k, v in changes.items() if v}))
+    with pytest.raises(BlockingIOError, match=words):
+        opened()
+    file.close()
+    opened().close()  # flock is the truth: whatever a note says
+
+
+def test_a_file_system_without_flock(here, monkeypatch):
+    """The note is the lock then; that of a process that is gone counts for nothing."""
+    folder, opened = here
+
+    def refuse(*_):
+        raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
+
+    monkeypatch.setattr(lock.fcntl, "flock", refuse)
+    note = folder / lock.NOTE_NAME
+    file = opened()
+    with pytest.raises(BlockingIOError, match=f"alive.* If it is gone, remove {note}"):
+        opened()
+    known = json.loads(note.read_text())
+    note.write_text(json.dumps(known | {"host": "elsewhere"}))
+    with pytest.raises(BlockingIOError, match="cannot be seen from here"):
+        opened()
+    note.write_text(json.dumps(known | {"started": "1"}))
+    other = opened()
+    assert json.loads(note.read_text())["started"] == known["started"]
+    other.close()
+    assert not note.exists()
+    file.close()
+
+
+def ranks_of(pid):
+    """Processes below a process."""
+    children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+    return [p for child in map(int, children) for p in (child, *ranks_of(child))]
+
+
+def runs(pid):
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
+    except OSError:
+        return False
+
+
+@serial
+def test_ranks_end_with_a_killed_mpirun(folder):
+    """mpirun killed with SIGKILL: no rank is left, and the record is free."""
+    taken = ("OMPI_", "PRTE_", "PMIX_", "PETSC_OPTIONS")
+    clean = {k: v for k, v in os.environ.items() if not k.startswith(taken)}
+    program = ["python3", str(TREE / "tests/recorded_run.py"), str(folder)]
+    process = subprocess.Popen(
+        [TREE / "docker/run", "mpirun", "-n", "2", *program],
+        env=clean | {"DOLFINX_CONTACT_ENV": "direct"},
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    path, end = folder / FILE_NAME, time.monotonic() + 60
+    while not path.exists() or path.read_bytes().count(b"\n") < 6:
+        assert process.poll() is None
+        assert time.monotonic() < end
+        time.sleep(0.01)
+    ranks = ranks_of(process.pid)
+    try:
+        assert len(ranks) == 2
+        process.kill()
+        process.wait()
+        end = time.monotonic() + 10
+        while any(map(runs, ranks)):
+            assert time.monotonic() < end
+            time.sleep(0.01)
+    finally:
+        for pid in filter(runs, ranks):
+            os.kill(pid, signal.SIGKILL)
+    system, functionals = moved_block(COMM)
+    with BranchRecord(folder, system, functionals, resume=True) as r:
+        assert len(r.journal.branches[0].points) > 2
