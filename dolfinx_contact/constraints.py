@@ -94,21 +94,21 @@ class Constraints:
             return
         bs, n = V.dofmap.index_map_bs, V.dofmap.index_map.size_local * V.dofmap.index_map_bs
         held: npt.NDArray[np.float64] = np.full(self.fixed.size, np.nan)
-        before, found = [], []
+        mine, pairs = np.empty_like(held), []
         for bc in self._bcs:
-            mine = np.full_like(held, np.nan)
+            mine[:] = np.nan
             bc.set(mine)
-            before.append((held.copy(), mine))
+            away = np.abs(mine[:n] - held[:n])  # NaN where one of them is free
+            pairs += [(int(i), held[i], mine[i]) for i in np.flatnonzero(away > 0)]
             held = np.asarray(np.where(np.isfinite(mine), mine, held))
         size = comm.allreduce(np.nanmax(np.abs(held), initial=0.0), op=max)
         x = V.tabulate_dof_coordinates()[:, : V.mesh.geometry.dim]
         x = np.where(np.abs(x) <= 1e-12 * np.abs(x).max(initial=0.0), 0.0, x)
-        for old, new in before:
-            differs = np.abs(old[:n] - new[:n]) > _CONTRADICTION * size  # NaN where one is free
-            found += [
-                (tuple(x[i // bs].tolist()), int(i % bs), *map(float, (old[i], new[i], held[i])))
-                for i in np.flatnonzero(differs)
-            ]
+        found = [
+            (tuple(x[i // bs].tolist()), i % bs, float(old), float(new), float(held[i]))
+            for i, old, new in pairs
+            if abs(old - new) > _CONTRADICTION * size
+        ]
         everyone = sorted(place for part in comm.allgather(found) for place in part)
         self._told = bool(everyone)
         if everyone and comm.rank == 0:
