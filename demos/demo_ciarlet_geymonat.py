@@ -27,9 +27,9 @@ from dolfinx import fem, mesh
 
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, parse_arguments
 from dolfinx_contact.continuation import StepControl, explore
+from dolfinx_contact.laws.status import COLOURS, NAMES
 from dolfinx_contact.materials import CiarletGeymonat
 from dolfinx_contact.output import Progress, output_folder, picture_of_states, write_summary
-from dolfinx_contact.output.states import STATUS_COLOURS, STATUS_NAMES
 from dolfinx_contact.parametric import ParametricContact
 
 
@@ -143,7 +143,7 @@ def draw(path, seen, events):
         axis.spines[["top", "right"]].set_visible(False)
     above.axes[0].legend(title="branch", frameon=False, fontsize=8)
     letters = "ok+-"
-    shown = ListedColormap([STATUS_COLOURS[k] for k in letters])
+    shown = ListedColormap([COLOURS[k] for k in letters])
     axes = below.subplots(1, len(seen), squeeze=False)[0]
     for k, (axis, branch) in enumerate(zip(axes, seen, strict=True)):
         codes = np.array([[letters.index(c) for c in s["status"]] for s in branch]).T
@@ -153,7 +153,7 @@ def draw(path, seen, events):
         )  # fmt: skip
         axis.set(title=f"branch {k + 1}", xlabel="point", yticks=[])
         axis.title.set_color(colours[k % 6])
-    handles = [Patch(facecolor=STATUS_COLOURS[k], label=STATUS_NAMES[k]) for k in letters]
+    handles = [Patch(facecolor=COLOURS[k], label=NAMES[k]) for k in letters]
     below.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
     figure.savefig(path, dpi=130)
     plt.close(figure)

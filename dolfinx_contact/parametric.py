@@ -27,7 +27,8 @@ from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact.condensed import CondensedContact, can_condense
 from dolfinx_contact.continuation import BranchPoint, Events, Piece, Preconditioner
 from dolfinx_contact.continuation.arguments import checked_gamma
-from dolfinx_contact.laws import Status
+from dolfinx_contact.laws import Status, status
+from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK, WHERE_OPEN
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.result import Result, by_coordinates, collect
 from dolfinx_contact.solvers.measures import Scales
@@ -35,14 +36,14 @@ from dolfinx_contact.surface import ContactSurface
 
 __all__ = ["ParametricContact"]
 
-_OPEN, _STICK, _PLUS, _MINUS = range(4)
 _MANY_POINTS = 50
 
 
 class ParametricContact:
     """H(x, gamma) = 0 for a contact problem, with the statuses of contact points as pieces.
 
-    Statuses are 0 open, 1 stick, 2 slip with u_t > 0, 3 slip with u_t < 0; in 3D, 2 is slip.
+    Statuses are those of `laws.status`: 0 open, 1 stick, 2 slip with u_t > 0, 3 slip with u_t < 0;
+    in 3D, 2 is slip; 4 to 6 are the same at open points, under a friction bound given in advance.
 
     Args:
         problem: the contact problem; its Functions follow what is evaluated.
@@ -304,8 +305,15 @@ class ParametricContact:
         return x
 
     def statuses(self, point: int) -> Sequence[int]:
-        surface = self.problem.surfaces[np.searchsorted(self._offsets, point, side="right") - 1]
-        return (_OPEN, _STICK, _PLUS, _MINUS) if surface.dim == 2 else (_OPEN, _STICK, _PLUS)
+        number = np.searchsorted(self._offsets, point, side="right") - 1
+        return self._statuses(self.problem.surfaces[number])
+
+    @staticmethod
+    def _statuses(surface: ContactSurface) -> Sequence[int]:
+        tangential = (STICK, PLUS, MINUS) if surface.dim == 2 else (STICK, PLUS)
+        if surface.law.needs_pressure:
+            return (OPEN, *tangential)
+        return (*tangential, *(WHERE_OPEN + k for k in tangential))
 
     # -- pieces ----------------------------------------------------------------------------------
 
@@ -313,8 +321,7 @@ class ParametricContact:
         """Statuses of all points of all surfaces, in order of coordinates. Collective."""
         words = []
         for s, a, b in self._parts():
-            names = np.array(list("ok+-" if s.dim == 2 else "oks"))
-            letters = np.where(self.clamped[a:b], "d", names[piece.codes[a:b]])
+            letters = np.where(self.clamped[a:b], "d", status.letters(s.dim)[piece.codes[a:b]])
             places = np.concatenate(self.comm.allgather(s.positions[: b - a]))
             word = np.concatenate(self.comm.allgather(letters))
             words += word[by_coordinates(places)].tolist()
@@ -332,7 +339,7 @@ class ParametricContact:
             order = by_coordinates(np.concatenate(self.comm.allgather(s.positions[: b - a])))
             word = np.array(list(letters[start : start + len(order)]))
             start += len(order)
-            known = "ok+-d" if s.dim == 2 else "oksd"
+            known = "".join(status.letters(s.dim)[list(self._statuses(s))]) + "d"
             fits = len(word) == len(order) and set(word) <= set(known)
             require(self.comm, fits, f"{s.name}: {len(order)} statuses of {known} are needed")
             placed = np.empty(len(order), dtype=word.dtype)
@@ -341,7 +348,8 @@ class ParametricContact:
             mine = placed[first : first + b - a]
             same = bool(np.array_equal(mine == "d", self.clamped[a:b]))
             require(self.comm, same, f"{s.name}: other points are clamped")
-            parts.append([0 if c == "d" else known.index(c) for c in mine])
+            every = "".join(status.letters(s.dim))
+            parts.append([OPEN if c == "d" else every.index(c) for c in mine])
         require(self.comm, start == len(letters), f"{start} statuses are needed, not more")
         return Piece(np.concatenate(parts).astype(np.int8))
 
@@ -357,12 +365,13 @@ class ParametricContact:
 
     def _piece(self, statuses: Sequence[Status]) -> Piece:
         codes = []
-        for s, status in zip(self.problem.surfaces, statuses, strict=True):
+        for s, state in zip(self.problem.surfaces, statuses, strict=True):
             n = s.num_owned_points
-            slip = np.where(status.slip[:n] > 0, _MINUS, _PLUS) if s.dim == 2 else _PLUS
-            closed = np.where(status.stick[:n] > 0, _STICK, slip)
-            codes.append(np.where(status.active[:n] > 0, closed, _OPEN))
-        return Piece(np.where(self.clamped, _OPEN, np.concatenate(codes)).astype(np.int8))
+            slip = np.where(state.slip[:n] > 0, MINUS, PLUS) if s.dim == 2 else PLUS
+            code = np.where(state.stick[:n] > 0, STICK, slip)
+            off = OPEN if s.law.needs_pressure else code + WHERE_OPEN
+            codes.append(np.where(state.active[:n] > 0, code, off))
+        return Piece(np.where(self.clamped, OPEN, np.concatenate(codes)).astype(np.int8))
 
     def _set(self, gamma: float, piece: Piece | None) -> None:
         """Put gamma, Dirichlet data and the statuses of ``piece`` into the problem. Collective."""
@@ -375,8 +384,9 @@ class ParametricContact:
             return
         for s, a, b in self._parts():
             codes = piece.codes[a:b]
-            slip = np.where(codes == _MINUS, 1.0, np.where(codes == _PLUS, -1.0, 0.0))
-            closed, stuck = (codes != _OPEN).astype(float), (codes == _STICK).astype(float)
+            closed, friction = status.closed(codes).astype(float), status.senses(codes)
+            slip = np.where(friction == MINUS, 1.0, np.where(friction == PLUS, -1.0, 0.0))
+            stuck = (friction == STICK).astype(float)
             s.set_owned_status(Status(closed, stuck, slip if s.dim == 2 else np.abs(slip)))
 
     def _dirichlet_rates(self) -> npt.NDArray[np.float64]:
@@ -480,36 +490,34 @@ def _events(
 ) -> tuple[npt.NDArray[Any], ...]:
     """Distances of the owned points of a surface to their next status, in units of length.
 
-    On a held piece: an open point may close (p = 0) and then slips against its displacement; a
-    stuck or slipping one may open; a stuck one may reach its friction bound; the shear of a
-    slipping one may fall below it.
+    On a held piece: an open point may close (p = 0) and then slips against its displacement, if no
+    friction acted on it before; a closed one may open; a stuck one may reach its friction bound;
+    the shear of a slipping one may fall below it.
     """
     n = len(codes)
     p, shear, bound = (values[:n] for values in s.augmented_values())
     unit = 1.0 / s.mean_augmentation
     points = np.arange(n, dtype=np.int32) + offset
-    opens, sticks = codes == _OPEN, codes == _STICK
-    slips = (codes == _PLUS) | (codes == _MINUS)
+    closed, friction = status.closed(codes), status.senses(codes)
+    sticks, slips = friction == STICK, (friction == PLUS) | (friction == MINUS)
+    shift = np.where(closed, 0, WHERE_OPEN)
+    towards = np.where(shear > 0, MINUS, PLUS) if s.dim == 2 else np.full(n, PLUS)
+    closes = np.where(codes == OPEN, towards, codes - WHERE_OPEN)
+    opens = np.full(n, OPEN) if s.law.needs_pressure else codes + WHERE_OPEN
+    parts = [(~closed, -p, closes), (closed, p, opens)]
     if s.dim == 2:
-        sense = np.where(codes == _MINUS, 1.0, -1.0)
-        towards = np.where(shear > 0, _MINUS, _PLUS)
-        parts = [
-            (opens, -p, towards),
-            (~opens, p, _OPEN),
-            (sticks, bound - shear, _MINUS),
-            (sticks, bound + shear, _PLUS),
-            (slips, sense * shear - bound, _STICK),
+        sense = np.where(friction == MINUS, 1.0, -1.0)
+        parts += [
+            (sticks, bound - shear, MINUS + shift),
+            (sticks, bound + shear, PLUS + shift),
+            (slips, sense * shear - bound, STICK + shift),
         ]
     else:
-        parts = [
-            (opens, -p, _PLUS),
-            (~opens, p, _OPEN),
-            (sticks, bound - shear, _PLUS),
-            (slips, shear - bound, _STICK),
+        parts += [
+            (sticks, bound - shear, PLUS + shift),
+            (slips, shear - bound, STICK + shift),
         ]
     distance = np.concatenate([(unit * d)[mask] for mask, d, _ in parts])
     point = np.concatenate([points[mask] for mask, _, _ in parts])
-    target = np.concatenate(
-        [np.broadcast_to(np.asarray(t, dtype=np.int8), (n,))[mask] for mask, _, t in parts]
-    )
+    target = np.concatenate([np.asarray(target, dtype=np.int8)[mask] for mask, _, target in parts])
     return distance, point, target

@@ -20,6 +20,7 @@ from dolfinx import fem
 
 from dolfinx_contact.balance import balance
 from dolfinx_contact.checks import misfits, warn_of_inversion
+from dolfinx_contact.laws import status
 from dolfinx_contact.tables import ContactTable, by_coordinates, contact_table
 
 if TYPE_CHECKING:
@@ -83,8 +84,7 @@ class Result:
     @property
     def counts(self) -> dict[str, int]:
         """Numbers of open, stuck, slipping and clamped points over all surfaces."""
-        kinds = {"open": "o", "stick": "k", "slip": "+-s", "clamped": "d"}
-        return {k: sum(t.count(v) for t in self.tables.values()) for k, v in kinds.items()}
+        return status.count("".join(t.status for t in self.tables.values()))
 
     @property
     def resultants(self) -> dict[str, npt.NDArray[np.float64]]:

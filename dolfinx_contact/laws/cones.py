@@ -2,8 +2,8 @@
 """The statuses of a contact point in 2D as polyhedral cones of w = (ut, un, rt, rn).
 
 Tangential displacement, gap, and the nodal forces on the body (in units of a stiffness times a
-length, so that all four are lengths). Statuses are 0 open, 1 stick, 2 slip with ut > 0, 3 slip with
-ut < 0. Signorini's conditions and |rt| <= F rn hold in each of them.
+length, so that all four are lengths). Statuses are those of `status`: 0 open, 1 stick, 2 slip with
+ut > 0, 3 slip with ut < 0. Signorini's conditions and |rt| <= F rn hold in each of them.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["classify_points", "coulomb_cones"]
+from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK
 
-_OPEN, _STICK, _PLUS, _MINUS = range(4)
+__all__ = ["classify_points", "coulomb_cones"]
 
 
 def coulomb_cones(
@@ -36,18 +36,18 @@ def coulomb_cones(
     m = len(friction)
     ut, un, rt, rn = np.eye(4)
     B, C = np.zeros((m, 4, 4, 2)), np.zeros((m, 4, 2, 4))
-    B[:, _OPEN] = np.stack([ut, un], axis=1)
-    B[:, _STICK] = np.stack([rt, rn], axis=1)
-    C[:, _OPEN, 0] = un
+    B[:, OPEN] = np.stack([ut, un], axis=1)
+    B[:, STICK] = np.stack([rt, rn], axis=1)
+    C[:, OPEN, 0] = un
     for row, sense in enumerate((1.0, -1.0)):
-        C[:, _STICK, row] = friction[:, None] * rn + sense * rt
-    for status, sense in ((_PLUS, 1.0), (_MINUS, -1.0)):
+        C[:, STICK, row] = friction[:, None] * rn + sense * rt
+    for status, sense in ((PLUS, 1.0), (MINUS, -1.0)):
         B[:, status, :, 0] = ut
         B[:, status, :, 1] = -(rn - sense * friction[:, None] * rt)
         C[:, status, 0] = rn
         C[:, status, 1] = np.where(grips[:, None], sense * ut, 0.0)
     exists = np.ones((m, 4), dtype=bool)
-    exists[:, [_STICK, _MINUS]] = grips[:, None]
+    exists[:, [STICK, MINUS]] = grips[:, None]
     return B, C, exists
 
 
@@ -60,6 +60,6 @@ def classify_points(
     """Statuses that a state (m, 4) asks for by the augmented law with the parameters ``r``."""
     ut, un, rt, rn = np.moveaxis(np.asarray(w), 1, 0)
     p, s = rn - r * un, rt - r * ut
-    slip: Any = np.where((s > 0) & grips, _MINUS, _PLUS)
-    closed = np.where((np.abs(s) <= friction * p) & grips, _STICK, slip)
-    return np.where(p > 0, closed, _OPEN).astype(np.int8)
+    slip: Any = np.where((s > 0) & grips, MINUS, PLUS)
+    closed = np.where((np.abs(s) <= friction * p) & grips, STICK, slip)
+    return np.where(p > 0, closed, OPEN).astype(np.int8)

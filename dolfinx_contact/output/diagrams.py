@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact._optional import optional
+from dolfinx_contact.laws import status
 from dolfinx_contact.output.disk import part_of
 from dolfinx_contact.output.journal import Journal
 
@@ -24,15 +25,6 @@ __all__ = ["draw_diagram"]
 
 _BRANCHES = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")
 _DASHES = ("-", "--", "-.", ":")
-#: Letters with the colour and the name of their status.
-_STATUSES = {
-    "o": ("#e9edf2", "open"),
-    "k": ("#0072B2", "stick"),
-    "+": ("#009E73", "slip, $u_t > 0$"),
-    "-": ("#E69F00", "slip, $u_t < 0$"),
-    "s": ("#E69F00", "slip"),
-    "d": ("#555555", "clamped"),
-}
 #: Special points with the marker, its filling and their name, by kind and smoothness.
 _MARKS = {
     ("fold", True): ("o", "white", "fold, smooth"),
@@ -200,12 +192,13 @@ def _strip(axes: Any, journal: Journal, branch: int) -> None:
 
     c = journal.columns(branch)
     rows = _rows(journal.places, len(c["status"][0]))
-    codes = np.array([[list(_STATUSES).index(x) for x in word] for word in c["status"]]).T
+    known = list(status.NAMES)
+    codes = np.array([[known.index(x) for x in word] for word in c["status"]]).T
     # A point has its status up to the next one.
     along = np.cumsum(c["step"])
     edges = np.append(along, along[-1] + (0.01 * along[-1] or 1.0))
-    colours = ListedColormap([colour for colour, _ in _STATUSES.values()])
-    look = dict(cmap=colours, vmin=-0.5, vmax=len(_STATUSES) - 0.5)
+    colours = ListedColormap(list(status.COLOURS.values()))
+    look = dict(cmap=colours, vmin=-0.5, vmax=len(known) - 0.5)
     axes.pcolormesh(edges, rows.edges, codes[rows.chosen], **look)
     if rows.ticks is not None:
         axes.set_yticks(rows.ticks, rows.labels)
@@ -225,8 +218,8 @@ def _status_legend(figure: Any, journal: Journal, branches: Sequence[int]) -> No
 
     present = set("".join("".join(journal.columns(b)["status"]) for b in branches))
     handles = [
-        Patch(facecolor=colour, edgecolor="0.5", label=name)
-        for letter, (colour, name) in _STATUSES.items()
+        Patch(facecolor=status.COLOURS[letter], edgecolor="0.5", label=name)
+        for letter, name in status.NAMES.items()
         if letter in present
     ]
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False)

@@ -13,24 +13,19 @@ from dolfinx import fem
 
 from dolfinx_contact._errors import everywhere, require
 from dolfinx_contact.continuation import Change, SpecialPoint
+from dolfinx_contact.laws import status
 from dolfinx_contact.result import by_coordinates
 
 if TYPE_CHECKING:
     from dolfinx_contact.parametric import ParametricContact
     from dolfinx_contact.problem import ContactProblem
 
-__all__ = ["Functional", "compiled", "counts", "described", "places"]
+__all__ = ["Functional", "compiled", "described", "places"]
 
 #: A scalar UFL form in the problem's Functions, or a function of the problem.
 Functional: TypeAlias = "ufl.Form | Callable[[ContactProblem], float]"
 
 _SAME = 1e-12  # relative: what sums over the ranks may differ by
-_KINDS = {"open": "o", "stick": "k", "slip": "+-s", "clamped": "d"}
-
-
-def counts(letters: str) -> dict[str, int]:
-    """Numbers of open, stuck, slipping and clamped points among status ``letters``."""
-    return {k: sum(map(letters.count, word)) for k, word in _KINDS.items()}
 
 
 def places(system: ParametricContact) -> dict[str, list[list[float]]]:
@@ -65,7 +60,7 @@ def _places(system: ParametricContact, changes: Sequence[Change]) -> list[dict[s
     mine = {i: positions[c.point].tolist() for i, c in enumerate(changes) if c.rank == rank}
     places = {i: x for part in system.comm.allgather(mine) for i, x in part.items()}
     x = np.array([places[i] for i in range(len(changes))])
-    names = "ok+-" if x.shape[1] == 2 else "oks"
+    names = status.letters(x.shape[1]).tolist()
     return [
         {"x": places[i], "before": names[c.before], "after": names[c.after]}
         for i, c in ((int(i), changes[i]) for i in by_coordinates(x))
@@ -77,7 +72,7 @@ def compiled(
 ) -> dict[str, Callable[[], float]]:
     """Functions that evaluate the functionals at the problem's Functions."""
     taken = {"branch", "index", "gamma", "step", "corrections", "tau", "norm", "special", "status"}
-    clash = sorted((taken | set(_KINDS)) & set(functionals))
+    clash = sorted((taken | set(status.KINDS)) & set(functionals))
     if clash:
         raise ValueError(f"functionals must not have the names of columns: {', '.join(clash)}")
     return {name: _evaluator(system, name, f) for name, f in functionals.items()}

@@ -36,12 +36,13 @@ from dolfinx_contact.continuation import (
     follower_for,
 )
 from dolfinx_contact.continuation.branch import Stop
+from dolfinx_contact.laws import status
 from dolfinx_contact.output.checkpoints import Checkpoints, joined, last_entry
 from dolfinx_contact.output.folder import output_folder
 from dolfinx_contact.output.identity import difference, identity
 from dolfinx_contact.output.journal import FORMAT, Journal, JournalBranch, JournalFile
 from dolfinx_contact.output.lock import end_with_launcher
-from dolfinx_contact.output.points import Functional, compiled, counts, described, places
+from dolfinx_contact.output.points import Functional, compiled, described, places
 
 if TYPE_CHECKING:
     from dolfinx_contact.parametric import ParametricContact
@@ -226,7 +227,7 @@ class BranchRecord(Observer):
         self.system.put(self._x, point.gamma, point.piece)
         entry |= {
             "functionals": {name: f() for name, f in self._functionals.items()},
-            "counts": counts(letters),
+            "counts": status.count(letters),
             "next_step": stepping.next_step,
             "x_scale": stepping.x_scale,
             "largest_distance": stepping.largest_distance,

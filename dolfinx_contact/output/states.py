@@ -15,29 +15,13 @@ from dolfinx import fem
 from dolfinx_contact._errors import on_root
 from dolfinx_contact._optional import optional
 from dolfinx_contact.continuation import BranchPoint
+from dolfinx_contact.laws.status import COLOURS, NAMES
 from dolfinx_contact.output.disk import part_of
 from dolfinx_contact.output.pictures import gather_cells, patch
 from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.result import by_coordinates
 
-__all__ = ["STATUS_COLOURS", "STATUS_NAMES", "picture_of_states"]
-
-STATUS_NAMES = {
-    "o": "open",
-    "k": "stick",
-    "+": "slip, $u_t > 0$",
-    "-": "slip, $u_t < 0$",
-    "s": "slip",
-    "d": "clamped",
-}
-STATUS_COLOURS = {
-    "o": "#c9d1db",
-    "k": "#2e6db4",
-    "+": "#2e9e4f",
-    "-": "#e8892b",
-    "s": "#e8892b",
-    "d": "#555555",
-}
+__all__ = ["picture_of_states"]
 
 
 def picture_of_states(
@@ -138,7 +122,7 @@ def _draw(file: Path, seen: Sequence[dict[str, Any]], titles: Sequence[str], sca
         axis.add_collection(deformed)
         for place, u, letters, floor in state["contact"]:
             marked = letters != ""
-            colours = [STATUS_COLOURS[k] for k in letters[marked]]
+            colours = [COLOURS[k] for k in letters[marked]]
             where = (place + scale * u)[marked]
             area = float(np.clip(14 * 40 / max(len(where), 1), 3, 14))
             rim = 0.3 if len(where) <= 60 else 0.1
@@ -153,10 +137,9 @@ def _draw(file: Path, seen: Sequence[dict[str, Any]], titles: Sequence[str], sca
     bar.set_label("|u|")
     bar.outline.set_linewidth(0.5)
     letters = {k for s in seen for part in s["contact"] for k in part[2]}
-    present = [k for k in STATUS_NAMES if k in letters]
+    present = [k for k in NAMES if k in letters]
     marks = [
-        plt.Line2D([], [], marker="o", ls="", color=STATUS_COLOURS[k], label=STATUS_NAMES[k])
-        for k in present
+        plt.Line2D([], [], marker="o", ls="", color=COLOURS[k], label=NAMES[k]) for k in present
     ]
     note = f"displacement x {scale:.3g}; grey: undeformed"
     figure.legend(

@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The statuses of a contact point: one table of their numbers, letters, names and colours.
+
+A point is open or closed, and friction holds it, lets it slip, or does not act. A friction bound
+that is given in advance (Tresca) acts on open points too: these have statuses of their own, the
+closed ones shifted by `WHERE_OPEN`. Tables of results call them open, as their gap is.
+
+Colours are those of Okabe and Ito, which most colour-blind readers tell apart.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = [
+    "COLOURS",
+    "KINDS",
+    "MINUS",
+    "NAMES",
+    "OPEN",
+    "PLUS",
+    "STICK",
+    "WHERE_OPEN",
+    "closed",
+    "count",
+    "letters",
+    "senses",
+]
+
+#: Without contact and friction; stick; slip with u_t > 0 (in 3D: slip); slip with u_t < 0.
+OPEN, STICK, PLUS, MINUS = range(4)
+#: Added to the number of a closed status: friction as there, at an open point.
+WHERE_OPEN = 3
+
+_LETTERS = {2: "ok+-KPM", 3: "oks KS "}
+
+#: Of every letter, for people; ``d`` is held by Dirichlet data.
+NAMES = {
+    "o": "open",
+    "k": "stick",
+    "+": "slip, $u_t > 0$",
+    "-": "slip, $u_t < 0$",
+    "s": "slip",
+    "K": "open, held by friction",
+    "P": "open, rubbing, $u_t > 0$",
+    "M": "open, rubbing, $u_t < 0$",
+    "S": "open, rubbing",
+    "d": "clamped",
+}
+COLOURS = {
+    "o": "#dfe4ea",
+    "k": "#0072B2",
+    "+": "#009E73",
+    "-": "#E69F00",
+    "s": "#E69F00",
+    "K": "#56B4E9",
+    "P": "#99d8c7",
+    "M": "#f5d999",
+    "S": "#f5d999",
+    "d": "#555555",
+}
+#: Letters of what tables count.
+KINDS = {"open": "oKPMS", "stick": "k", "slip": "+-s", "clamped": "d"}
+
+
+def letters(dim: int) -> npt.NDArray[np.str_]:
+    """The letter of every status by its number; a blank where there is no such status."""
+    return np.array(list(_LETTERS[dim]))
+
+
+def count(word: str) -> dict[str, int]:
+    """Numbers of open, stuck, slipping and clamped points among letters."""
+    return {kind: sum(map(word.count, those)) for kind, those in KINDS.items()}
+
+
+def closed(codes: npt.NDArray[np.int8]) -> npt.NDArray[np.bool_]:
+    """Which statuses are closed."""
+    return (codes > OPEN) & (codes <= WHERE_OPEN)
+
+
+def senses(codes: npt.NDArray[np.int8]) -> npt.NDArray[np.int8]:
+    """What friction does whether the point is open or not: `OPEN` (nothing), stick, slips."""
+    return np.where(codes > WHERE_OPEN, codes - WHERE_OPEN, codes).astype(np.int8)
