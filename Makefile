@@ -4,12 +4,14 @@ OUTPUT = output
 # mpirun gives its ranks a terminal, so that pytest would colour what goes to a log.
 PYTEST = python3 -m pytest --color=no tests
 
-.PHONY: help demo test lint clean
+.PHONY: help demo test test-paraview lint clean
 
 help:
 	@echo "make demo   all branches of a triangle on a floor, and a body dragged over one, on two"
 	@echo "            ranks; pictures in OUTPUT=$(OUTPUT)"
 	@echo "make test   lint, types, and the tests on one, two and three ranks"
+	@echo "make test-paraview   results opened in ParaView (an environment of its own, 3 GB more);"
+	@echo "            pictures in OUTPUT=$(OUTPUT)/paraview"
 	@echo "make lint   ruff and mypy alone"
 	@echo "make clean  remove what demos, tests and tools wrote"
 
@@ -21,6 +23,12 @@ test: lint
 	$(RUN) $(PYTEST)
 	$(RUN) mpirun -n 2 $(PYTEST)
 	$(RUN) mpirun -n 3 $(PYTEST)
+
+test-paraview:
+	rm -rf "$(OUTPUT)/paraview"
+	mkdir -p "$(OUTPUT)/paraview"
+	DOLFINX_CONTACT_RESULTS="$(OUTPUT)/paraview" $(RUN) mpirun -n 2 $(PYTEST)/test_vtk.py --long -k for_paraview
+	DOLFINX_CONTACT_PACKAGES=paraview $(RUN) xvfb-run -a python3 tests/in_paraview.py "$(OUTPUT)/paraview"
 
 lint:
 	@$(RUN) sh -c 'for tool in ruff mypy pytest; do command -v $$tool >/dev/null || { \

@@ -278,7 +278,7 @@ def test_without_adios2(folder, monkeypatch):
     monkeypatch.delattr(io, "VTXWriter")
     problem = two_surfaces()
     files = write_fields(folder, problem, stress=MATERIAL.full_stress(problem.u))
-    assert [f.suffix for f in files] == [".pvd"] * 4
+    assert [f.suffix for f in files] == [".vtu"] * 4
     assert all(f.stat().st_size > 100 for f in files)
 
 
