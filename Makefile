@@ -6,13 +6,15 @@ export OUTPUT
 # mpirun gives its ranks a terminal, so that pytest would colour what goes to a log.
 PYTEST = python3 -m pytest --color=no tests
 
-.PHONY: help demo test test-long lint clean
+.PHONY: help demo test test-long test-paraview lint clean
 
 help:
 	@echo "make demo       all branches of a triangle on a floor, and a body dragged over one, on two"
 	@echo "                ranks; pictures in OUTPUT=$$OUTPUT"
 	@echo "make test       lint, types, and the tests on one, two and three ranks"
-	@echo "make test-long  the tests that take long, on one and two ranks"
+	@echo "make test-long  the tests that take long, on one and two ranks, and test-paraview"
+	@echo "make test-paraview  results opened in ParaView (an environment of its own, 3 GB more);"
+	@echo "                pictures in OUTPUT=$$OUTPUT/paraview"
 	@echo "make lint       ruff and mypy alone"
 	@echo "make clean      remove what demos, tests and tools wrote"
 
@@ -26,8 +28,15 @@ test: lint
 	$(RUN) mpirun -n 3 $(PYTEST)
 
 test-long:
-	$(RUN) $(PYTEST) --long -m long
-	$(RUN) mpirun -n 2 $(PYTEST) --long -m long
+	$(RUN) $(PYTEST) --long -m long --deselect tests/test_vtk.py
+	$(RUN) mpirun -n 2 $(PYTEST) --long -m long --deselect tests/test_vtk.py
+	$(MAKE) test-paraview
+
+test-paraview:
+	rm -rf "$$OUTPUT/paraview"
+	mkdir -p "$$OUTPUT/paraview"
+	DOLFINX_CONTACT_RESULTS="$$OUTPUT/paraview" $(RUN) mpirun -n 2 $(PYTEST)/test_vtk.py --long -k for_paraview
+	DOLFINX_CONTACT_PACKAGES=paraview $(RUN) xvfb-run -a python3 tests/in_paraview.py "$$OUTPUT/paraview"
 
 lint:
 	@$(RUN) sh -c 'for tool in ruff mypy pytest; do command -v $$tool >/dev/null || { \
