@@ -102,18 +102,15 @@ class Result:
         rt = sum(t.rt.sum(axis=0) for t in tables)
         counts = self.counts
 
-        def components(name: str, vector: npt.ArrayLike) -> dict[str, float]:
-            return {f"{name}_{i}": float(v) for i, v in zip("xyz", np.array(vector), strict=False)}
-
         return {
             "converged": self.converged,
             "newton_iterations": self.iterations,
             "strategy": self.reason,
             "dofs": self.dofs,
             "sum_rn": float(sum(t.rn.sum() for t in tables)),
-            **components("sum_rt", rt),
-            **components("support", self.support),
-            **components("external", self.external),
+            **{f"sum_rt_{i}": float(v) for i, v in zip("xyz", np.asarray(rt), strict=False)},
+            "support": self.support.tolist(),
+            "external": self.external.tolist(),
             "force_imbalance": self.imbalance,
             "open": counts["open"],
             "stick": counts["stick"],
