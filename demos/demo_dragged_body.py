@@ -166,6 +166,7 @@ def main(argv=None):
 
     say(comm, "writing")
     files = write_fields(folder, problem, stress=stress)
+    files.append(folder / "paraview.py")  # paraview --script=... shows them
     write_contact_table(comm, folder, result.tables.values())
     files.append(folder / "contact.csv")
     files.append(

@@ -13,7 +13,7 @@ import pytest
 COMM = MPI.COMM_WORLD
 FILES = {
     *("body.bp", "body_stress.bp", "contact.bp", "contact.csv", "summary.json"),
-    *("body.png", "contact.png"),
+    *("body.png", "contact.png", "paraview.py"),
 }
 
 

@@ -210,6 +210,7 @@ def check_random_body(seed):
     return result.reason
 
 
+@pytest.mark.chatty
 @pytest.mark.parametrize("first", [0, 15])
 def test_random_bodies(first):
     found = [check_random_body(seed) for seed in range(first, first + 15)]
