@@ -117,7 +117,8 @@ def test_streams_arguments_and_exit_codes_pass(launch, way):
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 def test_signals_reach_the_command_in_the_root(launch, number):
     launch("true", way="root")
-    script = f"trap 'exit 7' {number.value}; echo ready; while :; do sleep 0.05; done"
+    # Between two commands in the foreground bash may lose a SIGINT; while it waits it does not.
+    script = f"sleep 60 & trap 'kill $!; exit 7' {number.value}; echo ready; wait"
     process = launch("bash", "-c", script, way="root", start=subprocess.Popen)
     assert process.stdout.readline() == "ready\n"
     process.send_signal(number)
