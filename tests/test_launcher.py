@@ -5,6 +5,7 @@ import shutil
 import signal
 import subprocess
 import textwrap
+import time
 from itertools import pairwise
 from pathlib import Path
 
@@ -121,6 +122,7 @@ def test_signals_reach_the_command_in_the_root(launch, number):
     script = f"sleep 60 & trap 'kill $!; exit 7' {number.value}; echo ready; wait"
     process = launch("bash", "-c", script, way="root", start=subprocess.Popen)
     assert process.stdout.readline() == "ready\n"
+    time.sleep(0.2)  # bash may not see a signal that comes as it begins to wait
     process.send_signal(number)
     assert process.wait(timeout=20) == 7
 
