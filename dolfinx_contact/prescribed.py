@@ -39,7 +39,8 @@ class PrescribedDisplacement:
             if not V.mesh.comm.allreduce(int(fixed.any())):
                 continue
             W, parents = V.sub(i).collapse()
-            nodes = np.asarray(parents, dtype=np.int32) // bs
+            # Since DOLFINx 0.11 a list with one array for each kind of cell.
+            nodes = np.asarray(parents, dtype=np.int32).reshape(-1) // bs
             here = np.flatnonzero(fixed[nodes]).astype(np.int32)
             f = fem.Function(W)
             self._components.append((i, f, nodes))

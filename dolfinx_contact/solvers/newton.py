@@ -312,7 +312,7 @@ _FAR = 1e6  # scales of the start over those of a state beside which it does not
 _AT_REST = 1e-12  # of the size of the body: displacements that are round-off
 _STOPPED = PETSc.SNES.ConvergedReason.DIVERGED_LOCAL_MIN
 _LINEAR = PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE
-_NOT_A_NUMBER = PETSc.SNES.ConvergedReason.DIVERGED_FNORM_NAN
+_NOT_A_NUMBER = -4  # DIVERGED_FNORM_NAN, since PETSc 3.24 DIVERGED_FUNCTION_NANORINF
 
 
 def _restless(
