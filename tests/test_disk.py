@@ -370,8 +370,9 @@ def test_a_file_system_without_flock(here, monkeypatch):
 
 def ranks_of(pid):
     """Processes below a process."""
-    children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
-    return [p for child in map(int, children) for p in (child, *ranks_of(child))]
+    by_thread = [p.read_text().split() for p in Path(f"/proc/{pid}/task").glob("*/children")]
+    children = [int(p) for those in by_thread for p in those]
+    return [p for child in children for p in (child, *ranks_of(child))]
 
 
 def runs(pid):
