@@ -126,12 +126,19 @@ def midpoints(domain: mesh.Mesh, cells: npt.NDArray[Any]) -> Array:
 
 @lru_cache(maxsize=32)
 def reference_points(cell: basix.CellType, degree: int, *, vertices: bool = True) -> Array:
-    """Vertices of a reference cell and the points of a rule; for degree 0 its midpoint alone."""
+    """Vertices of a reference cell and the points of a rule; for degree 0 its midpoint alone.
+
+    From degree 4 on the midpoints of its edges as well.
+    """
     corners = basix.geometry(cell)
     if degree == 0:
         return np.asarray(corners.mean(axis=0, keepdims=True))
     points = basix.make_quadrature(cell, degree)[0]
-    return np.vstack([corners, points]) if vertices else np.asarray(points)
+    if not vertices:
+        return np.asarray(points)
+    if degree >= 4:
+        corners = basix.create_lattice(cell, 2, basix.LatticeType.equispaced, True)
+    return np.vstack([corners, points])
 
 
 def gradients(element: Any, points: Array) -> Array:

@@ -8,6 +8,7 @@ by gamma is exact, by UFL.
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
@@ -22,7 +23,12 @@ from dolfinx import fem
 from ufl.algorithms.analysis import extract_constants
 
 from dolfinx_contact._agreement import described, refuse_other_mesh
-from dolfinx_contact._compat import interpolation_points, is_mesh_of, is_value_of
+from dolfinx_contact._compat import (
+    dirichlet_value,
+    interpolation_points,
+    is_mesh_of,
+    is_value_of,
+)
 from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact.condensed import CondensedContact, can_condense
 from dolfinx_contact.continuation import BranchPoint, Events, Piece, Preconditioner
@@ -31,6 +37,7 @@ from dolfinx_contact.laws import Status, status
 from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK, WHERE_OPEN
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.result import Result, by_coordinates, collect
+from dolfinx_contact.solvers.history import Attempt
 from dolfinx_contact.solvers.measures import Scales
 from dolfinx_contact.surface import ContactSurface
 
@@ -97,6 +104,33 @@ class ParametricContact:
         self._num_points = self.comm.allreduce(int(self._offsets[-1]))
         self._exact = self._is_affine(variable)
         self._condensed: CondensedContact | None = None
+        self._condensed_from = 0  # mark of the data
+        self._data = self._given()
+
+    def _given(self) -> list[Any]:
+        """What the user may change between two calls: Functions and Constants but gamma's own."""
+        problem = self.problem
+        ours = [*problem.fields, self.constant]
+        for s in problem.surfaces:
+            ours += s.helpers
+        found: list[Any] = []
+        for row in problem.rows:
+            for form in row:
+                found += [*form.coefficients(), *extract_constants(form)]
+        found += [
+            dirichlet_value(bc)
+            for bc in problem.bcs
+            if not any(is_value_of(d.function, bc) for d in self._driven)
+        ]
+        return [f for f in found if not any(f is other for other in ours)]
+
+    def _mark(self) -> int:
+        """A checksum of `_data` and of the mesh, on this rank."""
+        mark = zlib.crc32(np.ascontiguousarray(self.problem.V.mesh.geometry.x))
+        for f in self._data:
+            values = f.x.array if hasattr(f, "x") else np.asarray(f.value)
+            mark = zlib.crc32(np.ascontiguousarray(values), mark)
+        return mark
 
     def _mass(self) -> PETSc.Mat:
         """Mass matrix of the displacement over the volume and the square of the body's size."""
@@ -123,6 +157,16 @@ class ParametricContact:
         same_everywhere(self.comm, gamma=gamma)
         self._set(gamma, None)
 
+    def check_parameter(self, gammas: Sequence[float]) -> None:
+        """Raise ``ValueError`` if a law is none at one of these values of gamma. Collective."""
+        varying = [s for s in self.problem.surfaces if self.depends_on_gamma(s.law.bound(s.gap))]
+        if varying:
+            with self.restored(always=True):
+                for gamma in gammas:
+                    self._set(gamma, None)
+                    for s in varying:
+                        s.check_law(f" at gamma = {gamma:g}")
+
     def put(self, x: PETSc.Vec, gamma: float, piece: Piece) -> None:
         """Put a point of a branch into the Functions of the problem, its statuses included."""
         self._set(gamma, piece)
@@ -137,24 +181,31 @@ class ParametricContact:
         x.array[:] = point.y.array_r[: x.getLocalSize()]
         self.put(x, point.gamma, point.piece)
         with self.problem.status_held():
-            result = collect(self.problem, x, [])
+            done = Attempt("continuation", "a point of a branch", converged=True)
+            result = collect(self.problem, x, [done])
         x.destroy()
         return result
 
     @contextmanager
-    def restored(self) -> Iterator[None]:
-        """Put Functions, statuses, gamma and Dirichlet data back if the context raises."""
+    def restored(self, *, always: bool = False) -> Iterator[None]:
+        """Put Functions, statuses, gamma and Dirichlet data back if the context raises.
+
+        Args:
+            always: also if it does not.
+        """
         functions = [*self.problem.fields, *(d.function for d in self._driven)]
         before, statuses = [f.x.array.copy() for f in functions], self.problem.statuses
         gamma = self.constant.value.copy()
+        done = False
         try:
             yield
-        except BaseException:
-            for f, values in zip(functions, before, strict=True):
-                f.x.array[:] = values
-            self.problem.statuses = statuses
-            self.constant.value = gamma
-            raise
+            done = not always
+        finally:
+            if not done:
+                for f, values in zip(functions, before, strict=True):
+                    f.x.array[:] = values
+                self.problem.statuses = statuses
+                self.constant.value = gamma
 
     @property
     def scales(self) -> tuple[float, float]:
@@ -201,8 +252,14 @@ class ParametricContact:
             return None
         if not self._exact:
             return CondensedContact(self, x, gamma, exact=False)
-        if self._condensed is None:
-            self._condensed = CondensedContact(self, x, gamma, exact=True)
+        mark = self._mark()
+        if self._condensed is None or self.comm.allreduce(int(mark != self._condensed_from)):
+            # From nothing: no state leaves its round-off in what is degenerate without load.
+            nothing = self.create_vector()
+            with self.restored(always=True):
+                self._condensed = CondensedContact(self, nothing, 0.0, exact=True)
+            nothing.destroy()
+            self._condensed_from = mark
         return self._condensed
 
     @property

@@ -9,6 +9,7 @@ typical stiffness per area. So neither norms of H nor the matrix depend on the u
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
@@ -138,6 +139,7 @@ class ContactProblem:
         high = self.comm.allreduce(x.max(axis=0, initial=-np.inf), op=np.maximum)
         #: Diagonal of the bounding box of the body.
         self.body_size: float = float(np.linalg.norm(high - low))
+        self._mesh_mark = zlib.crc32(np.ascontiguousarray(x))
         self.forced_r: float | None = r
         self._scale(r)
         warn_of_obstacles(self)
@@ -360,6 +362,17 @@ class ContactProblem:
         """The Jacobian at the Functions and the status as they are into ``A``. Collective."""
         assemble_block_matrix(A, self._J, self._all_bcs, self.stiffness_scale)
 
+    def require_same_mesh(self) -> None:
+        """Raise ``ValueError`` if the mesh has moved since the problem was made. Collective."""
+        same = zlib.crc32(np.ascontiguousarray(self.V.mesh.geometry.x)) == self._mesh_mark
+        message = "the mesh has moved since the problem was made; make surfaces and problem anew"
+        require(self.comm, same, message)
+
+    def given_numbers(self) -> list[list[float]]:
+        """Values of the Constants in the forms, which are to be the same on every rank."""
+        forms = [form for row in self.rows for form in row]
+        return [[float(v) for v in np.ravel(c.value)] for f in forms for c in f.constants()]
+
     @property
     def global_sizes(self) -> list[int]:
         """Numbers of unknowns on all ranks, field by field."""
@@ -386,9 +399,11 @@ class ContactProblem:
         """Nodal forces that count as round-off at a displacement of this size.
 
         Where a body moves without resistance all forces are the round-off of stiffness times
-        motion, and nothing else tells how small a force has to be.
+        motion, and nothing else tells how small a force has to be. Stresses of a body that is not
+        linear are differences of moduli, also where it has no load: to 1e-15 of these.
         """
-        return 1e-4 * self.stiffness_scale * displacement
+        strain = 0.0 if self.bulk.linear else 1e-5 * self.body_size
+        return self.stiffness_scale * max(1e-4 * displacement, strain)
 
     def loose_motions(self) -> str:
         """Rigid motions held neither by Dirichlet data nor by the contact status; "" if none."""

@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
 __all__ = ["ContactTable", "Result", "by_coordinates", "collect"]
 
+_NOTHING = 1e-12  # of the body's size, a displacement that is none
+
 
 @dataclass(frozen=True)
 class Result:
@@ -130,10 +132,7 @@ def collect(problem: ContactProblem, x: PETSc.Vec, attempts: Sequence[Attempt]) 
     b = problem.create_vector()
     problem.residual(x, b)
     b.destroy()
-    tables = {
-        s.name: contact_table(problem, s, clamped)
-        for s, clamped in zip(problem.surfaces, problem.constraints.clamped, strict=True)
-    }
+    tables = {s.name: contact_table(problem, s) for s in problem.surfaces}
     energies = {}
     if problem.energy_form is not None:
         local = float(np.real(fem.assemble_scalar(problem.energy_form)))
@@ -144,13 +143,15 @@ def collect(problem: ContactProblem, x: PETSc.Vec, attempts: Sequence[Attempt]) 
         problem.comm.allreduce(float(np.max(np.abs(problem.reactions), initial=0.0)), op=max),
     )
     u = problem.comm.allreduce(float(np.max(np.abs(problem.u.x.array), initial=0.0)), op=max)
-    force = max(force, problem.round_off_force(u))
+    # Below that all is round-off.
+    length = max(u, _NOTHING * problem.body_size)
+    force = max(force, problem.round_off_force(u), problem.stiffness_scale * length * _NOTHING)
     forces = balance(problem, tables.values(), u)
     return Result(
         tables,
         list(attempts),
         energies,
-        max(t.kkt_violation(force or 1.0, u or 1.0) for t in tables.values()),
+        max(t.kkt_violation(force, length) for t in tables.values()),
         x.getSize(),
         forces.support,
         forces.external,

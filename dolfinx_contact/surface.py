@@ -258,6 +258,11 @@ class ContactSurface:
         consistent = -k * ufl.dot(jump, mu) * self._ds_exact
         return [[(contact, self.unknowns)], [(lumped, [self.average]), (consistent, [self.u])]]
 
+    @property
+    def helpers(self) -> list[Any]:
+        """Functions and Constants in `rows` that are neither unknowns nor the user's data."""
+        return [self._active, self._stick, self._slip, self.r, self._average_stiffness]
+
     def set_augmentation(self, r: npt.NDArray[np.float64]) -> None:
         """Set r at the local vertices of the surface. Collective."""
         self.r.x.array[:] = r
@@ -345,10 +350,10 @@ class ContactSurface:
             self._true_gaps = Evaluator(*W, self._ds, [gap], self.entity_maps)
         return self._true_gaps()[0]
 
-    def check_law(self) -> None:
+    def check_law(self, where: str = "") -> None:
         """Raise ``ValueError`` if a friction field is negative or not finite somewhere."""
         bound = self.friction_slope()
-        what = "friction coefficient or threshold"
+        what = f"friction coefficient or threshold{where}"
         require(self.comm, bool(np.isfinite(bound).all()), f"{self.name}: NaN in the {what}")
         require(self.comm, bool((bound > -1e-14).all()), f"{self.name}: negative {what}")
 

@@ -13,7 +13,7 @@ fix one component of a node, the others may carry contact.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -111,24 +111,27 @@ class ContactTable:
         return float(max(np.max(v, initial=0.0) for v in violations))
 
 
-def contact_table(
-    problem: ContactProblem, s: ContactSurface, clamped: npt.NDArray[np.bool_]
-) -> ContactTable:
+def contact_table(problem: ContactProblem, s: ContactSurface) -> ContactTable:
     """The table of a surface at the problem's Functions and last residual. Collective.
 
-    Args:
-        problem: the contact problem.
-        s: one of its surfaces.
-        clamped: local multiplier nodes whose multiplier is removed.
+    Where Dirichlet data prescribe all of the tangential displacement, the support holds what
+    friction would: the bound is 0 there, and the letter that of the prescribed motion.
     """
+    number = problem.surfaces.index(s)
+    clamped, removed = problem.constraints.clamped[number], problem.constraints.removed[number]
     state, n = s.state(), s.num_owned_points
     area, normal, traction = state["area"][:n], state["n"][:n], state["traction"][:n]
     letters, support = s.status.letters(s.dim)[:n], np.zeros_like(traction)
+    bound = s.friction_bound()[:n] * area
     if s.method != "integral":
         held = clamped[:n]
         letters = np.where(held, "d", letters)
         traction = np.where(held[:, None], 0.0, traction)
         support = problem.support_forces(s)[:n]
+        guided = (removed[:n].sum(axis=1) == s.dim - 1) & ~held
+        bound = np.where(guided, 0.0, bound)
+        moved = _letters_of_motion(state["ut"][:n], normal, 1e-12 * problem.body_size)
+        letters = np.where(guided & (letters != "o"), moved, letters)
     pressure = -np.sum(traction * normal, axis=1) + 0.0
     columns = {
         "x": state["x"][:n],
@@ -140,12 +143,23 @@ def contact_table(
         "pressure": pressure,
         "shear": traction + pressure[:, None] * normal,
         "letters": letters,
-        "bound": s.friction_bound()[:n] * area,
+        "bound": bound,
         "support": support,
     }
     gathered = {k: np.concatenate(s.comm.allgather(v)) for k, v in columns.items()}
     order = by_coordinates(gathered["x"])
     return ContactTable(s.name, s.dim, **{k: v[order] for k, v in gathered.items()})
+
+
+def _letters_of_motion(
+    ut: npt.NDArray[np.float64], n: npt.NDArray[np.float64], least: float
+) -> npt.NDArray[np.str_]:
+    """The letters of closed points that move along ``ut``, (n, dim), by more than ``least``."""
+    size = np.linalg.norm(ut, axis=1)
+    sliding: Any = "s"
+    if ut.shape[1] == 2:
+        sliding = np.where(ut[:, 1] * n[:, 0] - ut[:, 0] * n[:, 1] > 0, "+", "-")
+    return np.where(size > least, sliding, "k")
 
 
 def by_coordinates(x: npt.NDArray[np.float64]) -> npt.NDArray[np.intp]:

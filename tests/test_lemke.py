@@ -221,3 +221,29 @@ def test_random_bodies(first):
 def test_more_random_bodies():
     found = [check_random_body(seed) for seed in itertools.chain(range(100, 400))]
     assert sum(reason != "refused" for reason in found) > 200
+
+
+def test_an_unloaded_answer_up_to_round_off():
+    """The load lifts the body without a tangential motion: no ray, no force."""
+    S = np.array(
+        [[5.535226292127968, 0.24491892261131346], [0.24491892261131346, 1.0476883877824614]]
+    )
+    (w,), _ = coulomb_by_lemke(S, S[1], np.array([0.4]))
+    np.testing.assert_allclose(w, [0.0, 1.0, 0.0, 0.0], atol=1e-14)
+
+
+def test_badly_conditioned_problems_have_no_false_answer():
+    rng = np.random.default_rng(3)
+    refused = 0
+    for _ in range(100):
+        m = 8
+        Q = np.linalg.qr(rng.standard_normal((2 * m, 2 * m)))[0]
+        S = (Q * np.logspace(0, 12, 2 * m)) @ Q.T
+        p, friction = S @ rng.standard_normal(2 * m), np.full(m, 1.0)
+        try:
+            w, _ = coulomb_by_lemke((S + S.T) / 2, p, friction)
+        except (RayTermination, ValueError):
+            refused += 1
+            continue
+        assert np.minimum(np.abs(w[:, 1]), np.abs(w[:, 3]) / np.abs(p).max()).max() < 1e-5
+    assert refused < 50

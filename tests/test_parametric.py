@@ -3,6 +3,7 @@
 from mpi4py import MPI
 
 import demo_friction_parameter
+import demo_hild_triangle
 import demo_single_element
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from dolfinx_contact import (
     Sphere,
     Tresca,
 )
-from dolfinx_contact.continuation import Piece, StepControl, follow
+from dolfinx_contact.continuation import Piece, StepControl, explore, find_solutions, follow
 from dolfinx_contact.materials import LinearElastic, NeoHookean
 from dolfinx_contact.parametric import ParametricContact
 
@@ -226,3 +227,95 @@ def test_a_friction_bound_acts_on_open_points_along_a_branch(cell):
         )
     assert seen & set("KPMS")
     assert seen & set("k+-s")
+
+
+def loaded_block(friction):
+    """A block held at its top under a load that gamma scales, with its friction as a Constant."""
+    domain = box(COMM, 4, "tri")
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u, gamma = fem.Function(V), fem.Constant(domain, 0.0)
+    friction = fem.Constant(domain, friction)
+    surface = ContactSurface(
+        u,
+        facets(domain, 1, 0.0),
+        obstacle=HalfSpace((0.0, 0.0), (0.0, 1.0)),
+        law=Coulomb(friction),
+    )
+    held = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
+    force = ufl.dot(ufl.as_vector([3 * gamma, -5 * gamma]), u) * ufl.ds
+    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx - force
+    bc = fem.dirichletbc(np.zeros(2), held, V)
+    return ParametricContact(ContactProblem(energy, u, [surface], bcs=[bc]), gamma), friction
+
+
+def test_data_that_change_between_branches():
+    """Each branch is that of the data as they are, also where the body was condensed before."""
+    system, friction = loaded_block(0.3)
+    x = system.create_vector()
+    for value in (0.3, 0.05, 1.0):
+        friction.value = value
+        x.set(0.0)
+        branch = follow(system, x, 0.0, gamma_range=(0.0, 1.0))
+        followed = system.result_at(branch.points[-1])
+        assert followed.summary()["converged"]
+        solved = system.problem.solve()
+        force = solved.tables["contact"].force
+        np.testing.assert_allclose(
+            followed.tables["contact"].force, force, atol=1e-10 * np.abs(force).max()
+        )
+        x.set(0.0)
+        found = find_solutions(system, [x], 1.0)
+        assert (len(found.found), found.complete) == (1, True)
+        system.problem.read(found.found[0].x)
+        known = system.problem.solve().tables["contact"].force
+        np.testing.assert_allclose(known, force, atol=1e-10 * np.abs(force).max())
+
+
+def test_looking_for_solutions_leaves_no_trace():
+    system, _ = loaded_block(0.3)
+    system.set_parameter(0.25)
+    system.problem.solve()
+    x = system.create_vector()
+    system.problem.write(x)
+    before = [f.x.array.copy() for f in system.problem.fields]
+    find_solutions(system, [x], 0.75)
+    assert float(system.constant.value) == 0.25
+    for f, values in zip(system.problem.fields, before, strict=True):
+        np.testing.assert_array_equal(f.x.array, values)
+    # At gamma = 0 every point is at a kink; what was computed at 0.75 leaves no round-off in that.
+    x.set(0.0)
+    diagram = explore(system, [(x, 0.0)], gamma_range=(-1.0, 1.0))
+    other, _ = loaded_block(0.3)
+    afresh = explore(other, [(x, 0.0)], gamma_range=(-1.0, 1.0))
+    assert len(diagram.branches) == len(afresh.branches) == 3
+
+
+def test_friction_that_gamma_makes_negative():
+    domain_system, _ = loaded_block(0.3)
+    domain = domain_system.problem.V.mesh
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u, gamma = fem.Function(V), fem.Constant(domain, 0.5)
+    floor, held = HalfSpace((0.0, 0.0), (0.0, 1.0)), facets(domain, 1, 1.0)
+    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.3 * gamma))
+    moved = np.array([0.01, -0.01])
+    bc = fem.dirichletbc(moved, fem.locate_dofs_topological(V, 1, held), V)
+    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
+    system = ParametricContact(ContactProblem(energy, u, [surface], bcs=[bc]), gamma)
+    x = system.create_vector()
+    with pytest.raises(
+        ValueError, match="negative friction coefficient or threshold at gamma = -1"
+    ):
+        follow(system, x, 0.5, gamma_range=(-1.0, 1.0))
+    assert float(gamma.value) == 0.5
+
+
+def test_a_singular_piece_and_a_continuum():
+    """Hild's element at the critical friction: more solutions than the two that are found."""
+    problem, load = demo_hild_triangle.triangle((1.0, 1.0), 2.0, 1.0)
+    load.value = (-4.0, -2.0)
+    system = ParametricContact(problem, fem.Constant(problem.V.mesh, 0.0))
+    x = system.create_vector()
+    found = find_solutions(system, [x], 0.0)
+    assert len(found.found) == 2
+    assert not found.complete
+    assert "continua" in found.method

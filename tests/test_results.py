@@ -13,7 +13,7 @@ import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, Frictionless, HalfSpace
-from dolfinx_contact.materials import LinearElastic, NeoHookean
+from dolfinx_contact.materials import CiarletGeymonat, LinearElastic, NeoHookean
 from dolfinx_contact.output import write_contact_table
 from dolfinx_contact.output.fields import contact_fields
 from dolfinx_contact.result import collect
@@ -214,3 +214,56 @@ def test_support_as_a_field(degree):
         np.testing.assert_array_equal(clamped, x[:, 0] < 1e-9)
         assert not fields["traction"].x.array.reshape(-1, 3)[clamped].any()
         assert not fields["pressure"].x.array[clamped].any()
+
+
+def test_a_prescribed_slip_is_no_violation():
+    """Where the support moves a closed node along the floor friction has nothing to hold."""
+    domain = box(COMM, 3, "tri")
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    surface = ContactSurface(
+        u, facets(domain, 1, 0.0), obstacle=HalfSpace((0.0, 0.0), (0.0, 1.0)), law=Coulomb(0.3)
+    )
+    top = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
+    side = fem.locate_dofs_topological(V.sub(0), 1, facets(domain, 0, 0.0))
+    bcs = [fem.dirichletbc(np.array([0.01, -0.01]), top, V), fem.dirichletbc(0.01, side, V.sub(0))]
+    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
+    result = ContactProblem(energy, u, [surface], bcs=bcs).solve()
+    assert result.kkt_violation < 1e-9
+    table = result.tables["contact"]
+    assert table.letters[0] == "+"
+    assert table.bound[0] == 0.0 < table.rn[0]
+
+
+@pytest.mark.parametrize(
+    "material", [NeoHookean(600.0, 400.0), CiarletGeymonat(4000.0, 120.0, 30.0)]
+)
+def test_a_body_without_load(material):
+    """Nothing touches it: the stresses are round-off, also after it was pressed and lifted."""
+    problem = block(material=material, obstacle=HalfSpace((0.0, -0.1), (0.0, 1.0)), top=(0.0, 0.0))
+    result = problem.solve()
+    assert (result.iterations, result.kkt_violation) == (0, 0.0)
+    (moved,) = problem.bcs
+    for height in (-0.15, 0.05, 0.1, 0.2):
+        moved.g.value[1] = height
+        result = problem.solve()
+        assert result.kkt_violation < 1e-8
+        assert (result.counts["open"] == 5) == (height > 0)
+
+
+def test_a_mesh_that_moves_after_the_problem_was_made():
+    problem = block()
+    problem.V.mesh.geometry.x[:] *= 2.0
+    with pytest.raises(ValueError, match="the mesh has moved"):
+        problem.solve()
+
+
+def test_constants_that_differ_between_ranks_at_a_solve():
+    problem = block(law=Coulomb(0.3))
+    (surface,) = problem.surfaces
+    surface.law.friction.value = 0.3 + 0.1 * COMM.rank
+    if COMM.size > 1:
+        with pytest.raises(ValueError, match="Constants differs between ranks"):
+            problem.solve()
+    else:
+        problem.solve()

@@ -32,11 +32,12 @@ __all__ = ["RayTermination", "coulomb_by_lemke", "lemke"]
 Array = npt.NDArray[np.float64]
 
 _TIE = 1e-11  # of ratios that count as equal, relative to the largest unknown
+_LARGEST_VIOLATION = 1e-7  # of the law, relative, by which an answer counts as none
 _PIVOT = 1e-11  # entries that count as zero, relative to the largest of their column
 
 
 class RayTermination(ArithmeticError):
-    """Lemke's method ended in a ray, or took more pivots than it may."""
+    """Lemke's method ended in a ray, took more pivots than it may, or was lost in round-off."""
 
 
 def coulomb_by_lemke(
@@ -55,10 +56,11 @@ def coulomb_by_lemke(
 
     Raises:
         ValueError: if a number is not finite, F or g is negative, or S is not positive definite.
-        RayTermination: never but for round-off.
+        RayTermination: never but for round-off, which a badly conditioned S (1e8) may bring; an
+            answer that is none is not returned.
     """
     m = len(friction)
-    bound = np.zeros(m) if bound is None else bound
+    bound = np.zeros(m) if bound is None else np.asarray(bound, dtype=np.float64)
     if not all(np.isfinite(v).all() for v in (S, p, friction, bound)):
         raise ValueError("stiffness, load or friction is not finite")
     if (friction < 0).any() or (bound < 0).any():
@@ -83,14 +85,31 @@ def coulomb_by_lemke(
             [F, -one, -one, zero],
         ]
     )
-    q = np.concatenate([c[n], c[t], -c[t], bound / (stiffness * length)])
+    given = np.asarray(bound / (stiffness * length), dtype=np.float64)
+    q = np.concatenate([c[n], c[t], -c[t], given])
     z, pivots = lemke(M, q)
     rn, plus, minus, _ = z.reshape(4, m)
     r = np.empty(2 * m)
     r[t], r[n] = plus - minus, rn
     a = A @ r + c
+    worst = _violation(a[t], a[n], r[t], r[n], friction, given)
+    if not worst < _LARGEST_VIOLATION:
+        raise RayTermination(f"round-off: the law is violated by {worst:.1e} of the load")
     state = np.stack([a[t], a[n], r[t] * stiffness, r[n] * stiffness], axis=1)
     return state * length, pivots
+
+
+def _violation(ut: Array, un: Array, rt: Array, rn: Array, friction: Array, bound: Array) -> float:
+    """The largest violation of Signorini's and Coulomb's law, in units in which the load is 1."""
+    size, radius = max(1.0, float(np.abs(rn).max()), float(np.abs(rt).max())), friction * rn + bound
+    parts = [
+        -un,
+        -rn / size,
+        np.minimum(np.abs(un), np.abs(rn) / size),
+        (np.abs(rt) - radius) / size,
+        np.minimum(np.abs(ut), np.abs(rt + np.sign(ut) * radius) / size),
+    ]
+    return float(max(v.max(initial=0.0) for v in parts))
 
 
 def lemke(M: Array, q: Array, *, max_pivots: int | None = None) -> tuple[Array, int]:
@@ -108,7 +127,7 @@ def lemke(M: Array, q: Array, *, max_pivots: int | None = None) -> tuple[Array, 
         RayTermination: if the method ends in a ray or takes more pivots.
     """
     n = len(q)
-    if (q >= 0).all():
+    if (q >= -_TIE * np.abs(q).max(initial=0.0)).all():
         return np.zeros(n), 0
     table = _Tableau(M, q)
     leaving = table.first()

@@ -26,6 +26,7 @@ from dolfinx_contact.continuation.system import System
 __all__ = [
     "asked",
     "check_listeners",
+    "check_parameter",
     "check_states",
     "check_system",
     "checked_gamma",
@@ -117,10 +118,22 @@ def check_listeners(
         raise ValueError(f"the budget of steps must be positive, got {max_steps!r}")
 
 
-def restoring(system: System) -> AbstractContextManager[None]:
-    """Puts back what a system writes to if the context raises, where it has `restored`."""
-    restored: Callable[[], AbstractContextManager[None]] = getattr(system, "restored", nullcontext)
-    return restored()
+def check_parameter(system: System, gammas: Sequence[float]) -> None:
+    """Let a system that has `check_parameter` object to values of gamma. Collective."""
+    check: Callable[[Sequence[float]], None] | None = getattr(system, "check_parameter", None)
+    if check is not None:
+        check(gammas)
+
+
+def restoring(system: System, *, always: bool = False) -> AbstractContextManager[None]:
+    """Puts back what a system writes to if the context raises, where it has `restored`.
+
+    Args:
+        system: that writes.
+        always: also if the context does not raise.
+    """
+    restored: Callable[..., AbstractContextManager[None]] | None = getattr(system, "restored", None)
+    return nullcontext() if restored is None else restored(always=always)
 
 
 def asked(

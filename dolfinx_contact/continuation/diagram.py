@@ -19,6 +19,7 @@ from petsc4py import PETSc
 from dolfinx_contact._errors import everywhere, same_everywhere
 from dolfinx_contact.continuation.arguments import (
     check_listeners,
+    check_parameter,
     check_states,
     check_system,
     checked_gamma,
@@ -155,6 +156,7 @@ def explore(
         route=route,
     )
     check_states(system, [x for x, _ in pairs], "a start")
+    check_parameter(system, [low, high])
     scale = high - low
     with (
         restoring(system),

@@ -21,6 +21,7 @@ from dolfinx_contact._petsc import staged
 from dolfinx_contact.continuation.arguments import (
     asked,
     check_listeners,
+    check_parameter,
     check_states,
     check_system,
     checked_gamma,
@@ -104,6 +105,7 @@ def follow(
         stop_condition=stop is not None,
     )
     check_states(system, [x], "x")
+    check_parameter(system, [low, high])
     scale = high - low
     with (
         restoring(system),

@@ -29,6 +29,7 @@ __all__ = ["AffineRay", "Rays", "neighbours", "outgoing", "same_direction", "ste
 
 _MOST_PIECES = 65536
 _CHUNK = 4096  # pieces looked at together
+_SINGULAR = 1e-14  # singular values that are round-off, relative to the largest
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,22 +102,41 @@ def outgoing(
     choices = [np.flatnonzero(a) for a in cone.allowed]
     pieces = float(np.prod([float(len(c)) for c in choices]))
     if pieces <= _MOST_PIECES:
-        found, complete, method = list(known), True, f"enumeration of {pieces:.0f} pieces"
+        wide: list[Codes] = []
+        found, doubt = list(known), ""
         try:
             with np.errstate(over="ignore", invalid="ignore"):
-                found += _enumerate(cone, choices)
-        except OverflowError:
-            complete, method = False, f"{method}, which overflowed"
-        return Rays(tuple(_distinct(found)), complete, method)
+                found += _enumerate(cone, choices, wide)
+        except FloatingPointError as error:
+            doubt = f", {error}"
+        rays = _distinct(found)
+        if any(_lie_in(cone, codes, rays) > 1 for codes in wide):
+            doubt += ", with continua between these"
+        return Rays(tuple(rays), not doubt, f"enumeration of {pieces:.0f} pieces{doubt}")
     return _unfold(cone, known, choices, tries, seed)
 
 
-def _enumerate(cone: AffineSystem, choices: Sequence[npt.NDArray[np.int64]]) -> Iterator[AffineRay]:
+def _lie_in(cone: AffineSystem, codes: Codes, rays: Sequence[AffineRay]) -> int:
+    """How many of the rays lie in one piece, borders included."""
+    points = np.arange(cone.points)
+    return sum(
+        bool(cone.statuses_at(r.direction, 1e-8 * np.abs(r.direction).max())[points, codes].all())
+        for r in rays
+    )
+
+
+def _enumerate(
+    cone: AffineSystem, choices: Sequence[npt.NDArray[np.int64]], wide: list[Codes]
+) -> Iterator[AffineRay]:
     """Rays of all pieces; points that keep their status are eliminated first.
 
+    Pieces whose solutions are no single ray are added to ``wide``; the edges of what they hold are
+    rays of other pieces.
+
     Raises:
-        OverflowError: if a piece has a state that is not finite, of which nothing can be said.
+        FloatingPointError: at the end, if of some pieces nothing can be said for round-off.
     """
+    doubt = ""
     m, d = cone.points, cone.bases.shape[3]
     kinked = np.array([i for i, c in enumerate(choices) if len(c) > 1], dtype=int)
     codes, N = np.array([c[0] for c in choices], dtype=np.int8), len(cone.rate)
@@ -139,33 +159,54 @@ def _enumerate(cone: AffineSystem, choices: Sequence[npt.NDArray[np.int64]]) -> 
         regular, z = _solve_all(A, q)
         w = np.einsum("cmkd,cmd->cmk", B[points, statuses], z.reshape(len(A), -1, d))
         if not np.isfinite(w).all():
-            raise OverflowError("a state is not finite")
+            raise FloatingPointError("which overflowed")
         slack = np.einsum("cmek,cmk->cme", C[points, statuses], w)
         tolerance = TOLERANCE * np.abs(w).max(axis=(1, 2), initial=0.0)
         least, most = (f(axis=(1, 2), initial=0.0) for f in (slack.min, slack.max))
         for i in np.flatnonzero(~regular | (least >= -tolerance) | (most <= tolerance)):
             codes[kinked] = statuses[i]
-            found = (z[i], 1.0) if regular[i] else _kernel(A[i], q)
-            if found is not None:
+            dimension, found = (1, (z[i], 1.0)) if regular[i] else _kernel(A[i], q)
+            if dimension > 1:
+                wide.append(codes.copy())
+            elif dimension < 0:
+                doubt = "some of which are too badly conditioned"
+            elif found is not None:
                 yield from _inside(cone, codes.copy(), kinked, held, fixed, *found)
+    if doubt:
+        raise FloatingPointError(doubt)
 
 
 def _solve_all(A: Array, q: Array) -> tuple[npt.NDArray[np.bool_], Array]:
     """Which of the matrices A_i are regular, and A_i^{-1} q (zeros for the others)."""
     sizes = np.abs(A).max(axis=(1, 2), initial=0.0) * A.shape[1]
-    regular = np.abs(np.linalg.det(A / sizes[:, None, None])) > 1e-250
-    inverse = np.zeros_like(A)
-    inverse[regular] = np.linalg.inv(A[regular])
-    regular &= np.abs(inverse).max(axis=(1, 2), initial=0.0) * sizes < 1e10
-    return regular, np.where(regular[:, None], inverse @ q, 0.0)
+    inverse = _inverses(A)
+    regular = np.abs(inverse).max(axis=(1, 2), initial=0.0) * sizes < 1e10
+    return regular, np.where(regular[:, None], np.where(np.isfinite(inverse), inverse, 0) @ q, 0.0)
 
 
-def _kernel(A: Array, q: Array) -> tuple[Array, float] | None:
-    """The kernel (z, rate) of [A, -q], if it has one dimension."""
+def _inverses(A: Array) -> Array:
+    """A_i^{-1}; infinite where a pivot vanishes."""
+    try:
+        return np.asarray(np.linalg.inv(A))
+    except np.linalg.LinAlgError:
+        if len(A) == 1:
+            return np.full_like(A, np.inf)
+        half = len(A) // 2
+        return np.concatenate([_inverses(A[:half]), _inverses(A[half:])])
+
+
+def _kernel(A: Array, q: Array) -> tuple[int, tuple[Array, float] | None]:
+    """The dimension of the kernel of [A, -q], and its vector (z, rate) if that is 1.
+
+    -1 if A is so badly conditioned that it could as well be regular.
+    """
+    values = np.linalg.svd(A, compute_uv=False)
+    if _SINGULAR * values[0] < values[-1] < TOLERANCE * values[0]:
+        return -1, None
     _, values, V = np.linalg.svd(np.column_stack([A, -q]))
     if values[-1] < TOLERANCE * values[0]:
-        return None  # its edges are rays of other pieces
-    return V[-1, :-1], float(V[-1, -1])
+        return 1 + int(np.sum(values < TOLERANCE * values[0])), None
+    return 1, (V[-1, :-1], float(V[-1, -1]))
 
 
 def _inside(

@@ -28,6 +28,7 @@ import numpy as np
 
 from dolfinx_contact._errors import everywhere, same_everywhere
 from dolfinx_contact.continuation.arguments import (
+    check_parameter,
     check_states,
     check_system,
     checked_gamma,
@@ -86,6 +87,8 @@ def find_solutions(
 ) -> Solutions:
     """Solutions at ``gamma``, as many as can be found. Collective.
 
+    What the system writes to (of a contact problem Functions, statuses, gamma) is left as it was.
+
     Args:
         system: H with its pieces.
         guesses: states to start from, over and over until nothing new is found; at least one.
@@ -123,13 +126,17 @@ def find_solutions(
     )
     check_states(system, guesses, "a guess")
     check_states(system, known, "a known solution")
+    check_parameter(system, [gamma])
     affine = None if deflation else as_condensable(system)
     if affine is not None and affine.is_piecewise_affine:
-        with restoring(system):
+        with restoring(system, always=True):
             found = _of_cones(affine, guesses[0], gamma)
         if found is not None:
             return found
-    with restoring(system), _Deflated(system, gamma, max_iterations, tolerance) as deflated:
+    with (
+        restoring(system, always=True),
+        _Deflated(system, gamma, max_iterations, tolerance) as deflated,
+    ):
         solutions = [x.copy() for x in known]
         runs, fruitless = 0, False
         while not fruitless:

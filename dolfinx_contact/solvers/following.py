@@ -88,7 +88,7 @@ def follow_load(problem: ContactProblem, x: PETSc.Vec, attempt: Attempt, most: i
 def _follow(system: _Loaded, x: PETSc.Vec, attempt: Attempt, control: StepControl) -> bool:
     try:
         with Follower(system, control, gamma_scale=1.0) as follower:
-            branch = follower.run(follower.start(x, 0.0), (-1.0, 1.0), max_steps=_MOST_STEPS)
+            branch = follower.run(follower.start(x, 0.0), (0.0, 1.0), max_steps=_MOST_STEPS)
             last = branch.points[-1]
             if last.gamma < 1.0:
                 attempt.reason = f"{branch.reason}, at {last.gamma:.4g} of the load"

@@ -32,7 +32,7 @@ from petsc4py import PETSc
 
 import numpy as np
 
-from dolfinx_contact._errors import require
+from dolfinx_contact._errors import require, same_everywhere
 from dolfinx_contact._petsc import staged
 from dolfinx_contact._progress import SolveProgress
 from dolfinx_contact.result import Result, collect
@@ -240,6 +240,8 @@ def _ladder(problem: ContactProblem, increments: int) -> list[tuple[str, _Run]]:
 
 def _check_data(problem: ContactProblem, x0: PETSc.Vec) -> None:
     """Raise ``ValueError`` for data that no solver can work with. Collective."""
+    same_everywhere(problem.comm, "data of the problem", Constants=problem.given_numbers())
+    problem.require_same_mesh()
     for s in problem.surfaces:
         s.update_geometry()
         s.check_law()
