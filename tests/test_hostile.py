@@ -35,6 +35,16 @@ from dolfinx_contact.continuation import (
 )
 from dolfinx_contact.laws import FrictionLaw
 from dolfinx_contact.materials import LinearElastic, NeoHookean, StVenantKirchhoff
+from dolfinx_contact.output import (
+    BranchRecord,
+    output_folder,
+    picture_of_body,
+    picture_of_contact,
+    picture_of_states,
+    resume,
+    write_fields,
+    write_series,
+)
 from dolfinx_contact.parametric import ParametricContact
 
 COMM = MPI.COMM_WORLD
@@ -822,6 +832,139 @@ def refused(w, do, message, error=ValueError):
 @pytest.mark.parametrize("name", MISUSE)
 def test_misuse(w, name):
     refused(w, *MISUSE[name])
+
+
+#: What is written with other arguments on the last rank, below a folder; and what is said.
+WRITTEN_DIFFERENTLY = {
+    "format": (
+        lambda w, f: write_fields(f, w.problem, format=differs("vtx", "vtk")),
+        "format differs between ranks: 'vtx' on rank 0, 'vtk'",
+    ),
+    "stress": (
+        lambda w, f: write_fields(f, w.problem, stress=differs(None, MATERIAL.full_stress(w.u))),
+        "stress differs between ranks: None on rank 0",
+    ),
+    "kind of stress": (
+        lambda w, f: write_fields(f, w.problem, stress=differs(1, 2) * MATERIAL.full_stress(w.u)),
+        "stress differs between ranks",
+    ),
+    "stress of another mesh": (
+        lambda w, f: write_fields(
+            f, w.problem, stress=MATERIAL.full_stress(differs(w.u, w.v_other))
+        ),
+        "the stress contains a Function of another mesh",
+    ),
+    "folder": (
+        lambda w, f: write_fields(f / differs("a", "b"), w.problem),
+        "folder differs between ranks",
+    ),
+    "folder of one rank": (
+        lambda w, f: output_folder(COMM, differs(f, 3)),
+        "should be a str or",
+        TypeError,
+    ),
+    "picture with stress": (
+        lambda w, f: picture_of_body(
+            f / "p.png", w.problem, stress=differs(None, MATERIAL.full_stress(w.u))
+        ),
+        "stress differs between ranks",
+    ),
+    "scale": (
+        lambda w, f: picture_of_body(f / "p.png", w.problem, scale=differs(1.0, 2.0)),
+        "scale differs between ranks: 1.0 on rank 0, 2.0",
+    ),
+    "picture": (
+        lambda w, f: picture_of_body(f / differs("a.png", "b.png"), w.problem),
+        "file differs between ranks",
+    ),
+    "picture of a surface": (
+        lambda w, f: picture_of_contact(f / differs("a.png", "b.png"), w.problem),
+        "file differs between ranks",
+    ),
+    "picture of another surface": (
+        lambda w, f: picture_of_contact(f / "p.png", w.problem, surface=differs(None, "floor")),
+        "the surface 'floor' is not one of the problem",
+    ),
+    "number of states": (
+        lambda w, f: picture_of_states(f / "p.png", w.system, [None] * differs(1, 2)),
+        "number of points differs between ranks: 1 on rank 0, 2",
+    ),
+    "states of one rank": (
+        lambda w, f: picture_of_states(f / "p.png", w.system, [None] * differs(1, 0)),
+        "at least one is needed",
+    ),
+    "scale of states": (
+        lambda w, f: picture_of_states(f / "p.png", w.system, [None], scale=differs(1, 2)),
+        "scale differs between ranks",
+    ),
+    "states in files": (
+        lambda w, f: picture_of_states(f / differs("a.png", "b.png"), w.system, [None]),
+        "file differs between ranks",
+    ),
+    "record in folders": (
+        lambda w, f: BranchRecord(f / differs("a", "b"), w.system),
+        "folder differs between ranks",
+    ),
+    "resume in folders": (
+        lambda w, f: resume(f / differs("a", "b"), w.system),
+        "folder differs between ranks",
+    ),
+    "resume": (
+        lambda w, f: BranchRecord(f, w.system, resume=differs(False, True)),
+        "resume differs between ranks",
+    ),
+    "every": (
+        lambda w, f: BranchRecord(f, w.system, every=differs(5, 6)),
+        "every differs between ranks",
+    ),
+    "every of one rank": (
+        lambda w, f: BranchRecord(f, w.system, every=differs(5, 0)),
+        "every 1 or more points, got 0",
+    ),
+    "names of functionals": (
+        lambda w, f: BranchRecord(f, w.system, {differs("a", "b"): w.u[0] * ufl.dx}),
+        r"functionals differs between ranks: \['a'\] on rank 0, \['b'\]",
+    ),
+    "order of functionals": (
+        lambda w, f: BranchRecord(
+            f, w.system, {k: w.u[0] * ufl.dx for k in differs(("a", "b"), ("b", "a"))}
+        ),
+        "functionals differs between ranks",
+    ),
+    "functionals": (
+        lambda w, f: BranchRecord(f, w.system, {"a": w.u[0] * differs(1, 2) * ufl.dx}),
+        "functionals differs between ranks",
+    ),
+    "functional of one rank": (
+        lambda w, f: BranchRecord(f, w.system, {"a": differs(w.u[0] * ufl.dx, 1.0)}),
+        "neither a UFL form nor a function",
+    ),
+}
+
+
+@several
+@pytest.mark.parametrize("name", WRITTEN_DIFFERENTLY)
+def test_ranks_that_write_different_things(w, folder, name):
+    """Nothing is written then."""
+    do, *said = WRITTEN_DIFFERENTLY[name]
+    refused(w, lambda w: do(w, folder), *said)
+    assert not list(folder.iterdir())
+
+
+@several
+def test_ranks_that_write_different_series(w, folder):
+    with BranchRecord(folder / "record", w.system) as record:
+        follow(w.system, w.x, 0.0, gamma_range=(0.0, 1.0), max_steps=2, observer=record)
+        for said, options in {
+            "branch": {"branch": differs(0, 1)},
+            "format": {"format": differs("vtx", "vtk")},
+            "folder": {"folder": folder / differs("a", "b")},
+        }.items():
+            do = {"folder": folder / "series", **options}
+            match = f"{said} differs between ranks"
+            refused(w, lambda _, do=do: write_series(record=record, **do), match)
+        refused(w, lambda _: record.go_on(differs(0, 1)), "branch differs between ranks")
+        refused(w, lambda _: record.go_on(max_steps=differs(3, 4)), "max steps differs between")
 
 
 @several
