@@ -75,7 +75,9 @@ def _plain(value: Any) -> Any:
     raise TypeError(f"cannot write {type(value).__name__} to a summary")
 
 
-def write_summary(comm: MPI.Comm, folder: Path, scalars: Mapping[str, Any]) -> dict[str, Any]:
+def write_summary(
+    comm: MPI.Comm, folder: str | os.PathLike[str], scalars: Mapping[str, Any]
+) -> dict[str, Any]:
     """Write ``folder/summary.json``: ``scalars`` with ranks, versions and the time since import.
 
     Returns:
@@ -97,6 +99,6 @@ def write_summary(comm: MPI.Comm, folder: Path, scalars: Mapping[str, Any]) -> d
         },
         "wall_seconds": comm.bcast(time.perf_counter() - _STARTED),
     }
-    file = folder / "summary.json"
+    file = Path(folder) / "summary.json"
     write_text(comm, file, lambda: json.dumps(summary, indent=2, default=_plain) + "\n")
     return summary

@@ -364,7 +364,10 @@ class BranchRecord(Observer):
         same_everywhere(self.comm, branch=branch, max_steps=max_steps)
         state = self.last_state(branch)
         if state is None:
-            raise ValueError(f"no point of branch {branch} is in {self.folder}: start it afresh")
+            raise ValueError(
+                f"no point of branch {branch} is in {self.folder}: follow it from its start, with "
+                "BranchRecord(..., resume=True), or remove the folder"
+            )
         point, stepping = state
         known = self.journal.branches[branch]
         task = known.task
