@@ -34,7 +34,12 @@ from dolfinx_contact.continuation import (
     follower_for,
 )
 from dolfinx_contact.laws import FrictionLaw
-from dolfinx_contact.materials import LinearElastic, NeoHookean, StVenantKirchhoff
+from dolfinx_contact.materials import (
+    CiarletGeymonat,
+    LinearElastic,
+    NeoHookean,
+    StVenantKirchhoff,
+)
 from dolfinx_contact.output import (
     BranchRecord,
     output_folder,
@@ -433,6 +438,38 @@ MISUSE = {
         KeyboardInterrupt,
     ),
     "monitor number": (lambda w: block().solve(monitor=3), "not callable", TypeError),
+    # level sets and obstacles
+    **{
+        f"level set {what}": (
+            lambda w, phi=phi: surface(w, obstacle=LevelSet(lambda x: phi(w, x))),
+            "the level set does not depend on the position",
+        )
+        for what, phi in {
+            "constant": lambda w, x: fem.Constant(w.domain, 1.0),
+            "number": lambda w, x: 1.0 + 0 * x[0],
+            "Function": lambda w, x: w.u[0],
+        }.items()
+    },
+    "obstacle that moves with the body": (
+        lambda w: surface(w, obstacle=LevelSet(lambda x: x[1] + w.u[1])),
+        "the obstacle depends on the displacement",
+    ),
+    "normal that turns with the body": (
+        lambda w: surface(w, obstacle=Sphere(w.u, 2.0)),
+        "the obstacle depends on the displacement",
+    ),
+    # options
+    **{
+        name: (
+            lambda w, name=name: problem(w, petsc_options={name: None}),
+            f"petsc_options: {name}: the linear solvers need the assembled",
+        )
+        for name in ("snes_mf", "snes_mf_operator", "snes_fd")
+    },
+    "snes_fd in the database": (
+        lambda w: with_option(w, "contact_snes_fd", True),
+        "the PETSc option -contact_snes_fd: the linear solvers need",
+    ),
     # problems with a parameter
     "parameter of another mesh": (lambda w: parametric(w, w.c_other), "gamma is a Constant of"),
     "parameter number": (lambda w: parametric(w, 0.5), "gamma must be a scalar Constant"),
@@ -560,6 +597,32 @@ MISUSE = {
         "got Argument",
     ),
     "stress of a number": (lambda w: StVenantKirchhoff(1.0, 1.0).stress(1.0), "got float"),
+    "Young's modulus in words": (
+        lambda w: LinearElastic.from_young("a", 0.3),
+        "Young's modulus must be a number, got 'a'",
+    ),
+    "Poisson's ratio in words": (
+        lambda w: LinearElastic.from_young(1.0, "a"),
+        "Poisson's ratio must be a number, got 'a'",
+    ),
+    **{
+        f"{material.__name__} {coefficients}": (
+            lambda w, m=material, c=coefficients: m(*c),
+            f"the coefficient {name} must be a finite number or a UFL scalar",
+        )
+        for material, name, coefficients in (
+            (LinearElastic, "lambda", (np.inf, 1.0)),
+            (StVenantKirchhoff, "mu", (1.0, np.inf)),
+            (NeoHookean, "lambda", (np.inf, 1)),
+            (NeoHookean, "lambda", ("a", 1.0)),
+            (NeoHookean, "mu", (1.0, np.nan)),
+            (CiarletGeymonat, "a", (1.0, 1.0, np.nan)),
+        )
+    },
+    "vector for a coefficient": (
+        lambda w: NeoHookean(1.0, ufl.as_vector([1.0, 2.0])),
+        "the coefficient mu must be",
+    ),
     "energy of a scalar": (lambda w: MATERIAL.energy(w.f_other), "must be a vector Function"),
 }
 

@@ -32,9 +32,7 @@ def write_script(comm: MPI.Comm, part: Path, folder: Path) -> None:
     def write() -> None:
         text = Path(__file__).with_name("in_paraview.py").read_text()
         if _is_foreign(folder / SCRIPT_NAME, text):
-            message = (
-                "%s is not one of this package, and is left as it is: nothing shows the files"
-            )
+            message = "%s is not one of this package, and is left as it is: nothing shows the files"
             logger.warning(message, folder / SCRIPT_NAME)
             return
         known = text.replace('WRITTEN_TO = ""', f"WRITTEN_TO = {str(folder.resolve())!r}")
