@@ -22,6 +22,7 @@ __all__ = [
     "described",
     "described_condition",
     "described_number",
+    "refuse_displacement",
     "refuse_other_condition",
     "refuse_other_mesh",
 ]
@@ -51,6 +52,22 @@ def refuse_other_mesh(expression: Any, domain: mesh.Mesh, what: str) -> None:
             raise ValueError(f"{what} {_is_or_has(c, expression)} a Constant of another mesh")
     if any(d != mine for d in domains):
         raise ValueError(f"{what} belongs to another mesh")
+
+
+def refuse_displacement(u: fem.Function, obstacle: Any, *expressions: Any) -> None:
+    """Raise ``ValueError`` if gap or normal of an obstacle depend on the displacement.
+
+    Args:
+        u: the displacement.
+        obstacle: it is, for the message.
+        expressions: its UFL gap and normal.
+    """
+    if any(f is u for e in expressions for f in ufl.algorithms.extract_coefficients(e)):
+        raise ValueError(
+            f"{obstacle} depends on the displacement: its gap and normal are those of the "
+            "reference configuration, to which the displacement is added (the gap is then "
+            "gap - u.n)"
+        )
 
 
 def _is_or_has(part: Any, whole: Any) -> str:

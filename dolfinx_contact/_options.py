@@ -67,6 +67,7 @@ _SNES_TYPES = ("newtonls", "newtontr", "newtontrdc", "vinewtonssls")
 _READ_HERE = "linear_solver"  # by this package, not by PETSc
 _AT_TIMES = ("snes_linesearch_",)  # read by some of the strategies
 _OF_MULTIGRID = ("amg_", "surface_")
+_MATRIX_FREE = re.compile(r"snes_(mf|mf_operator|fd|fd_color)")
 _NO_EFFECT = ("snes_atol", "snes_stol")
 
 
@@ -82,7 +83,8 @@ def check_options(prefix: str, options: Mapping[str, Any]) -> None:
     """Raise ``ValueError`` for options that cannot be meant, the database's under ``prefix`` too.
 
     Refused are names with the prefix or a dash, names that are nearly a known one, numbers out of
-    their range, and kinds of SNES that do not solve contact problems. Not collective.
+    their range, kinds of SNES that do not solve contact problems, and Jacobians by differences. Not
+    collective.
     """
     if not isinstance(prefix, str) or prefix.startswith("-") or any(c.isspace() for c in prefix):
         raise ValueError(f"the prefix of PETSc options must be a word without dash, got {prefix!r}")
@@ -119,6 +121,11 @@ def _check(key: str, value: Any, name: str) -> None:
         number = _number(value, name)
         if not np.isfinite(number) or number != int(number) or number < 0:
             raise ValueError(f"{name} must be a nonnegative whole number, got {value}")
+    if _MATRIX_FREE.fullmatch(key):
+        raise ValueError(
+            f"{name}: the linear solvers need the assembled generalised Jacobian, whose place one "
+            "that is matrix-free or made by differences cannot take"
+        )
     if key == "snes_type" and value not in _SNES_TYPES:
         raise ValueError(
             f"{name}: the SNES {value!r} does not solve contact problems; those that do are "
@@ -194,5 +201,5 @@ class OptionUse:
 
 
 def _with_hint(key: str) -> str:
-    near = get_close_matches(key, _KNOWN, n=1, cutoff=0.6)
+    near = [] if key in _KNOWN else get_close_matches(key, _KNOWN, n=1, cutoff=0.6)
     return f"{key} ({near[0]} is meant?)" if near else key

@@ -44,12 +44,18 @@ __all__ = [
 ]
 
 
+_NUMBER = int | float | np.integer | np.floating
+
+
 def lame(young: float, poisson: float) -> tuple[float, float]:
     """Lame coefficients (lambda, mu) of Young's modulus and Poisson's ratio (3D, plane strain).
 
     Raises:
-        ValueError: if ``young`` is not positive or ``poisson`` not in (-1, 1/2).
+        ValueError: if one is no number, ``young`` is not positive, or ``poisson`` not in (-1, 1/2).
     """
+    for what, value in (("Young's modulus", young), ("Poisson's ratio", poisson)):
+        if not isinstance(value, _NUMBER):
+            raise ValueError(f"{what} must be a number, got {value!r}")
     if not np.isfinite(young) or young <= 0:
         raise ValueError(f"Young's modulus must be positive, got {young}")
     if not -1 < poisson < 0.5:
@@ -59,12 +65,22 @@ def lame(young: float, poisson: float) -> tuple[float, float]:
 
 def _check_lame(lmbda: Any, mu: Any) -> None:
     """Raise ``ValueError`` if Lame coefficients that are numbers give no stable material."""
-    if all(isinstance(v, int | float | np.floating) for v in (lmbda, mu)) and not (
-        mu > 0 and 3 * lmbda + 2 * mu > 0
-    ):
+    _check_coefficients(lmbda=lmbda, mu=mu)
+    if all(isinstance(v, _NUMBER) for v in (lmbda, mu)) and not (mu > 0 and 3 * lmbda + 2 * mu > 0):
         raise ValueError(
             f"Lame coefficients need mu > 0 and 3 lambda + 2 mu > 0, got {lmbda} and {mu}"
         )
+
+
+def _check_coefficients(**values: Any) -> None:
+    """Raise ``ValueError`` if one is neither a finite number nor a UFL scalar."""
+    for name, value in values.items():
+        scalar = isinstance(value, ufl.core.expr.Expr) and value.ufl_shape == ()
+        if not scalar and not (isinstance(value, _NUMBER) and np.isfinite(value)):
+            raise ValueError(
+                f"the coefficient {name.replace('lmbda', 'lambda')} must be a finite number or a "
+                f"UFL scalar, got {value!r}"
+            )
 
 
 def _require_displacement(u: Any) -> None:
@@ -82,10 +98,7 @@ def _constants(u: fem.Function, *values: Any) -> list[Any]:
     """Numbers as Constants of the mesh of ``u``; the rest as it is."""
     _require_displacement(u)
     domain = u.function_space.mesh
-    return [
-        fem.Constant(domain, float(v)) if isinstance(v, int | float | np.floating) else v
-        for v in values
-    ]
+    return [fem.Constant(domain, float(v)) if isinstance(v, _NUMBER) else v for v in values]
 
 
 def _gradient(u: fem.Function) -> Any:
@@ -228,7 +241,8 @@ class CiarletGeymonat(Elastic):
 
     def __post_init__(self) -> None:
         _check_lame(self.lmbda, self.mu)
-        if all(isinstance(v, int | float) for v in (self.mu, self.a)) and not (
+        _check_coefficients(a=self.a)
+        if all(isinstance(v, _NUMBER) for v in (self.mu, self.a)) and not (
             0 < self.a < self.mu / 2
         ):
             raise ValueError(f"a must lie between 0 and mu/2 = {self.mu / 2}, got {self.a}")

@@ -9,7 +9,8 @@ less.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -22,7 +23,7 @@ import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact._compat import gmsh_io
-from dolfinx_contact._errors import require, same_everywhere
+from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact._optional import optional
 
 __all__ = ["GmshMesh", "NamedTags", "mesh_from_gmsh", "read_mesh", "tagged_facets"]
@@ -78,7 +79,12 @@ class GmshMesh(NamedTuple):
         return self.names[name][1]
 
     def facets(self, name: str) -> npt.NDArray[np.int32]:
-        """Local indices of the facets of the group ``name``, or ``ValueError``."""
+        """Local indices of the facets of the group ``name``. Collective.
+
+        Raises:
+            ValueError: on every rank, if there is no such group, or ranks ask for different ones.
+        """
+        same_everywhere(self.mesh.comm, name=name)
         tags = self._named_facets
         return np.asarray(tags.find(tags.tag(name)), dtype=np.int32)
 
@@ -91,15 +97,23 @@ class GmshMesh(NamedTuple):
             name: of the group.
 
         Raises:
-            ValueError: on every rank, if there is no such group, or the space is not on the mesh.
+            ValueError: on every rank, if there is no such group, ranks ask for different ones, or
+                the space is not on the mesh.
         """
-        space = V[0] if isinstance(V, list | tuple) else V
-        if space.mesh is not self.mesh:
-            raise ValueError("the space is not on this mesh")
-        return fem.locate_dofs_topological(V, self.facet_tags.dim, self.facets(name))
+        with everywhere(self.mesh.comm, "dofs of a group"):
+            space = V[0] if isinstance(V, list | tuple) else V
+            if space.mesh is not self.mesh:
+                raise ValueError("the space is not on this mesh")
+        facets = self.facets(name)
+        return fem.locate_dofs_topological(V, self.facet_tags.dim, facets)
 
     def ds(self, name: str, **metadata: Any) -> ufl.Measure:
-        """Measure of the facets of the group ``name``, for loads, or ``ValueError``."""
+        """Measure of the facets of the group ``name``, for loads. Collective.
+
+        Raises:
+            ValueError: on every rank, if there is no such group, or ranks ask for different ones.
+        """
+        same_everywhere(self.mesh.comm, name=name)
         tag = self._named_facets.tag(name)
         return ufl.Measure(
             "ds", self.mesh, subdomain_id=tag, subdomain_data=self.facet_tags, metadata=metadata
@@ -163,13 +177,17 @@ def read_mesh(
 
     Raises:
         FileNotFoundError: on every rank, if there is no such file.
-        ValueError: on every rank, if gmsh cannot read it or it does not fit; see `mesh_from_gmsh`.
+        ValueError: on every rank, if gmsh cannot read it, it does not fit, or arguments differ
+            between ranks; see `mesh_from_gmsh`.
     """
     gmsh = optional("gmsh", "gmsh")
+    with everywhere(comm, "a mesh file"):
+        filename = os.fspath(filename)
+    same_everywhere(comm, mesh_file=filename)
     found = comm.bcast(Path(filename).is_file() if comm.rank == 0 else None)
     if not found:
         raise FileNotFoundError(f"there is no mesh file {filename}")
-    return mesh_from_gmsh(comm, lambda: gmsh.merge(os.fspath(filename)), dim=dim, groups=groups)
+    return mesh_from_gmsh(comm, lambda: gmsh.merge(filename), dim=dim, groups=groups)
 
 
 def mesh_from_gmsh(
@@ -191,27 +209,34 @@ def mesh_from_gmsh(
     Raises:
         ValueError: on every rank, if ``draw`` fails; if the model has no mesh, no physical groups,
             none that holds the body, or lacks one of ``groups``; if groups of cells or of facets
-            overlap, the cells are of several kinds, or a plane mesh is not in the plane.
+            overlap, the cells are of several kinds, a plane mesh is not in the plane, or arguments
+            differ between ranks. KeyboardInterrupt and SystemExit of ``draw`` pass, on every rank.
     """
     gmsh = optional("gmsh", "gmsh")
-    if comm.rank > 0:
-        return _distribute(comm, None, None, None)
-    # A session that the caller has open goes on with its own models.
+    with everywhere(comm, "a mesh from gmsh"):
+        wanted = list(groups)
+    same_everywhere(comm, dim=dim, groups=wanted)
+    with ExitStack() as session:
+        model = None
+        with everywhere(comm, "drawing in gmsh"):  # whatever is raised, the other ranks wait
+            if comm.rank == 0:
+                model = session.enter_context(_empty_model(gmsh))
+                _fill(model, draw, dim, wanted)
+        return _distribute(comm, model)
+
+
+@contextmanager
+def _empty_model(gmsh: Any) -> Iterator[Any]:
+    """A model of gmsh; a session that the caller has open goes on with its own models."""
     mine = not gmsh.isInitialized()
     if mine:
         gmsh.initialize(readConfigFiles=False, interruptible=False)
     current = None if mine else gmsh.model.getCurrent()
     talkative = gmsh.option.getNumber("General.Terminal")
     gmsh.option.setNumber("General.Terminal", 0)
+    gmsh.model.add("dolfinx_contact")
     try:
-        gmsh.model.add("dolfinx_contact")
-        cause = None
-        try:
-            draw()
-            objection = _objection(gmsh.model, dim, list(groups))
-        except Exception as error:  # whatever it is, the other ranks wait
-            objection, cause = f"gmsh made no mesh: {error}", error
-        return _distribute(comm, gmsh.model, objection, cause)
+        yield gmsh.model
     finally:
         gmsh.model.remove()
         gmsh.option.setNumber("General.Terminal", talkative)
@@ -221,13 +246,19 @@ def mesh_from_gmsh(
             gmsh.finalize()
 
 
-def _distribute(
-    comm: MPI.Comm, model: Any, objection: str | None, cause: Exception | None
-) -> GmshMesh:
-    """The mesh of a model on rank 0, or ``ValueError`` if there is an objection. Collective."""
-    objection = comm.bcast(objection)
+def _fill(model: Any, draw: Callable[[], Any], dim: int | None, wanted: list[str]) -> None:
+    """Draw, or ``ValueError``. On rank 0."""
+    try:
+        draw()
+        objection = _objection(model, dim, wanted)
+    except Exception as error:
+        raise ValueError(f"gmsh made no mesh: {error}") from error
     if objection is not None:
-        raise ValueError(objection) from cause
+        raise ValueError(objection)
+
+
+def _distribute(comm: MPI.Comm, model: Any) -> GmshMesh:
+    """The mesh of a model on rank 0. Collective."""
     names: dict[str, tuple[int, int]] = {}
     body = 0
     if comm.rank == 0:

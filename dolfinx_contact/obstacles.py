@@ -18,6 +18,8 @@ import numpy.typing as npt
 
 import ufl
 from dolfinx import fem, mesh
+from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
+from ufl.algorithms.apply_derivatives import apply_derivatives
 
 from dolfinx_contact._agreement import refuse_other_mesh
 
@@ -203,5 +205,9 @@ class LevelSet(Obstacle):
             raise ValueError("the level set must return a scalar UFL expression")
         refuse_other_mesh(phi, domain, "the level set")
         slope = ufl.diff(phi, x)
+        if isinstance(apply_derivatives(apply_algebra_lowering(slope)), ufl.constantvalue.Zero):
+            raise ValueError(
+                "the level set does not depend on the position that it is given: it has no gradient"
+            )
         steepness = ufl.sqrt(ufl.dot(slope, slope))
         return phi / steepness, -slope / steepness

@@ -23,7 +23,7 @@ import basix.ufl
 import ufl
 from dolfinx import fem, la, mesh
 
-from dolfinx_contact._agreement import described, refuse_other_mesh
+from dolfinx_contact._agreement import described, refuse_displacement, refuse_other_mesh
 from dolfinx_contact._compat import (
     create_facet_submesh,
     facet_integration_entities,
@@ -116,6 +116,7 @@ class ContactSurface:
             self.law = law.bind(domain)
             self.obstacle = obstacle
             self.gap, self.normal = obstacle.on(domain)
+            refuse_displacement(u, f"{name}: the obstacle", self.gap, self.normal)
             bound = self.law.bound(ufl.SpatialCoordinate(domain)[0])  # any pressure will do
             for what, expression in (("law", bound), ("obstacle", self.gap)):
                 refuse_other_mesh(expression, domain, f"{name}: the {what}")

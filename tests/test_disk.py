@@ -148,6 +148,22 @@ def test_what_a_killed_run_left_is_removed(folder):
     assert {p.split("/")[0] for p in contents(folder)} == {*(f.name for f in files), "paraview.py"}
 
 
+@pytest.mark.parametrize("theirs", [b"print(1)\n", b"", None])
+def test_a_script_of_the_users_own_stays(folder, caplog, theirs):
+    """It is left with a warning; one of ours is replaced without."""
+    problem, script = block(cell="tri"), folder / "paraview.py"
+    write_fields(folder, problem)
+    ours = contents(folder)["paraview.py"]
+    old = ours.replace(b"WRITTEN_TO", b"OLD") if theirs is None else theirs
+    on_root(lambda: script.write_bytes(old))
+    files = write_fields(folder, problem)
+    assert files[0].exists()
+    assert contents(folder)["paraview.py"] == (ours if theirs is None else theirs)
+    said = f"{script} is not one of this package, and is left"
+    warned = [r for r in caplog.records if said in r.getMessage()]
+    assert len(warned) == int(theirs is not None and COMM.rank == 0)
+
+
 # -- tables, summaries, pictures -------------------------------------------------------------------
 
 
@@ -158,7 +174,7 @@ def test_table_and_summary(folder):
         "summary.json": lambda f: write_summary(COMM, f, {"numbers": list(range(200))}),
     }
     for name, write in writers.items():
-        write(folder)
+        write(str(folder))
         before = contents(folder)
         with full(100), fails(folder / name):
             write(folder)
@@ -257,6 +273,9 @@ def test_a_record_that_cannot_begin(folder):
     with full(100), fails(folder / "new" / FILE_NAME):
         BranchRecord(folder / "new", system, functionals)
     assert contents(folder) == {"new": False}
+    with full(0), fails(folder / "new" / lock.NOTE_NAME):
+        BranchRecord(folder / "new", system, functionals)
+    assert contents(folder) == {"new": False}
     on_root(lambda: (folder / "new/checkpoints").touch())
     with fails(folder / "new/checkpoints", errno.EEXIST):
         BranchRecord(folder / "new", system, functionals)
@@ -267,6 +286,24 @@ def test_a_record_that_cannot_begin(folder):
         BranchRecord(folder / "new", system, functionals)
     with fails(folder / "new" / FILE_NAME, errno.EISDIR):
         BranchRecord(folder / "new", system, functionals, resume=True)
+
+
+def test_a_record_that_nothing_is_in(folder):
+    """What an earlier run left of a journal on a full disk is none, and the next one begins."""
+    system, functionals = moved_block(COMM)
+    on_root((folder / FILE_NAME).touch)
+    with pytest.raises(FileNotFoundError, match=r"there is no journal\.jsonl in") as info:
+        resume(folder, system, functionals)
+    assert len(set(COMM.allgather(str(info.value)))) == 1
+    assert contents(folder) == {FILE_NAME: b""}
+    with BranchRecord(folder, system, functionals):
+        pass
+    with pytest.raises(FileExistsError, match="nothing is overwritten"):
+        BranchRecord(folder, system, functionals)
+    with pytest.raises(ValueError, match=r"follow it from its start, with .*resume=True"):
+        resume(folder, system, functionals)
+    record(system, functionals, folder, max_steps=1, resume=True)
+    assert len(read_journal(folder).branches[0].points) == 2
 
 
 @pytest.mark.parametrize(("format", "size"), [("vtx", 30_000), ("vtk", 1_000)])
@@ -390,7 +427,8 @@ def test_ranks_end_with_a_killed_mpirun(folder):
     program = ["python3", str(TREE / "tests/recorded_run.py"), str(folder)]
     process = subprocess.Popen(
         [TREE / "docker/run", "mpirun", "-n", "2", *program],
-        env=clean | {"DOLFINX_CONTACT_ENV": "direct"},
+        # A killed mpirun leaves its folder, in whose way a later one of the same number would be.
+        env=clean | {"DOLFINX_CONTACT_ENV": "direct", "TMPDIR": str(folder)},
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
     )

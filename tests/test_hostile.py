@@ -34,7 +34,22 @@ from dolfinx_contact.continuation import (
     follower_for,
 )
 from dolfinx_contact.laws import FrictionLaw
-from dolfinx_contact.materials import LinearElastic, NeoHookean, StVenantKirchhoff
+from dolfinx_contact.materials import (
+    CiarletGeymonat,
+    LinearElastic,
+    NeoHookean,
+    StVenantKirchhoff,
+)
+from dolfinx_contact.output import (
+    BranchRecord,
+    output_folder,
+    picture_of_body,
+    picture_of_contact,
+    picture_of_states,
+    resume,
+    write_fields,
+    write_series,
+)
 from dolfinx_contact.parametric import ParametricContact
 
 COMM = MPI.COMM_WORLD
@@ -423,6 +438,38 @@ MISUSE = {
         KeyboardInterrupt,
     ),
     "monitor number": (lambda w: block().solve(monitor=3), "not callable", TypeError),
+    # level sets and obstacles
+    **{
+        f"level set {what}": (
+            lambda w, phi=phi: surface(w, obstacle=LevelSet(lambda x: phi(w, x))),
+            "the level set does not depend on the position",
+        )
+        for what, phi in {
+            "constant": lambda w, x: fem.Constant(w.domain, 1.0),
+            "number": lambda w, x: 1.0 + 0 * x[0],
+            "Function": lambda w, x: w.u[0],
+        }.items()
+    },
+    "obstacle that moves with the body": (
+        lambda w: surface(w, obstacle=LevelSet(lambda x: x[1] + w.u[1])),
+        "the obstacle depends on the displacement",
+    ),
+    "normal that turns with the body": (
+        lambda w: surface(w, obstacle=Sphere(w.u, 2.0)),
+        "the obstacle depends on the displacement",
+    ),
+    # options
+    **{
+        name: (
+            lambda w, name=name: problem(w, petsc_options={name: None}),
+            f"petsc_options: {name}: the linear solvers need the assembled",
+        )
+        for name in ("snes_mf", "snes_mf_operator", "snes_fd")
+    },
+    "snes_fd in the database": (
+        lambda w: with_option(w, "contact_snes_fd", True),
+        "the PETSc option -contact_snes_fd: the linear solvers need",
+    ),
     # problems with a parameter
     "parameter of another mesh": (lambda w: parametric(w, w.c_other), "gamma is a Constant of"),
     "parameter number": (lambda w: parametric(w, 0.5), "gamma must be a scalar Constant"),
@@ -550,6 +597,32 @@ MISUSE = {
         "got Argument",
     ),
     "stress of a number": (lambda w: StVenantKirchhoff(1.0, 1.0).stress(1.0), "got float"),
+    "Young's modulus in words": (
+        lambda w: LinearElastic.from_young("a", 0.3),
+        "Young's modulus must be a number, got 'a'",
+    ),
+    "Poisson's ratio in words": (
+        lambda w: LinearElastic.from_young(1.0, "a"),
+        "Poisson's ratio must be a number, got 'a'",
+    ),
+    **{
+        f"{material.__name__} {coefficients}": (
+            lambda w, m=material, c=coefficients: m(*c),
+            f"the coefficient {name} must be a finite number or a UFL scalar",
+        )
+        for material, name, coefficients in (
+            (LinearElastic, "lambda", (np.inf, 1.0)),
+            (StVenantKirchhoff, "mu", (1.0, np.inf)),
+            (NeoHookean, "lambda", (np.inf, 1)),
+            (NeoHookean, "lambda", ("a", 1.0)),
+            (NeoHookean, "mu", (1.0, np.nan)),
+            (CiarletGeymonat, "a", (1.0, 1.0, np.nan)),
+        )
+    },
+    "vector for a coefficient": (
+        lambda w: NeoHookean(1.0, ufl.as_vector([1.0, 2.0])),
+        "the coefficient mu must be",
+    ),
     "energy of a scalar": (lambda w: MATERIAL.energy(w.f_other), "must be a vector Function"),
 }
 
@@ -822,6 +895,139 @@ def refused(w, do, message, error=ValueError):
 @pytest.mark.parametrize("name", MISUSE)
 def test_misuse(w, name):
     refused(w, *MISUSE[name])
+
+
+#: What is written with other arguments on the last rank, below a folder; and what is said.
+WRITTEN_DIFFERENTLY = {
+    "format": (
+        lambda w, f: write_fields(f, w.problem, format=differs("vtx", "vtk")),
+        "format differs between ranks: 'vtx' on rank 0, 'vtk'",
+    ),
+    "stress": (
+        lambda w, f: write_fields(f, w.problem, stress=differs(None, MATERIAL.full_stress(w.u))),
+        "stress differs between ranks: None on rank 0",
+    ),
+    "kind of stress": (
+        lambda w, f: write_fields(f, w.problem, stress=differs(1, 2) * MATERIAL.full_stress(w.u)),
+        "stress differs between ranks",
+    ),
+    "stress of another mesh": (
+        lambda w, f: write_fields(
+            f, w.problem, stress=MATERIAL.full_stress(differs(w.u, w.v_other))
+        ),
+        "the stress contains a Function of another mesh",
+    ),
+    "folder": (
+        lambda w, f: write_fields(f / differs("a", "b"), w.problem),
+        "folder differs between ranks",
+    ),
+    "folder of one rank": (
+        lambda w, f: output_folder(COMM, differs(f, 3)),
+        "should be a str or",
+        TypeError,
+    ),
+    "picture with stress": (
+        lambda w, f: picture_of_body(
+            f / "p.png", w.problem, stress=differs(None, MATERIAL.full_stress(w.u))
+        ),
+        "stress differs between ranks",
+    ),
+    "scale": (
+        lambda w, f: picture_of_body(f / "p.png", w.problem, scale=differs(1.0, 2.0)),
+        "scale differs between ranks: 1.0 on rank 0, 2.0",
+    ),
+    "picture": (
+        lambda w, f: picture_of_body(f / differs("a.png", "b.png"), w.problem),
+        "file differs between ranks",
+    ),
+    "picture of a surface": (
+        lambda w, f: picture_of_contact(f / differs("a.png", "b.png"), w.problem),
+        "file differs between ranks",
+    ),
+    "picture of another surface": (
+        lambda w, f: picture_of_contact(f / "p.png", w.problem, surface=differs(None, "floor")),
+        "the surface 'floor' is not one of the problem",
+    ),
+    "number of states": (
+        lambda w, f: picture_of_states(f / "p.png", w.system, [None] * differs(1, 2)),
+        "number of points differs between ranks: 1 on rank 0, 2",
+    ),
+    "states of one rank": (
+        lambda w, f: picture_of_states(f / "p.png", w.system, [None] * differs(1, 0)),
+        "at least one is needed",
+    ),
+    "scale of states": (
+        lambda w, f: picture_of_states(f / "p.png", w.system, [None], scale=differs(1, 2)),
+        "scale differs between ranks",
+    ),
+    "states in files": (
+        lambda w, f: picture_of_states(f / differs("a.png", "b.png"), w.system, [None]),
+        "file differs between ranks",
+    ),
+    "record in folders": (
+        lambda w, f: BranchRecord(f / differs("a", "b"), w.system),
+        "folder differs between ranks",
+    ),
+    "resume in folders": (
+        lambda w, f: resume(f / differs("a", "b"), w.system),
+        "folder differs between ranks",
+    ),
+    "resume": (
+        lambda w, f: BranchRecord(f, w.system, resume=differs(False, True)),
+        "resume differs between ranks",
+    ),
+    "every": (
+        lambda w, f: BranchRecord(f, w.system, every=differs(5, 6)),
+        "every differs between ranks",
+    ),
+    "every of one rank": (
+        lambda w, f: BranchRecord(f, w.system, every=differs(5, 0)),
+        "every 1 or more points, got 0",
+    ),
+    "names of functionals": (
+        lambda w, f: BranchRecord(f, w.system, {differs("a", "b"): w.u[0] * ufl.dx}),
+        r"functionals differs between ranks: \['a'\] on rank 0, \['b'\]",
+    ),
+    "order of functionals": (
+        lambda w, f: BranchRecord(
+            f, w.system, {k: w.u[0] * ufl.dx for k in differs(("a", "b"), ("b", "a"))}
+        ),
+        "functionals differs between ranks",
+    ),
+    "functionals": (
+        lambda w, f: BranchRecord(f, w.system, {"a": w.u[0] * differs(1, 2) * ufl.dx}),
+        "functionals differs between ranks",
+    ),
+    "functional of one rank": (
+        lambda w, f: BranchRecord(f, w.system, {"a": differs(w.u[0] * ufl.dx, 1.0)}),
+        "neither a UFL form nor a function",
+    ),
+}
+
+
+@several
+@pytest.mark.parametrize("name", WRITTEN_DIFFERENTLY)
+def test_ranks_that_write_different_things(w, folder, name):
+    """Nothing is written then."""
+    do, *said = WRITTEN_DIFFERENTLY[name]
+    refused(w, lambda w: do(w, folder), *said)
+    assert not list(folder.iterdir())
+
+
+@several
+def test_ranks_that_write_different_series(w, folder):
+    with BranchRecord(folder / "record", w.system) as record:
+        follow(w.system, w.x, 0.0, gamma_range=(0.0, 1.0), max_steps=2, observer=record)
+        for said, options in {
+            "branch": {"branch": differs(0, 1)},
+            "format": {"format": differs("vtx", "vtk")},
+            "folder": {"folder": folder / differs("a", "b")},
+        }.items():
+            do = {"folder": folder / "series", **options}
+            match = f"{said} differs between ranks"
+            refused(w, lambda _, do=do: write_series(record=record, **do), match)
+        refused(w, lambda _: record.go_on(differs(0, 1)), "branch differs between ranks")
+        refused(w, lambda _: record.go_on(max_steps=differs(3, 4)), "max steps differs between")
 
 
 @several

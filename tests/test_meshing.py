@@ -143,6 +143,43 @@ def test_names_that_differ():
     body = mesh_from_gmsh(COMM, lambda: box(dim=2))
     tag = "contact" if COMM.rank == 0 else "top"
     refused("tag differs between ranks: 'contact' on rank 0", lambda: surface(body, body, tag))
+    V = fem.functionspace(body.mesh, ("Lagrange", 1, (2,)))
+    unknown = "top" if COMM.rank == 0 else "side"
+    for do in (body.facets, body.ds, lambda name: body.dofs(V, name)):
+        for name in (tag, unknown):
+            refused("name differs between ranks: ", lambda do=do, name=name: do(name))
+    other = mesh_from_gmsh(COMM, lambda: box(dim=2)).mesh
+    W = fem.functionspace(other, ("Lagrange", 1, (2,)))
+    refused("not on this mesh", lambda: body.dofs(V if COMM.rank == 0 else W, "top"))
+
+
+@pytest.mark.skipif(COMM.size == 1, reason="needs another rank")
+@pytest.mark.parametrize(
+    ("match", "options"),
+    [
+        ("mesh file differs between ranks", {"file": ("box.msh", "other.msh")}),
+        ("dim differs between ranks: 3 on rank 0, 2 on rank 1", {"dim": (3, 2)}),
+        ("groups differs between ranks", {"groups": (["top"], ["side"])}),
+        ("groups differs between ranks", {"groups": (["top"], [])}),
+    ],
+)
+def test_files_read_differently(folder, match, options):
+    mine = {k: v[min(COMM.rank, 1)] for k, v in options.items()}
+    file = saved(folder).with_name(mine.pop("file", "box.msh"))
+    fails(ValueError, match, file, **mine)
+
+
+@pytest.mark.parametrize("error", [SystemExit, KeyboardInterrupt])
+def test_a_drawing_that_ends_the_run(error):
+    """It ends on every rank, whatever it is."""
+
+    def draw():
+        raise error(4)
+
+    with pytest.raises(error) as info:
+        mesh_from_gmsh(COMM, draw)
+    assert info.value.args == (4,)
+    assert not gmsh.isInitialized()
 
 
 def test_body_without_named_facets(folder):

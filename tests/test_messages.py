@@ -105,6 +105,13 @@ def test_options_that_are_read_are_not_warned_of(caplog, options):
     assert not warnings_of(caplog, "options that nothing uses")
 
 
+def test_no_option_is_meant_by_itself(caplog):
+    block(options={"ksp_rtol": 1e-9}).solve()
+    (message,) = warnings_of(caplog, "options that nothing uses")
+    assert "ksp_rtol" in message
+    assert "is meant" not in message
+
+
 def test_tolerances_without_effect_are_named(caplog):
     block(options={"snes_atol": 1e-3}).solve()
     (message,) = warnings_of(caplog, "options that nothing uses")

@@ -139,6 +139,11 @@ def test_stress_must_be_three_by_three(folder):
         write_fields(folder, problem, stress=MATERIAL.stress(problem.u))
     with pytest.raises(ValueError, match="3 x 3"):
         picture_of_body(folder / "body.png", problem, stress=1.0)
+    other = MATERIAL.full_stress(block(cell="tri").u)
+    with pytest.raises(ValueError, match="the stress contains a Function of another mesh"):
+        write_fields(folder, problem, stress=other)
+    with pytest.raises(ValueError, match="the stress contains a Function of another mesh"):
+        picture_of_body(folder / "body.png", problem, stress=other)
     assert not list(folder.iterdir())
 
 

@@ -336,7 +336,9 @@ def test_a_journal_without_a_complete_line_starts_afresh(folder):
     if COMM.rank == 0:
         (folder / FILE_NAME).write_bytes(b'{"type": "header", "form')
     COMM.barrier()
-    record(system, functionals, folder, max_steps=1, resume=True)
+    with pytest.raises(FileNotFoundError, match=r"there is no journal\.jsonl"):
+        resume(folder, system, functionals)
+    record(system, functionals, folder, max_steps=1)
     assert len(read_journal(folder).branches[0].points) == 2
 
 

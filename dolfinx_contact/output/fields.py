@@ -26,7 +26,9 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem
 
+from dolfinx_contact._agreement import described, refuse_other_mesh
 from dolfinx_contact._compat import interpolation_points
+from dolfinx_contact._errors import everywhere, same_everywhere
 from dolfinx_contact.output.disk import aside
 from dolfinx_contact.output.folder import output_folder
 from dolfinx_contact.output.script import write_script
@@ -39,6 +41,7 @@ if TYPE_CHECKING:
 __all__ = [
     "STATUS_CODES",
     "body_fields",
+    "check_stress",
     "contact_fields",
     "file_stems",
     "von_mises",
@@ -78,9 +81,10 @@ def write_fields(
     Raises:
         OSError: on every rank, with the path and the reason, if the folder cannot be written to,
             or has no room. It is then as it was.
-        ValueError: on every rank, if the stress is not 3 x 3, two surfaces would have one file, or
-            the format cannot be written.
+        ValueError: on every rank, if the stress is not 3 x 3 or of another mesh, two surfaces would
+            have one file, the format cannot be written, or arguments differ between ranks.
     """
+    check_stress(problem, stress)
     comm, kind, stems = problem.comm, checked_format(problem.comm, format), file_stems(problem)
     written = [("body", comm, [problem.u])]
     if stress is not None:
@@ -143,6 +147,22 @@ def von_mises(stress: Any) -> Any:
             "material.full_stress(u), which knows the stress across the plane"
         )
     return ufl.sqrt(1.5 * ufl.inner(ufl.dev(stress), ufl.dev(stress)))
+
+
+def check_stress(problem: ContactProblem, stress: Any) -> None:
+    """See that a stress, if there is one, can be that of a problem. Collective.
+
+    Raises:
+        ValueError: on every rank, if it is not 3 x 3, of another mesh, or differs between ranks.
+    """
+    says = None
+    with everywhere(problem.comm, "the stress"):
+        if stress is not None:
+            domain = problem.u.function_space.mesh
+            von_mises(stress)
+            refuse_other_mesh(stress, domain, "the stress")
+            says = described(stress, domain)
+    same_everywhere(problem.comm, stress=says)
 
 
 def body_fields(u: fem.Function, stress: Any) -> list[fem.Function]:

@@ -18,12 +18,30 @@ import numpy as np
 
 import dolfinx
 
-from dolfinx_contact._errors import on_root
+from dolfinx_contact._errors import everywhere, on_root, same_everywhere
 from dolfinx_contact.output.disk import write_text
 
-__all__ = ["output_folder", "write_summary"]
+__all__ = ["agreed_path", "output_folder", "write_summary"]
 
 _STARTED = time.perf_counter()
+
+
+def agreed_path(comm: MPI.Comm, path: str | os.PathLike[str], what: str) -> Path:
+    """A path that is the same on every rank. Collective.
+
+    Args:
+        comm: communicator.
+        path: of the user.
+        what: it is, for the message.
+
+    Raises:
+        TypeError: on every rank, if it is no path.
+        ValueError: on every rank, if it differs between ranks.
+    """
+    with everywhere(comm, what):
+        found = Path(path)
+    same_everywhere(comm, **{what: str(found)})
+    return found
 
 
 def output_folder(comm: MPI.Comm, path: str | os.PathLike[str]) -> Path:
@@ -31,8 +49,9 @@ def output_folder(comm: MPI.Comm, path: str | os.PathLike[str]) -> Path:
 
     Raises:
         OSError: on every rank, if the folder cannot be made or written to.
+        ValueError: on every rank, if it differs between ranks.
     """
-    folder = Path(path)
+    folder = agreed_path(comm, path, "folder")
 
     def make() -> None:
         try:
@@ -56,7 +75,9 @@ def _plain(value: Any) -> Any:
     raise TypeError(f"cannot write {type(value).__name__} to a summary")
 
 
-def write_summary(comm: MPI.Comm, folder: Path, scalars: Mapping[str, Any]) -> dict[str, Any]:
+def write_summary(
+    comm: MPI.Comm, folder: str | os.PathLike[str], scalars: Mapping[str, Any]
+) -> dict[str, Any]:
     """Write ``folder/summary.json``: ``scalars`` with ranks, versions and the time since import.
 
     Returns:
@@ -78,6 +99,6 @@ def write_summary(comm: MPI.Comm, folder: Path, scalars: Mapping[str, Any]) -> d
         },
         "wall_seconds": comm.bcast(time.perf_counter() - _STARTED),
     }
-    file = folder / "summary.json"
+    file = Path(folder) / "summary.json"
     write_text(comm, file, lambda: json.dumps(summary, indent=2, default=_plain) + "\n")
     return summary

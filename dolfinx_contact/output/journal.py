@@ -3,8 +3,9 @@
 
 The first line names the problem; then every branch has a line where it begins, a line for every
 point and a line where it ends. A line is on the disk before the next point is computed, so that a
-run may be killed at any moment: at worst the last line lacks its end, and is not counted. Every
-line ends with the CRC-32 of what is before it; a line that was damaged later is an error.
+run may be killed at any moment: at worst the last line lacks its end, and is not counted; a journal
+without a complete line counts as none. Every line ends with the CRC-32 of what is before it; a line
+that was damaged later is an error.
 """
 
 from __future__ import annotations
@@ -230,6 +231,14 @@ def _plain(value: Any) -> Any:
     return value
 
 
+def _is_blank(path: Path) -> bool:
+    """Whether a journal has no complete line: it was left in the first moment of a run."""
+    if not path.is_file():
+        return False
+    with open(path, "rb") as file:
+        return not file.readline().endswith(b"\n")
+
+
 class JournalFile:
     """A journal that is open for appending, locked against other processes. On one rank.
 
@@ -242,7 +251,7 @@ class JournalFile:
 
     Raises:
         FileExistsError: if it is to be new and something has been recorded.
-        FileNotFoundError: if it is to exist and does not.
+        FileNotFoundError: if it is to exist and does not, or has no complete line.
         BlockingIOError: if another process has it open; it says which.
         OSError: if it cannot be opened.
         ValueError: if it is damaged. It stays as it is.
@@ -250,23 +259,29 @@ class JournalFile:
 
     def __init__(self, folder: Path, *, new: bool):
         path = folder / FILE_NAME
+        absent = FileNotFoundError(f"there is no {FILE_NAME} in {folder}")
         if not new and not path.exists():
-            raise FileNotFoundError(f"there is no {FILE_NAME} in {folder}")
+            raise absent
         message = f"{path} exists: resume it, or record to another folder; nothing is overwritten"
-        if new and path.exists():
+        if new and path.exists() and not _is_blank(path):
             raise FileExistsError(message)
         # Append mode: the position cannot be wrong.
         self._file: BinaryIO = open(path, "a+b", buffering=0)  # noqa: SIM115
         try:
             self._lock: Lock | None = None
             self._lock = Lock(self._file, path)
-            if new and self._file.seek(0, os.SEEK_END) > 0:
-                raise FileExistsError(message)
             self._file.seek(0)
             self.journal = parse(self._file.readall())  # type: ignore[attr-defined]
+            if new and self.journal.length:  # written since
+                raise FileExistsError(message)
+            if not new and not self.journal.length:
+                raise absent
             self._path, self._new = path, new
             sync_folder(folder)
-        except BaseException:
+        except BaseException as error:
+            # What another process has open is not removed.
+            if new and not isinstance(error, BlockingIOError) and _is_blank(path):
+                path.unlink(missing_ok=True)
             if self._lock is not None:
                 self._lock.free()
             self._file.close()

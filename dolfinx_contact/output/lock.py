@@ -20,6 +20,8 @@ import time
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from dolfinx_contact.output.disk import os_error
+
 __all__ = ["NOTE_NAME", "Lock", "end_with_launcher"]
 
 NOTE_NAME = "journal.lock"
@@ -37,7 +39,7 @@ class Lock:
 
     Raises:
         BlockingIOError: if another process has it, with what is known of that process.
-        OSError: if the note cannot be written.
+        OSError: with the path, if the note cannot be written.
     """
 
     def __init__(self, file: BinaryIO, path: Path):
@@ -70,6 +72,9 @@ class Lock:
             raise _taken(path, said) from error
         try:
             os.write(descriptor, content)
+        except OSError as error:
+            self._note.unlink(missing_ok=True)
+            raise os_error(error, self._note) from None
         finally:
             os.close(descriptor)
 

@@ -31,7 +31,9 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem, la, mesh
 
-from dolfinx_contact.output.fields import STATUS_CODES, contact_fields, von_mises
+from dolfinx_contact._errors import everywhere, require, same_everywhere
+from dolfinx_contact.output.fields import STATUS_CODES, check_stress, contact_fields, von_mises
+from dolfinx_contact.output.folder import agreed_path
 from dolfinx_contact.trace import facet_closures
 
 if TYPE_CHECKING:
@@ -69,10 +71,14 @@ def picture_of_body(
         The file, on every rank; None where it could not be drawn.
 
     Raises:
-        ValueError: on every rank, if the stress is not 3 x 3.
+        ValueError: on every rank, if the stress is not 3 x 3 or of another mesh, the scale is not
+            finite, or arguments differ between ranks.
     """
     u = problem.u
     domain, comm = u.function_space.mesh, problem.comm
+    path = agreed_path(comm, file, "file")
+    check_scale(comm, scale)
+    check_stress(problem, stress)
     tdim = domain.topology.dim
     V = fem.functionspace(domain, ("Lagrange", 1))
     moved = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (tdim,))))
@@ -94,7 +100,7 @@ def picture_of_body(
         data["contact_cells"] = data["obstacle_cells"] = [p["cells"] for p in patches]
         data["obstacle_x"] = [p["x"] + p["gap"][:, None] * _in_space(p["n"]) for p in patches]
         data["obstacle_normals"] = [_in_space(p["n"]) for p in patches]
-    return _draw(comm, f"body_{tdim}d", data, Path(file))
+    return _draw(comm, f"body_{tdim}d", data, path)
 
 
 def picture_of_contact(
@@ -120,11 +126,15 @@ def picture_of_contact(
         The file, on every rank; None where it could not be drawn.
 
     Raises:
-        ValueError: on every rank, if the surface is not one of the problem.
+        ValueError: on every rank, if the surface is not one of the problem, or arguments differ
+            between ranks.
     """
     s = problem.surfaces[0] if surface is None else surface
-    if not any(s is t for t in problem.surfaces):
-        raise ValueError(f"the surface {s.name!r} is not one of the problem")
+    path = agreed_path(problem.comm, file, "file")
+    with everywhere(problem.comm, "a picture"):
+        if not any(s is t for t in problem.surfaces):
+            raise ValueError(f"the surface {getattr(s, 'name', s)!r} is not one of the problem")
+    same_everywhere(problem.comm, surface=s.name)
     fields = contact_fields(problem, s)
     pressure, status = fields["pressure"].x.array, fields["status"].x.array
     traction = fields["traction"].x.array.reshape(-1, s.dim)
@@ -146,10 +156,18 @@ def picture_of_contact(
         data["shear"] = shear if s.dim == 3 else shear[:, 0]
         codes = np.bincount(seen["status"].astype(int), minlength=len(set(STATUS_CODES.values())))
         data["counts"] = codes
-    return _draw(s.comm, f"contact_{s.dim}d", data, Path(file))
+    return _draw(s.comm, f"contact_{s.dim}d", data, path)
 
 
 # -- what is seen --------------------------------------------------------------------------------
+
+
+def check_scale(comm: MPI.Comm, scale: float) -> None:
+    """See that the factor of a displacement is a number, the same on every rank. Collective."""
+    number = isinstance(scale, int | float | np.integer | np.floating)
+    ok = number and bool(np.isfinite(scale))
+    require(comm, ok, f"the scale of the displacement must be a finite number, got {scale!r}")
+    same_everywhere(comm, scale=float(scale))
 
 
 def _title(u: fem.Function, scale: float) -> str:

@@ -11,7 +11,8 @@ import numpy as np
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact._errors import everywhere, require
+from dolfinx_contact._agreement import described as says
+from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact.continuation import Change, SpecialPoint
 from dolfinx_contact.laws import status
 from dolfinx_contact.result import by_coordinates
@@ -70,23 +71,43 @@ def _places(system: ParametricContact, changes: Sequence[Change]) -> list[dict[s
 def compiled(
     system: ParametricContact, functionals: Mapping[str, Functional]
 ) -> dict[str, Callable[[], float]]:
-    """Functions that evaluate the functionals at the problem's Functions."""
+    """Functions that evaluate the functionals at the problem's Functions. Collective.
+
+    Raises:
+        ValueError: on every rank, if a functional is neither a scalar form nor a function, has the
+            name of a column, or the functionals differ between ranks, in their order too.
+    """
+    with everywhere(system.comm, "the functionals"):
+        _check_names(functionals)
+        kinds = {name: _kind(system, name, f) for name, f in functionals.items()}
+    same_everywhere(system.comm, functionals=list(kinds))
+    same_everywhere(system.comm, functionals=kinds)
+    return {name: _evaluator(system, name, f) for name, f in functionals.items()}
+
+
+def _check_names(functionals: Mapping[str, Functional]) -> None:
     taken = {"branch", "index", "gamma", "step", "corrections", "tau", "norm", "special", "status"}
     clash = sorted((taken | set(status.KINDS)) & set(functionals))
     if clash:
         raise ValueError(f"functionals must not have the names of columns: {', '.join(clash)}")
-    return {name: _evaluator(system, name, f) for name, f in functionals.items()}
+
+
+def _kind(system: ParametricContact, name: str, f: Functional) -> str:
+    """What a functional says, the same on ranks that mean the same."""
+    if isinstance(f, ufl.Form):
+        if f.arguments():
+            raise ValueError(f"the functional {name!r} must be a scalar form")
+        return says(f, system.problem.V.mesh)
+    if not callable(f):
+        raise ValueError(f"the functional {name!r} is neither a UFL form nor a function")
+    return "a function"
 
 
 def _evaluator(system: ParametricContact, name: str, f: Functional) -> Callable[[], float]:
     problem, comm = system.problem, system.comm
     if isinstance(f, ufl.Form):
-        if f.arguments():
-            raise ValueError(f"the functional {name!r} must be a scalar form")
         form = fem.form(f, entity_maps=problem.entity_maps)
         return lambda: float(comm.allreduce(float(np.real(fem.assemble_scalar(form)))))
-    if not callable(f):
-        raise ValueError(f"the functional {name!r} is neither a UFL form nor a function")
 
     def value() -> float:
         with everywhere(comm, f"the functional {name!r}"):

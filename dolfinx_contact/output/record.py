@@ -15,14 +15,13 @@ import os
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from petsc4py import PETSc
 
 import numpy as np
 
-from dolfinx_contact._errors import on_root, require
+from dolfinx_contact._errors import on_root, require, same_everywhere
 from dolfinx_contact.continuation import (
     Branch,
     BranchPoint,
@@ -38,7 +37,7 @@ from dolfinx_contact.continuation import (
 from dolfinx_contact.continuation.branch import Stop
 from dolfinx_contact.laws import status
 from dolfinx_contact.output.checkpoints import Checkpoints, joined, last_entry
-from dolfinx_contact.output.folder import output_folder
+from dolfinx_contact.output.folder import agreed_path, output_folder
 from dolfinx_contact.output.identity import difference, identity
 from dolfinx_contact.output.journal import FORMAT, Journal, JournalBranch, JournalFile
 from dolfinx_contact.output.lock import end_with_launcher
@@ -76,8 +75,8 @@ class BranchRecord(Observer):
             there is a record and it is not to be resumed, or the other way round. Later, from
             whatever follows a branch, if a point cannot be written: the record then ends with the
             point before, and can be resumed.
-        ValueError: on every rank, if the journal is damaged or that of another problem. Nothing has
-            been written then.
+        ValueError: on every rank, if the journal is damaged or that of another problem, or
+            arguments differ between ranks. Nothing has been written then.
 
     Example:
         Follow a branch with a record, and look at it::
@@ -102,11 +101,13 @@ class BranchRecord(Observer):
         resume: bool = False,
     ):
         comm = system.comm
-        if every < 1:
-            raise ValueError(f"fields must be kept at every 1 or more points, got {every}")
+        whole = isinstance(every, int | np.integer) and every >= 1
+        require(comm, whole, f"fields must be kept at every 1 or more points, got {every!r}")
+        same_everywhere(comm, every=int(every), resume=bool(resume))
         self.system, self.comm, self.every = system, comm, every
         self._functionals = compiled(system, functionals or {})
-        self.folder = Path(folder) if resume else output_folder(comm, folder)
+        known = agreed_path(comm, folder, "folder")
+        self.folder = known if resume else output_folder(comm, known)
         self._file: JournalFile | None = None
         self._x, self._mx = system.create_vector(), system.create_vector()
         self._last: tuple[BranchPoint, Stepping] | None = None
@@ -360,9 +361,13 @@ class BranchRecord(Observer):
             ValueError: on every rank, if nothing of the branch was recorded, its checkpoints are
                 damaged, or the problem is not that of the record.
         """
+        same_everywhere(self.comm, branch=branch, max_steps=max_steps)
         state = self.last_state(branch)
         if state is None:
-            raise ValueError(f"no point of branch {branch} is in {self.folder}: start it afresh")
+            raise ValueError(
+                f"no point of branch {branch} is in {self.folder}: follow it from its start, with "
+                "BranchRecord(..., resume=True), or remove the folder"
+            )
         point, stepping = state
         known = self.journal.branches[branch]
         task = known.task

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from dolfinx import fem
 
+from dolfinx_contact._errors import same_everywhere
 from dolfinx_contact.output.disk import aside
 from dolfinx_contact.output.fields import contact_fields, file_stems
 from dolfinx_contact.output.folder import output_folder
@@ -49,10 +50,11 @@ def write_series(
     Raises:
         OSError: on every rank, with the path and the reason, if the folder cannot be written to,
             or has no room. It is then as it was.
-        ValueError: on every rank, if no fields of the branch were kept, they are damaged, or the
-            format cannot be written.
+        ValueError: on every rank, if no fields of the branch were kept, they are damaged, the
+            format cannot be written, or arguments differ between ranks.
     """
     problem, comm = record.system.problem, record.comm
+    same_everywhere(comm, branch=branch)
     known = record.journal.branches.get(branch)
     kept = [p["index"] for p in known.points if "checkpoint" in p] if known else []
     if not kept:

@@ -12,12 +12,13 @@ import numpy as np
 
 from dolfinx import fem
 
-from dolfinx_contact._errors import on_root
+from dolfinx_contact._errors import on_root, require, same_everywhere
 from dolfinx_contact._optional import optional
 from dolfinx_contact.continuation import BranchPoint
 from dolfinx_contact.laws.status import COLOURS, NAMES
 from dolfinx_contact.output.disk import part_of
-from dolfinx_contact.output.pictures import gather_cells, patch
+from dolfinx_contact.output.folder import agreed_path
+from dolfinx_contact.output.pictures import check_scale, gather_cells, patch
 from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.result import by_coordinates
 
@@ -46,19 +47,23 @@ def picture_of_states(
 
     Raises:
         OSError: on every rank, with the path, if it cannot be written; it is then as it was.
-        ValueError: if the body is not 2D, or there is no point.
+        ValueError: on every rank, if the body is not 2D, there is no point, the scale is not
+            finite, or arguments differ between ranks.
     """
-    if system.problem.V.mesh.geometry.dim != 2 or not points:
-        raise ValueError("states are drawn side by side for 2D bodies, and at least one is needed")
+    comm, path = system.comm, agreed_path(system.comm, file, "file")
+    ok = system.problem.V.mesh.geometry.dim == 2 and len(points) > 0
+    message = "states are drawn side by side for 2D bodies, and at least one is needed"
+    require(comm, ok, message)
+    same_everywhere(comm, number_of_points=len(points))
+    check_scale(comm, scale)
     optional("matplotlib", "output")  # on every rank, although one draws
     seen = [_seen(system, point) for point in points]
-    path = Path(file)
 
     def draw() -> None:
         with part_of(path) as part:
             _draw(part, seen, list(titles) or [""] * len(points), scale)
 
-    on_root(system.comm, draw)
+    on_root(comm, draw)
     return path
 
 

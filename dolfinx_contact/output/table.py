@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -31,7 +32,9 @@ def _written(numbers: npt.NDArray[np.float64]) -> list[str]:
     return [repr(float(v)) for v in numbers]
 
 
-def write_contact_table(comm: MPI.Comm, folder: Path, tables: Iterable[ContactTable]) -> None:
+def write_contact_table(
+    comm: MPI.Comm, folder: str | os.PathLike[str], tables: Iterable[ContactTable]
+) -> None:
     """Write ``folder/contact.csv``, a row a contact point, surface by surface. Collective.
 
     Forces, pressure and shear are those of contact; what Dirichlet data do to the body at a contact
@@ -63,4 +66,4 @@ def write_contact_table(comm: MPI.Comm, folder: Path, tables: Iterable[ContactTa
                 lines.append(",".join(row))
         return "\n".join(lines) + "\n"
 
-    write_text(comm, folder / "contact.csv", text)
+    write_text(comm, Path(folder) / "contact.csv", text)

@@ -24,7 +24,7 @@ import numpy.typing as npt
 from dolfinx import fem, plot
 
 from dolfinx_contact._compat import VTXFile, has_vtx
-from dolfinx_contact._errors import everywhere, on_root, require
+from dolfinx_contact._errors import everywhere, on_root, require, same_everywhere
 from dolfinx_contact.output.disk import os_error, put, reserve
 
 __all__ = [
@@ -49,8 +49,10 @@ def checked_format(comm: MPI.Comm, format: Format) -> Literal["vtx", "vtk"]:
     """The format that is meant. Collective.
 
     Raises:
-        ValueError: on every rank, if it is not known, or is VTX and DOLFINx lacks ADIOS2.
+        ValueError: on every rank, if it is not known, or is VTX and DOLFINx lacks ADIOS2, or it
+            differs between ranks.
     """
+    same_everywhere(comm, format=format)
     require(comm, format in ("vtx", "vtk", None), f"format is {format!r}: vtx and vtk are known")
     require(comm, format != "vtx" or has_vtx(), "DOLFINx was built without ADIOS2: format='vtk'")
     return format or ("vtx" if has_vtx() else "vtk")
