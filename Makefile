@@ -12,7 +12,7 @@ help:
 	@echo "make demo       all branches of a triangle on a floor, and a body dragged over one, on two"
 	@echo "                ranks; pictures in OUTPUT=$$OUTPUT"
 	@echo "make test       lint, types, and the tests on one, two and three ranks"
-	@echo "make test-long  the tests that take long, on one and two ranks, and test-paraview"
+	@echo "make test-long  all tests in all cases, on one and two ranks, and test-paraview"
 	@echo "make test-paraview  results opened in ParaView (an environment of its own, 3 GB more);"
 	@echo "                pictures in OUTPUT=$$OUTPUT/paraview"
 	@echo "make lint       ruff and mypy alone"
@@ -28,8 +28,8 @@ test: lint
 	$(RUN) mpirun -n 3 $(PYTEST)
 
 test-long:
-	$(RUN) $(PYTEST) --long -m long --deselect tests/test_vtk.py
-	$(RUN) mpirun -n 2 $(PYTEST) --long -m long --deselect tests/test_vtk.py
+	$(RUN) $(PYTEST) --long --numprocesses 2 --dist loadfile
+	$(RUN) mpirun -n 2 $(PYTEST) --long
 	$(MAKE) test-paraview
 
 test-paraview:

@@ -9,6 +9,7 @@ from petsc4py import PETSc
 import pytest
 
 COMM = MPI.COMM_WORLD
+EVERY_CASE = ("test_bad_input", "test_disk", "test_hostile", "test_messages", "test_results")
 
 
 @pytest.hookimpl(trylast=True)
@@ -24,21 +25,24 @@ def pytest_addoption(parser):
 
 
 def pytest_collection_modifyitems(config, items):
-    """Leave out what takes long; where ranks wait for processors, most repetitions as well."""
+    """Leave out what takes long, and on several ranks most repetitions (all run with --long).
+
+    There a test with several cases runs in one, the last on two ranks and the first on more, but
+    for tests of what ranks do to each other. What sends many messages runs serially alone.
+    """
     if config.getoption("--long"):
         return
-    crowded = COMM.size > COMM.bcast(os.cpu_count())  # not the few that a rank may be bound to
-    seen = set()
+    cases = {}
     for item in items:
-        function = item.nodeid.partition("[")[0]
         if item.get_closest_marker("long"):
             item.add_marker(pytest.mark.skip(reason="takes long: --long runs it"))
-        elif crowded and item.get_closest_marker("chatty"):
+        elif COMM.size > 1 and item.get_closest_marker("chatty"):
             item.add_marker(pytest.mark.skip(reason="sends many messages"))
-        elif crowded and function in seen:
+        elif COMM.size > 1 and (COMM.size > 2 or item.path.stem not in EVERY_CASE):
+            cases.setdefault(item.nodeid.partition("[")[0], []).append(item)
+    for repeated in cases.values():
+        for item in repeated[:-1] if COMM.size == 2 else repeated[1:]:
             item.add_marker(pytest.mark.skip(reason="another case runs on so many ranks"))
-        else:
-            seen.add(function)
 
 
 @pytest.hookimpl(hookwrapper=True)
