@@ -81,7 +81,8 @@ def test_states_without_matplotlib(monkeypatch):
     """One rank draws; all of them say what is missing."""
     missing(monkeypatch, "matplotlib")
     u = block(n=2).u
-    system = type("System", (), {"problem": type("Problem", (), {"V": u.function_space})})
+    problem = type("Problem", (), {"V": u.function_space})
+    system = type("System", (), {"problem": problem, "comm": COMM})
     with pytest.raises(ModuleNotFoundError, match="matplotlib is not installed"):
         picture_of_states("x.png", system, [None])
 
