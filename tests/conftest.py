@@ -9,7 +9,14 @@ from petsc4py import PETSc
 import pytest
 
 COMM = MPI.COMM_WORLD
+#: Tests of what ranks do to each other, on two of them in all cases.
 EVERY_CASE = ("test_bad_input", "test_disk", "test_hostile", "test_messages", "test_results")
+#: Tests of numbers that more ranks might change; on more than two of them no others run.
+OF_NUMBERS = (
+    *("test_blocks", "test_surface", "test_results", "test_following", "test_parametric"),
+    *("test_continuation", "test_linear_triangle", "test_ciarlet_geymonat", "test_rays"),
+    *("test_solutions", "test_multigrid", "test_krylov", "test_record", "test_bad_input"),
+)
 
 
 @pytest.hookimpl(trylast=True)
@@ -28,7 +35,8 @@ def pytest_collection_modifyitems(config, items):
     """Leave out what takes long, and on several ranks most repetitions (all run with --long).
 
     There a test with several cases runs in one, the last on two ranks and the first on more, but
-    for tests of what ranks do to each other. What sends many messages runs serially alone.
+    for tests of what ranks do to each other. What sends many messages runs serially alone, and on
+    three ranks only what is about numbers.
     """
     if config.getoption("--long"):
         return
@@ -38,6 +46,8 @@ def pytest_collection_modifyitems(config, items):
             item.add_marker(pytest.mark.skip(reason="takes long: --long runs it"))
         elif COMM.size > 1 and item.get_closest_marker("chatty"):
             item.add_marker(pytest.mark.skip(reason="sends many messages"))
+        elif COMM.size > 2 and item.path.stem not in OF_NUMBERS:
+            item.add_marker(pytest.mark.skip(reason="of no more numbers on so many ranks"))
         elif COMM.size > 1 and (COMM.size > 2 or item.path.stem not in EVERY_CASE):
             cases.setdefault(item.nodeid.partition("[")[0], []).append(item)
     for repeated in cases.values():
