@@ -296,8 +296,8 @@ def _display(*, needed: bool) -> Iterator[dict[str, str]]:
         yield environment
         return
     options = ["-displayfd", "1", "-screen", "0", "1600x1200x24", "-nolisten", "tcp"]
-    # The shell ends the display when its input ends, and so even if this process is killed. Xvfb may
-    # miss a signal that comes as it begins to wait.
+    # The shell ends the display when its input ends, and so even if this process is killed; Xvfb
+    # may miss a signal that comes as it begins to wait.
     watch = (
         '"$@" & x=$!; exec > /dev/null 2>&1; cat; kill $x; '
         "(while sleep 0.5; do kill $x; done) & k=$!; wait $x; kill $k"
