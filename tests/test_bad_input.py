@@ -446,3 +446,10 @@ def test_materials_refuse_bad_numbers():
         lame(-1.0, 0.3)
     with pytest.raises(ValueError, match="Poisson's ratio"):
         lame(1.0, 0.5)
+
+
+def test_a_rank_without_any_cell():
+    """One cell: on several ranks all but one have nothing."""
+    result = block(n=1, cell="quad").solve()
+    assert len(result.tables["contact"].x) == 2
+    assert result.kkt_violation < 1e-9
