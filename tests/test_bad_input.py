@@ -453,3 +453,13 @@ def test_a_rank_without_any_cell():
     result = block(n=1, cell="quad").solve()
     assert len(result.tables["contact"].x) == 2
     assert result.kkt_violation < 1e-9
+
+
+@pytest.mark.parametrize(
+    "options", [{"increments": 0}, {"increments": -1}, {"increments": "8"}, {"progress": "yes"}]
+)
+def test_bad_arguments_of_a_solve(options):
+    problem = block(n=2)
+    with pytest.raises(ValueError, match=r"number of increments|progress must") as info:
+        problem.solve(**options)
+    same_on_every_rank(info)

@@ -188,6 +188,7 @@ def test_an_inverted_solution_is_said(log):
     problem = block(n=4, cell="tri", material=soft, top=(0.0, -2.3))
     result = problem.solve()
     assert result.min_det_F == pytest.approx(-1.3, rel=1e-9)
+    assert result.reason == "full steps"  # not the increments that found nothing better
     assert result.summary()["min_det_F"] == result.min_det_F
     message = said(log, "inside out")
     assert "det F = -1.3 in the cell at (" in message

@@ -115,8 +115,8 @@ def test_a_seal(depth):
 def test_budgets():
     """A strategy gives up when its cost is used up; residuals alone cost as well."""
     attempt = Attempt("line search", limit=3.0)
-    assert not attempt.exhausted
+    assert not attempt.gives_up()
     attempt.evaluations = 12
     assert attempt.cost == 3.0
-    assert attempt.exhausted
+    assert attempt.gives_up()
     assert "gave up" in attempt.reason

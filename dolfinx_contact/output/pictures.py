@@ -34,6 +34,7 @@ from dolfinx import fem, la, mesh
 from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact.output.fields import STATUS_CODES, check_stress, contact_fields, von_mises
 from dolfinx_contact.output.folder import agreed_path
+from dolfinx_contact.output.gathering import Arrays, gather_cells
 from dolfinx_contact.trace import facet_closures
 
 if TYPE_CHECKING:
@@ -45,8 +46,6 @@ __all__ = ["picture_of_body", "picture_of_contact"]
 logger = logging.getLogger(__name__)
 
 _SECONDS = 120.0  # after which a picture is given up
-
-Arrays = dict[str, npt.NDArray[Any]]
 
 
 def picture_of_body(
@@ -199,29 +198,6 @@ def patch(s: ContactSurface) -> Arrays:
     values = {"u": u, "gap": s.vertex_gaps, "n": s.vertex_normals}
     cells = s.vertices.dofmap.list[: s.submesh.mesh.topology.index_map(s.dim - 1).size_local]
     return gather_cells(s.comm, s.vertices, cells, values)
-
-
-def gather_cells(
-    comm: MPI.Comm, V: fem.FunctionSpace, cells: npt.NDArray[np.int32], values: Mapping[str, Any]
-) -> Arrays:
-    """Owned ``cells`` of all ranks with coordinates and values at their nodes, on rank 0 only."""
-    nodes, local = np.unique(cells, return_inverse=True)
-    mine = {
-        "cells": V.dofmap.index_map.local_to_global(nodes.astype(np.int32))[local].reshape(
-            cells.shape
-        ),
-        "nodes": V.dofmap.index_map.local_to_global(nodes.astype(np.int32)),
-        "x": V.tabulate_dof_coordinates()[nodes],
-        **{k: v[nodes] for k, v in values.items()},
-    }
-    parts = comm.gather(mine)
-    if parts is None:
-        return {}
-    parts = [p for p in parts if len(p["nodes"])]
-    joined = {k: np.concatenate([p[k] for p in parts]) for k in mine}
-    number, first = np.unique(joined.pop("nodes"), return_index=True)
-    cells = joined.pop("cells")
-    return {"cells": np.searchsorted(number, cells), **{k: v[first] for k, v in joined.items()}}
 
 
 def _flat_axes(n: npt.NDArray[np.float64], dim: int) -> tuple[npt.NDArray[np.float64], list[str]]:

@@ -18,7 +18,8 @@ from dolfinx_contact.continuation import BranchPoint
 from dolfinx_contact.laws.status import COLOURS, NAMES
 from dolfinx_contact.output.disk import part_of
 from dolfinx_contact.output.folder import agreed_path
-from dolfinx_contact.output.pictures import check_scale, gather_cells, patch
+from dolfinx_contact.output.gathering import gather_cells
+from dolfinx_contact.output.pictures import check_scale, patch
 from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.result import by_coordinates
 

@@ -26,6 +26,7 @@ from dolfinx import fem, plot
 from dolfinx_contact._compat import VTXFile, has_vtx
 from dolfinx_contact._errors import everywhere, on_root, require, same_everywhere
 from dolfinx_contact.output.disk import os_error, put, reserve
+from dolfinx_contact.output.gathering import gather_cells
 
 __all__ = [
     "Format",
@@ -200,8 +201,6 @@ class VTKSeries(Series):
 
 def vtu(comm: MPI.Comm, functions: Sequence[fem.Function]) -> bytes:
     """Functions of all ranks as an unstructured grid of VTK, on rank 0; nothing elsewhere."""
-    from dolfinx_contact.output.pictures import gather_cells  # which imports what writes fields
-
     V = functions[0].function_space
     kind, cells, x = _cells(V)
     points = {f.name: _at_points(f, cells, len(x)) for f in functions}

@@ -71,9 +71,8 @@ class Attempt:
         """What it took, in Newton steps: a residual beside those of the iterates is a quarter."""
         return self.iterations + max(0, self.evaluations - len(self.steps)) / 4
 
-    @property
-    def exhausted(self) -> bool:
-        """Whether its cost has reached its limit; then also the reason says so."""
+    def gives_up(self) -> bool:
+        """Whether its cost has reached its limit; then `reason` says so."""
         if self.cost < self.limit:
             return False
         self.reason = f"gave up after a cost of {self.limit:g} Newton steps"

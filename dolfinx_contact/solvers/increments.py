@@ -47,7 +47,7 @@ def raise_load(solver: Newton, x: PETSc.Vec, attempt: Attempt, increments: int) 
                     continue
                 good.copy(x)
                 step /= 4
-                if step < _SMALLEST * first or attempt.exhausted:
+                if step < _SMALLEST * first or attempt.gives_up():
                     attempt.reason = f"stuck at {done:.4g} of the load: {attempt.reason}"
                     return False
             return True

@@ -32,7 +32,7 @@ from petsc4py import PETSc
 
 import numpy as np
 
-from dolfinx_contact._errors import require, same_everywhere
+from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact._petsc import staged
 from dolfinx_contact._progress import SolveProgress
 from dolfinx_contact.result import Result, collect
@@ -78,10 +78,17 @@ def solve(
         Statuses, resultants, residual histories and the KKT violation.
 
     Raises:
-        ValueError: on every rank, for data that cannot be solved with (a load that is not finite, a
-            negative friction field, a clamped node inside the obstacle).
+        ValueError: on every rank, for arguments or data that cannot be solved with (a load that is
+            not finite, a negative friction field, a clamped node inside the obstacle).
         ConvergenceError: if no strategy converges; the Functions are as they were.
     """
+    with everywhere(problem.comm, "solve"):
+        whole = isinstance(increments, int | np.integer) and not isinstance(increments, bool)
+        if not whole or increments < 1:
+            raise ValueError(f"the number of increments must be 1 or more, got {increments!r}")
+        if progress not in (None, True, False):
+            raise ValueError(f"progress must be True, False or None, got {progress!r}")
+    same_everywhere(problem.comm, increments=int(increments))
     said = SolveProgress(problem.comm, progress)
     x0 = problem.create_vector()
     problem.write(x0)
@@ -109,7 +116,7 @@ def _solve(
     _check_data(problem, x0)
     attempts: list[Attempt] = []
     floating: FloatingBodyError | None = None
-    x, turned, objection = x0.duplicate(), x0.duplicate(), ""
+    x, turned, objection, way = x0.duplicate(), x0.duplicate(), "", ""
     try:
         for strategy, run in _ladder(problem, increments):
             if objection and strategy != _INCREMENTS:
@@ -127,13 +134,14 @@ def _solve(
                 if not objection:
                     return _finished(problem, x, attempts, progress)
                 attempt.converged, attempt.reason = False, objection
+                way = strategy
                 x.copy(turned)
             progress.clear()
             if problem.comm.rank == 0:
                 logger.warning("%s failed: %s", strategy, attempt.reason)
         if objection:
             # Nothing else was found: the result warns of it.
-            attempts.append(Attempt(attempts[-1].strategy, objection, converged=True))
+            attempts.append(Attempt(way, objection, converged=True))
             return _finished(problem, turned, attempts, progress)
     finally:
         x.destroy(), turned.destroy()

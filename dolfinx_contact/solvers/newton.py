@@ -213,7 +213,7 @@ class Newton:
             if self._floats():
                 return int(_STOPPED)
             return int(PETSc.SNES.ConvergedReason.CONVERGED_FNORM_RELATIVE)
-        if self.attempt.exhausted:
+        if self.attempt.gives_up():
             return int(_STOPPED)
         if it >= snes.getTolerances()[3]:
             return int(PETSc.SNES.ConvergedReason.DIVERGED_MAX_IT)
@@ -305,6 +305,8 @@ class Newton:
             return f"the line search found no decrease of the norm of H{because}"
         if reason == reasons.DIVERGED_MAX_IT:
             return f"no convergence in {self.snes.getIterationNumber()} iterations{because}"
+        if reason == _NOT_A_NUMBER:
+            return "the residual is not a number"
         return names.get(reason, str(reason))
 
 

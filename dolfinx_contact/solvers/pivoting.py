@@ -37,7 +37,7 @@ def pivot(solver: Newton, x: PETSc.Vec, attempt: Attempt) -> bool:
     for _ in range(20 + 4 * min(points, 100)):
         with problem.status_held():
             solved = solver.run(x, attempt)
-            if attempt.exhausted:
+            if attempt.gives_up():
                 return False
             if not solved and not np.isfinite(attempt.steps[-1].measures.worst):
                 return False
