@@ -5,6 +5,7 @@ import os
 import random
 import signal
 import subprocess
+import tempfile
 import time
 from pathlib import Path
 
@@ -461,9 +462,11 @@ def launch(ranks, *arguments):
     clean = {k: v for k, v in os.environ.items() if not k.startswith(taken)}
     program = ["python3", str(TREE / "tests/recorded_run.py"), *map(str, arguments)]
     command = program if ranks == 1 else ["mpirun", "-n", str(ranks), *program]
+    # A killed mpirun leaves its folder, in whose way a later one of the same number would be.
+    own = tempfile.mkdtemp(prefix="ranks-")
     return subprocess.Popen(
         [TREE / "docker/run", *command],
-        env=clean | {"DOLFINX_CONTACT_ENV": "direct"},
+        env=clean | {"DOLFINX_CONTACT_ENV": "direct", "TMPDIR": own},
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
     )
