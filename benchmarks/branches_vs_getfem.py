@@ -26,11 +26,11 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "demos"))
 import demo_ciarlet_geymonat
 import demo_linear_triangle
 
-from dolfinx_contact.condensed import CondensedContact
 from dolfinx_contact.continuation import StepControl, explore
 from dolfinx_contact.continuation.follow import follower_for
 from dolfinx_contact.continuation.observer import Observer
 from dolfinx_contact.continuation.rays import outgoing
+from dolfinx_contact.reduced.condensed import CondensedContact
 
 LOAD, LAME, FRICTION = (26.0, 7.5), (100.0, 82.0), 1.7
 #: The second load of the triangle: pressed by a constant traction, sheared to and fro.

@@ -4,7 +4,9 @@
 A body with a rounded sole is lowered on a floor and dragged. Its branch is followed, with the
 detection of folds, bifurcations and changes of status on; then every point of it is solved for once
 more by the static solver, from the point before it, with the same linear solver and to the same
-tolerance. Steps are grouped: those that locate an event to round-off take many corrections.
+tolerance. The two go in turns three times on one mesh, each time from new; the first steps and
+solves warm them and do not count, of the others the medians of three do. Steps are grouped: those
+that locate an event to round-off take many corrections.
 
     mpirun -n 2 python3 benchmarks/continuation_step.py --dim 3 --n 43 --steps 8
 
@@ -14,14 +16,13 @@ PETSc options with the prefixes ``contact_`` and ``continuation_`` reach the two
 from __future__ import annotations
 
 import argparse
-import json
 import logging
 import time
-from pathlib import Path
 
 from mpi4py import MPI
 
 import numpy as np
+from timing import REPEATS, Timer, clean, median, save
 
 import ufl
 from dolfinx import fem, mesh
@@ -49,12 +50,13 @@ def arguments(argv=None):
     parser.add_argument("--skip", type=int, default=3, help="first steps that do not count")
     parser.add_argument("--kinks", choices=("exact", "batched", "stepping"))
     parser.add_argument("--tolerance", type=float, default=1e-10, help="of both")
+    parser.add_argument("--repeats", type=int, default=REPEATS, help="turns of the two")
     parser.add_argument("--output", default="continuation_step.json")
     return parse_arguments(parser, argv)
 
 
 def foot(args, n, comm):
-    """The body and its parameter: lowered by gamma, dragged by gamma^2."""
+    """Mesh of the body, and the facets of its sole and of its top."""
     cell = CELLS[args.dim, args.cell]
     low, high = np.zeros(args.dim), np.ones(args.dim)
     box = mesh.create_rectangle if args.dim == 2 else mesh.create_box
@@ -67,6 +69,12 @@ def foot(args, n, comm):
     x = domain.geometry.x
     away = (x[:, 0] - 0.46) ** 2 + ((x[:, 1] - 0.53) ** 2 if args.dim == 3 else 0.0)
     x[:, last] += 0.08 * (1 - x[:, last]) * away
+    return domain, sole, top
+
+
+def lowered(args, domain, sole, top):
+    """The body and its parameter: lowered by gamma, dragged by gamma^2."""
+    last = args.dim - 1
     V = fem.functionspace(domain, ("Lagrange", 1, (args.dim,)))
     u, moved = fem.Function(V), fem.Function(V)
     gamma = fem.Constant(domain, 0.0)
@@ -131,13 +139,11 @@ def static(system, branch, comm):
         x.array[:] = before.y.array_r[: x.getLocalSize()]
         system.put(x, before.gamma, before.piece)
         system.set_parameter(point.gamma)
-        comm.barrier()
-        start = time.perf_counter()
-        result = problem.solve()
-        comm.barrier()
+        timer = Timer(comm)
+        result = timer("solve", problem.solve)
         records.append(
             {
-                "seconds": time.perf_counter() - start,
+                "seconds": timer.total,
                 "newton_iterations": result.iterations,
                 "krylov_iterations": sum(a.krylov_iterations for a in result.attempts),
             }
@@ -154,19 +160,29 @@ def main(argv=None):
     args = arguments(argv)
     comm = MPI.COMM_WORLD
     logging.basicConfig(level=logging.WARNING)
-    small = foot(args, 3, comm)  # compiles all forms
+    small = lowered(args, *foot(args, 3, comm))  # compiles all forms
     static(small, follow(args, small, comm)[1], comm)
-    system = foot(args, args.n, comm)
-    steps, branch = follow(args, system, comm)
-    solves = static(system, branch, comm)
+    body, rounds = foot(args, args.n, comm), []
+    for _ in range(args.repeats):
+        clean(comm)
+        system = lowered(args, *body)
+        steps, branch = follow(args, system, comm)
+        rounds.append((steps, static(system, branch, comm)))
+        unknowns = system.create_vector().getSize()
+        solver = system.problem.linear_solver.name
+        system.destroy(), system.problem.destroy()
+    steps, solves = (
+        [median(runs) for runs in zip(*side, strict=True)] for side in zip(*rounds, strict=True)
+    )
     pairs = list(zip(steps, solves, strict=True))[args.skip :]
     record = {
         "dim": args.dim,
         "n": args.n,
         "cell": args.cell,
         "ranks": comm.size,
-        "unknowns": system.create_vector().getSize(),
-        "linear_solver": system.problem.linear_solver.name,
+        "repeats": args.repeats,
+        "unknowns": unknowns,
+        "linear_solver": solver,
         "steps": steps,
         "static": solves,
     }
@@ -177,10 +193,12 @@ def main(argv=None):
     for name, group in groups.items():
         if not group:
             continue
-        of_static = sum(s["seconds"] for _, s in group)
+        of_steps, of_static = (sum(s["seconds"] for s in side) for side in zip(*group, strict=True))
         record[name] = {
             "steps": len(group),
-            "ratio": sum(s["seconds"] for s, _ in group) / of_static,
+            "ratio": of_steps / of_static,
+            "step_seconds": of_steps / len(group),
+            "static_seconds": of_static / len(group),
             "median_ratio": float(np.median([a["seconds"] / s["seconds"] for a, s in group])),
             "applications": float(np.mean([s["applications"] for s, _ in group])),
             "factorisations": float(np.mean([s["factorisations"] for s, _ in group])),
@@ -188,7 +206,6 @@ def main(argv=None):
             "changes": float(np.mean([s["changes"] for s, _ in group])),
             "static_newton": float(np.mean([s["newton_iterations"] for _, s in group])),
             "static_krylov": float(np.mean([s["krylov_iterations"] for _, s in group])),
-            "static_seconds": of_static / len(group),
         }
     if comm.rank == 0:
         print(f"{record['unknowns']} unknowns in {args.dim}D, {comm.size} ranks, "
@@ -198,8 +215,7 @@ def main(argv=None):
                 print(f"  {name}:", ", ".join(f"{k} {v:.3g}" for k, v in record[name].items()))
         worst = max(s["difference"] for s in solves)
         print(f"  the two agree to {worst:.1e}", flush=True)
-        Path(args.output).parent.mkdir(parents=True, exist_ok=True)
-        Path(args.output).write_text(json.dumps(record, indent=1) + "\n")
+        save(args.output, record)
     return record
 
 

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Do all folds, rays and branches come out, however the problem is put?
 
-Every demo of continuation is run as it is, with steps 0.1 and 10 times as long, in other units (E
-and loads times 1e9, lengths times 1e3), with the augmentation parameter r times 0.1, 10 and 100, on
-a mesh that is renumbered at random, and on 2 and 3 ranks. What was found must be the same each
-time; under units, renumbering and ranks the gammas of all points must be the same as well, to 1e-8
-of the range of gamma. Prints a Markdown table, and writes it beside the JSON.
+Every demo of continuation is run as it is, and through tests/harness.py with steps 0.1 and 10 times
+as long, in other units (E and loads times 1e9, lengths times 1e3), with the augmentation parameter
+r times 0.1, 10 and 100, on a mesh that is renumbered at random, and on 2 and 3 ranks. What was
+found must be the same each time; under units, renumbering and ranks the gammas of all points must
+be the same as well, to 1e-8 of the range of gamma. Prints a Markdown table, and writes it beside
+the JSON.
 
     python3 benchmarks/invariance.py --output invariance.json
 """
@@ -24,7 +25,7 @@ from pathlib import Path
 
 import numpy as np
 
-DEMOS = Path(__file__).parents[1] / "demos"
+ROOT = Path(__file__).parents[1]
 CASES = {
     "reference": {},
     "steps / 10": {"step_factor": 0.1},
@@ -52,8 +53,8 @@ class Problem:
     options: tuple
 
     def command(self, stress, length, seed, folder):
-        del seed, folder
-        return list(self.options), {"stress": stress, "length": length}
+        """Options of the demo, and of the harness."""
+        raise NotImplementedError
 
     def found(self, s, length):
         raise NotImplementedError
@@ -75,7 +76,7 @@ class SingleElement(Problem):
         loads = ["--load-start", *numbers(0.0, -stress), "--load-direction"]
         loads += numbers(-4.0 * stress, 0.0)
         lame = ["--lame", *numbers(100.0 * stress, 82.0 * stress)]
-        return [*self.options, *lame, *loads, "--length", repr(length), *seeded(seed)]
+        return [*self.options, *lame, *loads, "--length", repr(length)], seeded(seed)
 
     def found(self, s, length):
         there = s.get("solutions_at", {}).get("solutions", [])
@@ -88,7 +89,7 @@ class SingleElement(Problem):
 class FrictionParameter(Problem):
     def command(self, stress, length, seed, folder):
         load = ["--load", *numbers(-2.4 * stress, -stress), "--lame", *numbers(stress, stress)]
-        return [*self.options, *load, "--length", repr(length), *seeded(seed)]
+        return [*self.options, *load, "--length", repr(length)], seeded(seed)
 
     def found(self, s, length):
         runs = "".join(k for k, _ in itertools.groupby(s["statuses"]))
@@ -99,7 +100,7 @@ class LinearTriangle(Problem):
     def command(self, stress, length, seed, folder):
         load = ["--load", *numbers(26.0 * stress, 7.5 * stress)]
         lame = ["--lame", *numbers(100.0 * stress, 82.0 * stress)]
-        return [*self.options, *load, *lame, "--length", repr(length), *seeded(seed)]
+        return [*self.options, *load, *lame, "--length", repr(length)], seeded(seed)
 
     def found(self, s, length):
         ends = [(k, t) for k in ("-1", "1") for t in s["solutions"][k]]
@@ -114,9 +115,7 @@ class LinearTriangle(Problem):
 
 class Block(Problem):
     def command(self, stress, length, seed, folder):
-        # The demo asks how large its units are.
-        units = ["--length", repr(1 / length), "--stress", repr(1 / stress)]
-        return [*self.options, *units, *seeded(seed)]
+        return list(self.options), ["--mm", repr(length), "--MPa", repr(stress), *seeded(seed)]
 
     def found(self, s, length):
         names = [f"{t['gamma']:+g} {t['status']}" for t in s["branches"]]
@@ -139,7 +138,7 @@ class Vee(Problem):
             mesh = folder / "renumbered.msh"
             run([sys.executable, __file__, "--vee", str(mesh)])
             more += ["--mesh", str(mesh)]
-        return [*self.options, *lame, *force, *more]
+        return [*self.options, *lame, *force, *more], []
 
     def found(self, s, length):
         names = [f["kind"] + f["before"] + " " + f["after"] for f in s["folds"]]
@@ -179,14 +178,15 @@ def outcome(problem, case, automatic_r):
     stress, length = given.get("stress", 1.0), given.get("length", 1.0)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        options = problem.command(stress, length, given.get("seed"), folder)
+        options, harness = problem.command(stress, length, given.get("seed"), folder)
         if "r" in given:
-            options += ["--r", repr(given["r"] * automatic_r)]
+            harness += ["--r", repr(given["r"] * automatic_r)]
         if "step_factor" in given:
-            options += ["--step-factor", repr(given["step_factor"])]
+            harness += ["--step-factor", repr(given["step_factor"])]
         ranks = str(given.get("ranks", 1))
-        demo = [sys.executable, str(DEMOS / f"{problem.demo}.py"), *options]
-        failure = run(["mpirun", "-n", ranks, *demo, "--output", str(folder / "out")])
+        demo = [sys.executable, str(ROOT / "tests/harness.py"), problem.demo, *harness]
+        options += ["--output", str(folder / "out")]
+        failure = run(["mpirun", "-n", ranks, *demo, "--", *options])
         if failure:
             return {"failure": failure}
         return json.loads((folder / "out" / "summary.json").read_text())
@@ -258,14 +258,16 @@ def table(records):
 
 def write_vee(path):
     """The default body of demo_followed_mesh with its nodes and cells in another order."""
-    sys.path.insert(0, str(DEMOS))
+    sys.path.insert(0, str(ROOT / "demos"))
     import gmsh
-    from demo_followed_mesh import arguments, draw_vee
+    from demo_followed_mesh import SIDES, VEE, arguments
+
+    from dolfinx_contact.meshing import draw_polygon
 
     gmsh.initialize(readConfigFiles=False, interruptible=False)
     gmsh.option.setNumber("General.Terminal", 0)
     gmsh.model.add("drawn")
-    draw_vee(arguments([]).size)
+    draw_polygon(VEE, arguments([]).size, SIDES)
     mesh, random = gmsh.model.mesh, np.random.default_rng(1)
     tags, points, _ = mesh.getNodes()
     groups = []

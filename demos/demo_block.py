@@ -6,13 +6,11 @@
 # - state a static problem with Coulomb friction on a built-in mesh, in 2D or 3D, with triangles,
 #   quadrilaterals, tetrahedra or hexahedra of degree 1 or 2;
 # - put the body on a plane, a tilted plane or a sphere (a disc in 2D);
-# - solve it, read the contact points, and write `contact.csv` and `summary.json`.
+# - solve it, read the contact points, and write pictures, `contact.csv` and `summary.json`.
 #
 # The unit square or cube is held on its whole top face, which is pressed down and pushed sideways.
 # On a plane the edges slip first while the middle sticks; on a tilted plane or a sphere only a
 # part of the face touches.
-
-import argparse
 
 from mpi4py import MPI
 
@@ -21,53 +19,22 @@ import numpy as np
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import (
-    ContactProblem,
-    ContactSurface,
-    Coulomb,
-    HalfSpace,
-    Sphere,
-    parse_arguments,
-)
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, Sphere, output
+from dolfinx_contact.command_line import CELLS, ScriptParser, number
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.output import output_folder, write_contact_table, write_summary
-
-CELLS = {
-    "tri": mesh.CellType.triangle,
-    "quad": mesh.CellType.quadrilateral,
-    "tet": mesh.CellType.tetrahedron,
-    "hex": mesh.CellType.hexahedron,
-}
 
 
 def arguments(argv=None):
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--dim", type=int, choices=(2, 3), default=2)
-    parser.add_argument("--n", type=int, default=8, help="cells along an edge")
-    parser.add_argument("--cell", choices=CELLS, help="default: quad in 2D, hex in 3D")
-    parser.add_argument("--friction", type=float, default=0.3)
-    parser.add_argument(
-        "--press", type=float, default=0.01, help="downward displacement of the top"
-    )
-    parser.add_argument("--shift", type=float, default=0.004, help="sideways displacement of it")
-    parser.add_argument("--young", type=float, default=1000.0)
-    parser.add_argument("--poisson", type=float, default=0.3)
-    parser.add_argument("--degree", type=int, choices=(1, 2), default=1)
+    block = dict(dim=2, n=8, cell=None, degree=1, young=1000.0, poisson=0.3)
+    move = dict(friction=0.3, press=0.01, shift=0.004)
+    parser = ScriptParser("A block on a foundation", output="output/block", **block, **move)
     parser.add_argument(
         "--method", choices=("nodal", "integral", "mixed"), help="see ContactSurface"
     )
     parser.add_argument("--obstacle", choices=("plane", "tilted", "sphere"), default="plane")
-    parser.add_argument("--tilt", type=float, default=0.02, help="slope of the tilted plane")
-    parser.add_argument("--radius", type=float, default=10.0, help="radius of the sphere")
-    parser.add_argument("--r", type=float, help="force the augmentation parameter")
-    parser.add_argument("--output", default="output/block")
-    args = parse_arguments(parser, argv)
-    args.cell = args.cell or ("quad" if args.dim == 2 else "hex")
-    if (args.dim == 2) != (args.cell in ("tri", "quad")):
-        parser.error(f"--cell {args.cell} does not fit --dim {args.dim}")
-    if args.n < 1:
-        parser.error("--n must be at least 1")
-    return args
+    parser.add_argument("--tilt", type=number(), default=0.02, help="slope of the tilted plane")
+    parser.add_argument("--radius", type=number(above=0), default=10.0, help="of the sphere")
+    return parser.parse(argv)
 
 
 # ## The foundation
@@ -111,7 +78,7 @@ def problem(args, comm):
     surface = ContactSurface(
         u, bottom, obstacle=foundation(args), law=Coulomb(args.friction), method=args.method
     )
-    return ContactProblem(material.energy(u) * ufl.dx, u, [surface], bcs=[held], r=args.r)
+    return ContactProblem(material.energy(u) * ufl.dx, u, [surface], bcs=[held])
 
 
 # ## Solve and write
@@ -123,16 +90,13 @@ def problem(args, comm):
 def main(argv=None):
     args = arguments(argv)
     comm = MPI.COMM_WORLD
-    folder = output_folder(comm, args.output)
-    result = problem(args, comm).solve()
-    table = result.tables["contact"]
-    write_contact_table(comm, folder, [table])
-    summary = write_summary(comm, folder, result.summary())
-    if comm.rank == 0:
-        print(f"{result.reason}: {result.iterations} Newton iterations, {result.dofs} unknowns")
-        print("points:", ", ".join(f"{v} {k}" for k, v in result.counts.items() if v))
-        print(f"force on the body: {result.resultants['contact']}, KKT {result.kkt_violation:.1e}")
-    return summary
+    folder, say = output.output_folder(comm, args.output), output.Report(comm)
+    block = problem(args, comm)
+    result = block.solve()
+    say.result(result)
+    output.picture_of_contact(folder / "contact.png", block)
+    output.write_contact_table(comm, folder, result.tables.values())
+    return output.write_summary(comm, folder, result.summary())
 
 
 if __name__ == "__main__":

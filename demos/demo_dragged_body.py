@@ -16,8 +16,6 @@
 # touch. This is the static form of the problem of Cattaneo (1938) and Mindlin (1949), for a finite
 # body.
 
-import argparse
-
 from mpi4py import MPI
 
 import gmsh
@@ -26,62 +24,21 @@ import numpy as np
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, parse_arguments
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, output
+from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.meshing import mesh_from_gmsh, read_mesh
-from dolfinx_contact.output import (
-    output_folder,
-    picture_of_body,
-    picture_of_contact,
-    write_contact_table,
-    write_fields,
-    write_summary,
-)
 
 RADIUS, HALF_LENGTH, HEIGHT, WIDTH = 1.0, 0.8, 0.8, 1.0
 
 
 def arguments(argv=None):
-    parser = argparse.ArgumentParser(description="A rubber rocker pressed on the floor, dragged.")
-    parser.add_argument("--mesh", help="a 3D .msh file with physical groups 'contact' and 'top'")
-    parser.add_argument("--size", type=float, help="of cells where it touches; the radius is 1")
-    parser.add_argument("--degree", type=int, choices=(1, 2), default=1, help="of the displacement")
-    parser.add_argument("--friction", type=float, default=0.4)
-    parser.add_argument(
-        "--press", type=float, default=0.12, help="downward displacement of the top"
-    )
-    parser.add_argument("--shift", type=float, default=0.08, help="sideways displacement of it")
-    parser.add_argument("--young", type=float, default=10.0)
-    parser.add_argument("--poisson", type=float, default=0.4)
-    parser.add_argument("--output", default="output/dragged_body")
-    args = parse_arguments(parser, argv)
-    if args.size is None:
-        args.size = 0.05 if args.degree == 1 else 0.1
-    if not 0.01 <= args.size <= 0.5:
-        parser.error("--size must lie between 0.01 and 0.5")
+    given = dict(mesh=None, degree=1, friction=0.4, press=0.12, shift=0.08, young=10.0, poisson=0.4)
+    parser = ScriptParser("A rubber rocker, dragged", output="output/dragged_body", **given)
+    parser.add_argument("--size", type=number(least=0.01, most=0.5), help="of cells at the floor")
+    args = parser.parse(argv)
+    args.size = args.size or (0.05 if args.degree == 1 else 0.1)
     return args
-
-
-# ## Progress
-#
-# Only rank 0 speaks, and flushes, so that a reader sees where the time goes.
-
-
-def say(comm, text):
-    if comm.rank == 0:
-        print(text, flush=True)
-
-
-def report(comm):
-    def monitor(step):
-        m = step.measures
-        say(
-            comm,
-            f"  Newton {step.iteration:2d}: force {m.force:.1e}, constraint {m.constraint:.1e}, "
-            f"cone {m.cone:.1e}, {step.flips} points changed status",
-        )
-
-    return monitor
 
 
 # ## The mesh
@@ -116,80 +73,42 @@ def draw_rocker(size):
     gmsh.model.mesh.generate(3)
 
 
-def rocker_mesh(args, comm):
-    if args.mesh:
-        return read_mesh(comm, args.mesh, dim=3, groups=("contact", "top"))
-    return mesh_from_gmsh(comm, lambda: draw_rocker(args.size))
-
-
-# ## The problem
-#
-# The floor is the plane through the lowest point of the contact face. The top moves as a rigid
-# plate; everything else follows from elasticity, unilateral contact and friction.
-
-
-def contact_problem(args, body):
-    domain, comm = body.mesh, body.mesh.comm
-    V = fem.functionspace(domain, ("Lagrange", args.degree, (3,)))
-    u = fem.Function(V, name="displacement")
-    held = fem.dirichletbc(np.array([args.shift, 0.0, -args.press]), body.dofs(V, "top"), V)
-
-    lowest = comm.allreduce(domain.geometry.x[:, 2].min(initial=np.inf), op=MPI.MIN)
-    surface = ContactSurface(
-        u,
-        body,
-        tag="contact",
-        obstacle=HalfSpace([0.0, 0.0, lowest], [0.0, 0.0, 1.0]),
-        law=Coulomb(args.friction),
-    )
-    material = LinearElastic.from_young(args.young, args.poisson)
-    problem = ContactProblem(material.energy(u) * ufl.dx, u, [surface], bcs=[held])
-    return problem, material.full_stress(u)
-
-
 # ## Solve and write
 #
-# The folder is made before anything expensive happens. `solve` calls the monitor at every iterate.
+# The floor is the plane through the lowest point of the contact face. The folder is made before
+# anything expensive happens, and rank 0 says what goes on.
 
 
 def main(argv=None):
     args = arguments(argv)
     comm = MPI.COMM_WORLD
-    folder = output_folder(comm, args.output)
-
-    say(comm, f"reading {args.mesh}" if args.mesh else f"meshing, cell size {args.size:g}")
-    body = rocker_mesh(args, comm)
-    problem, stress = contact_problem(args, body)
+    folder, say = output.output_folder(comm, args.output), output.Report(comm)
+    say(f"reading {args.mesh}" if args.mesh else f"meshing, cell size {args.size:g}")
+    if args.mesh:
+        body = read_mesh(comm, args.mesh, dim=3, groups=("contact", "top"))
+    else:
+        body = mesh_from_gmsh(comm, lambda: draw_rocker(args.size))
+    V = fem.functionspace(body.mesh, ("Lagrange", args.degree, (3,)))
+    u = fem.Function(V, name="displacement")
+    held = fem.dirichletbc(np.array([args.shift, 0.0, -args.press]), body.dofs(V, "top"), V)
+    floor = HalfSpace([0.0, 0.0, body.bounds("contact")[0, 2]], [0.0, 0.0, 1.0])
+    surface = ContactSurface(u, body, tag="contact", obstacle=floor, law=Coulomb(args.friction))
+    material = LinearElastic.from_young(args.young, args.poisson)
+    problem = ContactProblem(material.energy(u) * ufl.dx, u, [surface], bcs=[held])
     cells = body.mesh.topology.index_map(3).size_global
-    say(comm, f"solving: {cells} cells of degree {args.degree}, {comm.size} rank(s)")
-    result = problem.solve(monitor=report(comm))
+    say(f"solving: {cells} cells of degree {args.degree}, {comm.size} rank(s)")
+    result = problem.solve(monitor=say.newton)
+    say.result(result)
 
-    say(comm, "writing")
-    files = write_fields(folder, problem, stress=stress)
-    files.append(folder / "paraview.py")  # paraview --script=... shows them
-    write_contact_table(comm, folder, result.tables.values())
-    files.append(folder / "contact.csv")
-    files.append(
-        picture_of_body(
-            folder / "body.png", problem, stress=stress, title="A rocker pressed down and dragged"
-        )
-    )
-    title = f"Contact face, friction coefficient {args.friction:g}"
-    files.append(picture_of_contact(folder / "contact.png", problem, title=title))
-    summary = write_summary(comm, folder, result.summary())
-    files.append(folder / "summary.json")
-
-    fx, _, fz = result.resultants["contact"]
-    say(comm, f"\n{result.reason}: {result.iterations} Newton iterations, {result.dofs} unknowns")
-    say(comm, "contact points: " + ", ".join(f"{n} {k}" for k, n in result.counts.items() if n))
-    say(
-        comm, f"floor on the rocker: {fz:.4g} up, {-fx:.4g} against the drag (ratio {-fx / fz:.3f})"
-    )
-    say(comm, f"worst violation of the contact law: {result.kkt_violation:.1e} (relative)")
-    say(comm, f"{summary['wall_seconds']:.1f} s. Files:")
-    for file in files:
-        if file is not None:
-            say(comm, f"  {file}")
+    say("writing")
+    stress, title = material.full_stress(u), f"Contact face, friction {args.friction:g}"
+    files = output.write_fields(folder, problem, stress=stress)  # and a script for ParaView
+    files.append(output.picture_of_body(folder / "body.png", problem, stress=stress))
+    files.append(output.picture_of_contact(folder / "contact.png", problem, title=title))
+    output.write_contact_table(comm, folder, result.tables.values())
+    summary = output.write_summary(comm, folder, result.summary())
+    names = ("paraview.py", "contact.csv", "summary.json")
+    say.files([*files, *(folder / name for name in names)])
     return summary
 
 

@@ -14,30 +14,22 @@
 # form. Sticking and slipping are born together, and the open solution, which knows no friction,
 # exists beside them.
 
-import argparse
-
 from mpi4py import MPI
 
 import numpy as np
-from demo_hild_triangle import triangle
+from demo_hild_triangle import element
 
-from dolfinx_contact import parse_arguments
-from dolfinx_contact.continuation import Follower, StepControl
-from dolfinx_contact.output import output_folder, write_summary
+from dolfinx_contact import output
+from dolfinx_contact.command_line import ScriptParser, number
+from dolfinx_contact.continuation import find_solutions, follow
 from dolfinx_contact.parametric import ParametricContact
 
 
 def arguments(argv=None):
-    parser = argparse.ArgumentParser(description="Follow one element by its friction coefficient")
-    parser.add_argument("--lame", type=float, nargs=2, default=(1.0, 1.0), metavar=("LAMBDA", "MU"))
-    parser.add_argument("--load", type=float, nargs=2, default=(-2.4, -1.0), metavar=("F1", "F2"))
-    parser.add_argument("--friction-max", type=float, default=5.0)
-    parser.add_argument("--length", type=float, default=1.0)
-    parser.add_argument("--step-factor", type=float, default=1.0, help="of the default steps")
-    parser.add_argument("--r", type=float, default=None, help="augmentation parameter")
-    parser.add_argument("--seed", type=int, default=None, help="renumbers the mesh at random")
-    parser.add_argument("--output", default="output/friction_parameter")
-    args = parse_arguments(parser, argv)
+    given = dict(lame=(1.0, 1.0), load=(-2.4, -1.0), length=1.0)
+    parser = ScriptParser("Friction as parameter", output="output/friction_parameter", **given)
+    parser.add_argument("--friction-max", type=number(above=0), default=5.0, help="where to begin")
+    args = parser.parse(argv)
     critical = (args.lame[0] + 3 * args.lame[1]) / (args.lame[0] + args.lame[1])
     f1, f2 = args.load
     if not (f2 < 0 and critical < -f1 / -f2 < args.friction_max):
@@ -45,80 +37,47 @@ def arguments(argv=None):
     return args
 
 
+# ## Where the branch begins
+#
+# `find_solutions` lists all solutions under the load; that in which A sticks is taken. It does not
+# depend on F as long as F is large enough. The parameter is the Constant in the friction law.
+
+
 def main(argv=None):
     args = arguments(argv)
     comm = MPI.COMM_WORLD
-    folder = output_folder(comm, args.output)
-    problem, load = triangle(args.lame, args.friction_max, args.length, args.r, args.seed)
-    load.value[:] = args.load
-    (surface,) = problem.surfaces
-    system = ParametricContact(problem, surface.law.friction)
-
-    # The stuck state in closed form: A does not move and its traction balances the load.
-    at_A = int(np.argmin(np.linalg.norm(surface.positions, axis=1)))
-    surface.multiplier.x.array.reshape(-1, 2)[at_A] = -np.asarray(args.load)
-    x = system.create_vector()
-    problem.write(x)
-
-    def observe(follower, point):
-        x, _ = follower.bordered.split(point.y)
-        problem.read(x)
-        state = surface.state()
-        force = state["traction"][at_A] * state["area"][at_A]
-        letter = system.letters(point.piece)[0]
-        return [letter, point.gamma, float(state["ut"][at_A, 0]), *force.tolist()]
-
-    plain = StepControl()
-    control = StepControl(
-        initial=min(plain.initial * args.step_factor, 1.0),
-        maximum=min(plain.maximum * args.step_factor, 1.0),
-    )
-    with Follower(system, control, gamma_scale=args.friction_max) as follower:
-        start = follower.start(x, args.friction_max, increasing=False)
-        branch = follower.run(start, (0.0, args.friction_max))
-        seen = [observe(follower, p) for p in branch.points]
+    folder, say = output.output_folder(comm, args.output), output.Report(comm)
+    loaded = element(args.lame, args.friction_max, args.length, args.load)
+    every = find_solutions(loaded, [loaded.create_vector()], 1.0)
+    (stuck,) = (s for s in every.found if loaded.letters(s.piece).startswith("k"))
+    loaded.set_parameter(1.0)
+    (surface,) = loaded.problem.surfaces
+    system = ParametricContact(loaded.problem, surface.law.friction)
+    span = (0.0, args.friction_max)
+    branch = follow(system, stuck.x, args.friction_max, gamma_range=span, increasing=False)
+    journal = output.journal_of(system, [branch], {"ut": output.leftmost("ut")})
 
     # The closed form of the slipping half, S = [[kt, k], [k, kt]] and p = l/2 (F1, F2).
     kt, k = (args.lame[0] + 3 * args.lame[1]) / 2, (args.lame[0] + args.lame[1]) / 2
     pt, pn = args.length * np.asarray(args.load) / 2
-    errors = [abs(ut - (pt - F * pn) / (kt - F * k)) for letter, F, ut, *_ in seen if letter == "-"]
-    scalars = {
-        "converged": branch.reason == "gamma reached the end of its range",
-        "newton_iterations": sum(p.corrections for p in branch.points),
-        "dofs": x.getSize(),
+    slips = [s for s in journal.rows() if s["status"] == "-"]
+    errors = [abs(s["ut"] - (pt - s["gamma"] * pn) / (kt - s["gamma"] * k)) for s in slips]
+    summary = branch.summary() | {
+        "dofs": stuck.x.getSize(),
         "folds": [{"gamma": s.gamma, "smooth": s.smooth} for s in branch.folds],
         "fold_closed_form": pt / pn,
         "slip_error": max(errors) / args.length,
-        "statuses": "".join(letter for letter, *_ in seen),
-        "points": len(branch.points),
-        "gammas": [p.gamma for p in branch.points],
+        "statuses": "".join(s["status"] for s in journal.rows()),
         "augmentation": surface.mean_augmentation,
-        "gamma_end": branch.points[-1].gamma,
     }
+    for s in branch.folds:
+        say(f"stick and slip meet at F = {s.gamma:.12f} (closed form {pt / pn:.12f})")
+    say(f"slip against the closed form: {summary['slip_error']:.1e}; {branch.reason}")
     if comm.rank == 0:
-        draw(folder / "branch.png", seen)
-        for s in branch.folds:
-            print(f"stick and slip meet at F = {s.gamma:.12f} (closed form {pt / pn:.12f})")
-        print(f"slip against the closed form: {scalars['slip_error']:.1e}; {branch.reason}")
-    return write_summary(comm, folder, scalars)
-
-
-def draw(path, seen):
-    import matplotlib as mpl
-
-    mpl.use("Agg")
-    import matplotlib.pyplot as plt
-
-    figure, axes = plt.subplots(figsize=(7, 4.2), layout="constrained")
-    for letter, name, colour in (("k", "stick", "#2e6db4"), ("-", "slip left", "#e8892b")):
-        points = [(F, ut) for kind, F, ut, *_ in seen if kind == letter]
-        axes.plot(*zip(*points, strict=True), color=colour, lw=2.2, marker=".", label=name)
-    axes.set(xlabel="friction coefficient F", ylabel="$u_t$ of A")
-    axes.set_title("Two solutions in contact, born at F = |F1|/|F2|", loc="left")
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(frameon=False)
-    figure.savefig(path, dpi=130)
-    plt.close(figure)
+        words = dict(label="$u_t$ of A", parameter="friction coefficient F")
+        title = "Two solutions in contact, born at F = |F1|/|F2|"
+        output.draw_diagram(folder / "branch.png", journal, "ut", title=title, **words)
+    return output.write_summary(comm, folder, summary)
 
 
 if __name__ == "__main__":

@@ -12,8 +12,6 @@
 # pressed by 5e7 Pa on its top and by 15e7 Pa on its left side; its right side is the symmetry line.
 # Friction is strong (F = 1). Near the left edge the bar lifts off, then it slips, then it sticks.
 
-import argparse
-
 from mpi4py import MPI
 
 import numpy as np
@@ -21,9 +19,9 @@ import numpy as np
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, parse_arguments
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, output
+from dolfinx_contact.command_line import CELLS, ScriptParser, number
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.output import output_folder, write_contact_table, write_summary
 
 #: Metres and pascals in one unit of length and of stress.
 UNITS = {"Pa-m": (1.0, 1.0), "MPa-mm": (1e-3, 1e6), "GPa-m": (1.0, 1e9)}
@@ -40,46 +38,41 @@ WIDTH = 0.04
 
 
 def arguments(argv=None):
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--n", type=int, default=32, help="cells along an edge")
-    parser.add_argument("--cell", choices=("quad", "tri"), default="quad")
-    parser.add_argument("--friction", type=float, default=1.0)
-    parser.add_argument("--side-pressure", type=float, default=15e7, help="in Pa")
-    parser.add_argument("--top-pressure", type=float, default=5e7, help="in Pa")
-    parser.add_argument("--young", type=float, default=1.3e11, help="in Pa")
-    parser.add_argument("--poisson", type=float, default=0.2)
+    bar = dict(n=32, friction=1.0, young=1.3e11, poisson=0.2)
+    parser = ScriptParser("The GRECO block, in m and Pa", output="output/greco_block", **bar)
+    parser.add_argument("--cell", choices=("quad", "tri"), default="quad", help="kind of cells")
+    parser.add_argument("--side-pressure", type=number(), default=15e7, help="from the left")
+    parser.add_argument("--top-pressure", type=number(), default=5e7, help="from above")
     parser.add_argument("--units", choices=UNITS, default="Pa-m", help="in which to compute")
-    parser.add_argument("--output", default="output/greco_block")
-    args = parse_arguments(parser, argv)
-    if args.n < 1:
-        parser.error("--n must be at least 1")
-    return args
+    return parser.parse(argv)
+
+
+# ## The problem
+#
+# The right side is a symmetry line, and its lowest node is clamped: there the multiplier has
+# nothing to do and is removed, and the reaction comes from the support.
 
 
 def problem(args, comm):
     metre, pascal = (1 / unit for unit in UNITS[args.units])
     width = WIDTH * metre
-    kind = mesh.CellType.quadrilateral if args.cell == "quad" else mesh.CellType.triangle
-    domain = mesh.create_rectangle(comm, [[0.0, 0.0], [width, width]], [args.n, args.n], kind)
+    corners = [[0.0, 0.0], [width, width]]
+    domain = mesh.create_rectangle(comm, corners, [args.n, args.n], CELLS[args.cell])
 
     def line(axis, value):
         return mesh.locate_entities_boundary(
             domain, 1, lambda x: np.isclose(x[axis], value, atol=1e-9 * width)
         )
 
+    right, bottom, top, left = line(0, width), line(1, 0.0), line(1, width), line(0, 0.0)
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
     u, v = fem.Function(V, name="displacement"), ufl.TestFunction(V)
-
-    # The right side is a symmetry line, and its lowest node is clamped: there the multiplier has
-    # nothing to do and is removed, and the reaction comes from the support.
-    right, bottom = line(0, width), line(1, 0.0)
     symmetry = fem.dirichletbc(0.0, fem.locate_dofs_topological(V.sub(0), 1, right), V.sub(0))
     corner = fem.locate_dofs_geometrical(
         V, lambda x: np.isclose(x[0], width) & np.isclose(x[1], 0.0, atol=1e-9 * width)
     )
     clamped = fem.dirichletbc(np.zeros(2), corner, V)
 
-    top, left = line(1, width), line(0, 0.0)
     facets = np.concatenate([top, left])
     order = np.argsort(facets)
     values = np.repeat(np.array([1, 2], dtype=np.int32), [len(top), len(left)])
@@ -87,50 +80,31 @@ def problem(args, comm):
     ds = ufl.Measure("ds", domain, subdomain_data=tags)
     down = fem.Constant(domain, (0.0, -args.top_pressure * pascal))
     inward = fem.Constant(domain, (args.side_pressure * pascal, 0.0))
-
     material = LinearElastic.from_young(args.young * pascal, args.poisson)
-    residual = (
-        ufl.inner(material.stress(u), ufl.sym(ufl.grad(v))) * ufl.dx
-        - ufl.dot(down, v) * ds(1)
-        - ufl.dot(inward, v) * ds(2)
-    )
-    surface = ContactSurface(
-        u, bottom, obstacle=HalfSpace((0, 0), (0, 1)), law=Coulomb(args.friction)
-    )
+    residual = ufl.inner(material.stress(u), ufl.sym(ufl.grad(v))) * ufl.dx
+    residual -= ufl.dot(down, v) * ds(1) + ufl.dot(inward, v) * ds(2)
+    plane = HalfSpace((0, 0), (0, 1))
+    surface = ContactSurface(u, bottom, obstacle=plane, law=Coulomb(args.friction))
     return ContactProblem(residual, u, [surface], bcs=[symmetry, clamped])
 
 
 def main(argv=None):
     args = arguments(argv)
     comm = MPI.COMM_WORLD
-    folder = output_folder(comm, args.output)
-    result = problem(args, comm).solve()
-    table = result.tables["contact"]
-    length = UNITS[args.units][0]
-    ux = {
-        k: float(np.interp(x, table.x[:, 0] * length, table.ut[:, 0] * length))
-        for k, x in POINTS.items()
-    }
-    history = [step.measures.worst for step in result.history]
-    write_contact_table(comm, folder, [table])
-    summary = write_summary(
-        comm,
-        folder,
-        {
-            **result.summary(),
-            **{f"ux_{k}": value for k, value in ux.items()},
-            "status": table.status,
-            "residual_history": history,
-        },
-    )
-    if comm.rank == 0:
-        print(f"{result.reason}: {result.iterations} Newton iterations; status {table.status}")
-        print("point   u_x (m)         Code_Aster QUAD8   deviation")
-        for k, value in ux.items():
-            print(
-                f"{k}       {value:.8e}  {CODE_ASTER[k]:.8e}     {value / CODE_ASTER[k] - 1:+.3%}"
-            )
-    return summary
+    folder, say = output.output_folder(comm, args.output), output.Report(comm)
+    bar = problem(args, comm)
+    result = bar.solve()
+    say.result(result)
+    table, metre = result.tables["contact"], UNITS[args.units][0]
+    x, ut = table.x[:, 0] * metre, table.ut[:, 0] * metre
+    summary = result.summary() | {"status": table.status}
+    for name, at in POINTS.items():
+        summary[f"ux_{name}"] = ux = float(np.interp(at, x, ut))
+        say(f"{name}: u_x {ux:.8e} m, Code_Aster QUAD8 {CODE_ASTER[name]:.8e}")
+    summary["residual_history"] = [step.measures.worst for step in result.history]
+    output.picture_of_contact(folder / "contact.png", bar)
+    output.write_contact_table(comm, folder, [table])
+    return output.write_summary(comm, folder, summary)
 
 
 if __name__ == "__main__":

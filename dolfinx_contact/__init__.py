@@ -1,14 +1,21 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Frictional contact mechanics on DOLFINx: the Signorini-Coulomb problem without regularisation."""
+# ruff: noqa: E402
+
+from dolfinx_contact._name import refuse_mixture, warn_of_namesake
+
+refuse_mixture()  # before anything is imported that may be another's
+warn_of_namesake()
 
 from dolfinx_contact import materials, obstacles
 from dolfinx_contact._petsc import parse_arguments
 from dolfinx_contact.laws import Coulomb, Frictionless, Tresca
 from dolfinx_contact.obstacles import Cylinder, HalfSpace, LevelSet, Sphere
+from dolfinx_contact.points.surface import ContactSurface
 from dolfinx_contact.problem import ContactProblem
-from dolfinx_contact.result import ContactTable, Result
+from dolfinx_contact.results.result import Result
+from dolfinx_contact.results.tables import ContactTable
 from dolfinx_contact.solvers import ConvergenceError
-from dolfinx_contact.surface import ContactSurface
 
 __version__ = "0.1.0"
 

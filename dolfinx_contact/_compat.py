@@ -8,7 +8,6 @@ it runs on; a branch goes when its DOLFINx leaves the table of the README.
 from __future__ import annotations
 
 import ctypes
-import inspect
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,7 +20,6 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-import dolfinx.fem.petsc as fem_petsc
 from dolfinx import fem, io, mesh
 
 from dolfinx_contact._optional import optional
@@ -34,8 +32,6 @@ except ImportError:  # DOLFINx 0.9
 __all__ = [
     "FacetSubmesh",
     "VTXFile",
-    "assemble_block_matrix",
-    "create_block_matrix",
     "create_facet_submesh",
     "dirichlet_value",
     "facet_integration_entities",
@@ -57,9 +53,6 @@ __all__ = [
 os.environ.setdefault("ADIOS2_ALWAYS_USE_MPI", "1")
 
 _HAS_ENTITY_MAP = hasattr(mesh, "EntityMap")  # 0.10
-_HAS_BLOCK_NAMES = hasattr(fem_petsc, "create_matrix_block")  # 0.9 only
-_ASSEMBLE = fem_petsc.assemble_matrix_block if _HAS_BLOCK_NAMES else fem_petsc.assemble_matrix
-_CREATE = fem_petsc.create_matrix_block if _HAS_BLOCK_NAMES else fem_petsc.create_matrix
 
 
 @dataclass(frozen=True)
@@ -102,24 +95,6 @@ def facet_integration_entities(
     if not _HAS_ENTITY_MAP:
         args += (domain.topology.dim - 1,)
     return np.asarray(fem.compute_integration_domains(*args), dtype=np.int32).reshape(-1)
-
-
-def create_block_matrix(a: Sequence[Sequence[fem.Form | None]]) -> PETSc.Mat:
-    """Monolithic AIJ matrix; vectors come from ``A.createVecRight()`` in every version."""
-    return _CREATE(a)
-
-
-def assemble_block_matrix(
-    A: PETSc.Mat,
-    a: Sequence[Sequence[fem.Form | None]],
-    bcs: Sequence[fem.DirichletBC],
-    diagonal: float,
-) -> None:
-    """Overwrite ``A`` with the block form ``a`` and ``diagonal`` times identity on ``bcs``."""
-    keyword = "diagonal" if "diagonal" in inspect.signature(_ASSEMBLE).parameters else "diag"
-    A.zeroEntries()
-    _ASSEMBLE(A, a, bcs=list(bcs), **{keyword: diagonal})
-    A.assemble()
 
 
 def interpolation_points(V: fem.FunctionSpace) -> npt.NDArray[np.float64]:

@@ -15,7 +15,7 @@ import numpy as np
 
 from dolfinx_contact._compat import option_is_used
 
-__all__ = ["OptionUse", "check_options", "in_database"]
+__all__ = ["ProblemOptions", "check_options", "in_database"]
 
 logger = logging.getLogger(__name__)
 
@@ -147,54 +147,68 @@ def _meant(key: str) -> str:
     return next(iter(get_close_matches(key, _KNOWN, n=1, cutoff=_NEARLY)), "")
 
 
-class OptionUse:
-    """Notices which options of a problem nothing reads, and warns of them once.
+class ProblemOptions:
+    """PETSc options of a problem, and which of them something has read.
 
     Args:
         prefix: of the options.
+        given: by the user, named without the prefix; the database wins.
+
+    Attributes:
+        prefix, given: as above.
     """
 
     _prefixes: set[str] = set()  # of all problems: one may begin with another
 
-    def __init__(self, prefix: str):
-        self._prefix, self._used, self._told = prefix, set[str](), False
+    def __init__(self, prefix: str, given: dict[str, Any]):
+        self.prefix, self.given, self._used, self._told = prefix, given, set[str](), False
         self._prefixes.add(prefix)
 
-    def note(self, options: Mapping[str, Any]) -> None:
-        """Take note of what has been read, while ``options`` are in the database."""
-        if not self._told:
-            self._used |= {k for k in options if option_is_used(self._prefix + k)}
+    def check(self) -> None:
+        """Raise ``ValueError`` for options that cannot be meant."""
+        check_options(self.prefix, self.given)
 
-    def unused(self, options: Mapping[str, Any], *, multigrid: bool) -> list[str]:
-        """Those of ``options``, and of the database under the prefix, that nothing has read.
+    def value(self, name: str) -> str | None:
+        """An option: from the database, else as it was given."""
+        database = PETSc.Options()
+        if database.hasName(self.prefix + name):
+            return str(database.getString(self.prefix + name))
+        value = self.given.get(name)
+        return None if value is None else str(value)
+
+    def note(self) -> None:
+        """Take note of what has been read, while the options are in the database."""
+        if not self._told:
+            self._used |= {k for k in self.given if option_is_used(self.prefix + k)}
+
+    def unused(self, *, multigrid: bool) -> list[str]:
+        """Those that were given or are in the database under the prefix and that nothing has read.
 
         Args:
-            options: given to the problem.
             multigrid: whether that is the linear solver, so that its options are to be read.
         """
-        longer = tuple(p for p in self._prefixes if p != self._prefix)
-        longer = tuple(p[len(self._prefix) :] for p in longer if p.startswith(self._prefix))
-        found = in_database(self._prefix)
-        left = [k for k in options if k not in self._used and k not in found]
+        longer = tuple(p for p in self._prefixes if p != self.prefix)
+        longer = tuple(p[len(self.prefix) :] for p in longer if p.startswith(self.prefix))
+        found = in_database(self.prefix)
+        left = [k for k in self.given if k not in self._used and k not in found]
         left += [
-            k for k in found if not k.startswith(longer) and not option_is_used(self._prefix + k)
+            k for k in found if not k.startswith(longer) and not option_is_used(self.prefix + k)
         ]
         spared = _AT_TIMES if multigrid else (*_AT_TIMES, *_OF_MULTIGRID)
         return sorted(k for k in left if k != _READ_HERE and not k.startswith(spared))
 
-    def warn(self, options: Mapping[str, Any], *, multigrid: bool, root: bool) -> None:
+    def warn(self, *, multigrid: bool, root: bool) -> None:
         """Warn of what nothing has read, once.
 
         Args:
-            options: given to the problem.
             multigrid: see `unused`.
             root: whether this rank speaks.
         """
         if self._told:
             return
         self._told = True
-        given = {**options, **in_database(self._prefix)}
-        words = [_with_hint(key) for key in self.unused(options, multigrid=multigrid)]
+        given = {**self.given, **in_database(self.prefix)}
+        words = [_with_hint(key) for key in self.unused(multigrid=multigrid)]
         words += [f"{k} (snes_rtol decides)" for k in _NO_EFFECT if k in given]
         if words and root:
             logger.warning("PETSc options that nothing uses: %s", ", ".join(words))

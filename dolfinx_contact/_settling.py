@@ -22,7 +22,7 @@ ROUNDS = 2  #: Corrections that pay where few points are left to change their st
 
 def settle(
     evaluate: Callable[[PETSc.Vec, PETSc.Vec], None],
-    correct: Callable[[PETSc.Vec, PETSc.Vec], bool],
+    correct: Callable[[PETSc.Vec, PETSc.Vec, PETSc.Vec], bool],
     x: PETSc.Vec,
     b: PETSc.Vec,
     d: PETSc.Vec,
@@ -32,8 +32,8 @@ def settle(
 
     Args:
         evaluate: called as (x, b), puts H(x) into b.
-        correct: called as (b, d) after that, puts into d what to subtract from x; False if there is
-            nothing to correct.
+        correct: called as (x, b, d), puts into d what to subtract from x; False if there is nothing
+            to correct.
         x: state.
         b: for residuals.
         d: for corrections.
@@ -42,7 +42,7 @@ def settle(
     changed, trial = False, x.duplicate()
     evaluate(x, b)
     for _ in range(rounds):
-        if not correct(b, d):
+        if not correct(x, b, d):
             break
         size = b.norm()
         trial.waxpy(-1.0, d, x)

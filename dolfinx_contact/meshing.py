@@ -9,7 +9,7 @@ less.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -26,7 +26,14 @@ from dolfinx_contact._compat import gmsh_io
 from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact._optional import optional
 
-__all__ = ["GmshMesh", "NamedTags", "mesh_from_gmsh", "read_mesh", "tagged_facets"]
+__all__ = [
+    "GmshMesh",
+    "NamedTags",
+    "draw_polygon",
+    "mesh_from_gmsh",
+    "read_mesh",
+    "tagged_facets",
+]
 
 
 class NamedTags(mesh.MeshTags):  # type: ignore[misc]
@@ -87,6 +94,21 @@ class GmshMesh(NamedTuple):
         same_everywhere(self.mesh.comm, name=name)
         tags = self._named_facets
         return np.asarray(tags.find(tags.tag(name)), dtype=np.int32)
+
+    def bounds(self, name: str) -> npt.NDArray[np.float64]:
+        """Least and largest coordinates of the facets of the group ``name``, (2, 3). Collective.
+
+        Of an empty group infinity and minus infinity. Raises as `facets`.
+        """
+        facets, dim = self.facets(name), self.facet_tags.dim
+        x = np.empty((0, 3))
+        if len(facets):  # DOLFINx divides by their number
+            self.mesh.topology.create_connectivity(dim, self.mesh.topology.dim)
+            x = self.mesh.geometry.x[mesh.entities_to_geometry(self.mesh, dim, facets).ravel()]
+        comm, limits = self.mesh.comm, np.empty((2, 3))
+        comm.Allreduce(x.min(axis=0, initial=np.inf), limits[0], op=MPI.MIN)
+        comm.Allreduce(x.max(axis=0, initial=-np.inf), limits[1], op=MPI.MAX)
+        return limits
 
     def dofs(self, V: Any, name: str) -> Any:
         """Dofs on the facets of the group ``name``, for Dirichlet conditions. Collective.
@@ -223,6 +245,40 @@ def mesh_from_gmsh(
                 model = session.enter_context(_empty_model(gmsh))
                 _fill(model, draw, dim, wanted)
         return _distribute(comm, model)
+
+
+def draw_polygon(
+    corners: Sequence[tuple[float, float]], size: float, sides: Mapping[str, Sequence[int]]
+) -> None:
+    """Draw and mesh a polygon in the current gmsh model; for `mesh_from_gmsh`, on rank 0.
+
+    Args:
+        corners: in order; the inside is in the group ``body``.
+        size: of cells.
+        sides: names of groups, with the numbers of their sides; side 0 leads from corner 0 to 1.
+
+    Raises:
+        ValueError: if there are fewer than three corners, or no such side.
+
+    Example:
+        ::
+
+            square = [(0, 0), (1, 0), (1, 1), (0, 1)]
+            sides = {"contact": [0], "top": [2]}
+            body = mesh_from_gmsh(comm, lambda: draw_polygon(square, 0.1, sides))
+    """
+    model = optional("gmsh", "gmsh").model
+    if len(corners) < 3 or not all(0 <= i < len(corners) for ids in sides.values() for i in ids):
+        raise ValueError(f"{len(corners)} corners do not make a polygon with these sides: {sides}")
+    points = [model.geo.addPoint(x, y, 0, size) for x, y in corners]
+    ends = [*points[1:], points[0]]
+    lines = [model.geo.addLine(a, b) for a, b in zip(points, ends, strict=True)]
+    face = model.geo.addPlaneSurface([model.geo.addCurveLoop(lines)])
+    model.geo.synchronize()
+    model.addPhysicalGroup(2, [face], name="body")
+    for name, numbers in sides.items():
+        model.addPhysicalGroup(1, [lines[i] for i in numbers], name=name)
+    model.mesh.generate(2)
 
 
 @contextmanager

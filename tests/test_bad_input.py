@@ -23,7 +23,7 @@ from dolfinx_contact import (
     Sphere,
     Tresca,
 )
-from dolfinx_contact._rigid import parts
+from dolfinx_contact.body.rigid import parts
 from dolfinx_contact.materials import CiarletGeymonat, LinearElastic, lame
 from dolfinx_contact.solvers.errors import FloatingBodyError
 
@@ -63,7 +63,7 @@ def test_no_facet_with_the_tag():
     same_on_every_rank(info)
     with pytest.raises(ValueError, match="need a tag"):
         surface(u, where=tags)
-    assert surface(u, where=tags, tag=7).points.dofmap.index_map.size_global == 5
+    assert surface(u, where=tags, tag=7).points.space.dofmap.index_map.size_global == 5
 
 
 def test_no_facet_at_all():
@@ -228,8 +228,6 @@ def test_unstable_pairs():
         surface(u, method="integral", multiplier_degree=2)
     with pytest.raises(ValueError, match="unknown contact method"):
         surface(u, method="mortar")
-    with pytest.raises(ValueError, match="the mixed method is for 2D"):
-        block(cell="tet", n=2, method="mixed")
 
 
 def test_missing_dirichlet_data():

@@ -23,8 +23,9 @@ from dolfinx_contact import (
     Sphere,
     Tresca,
 )
-from dolfinx_contact.cells import check_cells
-from dolfinx_contact.checks import smallest_jacobian
+from dolfinx_contact.body.cells import check_cells
+from dolfinx_contact.body.deformation import smallest_jacobian
+from dolfinx_contact.laws import status
 from dolfinx_contact.materials import LinearElastic, StVenantKirchhoff
 from dolfinx_contact.obstacles import Obstacle
 
@@ -60,12 +61,16 @@ def test_sliding_on_a_disc_is_measured(method, slide, log):
         n=6, cell="quad", obstacle=Sphere(centre, radius), top=(slide, -0.02), method=method
     )
     result = problem.solve()
-    (s,), size = problem.surfaces, problem.body_size
+    (s,), size = problem.surfaces, problem.equations.body_size
     n = s.num_owned_points
-    u = problem.u.x.array.reshape(-1, 2)[s.vertex_trace_dofs][:n]
-    x, closed = s.positions[:n], s.status.active[:n] > 0
+    u = problem.u.x.array.reshape(-1, 2)[s.points.vertex_trace_dofs][:n]
+    x, closed = s.positions[:n], status.closed(s.statuses)
     true = np.linalg.norm(x + u - centre, axis=1) - radius
-    law = np.linalg.norm(x - centre, axis=1) - radius - np.sum(u * s.vertex_normals[:n], axis=1)
+    law = (
+        np.linalg.norm(x - centre, axis=1)
+        - radius
+        - np.sum(u * s.points.vertex_normals[:n], axis=1)
+    )
     worst = COMM.allreduce(float(np.max(np.abs(true - law)[closed], initial=0.0)), op=max)
     assert result.misfit == result.misfits["contact"] == result.summary()["misfit"]
     assert result.misfit == pytest.approx(worst, rel=1e-9)
@@ -155,17 +160,17 @@ def test_smallest_jacobian(dim, cell, degree):
     problem = block(n=2, cell=cell, degree=degree)
     G = np.array([[0.3, -0.2, 0.1], [0.1, -0.4, 0.2], [0.0, 0.3, 0.2]])[:dim, :dim]
     problem.u.interpolate(lambda x: G @ x[:dim])
-    value, place = smallest_jacobian(problem)
+    value, place = smallest_jacobian(problem.V, problem.u.x.array)
     np.testing.assert_allclose(value, np.linalg.det(np.eye(dim) + G), rtol=1e-12)
     problem.u.x.array[:] = 0.0
     corner = fem.locate_dofs_geometrical(problem.V, lambda x: np.isclose(x, 1.0)[:dim].all(axis=0))
     problem.u.x.array.reshape(-1, dim)[corner] = -0.7
-    value, place = smallest_jacobian(problem)
+    value, place = smallest_jacobian(problem.V, problem.u.x.array)
     assert value < 0
     assert np.abs(place - 1.0).max() < 0.4
     assert len({(value, *place) for value, place in COMM.allgather((value, place))}) == 1
     problem.u.x.array.reshape(-1, dim)[corner] = np.nan
-    value, place = smallest_jacobian(problem)
+    value, place = smallest_jacobian(problem.V, problem.u.x.array)
     assert np.isnan(value)
     assert np.abs(place - 1.0).max() < 0.4
 
@@ -175,7 +180,7 @@ def test_only_the_corner_is_inverted():
     problem = block(n=2, cell="quad")
     corner = fem.locate_dofs_geometrical(problem.V, lambda x: (x[0] > 0.9) & (x[1] > 0.9))
     problem.u.x.array.reshape(-1, 2)[corner] = -0.55 / 2
-    value, _ = smallest_jacobian(problem)
+    value, _ = smallest_jacobian(problem.V, problem.u.x.array)
     assert value == pytest.approx(-0.1, rel=1e-12)
 
 

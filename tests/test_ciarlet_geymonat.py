@@ -5,6 +5,7 @@ from mpi4py import MPI
 import demo_ciarlet_geymonat as demo
 import numpy as np
 import pytest
+from harness import varied
 
 COMM = MPI.COMM_WORLD
 serial = pytest.mark.skipif(COMM.size > 1, reason="the same on every number of ranks, and long")
@@ -57,12 +58,14 @@ def check(summary, length=1.0, force=1.0):
 
 
 @pytest.mark.parametrize(
-    "more",
-    [(), pytest.param(("--r", "0.3"), marks=serial), pytest.param(("--r", "300"), marks=serial)],
+    "r", [None, pytest.param(0.3, marks=serial), pytest.param(300.0, marks=serial)]
 )
-def test_six_branches(folder, more):
+def test_six_branches(folder, r):
     """With the automatic augmentation parameter (about E / L, 4) and 10 and 100 times off."""
-    check(demo.main([*COARSE, *more, "--output", str(folder)]))
+    with varied(r=r):
+        summary = demo.main([*COARSE, "--output", str(folder)])
+    check(summary)
+    assert r is None or summary["augmentation"] == pytest.approx(r)
     for name in ("states.png", "diagram.png"):
         assert (folder / name).stat().st_size > 10_000
 
@@ -76,12 +79,15 @@ def test_steps_and_units(folder):
     their product.
     """
     reference = demo.main([*COARSE, "--output", str(folder / "a")])
-    scaled = demo.main(
-        [*COARSE, "--length", "1e-3", "--stress", "1e-6", "--output", str(folder / "b")]
-    )
+    with varied(mm=1e3, MPa=1e6):
+        scaled = demo.main([*COARSE, "--output", str(folder / "b")])
     check(scaled, 1e3, 1e9)
     assert scaled["points"] == reference["points"]
     for a, b in zip(scaled["gammas"], reference["gammas"], strict=True):
         np.testing.assert_allclose(a, b, atol=1e-8)
-    for factor in ("0.1", "10"):
-        check(demo.main([*COARSE, "--step-factor", factor, "--output", str(folder / factor)]))
+    for factor in (0.1, 10.0):
+        with varied(step_factor=factor):
+            other = demo.main([*COARSE, "--output", str(folder / f"{factor:g}")])
+        check(other)
+        more = sum(other["points"]) > sum(reference["points"])
+        assert more == (factor < 1)

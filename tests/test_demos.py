@@ -1,6 +1,7 @@
 """The numbers of the demos."""
 
 import json
+import re
 from pathlib import Path
 
 import demo_greco_block
@@ -42,9 +43,10 @@ STATES = {"open": "o", "stick": "k", "slip+": "+", "slip-": "-"}
 @pytest.mark.parametrize("friction", sorted({r["F"] for r in HILD}))
 def test_hild_triangle_all_solutions(friction):
     """Every record of an independent enumeration: the same solutions, and no others."""
-    pieces = demo_hild_triangle.pieces((100.0, 82.0), friction, 1.0)
     for record in (r for r in HILD if r["F"] == friction):
-        found = demo_hild_triangle.solutions(pieces, friction, (record["F1"], record["F2"]))
+        load = record["F1"], record["F2"]
+        system = demo_hild_triangle.element((100.0, 82.0), friction, 1.0, load)
+        found = demo_hild_triangle.solutions(system)
         expected = sorted(record["solutions"], key=lambda s: "ok+-".index(STATES[s["state"]]))
         assert [s["status"] for s in found] == [STATES[s["state"]] for s in expected], record
         for mine, other in zip(found, expected, strict=True):
@@ -63,6 +65,17 @@ def test_hild_triangle_instance(folder):
         [found[2][k] for k in ("ut", "rt", "rn")], [-0.3, 0.6, 0.2], atol=1e-12
     )
     assert json.loads((folder / "summary.json").read_text())["solutions"] == found
+    assert (folder / "states.png").stat().st_size > 10_000
+
+
+def test_hild_triangle_continuum(folder):
+    """At the critical coefficient: from stick, along states that slip, to separation."""
+    options = ["--friction=2", "--load", "-2", "-1", f"--output={folder}"]
+    (continuum,) = demo_hild_triangle.main(options)["solutions"]
+    assert continuum["continuum"] is True
+    assert [s["status"] for s in (continuum, *continuum["ends"])] == ["-", "-", "-"]
+    values = [[s[k] for k in ("ut", "un", "rt", "rn")] for s in continuum["ends"]]
+    np.testing.assert_allclose(values, [[0, 0, 1, 0.5], [-0.5, 0, 0, 0]], atol=1e-12)
 
 
 def test_hild_triangle_diagram(folder):
@@ -72,9 +85,7 @@ def test_hild_triangle_diagram(folder):
     for name, found in summary["diagram"].items():
         assert (folder / f"regions_{name}_critical.png").stat().st_size > 10_000
         F = found["friction"]
-        axis, cells, _ = demo_hild_triangle.diagram(
-            demo_hild_triangle.MPI.COMM_WORLD, (1.0, 1.0), F, 1.0, 24
-        )
+        axis, cells, _ = demo_hild_triangle.diagram((1.0, 1.0), F, 1.0, 24)
         for i, f1 in enumerate(axis[0]):
             for j, f2 in enumerate(axis[1]):
                 assert cells[i, j] == proposition_2(F, critical, f1, f2), (F, f1, f2)
@@ -102,3 +113,15 @@ def proposition_2(F, critical, f1, f2):
         for letter, holds in zip("ok+-", (separation, stick, right, left), strict=True)
         if holds
     )
+
+
+DEMOS = Path(__file__).parents[1] / "demos"
+
+
+@pytest.mark.parametrize("demo", sorted(DEMOS.glob("*.py")), ids=lambda path: path.stem)
+def test_a_demo_is_short(demo):
+    """What a user copies: at most 120 lines, narrated, without private names."""
+    text = demo.read_text()
+    assert 60 <= len(text.splitlines()) <= 120
+    assert "# This demo illustrates how to:" in text
+    assert not re.search(r"[a-z)]\._[a-z]", text)

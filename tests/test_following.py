@@ -1,10 +1,13 @@
 """The last strategy of a solve, alone."""
 
-import demo_hild_triangle
+from mpi4py import MPI
+
+import demo_linear_triangle
 import numpy as np
 import pytest
 from blocks import KINDS, block, same_tables
 
+from dolfinx_contact.laws.status import STICK
 from dolfinx_contact.solvers import ladder
 
 
@@ -31,11 +34,14 @@ def test_past_a_fold(only_following):
 
     With F = 2.5 under (-4 gamma, -1) the branch of stick ends in a fold at gamma = F / 4.
     """
-    problem, load = demo_hild_triangle.triangle((100.0, 82.0), 2.5, 1.0)
-    load.value = (0.0, -1.0)
+    system = demo_linear_triangle.linear_triangle(
+        1, 2.5, (4.0, 0.0), preload=(0.0, -1.0), comm=MPI.COMM_SELF
+    )
+    problem = system.problem
+    system.set_parameter(0.0)
     problem.solve()
-    assert problem.surfaces[0].status.stick.max() == 1
-    load.value = (-4.0, -1.0)
+    assert problem.surfaces[0].statuses.tolist().count(STICK) == 1
+    system.set_parameter(1.0)
     result = problem.solve()
     table = result.tables["contact"]
     assert table.letters[0] == "o"

@@ -69,11 +69,14 @@ def test_the_load_is_what_it_was_after_a_failure(monkeypatch):
     problem = block(n=8, material=RUBBER, top=(0.3, -0.7), options={"snes_max_it": 2})
     x = problem.create_vector()
     attempt = Attempt("load increments", limit=10.0)
-    with Newton(problem, "none", None) as solver:
+    with Newton(problem.equations, problem.linear_solver, "none", None) as solver:
         assert not raise_load(solver, x, attempt, 8)
     assert "of the load" in attempt.reason
     np.testing.assert_allclose(
-        problem.prescribed.values()[problem.constraints.fixed].reshape(-1, 2)[:, 1], -0.7
+        problem.equations.prescribed.values()[problem.equations.constraints.fixed].reshape(-1, 2)[
+            :, 1
+        ],
+        -0.7,
     )
 
 

@@ -3,13 +3,17 @@
 The numbers are those of GetFEM and of an enumeration of all statuses in numpy, on the same mesh.
 """
 
+from functools import partial
+
 from mpi4py import MPI
 
 import demo_linear_triangle as demo
 import numpy as np
 import pytest
+from harness import varied
 
-from dolfinx_contact.continuation import explore, follow
+from dolfinx_contact import ContactSurface
+from dolfinx_contact.continuation import explore, find_solutions, follow
 
 COMM = MPI.COMM_WORLD
 serial = pytest.mark.skipif(COMM.size > 1, reason="the same on every number of ranks, and long")
@@ -98,6 +102,18 @@ def test_friction_decides_on_the_number_of_solutions():
 
 
 @serial
+@pytest.mark.parametrize(("method", "threshold"), [("nodal", 1.911), ("mixed", 2.042)])
+def test_thresholds_of_discretisations(method, threshold, monkeypatch):
+    """Where two more solutions appear on a coarse mesh: averages of the gap shift it."""
+    monkeypatch.setattr(demo, "ContactSurface", partial(ContactSurface, method=method))
+    for friction, count in ((threshold - 0.004, 1), (threshold + 0.004, 3)):
+        system = demo.linear_triangle(8, friction)
+        system.set_parameter(1.0)
+        there = find_solutions(system, [system.create_vector()], 1.0)
+        assert len(there.found) == count
+
+
+@serial
 @pytest.mark.parametrize("route", ["pivoting", pytest.param("steps", marks=pytest.mark.long)])
 def test_units_numbering_and_augmentation(folder, route):
     """Lengths times 1e3, stiffness and load times 1e9, another numbering, r times 0.1 to 100.
@@ -108,15 +124,18 @@ def test_units_numbering_and_augmentation(folder, route):
     reference = run(folder / "a", *plain)
     others = {
         "units": ("--length", "1e3", "--lame", "100e9", "82e9", "--load", "26e9", "7.5e9"),
-        "numbering": ("--seed", "7"),
+        "numbering": (),
     }
     for name, more in others.items():
-        other = run(folder / name, *plain, *more)
+        with varied(seed=7 if name == "numbering" else None):
+            other = run(folder / name, *plain, *more)
         assert other["points"] == reference["points"], name
         for a, b in zip(other["gammas"], reference["gammas"], strict=True):
             np.testing.assert_allclose(a, b, atol=1e-8)
-    for r in ("20", "2000", "20000"):  # E / L is about 200
-        other = run(folder / r, *plain, "--r", r)
+    for r in (20.0, 2000.0, 20000.0):  # E / L is about 200
+        with varied(r=r):
+            other = run(folder / f"{r:g}", *plain)
+        assert other["augmentation"] == pytest.approx(r)
         for end in ("-1", "1"):
             statuses = [s["status"] for s in other["solutions"][end]]
             assert statuses == [s["status"] for s in reference["solutions"][end]]
@@ -127,13 +146,18 @@ def test_steps_and_pivoting_find_the_same(folder):
     """Both routes, steps ten times longer and shorter: the same solutions."""
     plain = ("--n", "16", "--friction", "1.8")
     reference = run(folder / "a", *plain, "--route", "pivoting")
-    for factor in ("0.1", "1", "10"):
-        other = run(folder / factor, *plain, "--route", "steps", "--step-factor", factor)
+    points = []
+    for factor in (0.1, 1.0, 10.0):
+        with varied(step_factor=factor):
+            other = run(folder / f"{factor:g}", *plain, "--route", "steps")
+        points.append(sum(other["points"]))
         for end in ("-1", "1"):
             pairs = zip(other["solutions"][end], reference["solutions"][end], strict=True)
             for a, b in pairs:
                 assert a["status"] == b["status"]
                 assert a["ut_A"] == pytest.approx(b["ut_A"], abs=1e-9)
+    assert points == sorted(points, reverse=True)
+    assert points[0] > 2 * points[-1]
 
 
 def test_bad_input(capsys):

@@ -9,6 +9,7 @@ from petsc4py import PETSc
 import numpy as np
 import pytest
 from blocks import block, box, facets, same_tables
+from textbook import coulomb_system
 
 import ufl
 from dolfinx import fem
@@ -16,14 +17,7 @@ from dolfinx import fem
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace
 from dolfinx_contact._errors import everywhere, same_everywhere
 from dolfinx_contact.continuation import Observer, find_solutions, follow, solutions
-from dolfinx_contact.continuation.affine import AffineSystem
 from dolfinx_contact.continuation.rays import Rays, outgoing
-from dolfinx_contact.continuation.system import (
-    as_condensable,
-    as_many_pieces,
-    as_preconditioned,
-)
-from dolfinx_contact.laws.cones import classify_points, coulomb_cones
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.output import BranchRecord
 from dolfinx_contact.parametric import ParametricContact
@@ -183,7 +177,7 @@ def test_a_linear_solver_that_fails_is_told_from_a_cycle(options, words):
     problem, attempt = block(options=options), Attempt("full steps")
     x = problem.create_vector()
     problem.write(x)
-    with Newton(problem, "none", None) as solver:
+    with Newton(problem.equations, problem.linear_solver, "none", None) as solver:
         assert not solver.run(x, attempt)
     assert len(set(COMM.allgather(attempt.reason))) == 1
     assert "cycle" not in attempt.reason
@@ -193,17 +187,15 @@ def test_a_linear_solver_that_fails_is_told_from_a_cycle(options, words):
 
 def test_a_singular_matrix_is_named_with_reasons(monkeypatch):
     problem, attempt = block(), Attempt("full steps")
-    assemble = problem.assemble_jacobian
 
-    def singular(A):
-        assemble(A)
-        A.zeroEntries()
-        A.assemble()
+    def singular(self, state):
+        self.matrix.zeroEntries()
+        self.matrix.assemble()
 
-    monkeypatch.setattr(problem, "assemble_jacobian", singular)
+    monkeypatch.setattr(Direct, "update", singular)
     x = problem.create_vector()
     problem.write(x)
-    with Newton(problem, "none", None) as solver:
+    with Newton(problem.equations, problem.linear_solver, "none", None) as solver:
         assert not solver.run(x, attempt)
     for word in ("PC FACTOR_", "DIVERGED_PCSETUP_FAILED", "mumps INFOG(1:2) = -10", "singular"):
         assert word in attempt.reason
@@ -222,11 +214,11 @@ def test_a_linear_system_that_cannot_be_set_up_is_one_failed_strategy(monkeypatc
     expected = block().solve().tables["contact"]
     problem, update, calls = block(), Direct.update, []
 
-    def failing(self):
+    def failing(self, state):
         calls.append(1)
         if len(calls) == 1:
             raise LinearSolverError("the surface is singular")
-        update(self)
+        update(self, state)
 
     monkeypatch.setattr(Direct, "update", failing)
     result = problem.solve()
@@ -237,7 +229,7 @@ def test_a_linear_system_that_cannot_be_set_up_is_one_failed_strategy(monkeypatc
 
 def test_an_exception_in_a_residual_comes_out_as_itself():
     problem = block()
-    problem.update_status = lambda: 1 / 0
+    problem.surfaces[0].answers = lambda *_: 1 / 0
     with pytest.raises(ZeroDivisionError):
         problem.solve()
     system, x = loaded()
@@ -301,8 +293,7 @@ def test_a_solution_is_found_at_any_load(gamma):
     assert there.complete
     assert len(there.found) == 1
     b = system.create_vector()
-    system.residual(there.found[0].x, gamma, b, None)
-    assert system.error(b) < 1e-9
+    assert system.residual(there.found[0].x, gamma, b, None) < 1e-9
 
 
 def test_no_certificate_of_no_solution_where_one_must_exist(monkeypatch, caplog):
@@ -316,49 +307,31 @@ def test_no_certificate_of_no_solution_where_one_must_exist(monkeypatch, caplog)
     assert "positive definite" in message
 
 
-def coulomb_system(S, load, rate):
-    m = len(load) // 2
-    M = np.zeros((2 * m, m, 4))
-    M[:, :, :2] = S.reshape(2 * m, m, 2)
-    M.reshape(m, 2, m, 4)[np.arange(m), :, np.arange(m), 2:] = -np.eye(2)
-    friction, grips = np.full(m, 0.5), np.ones(m, dtype=bool)
-    bases, inequalities, allowed = coulomb_cones(friction, grips)
-
-    def classify(w):
-        return classify_points(w, friction=friction, grips=grips, r=np.ones(m))
-
-    return AffineSystem(
-        M, np.asarray(load), np.asarray(rate), bases, inequalities, classify, allowed
-    )
-
-
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
 def test_no_certificate_from_data_that_are_not_finite(bad):
     for S, rate in ((np.eye(2), [bad, 1.0]), (np.diag([1.0, bad]), [1.0, 1.0])):
         with pytest.raises(ValueError, match="are not finite"):
-            outgoing(coulomb_system(S, np.zeros(2), rate))
-    assert outgoing(coulomb_system(np.eye(2), np.zeros(2), [0.1, -1.0])).complete
+            outgoing(coulomb_system(S, np.zeros(2), rate, 0.5))
+    assert outgoing(coulomb_system(np.eye(2), np.zeros(2), [0.1, -1.0], 0.5)).complete
 
 
 def test_no_certificate_of_pieces_that_overflow():
     """Every entry is a number, and so is none of the states."""
-    found = outgoing(coulomb_system(1e-200 * np.eye(2), np.zeros(2), [1e200, -1e200]))
+    found = outgoing(coulomb_system(1e-200 * np.eye(2), np.zeros(2), [1e200, -1e200], 0.5))
     assert not found.complete
     assert "overflow" in found.method
 
 
-def test_loads_that_are_not_finite_have_no_solutions():
+def test_loads_that_are_not_finite_have_no_solutions(monkeypatch):
     system, x = loaded(n=2)
-    part = fem.Function(system.problem.V)
-    part.x.array[:] = np.nan
-    system.problem.bulk._loads.append(part)
-    loads = system.problem.residual
+    residual = system.residual
 
-    def spoilt(x, b):
-        loads(x, b)
+    def spoilt(x, gamma, b, piece):
+        error = residual(x, gamma, b, piece)
         b.array[:] = np.nan
+        return error
 
-    system.problem.residual = spoilt
+    monkeypatch.setattr(system, "residual", spoilt)
     with pytest.raises(ValueError, match="are not finite"):
         find_solutions(system, [x], 0.3)
 
@@ -397,7 +370,8 @@ def test_functionals_that_differ(folder):
 def test_a_branch_that_fails_leaves_everything_as_it_was():
     system, x = loaded()
     fields = system.problem.fields
-    before, codes = [f.x.array.copy() for f in fields], system.piece_at(x, 0.0).codes
+    before = [f.x.array.copy() for f in fields]
+    statuses = [s.statuses.copy() for s in system.problem.surfaces]
 
     class Impatient(Observer):
         def point(self, branch, index, *_):
@@ -409,8 +383,8 @@ def test_a_branch_that_fails_leaves_everything_as_it_was():
     for f, values in zip(fields, before, strict=True):
         np.testing.assert_array_equal(f.x.array, values)
     assert float(system.constant.value) == 0.0
-    held = np.concatenate([s.status.active[: s.num_owned_points] for s in system.problem.surfaces])
-    np.testing.assert_array_equal(held > 0, codes > 0)
+    for s, held in zip(system.problem.surfaces, statuses, strict=True):
+        np.testing.assert_array_equal(s.statuses, held)
 
 
 def test_monitors_and_observers_of_one_rank():
@@ -452,26 +426,5 @@ def test_what_differs_is_named_with_its_place():
         same_everywhere(COMM, "floor", the_law=min(COMM.rank, 1))
 
 
-def test_what_a_system_can_is_asked_of_its_class():
-    """Its properties may be collective and costly: none is evaluated."""
-
-    class Costly:
-        @property
-        def preconditioner(self):
-            raise AssertionError
-
-        @property
-        def is_piecewise_affine(self):
-            raise AssertionError
-
-        @property
-        def has_many_pieces(self):
-            raise AssertionError
-
-        def condensed(self, x, gamma):
-            raise AssertionError
-
-    system = Costly()
-    assert as_condensable(system) is as_preconditioned(system) is as_many_pieces(system) is system
-    assert as_condensable(1.0) is as_preconditioned(1.0) is as_many_pieces(1.0) is None
+def test_the_log_is_the_users():
     assert logging.getLogger("dolfinx_contact").level == logging.NOTSET

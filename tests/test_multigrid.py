@@ -22,10 +22,13 @@ from dolfinx_contact import (
     Sphere,
     Tresca,
 )
-from dolfinx_contact.augmentation import softness
-from dolfinx_contact.bulk import Bulk
+from dolfinx_contact.body.bulk import Bulk
+from dolfinx_contact.equations.augmentation import softness
+from dolfinx_contact.equations.jacobian import Jacobian
+from dolfinx_contact.laws.status import OPEN
 from dolfinx_contact.materials import LinearElastic, NeoHookean
-from dolfinx_contact.solvers import linear, solve_nested
+from dolfinx_contact.nested import solve_nested
+from dolfinx_contact.solvers import choice
 from dolfinx_contact.solvers.forcing import Forcing
 from dolfinx_contact.solvers.multigrid import Multigrid
 
@@ -107,10 +110,11 @@ def test_product_is_that_of_the_assembled_jacobian(name):
     problem.solve()
     x, y, z = (problem.create_vector() for _ in range(3))
     x.setRandom()
-    problem.linear_solver.update()
+    state, assembled = problem.state(), Jacobian(problem.equations)
+    problem.linear_solver.update(state)
     problem.linear_solver.matrix.mult(x, y)
-    problem.assemble_jacobian(problem.matrix)
-    problem.matrix.mult(x, z)
+    assembled.update(state)
+    assembled.matrix.mult(x, z)
     size = z.norm()
     z.axpy(-1.0, y)
     assert z.norm() < 1e-13 * size
@@ -121,19 +125,20 @@ def test_products_with_half_of_a_symmetric_stiffness(cell):
     """Where it stays; in the cycle as well."""
     problem = block(cell=cell, n=8, options=AMG)
     problem.solve()
-    bulk = problem.bulk
-    x, y = bulk.stiffness().createVecs()
+    bulk = problem.equations.bulk
+    x, y = bulk.stiffness(problem.u.x.array).createVecs()
     x.setRandom()
     assert "sbaij" in bulk.for_products.getType()
     bulk.for_products.mult(x, y)
     size = y.norm()
-    y.axpy(-1.0, bulk.stiffness() * x)
+    y.axpy(-1.0, bulk.stiffness(problem.u.x.array) * x)
     assert y.norm() < 1e-14 * size
     cycle = problem.linear_solver.hierarchy.pc
     finest = cycle.getMGSmoother(cycle.getMGLevels() - 1)
     assert "sbaij" in finest.getOperators()[0].getType()
-    curved = block(**PROBLEMS["neo-Hookean"]).bulk
-    assert curved.stiffness() == curved.for_products
+    other = block(**PROBLEMS["neo-Hookean"])
+    curved = other.equations.bulk
+    assert curved.stiffness(other.u.x.array) == curved.for_products
 
 
 def test_filter_leaves_nothing_on_the_surface():
@@ -141,14 +146,14 @@ def test_filter_leaves_nothing_on_the_surface():
     problem = block(cell="hex", n=4, options=AMG)
     problem.solve()
     solver = problem.linear_solver
-    solver.update()
+    solver.update(problem.state())
     r, z, rest = (problem.create_vector() for _ in range(3))
     r.setRandom()
     solver.filter.apply(None, r, z)
     solver.matrix.mult(z, rest)
     rest.aypx(-1.0, r)
     on_surface = np.abs(rest.array_r[solver.filter.surface.local]).max(initial=0.0)
-    assert COMM.allreduce(on_surface, op=max) < 1e-10 * z.norm() * problem.stiffness_scale
+    assert COMM.allreduce(on_surface, op=max) < 1e-10 * z.norm() * problem.equations.stiffness_scale
     assert rest.norm() < 10 * r.norm()
 
 
@@ -161,16 +166,15 @@ def test_correction_solves_the_rows_of_the_surface():
     problem.write(x)
     noise.setRandom()
     x.axpy(1e-8, noise)
-    with problem.status_held():
-        problem.residual(x, b)
-        before = COMM.allreduce(np.sum(b.array_r[s.local] ** 2))
-        assert solver.correct(b, d)
-        x.axpy(-1.0, d)
-        problem.residual(x, b)
+    state = problem.residual(x, b)
+    before = COMM.allreduce(np.sum(b.array_r[s.local] ** 2))
+    assert solver.correct(state, b, d)
+    x.axpy(-1.0, d)
+    state = problem.residual(x, b, state.statuses)
     assert COMM.allreduce(np.sum(b.array_r[s.local] ** 2)) < 1e-6 * before
     elsewhere = np.setdiff1d(np.arange(d.getLocalSize()), s.local)
     assert not d.array_r[elsewhere].any()
-    assert not solver.correct(b, d)  # nothing is left to correct
+    assert not solver.correct(state, b, d)  # nothing is left to correct
 
 
 def test_corrections_save_steps(monkeypatch):
@@ -194,7 +198,7 @@ def test_softness_is_that_of_the_moduli(cell, dim, poisson):
     energy = LinearElastic.from_young(7.0, poisson).energy(u) * ufl.dx
     lmbda = 2 * poisson / (1 - 2 * poisson)  # over mu
     expected = 2 / (2 + 2 * lmbda / (dim + 1))
-    assert softness(Bulk(energy, u).stiffness(), V) == pytest.approx(expected)
+    assert softness(Bulk(energy, u).stiffness(u.x.array), V) == pytest.approx(expected)
 
 
 def test_preconditioner_for_other_systems():
@@ -202,7 +206,7 @@ def test_preconditioner_for_other_systems():
     problem = block(cell="tet", n=5, options=AMG)
     problem.solve()
     solver = problem.linear_solver
-    solver.update()
+    solver.update(problem.state())
     r, z, v = (problem.create_vector() for _ in range(3))
     r.setRandom()
     size = r.norm()
@@ -250,7 +254,7 @@ def test_choice():
 
 def test_a_direct_solver_takes_over(monkeypatch, caplog):
     """Where multigrid stagnates and nobody asked for it; unless memory is short."""
-    monkeypatch.setattr(linear, "_LARGEST_DIRECT", {3: 10})
+    monkeypatch.setattr(choice, "_LARGEST_DIRECT", {3: 10})
     options = {"ksp_rtol": 1e-12, "ksp_max_it": 2}
     direct = block(cell="tet", n=4, options={"linear_solver": "direct"}).solve()
     problem = block(cell="tet", n=4, options=options)
@@ -261,8 +265,8 @@ def test_a_direct_solver_takes_over(monkeypatch, caplog):
     same(result.tables["contact"], direct.tables["contact"], 1e-8)
     assert COMM.rank > 0 or "the direct solver takes over" in caplog.text
 
-    assert linear.available_gigabytes(COMM) > 0
-    monkeypatch.setattr(linear, "available_gigabytes", lambda _: 0.0)
+    assert choice.available_gigabytes(COMM) > 0
+    monkeypatch.setattr(choice, "available_gigabytes", lambda _: 0.0)
     problem = block(cell="tet", n=4, options={**options, "snes_max_it": 2})
     with pytest.raises(ConvergenceError, match="stagnated"):
         problem.solve()
@@ -292,38 +296,38 @@ def test_hierarchy_is_kept():
     problem = ContactProblem(
         energy, u, [surface], bcs=[fem.dirichletbc(motion, held, V)], petsc_options=AMG
     )
-    assert problem.bulk.linear
+    assert problem.equations.bulk.linear
     first = problem.solve().resultants["contact"]
     motion.value[:] *= 1.1
     np.testing.assert_allclose(problem.solve().resultants["contact"], 1.1 * first, rtol=1e-6)
     assert problem.linear_solver.builds == 1
-    assert problem.bulk.assemblies == 1
+    assert problem.equations.bulk.assemblies == 1
     young.value *= 2.0
     np.testing.assert_allclose(problem.solve().resultants["contact"], 2.2 * first, rtol=1e-6)
     assert problem.linear_solver.builds == 2
-    assert problem.bulk.assemblies == 2
+    assert problem.equations.bulk.assemblies == 2
 
 
-def test_a_worn_hierarchy_is_rebuilt():
+def test_an_aged_hierarchy_is_rebuilt():
     """Once it has cost more than another one, and only where that would be another one."""
     problem = block(cell="tet", n=5, options=AMG)
     problem.solve()
     solver = problem.linear_solver
     before = solver.builds
-    solver.build()
-    solver.wear(1000, 2.0)
-    solver.update()
+    state = problem.state()
+    solver.build(state)
+    solver.age(1000, 2.0)
+    solver.update(state)
     assert solver.builds == before + 1  # the same nodes are closed
-    (surface,) = problem.surfaces
-    status = surface.status
-    status.active[: surface.num_owned_points // 2] = 0.0
-    surface.status = status
-    solver.wear(1, 2.0)  # it has been worn before
-    solver.update()
+    x = problem.create_vector()
+    problem.write(x)
+    half = state.statuses[0].copy()
+    half[: len(half) // 2] = OPEN
+    solver.age(1, 2.0)  # it has aged before
+    solver.update(problem.equations.contact(x, [half]))
     assert solver.builds == before + 2
-    solver.wear(10, 2.0)
-    surface.status = surface.evaluate_status()
-    solver.update()
+    solver.age(10, 2.0)
+    solver.update(state)
     assert solver.builds == before + 2  # not yet worth it
 
 

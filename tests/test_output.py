@@ -171,7 +171,7 @@ def test_nodal_fields_are_the_table(cell, method):
     assert all(result.counts[k] > 0 for k in ("open", "slip"))
     (s,), table = problem.surfaces, result.tables["contact"]
     fields = contact_fields(problem, s)
-    rows = at_points(table, s.vertices.tabulate_dof_coordinates())
+    rows = at_points(table, s.points.vertices.tabulate_dof_coordinates())
     dim, force = table.dim, np.abs(table.force).max() / table.area.min()
     np.testing.assert_array_equal(fields["status"].x.array, codes(table)[rows])
     np.testing.assert_allclose(fields["gap"].x.array, table.un[rows], atol=1e-14)
@@ -204,7 +204,7 @@ def test_clamped_nodes():
     assert table.status[0] == "d"
     assert table.count("d") == 1
     fields = contact_fields(problem, surface)
-    rows = at_points(table, surface.vertices.tabulate_dof_coordinates())
+    rows = at_points(table, surface.points.vertices.tabulate_dof_coordinates())
     np.testing.assert_array_equal(fields["status"].x.array, codes(table)[rows])
     np.testing.assert_allclose(fields["pressure"].x.array, table.pressure[rows], atol=1e-12)
 
@@ -222,7 +222,7 @@ def test_integral_fields(cell, multiplier):
     assert result.counts["slip"] > 0
     (s,), table = problem.surfaces, result.tables["contact"]
     fields = contact_fields(problem, s)
-    x = s.vertices.tabulate_dof_coordinates()[:, :dim]
+    x = s.points.vertices.tabulate_dof_coordinates()[:, :dim]
     agreed = 0
     for code, p in zip(fields["status"].x.array, x, strict=True):
         near = codes(table)[np.linalg.norm(table.x - p, axis=1) < np.sqrt(dim - 1) * 1.001 / n]
@@ -230,7 +230,9 @@ def test_integral_fields(cell, multiplier):
             agreed += 1
             assert code == near[0]
     assert COMM.allreduce(agreed) > 0
-    gap = (x @ up - problem.u.x.array.reshape(-1, dim)[s.vertex_trace_dofs] @ -up) / np.sqrt(1.01)
+    gap = (x @ up - problem.u.x.array.reshape(-1, dim)[s.points.vertex_trace_dofs] @ -up) / np.sqrt(
+        1.01
+    )
     np.testing.assert_allclose(fields["gap"].x.array, gap, atol=1e-12)
     if multiplier == 1:
         form = fem.form(fields["pressure"] * ufl.dx)

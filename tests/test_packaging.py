@@ -1,10 +1,12 @@
 """What the package says of itself, what it says where something is missing, and the Makefile."""
 
 import ast
+import os
 import shutil
 import subprocess
 import sys
 import tomllib
+import warnings
 from pathlib import Path
 
 from mpi4py import MPI
@@ -13,6 +15,7 @@ import pytest
 from blocks import block
 
 from dolfinx_contact import meshing
+from dolfinx_contact._name import warn_of_namesake
 from dolfinx_contact._optional import optional
 from dolfinx_contact.output import Journal, draw_diagram, picture_of_contact, picture_of_states
 
@@ -110,6 +113,93 @@ def test_no_picture_without_matplotlib(folder, monkeypatch, caplog):
     assert picture_of_contact(folder / "contact.png", problem) is None
     if COMM.rank == 0:
         assert "matplotlib is not installed: python3 -m pip install 'signorini-" in caplog.text
+
+
+#: Some of what asimov-contact installs, and the part of its head that matters here.
+NAMESAKE = {
+    "__init__.py": "from dolfinx_contact.newton_solver import NewtonSolver\n"
+    "from .output import plot_gap\n",
+    "newton_solver.py": "class NewtonSolver: ...\n",
+    "output.py": "def plot_gap(): ...\n",
+    "cpp.cpython-313-x86_64-linux-gnu.so": "",
+    "meshing/__init__.py": "",
+}
+
+
+def install(folder, files=NAMESAKE):
+    for name, text in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text)
+
+
+def imported_by_a_script(folder, *path):
+    """What a script that imports the package, with these folders before all, says on stderr."""
+    script = folder / "script.py"
+    script.write_text("import dolfinx_contact\nprint(dolfinx_contact.__file__)\n")
+    return subprocess.run(
+        [sys.executable, "-P", str(script)],
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(str(p) for p in path)},
+        cwd=folder,
+        capture_output=True,
+        text=True,
+    )
+
+
+@serial
+@pytest.mark.parametrize("last", ["ours", "theirs"])
+def test_two_packages_of_one_name_in_one_folder(tmp_path, last):
+    """Whichever was installed last and has its head there."""
+    mixed = tmp_path / "site" / "dolfinx_contact"
+    install(mixed)
+    shutil.copytree(TREE / "dolfinx_contact", mixed, dirs_exist_ok=True)
+    if last == "theirs":
+        install(mixed)
+    done = imported_by_a_script(tmp_path, tmp_path / "site")
+    assert done.returncode == 1
+    said = done.stderr.splitlines()[-1]
+    assert said.startswith(
+        "ImportError: two packages that are both imported as dolfinx_contact are"
+    )
+    assert f"mixed in {mixed}: this one (signorini-coulomb) and asimov-contact" in said
+    assert "cpp.cpython-313-x86_64-linux-gnu.so and newton_solver.py are there" in said
+    assert "pip uninstall signorini-coulomb dolfinx_contact" in said
+
+
+@serial
+def test_package_of_the_same_name_hidden_by_ours(tmp_path):
+    install(tmp_path / "theirs" / "dolfinx_contact")
+    done = imported_by_a_script(tmp_path, TREE, tmp_path / "theirs", tmp_path / "theirs" / ".")
+    assert done.returncode == 0
+    assert done.stdout.strip() == str(TREE / "dolfinx_contact" / "__init__.py")
+    said = [line for line in done.stderr.splitlines() if "Warning" in line]
+    assert len(said) == 1
+    assert said[0].startswith(
+        f"{tmp_path / 'script.py'}:1: UserWarning: dolfinx_contact is imported"
+    )
+    assert f"is in {tmp_path / 'theirs' / 'dolfinx_contact'} and hidden by it" in said[0]
+
+
+def test_namesake_is_told_apart(folder):
+    """Rank 0 warns, and only of what is another's."""
+    if COMM.rank == 0:
+        install(folder / "theirs" / "dolfinx_contact")
+        files = (TREE / "dolfinx_contact").glob("*.py")
+        install(folder / "ours" / "dolfinx_contact", {f.name: f.read_text() for f in files})
+        (folder / "linked").symlink_to(folder / "theirs")
+    COMM.barrier()
+
+    def warned(here, *path):
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            warn_of_namesake(
+                str(folder / here / "dolfinx_contact"), [str(folder / p) for p in path]
+            )
+        return COMM.allgather(len(caught))
+
+    assert warned("ours", "nowhere", "ours") == [0] * COMM.size
+    assert warned("nowhere", "ours") == [0] * COMM.size
+    assert warned("theirs", "theirs", "linked") == [0] * COMM.size
+    assert warned("ours", "ours", "theirs", "linked") == [1] + [0] * (COMM.size - 1)
 
 
 @serial

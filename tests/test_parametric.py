@@ -3,11 +3,12 @@
 from mpi4py import MPI
 
 import demo_friction_parameter
-import demo_hild_triangle
+import demo_linear_triangle
 import demo_single_element
 import numpy as np
 import pytest
 from blocks import box, facets
+from harness import varied
 
 import ufl
 from dolfinx import fem
@@ -71,10 +72,10 @@ def test_derivative_by_gamma(kind, material):
     x, b, c, d = (system.create_vector() for _ in range(4))
     problem.write(x)
     if kind == "dirichlet":
-        system._set(gamma, None)
+        system.set_parameter(gamma)
         problem.u.x.array[:] = np.where(
-            problem.constraints.fixed.reshape(-1),
-            problem.constraints.values(fill=0.0).reshape(-1),
+            problem.equations.constraints.fixed.reshape(-1),
+            problem.equations.constraints.values(fill=0.0).reshape(-1),
             problem.u.x.array,
         )
         problem.write(x)
@@ -118,7 +119,7 @@ def test_friction_as_parameter(folder):
 
 @pytest.mark.parametrize("factor", [0.1, 10.0])
 def test_single_element_with_other_steps_and_units(factor, folder):
-    options = ["--output", str(folder), "--step-factor", str(factor)]
+    options = ["--output", str(folder), "--route", "steps"]
     other = [
         "--lame",
         "100e9",
@@ -131,7 +132,9 @@ def test_single_element_with_other_steps_and_units(factor, folder):
         "-1e9",
     ]
     for extra in ([], [*other, "--length", "1e3"]):
-        summary = demo_single_element.main([*options, *extra])
+        with varied(step_factor=factor):
+            summary = demo_single_element.main([*options, *extra])
+        assert (summary["points"] > 30) == (factor < 1)
         folds = [f["gamma"] for f in summary["folds"]]
         np.testing.assert_allclose(folds, [0.625, 346 / 182 / 4], atol=1e-10)
 
@@ -302,20 +305,53 @@ def test_friction_that_gamma_makes_negative():
     energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
     system = ParametricContact(ContactProblem(energy, u, [surface], bcs=[bc]), gamma)
     x = system.create_vector()
-    with pytest.raises(
-        ValueError, match="negative friction coefficient or threshold at gamma = -1"
-    ):
+    with pytest.raises(ValueError, match="negative friction of Coulomb at gamma = -1"):
         follow(system, x, 0.5, gamma_range=(-1.0, 1.0))
     assert float(gamma.value) == 0.5
 
 
 def test_a_singular_piece_and_a_continuum():
     """Hild's element at the critical friction: more solutions than the two that are found."""
-    problem, load = demo_hild_triangle.triangle((1.0, 1.0), 2.0, 1.0)
-    load.value = (-4.0, -2.0)
-    system = ParametricContact(problem, fem.Constant(problem.V.mesh, 0.0))
+    system = demo_linear_triangle.linear_triangle(
+        1, 2.0, (4.0, 2.0), (1.0, 1.0), comm=MPI.COMM_SELF
+    )
     x = system.create_vector()
-    found = find_solutions(system, [x], 0.0)
+    found = find_solutions(system, [x], 1.0)
     assert len(found.found) == 2
     assert not found.complete
     assert "continua" in found.method
+    (continuum,) = found.continua
+    assert system.letters(continuum.piece) == "-d"
+    assert {id(s) for s in continuum.ends} == {id(s) for s in found.found}
+    # Every state between the ends solves the problem on that piece, and H itself.
+    a, b = (s.x for s in continuum.ends)
+    for part in (0.0, 0.3, 1.0):
+        a.copy(x)
+        x.axpby(part, 1 - part, b)
+        residual = system.create_vector()
+        assert system.residual(x, 1.0, residual, None) < 1e-10
+
+
+def test_evaluating_writes_no_function():
+    """The user's Functions and statuses change where a branch ends, and nowhere before."""
+    system = driven_block("load")
+    problem = system.problem
+    problem.solve()
+    x, b = system.create_vector(), system.create_vector()
+    problem.write(x)
+    known = [f.x.array.copy() for f in problem.fields]
+    statuses = [s.statuses.copy() for s in problem.surfaces]
+    noise = system.probe(1)
+    x.axpy(1e-3, noise)
+    piece = system.piece_at(x, 0.4)
+    error = system.residual(x, 0.5, b, None)
+    assert error == system.residual(x, 0.5, b, None) > 0  # nothing is remembered
+    system.jacobian(x, 0.5, piece)
+    system.events(x, 0.5, piece)
+    system.parameter_derivative(x, 0.5, b, piece)
+    for f, values in zip(problem.fields, known, strict=True):
+        np.testing.assert_array_equal(f.x.array, values)
+    for s, codes in zip(problem.surfaces, statuses, strict=True):
+        np.testing.assert_array_equal(s.statuses, codes)
+    system.put(x, 0.5, piece)
+    assert any((f.x.array != v).any() for f, v in zip(problem.fields, known, strict=True))

@@ -15,9 +15,9 @@ from test_diagram import smooth, start
 from dolfinx_contact import ConvergenceError, _progress
 from dolfinx_contact._progress import Line, SolveProgress
 from dolfinx_contact.continuation import explore, follow
-from dolfinx_contact.solvers import ladder, linear
+from dolfinx_contact.equations.measures import Measures
+from dolfinx_contact.solvers import choice, ladder
 from dolfinx_contact.solvers.history import Step
-from dolfinx_contact.solvers.measures import Measures
 
 COMM = MPI.COMM_WORLD
 STEP = Step(3, Measures(1e-3, 2e-5, 4e-2), 5, 1.0, 17)
@@ -142,7 +142,7 @@ def test_log_of_failures(caplog):
 
 def test_log_of_a_stagnating_solver(caplog, monkeypatch):
     """A new preconditioner, then the direct solver: each said once."""
-    monkeypatch.setattr(linear, "_LARGEST_DIRECT", {3: 10})
+    monkeypatch.setattr(choice, "_LARGEST_DIRECT", {3: 10})
     with caplog.at_level(logging.WARNING):
         block(cell="tet", n=4, options={"ksp_rtol": 1e-12, "ksp_max_it": 2}).solve()
     assert sum("the direct solver takes over" in x for x in said(caplog)) == 1

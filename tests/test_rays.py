@@ -2,27 +2,17 @@
 
 import itertools
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
+from textbook import coulomb_system
 
 from dolfinx_contact.continuation import rays as rays_module
-from dolfinx_contact.continuation.affine import AffineSystem
 from dolfinx_contact.continuation.rays import outgoing
-from dolfinx_contact.laws.cones import classify_points, coulomb_cones
 
 
 def condensed(S, load, rate, friction):
-    """S a - r = load + gamma rate with Coulomb's law at every point, a = (ut, un), ..."""
-    m = len(S) // 2
-    M = np.zeros((2 * m, m, 4))
-    M[:, :, :2] = S.reshape(2 * m, m, 2)
-    M.reshape(m, 2, m, 4)[np.arange(m), :, np.arange(m), 2:] = -np.eye(2)
-    F, grips = np.full(m, float(friction)), np.ones(m, dtype=bool)
-    B, C, exists = coulomb_cones(F, grips)
-    classify = partial(classify_points, friction=F, grips=grips, r=np.full(m, 0.5))
-    return AffineSystem(M, np.asarray(load, float), np.asarray(rate, float), B, C, classify, exists)
+    return coulomb_system(S, load, rate, friction, r=0.5)
 
 
 def random_stiffness(random, m):

@@ -97,4 +97,4 @@ def test_readme_log():
         timeout=120,
     )
     assert "INFO:dolfinx_contact.solvers.newton:full steps, iteration 0: residual" in done.stderr
-    assert "INFO:dolfinx_contact.solvers.linear:" in done.stderr
+    assert "INFO:dolfinx_contact.solvers.choice:" in done.stderr

@@ -16,7 +16,7 @@ from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, Frictionles
 from dolfinx_contact.materials import CiarletGeymonat, LinearElastic, NeoHookean
 from dolfinx_contact.output import write_contact_table
 from dolfinx_contact.output.fields import contact_fields
-from dolfinx_contact.result import collect
+from dolfinx_contact.results.result import collect
 
 COMM = MPI.COMM_WORLD
 STEEL = LinearElastic.from_young(1000.0, 0.3)
@@ -151,11 +151,8 @@ def test_an_imbalance_is_measured_and_said(caplog):
     assert problem.solve().imbalance < 1e-9
     assert not caplog.records
     problem.surfaces[0].multiplier.x.array[:] *= 1.1
-    x = problem.create_vector()
-    problem.write(x)
-    with caplog.at_level(logging.WARNING), problem.status_held():
-        result = collect(problem, x, [])
-    x.destroy()
+    with caplog.at_level(logging.WARNING):
+        result = collect(problem.equations, problem.state(), [])
     # The support is that of a body with these contact forces; free nodes are out of balance.
     assert 0.01 < result.imbalance < 0.1
     said = [r for r in caplog.records if "out of balance" in r.getMessage()]
@@ -197,15 +194,15 @@ def test_support_as_a_field(degree):
     problem.solve()
     fields = contact_fields(problem, surface)
     support = fields["support"].x.array.reshape(-1, 3)
-    n = surface.vertices.dofmap.index_map.size_local
-    found = COMM.allreduce((support * surface.vertex_areas[:, None])[:n].sum(axis=0))
+    n = surface.points.vertices.dofmap.index_map.size_local
+    found = COMM.allreduce((support * surface.points.vertex_areas[:, None])[:n].sum(axis=0))
     below = fem.locate_dofs_geometrical(V, lambda x: np.isclose(x[0], 0) & np.isclose(x[2], 0))
     owned = below[below < V.dofmap.index_map.size_local]
-    rows = problem.reactions.reshape(-1, 3)[owned]
+    rows = problem.state().reactions.reshape(-1, 3)[owned]
     expected = COMM.allreduce(rows.sum(axis=0))
     np.testing.assert_allclose(found, expected, rtol=1e-10)
     assert np.linalg.norm(expected) > 1.0
-    x = surface.vertices.tabulate_dof_coordinates()
+    x = surface.points.vertices.tabulate_dof_coordinates()
     assert not support[x[:, 0] > 1e-9].any()
     held = x[:n, 0] < 1e-9
     assert COMM.allreduce(int((np.abs(support[:n][held, 2]) > 1e-3).sum())) == 3

@@ -29,7 +29,7 @@ def test_rounds(rounds):
     def evaluate(x, b):
         b.array[:] = x.array_r**2 - 4
 
-    def correct(b, d):
+    def correct(x, b, d):
         calls.append(1)
         d.array[:] = b.array_r / (2 * x.array_r)
         return len(calls) <= 3
@@ -49,7 +49,7 @@ def test_a_correction_that_harms_is_not_taken(correction, good):
     x, b, d = vectors(4, start=1.0)
     corrections = iter([0.5] * good + [correction])
 
-    def correct(b, d):
+    def correct(x, b, d):
         d.set(next(corrections))
         return True
 

@@ -84,7 +84,7 @@ def test_fields_as_vtk(folder, cell, degree):
     files = write_fields(folder, problem, stress=stress, format="vtk")
     assert [f.name for f in files] == ["body.vtu", "body_stress.vtu", "contact.vtu"]
     fields = contact_fields(problem, problem.surfaces[0])
-    x = problem.surfaces[0].vertices.tabulate_dof_coordinates()
+    x = problem.surfaces[0].points.vertices.tabulate_dof_coordinates()
     dim = problem.V.mesh.geometry.dim
     places = np.concatenate(COMM.allgather(x))
     values = {k: np.concatenate(COMM.allgather(f.x.array)) for k, f in fields.items()}

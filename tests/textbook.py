@@ -5,7 +5,10 @@ from petsc4py import PETSc
 
 import numpy as np
 
-from dolfinx_contact.continuation import Events, Piece
+from dolfinx_contact.continuation import Events, Piece, System
+from dolfinx_contact.continuation.affine import AffineSystem
+from dolfinx_contact.laws import Coulomb, LawAtPoints, PointData
+from dolfinx_contact.reduced.gathered import PointLaws
 
 
 class SymmetricGuess:
@@ -15,24 +18,19 @@ class SymmetricGuess:
         total = r.sum()
         z.array[:] = 2.0 * r.array_r + 0.3 * total
 
-    def correct(self, residual, correction):
-        raise ArithmeticError("a correction that cannot be made is left out")
-
     def determinant_sign(self):
         return 1.0
 
-    def wear(self, iterations, digits):
+    def age(self, iterations, digits):
         pass
 
 
-class Textbook:
+class Textbook(System):
     """A dense system with kinked points, on any number of ranks.
 
     ``H(x, g, codes)``, ``J``, ``c`` are the pieces and their derivatives by x and g;
     ``distances(x, g, codes)`` lists, point by point, pairs (distance, status beyond).
     """
-
-    preconditioner = None
 
     def __init__(
         self, n, H, J, c, distances=None, codes=None, statuses=(), moves=None, comm=MPI.COMM_WORLD
@@ -70,6 +68,10 @@ class Textbook:
     def residual(self, x, gamma, b, piece):
         codes = self._codes_of(x, gamma, piece)
         b.array[:] = self._H(self._values(x), gamma, codes)[self._start : self._end]
+        return float(b.norm(PETSc.NormType.NORM_INFINITY))
+
+    def correct(self, x, gamma, residual, correction, piece):
+        raise ArithmeticError("a correction that cannot be made is left out")
 
     def jacobian(self, x, gamma, piece):
         codes = self._codes_of(x, gamma, piece)
@@ -82,9 +84,6 @@ class Textbook:
         codes = self._codes_of(x, gamma, piece)
         values = np.asarray(self._c(self._values(x), gamma, codes), dtype=float)
         c.array[:] = values[self._start : self._end]
-
-    def error(self, b):
-        return float(b.norm(PETSc.NormType.NORM_INFINITY))
 
     def metric(self, x, out):
         out.array[:] = self._moves[self._start : self._end] * x.array_r
@@ -163,3 +162,23 @@ def one_node(kt, kn, k, F, load, rate):
 def smooth(n, H, J, c):
     """A smooth system."""
     return Textbook(n, lambda x, g, _: H(x, g), lambda x, g, _: J(x, g), lambda x, g, _: c(x, g))
+
+
+def coulomb_system(S, load, rate, friction, *, r=1.0):
+    """S a - r = load + gamma rate with Coulomb's law at every point, a = (ut, un), ..."""
+    m = len(S) // 2
+    M = np.zeros((2 * m, m, 4))
+    M[:, :, :2] = S.reshape(2 * m, m, 2)
+    M.reshape(m, 2, m, 4)[np.arange(m), :, np.arange(m), 2:] = -np.eye(2)
+    data = PointData(
+        np.tile([0.0, -1.0], (m, 1)),
+        np.zeros(m),
+        np.full(m, r),
+        {"friction": np.full(m, float(friction))},
+    )
+    law = LawAtPoints(Coulomb(0.0), 2, m, MPI.COMM_SELF)
+    frames = np.tile(np.eye(2), (m, 1, 1))
+    laws = PointLaws(m, frames, np.ones(m), [(np.arange(m), law, data)])
+    B, C, exists = laws.cones()
+    load, rate = np.asarray(load, float), np.asarray(rate, float)
+    return AffineSystem(M, load, rate, B, C, laws.classify, exists)

@@ -8,14 +8,12 @@ from dolfinx_contact.continuation.follow import Follower, Route, follow, followe
 from dolfinx_contact.continuation.observer import Observer, Observers, Stepping, Task
 from dolfinx_contact.continuation.parameters import Kinks, StepControl
 from dolfinx_contact.continuation.pivoting import Pivoting
-from dolfinx_contact.continuation.solutions import Solution, Solutions, find_solutions
+from dolfinx_contact.continuation.points import points_at
+from dolfinx_contact.continuation.solutions import Continuum, Solution, Solutions, find_solutions
 from dolfinx_contact.continuation.system import (
-    Condensable,
     Condensed,
     Events,
-    ManyPieces,
     Piece,
-    Preconditioned,
     Preconditioner,
     System,
 )
@@ -24,21 +22,19 @@ __all__ = [
     "Branch",
     "BranchPoint",
     "Change",
-    "Condensable",
     "Condensed",
+    "Continuum",
     "Diagram",
     "Edge",
     "Events",
     "Follower",
     "Kinks",
     "Locate",
-    "ManyPieces",
     "Node",
     "Observer",
     "Observers",
     "Piece",
     "Pivoting",
-    "Preconditioned",
     "Preconditioner",
     "Ray",
     "Route",
@@ -53,4 +49,5 @@ __all__ = [
     "find_solutions",
     "follow",
     "follower_for",
+    "points_at",
 ]

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
 from mpi4py import MPI
@@ -26,25 +25,20 @@ from dolfinx_contact.continuation.system import System
 __all__ = [
     "asked",
     "check_listeners",
-    "check_parameter",
     "check_states",
     "check_system",
     "checked_gamma",
     "checked_range",
-    "restoring",
     "told",
 ]
 
-_NEEDED = ("comm", "create_vector", "residual", "jacobian", "piece_at", "events")
 _SHORTEST, _LONGEST = 1e-150, 1e150  # ranges of gamma whose squares are numbers
 _ROUND_OFF = 1e-12  # of gamma: a range below it is a point
 
 
 def check_system(system: Any) -> None:
     """Raise ``ValueError`` if ``system`` is none. Not collective."""
-    if not all(
-        hasattr(type(system), name) or name in getattr(system, "__dict__", {}) for name in _NEEDED
-    ):
+    if not isinstance(system, System):
         raise ValueError(
             "what is followed must be a System, such as a ParametricContact of a contact problem "
             f"and its parameter; got {type(system).__name__}"
@@ -116,24 +110,6 @@ def check_listeners(
     whole = isinstance(max_steps, int | np.integer) and not isinstance(max_steps, bool)
     if not whole or max_steps < 1:
         raise ValueError(f"the budget of steps must be positive, got {max_steps!r}")
-
-
-def check_parameter(system: System, gammas: Sequence[float]) -> None:
-    """Let a system that has `check_parameter` object to values of gamma. Collective."""
-    check: Callable[[Sequence[float]], None] | None = getattr(system, "check_parameter", None)
-    if check is not None:
-        check(gammas)
-
-
-def restoring(system: System, *, always: bool = False) -> AbstractContextManager[None]:
-    """Puts back what a system writes to if the context raises, where it has `restored`.
-
-    Args:
-        system: that writes.
-        always: also if the context does not raise.
-    """
-    restored: Callable[..., AbstractContextManager[None]] | None = getattr(system, "restored", None)
-    return nullcontext() if restored is None else restored(always=always)
 
 
 def asked(

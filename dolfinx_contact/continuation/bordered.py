@@ -18,7 +18,7 @@ from dolfinx_contact.continuation.factorised import Factorised
 from dolfinx_contact.continuation.krylov import Krylov
 from dolfinx_contact.continuation.layout import Layout
 from dolfinx_contact.continuation.linear import BorderedSolver
-from dolfinx_contact.continuation.system import System, as_preconditioned
+from dolfinx_contact.continuation.system import System
 
 __all__ = ["Bordered"]
 
@@ -47,8 +47,7 @@ class Bordered(Layout):
     @cached_property
     def solver(self) -> BorderedSolver:
         """Of the matrix; made when it is first asked for. Collective."""
-        system = as_preconditioned(self.system)
-        P = None if system is None else system.preconditioner
+        P = self.system.preconditioner
         return Factorised(self, self.prefix) if P is None else Krylov(self, self.prefix, P)
 
     def dual(self, y: PETSc.Vec, out: PETSc.Vec) -> None:

@@ -5,14 +5,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 from petsc4py import PETSc
 
 from dolfinx_contact.continuation.system import Piece
 
-__all__ = ["CLOSED", "Branch", "BranchPoint", "Change", "Ray", "SpecialPoint", "Stop"]
+__all__ = ["AT_END", "CLOSED", "Branch", "BranchPoint", "Change", "Ray", "SpecialPoint", "Stop"]
 
+#: Why a branch ended that was followed to the end of the range of gamma.
+AT_END = "gamma reached the end of its range"
 #: Why a branch ended that came back to its start.
 CLOSED = "the branch is closed"
 
@@ -54,7 +56,7 @@ class Change:
 
 @dataclass(frozen=True)
 class Ray:
-    """A way out of a nonsmooth point: the piece, and the one-sided unit tangent into it."""
+    """An outgoing ray of a nonsmooth point: the piece, and the one-sided unit tangent into it."""
 
     piece: Piece
     tangent: PETSc.Vec
@@ -66,7 +68,7 @@ class SpecialPoint:
 
     Attributes:
         kind: ``"event"`` a status changes and gamma goes on, ``"fold"`` gamma turns back,
-            ``"bifurcation"`` there are other ways out.
+            ``"bifurcation"`` there are other outgoing rays.
         smooth: False at a change of status.
         gamma: parameter; at an event that is not located, estimated.
         y: (x, gamma); at an event that is not located, the point of the branch that follows it.
@@ -74,11 +76,11 @@ class SpecialPoint:
         changes: points that change status on the branch that is followed.
         parity: sign of the ratio of the determinants of the bordered systems before and after, -1
             at a simple bifurcation; 0 if it was not evaluated.
-        others: ways out that the branch does not take.
+        others: outgoing rays that the branch does not take.
         complete: whether `others` has been enumerated completely; False if it was not looked for.
         incoming: at a bifurcation the ray along which the branch came; its tangent points to here.
         onwards: at a bifurcation the ray by which the branch goes on.
-        method: how the ways out were looked for.
+        method: how the rays were looked for.
         bracket: the values of gamma between which an event lies that is not located; None if it
             is.
     """
@@ -135,3 +137,19 @@ class Branch:
     def bifurcations(self) -> list[SpecialPoint]:
         """Where other ways lead out."""
         return [s for s in self.special if s.kind == "bifurcation"]
+
+    def summary(self) -> dict[str, Any]:
+        """Scalars and lists for `summary.json`."""
+        return {
+            "converged": self.reason == AT_END,
+            "reason": self.reason,
+            "newton_iterations": sum(p.corrections for p in self.points),
+            "points": len(self.points),
+            "gammas": [p.gamma for p in self.points],
+            "gamma_end": self.points[-1].gamma if self.points else None,
+            "folds": [s.gamma for s in self.folds],
+            "bifurcations": [s.gamma for s in self.bifurcations],
+            "located_events": [s.gamma for s in self.special if s.changes and s.located],
+            "factorisations": self.factorisations,
+            "solves": self.solves,
+        }

@@ -9,6 +9,8 @@ fixed tangent; natural holds gamma.
 
 from __future__ import annotations
 
+import logging
+
 from petsc4py import PETSc
 
 import numpy as np
@@ -20,6 +22,8 @@ from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.continuation.system import Piece
 
 __all__ = ["Corrector"]
+
+logger = logging.getLogger(__name__)
 
 #: Length of a solution of J t = (0, 1) beyond which the row says too little about the tangent.
 _NEARLY_SINGULAR = 1e8
@@ -72,7 +76,7 @@ class Corrector:
         self._reference: PETSc.Vec | None = None
         self._distance, self._polish = 0.0, False
         self._T: PETSc.Vec | None = None
-        self._error = 0.0
+        self._error = self._residual = 0.0
         #: Relative residual to which a correction is worth solving.
         self.forcing = 0.0
         self.iterations = 0
@@ -181,7 +185,7 @@ class Corrector:
     def _function(self, _snes: PETSc.SNES, y: PETSc.Vec, out: PETSc.Vec) -> None:
         b = self.bordered
         x, gamma = b.split(y)
-        b.system.residual(x, gamma, self._hx, self._piece)
+        self._residual = b.system.residual(x, gamma, self._hx, self._piece)
         last = 0.0
         if self._reference is not None:
             self._away.waxpy(-1.0, self._reference, y)
@@ -203,17 +207,22 @@ class Corrector:
         def evaluate(x: PETSc.Vec, hx: PETSc.Vec) -> None:
             b.system.residual(x, gamma, hx, self._piece)
 
-        if settle(evaluate, b.solver.correct, self._x, self._hx, self._d, ROUNDS):
+        def correct(x: PETSc.Vec, hx: PETSc.Vec, d: PETSc.Vec) -> bool:
+            try:
+                return b.system.correct(x, gamma, hx, d, self._piece)
+            except ArithmeticError as error:
+                if b.comm.rank == 0:
+                    logger.debug("no correction: %s", error)
+                return False
+
+        if settle(evaluate, correct, self._x, self._hx, self._d, ROUNDS):
             b.join(self._x, gamma, self._away)
             step.waxpy(-1.0, self._away, y)
 
     def _test(self, snes: PETSc.SNES, it: int, _norms: tuple[float, float, float]) -> int:
         reasons = PETSc.SNES.ConvergedReason
         out = snes.getFunction()[0]
-        last = self.bordered.gamma(out)
-        x, _ = self.bordered.split(out)
-        self._hx.array[:] = x.array_r
-        error = self.bordered.system.error(self._hx)
+        last, error = self.bordered.gamma(out), self._residual
         if not np.isfinite(error + last):
             return int(reasons.DIVERGED_LOCAL_MIN)
         scale = max(abs(self._distance), 1e-6) if self._reference is not None else 1.0

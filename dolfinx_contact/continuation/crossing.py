@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Nonsmooth points: the pieces that meet there and the one-sided tangents that lead out.
 
-Where points change their status the branch goes on in another piece. A piece is a way out if its
-own events at those points grow along its tangent, in one of the two senses. For one point the
+Where points change their status the branch goes on in another piece. A piece has an outgoing ray if
+its own events at those points grow along its tangent, in one of the two senses. For one point the
 status named by its event is tried first; the others are tried if that fails, or if the parity of
 the determinants says that more branches meet. For k points at once all their statuses are tried.
 """
@@ -23,7 +23,7 @@ import numpy.typing as npt
 from dolfinx_contact.continuation.branch import Change, Ray
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.rays import outgoing
-from dolfinx_contact.continuation.system import Events, Piece, as_condensable
+from dolfinx_contact.continuation.system import Events, Piece
 
 __all__ = ["Crossing", "cross", "outgoing_rays", "parity"]
 
@@ -47,7 +47,7 @@ class Kink:
 
 @dataclass(frozen=True)
 class Crossing:
-    """The ways out of a nonsmooth point.
+    """The outgoing rays of a nonsmooth point.
 
     Attributes:
         kinks: number of points that are at a border at once.
@@ -173,10 +173,9 @@ def _by_tangent_cone(
 ) -> Crossing | None:
     """Ways out where several points switch, by the condensed problem; None if there is none."""
     b = corrector.bordered
-    system = as_condensable(b.system)
     x, gamma = b.split(y)
     x = x.copy()
-    condensed = None if system is None else system.condensed(x, gamma)
+    condensed = b.system.condensed(x, gamma)
     if condensed is None:
         return None
     w, base = condensed.contract(x), b.vector()

@@ -13,18 +13,17 @@ import logging
 import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 from petsc4py import PETSc
 
 from dolfinx_contact._errors import everywhere, same_everywhere
 from dolfinx_contact.continuation.arguments import (
     check_listeners,
-    check_parameter,
     check_states,
     check_system,
     checked_gamma,
     checked_range,
-    restoring,
 )
 from dolfinx_contact.continuation.branch import Branch, BranchPoint, Ray, SpecialPoint
 from dolfinx_contact.continuation.follow import Follower, Route, follower_for
@@ -39,6 +38,7 @@ logger = logging.getLogger(__name__)
 
 _SAME = 1e-6  # distance at which two points are one
 _AT_NODE = "a bifurcation"
+_ALL = "every ray has been followed"
 
 
 @dataclass(eq=False)
@@ -47,7 +47,7 @@ class Node:
 
     Attributes:
         point: the special point, as it was found first.
-        rays: all ways out, that by which it was found included.
+        rays: all outgoing rays, that by which it was found included.
         edges: number of the branch that leaves or arrives along each ray; None if none has yet.
     """
 
@@ -100,6 +100,20 @@ class Diagram:
             for j, edge in enumerate(node.edges)
             if edge is None
         ]
+
+    def summary(self) -> dict[str, Any]:
+        """Scalars and lists for `summary.json`; those of branches in the order of the edges."""
+        return {
+            "converged": self.reason == _ALL,
+            "reason": self.reason,
+            "complete": self.complete,
+            "methods": sorted({node.point.method for node in self.nodes}),
+            "bifurcation_gamma": [node.point.gamma for node in self.nodes],
+            "rays": [len(node.rays) for node in self.nodes],
+            "points": [len(b.points) for b in self.branches],
+            "gammas": [[p.gamma for p in b.points] for b in self.branches],
+            "factorisations": sum(b.factorisations for b in self.branches),
+        }
 
 
 def explore(
@@ -156,10 +170,10 @@ def explore(
         route=route,
     )
     check_states(system, [x for x, _ in pairs], "a start")
-    check_parameter(system, [low, high])
+    system.check_parameter([low, high])
     scale = high - low
     with (
-        restoring(system),
+        system.restored(),
         follower_for(system, *pairs[0], control, gamma_scale=scale, route=route) as follower,
     ):
         explorer = _Explorer(follower, (low, high), max_steps, observer)
@@ -211,7 +225,7 @@ class _Explorer:
                 continue
             self._follow(point, i)
         else:
-            diagram.reason = "every ray has been followed"
+            diagram.reason = _ALL
             known = all(node.point.complete for node in diagram.nodes)
             diagram.complete = known and all(edge.branch.points for edge in diagram.edges)
         if comm.rank == 0:

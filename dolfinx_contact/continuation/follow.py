@@ -21,17 +21,23 @@ from dolfinx_contact._petsc import staged
 from dolfinx_contact.continuation.arguments import (
     asked,
     check_listeners,
-    check_parameter,
     check_states,
     check_system,
     checked_gamma,
     checked_range,
-    restoring,
     told,
 )
 from dolfinx_contact.continuation.batch import BatchedSteps, Locate
 from dolfinx_contact.continuation.bordered import Bordered
-from dolfinx_contact.continuation.branch import CLOSED, Branch, BranchPoint, Ray, SpecialPoint, Stop
+from dolfinx_contact.continuation.branch import (
+    AT_END,
+    CLOSED,
+    Branch,
+    BranchPoint,
+    Ray,
+    SpecialPoint,
+    Stop,
+)
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.observer import Observer, Stepping, Task
 from dolfinx_contact.continuation.parameters import StepControl
@@ -41,8 +47,6 @@ from dolfinx_contact.continuation.steps import ExactSteps
 from dolfinx_contact.continuation.system import (
     Piece,
     System,
-    as_condensable,
-    as_many_pieces,
 )
 
 __all__ = ["Follower", "Route", "follow", "follower_for"]
@@ -105,10 +109,10 @@ def follow(
         stop_condition=stop is not None,
     )
     check_states(system, [x], "x")
-    check_parameter(system, [low, high])
+    system.check_parameter([low, high])
     scale = high - low
     with (
-        restoring(system),
+        system.restored(),
         follower_for(system, x, gamma, control, gamma_scale=scale, route=route) as follower,
     ):
         start = follower.start(x, gamma, increasing=increasing)
@@ -143,9 +147,8 @@ def follower_for(
         raise ValueError(f"the scale of gamma must be positive, got {gamma_scale}")
     if route not in ("auto", "pivoting", "steps"):
         raise ValueError(f"the route must be auto, pivoting or steps, got {route!r}")
-    affine = as_condensable(system) if route != "steps" else None
-    if affine is not None and affine.is_piecewise_affine:
-        condensed = affine.condensed(x, gamma)
+    if route != "steps" and system.is_piecewise_affine:
+        condensed = system.condensed(x, gamma)
         if condensed is not None:
             return Pivoting(system, condensed, gamma_scale=gamma_scale)
     if route == "pivoting":
@@ -273,7 +276,7 @@ class Follower:
                 branch.reason = CLOSED
             elif not low <= new.gamma <= high:
                 new, special = self._steps.end_at(point, new, special, (low, high))
-                branch.reason = "gamma reached the end of its range"
+                branch.reason = AT_END
             special = [replace(s, index=len(branch.points)) for s in special]
             branch.special += special
             branch.points.append(new)
@@ -289,7 +292,8 @@ class Follower:
         observer.end(branch_id, branch.reason)
         branch.factorisations = b.solver.factorisations - before[0]
         branch.solves = b.solver.solves - before[1]
-        self.system.piece_at(*b.split(branch.points[-1].y))
+        last = branch.points[-1]
+        self.system.put(*b.split(last.y), last.piece)
         if b.comm.rank == 0:
             logger.info("branch ended: %s", branch.reason)
         return branch
@@ -350,6 +354,11 @@ class Follower:
             size += float(np.nan_to_num(c.norm(), nan=0.0))
         c.destroy()
         probe.destroy()
+        if not size > 0:  # it may decide on the borders of the piece alone
+            at = gamma + 1e-3 * self.bordered.gamma_scale
+            here, there = (self.system.events(x, g, piece).distance for g in (gamma, at))
+            moved = len(here) != len(there) or bool(np.any(here != there))
+            size = float(self.system.comm.allreduce(int(moved)))
         if not size > 0:
             raise ValueError("gamma does not appear in H: its derivative by gamma vanishes")
 
@@ -358,8 +367,7 @@ def _steps(corrector: Corrector, locate: Locate | None) -> ExactSteps:
     """Steps that pass kinks as `StepControl.kinks` says."""
     system, kinks = corrector.bordered.system, corrector.control.kinks
     if kinks is None:
-        known = as_many_pieces(system)
-        kinks = "batched" if known is not None and known.has_many_pieces else "exact"
+        kinks = "batched" if system.has_many_pieces else "exact"
     if kinks == "batched":
         return BatchedSteps(corrector, locate)
     if locate is not None:

@@ -158,20 +158,12 @@ class Krylov(BorderedSolver):
             out.axpy(1.0, d)
             taken = self.ksp.getIterationNumber()
             end = self.ksp.getResidualNorm()
-            self._P.wear(taken, float(np.log10(max(start / max(end, 1e-300), 1.0))))
+            self._P.age(taken, float(np.log10(max(start / max(end, 1e-300), 1.0))))
             if self.ksp.getConvergedReason() <= 0:
                 if self.comm.rank == 0:
                     logger.info("%d Krylov iterations: from %.2e to %.2e", taken, start, end)
                 return False
         return bool(np.isfinite(out.norm()))
-
-    def correct(self, residual: PETSc.Vec, correction: PETSc.Vec) -> bool:
-        try:
-            return self._P.correct(residual, correction)
-        except ArithmeticError as error:
-            if self.comm.rank == 0:
-                logger.debug("no correction: %s", error)
-            return False
 
     def probe(self, rhs: PETSc.Vec, out: PETSc.Vec, *, rtol: float = 0.0) -> bool:
         before = self.solves

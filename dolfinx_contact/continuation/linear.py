@@ -23,7 +23,7 @@ class BorderedSolver(ABC):
         defaults: PETSc options where the database says nothing else.
         precision: relative error that solutions may have.
         many_sides: whether one set-up makes every further right-hand side cheap.
-        corrects: whether `correct` may do anything.
+        corrects: whether `System.correct` pays: a correction costs less than a step.
         matrix: J, for SNES.
         factorisations, solves: matrices factorised and applications of their inverse so far, or of
             the preconditioner.
@@ -64,10 +64,6 @@ class BorderedSolver(ABC):
             rtol: relative residual that is good enough, if exactness has a price.
             near: something near the solution.
         """
-
-    def correct(self, residual: PETSc.Vec, correction: PETSc.Vec) -> bool:
-        """See `Preconditioner.correct`. Collective."""
-        return False
 
     @abstractmethod
     def probe(self, rhs: PETSc.Vec, out: PETSc.Vec, *, rtol: float = 0.0) -> bool:

@@ -33,7 +33,7 @@ class StepControl:
             on without turning or branching, the others are located (`BatchedSteps`);
             ``"stepping"`` the step shrinks to its minimum before a kink and is then tried along
             the tangents beyond (`SteppingSteps`). None: batched where the system has many pieces
-            (`ManyPieces`), else exact.
+            (`System.has_many_pieces`), else exact.
     """
 
     initial: float = 0.02

@@ -4,7 +4,7 @@
 There is no predictor, no Newton's method and no step length: on a piece the state is affine in
 gamma, the first status to change is that of the least ratio, and the change is a low-rank update of
 the inverse of a dense matrix of the size of the kinked points (parametric pivoting). Where several
-points change at once the tangent cone is solved for all the ways out (`rays.py`).
+points change at once the tangent cone is solved for all outgoing rays (`rays.py`).
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from dolfinx_contact.continuation.affine import TOLERANCE, AffinePiece, Array, C
 from dolfinx_contact.continuation.arguments import asked, told
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.branch import (
+    AT_END,
     CLOSED,
     Branch,
     BranchPoint,
@@ -130,7 +131,7 @@ class Pivoting:
                 gamma = high if ray.rate > 0 else low
                 w = self._moved(w, gamma, ahead, ray)
                 point = self._point(w, gamma, ray, ahead)
-                branch.reason = "gamma reached the end of its range"
+                branch.reason = AT_END
             else:
                 gamma = point.gamma + length * ray.rate
                 w = self._moved(w, gamma, length, ray)
@@ -149,7 +150,8 @@ class Pivoting:
         else:
             branch.reason = f"the budget of {max_steps} steps is exhausted"
         observer.end(branch_id, branch.reason)
-        self.system.piece_at(*b.split(branch.points[-1].y))
+        last = branch.points[-1]
+        self.system.put(*b.split(last.y), last.piece)
         if b.comm.rank == 0:
             logger.info("branch ended: %s", branch.reason)
         return branch

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""All ways out of a point at which the pieces of an affine system meet.
+r"""All outgoing rays of a point at which the pieces of an affine system meet.
 
 The directions (dw, dgamma) that lead out solve a system of cones without load, M dw = dgamma q:
 the tangent cone. Its solutions are rays. They are found
@@ -34,7 +34,7 @@ _SINGULAR = 1e-14  # singular values that are round-off, relative to the largest
 
 @dataclass(frozen=True, eq=False)
 class AffineRay:
-    """A way out: statuses, dw of shape (m, k), and dgamma: 1, -1 or 0."""
+    """An outgoing ray: statuses, dw of shape (m, k), and dgamma: 1, -1 or 0."""
 
     codes: Codes
     direction: Array
@@ -43,17 +43,20 @@ class AffineRay:
 
 @dataclass(frozen=True)
 class Rays:
-    """The ways out of a point.
+    """The outgoing rays of a point.
 
     Attributes:
         rays: in no order.
         complete: whether it is proved that there are no others.
-        method: how they were found, for people.
+        method: how they were found, human-readable.
+        continua: pieces that hold more than single rays, each with the rays among `rays` that lie
+            in it, borders included.
     """
 
     rays: tuple[AffineRay, ...]
     complete: bool
     method: str
+    continua: tuple[tuple[Codes, tuple[AffineRay, ...]], ...] = ()
 
 
 def step(system: AffineSystem, codes: Codes, w: Array, direction: Array) -> float:
@@ -110,18 +113,24 @@ def outgoing(
         except FloatingPointError as error:
             doubt = f", {error}"
         rays = _distinct(found)
-        if any(_lie_in(cone, codes, rays) > 1 for codes in wide):
+        edges = [(codes, _inside_of(cone, codes, rays)) for codes in wide]
+        continua = tuple((codes, ends) for codes, ends in edges if len(ends) > 1)
+        if continua:
             doubt += ", with continua between these"
-        return Rays(tuple(rays), not doubt, f"enumeration of {pieces:.0f} pieces{doubt}")
+        method = f"enumeration of {pieces:.0f} pieces{doubt}"
+        return Rays(tuple(rays), not doubt, method, continua)
     return _unfold(cone, known, choices, tries, seed)
 
 
-def _lie_in(cone: AffineSystem, codes: Codes, rays: Sequence[AffineRay]) -> int:
-    """How many of the rays lie in one piece, borders included."""
+def _inside_of(
+    cone: AffineSystem, codes: Codes, rays: Sequence[AffineRay]
+) -> tuple[AffineRay, ...]:
+    """Those of the rays that lie in one piece, borders included."""
     points = np.arange(cone.points)
-    return sum(
-        bool(cone.statuses_at(r.direction, 1e-8 * np.abs(r.direction).max())[points, codes].all())
+    return tuple(
+        r
         for r in rays
+        if cone.statuses_at(r.direction, 1e-8 * np.abs(r.direction).max())[points, codes].all()
     )
 
 
@@ -295,7 +304,7 @@ def _by_newton(cone: AffineSystem, choices: Sequence[npt.NDArray[np.int64]]) -> 
 
 
 def _other_end(unfolded: AffineSystem, ray: AffineRay) -> AffineRay | None:
-    """The ray by which the branch goes out that comes in by ``ray``; None if it gets lost."""
+    """The outgoing ray of the branch with the incoming ``ray``; None if it gets lost."""
     if ray.rate == 0:
         return None
     codes = unfolded.solve(1e6 * ray.rate, ray.codes)  # a border point of the ray falls to a side

@@ -28,23 +28,21 @@ import numpy as np
 
 from dolfinx_contact._errors import everywhere, same_everywhere
 from dolfinx_contact.continuation.arguments import (
-    check_parameter,
     check_states,
     check_system,
     checked_gamma,
-    restoring,
 )
 from dolfinx_contact.continuation.bordered import Bordered
-from dolfinx_contact.continuation.rays import outgoing
+from dolfinx_contact.continuation.branch import BranchPoint
+from dolfinx_contact.continuation.layout import Layout
+from dolfinx_contact.continuation.rays import AffineRay, outgoing
 from dolfinx_contact.continuation.system import (
-    Condensable,
     Events,
     Piece,
     System,
-    as_condensable,
 )
 
-__all__ = ["Solution", "Solutions", "find_solutions"]
+__all__ = ["Continuum", "Solution", "Solutions", "find_solutions"]
 
 logger = logging.getLogger(__name__)
 
@@ -58,6 +56,20 @@ class Solution:
 
 
 @dataclass(frozen=True)
+class Continuum:
+    """Infinitely many solutions with the same statuses.
+
+    Attributes:
+        piece: the statuses.
+        ends: those that span the others, two where these are a segment; of a set that goes to
+            infinity only the ends that there are.
+    """
+
+    piece: Piece
+    ends: tuple[Solution, ...]
+
+
+@dataclass(frozen=True)
 class Solutions:
     """Solutions at one gamma.
 
@@ -65,13 +77,31 @@ class Solutions:
         gamma: parameter.
         found: known ones first.
         complete: whether it is proved that there are no others.
-        method: how they were looked for, for people.
+        method: how they were looked for, human-readable.
+        continua: that were found by enumeration; their ends are in `found` as well.
     """
 
     gamma: float
     found: tuple[Solution, ...]
     complete: bool
     method: str
+    continua: tuple[Continuum, ...] = ()
+
+    def points(self, system: System, found: Sequence[Solution] | None = None) -> list[BranchPoint]:
+        """Solutions as points without a tangent, for pictures and tables. Collective.
+
+        Args:
+            system: that they solve.
+            found: which, by default all.
+        """
+        layout, points = Layout(system), []
+        for s in self.found if found is None else found:
+            y, nothing = layout.vector(), layout.vector()
+            layout.join(s.x, self.gamma, y)
+            nothing.set(0.0)
+            points.append(BranchPoint(y, nothing, s.piece, self.gamma, 0.0, 0))
+        layout.x.destroy()
+        return points
 
 
 def find_solutions(
@@ -126,15 +156,14 @@ def find_solutions(
     )
     check_states(system, guesses, "a guess")
     check_states(system, known, "a known solution")
-    check_parameter(system, [gamma])
-    affine = None if deflation else as_condensable(system)
-    if affine is not None and affine.is_piecewise_affine:
-        with restoring(system, always=True):
-            found = _of_cones(affine, guesses[0], gamma)
+    system.check_parameter([gamma])
+    if not deflation and system.is_piecewise_affine:
+        with system.restored(always=True):
+            found = _of_cones(system, guesses[0], gamma)
         if found is not None:
             return found
     with (
-        restoring(system, always=True),
+        system.restored(always=True),
         _Deflated(system, gamma, max_iterations, tolerance) as deflated,
     ):
         solutions = [x.copy() for x in known]
@@ -153,7 +182,7 @@ def find_solutions(
     return Solutions(gamma, found_ones, False, f"deflation, {runs} runs of Newton's method")
 
 
-def _of_cones(system: Condensable, x: PETSc.Vec, gamma: float) -> Solutions | None:
+def _of_cones(system: System, x: PETSc.Vec, gamma: float) -> Solutions | None:
     condensed = system.condensed(x, gamma)
     if condensed is None:
         return None
@@ -163,12 +192,18 @@ def _of_cones(system: Condensable, x: PETSc.Vec, gamma: float) -> Solutions | No
     # The rays are looked for in units in which the load is 1.
     unit = float(np.abs(whole).max(initial=0.0)) or 1.0
     rays = outgoing(replace(affine, load=np.zeros_like(whole), rate=np.asarray(whole / unit)))
-    found = []
-    for ray in rays.rays:
-        if ray.rate == 1:
-            y = x.copy()
-            condensed.expand(unit * ray.direction, gamma, y)
-            found.append(Solution(y, condensed.piece(ray.codes)))
+
+    def solution(ray: AffineRay) -> Solution:
+        y = x.copy()
+        condensed.expand(unit * ray.direction, gamma, y)
+        return Solution(y, condensed.piece(ray.codes))
+
+    at = {id(ray): solution(ray) for ray in rays.rays if ray.rate == 1}
+    found = tuple(at.values())
+    spans = [(codes, [at[id(r)] for r in ends if id(r) in at]) for codes, ends in rays.continua]
+    continua = tuple(
+        Continuum(condensed.piece(codes), tuple(ends)) for codes, ends in spans if ends
+    )
     complete = rays.complete
     if complete and not found and condensed.always_solvable:
         complete = False
@@ -179,7 +214,7 @@ def _of_cones(system: Condensable, x: PETSc.Vec, gamma: float) -> Solutions | No
                 gamma,
                 rays.method,
             )
-    return Solutions(gamma, tuple(found), complete, rays.method)
+    return Solutions(gamma, found, complete, rays.method, continua)
 
 
 class _Deflated:
@@ -236,8 +271,7 @@ class _Deflated:
         b, x = self.bordered, guess.copy()
         squares = [part**2 * self._product(guess, other)[0] or 1.0 for other in known]
         for _ in range(self.max_iterations):
-            self.system.residual(x, self.gamma, self._h, piece)
-            error = self.system.error(self._h)
+            error = self.system.residual(x, self.gamma, self._h, piece)
             if not np.isfinite(error):
                 break
             near = error <= self.tolerance and piece is None

@@ -9,8 +9,9 @@ it and vanish where a point is about to change its status.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from typing import Protocol
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -21,17 +22,11 @@ import numpy.typing as npt
 from dolfinx_contact.continuation.affine import AffineSystem
 
 __all__ = [
-    "Condensable",
     "Condensed",
     "Events",
-    "ManyPieces",
     "Piece",
-    "Preconditioned",
     "Preconditioner",
     "System",
-    "as_condensable",
-    "as_many_pieces",
-    "as_preconditioned",
 ]
 
 
@@ -65,23 +60,34 @@ class Events:
     target: npt.NDArray[np.int8]
 
 
-class System(Protocol):
-    """H(x, gamma) = 0 in PETSc, with pieces. Every method is collective.
+class System:
+    """H(x, gamma) = 0 in PETSc, with pieces: a base class. Every method is collective.
 
-    ``piece=None`` means H itself, with the status that (x, gamma) asks for.
+    ``piece=None`` means H itself, with the status that (x, gamma) asks for. Nothing is remembered
+    between two calls, but for what `scales` says and for `matrix`, which `jacobian` fills. What is
+    not said to have a default is to be defined.
     """
 
     comm: MPI.Comm
-
-    @property
-    def matrix(self) -> PETSc.Mat:
-        """N x N, which `jacobian` fills: AIJ, but for a system that is `Preconditioned`."""
+    #: N x N, which `jacobian` fills: AIJ, but where there is a `preconditioner`.
+    matrix: PETSc.Mat
+    #: Measures that residuals are judged by; they may grow along a branch.
+    scales: tuple[float, ...] = ()
+    #: Whether kinks are passed in batches unless `StepControl.kinks` says otherwise: where branches
+    #: pass so many that not all need be located. By default not.
+    has_many_pieces: bool = False
+    #: Whether every piece is affine in (x, gamma), so that `condensed` is the whole problem.
+    is_piecewise_affine: bool = False
+    #: Of the Jacobian; None, the default, where that is to be factorised.
+    preconditioner: Preconditioner | None = None
 
     def create_vector(self) -> PETSc.Vec:
         """A vector for x."""
+        raise NotImplementedError
 
-    def residual(self, x: PETSc.Vec, gamma: float, b: PETSc.Vec, piece: Piece | None) -> None:
-        """H(x, gamma) into ``b``."""
+    def residual(self, x: PETSc.Vec, gamma: float, b: PETSc.Vec, piece: Piece | None) -> float:
+        """H(x, gamma) into ``b``; its relative size."""
+        raise NotImplementedError
 
     def jacobian(self, x: PETSc.Vec, gamma: float, piece: Piece | None) -> None:
         """The derivative of H by x into `matrix`.
@@ -89,38 +95,79 @@ class System(Protocol):
         Raises:
             ArithmeticError: on all ranks, if the system is preconditioned and that cannot be done.
         """
+        raise NotImplementedError
 
     def parameter_derivative(
         self, x: PETSc.Vec, gamma: float, c: PETSc.Vec, piece: Piece | None
     ) -> None:
         """The derivative of H by gamma into ``c``."""
-
-    def error(self, b: PETSc.Vec) -> float:
-        """Relative size of the residual ``b`` that was evaluated last."""
+        raise NotImplementedError
 
     def metric(self, x: PETSc.Vec, out: PETSc.Vec) -> None:
         """M x into ``out``, M symmetric and semi-definite: lengths in the space of x."""
+        raise NotImplementedError
 
     def piece_at(self, x: PETSc.Vec, gamma: float) -> Piece:
-        """The piece that (x, gamma) asks for."""
+        """The piece that (x, gamma) asks for; by default the only one there is."""
+        return Piece(np.zeros(0, dtype=np.int8))
 
     def events(self, x: PETSc.Vec, gamma: float, piece: Piece) -> Events:
-        """Distances to the borders of ``piece``."""
+        """Distances to the borders of ``piece``; by default it has none."""
+        return Events(np.zeros(0), np.zeros(0, dtype=np.int32), np.zeros(0, dtype=np.int8))
 
     def probe(self, seed: int) -> PETSc.Vec:
         """A new vector with entries like random numbers, the same on any number of ranks."""
+        raise NotImplementedError
 
     def statuses(self, point: int) -> Sequence[int]:
-        """All statuses that the local ``point`` can have."""
+        """All statuses that the local ``point`` can have; by default none."""
+        return ()
 
+    def correct(
+        self,
+        x: PETSc.Vec,
+        gamma: float,
+        residual: PETSc.Vec,
+        correction: PETSc.Vec,
+        piece: Piece | None,
+    ) -> bool:
+        """What to subtract from x to solve a few rows of H for their own unknowns.
 
-@runtime_checkable
-class ManyPieces(Protocol):
-    """A system that says whether its branches pass so many kinks that not all need be located."""
+        Args:
+            x: the state.
+            gamma: there.
+            residual: H(x, gamma).
+            correction: receives the solution.
+            piece: on which H is taken.
 
-    @property
-    def has_many_pieces(self) -> bool:
-        """Whether kinks are passed in batches unless `StepControl.kinks` says otherwise."""
+        Returns:
+            Whether there is anything to correct; by default not.
+
+        Raises:
+            ArithmeticError: on all ranks, if the rows are singular.
+        """
+        return False
+
+    def condensed(self, x: PETSc.Vec, gamma: float) -> Condensed | None:
+        """The points at (x, gamma) with all else eliminated.
+
+        None, the default, if their pieces are no polyhedral cones.
+        """
+        return None
+
+    def put(self, x: PETSc.Vec, gamma: float, piece: Piece) -> None:
+        """Show a state to the user, as the last one of a branch is; by default nowhere."""
+
+    def check_parameter(self, gammas: Sequence[float]) -> None:
+        """Raise ``ValueError`` if there is no problem at one of these; by default there is."""
+
+    def restored(self, *, always: bool = False) -> AbstractContextManager[None]:
+        """Restores what evaluations write to if the context raises; by default nothing.
+
+        Args:
+            always: also if the context does not raise.
+        """
+        return nullcontext()
 
 
 class Preconditioner(Protocol):
@@ -132,31 +179,8 @@ class Preconditioner(Protocol):
     def determinant_sign(self) -> float:
         """Sign of det P, up to a factor that is always the same. Collective."""
 
-    def correct(self, residual: PETSc.Vec, correction: PETSc.Vec) -> bool:
-        """What to subtract from x to solve a few rows of H for their own unknowns. Collective.
-
-        Args:
-            residual: of H, as `System.residual` evaluated it last.
-            correction: receives the solution.
-
-        Returns:
-            Whether there is anything to correct.
-
-        Raises:
-            ArithmeticError: on all ranks, if the rows are singular.
-        """
-
-    def wear(self, iterations: int, digits: float) -> None:
+    def age(self, iterations: int, digits: float) -> None:
         """Be told that a solve took so many iterations for so many decimal digits. Collective."""
-
-
-@runtime_checkable
-class Preconditioned(Protocol):
-    """A system that may be too large for its Jacobian to be factorised."""
-
-    @property
-    def preconditioner(self) -> Preconditioner | None:
-        """Of the Jacobian; None where that is to be factorised. Collective."""
 
 
 class Condensed(Protocol):
@@ -191,38 +215,3 @@ class Condensed(Protocol):
 
     def destroy(self) -> None:
         """Free the PETSc objects."""
-
-
-@runtime_checkable
-class Condensable(Protocol):
-    """A system that can be condensed onto its kinked points."""
-
-    @property
-    def is_piecewise_affine(self) -> bool:
-        """Whether every piece is affine in (x, gamma)."""
-
-    def condensed(self, x: PETSc.Vec, gamma: float) -> Condensed | None:
-        """The points at (x, gamma); None if their pieces are no polyhedral cones. Collective."""
-
-
-# `isinstance` with a protocol may evaluate the properties of the system, which are collective and
-# may build what they return; these ask its class.
-
-
-def as_condensable(system: Any) -> Condensable | None:
-    """The system if it is `Condensable`."""
-    return system if _has(system, "condensed", "is_piecewise_affine") else None
-
-
-def as_preconditioned(system: Any) -> Preconditioned | None:
-    """The system if it is `Preconditioned`."""
-    return system if _has(system, "preconditioner") else None
-
-
-def as_many_pieces(system: Any) -> ManyPieces | None:
-    """The system if it is one with `ManyPieces`."""
-    return system if _has(system, "has_many_pieces") else None
-
-
-def _has(system: Any, *names: str) -> bool:
-    return all(hasattr(type(system), name) for name in names)

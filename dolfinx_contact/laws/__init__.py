@@ -1,17 +1,26 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What holds at one contact point: unilateral contact with a friction law."""
+"""What holds at one contact point: a law, written once in UFL."""
 
-from dolfinx_contact.laws.cone import Augmented, Status, augment, classify, projection
+from dolfinx_contact.laws.answers import Answers, PointData
+from dolfinx_contact.laws.compiled import LawAtPoints
 from dolfinx_contact.laws.friction import Coulomb, FrictionLaw, Frictionless, Tresca
+from dolfinx_contact.laws.law import Border, ContactPoint, Law, StatusPiece
+from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK
 
 __all__ = [
-    "Augmented",
+    "MINUS",
+    "OPEN",
+    "PLUS",
+    "STICK",
+    "Answers",
+    "Border",
+    "ContactPoint",
     "Coulomb",
     "FrictionLaw",
     "Frictionless",
-    "Status",
+    "Law",
+    "LawAtPoints",
+    "PointData",
+    "StatusPiece",
     "Tresca",
-    "augment",
-    "classify",
-    "projection",
 ]

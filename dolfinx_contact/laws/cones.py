@@ -1,65 +1,133 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The statuses of a contact point in 2D as polyhedral cones of w = (ut, un, rt, rn).
+r"""The statuses of contact points in 2D as polyhedral cones of w = (ut, un, rt, rn).
 
 Tangential displacement, gap, and the nodal forces on the body (in units of a stiffness times a
-length, so that all four are lengths). Statuses are those of `status`: 0 open, 1 stick, 2 slip with
-ut > 0, 3 slip with ut < 0. Signorini's conditions and |rt| <= F rn hold in each of them.
+length, so that all four are lengths). Where the answers of a law are linear in jump and traction,
+a status is the set of w on a plane, t = D_j j + D_t t, inside its borders: {B z : C B z >= 0}.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK
+from dolfinx_contact.laws.answers import PointData
+from dolfinx_contact.laws.compiled import LawAtPoints
 
-__all__ = ["classify_points", "coulomb_cones"]
+__all__ = ["cones", "is_polyhedral"]
+
+Array = npt.NDArray[np.float64]
+
+_ROUND_OFF = 1e-9
+_STATUSES = 4
 
 
-def coulomb_cones(
-    friction: npt.NDArray[np.float64], grips: npt.NDArray[np.bool_]
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], npt.NDArray[np.bool_]]:
-    """Cones {B z : C B z >= 0} of points with Coulomb friction.
+def is_polyhedral(law: LawAtPoints, data: PointData) -> bool:
+    """Whether answers and borders are linear in jump, gap and traction at the points here."""
+    if max(law.codes) >= _STATUSES or not law.compiled.is_piecewise_linear:
+        return False
+    at_rest = np.zeros((law.number, law.dim))
+    found = law(at_rest, at_rest, replace(data, gap=np.zeros(law.number)))
+    return not any(
+        np.any(values != 0)
+        for code in law.codes
+        for values in (
+            found.traction(np.full(law.number, code, dtype=np.int8)),
+            found.every_distance(code),
+        )
+    )
+
+
+def cones(
+    law: LawAtPoints, data: PointData, frames: Array, scale: Array
+) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
+    """Cones {B z : C B z >= 0} of the statuses of n points.
 
     Args:
-        friction: coefficients F, (m,).
-        grips: points that know stick and two senses of slip, (m,); the others are frictionless,
-            with the one closed status 2.
+        law: polyhedral, at the points.
+        data: of the points, without gaps, which are in w.
+        frames: T of j = T (ut, un) and t = T (rt, rn) scale (n, 2, 2).
+        scale: traction by length in w (n,).
 
     Returns:
-        Bases B (m, 4, 4, 2), inequalities C (m, 4, 2, 4), and which statuses there are (m, 4).
-        Bases are oriented as the rows of the augmented law: for all statuses det (M B) has the
-        sign, up to a common one, of the determinant of the equations M w = p with those rows.
+        Bases B (n, 4, 4, 2), inequalities C (n, 4, 3, 4), rows of zeros filling up, and which
+        statuses there are (n, 4). Bases are oriented as the rows of the law: for all statuses
+        det (M B) has the sign, up to a common one, of the determinant of the equations M w = p with
+        the rows t - tau(j, t) = 0.
     """
-    m = len(friction)
-    ut, un, rt, rn = np.eye(4)
-    B, C = np.zeros((m, 4, 4, 2)), np.zeros((m, 4, 2, 4))
-    B[:, OPEN] = np.stack([ut, un], axis=1)
-    B[:, STICK] = np.stack([rt, rn], axis=1)
-    C[:, OPEN, 0] = un
-    for row, sense in enumerate((1.0, -1.0)):
-        C[:, STICK, row] = friction[:, None] * rn + sense * rt
-    for status, sense in ((PLUS, 1.0), (MINUS, -1.0)):
-        B[:, status, :, 0] = ut
-        B[:, status, :, 1] = -(rn - sense * friction[:, None] * rt)
-        C[:, status, 0] = rn
-        C[:, status, 1] = np.where(grips[:, None], sense * ut, 0.0)
-    exists = np.ones((m, 4), dtype=bool)
-    exists[:, [STICK, MINUS]] = grips[:, None]
+    n = law.number
+    B, C = np.zeros((n, _STATUSES, 4, 2)), np.zeros((n, _STATUSES, 3, 4))
+    exists = np.zeros((n, _STATUSES), dtype=bool)
+    nothing = np.zeros((n, 2))
+    answers = law(nothing, nothing, data)
+    there = answers.exists()
+    lengths = np.zeros((n, 4, 4))  # of w to (j, t)
+    lengths[:, :2, :2] = frames
+    lengths[:, 2:, 2:] = frames * scale[:, None, None]
+    for i, code in enumerate(law.codes):
+        codes, exists[:, code] = np.full(n, code, dtype=np.int8), there[:, i]
+        by_jump, by_traction = answers.by_jump(codes), answers.by_traction(codes)
+        rows = np.concatenate([-by_jump, np.eye(2) - by_traction], axis=2) @ lengths
+        rows /= scale[:, None, None]
+        plane, free = _plane(rows, exists[:, code])
+        slopes = law.slopes(code, nothing, nothing, data) @ lengths
+        C[:, code] = _bounds(slopes @ plane, free, answers.borders(codes).distance < np.inf)
+        # Oriented as the rows are.
+        whole = np.concatenate([plane, np.transpose(rows, (0, 2, 1))], axis=2)
+        plane[np.linalg.det(whole) < 0, :, 1] *= -1.0
+        B[:, code] = plane
     return B, C, exists
 
 
-def classify_points(
-    w: npt.NDArray[np.float64],
-    friction: npt.NDArray[np.float64],
-    grips: npt.NDArray[np.bool_],
-    r: npt.NDArray[np.float64],
-) -> npt.NDArray[np.int8]:
-    """Statuses that a state (m, 4) asks for by the augmented law with the parameters ``r``."""
-    ut, un, rt, rn = np.moveaxis(np.asarray(w), 1, 0)
-    p, s = rn - r * un, rt - r * ut
-    slip: Any = np.where((s > 0) & grips, MINUS, PLUS)
-    closed = np.where((np.abs(s) <= friction * p) & grips, STICK, slip)
-    return np.where(p > 0, closed, OPEN).astype(np.int8)
+def _plane(rows: Array, used: npt.NDArray[np.bool_]) -> tuple[Array, list[int]]:
+    """Bases (n, 4, 2) of the planes ``rows`` w = 0, and the coordinates that they are made of."""
+    best, chosen, size = -1.0, (0, 1), np.abs(rows).max(axis=(1, 2))
+    for pivots in combinations(range(4), 2):
+        determinant = np.abs(np.linalg.det(rows[:, :, list(pivots)])) / size**2
+        least = float(determinant[used].min(initial=np.inf))
+        if least > best * (1 + _ROUND_OFF):
+            best, chosen = least, pivots
+    held = list(chosen)
+    free = [k for k in range(4) if k not in held]
+    B = np.zeros((len(rows), 4, 2))
+    B[:, free] = np.eye(2)
+    if used.any():
+        B[np.ix_(np.flatnonzero(used), np.array(held))] = -np.linalg.solve(
+            rows[used][:, :, held], rows[used][:, :, free]
+        )
+    return B, free
+
+
+def _bounds(slopes: Array, free: list[int], there: npt.NDArray[np.bool_]) -> Array:
+    """Inequalities (n, 3, 4) of the planes' coordinates, without those that others imply."""
+    n, borders, _ = slopes.shape
+    size = np.abs(slopes).max(axis=2, initial=0.0)
+    counts = there[:, :borders] & (size > 0)
+    rows = np.where(counts[:, :, None], slopes / np.where(size > 0, size, 1.0)[:, :, None], 0.0)
+    C = np.zeros((n, 3, 4))
+    for i in range(n):
+        kept = _needed(rows[i][counts[i]])
+        C[i, : len(kept)][:, free] = kept
+    return C
+
+
+def _needed(rows: Array) -> Array:
+    """Those of the inequalities ``rows`` z >= 0 that no two others imply."""
+    kept = list(range(len(rows)))
+    for i in range(len(rows)):
+        others = [k for k in kept if k != i]
+        for pair in combinations(others, 2):
+            A = rows[list(pair)].T
+            if (
+                abs(np.linalg.det(A)) > _ROUND_OFF
+                and (np.linalg.solve(A, rows[i]) >= -_ROUND_OFF).all()
+            ):
+                kept.remove(i)
+                break
+        else:
+            if any(np.abs(rows[i] - rows[k]).max() < _ROUND_OFF for k in others):
+                kept.remove(i)
+    return rows[kept]

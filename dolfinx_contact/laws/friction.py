@@ -1,89 +1,154 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Friction laws: how large the tangential traction may be at a given contact pressure.
+r"""Unilateral contact with friction: how large the shear may be at a given contact pressure.
 
-A law is the radius of the disc (in 2D, of the interval) that holds the tangential traction. The
-unilateral condition is common to all of them and lives in `cone.py`.
+A friction law is the radius b of the disc (in 2D, of the interval) that holds the shear. Of the
+augmented pressure p and shear s it answers -max(p, 0) n + (s projected on the disc of radius b),
+written status by status.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
-import numpy as np
-
 import ufl
-from dolfinx import fem, mesh
 
-from dolfinx_contact._agreement import refuse_other_mesh
+from dolfinx_contact.laws.law import Border, ContactPoint, Law, Scalar, StatusPiece
+from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK, WHERE_OPEN
 
-__all__ = ["Coulomb", "FrictionLaw", "Frictionless", "Scalar", "Tresca"]
+__all__ = ["Coulomb", "FrictionLaw", "Frictionless", "Tresca"]
 
-#: A number, a `dolfinx.fem.Constant`, a `dolfinx.fem.Function` or any scalar UFL expression.
-Scalar: TypeAlias = Any
+_ROUND_OFF = 1e-9  # of the augmented pressure over r, a length
 
-
-def _as_coefficient(domain: mesh.Mesh, value: Scalar, what: str) -> Scalar:
-    """``value`` as UFL: numbers become Constants, so that forms need no new compilation."""
-    if isinstance(value, int | float | np.floating | np.integer) and not isinstance(value, bool):
-        if not (np.isfinite(value) and value >= 0):
-            raise ValueError(f"{what} must be finite and nonnegative, got {value}")
-        return fem.Constant(domain, float(value))
-    if not isinstance(value, ufl.core.expr.Expr) or value.ufl_shape != ():
-        raise ValueError(
-            f"{what} must be a nonnegative number, a Constant, a scalar Function or a scalar UFL "
-            f"expression, got {value!r}"
-        )
-    refuse_other_mesh(value, domain, what)
-    return value
+#: Of the friction disc at the augmented pressure, by the distance slipped.
+Radius: TypeAlias = Callable[[Any], Any]
 
 
-class FrictionLaw:
-    """Radius of the friction disc at a contact point. Units of traction."""
+class FrictionLaw(Law):
+    """Unilateral contact with isotropic friction: define `bound`."""
 
-    #: Whether the disc shrinks to a point where there is no contact pressure.
-    needs_pressure: bool = True
+    def bound(self, a: ContactPoint, p: Any) -> Any:
+        """UFL radius of the friction disc where the pressure is ``p``. Units of traction.
 
-    def bound(self, p: Any) -> Any:
-        """UFL radius of the friction disc at the augmented pressure ``p`` (> 0 in contact)."""
-        raise NotImplementedError
-
-    def bind(self, domain: mesh.Mesh) -> FrictionLaw:
-        """This law with its numbers as Constants of ``domain``. Not collective.
-
-        Raises:
-            ValueError: if a number is negative or not finite, or something is of another mesh.
+        Args:
+            a: the point, of which the radius may use ``a.slid``, the distance it has slipped.
+            p: pressure, positive in contact; where friction acts on open points too
+                (``needs_pressure = False``) it may be negative there, and must not matter then.
         """
-        raise NotImplementedError
+        raise NotImplementedError(f"{type(self).__name__} has no method bound(a, p)")
+
+    def grips(self, a: ContactPoint) -> Any | None:
+        """UFL condition under which friction acts at all at the point; None, the default: always.
+
+        It depends on fields of the law alone: a coefficient that is not zero, say.
+        """
+        return None
+
+    def pieces(self, a: ContactPoint) -> Mapping[int, StatusPiece]:
+        nothing, grips = 0.0 * a.n, self.grips(a)
+        if isinstance(ufl.as_ufl(self.bound(a, a.p)), ufl.constantvalue.Zero):
+            return {
+                OPEN: StatusPiece(nothing, [Border(-a.p, PLUS)]),
+                PLUS: StatusPiece(-a.p * a.n, [Border(a.p, OPEN)]),
+            }
+
+        def radius(slid: Any) -> Any:
+            return self.bound(replace(a, slid=slid), a.p)
+
+        friction = _in_plane(a, radius, grips) if a.dim == 2 else _in_space(a, radius, grips)
+        pieces = {}
+        if self.needs_pressure:
+            pieces[OPEN] = StatusPiece(nothing, _closing(a, grips))
+        else:
+            for code, piece in friction.items():
+                borders = [Border(d, k + WHERE_OPEN, where) for d, k, where in piece.borders]
+                borders.insert(0, Border(-a.p, code))
+                pieces[code + WHERE_OPEN] = StatusPiece(piece.answer, borders, piece.exists)
+        for code, piece in friction.items():
+            opens = Border(a.p, OPEN if self.needs_pressure else code + WHERE_OPEN)
+            answer = -a.p * a.n + piece.answer
+            pieces[code] = StatusPiece(answer, [opens, *piece.borders], piece.exists)
+        return pieces
+
+
+def _closing(a: ContactPoint, grips: Any) -> list[Border]:
+    """An open point that closes slips against its displacement."""
+    if a.dim == 3:
+        return [Border(-a.p, PLUS)]
+    back = ufl.gt(ufl.dot(a.s, a.t), 0.0)
+    back = back if grips is None else ufl.And(back, grips)
+    return [Border(-a.p, PLUS, ufl.Not(back)), Border(-a.p, MINUS, back)]
+
+
+class _Slip:
+    """A slip by a distance that is never backwards, but for round-off.
+
+    So stick and slip share one border for every jump and traction, and friction never pushes along.
+    Beyond zero by little the radius is smooth, where slips begin.
+    """
+
+    def __init__(self, a: ContactPoint, radius: Radius, slid: Any):
+        least = -_ROUND_OFF * a.p / a.r
+        self._forward, self._back = ufl.ge(slid, least), a.r * slid
+        self.radius = radius(ufl.conditional(self._forward, slid, least))
+        self._knows = radius(slid) != radius(2.0 * slid)
+
+    def border(self, excess: Any) -> Any:
+        """Distance to the end of the slip, from the excess of the shear over the radius."""
+        return ufl.conditional(self._forward, excess, self._back) if self._knows else excess
+
+
+def _in_plane(a: ContactPoint, radius: Radius, grips: Any) -> dict[int, StatusPiece]:
+    """Friction at a point in 2D; a slip with u_t > 0 has s.t < 0."""
+    s, u = ufl.dot(a.s, a.t), ufl.dot(a.u_t, a.t)
+    right, left = _Slip(a, radius, u), _Slip(a, radius, -u)
+    b, c = right.radius, left.radius
+    return {
+        STICK: StatusPiece(s * a.t, [Border(c - s, MINUS), Border(b + s, PLUS)], grips),
+        MINUS: StatusPiece(c * a.t, [Border(left.border(s - c), STICK)], grips),
+        PLUS: StatusPiece(-b * a.t, [Border(right.border(-s - b), STICK, grips)]),
+    }
+
+
+def _in_space(a: ContactPoint, radius: Radius, grips: Any) -> dict[int, StatusPiece]:
+    """Friction at a point in 3D."""
+    size = ufl.sqrt(ufl.dot(a.s, a.s))
+    along = ufl.conditional(ufl.gt(size, 0.0), -ufl.dot(a.u_t, a.s) / size, 0.0)
+    slip = _Slip(a, radius, along)
+    b = slip.radius
+    acts = ufl.gt(size, 0.0) if grips is None else grips
+    slides = ufl.as_vector([ufl.conditional(acts, b * a.s[i] / size, 0.0) for i in range(3)])
+    return {
+        STICK: StatusPiece(a.s, [Border(b - size, PLUS)], grips),
+        PLUS: StatusPiece(slides, [Border(slip.border(size - b), STICK, grips)]),
+    }
 
 
 @dataclass(frozen=True)
 class Frictionless(FrictionLaw):
     """Signorini contact: no tangential traction."""
 
-    def bound(self, p: Any) -> Any:
+    def bound(self, a: ContactPoint, p: Any) -> Any:
         return 0.0 * p
-
-    def bind(self, domain: mesh.Mesh) -> Frictionless:
-        return self
 
 
 @dataclass(frozen=True)
 class Coulomb(FrictionLaw):
-    """Coulomb friction, ``|lambda_t| <= F |lambda_n|`` (seed: Signorini-Coulomb, static form).
+    """Coulomb friction, ``|lambda_t| <= F |lambda_n|`` in its static form.
 
     Attributes:
         friction: coefficient F >= 0, a number, a Constant, a Function or a UFL expression.
     """
 
     friction: Scalar
+    nonnegative = True
 
-    def bound(self, p: Any) -> Any:
+    def bound(self, a: ContactPoint, p: Any) -> Any:
         return self.friction * p
 
-    def bind(self, domain: mesh.Mesh) -> Coulomb:
-        friction = _as_coefficient(domain, self.friction, "the friction coefficient")
-        return replace(self, friction=friction)
+    def grips(self, a: ContactPoint) -> Any:
+        return ufl.gt(self.friction, 0.0)
 
 
 @dataclass(frozen=True)
@@ -99,10 +164,10 @@ class Tresca(FrictionLaw):
 
     threshold: Scalar
     needs_pressure = False
+    nonnegative = True
 
-    def bound(self, p: Any) -> Any:
-        return self.threshold + 0.0 * p
+    def bound(self, a: ContactPoint, p: Any) -> Any:
+        return self.threshold
 
-    def bind(self, domain: mesh.Mesh) -> Tresca:
-        threshold = _as_coefficient(domain, self.threshold, "the friction threshold")
-        return replace(self, threshold=threshold)
+    def grips(self, a: ContactPoint) -> Any:
+        return ufl.gt(self.threshold, 0.0)

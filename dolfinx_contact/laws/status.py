@@ -35,7 +35,7 @@ WHERE_OPEN = 3
 
 _LETTERS = {2: "ok+-KPM", 3: "oks KS "}
 
-#: Of every letter, for people; ``d`` is held by Dirichlet data.
+#: Human-readable, of every letter; ``d`` is held by Dirichlet data.
 NAMES = {
     "o": "open",
     "k": "stick",

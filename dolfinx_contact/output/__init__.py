@@ -1,32 +1,54 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """What solves and branches leave behind: tables, fields, pictures; records that are resumed."""
+# ruff: noqa: E402
 
+from dolfinx_contact._name import refuse_mixture
+
+refuse_mixture()  # asimov-contact's head, laid over ours, takes this folder for its own output.py
+
+from dolfinx_contact.output.curves import draw_convergence, draw_curves, draw_regions
 from dolfinx_contact.output.diagrams import draw_diagram
 from dolfinx_contact.output.fields import STATUS_CODES, write_fields
 from dolfinx_contact.output.folder import output_folder, write_summary
+from dolfinx_contact.output.functionals import leftmost, rightmost, total
+from dolfinx_contact.output.hertz import Hertz
 from dolfinx_contact.output.journal import Journal, read_journal
 from dolfinx_contact.output.pictures import picture_of_body, picture_of_contact
 from dolfinx_contact.output.progress import Progress
 from dolfinx_contact.output.record import BranchRecord
+from dolfinx_contact.output.recording import follow_with_journal
+from dolfinx_contact.output.report import Report
 from dolfinx_contact.output.resuming import resume
 from dolfinx_contact.output.series import write_series
 from dolfinx_contact.output.states import picture_of_states
-from dolfinx_contact.output.table import write_contact_table
+from dolfinx_contact.output.table import write_contact_table, write_rows
+from dolfinx_contact.output.tracing import journal_of
 
 __all__ = [
     "STATUS_CODES",
     "BranchRecord",
+    "Hertz",
     "Journal",
     "Progress",
+    "Report",
+    "draw_convergence",
+    "draw_curves",
     "draw_diagram",
+    "draw_regions",
+    "follow_with_journal",
+    "journal_of",
+    "leftmost",
     "output_folder",
     "picture_of_body",
     "picture_of_contact",
     "picture_of_states",
     "read_journal",
     "resume",
+    "rightmost",
+    "total",
     "write_contact_table",
     "write_fields",
+    "write_rows",
     "write_series",
     "write_summary",
 ]

@@ -26,7 +26,7 @@ from dolfinx_contact._compat import read_checkpoint, write_checkpoint
 from dolfinx_contact._errors import on_root
 from dolfinx_contact.output.disk import reserve, sync_folder
 from dolfinx_contact.output.writers import disk_errors
-from dolfinx_contact.trace import trace_dofs
+from dolfinx_contact.points.trace import trace_dofs
 
 if TYPE_CHECKING:
     from dolfinx_contact.problem import ContactProblem
@@ -50,9 +50,8 @@ class Checkpoints:
         for s in problem.surfaces:
             W = fem.functionspace(s.domain, ("Lagrange", s.degrees[1], (s.dim,)))
             nodes = trace_dofs(W, s.Q, s.submesh.parent_facets)
-            for _ in s.unknowns:
-                self._whole.append(fem.Function(W))
-                self._nodes.append(nodes)
+            self._whole.append(fem.Function(W))
+            self._nodes.append(nodes)
 
     def write(self, name: str, vectors: dict[str, PETSc.Vec]) -> str:
         """Keep ``vectors`` of unknowns under ``name``; a check sum of the files. Collective.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Diagrams of recorded branches: a functional over gamma, and the statuses along each branch.
+"""Diagrams of branches: functionals over gamma, and the statuses along each branch.
 
 Colours are those of Okabe and Ito, which most colour-blind readers tell apart; kinds of special
 points differ in shape as well.
@@ -8,7 +8,7 @@ points differ in shape as well.
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -39,32 +39,41 @@ _MOST_ROWS = 400  # of a strip: more cannot be told apart
 def draw_diagram(
     file: str | os.PathLike[str],
     journal: Journal,
-    functional: str | None = None,
+    functional: str | Sequence[str] | Mapping[str, str] | None = None,
     *,
     branches: Sequence[int] | None = None,
     label: str | None = None,
+    names: Sequence[str] = (),
     title: str | None = None,
+    parameter: str = r"$\gamma$",
     strips: int = 4,
+    counts: bool = False,
 ) -> Path:
-    """Draw recorded branches; on this rank alone.
+    """Draw branches; on this rank alone.
 
-    Above, the functional over gamma with folds and bifurcations; below, a strip for each of the
+    Above, the functionals over gamma with folds and bifurcations; below, a strip for each of the
     first few branches: the status of every contact point (at its coordinate, or in order of
     coordinates) over the distance along the branch, in units of steps.
 
     Args:
         file: the picture, of any kind that matplotlib writes.
-        journal: what `read_journal` returned.
-        functional: name of a functional, or of a column of the table that is a number; by default
+        journal: what `read_journal` or `journal_of` returned.
+        functional: name of a functional, or of a column of the table that is a number, or several,
+            each of which gets a panel, perhaps with their labels (TeX between dollars); by default
             the first functional, or ``norm``.
         branches: their numbers, by default all.
-        label: of the functional, TeX between dollars; by default its name.
+        label: of the first functional; by default its name.
+        names: of the branches, for the legend; by default their numbers.
         title: above the diagram.
+        parameter: label of gamma.
         strips: how many branches get one, at most.
+        counts: whether strips show how many points have each status, over gamma where that only
+            grows; better for many points, as in 3D.
 
     Raises:
         OSError: with the path, if it cannot be written; it is then as it was.
-        ValueError: if no point was recorded, or a branch or the functional is not known.
+        ValueError: if no point was recorded, a branch or a functional is not known, or there are
+            not as many names as branches.
     """
     optional("matplotlib", "output")
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -74,40 +83,66 @@ def draw_diagram(
     chosen = [b for b in chosen if len(journal.columns(b)["gamma"])]
     if not chosen:
         raise ValueError("no point of these branches was recorded")
-    name = functional or (journal.functionals[0] if journal.functionals else "norm")
-    values = journal.columns(chosen[0]).get(name)
-    if values is None or values.dtype == object:
-        raise ValueError(f"{name!r} is no number that was recorded; {journal.functionals} are")
+    labels = _labels(functional or journal.functionals[:1] or "norm", label)
+    for name in labels:
+        values = journal.columns(chosen[0]).get(name)
+        if values is None or values.dtype == object:
+            raise ValueError(f"{name!r} is no number that was recorded; {journal.functionals} are")
+    words = list(names) or [f"branch {b}" for b in chosen]
+    if len(words) != len(chosen):
+        raise ValueError(f"{len(chosen)} branches need as many names, got {len(words)}")
     shown = chosen[:strips]
-    figure = Figure(figsize=(9.0, 4.8 + 1.7 * len(shown)), layout="constrained")
+    columns = len(labels) if len(labels) < 4 else 2
+    rows = -(-len(labels) // columns)
+    heights = [
+        4.8 if rows == columns == 1 else 3.4 * rows,
+        (2.8 if counts else 1.7) * len(shown) + 0.4,
+    ]
+    figure = Figure(figsize=(max(9.0, 4.2 * columns), sum(heights)), layout="constrained")
     FigureCanvasAgg(figure)
-    ratios = [4.2, *[1.5] * len(shown)]
-    above, *below = figure.subplots(1 + len(shown), 1, height_ratios=ratios, squeeze=False)[:, 0]
-    for i, b in enumerate(chosen):
-        _curve(above, journal, b, name, i)
-    _marks(above, journal, chosen, name)
-    above.set(xlabel=r"$\gamma$", ylabel=label or name)
-    above.set_title(title or "Solutions", loc="left")
-    above.grid(color="0.92")
-    above.set_axisbelow(True)
-    above.legend(frameon=False, fontsize=9)
-    for axes, b in zip(below, shown, strict=True):
-        _strip(axes, journal, b)
+    parts = figure.subfigures(2, 1, height_ratios=heights) if shown else [figure]
+    panels = parts[0].subplots(rows, columns, squeeze=False).ravel()
+    for axes, (name, text) in zip(panels, labels.items(), strict=False):
+        for i, b in enumerate(chosen):
+            _curve(axes, journal, b, name, i, words[i])
+        _marks(axes, journal, chosen, name)
+        axes.set(xlabel=parameter, ylabel=text)
+        axes.grid(color="0.92")
+        axes.set_axisbelow(True)
+    for axes in panels[len(labels) :]:
+        axes.set_axis_off()
+    panels[0].set_title(title or "Solutions", loc="left")
+    panels[0].legend(frameon=False, fontsize=9)
     if shown:
-        below[-1].set_xlabel("distance along the branch")
-        _status_legend(figure, journal, shown)
+        below = parts[1].subplots(len(shown), 1, squeeze=False)[:, 0]
+        for axes, b in zip(below, shown, strict=True):
+            (_counts if counts else _strip)(axes, journal, b, parameter)
+        if counts:
+            below[0].legend(loc="upper left", fontsize=9)
+        else:
+            below[-1].set_xlabel("distance along the branch")
+            _status_legend(parts[1], journal, shown)
     path = Path(file)
     with part_of(path) as part:
         figure.savefig(part, dpi=130)
     return path
 
 
-def _curve(axes: Any, journal: Journal, branch: int, name: str, i: int) -> None:
+def _labels(names: str | Sequence[str] | Mapping[str, str], first: str | None) -> dict[str, str]:
+    """The label of every functional."""
+    if isinstance(names, Mapping):
+        labels = dict(names)
+    else:
+        labels = {name: name for name in ([names] if isinstance(names, str) else names)}
+    return labels if first is None else {**labels, next(iter(labels)): first}
+
+
+def _curve(axes: Any, journal: Journal, branch: int, name: str, i: int, word: str) -> None:
     """One branch over gamma, with arrows in the sense in which it was followed."""
     c = journal.columns(branch)
     colour = _BRANCHES[i % len(_BRANCHES)]
     style = _DASHES[(i // len(_BRANCHES)) % len(_DASHES)]
-    axes.plot(c["gamma"], c[name], style, color=colour, lw=1.8, label=f"branch {branch}")
+    axes.plot(c["gamma"], c[name], style, color=colour, lw=1.8, label=word)
     axes.plot(c["gamma"][0], c[name][0], ">", color=colour, ms=7, mec="black", mew=0.6)
     axes.plot(c["gamma"][-1], c[name][-1], "s", color=colour, ms=6, mec="black", mew=0.6)
 
@@ -186,7 +221,29 @@ def _rows(places: dict[str, npt.NDArray[np.float64]], count: int) -> _Rows:
     return _Rows(chosen, edges, ticks + 0.5, labels, title, borders[:-1])
 
 
-def _strip(axes: Any, journal: Journal, branch: int) -> None:
+def _counts(axes: Any, journal: Journal, branch: int, parameter: str) -> None:
+    """Numbers of points by status along a branch, with a tick for every event."""
+    c = journal.columns(branch)
+    grows = bool((np.diff(c["gamma"]) > 0).all())
+    along = c["gamma"] if grows else np.cumsum(c["step"])
+    letters = {"stick": "k", "slip": "+" if {"+", "-"} & set("".join(c["status"])) else "s"}
+    kinds = [k for k in (*letters, "open") if c[k].any()]
+    colours = [status.COLOURS[letters.get(k, "o")] for k in kinds]
+    axes.stackplot(along, [c[k] for k in kinds], labels=kinds, colors=colours, ec="0.5", lw=0.5)
+    for i, p in enumerate(journal.branches[branch].points):
+        for s in p["special"]:
+            at = s["gamma"] if grows else along[i]
+            if s["kind"] == "event" and s["bracket"]:
+                axes.plot(at, 0, "|", color="0.2", ms=9, clip_on=False)
+            else:
+                axes.axvline(at, color="black", lw=1.0, ls=(0, (4, 2)))
+    axes.set(xlabel=parameter if grows else "distance along the branch", ylabel="contact points")
+    axes.set_title(f"Statuses along branch {branch} (ticks: events; dashed: located)", loc="left")
+    axes.title.set_fontsize(10)
+    axes.margins(x=0)
+
+
+def _strip(axes: Any, journal: Journal, branch: int, _parameter: str) -> None:
     """Statuses along a branch: one row a contact point, one column a step."""
     from matplotlib.colors import ListedColormap
 

@@ -35,8 +35,8 @@ from dolfinx_contact.output.script import write_script
 from dolfinx_contact.output.writers import Format, checked_format, see_room, series
 
 if TYPE_CHECKING:
+    from dolfinx_contact.points.surface import ContactSurface
     from dolfinx_contact.problem import ContactProblem
-    from dolfinx_contact.surface import ContactSurface
 
 __all__ = [
     "STATUS_CODES",
@@ -192,18 +192,18 @@ def contact_fields(problem: ContactProblem, surface: ContactSurface) -> dict[str
     s, state = surface, surface.vertex_state()
     shares = np.stack([state["open"], 1 - state["open"] - state["slip"], state["slip"]])
     status = np.argmax(np.round(shares, 9), axis=0).astype(float)
-    clamped = _at_vertices(s, problem.constraints.clamped[problem.surfaces.index(s)])
+    clamped = _at_vertices(s, problem.equations.constraints.clamped[problem.surfaces.index(s)])
     status[clamped] = STATUS_CODES["d"]
     if s.method != "integral":
         state["traction"][clamped] = state["pressure"][clamped] = 0.0  # as in the table
     values = {
-        "displacement": s.u.x.array.reshape(-1, s.dim)[s.vertex_trace_dofs],
+        "displacement": s.u.x.array.reshape(-1, s.dim)[s.points.vertex_trace_dofs],
         "traction": state["traction"],
         "pressure": state["pressure"],
         "gap": state["un"],
         "slip": state["ut"],
         "status": status,
-        "support": problem.support_forces(s) / s.vertex_areas[:, None],
+        "support": problem.support_forces(s) / s.points.vertex_areas[:, None],
     }
     return {name: _function(s, name, v) for name, v in values.items()}
 
@@ -211,7 +211,7 @@ def contact_fields(problem: ContactProblem, surface: ContactSurface) -> dict[str
 def _function(s: ContactSurface, name: str, values: npt.NDArray[np.float64]) -> fem.Function:
     """Function of a surface with ``values`` at its local vertices."""
     shape = values.shape[1:]
-    W = fem.functionspace(s.submesh.mesh, ("Lagrange", 1, shape)) if shape else s.vertices
+    W = fem.functionspace(s.submesh.mesh, ("Lagrange", 1, shape)) if shape else s.points.vertices
     f = fem.Function(W, name=name)
     f.x.array[:] = values.reshape(-1)
     f.x.scatter_forward()

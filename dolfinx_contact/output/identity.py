@@ -24,6 +24,7 @@ from dolfinx_contact._compat import geometry_dofmap
 
 if TYPE_CHECKING:
     from dolfinx_contact.parametric import ParametricContact
+    from dolfinx_contact.points.surface import ContactSurface
 
 __all__ = ["difference", "identity", "mesh_hash"]
 
@@ -64,8 +65,12 @@ def _mix(rows: npt.NDArray[np.uint64], seed: int) -> npt.NDArray[np.uint64]:
 def identity(system: ParametricContact) -> dict[str, Any]:
     """What the problem is known by, in words and numbers for the journal. Collective."""
     problem = system.problem
-    forms = "".join(f.signature() for row in problem.rows for f in row)
-    fixed = problem.constraints.fixed.reshape(-1)[: problem.owned_sizes[0]]
+    eq, domain = problem.equations, problem.V.mesh
+    words = [eq.bulk.residual.signature()]
+    for s in problem.surfaces:
+        words += [_signature(e, domain) for e in _given(s)]
+        words.append(s.law_at_points.compiled.signature)
+    fixed = eq.fixed[: eq.owned_sizes[0]]
     x = system.create_vector()
     unknowns = int(x.getSize())
     x.destroy()
@@ -78,23 +83,35 @@ def identity(system: ParametricContact) -> dict[str, Any]:
         ],
         "fixed": problem.comm.allreduce(int(fixed.sum())),
         "ufl": ufl.__version__,
-        "forms": hashlib.sha256(forms.encode()).hexdigest()[:32],
+        "forms": hashlib.sha256("".join(words).encode()).hexdigest()[:32],
         "numbers": _numbers(system),
     }
 
 
+def _signature(e: Any, domain: mesh.Mesh) -> str:
+    """What tells a UFL expression from others, but for values of Functions and Constants."""
+    e = ufl.as_ufl(e)
+    if isinstance(e, ufl.constantvalue.Zero):
+        return "0"
+    return str((ufl.inner(e, e) * ufl.dx(domain=domain)).signature())
+
+
+def _given(s: ContactSurface) -> list[Any]:
+    """What is given on a surface, in UFL."""
+    return list(s.given.all)
+
+
 def _numbers(system: ParametricContact) -> list[float]:
-    """Values of the Constants in the forms: materials, loads, friction; not gamma."""
+    """Values of the Constants in the problem: materials, loads, friction; not gamma."""
     problem = system.problem
-    ours = [system.constant, *(s._average_stiffness for s in problem.surfaces)]
+    expressions = [e for s in problem.surfaces for e in _given(s)]
     values: list[float] = []
-    seen: list[Any] = []
-    for row in problem.rows:
-        for f in row:
-            for c in extract_constants(f):
-                if not any(c is other for other in (*ours, *seen)):
-                    seen.append(c)
-                    values.extend(float(v) for v in np.real(np.ravel(c.value)))
+    seen: list[Any] = [system.constant]
+    for e in (problem.equations.bulk.residual, *expressions):
+        for c in extract_constants(e):
+            if not any(c is other for other in seen):
+                seen.append(c)
+                values.extend(float(v) for v in np.real(np.ravel(c.value)))
     return values
 
 

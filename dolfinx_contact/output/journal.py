@@ -14,7 +14,7 @@ import json
 import math
 import os
 import zlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -114,6 +114,51 @@ class Journal:
         columns["status"] = np.array([p["status"] for _, p in rows], dtype=object)
         return columns
 
+    def rows(
+        self, branch: int | None = None, columns: Sequence[str] | None = None
+    ) -> list[dict[str, Any]]:
+        """All points as dictionaries, of one branch or of all, in order.
+
+        Args:
+            branch: its number.
+            columns: names of `columns`; by default ``gamma``, the functionals, and the ``status``
+                of the points that are not clamped.
+        """
+        known = self.columns(branch)
+        names = ["gamma", "status", *self.functionals] if columns is None else list(columns)
+        if set(names) - set(known):
+            raise ValueError(f"these are not columns: {', '.join(sorted(set(names) - set(known)))}")
+        values: list[list[Any]] = [list(known[name].tolist()) for name in names]
+        if columns is None:
+            values[1] = [word.replace("d", "") for word in values[1]]
+        return [dict(zip(names, row, strict=True)) for row in zip(*values, strict=True)]
+
+    def summary(self, branch: int = 0) -> dict[str, Any]:
+        """Scalars and lists of a branch for `summary.json`.
+
+        ``folds``, each with gamma, its kind (``"smooth"``, ``"nonsmooth"``) and the statuses of the
+        free points before and after; the number of ``events``; gammas of ``bifurcations``; and the
+        last of `rows` as ``end``.
+        """
+        rows, points = self.rows(branch), self.branches[branch].points
+        special = [(s, p["index"]) for p in points for s in p["special"]]
+        folds = [
+            {
+                "gamma": s["gamma"],
+                "kind": "smooth" if s["smooth"] else "nonsmooth",
+                "before": rows[i - 1]["status"],
+                "after": rows[i]["status"],
+            }
+            for s, i in special
+            if s["kind"] == "fold"
+        ]
+        return {
+            "folds": folds,
+            "events": sum(bool(s["changes"]) for s, _ in special),
+            "bifurcations": [s["gamma"] for s, _ in special if s["kind"] == "bifurcation"],
+            "end": rows[-1],
+        }
+
     def table(self, branch: int | None = None) -> Any:
         """All points as a pandas DataFrame; see `columns`."""
         return optional("pandas", "output").DataFrame(self.columns(branch))
@@ -122,7 +167,7 @@ class Journal:
         """Special points as a pandas DataFrame.
 
         ``branch``, ``index`` of the point that follows, ``kind``, ``smooth``, ``gamma``,
-        ``parity``, ``others`` (number of further ways out), ``complete``, ``bracket`` (the values
+        ``parity``, ``others`` (number of further rays), ``complete``, ``bracket`` (the values
         of gamma between which it lies; None if it is located), and ``changes``, a list of
         dictionaries with the place ``x`` and the status ``before`` and ``after``.
         """

@@ -35,11 +35,11 @@ from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact.output.fields import STATUS_CODES, check_stress, contact_fields, von_mises
 from dolfinx_contact.output.folder import agreed_path
 from dolfinx_contact.output.gathering import Arrays, gather_cells
-from dolfinx_contact.trace import facet_closures
+from dolfinx_contact.points.trace import facet_closures
 
 if TYPE_CHECKING:
+    from dolfinx_contact.points.surface import ContactSurface
     from dolfinx_contact.problem import ContactProblem
-    from dolfinx_contact.surface import ContactSurface
 
 __all__ = ["picture_of_body", "picture_of_contact"]
 
@@ -136,17 +136,20 @@ def picture_of_contact(
     same_everywhere(problem.comm, surface=s.name)
     fields = contact_fields(problem, s)
     pressure, status = fields["pressure"].x.array, fields["status"].x.array
+    n = s.points.vertex_normals
     traction = fields["traction"].x.array.reshape(-1, s.dim)
     free = status != STATUS_CODES["d"]  # what supports hold is not contact
     values = {
         "pressure": np.where(free, pressure, 0.0),
         "status": status,
-        "shear": np.where(free[:, None], traction + pressure[:, None] * s.vertex_normals, 0.0),
+        "shear": np.where(
+            free[:, None], traction + pressure[:, None] * s.points.vertex_normals, 0.0
+        ),
         "bound": s.vertex_state()["bound"],
-        "n": s.vertex_normals,
+        "n": n,
     }
-    cells = s.vertices.dofmap.list[: s.submesh.mesh.topology.index_map(s.dim - 1).size_local]
-    seen = gather_cells(s.comm, s.vertices, cells, values)
+    cells = s.points.vertices.dofmap.list[: s.submesh.mesh.topology.index_map(s.dim - 1).size_local]
+    seen = gather_cells(s.comm, s.points.vertices, cells, values)
     data: dict[str, Any] = {"title": title or f"Contact surface: {s.name}"}
     if s.comm.rank == 0:
         axes, labels = _flat_axes(seen["n"].mean(axis=0), s.dim)
@@ -194,10 +197,10 @@ def _averaged(V: fem.FunctionSpace, e: Any) -> npt.NDArray[np.float64]:
 
 def patch(s: ContactSurface) -> Arrays:
     """A contact surface and its obstacle."""
-    u = s.u.x.array.reshape(-1, s.dim)[s.vertex_trace_dofs]
-    values = {"u": u, "gap": s.vertex_gaps, "n": s.vertex_normals}
-    cells = s.vertices.dofmap.list[: s.submesh.mesh.topology.index_map(s.dim - 1).size_local]
-    return gather_cells(s.comm, s.vertices, cells, values)
+    u = s.u.x.array.reshape(-1, s.dim)[s.points.vertex_trace_dofs]
+    values = {"u": u, "gap": s.points.vertex_gaps, "n": s.points.vertex_normals}
+    cells = s.points.vertices.dofmap.list[: s.submesh.mesh.topology.index_map(s.dim - 1).size_local]
+    return gather_cells(s.comm, s.points.vertices, cells, values)
 
 
 def _flat_axes(n: npt.NDArray[np.float64], dim: int) -> tuple[npt.NDArray[np.float64], list[str]]:

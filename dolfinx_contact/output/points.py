@@ -12,10 +12,11 @@ import ufl
 from dolfinx import fem
 
 from dolfinx_contact._agreement import described as says
+from dolfinx_contact._compat import merge_entity_maps
 from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact.continuation import Change, SpecialPoint
+from dolfinx_contact.equations.order import by_coordinates
 from dolfinx_contact.laws import status
-from dolfinx_contact.result import by_coordinates
 
 if TYPE_CHECKING:
     from dolfinx_contact.parametric import ParametricContact
@@ -32,9 +33,8 @@ _SAME = 1e-12  # relative: what sums over the ranks may differ by
 def places(system: ParametricContact) -> dict[str, list[list[float]]]:
     """Coordinates of the contact points by surface, in the order of `letters`. Collective."""
     found = {}
-    for s, clamped, _ in system.surface_parts():
-        mine = s.positions[: len(clamped)]
-        x = np.concatenate(system.comm.allgather(mine))
+    for s in system.problem.surfaces:
+        x = np.concatenate(system.comm.allgather(s.positions))
         found[s.name] = x[by_coordinates(x)].tolist()
     return found
 
@@ -106,7 +106,8 @@ def _kind(system: ParametricContact, name: str, f: Functional) -> str:
 def _evaluator(system: ParametricContact, name: str, f: Functional) -> Callable[[], float]:
     problem, comm = system.problem, system.comm
     if isinstance(f, ufl.Form):
-        form = fem.form(f, entity_maps=problem.entity_maps)
+        maps = merge_entity_maps([s.submesh for s in problem.surfaces])
+        form = fem.form(f, entity_maps=maps)
         return lambda: float(comm.allreduce(float(np.real(fem.assemble_scalar(form)))))
 
     def value() -> float:

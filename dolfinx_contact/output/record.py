@@ -317,8 +317,7 @@ class BranchRecord(Observer):
         y, tangent = joined(x, p["gamma"]), joined(t, p["tangent_gamma"])
         piece = system.piece_of(p["status"])
         system.scales = p["scales"]
-        system.residual(x, p["gamma"], b, piece)
-        error = system.error(b)
+        error = system.residual(x, p["gamma"], b, piece)
         for v in (x, t, b):
             v.destroy()
         tolerance = self.journal.branches[branch].task["control"]["tolerance"]

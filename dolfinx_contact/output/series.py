@@ -96,7 +96,7 @@ def _fields(record: BranchRecord, branch: int, index: int) -> list[list[fem.Func
         v.destroy()
     found = [[problem.u]]
     for s in problem.surfaces:
-        gamma = fem.Function(s.vertices, name="gamma")
+        gamma = fem.Function(s.points.vertices, name="gamma")
         gamma.x.array[:] = point.gamma
         found.append([*contact_fields(problem, s).values(), gamma])
     return found

@@ -15,13 +15,13 @@ from dolfinx import fem
 from dolfinx_contact._errors import on_root, require, same_everywhere
 from dolfinx_contact._optional import optional
 from dolfinx_contact.continuation import BranchPoint
+from dolfinx_contact.equations.order import by_coordinates
 from dolfinx_contact.laws.status import COLOURS, NAMES
 from dolfinx_contact.output.disk import part_of
 from dolfinx_contact.output.folder import agreed_path
 from dolfinx_contact.output.gathering import gather_cells
 from dolfinx_contact.output.pictures import check_scale, patch
 from dolfinx_contact.parametric import ParametricContact
-from dolfinx_contact.result import by_coordinates
 
 __all__ = ["picture_of_states"]
 

@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The table of contact points."""
+"""Tables as CSV: of contact points, and of whatever a script measures."""
 
 from __future__ import annotations
 
+import csv
+import io
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from mpi4py import MPI
 
@@ -13,9 +16,9 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact.output.disk import write_text
-from dolfinx_contact.result import ContactTable
+from dolfinx_contact.results.tables import ContactTable
 
-__all__ = ["COLUMNS", "write_contact_table"]
+__all__ = ["COLUMNS", "write_contact_table", "write_rows"]
 
 COLUMNS = [
     *("surface", "x", "y", "z", "un", "ut", "ut_x", "ut_y", "ut_z", "rn", "rt", "rt_x", "rt_y"),
@@ -67,3 +70,28 @@ def write_contact_table(
         return "\n".join(lines) + "\n"
 
     write_text(comm, Path(folder) / "contact.csv", text)
+
+
+def write_rows(
+    comm: MPI.Comm, file: str | os.PathLike[str], rows: Sequence[Mapping[str, Any]]
+) -> None:
+    """Write rows as CSV, the keys of the first as its head; what is not in that is left out.
+
+    Collective; the rows are those of rank 0.
+
+    Raises:
+        OSError: on every rank, with the path, if it cannot be written; it is then as it was.
+        ValueError: on every rank, if there is no row.
+    """
+
+    def text() -> str:
+        if not rows:
+            raise ValueError(f"there are no rows for {file}")
+        stream = io.StringIO()
+        names = list(rows[0])
+        writer = csv.DictWriter(stream, names, extrasaction="ignore", lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+        return stream.getvalue()
+
+    write_text(comm, Path(file), text)

@@ -3,6 +3,5 @@
 
 from dolfinx_contact.solvers.errors import ConvergenceError
 from dolfinx_contact.solvers.ladder import solve
-from dolfinx_contact.solvers.nested import prolong, solve_nested
 
-__all__ = ["ConvergenceError", "prolong", "solve", "solve_nested"]
+__all__ = ["ConvergenceError", "solve"]

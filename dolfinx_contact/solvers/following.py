@@ -7,7 +7,8 @@ where increments of s get stuck because it turns back.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from dataclasses import replace
 
 from petsc4py import PETSc
 
@@ -17,59 +18,61 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from dolfinx_contact.continuation import Follower, Piece, StepControl
-from dolfinx_contact.parametric import ParametricContact
-
-if TYPE_CHECKING:
-    from dolfinx_contact.condensed import CondensedContact
-    from dolfinx_contact.problem import ContactProblem
-    from dolfinx_contact.solvers.history import Attempt
+from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.parametric import ParametricEquations
+from dolfinx_contact.equations.state import State
+from dolfinx_contact.solvers.history import Attempt
+from dolfinx_contact.solvers.linear import LinearSolver
 
 __all__ = ["follow_load"]
 
 _MOST_STEPS = 400
 
 
-class _Loaded(ParametricContact):
+class _Loaded(ParametricEquations):
     """H(x, s) - (1 - s) H(x_0, 0): the contact problem with a part s of its load."""
 
-    def __init__(self, problem: ContactProblem, x0: PETSc.Vec):
-        super().__init__(problem, fem.Constant(problem.V.mesh, 0.0))
-        self._start = problem.prescribed.values()
-        self._rest = problem.create_vector()
-        problem.residual(x0, self._rest)
+    def __init__(
+        self, equations: ContactEquations, linear: Callable[[], LinearSolver], x0: PETSc.Vec
+    ):
+        super().__init__(equations, fem.Constant(equations.V.mesh, 0.0), linear)
+        self._start = equations.prescribed.values()
+        self._rest = equations.create_vector()
+        equations.residual(x0, self._rest)
 
-    def residual(self, x: PETSc.Vec, gamma: float, b: PETSc.Vec, piece: Piece | None) -> None:
-        self.problem.prescribed.part = gamma
-        super().residual(x, gamma, b, piece)
+    def set(self, gamma: float) -> None:
+        self.equations.prescribed.part = gamma
+
+    def evaluate(self, x: PETSc.Vec, gamma: float, b: PETSc.Vec, piece: Piece | None) -> State:
+        state = super().evaluate(x, gamma, b, piece)
         b.axpy(gamma - 1.0, self._rest)
+        return replace(state, rows=self.equations.blocks(b))
 
     def parameter_derivative(
         self, x: PETSc.Vec, gamma: float, c: PETSc.Vec, piece: Piece | None
     ) -> None:
-        self.problem.prescribed.part = gamma
         super().parameter_derivative(x, gamma, c, piece)
         c.axpy(1.0, self._rest)
 
-    def _dirichlet_rates(self) -> npt.NDArray[np.float64]:
-        prescribed = self.problem.prescribed
+    def dirichlet_rates(self) -> npt.NDArray[np.float64]:
+        prescribed = self.equations.prescribed
         part, prescribed.part = prescribed.part, 1.0
         rates = prescribed.values() - self._start
         prescribed.part = part
         return rates.reshape(-1)
-
-    @property
-    def is_piecewise_affine(self) -> bool:
-        return False
-
-    def condensed(self, x: PETSc.Vec, gamma: float) -> CondensedContact | None:
-        return None  # the rest has entries in the contact rows
 
     def destroy(self) -> None:
         super().destroy()
         self._rest.destroy()
 
 
-def follow_load(problem: ContactProblem, x: PETSc.Vec, attempt: Attempt, most: int) -> bool:
+def follow_load(
+    equations: ContactEquations,
+    linear: Callable[[], LinearSolver],
+    x: PETSc.Vec,
+    attempt: Attempt,
+    most: int,
+) -> bool:
     """Follow the load from ``x``, which becomes the solution at full load if that is reached.
 
     A point of the branch takes ``most`` iterations at most.
@@ -78,11 +81,10 @@ def follow_load(problem: ContactProblem, x: PETSc.Vec, attempt: Attempt, most: i
         attempt.reason = "no convergence in 0 iterations"
         return False
     control = StepControl(corrections=min(most, StepControl().corrections))
-    problem.read(x)
-    start = problem.u.x.array.reshape(problem.constraints.fixed.shape)
-    with problem.prescribed.ramped(start):
-        problem.prescribed.part = 0.0
-        return _follow(_Loaded(problem, x), x, attempt, control)
+    start = equations.displacement(x).reshape(equations.constraints.fixed.shape)
+    with equations.prescribed.ramped(start):
+        equations.prescribed.part = 0.0
+        return _follow(_Loaded(equations, linear, x), x, attempt, control)
 
 
 def _follow(system: _Loaded, x: PETSc.Vec, attempt: Attempt, control: StepControl) -> bool:

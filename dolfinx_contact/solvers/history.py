@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from dolfinx_contact.solvers.measures import Measures
+from dolfinx_contact.equations.measures import Measures
 
 __all__ = ["Attempt", "Step"]
 

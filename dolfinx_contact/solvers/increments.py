@@ -28,19 +28,17 @@ def raise_load(solver: Newton, x: PETSc.Vec, attempt: Attempt, increments: int) 
 
     One that fails, or turns the body inside out, is quartered; one that works is doubled.
     """
-    problem = solver.problem
-    first = 1.0 / increments
+    eq, first = solver.equations, 1.0 / increments
     done, step, good = 0.0, first, x.duplicate()
-    problem.read(x)
-    with problem.prescribed.ramped(problem.u.x.array.reshape(problem.constraints.fixed.shape)):
-        problem.prescribed.part = 0.0
-        problem.residual(x, solver.offset)
+    with eq.prescribed.ramped(eq.displacement(x).reshape(eq.constraints.fixed.shape)):
+        eq.prescribed.part = 0.0
+        eq.residual(x, solver.offset)
         try:
             while done < 1.0:
                 x.copy(good)
-                solver.load = problem.prescribed.part = min(1.0, done + step)
+                solver.load = eq.prescribed.part = min(1.0, done + step)
                 solved = solver.run(x, attempt)
-                if solved and (objection := inverted(problem)):
+                if solved and (objection := inverted(eq, x)):
                     solved, attempt.reason = False, objection
                 if solved:
                     done, step = solver.load, 2 * step

@@ -26,26 +26,27 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from petsc4py import PETSc
 
 import numpy as np
 
-from dolfinx_contact._errors import everywhere, require, same_everywhere
+from ufl.algorithms.analysis import extract_constants
+
+from dolfinx_contact._errors import require, same_everywhere
 from dolfinx_contact._petsc import staged
 from dolfinx_contact._progress import SolveProgress
-from dolfinx_contact.result import Result, collect
+from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.solvers.choice import LinearSolverChoice
 from dolfinx_contact.solvers.errors import ConvergenceError, FloatingBodyError
+from dolfinx_contact.solvers.following import follow_load
 from dolfinx_contact.solvers.history import Attempt, Step
 from dolfinx_contact.solvers.increments import raise_load
-from dolfinx_contact.solvers.linear import direct_instead
 from dolfinx_contact.solvers.newton import Newton
 from dolfinx_contact.solvers.pivoting import pivot
+from dolfinx_contact.solvers.reduced import solve_reduced
 from dolfinx_contact.solvers.states import inverted
-
-if TYPE_CHECKING:
-    from dolfinx_contact.problem import ContactProblem
 
 __all__ = ["solve"]
 
@@ -58,93 +59,64 @@ _LATE = 2.0  # times the time that was predicted are worth a word in the log,
 _SHORT = 1.0  # if they are more than so many seconds
 
 
-def solve(
-    problem: ContactProblem,
-    *,
-    monitor: Callable[[Step], None] | None = None,
-    increments: int = 8,
-    progress: bool | None = None,
-) -> Result:
-    """Solve a contact problem from the present values of its Functions.
-
-    Args:
-        problem: the contact problem; its Functions receive the solution.
-        monitor: called with every Newton iterate, on every rank.
-        increments: of the load in the strategy of increments, to begin with.
-        progress: whether rank 0 says on the standard error stream where the solve is; by default
-            once it takes more than some seconds.
-
-    Returns:
-        Statuses, resultants, residual histories and the KKT violation.
-
-    Raises:
-        ValueError: on every rank, for arguments or data that cannot be solved with (a load that is
-            not finite, a negative friction field, a clamped node inside the obstacle).
-        ConvergenceError: if no strategy converges; the Functions are as they were.
-    """
-    with everywhere(problem.comm, "solve"):
-        whole = isinstance(increments, int | np.integer) and not isinstance(increments, bool)
-        if not whole or increments < 1:
-            raise ValueError(f"the number of increments must be 1 or more, got {increments!r}")
-        if progress not in (None, True, False):
-            raise ValueError(f"progress must be True, False or None, got {progress!r}")
-    same_everywhere(problem.comm, increments=int(increments))
-    said = SolveProgress(problem.comm, progress)
-    x0 = problem.create_vector()
-    problem.write(x0)
-    before, statuses = [f.x.array.copy() for f in problem.fields], problem.statuses
-    try:
-        return _solve(problem, x0, monitor, increments, said)
-    except BaseException:
-        for f, values in zip(problem.fields, before, strict=True):
-            f.x.array[:] = values
-        problem.statuses = statuses
-        raise
-    finally:
-        said.end()
-        x0.destroy()
-
-
 @staged("ContactSolve")
-def _solve(
-    problem: ContactProblem,
+def solve(
+    equations: ContactEquations,
+    linear: LinearSolverChoice,
     x0: PETSc.Vec,
+    *,
     monitor: Callable[[Step], None] | None,
     increments: int,
     progress: SolveProgress,
-) -> Result:
-    _check_data(problem, x0)
+) -> tuple[PETSc.Vec, list[Attempt]]:
+    """Solve a contact problem. Collective.
+
+    Args:
+        equations: the contact problem.
+        linear: its linear solver.
+        x0: start.
+        monitor: called with every Newton iterate, on every rank.
+        increments: of the load in the strategy of increments, to begin with.
+        progress: says where the solve is.
+
+    Returns:
+        A solution, and the strategies that were tried, of which the last one found it.
+
+    Raises:
+        ValueError: on every rank, for data that cannot be solved with (a load that is not finite, a
+            negative friction field, a clamped node inside the obstacle).
+        ConvergenceError: if no strategy converges.
+    """
+    _check_data(equations, x0)
     attempts: list[Attempt] = []
     floating: FloatingBodyError | None = None
     x, turned, objection, way = x0.duplicate(), x0.duplicate(), "", ""
-    try:
-        for strategy, run in _ladder(problem, increments):
-            if objection and strategy != _INCREMENTS:
-                continue
-            attempt = Attempt(strategy, limit=_LIMITS.get(strategy, math.inf))
-            attempts.append(attempt)
-            progress.strategy = strategy
-            x0.copy(x)
-            try:
-                attempt.converged = run(x, attempt, _told(progress, monitor))
-            except FloatingBodyError as error:
-                attempt.reason, floating = str(error), error
-            if attempt.converged:
-                objection = inverted(problem)
-                if not objection:
-                    return _finished(problem, x, attempts, progress)
-                attempt.converged, attempt.reason = False, objection
-                way = strategy
-                x.copy(turned)
-            progress.clear()
-            if problem.comm.rank == 0:
-                logger.warning("%s failed: %s", strategy, attempt.reason)
-        if objection:
-            # Nothing else was found: the result warns of it.
-            attempts.append(Attempt(way, objection, converged=True))
-            return _finished(problem, turned, attempts, progress)
-    finally:
-        x.destroy(), turned.destroy()
+    for strategy, run in _ladder(equations, linear, increments):
+        if objection and strategy != _INCREMENTS:
+            continue
+        attempt = Attempt(strategy, limit=_LIMITS.get(strategy, math.inf))
+        attempts.append(attempt)
+        progress.strategy = strategy
+        x0.copy(x)
+        try:
+            attempt.converged = run(x, attempt, _told(progress, monitor))
+        except FloatingBodyError as error:
+            attempt.reason, floating = str(error), error
+        if attempt.converged:
+            objection = inverted(equations, x)
+            if not objection:
+                _compare_with_prediction(linear, progress.seconds)
+                return x, attempts
+            attempt.converged, attempt.reason = False, objection
+            way = strategy
+            x.copy(turned)
+        progress.clear()
+        if equations.comm.rank == 0:
+            logger.warning("%s failed: %s", strategy, attempt.reason)
+    if objection:
+        # Nothing else was found: the result warns of it.
+        attempts.append(Attempt(way, objection, converged=True))
+        return turned, attempts
     if floating is not None and attempts[0].reason == str(floating):
         raise FloatingBodyError(str(floating), attempts)
     raise ConvergenceError(_diagnosis(attempts), attempts)
@@ -164,72 +136,68 @@ def _told(
     return tell
 
 
-def _compare_with_prediction(problem: ContactProblem, seconds: float) -> None:
+def _compare_with_prediction(linear: LinearSolverChoice, seconds: float) -> None:
     """Say in the log if a solve took much longer than was predicted."""
-    predicted = problem.linear_solver.predicted
-    if problem.comm.rank == 0 and seconds > max(_LATE * predicted, _SHORT):
-        logger.info("the solve took %.2g s; %.2g s were predicted", seconds, predicted)
-
-
-def _finished(
-    problem: ContactProblem, x: PETSc.Vec, attempts: list[Attempt], progress: SolveProgress
-) -> Result:
-    result = collect(problem, x, attempts)
-    progress.end(result.iterations)
-    _compare_with_prediction(problem, progress.seconds)
-    return result
+    solver = linear()
+    root = solver.matrix.comm.tompi4py().rank == 0
+    if root and seconds > max(_LATE * solver.predicted, _SHORT):
+        logger.info("the solve took %.2g s; %.2g s were predicted", seconds, solver.predicted)
 
 
 _Run = Callable[[PETSc.Vec, Attempt, Callable[[Step], None] | None], bool]
 
 
-def _ladder(problem: ContactProblem, increments: int) -> list[tuple[str, _Run]]:
+def _ladder(
+    eq: ContactEquations, linear: LinearSolverChoice, increments: int
+) -> list[tuple[str, _Run]]:
     """Strategies in the order in which they are tried."""
 
     def newton(line_search: str) -> _Run:
         def run(x: PETSc.Vec, attempt: Attempt, monitor: Any) -> bool:
-            with Newton(problem, line_search, monitor) as solver:
+            with Newton(eq, linear(), line_search, monitor) as solver:
                 done, stagnated = solver.run(x, attempt), solver.stagnated
-            if stagnated and direct_instead(problem):
-                with Newton(problem, line_search, monitor) as solver:
+            if stagnated and linear.direct_instead():
+                with Newton(eq, linear(), line_search, monitor) as solver:
                     done = solver.run(x, attempt)
             return done
 
         return run
 
+    # In the integral method r is a part of the discretisation: what is forced stays.
+    weak = any(s.points.E is not None for s in eq.surfaces)
+
     def with_automatic_r(run: _Run) -> _Run:
+        if weak:
+            return run
+
         def inner(x: PETSc.Vec, attempt: Attempt, monitor: Any) -> bool:
-            with problem.automatic_augmentation():
+            with eq.automatic_augmentation():
                 return run(x, attempt, monitor)
 
         return inner
 
     def by_increments(x: PETSc.Vec, attempt: Attempt, monitor: Any) -> bool:
-        with Newton(problem, "none", monitor) as solver:
+        with Newton(eq, linear(), "none", monitor) as solver:
             return raise_load(solver, x, attempt, increments)
 
     def by_following(x: PETSc.Vec, attempt: Attempt, monitor: Any) -> bool:
-        from dolfinx_contact.solvers.following import follow_load
-
-        with Newton(problem, "none", monitor) as solver:
+        with Newton(eq, linear(), "none", monitor) as solver:
             most = int(solver.snes.getTolerances()[3])
-            return follow_load(problem, x, attempt, most) and solver.run(x, attempt)
+            return follow_load(eq, linear, x, attempt, most) and solver.run(x, attempt)
 
     def by_pivoting(x: PETSc.Vec, attempt: Attempt, monitor: Any) -> bool:
-        with Newton(problem, "none", monitor) as solver:
+        with Newton(eq, linear(), "none", monitor) as solver:
             return pivot(solver, x, attempt)
 
     def by_lemke(x: PETSc.Vec, attempt: Attempt, monitor: Any) -> bool:
-        from dolfinx_contact.solvers.reduced import solve_reduced
-
-        with Newton(problem, "none", monitor) as solver:
+        with Newton(eq, linear(), "none", monitor) as solver:
             if solver.snes.getTolerances()[3] < 1:
                 attempt.reason = "no convergence in 0 iterations"
                 return False
-            return solve_reduced(problem, x, attempt) and solver.run(x, attempt)
+            return solve_reduced(eq, linear, x, attempt) and solver.run(x, attempt)
 
     ladder: list[tuple[str, _Run]] = [("full steps", newton("none"))]
-    if problem.forced_r is not None:
+    if eq.forced_r is not None and not weak:
         ladder.append(("full steps with the automatic r", with_automatic_r(newton("none"))))
     rungs = {
         "pivoting": by_pivoting,
@@ -239,36 +207,48 @@ def _ladder(problem: ContactProblem, increments: int) -> list[tuple[str, _Run]]:
         "load following": by_following,
     }
     order = list(rungs)
-    if not problem.bulk.linear:
+    if not eq.bulk.linear:
         order = [_INCREMENTS, "line search", "pivoting", "load following"]
-    elif problem.V.mesh.geometry.dim == 3:
+    elif eq.dim == 3:
         order.remove("Lemke's method")
     return ladder + [(name, with_automatic_r(rungs[name])) for name in order]
 
 
-def _check_data(problem: ContactProblem, x0: PETSc.Vec) -> None:
+def _check_data(eq: ContactEquations, x0: PETSc.Vec) -> None:
     """Raise ``ValueError`` for data that no solver can work with. Collective."""
-    same_everywhere(problem.comm, "data of the problem", Constants=problem.given_numbers())
-    problem.require_same_mesh()
-    for s in problem.surfaces:
+    same_everywhere(eq.comm, "data of the problem", Constants=_given_numbers(eq))
+    eq.require_same_mesh()
+    for s in eq.surfaces:
         s.update_geometry()
         s.check_law()
-        gaps = bool(np.isfinite(s.vertex_gaps).all() and np.isfinite(s.vertex_normals).all())
-        require(problem.comm, gaps, f"{s.name}: the gap or normal of the obstacle is not finite")
-    values = problem.constraints.values()
-    prescribed = bool(np.isfinite(values[problem.constraints.fixed]).all())
-    require(problem.comm, prescribed, "a Dirichlet value is not finite")
-    problem.constraints.check_values(problem.surfaces, problem.body_size)
-    b = problem.create_vector()
-    problem.residual(x0, b)
+        points = s.points
+        gaps = bool(np.isfinite(points.vertex_gaps).all())
+        normals = bool(np.isfinite(points.vertex_normals).all())
+        message = f"{s.name}: the gap or normal of the obstacle is not finite"
+        require(eq.comm, gaps and normals, message)
+    values = eq.constraints.values()
+    prescribed = bool(np.isfinite(values[eq.constraints.fixed]).all())
+    require(eq.comm, prescribed, "a Dirichlet value is not finite")
+    eq.constraints.check_values(eq.surfaces, eq.body_size)
+    b = eq.create_vector()
+    eq.residual(x0, b)
     finite = bool(np.isfinite(b.array_r).all())
     b.destroy()
     require(
-        problem.comm,
+        eq.comm,
         finite,
         "the residual is not finite at the start: look for NaN in loads, material data or the "
         "starting displacement",
     )
+
+
+def _given_numbers(eq: ContactEquations) -> list[list[float]]:
+    """Values of the Constants in forms, obstacles and laws, to be the same on every rank."""
+    constants = list(eq.bulk.residual.constants())
+    for s in eq.surfaces:
+        for e in s.given.all:
+            constants += extract_constants(e)
+    return [[float(v) for v in np.ravel(c.value)] for c in constants]
 
 
 def _diagnosis(attempts: list[Attempt]) -> str:

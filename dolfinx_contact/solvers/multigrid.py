@@ -14,15 +14,17 @@ import numpy.typing as npt
 from dolfinx import la
 
 from dolfinx_contact._petsc import logged
+from dolfinx_contact.laws.status import closed
+from dolfinx_contact.points.trace import facet_closures
 from dolfinx_contact.solvers.forcing import Forcing
 from dolfinx_contact.solvers.hierarchy import Hierarchy
 from dolfinx_contact.solvers.linear import LinearSolver, reasons_of, seconds_of_multigrid
 from dolfinx_contact.solvers.operator import ContactOperator
 from dolfinx_contact.solvers.surface_filter import SurfaceFilter
-from dolfinx_contact.trace import facet_closures
 
 if TYPE_CHECKING:
-    from dolfinx_contact.problem import ContactProblem
+    from dolfinx_contact.equations.contact import ContactEquations
+    from dolfinx_contact.equations.state import State
     from dolfinx_contact.solvers.history import Step
 
 __all__ = ["Multigrid"]
@@ -41,7 +43,7 @@ class Multigrid(LinearSolver):
     as the leading block of its own operator and preconditioner.
 
     Args:
-        problem: the contact problem.
+        equations: the contact problem.
     """
 
     name, corrects = "amg", True
@@ -52,18 +54,19 @@ class Multigrid(LinearSolver):
         "ksp_max_it": 200,
     }
 
-    def __init__(self, problem: ContactProblem):
-        self._problem, self.comm = problem, problem.comm
+    def __init__(self, equations: ContactEquations):
+        self._equations, self.comm = equations, equations.comm
+        prefix = equations.options.prefix
         with logged("ContactJacobian"):
-            self.operator = ContactOperator(problem)
+            self.operator = ContactOperator(equations)
         self.matrix = self.operator.matrix
-        self.filter = SurfaceFilter(self.operator, problem.prefix)
-        self.hierarchy = Hierarchy(problem.V, problem.prefix, symmetric=problem.energy is not None)
+        self.filter = SurfaceFilter(self.operator, prefix)
+        self.hierarchy = Hierarchy(equations.V, prefix, symmetric=equations.bulk.energy is not None)
         self.forcing = Forcing()
         self._glued: npt.NDArray[np.bool_] | None = None
         self._excess = 0.0  # iterations that a new hierarchy would have saved
         self._assemblies = 0  # of the stiffness, when the hierarchy was built
-        self._points = sum(s.points.dofmap.index_map.size_global for s in problem.surfaces)
+        self._points = sum(s.number_everywhere for s in equations.surfaces)
 
     def attach(self, ksp: PETSc.KSP) -> None:
         ksp.setInitialGuessNonzero(False)
@@ -92,61 +95,63 @@ class Multigrid(LinearSolver):
         """
         return self.filter.determinant_sign()
 
-    def wear(self, iterations: int, digits: float) -> None:
+    def age(self, iterations: int, digits: float) -> None:
         """Add what a solve took more than a new hierarchy would; `update` acts on it."""
         self._excess += max(iterations - _FRESH * digits, 0.0)
 
     # -- as the linear solver of Newton's method -------------------------------------------------
 
     def predicted_seconds(self) -> float:
-        return seconds_of_multigrid(self._problem)
+        return seconds_of_multigrid(self._equations)
 
-    def update(self) -> None:
+    def update(self, state: State) -> None:
         with logged("ContactJacobian"):
-            self.operator.update()
+            self.operator.update(state)
         self.filter.update()
-        bulk = self._problem.bulk
+        bulk = self._equations.bulk
         changed = bulk.linear and self._assemblies != bulk.assemblies
-        worn = self._excess > _COST and self._is_stale()
-        if self.hierarchy.pc is None or changed or worn:
-            self.build()
+        aged = self._excess > _COST and self._is_stale(state)
+        if self.hierarchy.pc is None or changed or aged:
+            self.build(state)
 
-    def build(self) -> None:
-        """Build the hierarchy from the status, or from a guess of it. Collective."""
+    def build(self, state: State) -> None:
+        """Build the hierarchy from the statuses, or from a guess of them. Collective."""
         A = self.operator
-        self._glued = self._closed()
+        self._glued = self._closed(state)
         held = np.union1d(A.fixed, np.flatnonzero(self._glued)).astype(np.int32)
         self.filter.cycle = self.hierarchy.build(A.stiffness, held, A.diagonal)
-        self._assemblies, self._excess = self._problem.bulk.assemblies, 0.0
+        self._assemblies, self._excess = self._equations.bulk.assemblies, 0.0
         if self.comm.rank == 0:
             logger.info("multigrid hierarchy %d built", self.hierarchy.builds)
 
-    def _closed(self) -> npt.NDArray[np.bool_]:
+    def _closed(self, state: State) -> npt.NDArray[np.bool_]:
         """Owned displacement dofs of the nodes to glue: those that are closed. Collective.
 
         Where nothing is closed yet a guess takes their place.
         """
-        V = self._problem.V
+        eq, V = self._equations, self._equations.V
         bs, n = V.dofmap.index_map_bs, V.dofmap.index_map.size_local
         marks = la.vector(V.dofmap.index_map, 1)
         marks.array[:] = 0.0
-        for s in self._problem.surfaces:
-            closed = s.closed_vertices()
-            if not self.comm.allreduce(int(closed.any())):
+        for s, found in zip(eq.surfaces, state.surfaces, strict=True):
+            glued = s.points.at_vertices(closed(found.statuses).astype(float)) > 0.5
+            if not self.comm.allreduce(int(glued.any())):
                 # A hierarchy that is glued too far costs less than one that is glued too little.
-                closed = s.vertex_gaps <= (self._problem.reach(s) or np.inf)
-            marks.array[s.vertex_trace_dofs[closed]] = 1.0
+                glued = s.points.vertex_gaps <= (eq.reach(s, state.u) or np.inf)
+            marks.array[s.points.vertex_trace_dofs[glued]] = 1.0
         marks.scatter_reverse(la.InsertMode.add)
-        if any(s.degrees[0] > 1 for s in self._problem.surfaces):
+        if any(s.degrees[0] > 1 for s in eq.surfaces):
             marks.scatter_forward()
             vertices = marks.array > 0
-            for s in self._problem.surfaces:
+            for s in eq.surfaces:
                 closures = facet_closures(V, s.submesh.parent_facets)
                 whole = vertices[closures].sum(axis=1) >= V.mesh.geometry.dim
                 marks.array[closures[whole].reshape(-1)] = 1.0
         return np.repeat(marks.array[:n] > 0, bs)
 
-    def prepare(self, ksp: PETSc.KSP, step: Step, target: float, *, warm: bool) -> None:
+    def prepare(
+        self, ksp: PETSc.KSP, step: Step, target: float, state: State, *, warm: bool
+    ) -> None:
         if PETSc.Options().hasName((ksp.getOptionsPrefix() or "") + "ksp_rtol"):
             return
         if step.iteration == 0:
@@ -154,12 +159,12 @@ class Multigrid(LinearSolver):
         changed = step.flips / self._points if step.iteration > 0 else 1.0
         if step.iteration > 0:
             digits = -float(np.log10(max(ksp.getTolerances()[0], 1e-16)))
-            self.wear(step.krylov, digits)
+            self.age(step.krylov, digits)
             if changed <= self.forcing.many:
-                self._rebuild_if_it_pays(step, digits, target)
+                self._rebuild_if_it_pays(step, digits, target, state)
         ksp.setTolerances(rtol=self.forcing.tolerance(step.measures.worst, target, changed))
 
-    def correct(self, residual: PETSc.Vec, correction: PETSc.Vec) -> bool:
+    def correct(self, state: State, residual: PETSc.Vec, correction: PETSc.Vec) -> bool:
         s = self.filter.surface.local
         on_surface = residual.array_r[s]
         squares = np.array([np.sum(on_surface**2), np.sum(residual.array_r**2)])
@@ -167,36 +172,36 @@ class Multigrid(LinearSolver):
         if not part > _NEGLIGIBLE**2 * whole:  # NaN is none of its business
             return False
         with logged("ContactJacobian"):
-            self.operator.update_contact()
+            self.operator.update_contact(state)
         self.filter.update()
         correction.set(0.0)
         correction.array[s] = self.filter.solve(on_surface)
         return True
 
-    def _rebuild_if_it_pays(self, step: Step, digits: float, target: float) -> None:
+    def _rebuild_if_it_pays(self, step: Step, digits: float, target: float, state: State) -> None:
         """Build anew if that saves more iterations than it costs. Collective."""
         per_digit = step.krylov / max(digits, 1.0)
         left = max(np.log10(max(step.measures.worst, target) / target), 0.0) + 1
-        if (per_digit - _FRESH) * left > _COST and self._is_stale():
-            self.build()
+        if (per_digit - _FRESH) * left > _COST and self._is_stale(state):
+            self.build(state)
 
-    def _is_stale(self) -> bool:
+    def _is_stale(self, state: State) -> bool:
         """Whether a hierarchy built now would be another one. Collective."""
-        moved = self._glued is None or bool((self._closed() != self._glued).any())
-        other = self._assemblies != self._problem.bulk.assemblies
+        moved = self._glued is None or bool((self._closed(state) != self._glued).any())
+        other = self._assemblies != self._equations.bulk.assemblies
         return bool(self.comm.allreduce(int(moved or other)))
 
     def tighten(self) -> bool:
         return self.forcing.tighten()
 
-    def retry(self, ksp: PETSc.KSP) -> bool:
-        if not self._is_stale():
+    def retry(self, ksp: PETSc.KSP, state: State) -> bool:
+        if not self._is_stale(state):
             return False
-        self.build()
+        self.build(state)
         return True
 
     def explain(self, ksp: PETSc.KSP) -> str:
-        prefix = self._problem.prefix
+        prefix = self._equations.options.prefix
         return (
             f"the Krylov method stagnated after {ksp.getIterationNumber()} iterations "
             f"({reasons_of(ksp)}); try another -{prefix}amg_pc_type (gamg, hypre), "

@@ -11,23 +11,22 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import Any
 
 from petsc4py import PETSc
 
 import numpy as np
 
 from dolfinx_contact._errors import everywhere
-from dolfinx_contact._options import check_options
 from dolfinx_contact._petsc import as_raised, logged, options_in_database
 from dolfinx_contact._settling import ROUNDS, settle
-from dolfinx_contact.laws import Status
+from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.measures import Measures, Scales
+from dolfinx_contact.equations.state import State, Statuses, differs
 from dolfinx_contact.solvers.errors import FloatingBodyError, LinearSolverError
 from dolfinx_contact.solvers.history import Attempt, Step
-from dolfinx_contact.solvers.measures import Measures, Scales
-
-if TYPE_CHECKING:
-    from dolfinx_contact.problem import ContactProblem
+from dolfinx_contact.solvers.linear import LinearSolver
 
 __all__ = ["Newton"]
 
@@ -40,32 +39,50 @@ _DEFAULTS: dict[str, Any] = {
 
 
 class Newton:
-    """A SNES on the contact problem that follows the status and knows a cycle."""
+    """A SNES on the contact problem that follows the status and knows a cycle.
+
+    Args:
+        equations: the contact problem.
+        linear: its linear solver.
+        line_search: of PETSc; ``"none"`` for full steps.
+        monitor: called with every iterate.
+
+    Attributes:
+        load: part of the load that is applied.
+        held: statuses by which H is taken; None for those that iterates ask for.
+        state: that was evaluated last.
+    """
+
+    state: State
 
     def __init__(
         self,
-        problem: ContactProblem,
+        equations: ContactEquations,
+        linear: LinearSolver,
         line_search: str,
         monitor: Callable[[Step], None] | None,
     ):
-        self.problem, self.monitor = problem, monitor
+        self.equations, self.linear, self.monitor = equations, linear, monitor
+        self.comm = equations.comm
         # A monitor may be on one rank alone, as one that prints.
-        self._monitored = bool(problem.comm.allreduce(int(monitor is not None)))
+        self._monitored = bool(self.comm.allreduce(int(monitor is not None)))
         self._full_steps = line_search == "none"
         self.load = 1.0
-        self.scales = Scales(problem)
-        self.linear = problem.linear_solver
-        defaults = {**_DEFAULTS, **self.linear.defaults, "snes_linesearch_type": line_search}
-        self.options = {**defaults, **problem.petsc_options}
-        with everywhere(problem.comm, "PETSc options"):
-            check_options(problem.prefix, problem.petsc_options)
-        self.offset = problem.create_vector()  # of which 1 - load is left out
+        self.held: Statuses | None = None
+        self.scales = Scales(equations)
+        given = equations.options
+        defaults = {**_DEFAULTS, **linear.defaults, "snes_linesearch_type": line_search}
+        self.options = {**defaults, **given.given}
+        with everywhere(self.comm, "PETSc options"):
+            given.check()
+        self.offset = equations.create_vector()  # of which 1 - load is left out
         self._after = [self.offset.duplicate() for _ in range(3)]  # a step, residual, correction
         self._create()
         self.attempt: Attempt
         self.floating: FloatingBodyError | None = None
-        self._guessed = self._warm = False
-        self._history: list[tuple[list[Status], float]] = []
+        self._guess: Statuses | None = None
+        self._warm = False
+        self._history: list[tuple[Statuses, float]] = []
 
     def _create(self) -> None:
         """Make the SNES. Collective.
@@ -74,22 +91,22 @@ class Newton:
             ValueError: if the options ask for a solver that PETSc does not know, or that does not
                 solve contact problems with this linear solver.
         """
-        problem = self.problem
-        self.snes, self.b = PETSc.SNES().create(problem.comm), problem.create_vector()
+        given = self.equations.options
+        self.snes, self.b = PETSc.SNES().create(self.comm), self.equations.create_vector()
         self.snes.setFunction(self._function, self.b)
         self.snes.setJacobian(self._jacobian, self.linear.matrix)
         self.snes.setConvergenceTest(self._test)
-        self.snes.setOptionsPrefix(problem.prefix)
+        self.snes.setOptionsPrefix(given.prefix)
         self.linear.attach(self.snes.getKSP())
         if self._full_steps and self.linear.corrects:
             self.snes.setLineSearchPreCheck(self._settle)
-        with options_in_database(problem.prefix, self.options), as_raised():
+        with options_in_database(given.prefix, self.options), as_raised():
             self.snes.setFromOptions()
-            problem.option_use.note(problem.petsc_options)
+            given.note()
         self.snes.setTolerances(atol=0.0, stol=0.0)
         if self.linear.name != "direct" and self.snes.getType() != PETSc.SNES.Type.NEWTONLS:
             raise ValueError(
-                f"-{problem.prefix}snes_type {self.snes.getType()} needs an assembled matrix; "
+                f"-{given.prefix}snes_type {self.snes.getType()} needs an assembled matrix; "
                 f"with the linear solver {self.linear.name} only newtonls goes"
             )
 
@@ -108,16 +125,18 @@ class Newton:
     def run(self, x: PETSc.Vec, attempt: Attempt) -> bool:
         """Solve H(x) = (1 - load) offset from ``x``, which is overwritten. Collective."""
         self.attempt, self._history, self.floating = attempt, [], None
-        problem, ksp, y = self.problem, self.snes.getKSP(), x.copy()
+        given, ksp, y = self.equations.options, self.snes.getKSP(), x.copy()
         try:
-            with options_in_database(problem.prefix, self.options), as_raised():
+            with options_in_database(given.prefix, self.options), as_raised():
                 self.snes.solve(None, y)
-                while self.snes.getConvergedReason() == _LINEAR and self.linear.retry(ksp):
+                while self.snes.getConvergedReason() == _LINEAR and self.linear.retry(
+                    ksp, self.state
+                ):
                     said = self._explain()
-                    if problem.comm.rank == 0:
+                    if self.comm.rank == 0:
                         logger.warning("%s; once more with a new preconditioner", said)
                     self.snes.solve(None, y)
-                problem.option_use.note(problem.petsc_options)
+                given.note()
             y.copy(x)
         except LinearSolverError as error:
             attempt.reason = str(error)
@@ -135,7 +154,6 @@ class Newton:
         if self.floating is not None:
             raise self.floating
         reason = self.snes.getConvergedReason()
-        self.problem.read(x)
         if reason > 0:
             attempt.reason = "converged"
         elif reason != _STOPPED:
@@ -146,9 +164,8 @@ class Newton:
     def _warn_of_options(self) -> None:
         """Warn of options that nothing has read, once a linear system has been solved."""
         if self.snes.getLinearSolveIterations() > 0:
-            problem = self.problem
-            multigrid, root = self.linear.name == "amg", problem.comm.rank == 0
-            problem.option_use.warn(problem.petsc_options, multigrid=multigrid, root=root)
+            multigrid, root = self.linear.name == "amg", self.comm.rank == 0
+            self.equations.options.warn(multigrid=multigrid, root=root)
 
     @property
     def stagnated(self) -> bool:
@@ -157,20 +174,19 @@ class Newton:
 
     def _function(self, _snes: PETSc.SNES, x: PETSc.Vec, b: PETSc.Vec) -> None:
         with logged("ContactResidual"):
-            self.problem.residual(x, b)
+            self.state = self.equations.residual(x, b, self.held)
         self.attempt.evaluations += 1
         if self.load != 1.0:
             b.axpy(self.load - 1.0, self.offset)
 
     def _jacobian(self, _snes: PETSc.SNES, x: PETSc.Vec, _A: PETSc.Mat, _P: PETSc.Mat) -> None:
-        self.problem.read(x)
-        if not self._guessed:
-            self.problem.update_status()
-        self._guessed = False
-        self.linear.update()
+        statuses = self.held if self._guess is None else self._guess
+        self._guess = None
+        state = self.equations.contact(x, statuses)
+        self.linear.update(state)
         tolerance = self.snes.getTolerances()[0]
         step = self.attempt.steps[-1]
-        self.linear.prepare(self.snes.getKSP(), step, tolerance, warm=self._warm)
+        self.linear.prepare(self.snes.getKSP(), step, tolerance, state, warm=self._warm)
 
     def _settle(self, x: PETSc.Vec, step: PETSc.Vec) -> None:
         """Put the contact surface right after the full step x - step; see `settle`."""
@@ -181,36 +197,35 @@ class Newton:
         def evaluate(x: PETSc.Vec, b: PETSc.Vec) -> None:
             self._function(self.snes, x, b)
 
-        if settle(evaluate, self.linear.correct, after, b, d, rounds):
+        def correct(_x: PETSc.Vec, b: PETSc.Vec, d: PETSc.Vec) -> bool:
+            return self.linear.correct(self.state, b, d)
+
+        if settle(evaluate, correct, after, b, d, rounds):
             step.waxpy(-1.0, after, x)
 
     def _test(self, snes: PETSc.SNES, it: int, _norms: tuple[float, float, float]) -> int:
-        problem = self.problem
-        measures = self._measure(snes.getFunction()[0], snes.getTolerances()[0])
-        statuses = problem.statuses
+        eq, tolerance = self.equations, snes.getTolerances()[0]
+        measures = self._measure(snes.getFunction()[0], tolerance)
+        statuses = self.state.statuses
         flips = 0
         if self._history:
-            changed = [a.differs(b) for a, b in zip(statuses, self._history[-1][0], strict=True)]
-            counts = [
-                int(c[: s.num_owned_points].sum())
-                for c, s in zip(changed, problem.surfaces, strict=True)
-            ]
-            flips = problem.comm.allreduce(sum(counts))
+            changed = differs(statuses, self._history[-1][0])
+            flips = self.comm.allreduce(sum(int(c.sum()) for c in changed))
         krylov = snes.getKSP().getIterationNumber() if it > 0 else 0
         step = Step(it, measures, flips, self.load, krylov)
         self.attempt.steps.append(step)
-        if problem.comm.rank == 0:
+        if self.comm.rank == 0:
             logger.info("%s, %s", self.attempt.strategy, step)
         if self._monitored:
-            with everywhere(problem.comm, "the monitor"):
+            with everywhere(self.comm, "the monitor"):
                 if self.monitor is not None:
                     self.monitor(step)
         if not np.isfinite(measures.worst):
             self.attempt.reason = "the residual is not finite"
             return int(_STOPPED)
-        if measures.worst <= snes.getTolerances()[0]:
+        if measures.worst <= tolerance:
             # A solution that a rigid motion may carry away is no answer either.
-            if self._floats():
+            if self._floats(statuses):
                 return int(_STOPPED)
             return int(PETSc.SNES.ConvergedReason.CONVERGED_FNORM_RELATIVE)
         if self.attempt.gives_up():
@@ -224,52 +239,47 @@ class Newton:
         ):
             doubt = self.linear.doubt(snes.getKSP())
             self.attempt.reason = doubt or "the status repeats in a cycle"
-            self.attempt.restless = _restless(problem, self._history[-1][0], statuses)
+            self.attempt.restless = _restless(eq, self._history[-1][0], statuses)
             return int(_STOPPED)
         self._history.append((statuses, measures.worst))
         if it == 0:
-            self._guess()
-        return int(_STOPPED) if self._floats() else 0
+            statuses = self._first_statuses(statuses)
+        return int(_STOPPED) if self._floats(statuses) else 0
 
     def _measure(self, b: PETSc.Vec, tolerance: float) -> Measures:
-        """Measures of the residual ``b``. Collective.
+        """Measures of the residual ``b`` of the state. Collective.
 
         The scales remember the forces and lengths of the start. Where those of a state that looks
         converged are a million times smaller, the state is judged by its own from now on: beside
         a start far away everything is small.
         """
-        measures = self.scales.measure(b)
+        state = replace(self.state, rows=self.equations.blocks(b))
+        measures = self.scales.measure(state)
         if measures.worst <= tolerance:
-            own, then = Scales(self.problem), self.scales
-            judged = own.measure(b)
+            own, then = Scales(self.equations), self.scales
+            judged = own.measure(state)
             far = then.force > _FAR * own.force or then.length > _FAR * own.length
-            if far and own.length > _AT_REST * self.problem.body_size:
+            if far and own.length > _AT_REST * self.equations.body_size:
                 self.scales, measures, self._history = own, judged, []
         return measures
 
-    def _guess(self) -> None:
+    def _first_statuses(self, statuses: Statuses) -> Statuses:
         """Let what is expected to close stick in the first step, where that is more than what does.
 
         From a body that touches nothing the first step would lead into the obstacle, the second
         hold all that got there. Not where the status is held, and not beside a line search, which
-        needs a step that is H's own, unless a body would float.
+        needs a step that is H's own, unless a body would float. Collective.
         """
-        problem = self.problem
-        closed = any(s.status.active.any() for s in problem.surfaces)
-        self._warm = bool(problem.comm.allreduce(int(closed)))
-        cold = self._full_steps and not self._warm and not problem.hold_status
-        if cold or problem.loose_motions():
-            touching = 1e-9 * problem.body_size
-            problem.statuses = [
-                s.touching_status(max(self.load * problem.reach(s), touching))
-                for s in problem.surfaces
-            ]
-            self._guessed = True
+        eq = self.equations
+        self._warm = eq.any_closed(statuses)
+        cold = self._full_steps and not self._warm and self.held is None
+        if cold or eq.loose_motions(statuses):
+            self._guess = statuses = eq.touching(self.load, self.state.u)
+        return statuses
 
-    def _floats(self) -> bool:
-        """Whether a rigid motion is free."""
-        problem = self.problem
-        loose = problem.loose_motions()
+    def _floats(self, statuses: Statuses) -> bool:
+        """Whether a rigid motion is free. Collective."""
+        loose = self.equations.loose_motions(statuses)
         if loose:
             self.attempt.reason = (
                 f"a rigid motion of the body is free ({loose}): neither Dirichlet data nor contact "
@@ -278,18 +288,17 @@ class Newton:
             self.floating = FloatingBodyError(self.attempt.reason)
         return bool(loose)
 
-    def _in_cycle(self, statuses: list[Status], worst: float) -> bool:
+    def _in_cycle(self, statuses: Statuses, worst: float) -> bool:
         """Whether a status returns after others without the residual having halved. Collective."""
         same = np.array(
             [
-                worst > 0.5 * old_worst
-                and not any(a.differs(b).any() for a, b in zip(statuses, old, strict=True))
+                worst > 0.5 * old_worst and not any(c.any() for c in differs(statuses, old))
                 for old, old_worst in self._history[:-1]
             ]
         )
         if len(same) == 0:
             return False
-        same = self.problem.comm.allreduce(same.astype(np.int32), op=np.minimum)
+        same = self.comm.allreduce(same.astype(np.int32), op=np.minimum)
         return bool(same.any())
 
     def _explain(self) -> str:
@@ -318,14 +327,13 @@ _NOT_A_NUMBER = -4  # DIVERGED_FNORM_NAN, since PETSc 3.24 DIVERGED_FUNCTION_NAN
 
 
 def _restless(
-    problem: ContactProblem, before: list[Status], after: list[Status]
+    equations: ContactEquations, before: Statuses, after: Statuses
 ) -> dict[str, list[list[float]]]:
     """Coordinates of points whose status differs, at most five a surface. Collective."""
     places = {}
-    for s, a, b in zip(problem.surfaces, before, after, strict=True):
-        n = s.num_owned_points
-        mine = s.positions[:n][a.differs(b)[:n]].tolist()
-        everyone = sorted(x for xs in problem.comm.allgather(mine) for x in xs)
+    for s, changed in zip(equations.surfaces, differs(before, after), strict=True):
+        mine = s.positions[changed].tolist()
+        everyone = sorted(x for xs in equations.comm.allgather(mine) for x in xs)
         if everyone:
             places[s.name] = everyone[:5]
     return places

@@ -11,56 +11,54 @@ are the identity times a typical stiffness, their columns are zero.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from petsc4py import PETSc
 
 import numpy as np
 
-from dolfinx_contact._compat import assemble_block_matrix, create_block_matrix
-
-if TYPE_CHECKING:
-    from dolfinx_contact.problem import ContactProblem
+from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.jacobian import ContactTerms
+from dolfinx_contact.equations.state import State
 
 __all__ = ["ContactOperator"]
 
 
 class ContactOperator:
-    """Context of a PETSc Mat of type python: the Jacobian of ``problem``.
+    """Context of a PETSc Mat of type python: the Jacobian of ``equations``.
 
     Attributes:
-        matrix: the Mat; its vectors are those of the problem.
+        matrix: the Mat; its vectors are those of the equations.
         stiffness: K, on the displacement alone.
-        contact: S, on all unknowns, without Dirichlet rows of the displacement.
+        contact: S, on all unknowns, without Dirichlet rows and columns of the displacement.
         fixed: local indices of the owned displacement dofs with Dirichlet data.
         diagonal: of the Dirichlet rows.
         first: global index of the first unknown of this rank.
     """
 
-    def __init__(self, problem: ContactProblem):
-        self.problem, self.comm = problem, problem.comm
-        self.size = problem.owned_sizes[0]
-        self.diagonal = problem.stiffness_scale
-        self.fixed = np.flatnonzero(problem.constraints.fixed.reshape(-1)[: self.size])
-        self.contact = create_block_matrix(problem.contact_jacobian)
-        self.stiffness = problem.bulk.stiffness()
-        n = sum(problem.owned_sizes)
+    def __init__(self, equations: ContactEquations):
+        self.equations, self.comm = equations, equations.comm
+        self.size = equations.owned_sizes[0]
+        self.diagonal = equations.stiffness_scale
+        self.fixed = np.flatnonzero(equations.fixed[: self.size])
+        self._terms = ContactTerms(equations)
+        self.contact = self._terms.create_matrix()
+        bulk = equations.bulk
+        self.stiffness = bulk.stiffness(bulk.displacement.x.array.copy())
+        n = sum(equations.owned_sizes)
         self.matrix = PETSc.Mat().createPython(((n, None), (n, None)), self, comm=self.comm)
         self.matrix.setUp()
-        self._x = problem.create_vector()
+        self._x = equations.create_vector()
         self.first = self._x.getOwnershipRange()[0]
         self._xu, self._yu = self.stiffness.createVecRight(), self.stiffness.createVecLeft()
 
-    def update(self) -> None:
-        """Assemble at the Functions and the status of the problem as they are. Collective."""
-        self.stiffness = self.problem.bulk.stiffness()
-        self.update_contact()
+    def update(self, state: State) -> None:
+        """Assemble at a state. Collective."""
+        self.stiffness = self.equations.bulk.stiffness(state.u)
+        self.update_contact(state)
 
-    def update_contact(self) -> None:
+    def update_contact(self, state: State) -> None:
         """Assemble S alone, which for a body that is not linear leaves K behind. Collective."""
-        p = self.problem
-        removed = p.constraints.multiplier_bcs
-        assemble_block_matrix(self.contact, p.contact_jacobian, removed, self.diagonal)
+        self.contact.zeroEntries()
+        self._terms.add(state, self.contact)
 
     def mult(self, _mat: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Y = J x."""
@@ -70,7 +68,7 @@ class ContactOperator:
         free[self.fixed] = 0.0
         self._xu.array[:] = free[: self.size]
         self.contact.mult(self._x, y)
-        self.problem.bulk.for_products.mult(self._xu, self._yu)
+        self.equations.bulk.for_products.mult(self._xu, self._yu)
         result = y.array
         result[: self.size] += self._yu.array_r
         result[self.fixed] = self.diagonal * values[self.fixed]

@@ -7,7 +7,7 @@ solution for every friction if the reduced stiffness is positive definite (`algo
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 from petsc4py import PETSc
 
@@ -15,31 +15,37 @@ from dolfinx import fem
 
 from dolfinx_contact._errors import on_root
 from dolfinx_contact.algorithms import RayTermination, coulomb_by_lemke
-from dolfinx_contact.condensed import CondensedContact, can_condense
-from dolfinx_contact.parametric import ParametricContact
-
-if TYPE_CHECKING:
-    from dolfinx_contact.problem import ContactProblem
-    from dolfinx_contact.solvers.history import Attempt
+from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.parametric import ParametricEquations
+from dolfinx_contact.laws import Coulomb, Frictionless
+from dolfinx_contact.reduced.condensed import CondensedContact, can_condense
+from dolfinx_contact.solvers.history import Attempt
+from dolfinx_contact.solvers.linear import LinearSolver
 
 __all__ = ["solve_reduced"]
 
 
-def solve_reduced(problem: ContactProblem, x: PETSc.Vec, attempt: Attempt) -> bool:
+def solve_reduced(
+    equations: ContactEquations,
+    linear: Callable[[], LinearSolver],
+    x: PETSc.Vec,
+    attempt: Attempt,
+) -> bool:
     """Put a solution by Lemke's method into ``x``, at which the body is condensed. Collective.
 
     Where the problem is not one that it solves the attempt says why.
     """
-    system = ParametricContact(problem, fem.Constant(problem.V.mesh, 0.0))
+    system = ParametricEquations(equations, fem.Constant(equations.V.mesh, 0.0), linear)
     condensed: CondensedContact | None = None
+    known = all(isinstance(s.law, Coulomb | Frictionless) for s in equations.surfaces)
     try:
-        if not can_condense(system, partly=True):
+        if not known or not can_condense(system, partly=True):
             attempt.reason = "needs contact at the nodes with Coulomb's law or without friction"
             return False
         condensed = CondensedContact(system, x, 0.0, exact=True)
         affine, friction = condensed.system, condensed.friction
         S = affine.matrix[:, :, :2].reshape(len(affine.load), -1)
-        w, _ = on_root(problem.comm, lambda: coulomb_by_lemke(S, affine.load, friction))
+        w, _ = on_root(equations.comm, lambda: coulomb_by_lemke(S, affine.load, friction))
         condensed.expand(w, 0.0, x)
     except (RayTermination, ValueError, RuntimeError) as error:
         attempt.reason = str(error)

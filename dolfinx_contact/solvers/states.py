@@ -3,21 +3,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from petsc4py import PETSc
 
-from dolfinx_contact.checks import smallest_jacobian
-
-if TYPE_CHECKING:
-    from dolfinx_contact.problem import ContactProblem
+from dolfinx_contact.body.deformation import smallest_jacobian
+from dolfinx_contact.equations.contact import ContactEquations
 
 __all__ = ["inverted"]
 
 
-def inverted(problem: ContactProblem) -> str:
+def inverted(equations: ContactEquations, x: PETSc.Vec) -> str:
     """Where a hyperelastic body is turned inside out, in words; "" if nowhere. Collective."""
-    if problem.bulk.linear:
+    if equations.bulk.linear:
         return ""
-    smallest, place = smallest_jacobian(problem, vertices=False)
+    u = equations.displacement(x)
+    smallest, place = smallest_jacobian(equations.V, u, vertices=False)
     if smallest > 0:
         return ""
     where = ", ".join(f"{c:.4g}" for c in place)

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from petsc4py import PETSc
 
@@ -13,12 +13,10 @@ import numpy.typing as npt
 from dolfinx import la
 
 from dolfinx_contact._petsc import options_in_database
+from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.points.trace import facet_closures, owned_exterior
 from dolfinx_contact.solvers.errors import LinearSolverError
 from dolfinx_contact.solvers.operator import ContactOperator
-from dolfinx_contact.trace import facet_closures, owned_exterior
-
-if TYPE_CHECKING:
-    from dolfinx_contact.problem import ContactProblem
 
 __all__ = ["SurfaceBlock", "SurfaceFactor", "SurfaceSet", "combined", "contact_dofs", "copied"]
 
@@ -44,9 +42,9 @@ class SurfaceSet:
     """
 
     def __init__(self, operator: ContactOperator):
-        problem, self.comm = operator.problem, operator.comm
-        dofs = contact_dofs(problem)
-        rest = np.arange(operator.size, sum(problem.owned_sizes), dtype=np.int32)
+        eq, self.comm = operator.equations, operator.comm
+        dofs = contact_dofs(eq)
+        rest = np.arange(operator.size, sum(eq.owned_sizes), dtype=np.int32)
         self.local, self.nodes = np.concatenate([dofs, rest]), len(dofs)
         self.fixed = np.flatnonzero(np.isin(dofs, operator.fixed)).astype(np.int32)
         first, first_u = operator.first, operator.stiffness.getOwnershipRange()[0]
@@ -185,12 +183,12 @@ def combined(A: PETSc.Mat, a: float, B: PETSc.Mat, out: PETSc.Mat | None) -> PET
     return out
 
 
-def contact_dofs(problem: ContactProblem) -> npt.NDArray[np.int32]:
+def contact_dofs(equations: ContactEquations) -> npt.NDArray[np.int32]:
     """Owned displacement dofs of the nodes of all contact facets, local indices. Collective."""
-    V = problem.V
+    V = equations.V
     marks = la.vector(V.dofmap.index_map, 1)
     marks.array[:] = 0.0
-    for s in problem.surfaces:
+    for s in equations.surfaces:
         facets = owned_exterior(V.mesh, s.submesh.parent_facets)
         marks.array[facet_closures(V, facets).reshape(-1)] = 1.0
     marks.scatter_reverse(la.InsertMode.add)

@@ -54,13 +54,13 @@ class SurfaceFilter:
         self._columns = PETSc.IS().createStride(operator.size, first, 1, comm=self.comm)
         self._rows: PETSc.Mat | None = None
         self._assemblies = -1
-        self._t, self._e = (operator.problem.create_vector() for _ in range(2))
+        self._t, self._e = (operator.equations.create_vector() for _ in range(2))
         self._tu, self._zu = operator.stiffness.createVecs()
 
     # -- set-up ----------------------------------------------------------------------------------
 
     def update(self) -> None:
-        """Factorise the surface block of the operator as it is. Collective.
+        """Factorise the surface block of the current operator. Collective.
 
         Raises:
             LinearSolverError: if it is singular.
@@ -68,7 +68,7 @@ class SurfaceFilter:
         with logged("ContactSurfaceLU"):
             if self.block is None:
                 self.block = self._choose_block()
-            assemblies = self.operator.problem.bulk.assemblies
+            assemblies = self.operator.equations.bulk.assemblies
             if self._assemblies != assemblies:
                 K, nodes = self.operator.stiffness, self.surface.of_body
                 self._rows = K.createSubMatrix(nodes, self._columns, self._rows)

@@ -12,27 +12,19 @@
 from __future__ import annotations
 
 import logging
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._compat import geometry_dofmap
-from dolfinx_contact.cells import (
-    chunks,
-    determinants,
-    gradients,
-    is_affine,
-    midpoints,
-    reference_points,
-)
-from dolfinx_contact.tables import by_coordinates
+from dolfinx_contact.body.cells import midpoints
+from dolfinx_contact.body.deformation import smallest_jacobian
+from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.order import by_coordinates
+from dolfinx_contact.equations.state import State
+from dolfinx_contact.laws.status import closed
+from dolfinx_contact.points.surface import ContactSurface
 
-if TYPE_CHECKING:
-    from dolfinx_contact.problem import ContactProblem
-    from dolfinx_contact.surface import ContactSurface
-
-__all__ = ["misfits", "smallest_jacobian", "warn_of_inversion", "warn_of_obstacles"]
+__all__ = ["misfits", "warn_of_inversion", "warn_of_obstacles"]
 
 logger = logging.getLogger(__name__)
 
@@ -45,62 +37,15 @@ _FAR = 10.0  # body sizes
 # -- states --------------------------------------------------------------------------------------
 
 
-def smallest_jacobian(problem: ContactProblem, *, vertices: bool = True) -> tuple[float, Array]:
-    """The smallest det(I + grad u) and the midpoint of its cell in the reference. Collective.
-
-    It is looked for at quadrature points, which is where an energy sees the body, and if wanted at
-    the vertices of the cells; linear simplices have one value. The same on
-    every rank. NaN, if the displacement is not finite: accept a state where it is ``> 0``.
-    """
-    u, domain = problem.u, problem.V.mesh
-    dim, degree = domain.geometry.dim, problem.V.ufl_element().degree
-    n = domain.topology.index_map(dim).size_local
-    order = 0 if is_affine(domain) and degree == 1 else 2 * degree
-    points = reference_points(domain.basix_cell(), order, vertices=vertices)
-    X, elements = domain.geometry.x[:, :dim], domain.ufl_domain().ufl_coordinate_element()
-    fields = [
-        (geometry_dofmap(domain), X, gradients(elements, points)),
-        (
-            problem.V.dofmap.list,
-            u.x.array.reshape(-1, dim),
-            gradients(problem.V.ufl_element(), points),
-        ),
-    ]
-    values = np.empty(n)
-    for part in chunks(n):
-        dX, du = (
-            (f[nodes[part]].transpose(0, 2, 1) @ table)
-            .reshape(-1, dim, len(points), dim)
-            .transpose(0, 2, 1, 3)
-            for nodes, f, table in fields
-        )
-        # A corner of a degenerate quadrilateral has no gradient.
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            J = determinants(dX)
-            ratio = np.where(J == 0, np.inf, determinants(dX + du) / J)
-        values[part] = ratio.min(axis=1)
-    smallest = problem.comm.allreduce(float(values.min(initial=np.inf)), op=np.minimum)
-    # Of cells with the same value, up to round-off, the first in the order of the input.
-    tolerance = 1e-9 * abs(smallest) if np.isfinite(smallest) else 0.0
-    cells = np.flatnonzero((values <= smallest + tolerance) | np.isnan(values))
-    original = np.asarray(domain.topology.original_cell_index)[cells]
-    mine = [
-        (int(original[i]), midpoints(domain, cells[i : i + 1])[0])
-        for i in ([int(np.argmin(original))] if len(cells) else [])
-    ]
-    found = [c for part in problem.comm.allgather(mine) for c in part]
-    return float(smallest), min(found, key=lambda c: c[0])[1]
-
-
-def warn_of_inversion(problem: ContactProblem) -> float | None:
+def warn_of_inversion(eq: ContactEquations, u: Array) -> float | None:
     """The smallest det F of a body that is not linear, with a warning if it is not positive.
 
     None for bodies that are linear in u, whose strains are small by assumption. Collective.
     """
-    if problem.bulk.linear:
+    if eq.bulk.linear:
         return None
-    value, place = smallest_jacobian(problem)
-    if not value > 0 and problem.comm.rank == 0:
+    value, place = smallest_jacobian(eq.V, u)
+    if not value > 0 and eq.comm.rank == 0:
         logger.warning(
             "the body is turned inside out: det F = %.3g in the cell at %s of the reference "
             "configuration",
@@ -110,7 +55,7 @@ def warn_of_inversion(problem: ContactProblem) -> float | None:
     return value
 
 
-def misfits(problem: ContactProblem) -> dict[str, float | None]:
+def misfits(eq: ContactEquations, state: State) -> dict[str, float | None]:
     """By surface, how far the gap of the law is off where the points are now. Collective.
 
     At closed points, which the law has on the obstacle, the distance by which they hang above or in
@@ -119,7 +64,9 @@ def misfits(problem: ContactProblem) -> dict[str, float | None]:
     of the body's size.
     """
     found: dict[str, float | None] = {}
-    for s, clamped in zip(problem.surfaces, problem.constraints.clamped, strict=True):
+    for s, clamped, contact in zip(
+        eq.surfaces, eq.constraints.clamped, state.surfaces, strict=True
+    ):
         if s.obstacle.flat:
             found[s.name] = 0.0
             continue
@@ -127,19 +74,19 @@ def misfits(problem: ContactProblem) -> dict[str, float | None]:
         if true_gaps is None:
             found[s.name] = None
             continue
-        true, law = true_gaps, s.gaps()
+        true, law = true_gaps, eq.gaps(s, state.u)
         depth = np.maximum(np.maximum(-true, 0) - np.maximum(-law, 0), 0)
-        off = np.where(s.status.active > 0, np.abs(true - law), depth)
+        off = np.where(closed(contact.statuses), np.abs(true - law), depth)
         if s.method != "integral":
-            off = np.where(clamped, 0.0, off)
-        n, gather = s.num_owned_points, s.comm.allgather
-        x, true, off = (np.concatenate(gather(v[:n])) for v in (s.positions, true, off))
+            off = np.where(clamped[: len(off)], 0.0, off)
+        gather = s.comm.allgather
+        x, true, off = (np.concatenate(gather(v)) for v in (s.positions, true, off))
         order = by_coordinates(x)
         x, true, off = x[order], true[order], off[order]
         # Of points with the same value, up to round-off, the first in the table.
         i = int(np.flatnonzero(~(off < (1 - 1e-9) * np.max(off)))[0])
         found[s.name] = float(off[i])
-        if not off[i] <= _LARGEST_MISFIT * problem.body_size and s.comm.rank == 0:
+        if not off[i] <= _LARGEST_MISFIT * eq.body_size and s.comm.rank == 0:
             logger.warning(
                 "%s: the sliding is not small: gap and normal are those of the reference "
                 "configuration, and that of the point which was at %s is off by %.3g (%.2g of the "
@@ -147,7 +94,7 @@ def misfits(problem: ContactProblem) -> dict[str, float | None]:
                 s.name,
                 _shown(x[i]),
                 off[i],
-                off[i] / problem.body_size,
+                off[i] / eq.body_size,
                 abs(true[i]),
                 "inside" if true[i] < 0 else "away from",
             )
@@ -157,16 +104,16 @@ def misfits(problem: ContactProblem) -> dict[str, float | None]:
 # -- obstacles -----------------------------------------------------------------------------------
 
 
-def warn_of_obstacles(problem: ContactProblem) -> None:
+def warn_of_obstacles(eq: ContactEquations) -> None:
     """Warn of obstacles on the wrong side and of friction far from one. Collective."""
-    for s in problem.surfaces:
-        n = s.vertices.dofmap.index_map.size_local
-        gaps = s.vertex_gaps[:n]
+    for s in eq.surfaces:
+        n = s.points.vertices.dofmap.index_map.size_local
+        gaps = s.points.vertex_gaps[:n]
         nearest = s.comm.allreduce(float(np.min(gaps, initial=np.inf)), op=min)
         if not np.isfinite(nearest):
             continue  # a solve refuses it
-        if not s.law.needs_pressure and nearest > _FAR * problem.body_size:
-            bound = float(np.max(s.friction_slope(), initial=0.0))
+        if not s.law.needs_pressure and nearest > _FAR * eq.body_size:
+            bound = float(np.nanmax(s.friction_slope(), initial=0.0))
             if s.comm.allreduce(bound, op=max) > 0 and s.comm.rank == 0:
                 logger.warning(
                     "%s: the friction bound of Tresca acts on the whole surface, and the obstacle "
@@ -174,16 +121,16 @@ def warn_of_obstacles(problem: ContactProblem) -> None:
                     s.name,
                     nearest,
                 )
-        _warn_of_side(problem, s, nearest)
+        _warn_of_side(eq, s, nearest)
 
 
-def _warn_of_side(problem: ContactProblem, s: ContactSurface, lowest: float) -> None:
+def _warn_of_side(eq: ContactEquations, s: ContactSurface, lowest: float) -> None:
     """Warn if the contact normal points into the body where that comes nearest. Collective.
 
     Of a body that is deep in its obstacle those points decide that are deepest, and where they face
     neither way (the rims of a round foot) those that are nearest to the obstacle's surface.
     """
-    tolerance, gaps = 1e-9 * problem.body_size, s.vertex_gaps
+    tolerance, gaps = 1e-9 * eq.body_size, s.points.vertex_gaps
     closest = s.comm.allreduce(float(np.min(np.abs(gaps), initial=np.inf)), op=min)
     deepest, x = _facing(s, gaps <= lowest + tolerance)
     if deepest < -0.5:
@@ -205,9 +152,9 @@ def _warn_of_side(problem: ContactProblem, s: ContactSurface, lowest: float) -> 
 def _facing(s: ContactSurface, marked: npt.NDArray[np.bool_]) -> tuple[float, Array]:
     """Largest n.N over the facets around ``marked`` local vertices, N outward, and where."""
     domain, dim, m = s.domain, s.dim, len(s.submesh.parent_facets)
-    corners = s.vertices.dofmap.list[:m]
+    corners = s.points.vertices.dofmap.list[:m]
     # Without the round-off in them, so that the first of several places is the same everywhere.
-    x = _rounded(s.vertices.tabulate_dof_coordinates()[:, :dim])
+    x = _rounded(s.points.vertices.tabulate_dof_coordinates()[:, :dim])
     to_cells = domain.topology.connectivity(dim - 1, dim)
     inside = midpoints(domain, to_cells.array[to_cells.offsets[s.submesh.parent_facets]])
     edges = x[corners[:, 1:dim]] - x[corners[:, :1]]
@@ -217,7 +164,7 @@ def _facing(s: ContactSurface, marked: npt.NDArray[np.bool_]) -> tuple[float, Ar
         N = np.cross(edges[:, 0], edges[:, 1])
     N *= np.sign(np.sum(N * (x[corners[:, 0]] - inside), axis=1))[:, None]
     N /= np.linalg.norm(N, axis=1)[:, None]
-    along = np.einsum("fd,fvd->fv", N, s.vertex_normals[corners])
+    along = np.einsum("fd,fvd->fv", N, s.points.vertex_normals[corners])
     along = np.round(np.where(marked[corners], along, -np.inf).reshape(-1), 9)
     places = x[corners.reshape(-1)[along == np.max(along, initial=-np.inf)]].tolist()
     mine: tuple[float, list[float]] = (

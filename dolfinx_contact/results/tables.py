@@ -12,17 +12,21 @@ fix one component of a node, the others may carry contact.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-if TYPE_CHECKING:
-    from dolfinx_contact.problem import ContactProblem
-    from dolfinx_contact.surface import ContactSurface
+from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.order import by_coordinates
+from dolfinx_contact.equations.state import ContactState, State
+from dolfinx_contact.laws import status
+from dolfinx_contact.laws.status import STICK, closed
+from dolfinx_contact.points.surface import ContactSurface
+from dolfinx_contact.results.balance import support_at_vertices
 
-__all__ = ["ContactTable", "by_coordinates", "contact_table"]
+__all__ = ["ContactTable", "contact_table", "violation"]
 
 
 @dataclass(frozen=True)
@@ -86,58 +90,42 @@ class ContactTable:
             return np.asarray(-vectors[:, 0] * self.n[:, 1] + vectors[:, 1] * self.n[:, 0])
         return np.asarray(np.linalg.norm(vectors, axis=1))
 
-    def kkt_violation(self, force: float, length: float) -> float:
-        """Worst violation of the contact law, forces over ``force`` and lengths over ``length``.
 
-        Gap, pressure, complementarity, friction disc and slip direction, at the contact points that
-        are not clamped. In the integral method, whose conditions are weak, it measures the
-        discretisation as well.
-        """
-        free = self.letters != "d"
-        area = self.area[free]
-        un, ut, radius = self.un[free], self.ut[free], self.bound[free]
-        rn, rt = self.pressure[free] * area, self.shear[free] * area[:, None]
-        slide = np.linalg.norm(ut, axis=1)
-        size = np.linalg.norm(rt, axis=1)
-        # A sliding point has rt = -radius ut/|ut|; weighted by the slide, so that it is continuous.
-        against = np.linalg.norm(rt * slide[:, None] + radius[:, None] * ut, axis=1)
-        violations = [
-            np.maximum(-un, 0) / length,
-            np.maximum(-rn, 0) / force,
-            np.abs(un * rn) / (length * force),
-            np.maximum(size - radius, 0) / force,
-            against / (length * force),
-        ]
-        return float(max(np.max(v, initial=0.0) for v in violations))
-
-
-def contact_table(problem: ContactProblem, s: ContactSurface) -> ContactTable:
-    """The table of a surface at the problem's Functions and last residual. Collective.
+def contact_table(
+    eq: ContactEquations, number: int, state: State, supports: npt.NDArray[np.float64]
+) -> ContactTable:
+    """The table of a surface at a state. Collective.
 
     Where Dirichlet data prescribe all of the tangential displacement, the support holds what
     friction would: the bound is 0 there, and the letter that of the prescribed motion.
+
+    Args:
+        eq: the contact problem.
+        number: of the surface.
+        state: with reactions.
+        supports: reactions of Dirichlet data at the local nodes of the displacement (n, dim).
     """
-    number = problem.surfaces.index(s)
-    clamped, removed = problem.constraints.clamped[number], problem.constraints.removed[number]
-    state, n = s.state(), s.num_owned_points
-    area, normal, traction = state["area"][:n], state["n"][:n], state["traction"][:n]
-    letters, support = s.status.letters(s.dim)[:n], np.zeros_like(traction)
-    bound = s.friction_bound()[:n] * area
+    s, found = eq.surfaces[number], state.surfaces[number]
+    clamped, removed = eq.constraints.clamped[number], eq.constraints.removed[number]
+    known, n = s.state_of(found.jump, found.traction), s.points.number
+    area, normal, traction = known["area"], known["n"], known["traction"]
+    letters, bound = _letters(s, found, known), known["bound"] * area
+    support = np.zeros_like(traction)
     if s.method != "integral":
         held = clamped[:n]
         letters = np.where(held, "d", letters)
         traction = np.where(held[:, None], 0.0, traction)
-        support = problem.support_forces(s)[:n]
+        support = support_at_vertices(eq.V, s, supports)[:n]
         guided = (removed[:n].sum(axis=1) == s.dim - 1) & ~held
         bound = np.where(guided, 0.0, bound)
-        moved = _letters_of_motion(state["ut"][:n], normal, 1e-12 * problem.body_size)
+        moved = _letters_of_motion(known["ut"], normal, 1e-12 * eq.body_size)
         letters = np.where(guided & (letters != "o"), moved, letters)
     pressure = -np.sum(traction * normal, axis=1) + 0.0
     columns = {
-        "x": state["x"][:n],
+        "x": known["x"],
         "area": area,
-        "un": state["un"][:n] + 0.0,
-        "ut": state["ut"][:n],
+        "un": known["un"] + 0.0,
+        "ut": known["ut"],
         "n": normal,
         "force": traction * area[:, None],
         "pressure": pressure,
@@ -151,6 +139,43 @@ def contact_table(problem: ContactProblem, s: ContactSurface) -> ContactTable:
     return ContactTable(s.name, s.dim, **{k: v[order] for k, v in gathered.items()})
 
 
+def violation(eq: ContactEquations, state: State, force: float, length: float) -> float:
+    """Largest violation of the contact laws, forces over ``force``. Collective.
+
+    The natural residual t - tau(j, t) at every point that is not clamped, with the augmentation
+    parameter for which a gap of ``length`` counts as much as ``force``: it vanishes where the law
+    holds and nowhere else. Points that no status of the law holds violate it too. In the integral
+    method, whose conditions are weak, it measures the discretisation as well.
+    """
+    worst = 0.0
+    for number, (s, found) in enumerate(zip(eq.surfaces, state.surfaces, strict=True)):
+        points = s.points
+        r = np.asarray(force / (length * points.areas), dtype=np.float64)
+        answers = s.law_at_points(found.jump, found.traction, replace(points.data, r=r))
+        off = (found.traction - answers.traction(answers.asked)) * points.areas[:, None]
+        if s.method != "integral":
+            off[eq.constraints.removed[number][: points.number]] = 0.0
+            missed = np.where(eq.constraints.clamped[number][: points.number], 0.0, answers.missed)
+        else:
+            missed = answers.missed
+        off = np.maximum(np.abs(off), (missed * points.areas)[:, None])
+        worst = max(worst, float(np.max(off, initial=0.0)))
+    return float(eq.comm.allreduce(worst / force, op=np.maximum))
+
+
+def _letters(
+    s: ContactSurface, found: ContactState, known: dict[str, npt.NDArray[np.float64]]
+) -> npt.NDArray[np.str_]:
+    """Letters of the statuses; where nothing grips a closed point the sense of its motion."""
+    touching = closed(found.statuses)
+    letters = np.where(touching, status.letters(s.dim)[found.statuses], "o")
+    if s.dim == 3:
+        return letters
+    free = touching & ~found.answers.may_be(STICK)
+    along = known["ut"][:, 1] * known["n"][:, 0] - known["ut"][:, 0] * known["n"][:, 1]
+    return np.where(free, np.where(along < 0, "-", "+"), letters)
+
+
 def _letters_of_motion(
     ut: npt.NDArray[np.float64], n: npt.NDArray[np.float64], least: float
 ) -> npt.NDArray[np.str_]:
@@ -160,10 +185,3 @@ def _letters_of_motion(
     if ut.shape[1] == 2:
         sliding = np.where(ut[:, 1] * n[:, 0] - ut[:, 0] * n[:, 1] > 0, "+", "-")
     return np.where(size > least, sliding, "k")
-
-
-def by_coordinates(x: npt.NDArray[np.float64]) -> npt.NDArray[np.intp]:
-    """Order by x, then y, then z, blind to round-off."""
-    size = np.ptp(x, axis=0).max(initial=0.0) or 1.0
-    rounded = np.round((x - x.min(axis=0)) / size, 9)
-    return np.lexsort(rounded.T[::-1])

@@ -14,11 +14,12 @@ from itertools import combinations
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx import default_scalar_type, fem
+from dolfinx import fem, la
 
 from dolfinx_contact._errors import require
-from dolfinx_contact.laws import Frictionless
-from dolfinx_contact.surface import ContactSurface
+from dolfinx_contact.laws.status import STICK
+from dolfinx_contact.points.surface import ContactSurface
+from dolfinx_contact.points.trace import facet_closures
 
 __all__ = ["Constraints", "check_overlap"]
 
@@ -35,7 +36,6 @@ class Constraints:
         fixed: local nodes x dim of the displacement, True where fixed.
         clamped: per surface, local multiplier nodes whose normal multiplier is removed.
         removed: per surface, local multiplier nodes x dim, True where the component is removed.
-        multiplier_bcs: identity rows for the removed components.
 
     Raises:
         ValueError: if every node of a surface is clamped, or a component that is neither normal
@@ -53,8 +53,8 @@ class Constraints:
         self.fixed = np.isfinite(self.values()) | np.isnan(self.values(fill=0.0))
         self.clamped: list[npt.NDArray[np.bool_]] = []
         self.removed: list[npt.NDArray[np.bool_]] = []
-        self.multiplier_bcs: list[fem.DirichletBC] = []
-        self._normals = [s.vertex_normals.copy() for s in surfaces]
+        self._owned = [s.Q.dofmap.index_map.size_local for s in surfaces]
+        self._normals = [s.points.vertex_normals.copy() for s in surfaces]
         for s in surfaces:
             removed = self._removed(s)
             self.removed.append(removed)
@@ -62,8 +62,6 @@ class Constraints:
             n = s.Q.dofmap.index_map.size_local
             left = s.comm.allreduce(int((~self.clamped[-1][:n]).sum()))
             require(s.comm, left > 0, f"{s.name}: Dirichlet data clamp every contact node")
-            for f in s.unknowns[:1]:
-                self.multiplier_bcs += _zero_rows(f, removed)
 
     def values(self, fill: float = np.nan) -> npt.NDArray[np.float64]:
         """Dirichlet values at the local nodes x dim, ``fill`` where the displacement is free."""
@@ -81,8 +79,8 @@ class Constraints:
             s: surface with that normal.
             u: displacement of the local nodes, (n, dim).
         """
-        n = s.vertices.dofmap.index_map.size_local
-        normal = s.comm.allreduce(s.vertex_normals[:n].sum(axis=0))
+        n = s.points.vertices.dofmap.index_map.size_local
+        normal = s.comm.allreduce(s.points.vertex_normals[:n].sum(axis=0))
         normal /= max(float(np.linalg.norm(normal)), 1e-300)
         motion = np.where(self.fixed, self.values(fill=0.0) - u, 0.0)
         return float(s.comm.allreduce(float((motion @ normal).max(initial=0.0)), op=max))
@@ -132,19 +130,19 @@ class Constraints:
         self._warn_of_contradictions()
         values = self.values()
         for s, normals in zip(surfaces, self._normals, strict=True):
-            touched = self.fixed[s.vertex_trace_dofs].any(axis=1)
-            turned = np.abs(s.vertex_normals - normals).max(axis=1, initial=0.0) > _TOLERANCE
+            touched = self.fixed[s.points.vertex_trace_dofs].any(axis=1)
+            turned = np.abs(s.points.vertex_normals - normals).max(axis=1, initial=0.0) > _TOLERANCE
             require(
                 s.comm,
                 not bool((touched & turned).any()),
                 f"{s.name}: the obstacle has turned at a contact node with Dirichlet data since "
                 "the problem was made; make a new problem",
             )
-            prescribed = np.where(self.fixed, values, 0.0)[s.vertex_trace_dofs]
-            normal = s.vertex_normals
-            free = np.where(self.fixed[s.vertex_trace_dofs], 0.0, normal)
+            prescribed = np.where(self.fixed, values, 0.0)[s.points.vertex_trace_dofs]
+            normal = s.points.vertex_normals
+            free = np.where(self.fixed[s.points.vertex_trace_dofs], 0.0, normal)
             held = np.linalg.norm(free, axis=1) < _TOLERANCE
-            gap = s.vertex_gaps - np.sum(prescribed * normal, axis=1)
+            gap = s.points.vertex_gaps - np.sum(prescribed * normal, axis=1)
             worst = np.min(gap[held], initial=np.inf)
             worst = s.comm.allreduce(worst, op=min)
             require(
@@ -153,30 +151,22 @@ class Constraints:
                 f"{s.name}: Dirichlet data push a contact node {-worst:.3g} into the obstacle",
             )
 
-    def removed_multipliers(self, sizes: Sequence[int]) -> npt.NDArray[np.bool_]:
-        """Which of the owned unknowns after the displacement are removed multipliers.
-
-        Args:
-            sizes: numbers of owned unknowns, field by field, the displacement first.
-        """
-        marks, start = np.zeros(sum(sizes[1:]), dtype=bool), 0
-        per_surface = (len(sizes) - 1) // len(self.removed)
-        for removed, i in zip(self.removed, range(1, len(sizes), per_surface), strict=True):
-            marks[start : start + sizes[i]] = removed.reshape(-1)[: sizes[i]]
-            start += sum(sizes[i : i + per_surface])
-        return marks
+    def removed_multipliers(self) -> npt.NDArray[np.bool_]:
+        """Which of the owned unknowns after the displacement are removed multipliers."""
+        parts = zip(self.removed, self._owned, strict=True)
+        return np.concatenate([removed[:n].reshape(-1) for removed, n in parts])
 
     def _removed(self, s: ContactSurface) -> npt.NDArray[np.bool_]:
         """Local multiplier nodes x dim, True where the component is removed."""
-        fixed = self.fixed[s.trace_dofs]
+        fixed = self.fixed[s.points.trace_dofs]
         if s.degrees[0] != s.degrees[1]:
-            fixed = fixed & s.fixed_on_support(self.fixed)
-        normal = s.node_normals
+            fixed = fixed & _fixed_on_support(s, self.fixed)
+        normal = _node_normals(s)
         along_fixed = np.linalg.norm(np.where(fixed, normal, 0.0), axis=1)
         along_free = np.linalg.norm(np.where(fixed, 0.0, normal), axis=1)
         clamped = fixed.any(axis=1) & (along_free < _TOLERANCE)
         oblique = (along_fixed > _TOLERANCE) & (along_free > _TOLERANCE)
-        frictionless = isinstance(s.law, Frictionless)
+        frictionless = STICK not in s.law_at_points.codes
         require(
             s.comm,
             frictionless or not oblique.any(),
@@ -192,7 +182,7 @@ def check_overlap(surfaces: Sequence[ContactSurface]) -> None:
     for a, b in combinations(surfaces, 2):
         facets = np.intersect1d(a.submesh.parent_facets, b.submesh.parent_facets)
         require(a.comm, len(facets) == 0, f"surfaces {a.name} and {b.name} have common facets")
-        nodes = len(np.intersect1d(a.vertex_trace_dofs, b.vertex_trace_dofs))
+        nodes = len(np.intersect1d(a.points.vertex_trace_dofs, b.points.vertex_trace_dofs))
         if a.comm.allreduce(nodes, op=max) > 0 and a.comm.rank == 0:
             logger.warning(
                 "surfaces %s and %s share nodes: where both hold one, their reactions cannot be "
@@ -202,17 +192,25 @@ def check_overlap(surfaces: Sequence[ContactSurface]) -> None:
             )
 
 
-def _zero_rows(f: fem.Function, removed: npt.NDArray[np.bool_]) -> list[fem.DirichletBC]:
-    """Conditions f_i = 0 on the marked components. Every rank makes the same number of them."""
-    Q = f.function_space
-    bs = Q.dofmap.index_map_bs
-    zero = default_scalar_type(0.0)
-    return [
-        fem.dirichletbc(zero, (bs * np.flatnonzero(removed[:, i]) + i).astype(np.int32), Q.sub(i))
-        for i in range(bs)
-        if Q.mesh.comm.allreduce(bool(removed[:, i].any()), op=_any)
-    ]
+def _node_normals(s: ContactSurface) -> npt.NDArray[np.float64]:
+    """Normals at the local multiplier nodes, from those at the vertices."""
+    normals, component = fem.Function(s.Q), fem.Function(s.points.vertices)
+    for i in range(s.dim):
+        component.x.array[:] = s.points.vertex_normals[:, i]
+        normals.sub(i).interpolate(component)
+    normals.x.scatter_forward()
+    return normals.x.array.reshape(-1, s.dim).copy()
 
 
-def _any(a: bool, b: bool) -> bool:
-    return a or b
+def _fixed_on_support(s: ContactSurface, fixed: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    """Multiplier nodes x dim whose whole support has displacements marked in ``fixed``."""
+    count = la.vector(s.Q.dofmap.index_map, s.dim)
+    count.array[:] = 0.0
+    closures = facet_closures(s.u.function_space, s.submesh.parent_facets)
+    any_free = (~fixed)[closures].any(axis=1).astype(float)
+    rows = count.array.reshape(-1, s.dim)
+    for nodes in s.Q.dofmap.list[: len(closures)].T:
+        np.add.at(rows, nodes, any_free)
+    count.scatter_reverse(la.InsertMode.add)
+    count.scatter_forward()
+    return np.asarray(count.array.reshape(-1, s.dim) == 0)

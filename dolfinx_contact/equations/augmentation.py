@@ -13,7 +13,7 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from dolfinx_contact._errors import require
-from dolfinx_contact.surface import ContactSurface
+from dolfinx_contact.points.surface import ContactSurface
 
 __all__ = ["automatic_augmentation", "softness"]
 
@@ -47,8 +47,8 @@ def automatic_augmentation(
     per_node = diagonal.x.array.reshape(-1, bs).mean(axis=1)
     automatic, soft = [], np.sqrt(min(2.0 * softness(K, V), 1.0))
     for s in surfaces:
-        width = s.vertex_areas ** (1 / (s.dim - 1))
-        stiffness = per_node[s.vertex_trace_dofs] / s.vertex_areas
+        width = s.points.vertex_areas ** (1 / (s.dim - 1))
+        stiffness = per_node[s.points.vertex_trace_dofs] / s.points.vertex_areas
         automatic.append(soft * stiffness * width / body_size)
     return size / (V.dofmap.index_map.size_global * bs), automatic
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from dolfinx import fem
 
-from dolfinx_contact.constraints import Constraints
+from dolfinx_contact.equations.constraints import Constraints
 
 __all__ = ["PrescribedDisplacement"]
 

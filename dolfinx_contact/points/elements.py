@@ -39,12 +39,10 @@ def displacement_degree(u: fem.Function) -> int:
     return int(element.degree)
 
 
-def check_elements(name: str, method: str, degrees: tuple[int, int], dim: int) -> None:
+def check_elements(name: str, method: str, degrees: tuple[int, int]) -> None:
     """Raise ``ValueError`` if the pair of degrees is not stable in the method."""
     if method not in _STABLE:
         raise ValueError(f"unknown contact method {method!r}; known: {sorted(_STABLE)}")
-    if method == "mixed" and dim != 2:
-        raise ValueError("the mixed method is for 2D; use 'nodal' or 'integral' in 3D")
     if degrees not in _STABLE[method]:
         stable = ", ".join(f"P{d}/P{m}" for d, m in sorted(_STABLE[method]))
         raise ValueError(

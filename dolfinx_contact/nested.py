@@ -17,8 +17,8 @@ import numpy.typing as npt
 from dolfinx import fem, la
 
 from dolfinx_contact._petsc import logged
-from dolfinx_contact.result import Result
-from dolfinx_contact.trace import trace_dofs
+from dolfinx_contact.points.trace import trace_dofs
+from dolfinx_contact.results.result import Result
 
 if TYPE_CHECKING:
     from dolfinx_contact.problem import ContactProblem
@@ -68,8 +68,8 @@ def prolong(coarse: ContactProblem, fine: ContactProblem, *, padding: float = 1e
     if kinds[0] != kinds[1]:
         raise ValueError("the problems need the same surfaces, with the same methods and degrees")
     with logged("ContactProlong"):
-        cells = _contact_cells(fine) if fine.bulk.linear else _all_cells(fine)
-        distance = padding * coarse.body_size
+        cells = _contact_cells(fine) if fine.equations.bulk.linear else _all_cells(fine)
+        distance = padding * coarse.equations.body_size
         interpolate = _Interpolation(coarse.V, fine.V, cells, distance)
         fine.u.x.array[:] = interpolate(coarse.u).x.array
         for a, b in zip(coarse.surfaces, fine.surfaces, strict=True):
@@ -85,13 +85,13 @@ def prolong(coarse: ContactProblem, fine: ContactProblem, *, padding: float = 1e
             from_dofs = trace_dofs(maps.source, a.Q, a.submesh.parent_facets)
             to_dofs = trace_dofs(maps.target, b.Q, b.submesh.parent_facets)
             n = a.Q.dofmap.index_map.size_local
-            for f, g in zip(a.unknowns, b.unknowns, strict=True):
-                extended = fem.Function(maps.source)
-                values = extended.x.array.reshape(-1, a.dim)
-                values[from_dofs[:n]] = f.x.array.reshape(-1, a.dim)[:n]
-                extended.x.scatter_reverse(la.InsertMode.add)
-                extended.x.scatter_forward()
-                g.x.array[:] = maps(extended).x.array.reshape(-1, a.dim)[to_dofs].reshape(-1)
+            extended = fem.Function(maps.source)
+            values = extended.x.array.reshape(-1, a.dim)
+            values[from_dofs[:n]] = a.multiplier.x.array.reshape(-1, a.dim)[:n]
+            extended.x.scatter_reverse(la.InsertMode.add)
+            extended.x.scatter_forward()
+            found = maps(extended).x.array.reshape(-1, a.dim)[to_dofs]
+            b.multiplier.x.array[:] = found.reshape(-1)
 
 
 class _Interpolation:
@@ -125,7 +125,7 @@ def _contact_cells(problem: ContactProblem) -> npt.NDArray[np.int32]:
     V = problem.V
     marks = fem.Function(fem.functionspace(V.mesh, ("Lagrange", 1)))
     for s in problem.surfaces:
-        nodes = trace_dofs(marks.function_space, s.vertices, s.submesh.parent_facets)
+        nodes = trace_dofs(marks.function_space, s.points.vertices, s.submesh.parent_facets)
         marks.x.array[nodes] = 1.0
     marks.x.scatter_reverse(la.InsertMode.add)
     marks.x.scatter_forward()

@@ -7,28 +7,27 @@ Dirichlet data.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
-
-from petsc4py import PETSc
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx import fem
-
-from dolfinx_contact.balance import balance
-from dolfinx_contact.checks import misfits, warn_of_inversion
+from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.state import State
 from dolfinx_contact.laws import status
-from dolfinx_contact.tables import ContactTable, by_coordinates, contact_table
+from dolfinx_contact.results.balance import balance, support_at_nodes
+from dolfinx_contact.results.checks import misfits, warn_of_inversion
+from dolfinx_contact.results.tables import ContactTable, contact_table, violation
+from dolfinx_contact.solvers.history import Attempt, Step
 
-if TYPE_CHECKING:
-    from dolfinx_contact.problem import ContactProblem
-    from dolfinx_contact.solvers.history import Attempt, Step
+__all__ = ["Result", "collect"]
 
-__all__ = ["ContactTable", "Result", "by_coordinates", "collect"]
+logger = logging.getLogger(__name__)
 
+_LARGEST_VIOLATION = 1e-4  # of the largest force, above which there is a warning
 _NOTHING = 1e-12  # of the body's size, a displacement that is none
 
 
@@ -124,38 +123,49 @@ class Result:
         }
 
 
-def collect(problem: ContactProblem, x: PETSc.Vec, attempts: Sequence[Attempt]) -> Result:
-    """The result at the solution ``x``, which is left in the problem's Functions. Collective.
+def collect(eq: ContactEquations, state: State, attempts: Sequence[Attempt]) -> Result:
+    """The result at a solution, which stands in the user's Functions. Collective.
 
     What is to be doubted in it is logged as warnings, on rank 0 only.
+
+    Args:
+        eq: the contact problem.
+        state: the solution, with reactions.
+        attempts: the strategies that were tried; the last one found it.
     """
-    b = problem.create_vector()
-    problem.residual(x, b)
-    b.destroy()
-    tables = {s.name: contact_table(problem, s) for s in problem.surfaces}
-    energies = {}
-    if problem.energy_form is not None:
-        local = float(np.real(fem.assemble_scalar(problem.energy_form)))
-        energies["bulk"] = problem.comm.allreduce(local)
+    assert state.reactions is not None
+    comm, supports = eq.comm, support_at_nodes(eq, state)
+    tables = {
+        s.name: contact_table(eq, number, state, supports) for number, s in enumerate(eq.surfaces)
+    }
+    energy = eq.bulk.energy_at(state.u)
+    energies = {} if energy is None else {"bulk": energy}
     energies["friction"] = float(-sum(np.sum(t.rt * t.ut) for t in tables.values()))
     force = max(
         max(float(np.max(np.abs(t.force), initial=0.0)) for t in tables.values()),
-        problem.comm.allreduce(float(np.max(np.abs(problem.reactions), initial=0.0)), op=max),
+        comm.allreduce(float(np.max(np.abs(state.reactions), initial=0.0)), op=max),
     )
-    u = problem.comm.allreduce(float(np.max(np.abs(problem.u.x.array), initial=0.0)), op=max)
+    u = comm.allreduce(float(np.max(np.abs(state.u), initial=0.0)), op=max)
     # Below that all is round-off.
-    length = max(u, _NOTHING * problem.body_size)
-    force = max(force, problem.round_off_force(u), problem.stiffness_scale * length * _NOTHING)
-    forces = balance(problem, tables.values(), u)
+    length = max(u, _NOTHING * eq.body_size)
+    force = max(force, eq.round_off_force(u), eq.stiffness_scale * length * _NOTHING)
+    forces, violated = balance(eq, state, tables.values()), violation(eq, state, force, length)
+    weak = any(s.points.E is not None for s in eq.surfaces)
+    if not weak and not violated <= _LARGEST_VIOLATION and comm.rank == 0:
+        logger.warning(
+            "the law of contact is violated by %.1e of the forces: a law that leaves states "
+            "without a status, or a tolerance snes_rtol that is too large",
+            violated,
+        )
     return Result(
         tables,
         list(attempts),
         energies,
-        max(t.kkt_violation(force, length) for t in tables.values()),
-        x.getSize(),
+        violated,
+        sum(eq.global_sizes),
         forces.support,
         forces.external,
         forces.imbalance,
-        misfits(problem),
-        warn_of_inversion(problem),
+        misfits(eq, state),
+        warn_of_inversion(eq, state.u),
     )

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import time
 import zlib
+from collections.abc import Sequence
 from typing import Any
 
 from petsc4py import PETSc
@@ -21,6 +22,7 @@ import dolfinx.fem.petsc
 import ufl
 from dolfinx import fem, la
 
+from dolfinx_contact._forms import compiled_form
 from dolfinx_contact._petsc import half_of
 
 __all__ = ["Bulk"]
@@ -29,15 +31,18 @@ _PRODUCTS = 4  # that are timed
 
 
 class Bulk:
-    """Residual and stiffness of a body.
+    """Residual and stiffness of a body, at displacements that are arguments.
+
+    Displacements are arrays of all local values, ghosts included.
 
     Args:
         form: UFL energy (a functional of ``u``) or residual (linear in a test function).
-        u: displacement.
+        u: the user's displacement, which stands in the form and is neither read nor written.
 
     Attributes:
-        energy: the UFL energy, or None.
+        energy: the UFL energy, or None; in ``displacement``, as the residual is.
         residual: the UFL residual.
+        displacement: Function of the forms, which follows what is evaluated.
         residual_form, jacobian_form: compiled.
         linear: whether the residual is affine in ``u``.
 
@@ -46,16 +51,26 @@ class Bulk:
     """
 
     def __init__(self, form: ufl.Form, u: fem.Function):
-        self.u, self.comm = u, u.function_space.mesh.comm
-        self.energy, self.residual = _energy_and_residual(form, u)
-        derivative = ufl.derivative(self.residual, u, ufl.TrialFunction(u.function_space))
-        self.residual_form = fem.form(self.residual)
-        self.jacobian_form = fem.form(derivative)
+        self._V, self.comm = u.function_space, u.function_space.mesh.comm
+        _require_bulk(form, u)
+        self.displacement = own = fem.Function(self._V, name=u.name)
+        form = ufl.replace(form, {u: own})
+        self.energy = None if form.arguments() else form
+        self.residual = form
+        if self.energy is not None:
+            self.residual = ufl.derivative(form, own, ufl.TestFunction(self._V))
+        derivative = ufl.derivative(self.residual, own, ufl.TrialFunction(self._V))
+        self.residual_form = compiled_form(self.residual)
+        self.jacobian_form = compiled_form(derivative)
+        self._energy_form: fem.Form | None = None
         expanded = ufl.algorithms.expand_derivatives(derivative)
-        self.linear: bool = u not in expanded.coefficients()
+        self.linear: bool = own not in expanded.coefficients()
+        #: Constants of the stiffness.
+        self.jacobian_constants = list(expanded.constants())
         self._data = [*expanded.coefficients(), *expanded.constants()]
-        self._loads = [c for c in self.residual.coefficients() if c is not u]
+        self._loads = [c for c in self.residual.coefficients() if c is not own]
         self._loads += self.residual.constants()
+        self._owned = self._V.dofmap.index_map.size_local * self._V.dofmap.index_map_bs
         self._K: PETSc.Mat | None = None
         self._half: PETSc.Mat | None = None
         self._K_mark = self._f_mark = 0
@@ -65,7 +80,57 @@ class Bulk:
         #: Seconds of the first assembly of the stiffness, and of a product with it, on this rank.
         self.seconds = (0.0, 0.0)
 
-    def stiffness(self) -> PETSc.Mat:
+    def energy_at(self, u: npt.NDArray[np.float64]) -> float | None:
+        """The energy that the user gave; None if it was a residual. Collective."""
+        if self.energy is None:
+            return None
+        if self._energy_form is None:
+            self._energy_form = compiled_form(self.energy)
+        self.displacement.x.array[:] = u
+        return float(self.comm.allreduce(float(np.real(fem.assemble_scalar(self._energy_form)))))
+
+    def residual_at(self, u: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """Owned entries of the residual, by assembly. Collective."""
+        return self.assembled(self.residual_form, u)
+
+    def local_rows(self, u: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """Rows of the residual, (n, dim), whose sum over all ranks is that of all. Collective.
+
+        Of a linear body by its stiffness where that is kept, which is cheaper than assembly.
+        """
+        rows = self.affine_residual(u)
+        # Every rank's contributions count once, whoever owns the rows.
+        rows = self._local(self.residual_form, u).array if rows is None else rows
+        return np.asarray(rows).reshape(-1, self._V.dofmap.index_map_bs)
+
+    def assembled(self, form: fem.Form, u: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """Owned entries of a linear form in `displacement`. Collective."""
+        b = self._local(form, u)
+        b.scatter_reverse(la.InsertMode.add)
+        return b.array[: self._owned].copy()
+
+    def _local(self, form: fem.Form, u: npt.NDArray[np.float64]) -> la.Vector:
+        self.displacement.x.array[:] = u
+        b = la.vector(self._V.dofmap.index_map, self._V.dofmap.index_map_bs)
+        b.array[:] = 0.0
+        fem.assemble_vector(b.array, form)
+        return b
+
+    def lifting(
+        self,
+        u: npt.NDArray[np.float64],
+        bcs: Sequence[fem.DirichletBC],
+        start: npt.NDArray[np.float64],
+    ) -> npt.NDArray[np.float64]:
+        """K(u) (g - start), g what ``bcs`` prescribe and start elsewhere. Collective."""
+        self.displacement.x.array[:] = u
+        b = la.vector(self._V.dofmap.index_map, self._V.dofmap.index_map_bs)
+        b.array[:] = 0.0
+        fem.apply_lifting(b.array, [self.jacobian_form], [list(bcs)], x0=[start], alpha=-1.0)
+        b.scatter_reverse(la.InsertMode.add)
+        return b.array[: self._owned].copy()
+
+    def stiffness(self, u: npt.NDArray[np.float64]) -> PETSc.Mat:
         """Derivative of the residual at ``u``, without Dirichlet rows. Collective.
 
         The matrix is kept: the caller neither changes nor destroys it.
@@ -75,6 +140,7 @@ class Bulk:
             self._K = dolfinx.fem.petsc.create_matrix(self.jacobian_form)
         elif self.linear and self._same(mark, self._K_mark):
             return self._K
+        self.displacement.x.array[:] = u
         start = time.perf_counter()
         self._K.zeroEntries()
         dolfinx.fem.petsc.assemble_matrix(self._K, self.jacobian_form)
@@ -134,19 +200,11 @@ class Bulk:
 
     def _load(self) -> npt.NDArray[np.float64]:
         """Owned entries of the residual at zero displacement. Collective."""
-        V = self.u.function_space
-        kept = self.u.x.array.copy()
-        self.u.x.array[:] = 0.0
-        b = la.vector(V.dofmap.index_map, V.dofmap.index_map_bs)
-        b.array[:] = 0.0
-        fem.assemble_vector(b.array, self.residual_form)
-        b.scatter_reverse(la.InsertMode.add)
-        self.u.x.array[:] = kept
-        return b.array[: V.dofmap.index_map.size_local * V.dofmap.index_map_bs].copy()
+        return self.residual_at(np.zeros_like(self.displacement.x.array))
 
     def _mark(self, data: list[Any]) -> int:
         """A checksum of the values of ``data`` and of the mesh, on this rank."""
-        mark = zlib.crc32(np.ascontiguousarray(self.u.function_space.mesh.geometry.x))
+        mark = zlib.crc32(np.ascontiguousarray(self._V.mesh.geometry.x))
         for d in data:
             values = d.value if isinstance(d, fem.Constant) else d.x.array
             mark = zlib.crc32(np.ascontiguousarray(values), mark)
@@ -177,17 +235,15 @@ def _seconds_of_product(K: PETSc.Mat) -> float:
     return min(found)
 
 
-def _energy_and_residual(bulk: ufl.Form, u: fem.Function) -> tuple[ufl.Form | None, ufl.Form]:
+def _require_bulk(bulk: ufl.Form, u: fem.Function) -> None:
+    """Raise ``ValueError`` if a form is neither an energy nor a residual of ``u``."""
     if not isinstance(bulk, ufl.Form):
         raise ValueError(f"the bulk must be a UFL form, got {type(bulk).__name__}")
     if u not in bulk.coefficients():
         raise ValueError("the bulk form does not contain the displacement u")
     arguments = bulk.arguments()
-    if len(arguments) == 0:
-        return bulk, ufl.derivative(bulk, u, ufl.TestFunction(u.function_space))
-    if len(arguments) == 1 and arguments[0].ufl_function_space() == u.function_space:
-        return None, bulk
-    raise ValueError(
-        "the bulk must be an energy (no test function) or a residual with one test function of the "
-        "space of the displacement"
-    )
+    if len(arguments) > 1 or any(a.ufl_function_space() != u.function_space for a in arguments):
+        raise ValueError(
+            "the bulk must be an energy (no test function) or a residual with one test function of "
+            "the space of the displacement"
+        )

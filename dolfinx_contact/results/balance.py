@@ -17,7 +17,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -25,12 +25,10 @@ import numpy.typing as npt
 import basix
 from dolfinx import fem, la
 
-from dolfinx_contact.trace import facet_closures
-
-if TYPE_CHECKING:
-    from dolfinx_contact.problem import ContactProblem
-    from dolfinx_contact.surface import ContactSurface
-    from dolfinx_contact.tables import ContactTable
+from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.state import State
+from dolfinx_contact.points.surface import ContactSurface
+from dolfinx_contact.points.trace import facet_closures
 
 __all__ = ["Balance", "balance", "support_at_nodes", "support_at_vertices"]
 
@@ -38,6 +36,14 @@ logger = logging.getLogger(__name__)
 
 _LARGEST_IMBALANCE = 1e-6  # of all forces, above which there is a warning
 _NO_STRAIN = 1e-9
+
+
+class ContactForces(Protocol):
+    """A table of contact points: forces on the body (n, dim)."""
+
+    @property
+    def force(self) -> npt.NDArray[np.float64]:
+        """Contact force on the body."""
 
 
 @dataclass(frozen=True)
@@ -55,22 +61,20 @@ class Balance:
     imbalance: float
 
 
-def balance(
-    problem: ContactProblem, tables: Iterable[ContactTable], displacement: float
-) -> Balance:
-    """The balance of forces at the problem's Functions and last residual. Collective.
+def balance(eq: ContactEquations, state: State, tables: Iterable[ContactForces]) -> Balance:
+    """The balance of forces at a state. Collective.
 
     Logs a warning if the imbalance is above 1e-6.
 
     Args:
-        problem: the contact problem.
-        tables: of all its surfaces.
-        displacement: size of the largest, for what counts as round-off.
+        eq: the contact problem.
+        state: with reactions.
+        tables: of all surfaces.
     """
-    comm, n = problem.comm, problem.V.dofmap.index_map.size_local
-    reactions = support_at_nodes(problem)[:n]
+    comm, n = eq.comm, eq.V.dofmap.index_map.size_local
+    reactions = support_at_nodes(eq, state)[:n]
     support = comm.allreduce(reactions.sum(axis=0))
-    external = -comm.allreduce(_bulk_rows(problem).sum(axis=0))
+    external = -comm.allreduce(eq.bulk.local_rows(state.u).sum(axis=0))
     contact, size = np.zeros_like(support), 0.0
     for t in tables:
         contact += t.force.sum(axis=0)
@@ -78,8 +82,9 @@ def balance(
     size += comm.allreduce(float(np.linalg.norm(reactions, axis=1).sum()))
     size += float(np.linalg.norm(external))
     # Stresses at a strain of nothing, (I + grad u) less I, are round-off of the moduli.
-    nothing = _NO_STRAIN * problem.stiffness_scale * problem.body_size
-    size = max(size, nothing, problem.round_off_force(displacement))
+    nothing = _NO_STRAIN * eq.stiffness_scale * eq.body_size
+    moved = comm.allreduce(float(np.max(np.abs(state.u), initial=0.0)), op=max)
+    size = max(size, nothing, eq.round_off_force(moved))
     imbalance = float(np.linalg.norm(contact + support + external)) / size
     if not imbalance <= _LARGEST_IMBALANCE and comm.rank == 0:
         logger.warning(
@@ -93,44 +98,34 @@ def balance(
     return Balance(support, external, imbalance)
 
 
-def _bulk_rows(problem: ContactProblem) -> npt.NDArray[np.float64]:
-    """Rows of the bulk form, whose sum over all ranks is that over all nodes (n, dim). Collective.
-
-    Of a linear body by its stiffness where that is kept, which is cheaper than assembly.
-    """
-    bs = problem.V.dofmap.index_map_bs
-    rows = problem.bulk.affine_residual(problem.u.x.array)
-    if rows is None:
-        # Every rank's contributions count once, whoever owns the rows.
-        b = la.vector(problem.V.dofmap.index_map, bs)
-        b.array[:] = 0.0
-        fem.assemble_vector(b.array, problem.bulk.residual_form)
-        rows = b.array
-    return np.asarray(rows).reshape(-1, bs)
-
-
-def support_at_nodes(problem: ContactProblem) -> npt.NDArray[np.float64]:
+def support_at_nodes(eq: ContactEquations, state: State) -> npt.NDArray[np.float64]:
     """Reactions of Dirichlet data on the body at the local nodes (n, dim). Collective.
 
     They are 0 in the components that none fix.
     """
-    reaction, owned = fem.Function(problem.V), problem.owned_sizes[0]
-    fixed = problem.constraints.fixed.reshape(-1)[:owned]
-    reaction.x.array[:owned] = np.where(fixed, problem.reactions, 0.0)
+    reaction, owned = fem.Function(eq.V), eq.owned_sizes[0]
+    assert state.reactions is not None
+    reaction.x.array[:owned] = np.where(eq.fixed[:owned], state.reactions, 0.0)
     reaction.x.scatter_forward()
-    return reaction.x.array.reshape(-1, problem.V.dofmap.index_map_bs).copy()
+    return reaction.x.array.reshape(-1, eq.dim).copy()
 
 
-def support_at_vertices(problem: ContactProblem, s: ContactSurface) -> npt.NDArray[np.float64]:
+def support_at_vertices(
+    V: fem.FunctionSpace, s: ContactSurface, reactions: npt.NDArray[np.float64]
+) -> npt.NDArray[np.float64]:
     """Reactions of Dirichlet data at the local vertices of a surface (n, dim). Collective.
 
     The reaction of a node between vertices goes to these by their hat functions, so that the sum is
     that of all nodes of the surface.
+
+    Args:
+        V: displacement space.
+        s: the surface.
+        reactions: at the local nodes (n, dim).
     """
-    reactions = support_at_nodes(problem)
     if s.degrees[0] == 1:
-        return reactions[s.vertex_trace_dofs]
-    V, tdim = problem.V, s.dim
+        return np.asarray(reactions[s.points.vertex_trace_dofs])
+    tdim = s.dim
     topology, index_map = V.mesh.topology, V.dofmap.index_map
     facets = s.submesh.parent_facets[: s.submesh.mesh.topology.index_map(tdim - 1).size_local]
     to_cells = topology.connectivity(tdim - 1, tdim)
@@ -153,7 +148,7 @@ def support_at_vertices(problem: ContactProblem, s: ContactSurface) -> npt.NDArr
     np.add.at(sums.array.reshape(-1, tdim), nodes[:, corners], parts)
     sums.scatter_reverse(la.InsertMode.add)
     sums.scatter_forward()
-    return np.asarray(sums.array.reshape(-1, tdim)[s.vertex_trace_dofs])
+    return np.asarray(sums.array.reshape(-1, tdim)[s.points.vertex_trace_dofs])
 
 
 def _hats(V: fem.FunctionSpace) -> tuple[npt.NDArray[np.float64], list[int]]:

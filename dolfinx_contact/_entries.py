@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Entries that are added to a PETSc matrix again and again at the same places."""
+
+from __future__ import annotations
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = ["Entries", "matrix_of"]
+
+
+class Entries:
+    """Places of entries on this rank; those of one place add up, on whichever ranks they are.
+
+    Args:
+        rows: global numbers; entries with a negative row or column are left out.
+        columns: global numbers.
+
+    Attributes:
+        number: of entries.
+    """
+
+    def __init__(self, rows: npt.NDArray[np.int64], columns: npt.NDArray[np.int64]):
+        self.number = len(rows)
+        self._kept = np.flatnonzero((rows >= 0) & (columns >= 0))
+        i, j = rows[self._kept], columns[self._kept]
+        width = int(j.max(initial=0)) + 1
+        places = i * width + j
+        #: Where the sums go; None where every entry has a place of its own, in order.
+        self._sums: npt.NDArray[np.int64] | None = None
+        if not np.all(places[1:] > places[:-1]):
+            places, self._sums = np.unique(places, return_inverse=True)
+        self._size = len(places)
+        known, starts = np.unique(places // width, return_index=True)
+        self._rows = known.astype(PETSc.IntType)
+        self._starts = np.append(starts, self._size).astype(PETSc.IntType)
+        self._columns = (places % width).astype(PETSc.IntType)
+
+    def add(self, values: npt.NDArray[np.float64], A: PETSc.Mat) -> None:
+        """Add values, in the order of the places, to ``A``. Collective."""
+        self.insert(values, A)
+        A.assemble()
+
+    def insert(self, values: npt.NDArray[np.float64], A: PETSc.Mat) -> None:
+        """As `add`, but ``A`` is to be assembled after it. Not collective."""
+        summed = values[self._kept]
+        if self._sums is not None:
+            sums = np.bincount(self._sums, weights=summed, minlength=self._size)
+            summed = np.asarray(sums, dtype=np.float64)
+        csr = self._starts, self._columns, summed
+        A.setValuesIJV(*csr, addv=PETSc.InsertMode.ADD_VALUES, rowmap=self._rows)
+
+
+def matrix_of(comm: MPI.Comm, shape: tuple[int, int], *entries: Entries) -> PETSc.Mat:
+    """A matrix of zeros with places for entries, which it keeps. Collective.
+
+    Args:
+        comm: communicator.
+        shape: numbers of rows and columns of this rank.
+        entries: that will be added.
+    """
+    A = PETSc.Mat().createAIJ(((shape[0], None), (shape[1], None)), comm=comm)
+    A.setUp()
+    for e in entries:
+        e.insert(np.zeros(e.number), A)
+    A.assemble()
+    A.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
+    return A

@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The command line of a script: options that recur, each with its check.
+
+Words that begin with one dash, such as ``-contact_snes_monitor``, are PETSc's.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Sequence
+from math import isfinite
+from typing import Any, get_args
+
+from mpi4py import MPI
+
+from dolfinx import mesh
+
+from dolfinx_contact._petsc import parse_arguments
+from dolfinx_contact.continuation import Kinks, Route
+
+__all__ = ["CELLS", "ScriptParser", "number"]
+
+#: Kinds of cells by the word of an option.
+CELLS = {
+    "tri": mesh.CellType.triangle,
+    "quad": mesh.CellType.quadrilateral,
+    "tet": mesh.CellType.tetrahedron,
+    "hex": mesh.CellType.hexahedron,
+}
+
+
+def number(
+    kind: Callable[[str], Any] = float,
+    *,
+    least: float | None = None,
+    above: float | None = None,
+    most: float | None = None,
+    below: float | None = None,
+) -> Callable[[str], Any]:
+    """The ``type`` of an option that is a finite number.
+
+    Args:
+        kind: ``float`` or ``int``.
+        least: the smallest that is allowed.
+        above: a bound that it must exceed.
+        most: the largest that is allowed.
+        below: a bound that it must stay below.
+    """
+
+    def convert(text: str) -> Any:
+        try:
+            value = kind(text)
+        except ValueError:
+            what = "a whole number" if kind is int else "a number"
+            raise argparse.ArgumentTypeError(f"must be {what}, got {text!r}") from None
+        objections = [
+            ("finite", not isfinite(value)),
+            (f"at least {least}", least is not None and not value >= least),
+            ("positive" if above == 0 else f"above {above}", above is not None and value <= above),
+            (f"at most {most}", most is not None and not value <= most),
+            (f"below {below}", below is not None and not value < below),
+        ]
+        for must_be, fails in objections:
+            if fails:
+                raise argparse.ArgumentTypeError(f"must be {must_be}, got {text}")
+        return value
+
+    return convert
+
+
+#: Options that scripts share, as `argparse` knows them.
+_RECURRING: dict[str, dict[str, Any]] = {
+    "dim": dict(type=int, choices=(2, 3), help="dimension of the body"),
+    "n": dict(type=number(int, above=0), help="cells along an edge"),
+    "nx": dict(type=number(int, above=0), help="cells from left to right"),
+    "ny": dict(type=number(int, above=0), help="cells from below to above"),
+    "size": dict(type=number(above=0), help="of cells"),
+    "cell": dict(choices=CELLS, help="kind of cells (default: quad in 2D, hex in 3D)"),
+    "degree": dict(type=int, choices=(1, 2), help="of the displacement"),
+    "mesh": dict(help="a .msh file of gmsh with named physical groups"),
+    "length": dict(type=number(above=0), help="by which coordinates are multiplied"),
+    "young": dict(type=number(above=0), help="Young's modulus"),
+    "poisson": dict(type=number(above=-1, below=0.5), help="Poisson's ratio"),
+    "lame": dict(type=number(), nargs=2, metavar=("LAMBDA", "MU"), help="Lame's coefficients"),
+    "friction": dict(type=number(least=0), help="friction coefficient"),
+    "load": dict(type=number(), nargs=2, metavar=("F1", "F2"), help="traction"),
+    "press": dict(type=number(), help="downward displacement of the top"),
+    "shift": dict(type=number(), help="sideways displacement of it"),
+    "route": dict(choices=get_args(Route), help="how branches are followed"),
+    "kinks": dict(choices=get_args(Kinks), help="how kinks are passed, see StepControl"),
+    "max_steps": dict(type=number(int, above=0), help="along a branch"),
+    "solutions_at": dict(
+        type=number(least=0, most=1), metavar="GAMMA", help="list the solutions at this gamma"
+    ),
+}
+
+
+class ScriptParser(argparse.ArgumentParser):
+    """Parser of a script's options, which speaks on rank 0 only.
+
+    Args:
+        description: of the script.
+        output: folder that ``--output`` has by default.
+        defaults: of options that recur, by name: ``n=8, friction=0.3`` makes ``--n`` and
+            ``--friction``. For others there is `add_argument`, with `number` as the type.
+
+    Example:
+        ::
+
+            parser = ScriptParser("A block on a plane", output="output/block", n=8, friction=0.3)
+            parser.add_argument("--tilt", type=number(least=0), default=0.0, help="of the plane")
+            args = parser.parse()
+    """
+
+    def __init__(self, description: str, *, output: str, **defaults: Any):
+        super().__init__(description=description)
+        for name, default in defaults.items():
+            self.add_argument(f"--{name.replace('_', '-')}", default=default, **_RECURRING[name])
+        self.add_argument("--output", default=output, help="folder of the results")
+
+    def add_argument(self, *names: Any, **option: Any) -> argparse.Action:
+        """As in `argparse`; the help says what the default is, if there is one."""
+        if option.get("default") not in (None, argparse.SUPPRESS):
+            option["help"] = f"{option.get('help', '')} (default: %(default)s)".strip()
+        return super().add_argument(*names, **option)
+
+    def parse(self, argv: Sequence[str] | None = None) -> argparse.Namespace:
+        """The options, checked; those that begin with one dash go to PETSc.
+
+        Args:
+            argv: words, by default those of the command line.
+
+        Raises:
+            SystemExit: if they do not fit, with a message on rank 0.
+        """
+        args = parse_arguments(self, argv)
+        if getattr(args, "lame", None) is not None:
+            lmbda, mu = args.lame
+            if mu <= 0 or lmbda + mu <= 0:
+                self.error("--lame needs mu > 0 and lambda + mu > 0, a stable material")
+        if hasattr(args, "dim") and hasattr(args, "cell"):
+            args.cell = args.cell or ("quad" if args.dim == 2 else "hex")
+            if (args.dim == 2) != (args.cell in ("tri", "quad")):
+                self.error(f"--cell {args.cell} does not fit --dim {args.dim}")
+        return args
+
+    def _print_message(self, message: str, file: Any = None) -> None:
+        if MPI.COMM_WORLD.rank == 0:
+            super()._print_message(message, file)

@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Points of a branch that has been followed, at one value of its parameter."""
+
+from __future__ import annotations
+
+from dolfinx_contact._errors import everywhere, same_everywhere
+from dolfinx_contact.continuation.arguments import (
+    check_system,
+    checked_gamma,
+    checked_range,
+)
+from dolfinx_contact.continuation.branch import Branch, BranchPoint
+from dolfinx_contact.continuation.follow import Route, follower_for
+from dolfinx_contact.continuation.parameters import StepControl
+from dolfinx_contact.continuation.system import System
+
+__all__ = ["points_at"]
+
+
+def points_at(
+    system: System,
+    branch: Branch,
+    gamma: float,
+    *,
+    gamma_range: tuple[float, float],
+    control: StepControl | None = None,
+    route: Route = "auto",
+) -> list[BranchPoint]:
+    """The points of a branch at which its parameter is ``gamma``, in order. Collective.
+
+    What the system writes to is left as it was.
+
+    Args:
+        system: that was followed.
+        branch: with all of its points.
+        gamma: parameter. Between two points of the branch it is taken to pass a value once.
+        gamma_range: with which the branch was followed.
+        control: of the corrector.
+        route: by which it was followed.
+
+    Raises:
+        ValueError: on every rank, if an argument does not fit or differs between ranks, or the
+            branch has no point.
+    """
+    check_system(system)
+    with everywhere(system.comm, "points_at"):
+        gamma = checked_gamma(gamma)
+        low, high = checked_range(gamma_range, [gamma])
+        if not isinstance(branch, Branch) or not branch.points:
+            raise ValueError(f"a Branch with points is needed, got {type(branch).__name__}")
+    same_everywhere(
+        system.comm,
+        gamma=gamma,
+        gamma_range=(low, high),
+        control=control,
+        route=route,
+        points=len(branch.points),
+    )
+    first, x = branch.points[0], system.create_vector()
+    x.array[:] = first.y.array_r[: x.getLocalSize()]
+    scale = high - low
+    with (
+        system.restored(always=True),
+        follower_for(system, x, first.gamma, control, gamma_scale=scale, route=route) as follower,
+    ):
+        for point in branch.points:  # the first tangent that moves x gives its scale
+            follower.bordered.set_scale(point.tangent)
+        follower.bordered.require_scale()
+        return follower.at(branch, gamma)

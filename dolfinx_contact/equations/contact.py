@@ -1,0 +1,338 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""The contact problem H(x) = 0 in PETSc: equilibrium of the body, and the laws at contact points.
+
+With points on the contact surfaces, their areas W, jumps j = B u and tractions t = E l,
+
+    H_u = R(u) - B^T W E l,    H_l = E^T W (t - tau(j, t; statuses)).
+
+Every row is in units of force: the body's by nature, the contact rows unscaled, and the Dirichlet
+rows multiplied by a typical stiffness. Every unknown of the PETSc vectors is a length: multipliers
+are divided by a typical stiffness per area. So neither norms of H nor the matrix depend on the
+user's units.
+
+Nothing is kept between two evaluations: statuses are arguments, and what was found is returned.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx import fem
+
+from dolfinx_contact._errors import require
+from dolfinx_contact._options import ProblemOptions
+from dolfinx_contact._petsc import logged
+from dolfinx_contact.body import rigid
+from dolfinx_contact.body.bulk import Bulk
+from dolfinx_contact.equations.augmentation import automatic_augmentation
+from dolfinx_contact.equations.constraints import Constraints, check_overlap
+from dolfinx_contact.equations.prescribed import PrescribedDisplacement
+from dolfinx_contact.equations.state import ContactState, State, Statuses
+from dolfinx_contact.laws.status import PLUS, STICK, closed, senses
+from dolfinx_contact.points.surface import ContactSurface
+
+__all__ = ["ContactEquations"]
+
+Array = npt.NDArray[np.float64]
+
+
+class ContactEquations:
+    """H of a body with contact surfaces. Collective, as all its methods are.
+
+    Args:
+        bulk: the body.
+        V: space of its displacement.
+        surfaces: where it may touch.
+        bcs: Dirichlet conditions.
+        r: augmentation parameter, by default from the stiffness of the contact nodes.
+        options: of the SNES.
+
+    Attributes:
+        owned_sizes: numbers of unknowns of this rank, the displacement first.
+        units: what the unknowns of each field are multiplied by.
+        stiffness_scale: typical stiffness, of the Dirichlet rows.
+        body_size: diagonal of the bounding box of the body.
+        free_motions: rigid motions that neither stiffness nor Dirichlet data resist, at the local
+            nodes (motions, nodes, dim).
+    """
+
+    def __init__(
+        self,
+        bulk: Bulk,
+        V: fem.FunctionSpace,
+        surfaces: Sequence[ContactSurface],
+        bcs: Sequence[fem.DirichletBC],
+        *,
+        r: float | None,
+        options: ProblemOptions,
+    ):
+        self.bulk, self.V, self.comm = bulk, V, V.mesh.comm
+        self.dim = V.mesh.geometry.dim
+        self.surfaces, self.bcs, self.options = list(surfaces), list(bcs), options
+        check_overlap(self.surfaces)
+        self.constraints = Constraints(V, self.surfaces, bcs)
+        self.prescribed = PrescribedDisplacement(V, self.constraints)
+        spaces = [V, *(s.Q for s in self.surfaces)]
+        sizes = [(W.dofmap.index_map, W.dofmap.index_map_bs) for W in spaces]
+        self.owned_sizes = [m.size_local * bs for m, bs in sizes]
+        self.global_sizes = [int(m.size_global) * bs for m, bs in sizes]
+        self.fixed = self.constraints.fixed.reshape(-1)
+        x = V.mesh.geometry.x
+        low = self.comm.allreduce(x.min(axis=0, initial=np.inf), op=np.minimum)
+        high = self.comm.allreduce(x.max(axis=0, initial=-np.inf), op=np.maximum)
+        self.body_size: float = float(np.linalg.norm(high - low))
+        self._mesh_mark = zlib.crc32(np.ascontiguousarray(x))
+        self.forced_r = r
+        K = bulk.stiffness(bulk.displacement.x.array.copy())
+        self.stiffness_scale, self.automatic_r = automatic_augmentation(
+            K, V, self.surfaces, self.body_size
+        )
+        self.units = [1.0]
+        for s, automatic in zip(self.surfaces, self.automatic_r, strict=True):
+            s.points.set_augmentation(automatic if r is None else np.full_like(automatic, r))
+            self.units.append(self.stiffness_scale / s.mean_vertex_area)
+        self.free_motions = rigid.free_motions(K, V, self.constraints.fixed)
+        self._moved = [self._at_points(s, self.free_motions) for s in self.surfaces]
+        if not bulk.linear:
+            bulk.destroy()
+
+    def _at_points(self, s: ContactSurface, motions: Array) -> Array:
+        """B m of motions at the local nodes (motions, n, dim)."""
+        u, n = s.points.B.createVecRight(), self.V.dofmap.index_map.size_local
+        moved = np.zeros((len(motions), s.points.number, self.dim))
+        for i in range(len(motions)):
+            u.array[:] = motions[i, :n].reshape(-1)
+            moved[i] = s.points.product(u)
+        u.destroy()
+        return moved
+
+    # -- unknowns --------------------------------------------------------------------------------
+
+    def create_vector(self) -> PETSc.Vec:
+        """A vector of all unknowns, rank by rank displacement then multipliers."""
+        return PETSc.Vec().createMPI((sum(self.owned_sizes), None), comm=self.comm)
+
+    def blocks(self, x: PETSc.Vec) -> list[Array]:
+        """Local parts of ``x``, one array per field; copies."""
+        return np.split(x.array_r.copy(), np.cumsum(self.owned_sizes)[:-1])
+
+    def fields(self, x: PETSc.Vec) -> list[Array]:
+        """Owned values of displacement and multipliers, in the user's units."""
+        return [unit * part for unit, part in zip(self.units, self.blocks(x), strict=True)]
+
+    def put(self, fields: Sequence[Array], x: PETSc.Vec) -> None:
+        """Put owned values of displacement and multipliers into ``x``."""
+        sizes = zip(fields, self.units, self.owned_sizes, strict=True)
+        x.array[:] = np.concatenate([values[:n] / unit for values, unit, n in sizes])
+
+    def displacement(self, x: PETSc.Vec) -> Array:
+        """The displacement at all local dofs, ghosts included."""
+        f = self.bulk.displacement
+        n = self.owned_sizes[0]
+        f.x.array[:n] = x.array_r[:n]
+        f.x.scatter_forward()
+        return f.x.array.copy()
+
+    # -- H ---------------------------------------------------------------------------------------
+
+    def contact(self, x: PETSc.Vec, statuses: Statuses | None = None) -> State:
+        """The state ``x`` without the rows of H.
+
+        Args:
+            x: unknowns.
+            statuses: by which the laws are taken; by default those that the state asks for.
+        """
+        self._refresh()
+        u = self.displacement(x)
+        with logged("ContactStatus"):
+            return State(u, self._contact(x, u, statuses))
+
+    def _refresh(self) -> None:
+        """Evaluate anew what is given on surfaces where the user has changed it."""
+        changed = np.array([s.has_changed for s in self.surfaces], dtype=np.int32)
+        for s, other in zip(self.surfaces, self.comm.allreduce(changed), strict=True):
+            if other:
+                s.update_geometry()
+
+    def _contact(self, x: PETSc.Vec, u: Array, statuses: Statuses | None) -> list[ContactState]:
+        found, parts = [], self.blocks(x)
+        held = [None] * len(self.surfaces) if statuses is None else statuses
+        for i, (s, codes) in enumerate(zip(self.surfaces, held, strict=True)):
+            removed = self.constraints.removed[i].reshape(-1)[: self.owned_sizes[i + 1]]
+            multipliers = np.where(removed, 0.0, self.units[i + 1] * parts[i + 1])
+            jump, traction = self._jump(s, u), s.points.traction(multipliers)
+            answers = s.answers(jump, traction)
+            found.append(
+                ContactState(jump, traction, answers.asked if codes is None else codes, answers)
+            )
+        return found
+
+    def _jump(self, s: ContactSurface, u: Array, *, rate: bool = False) -> Array:
+        v = s.points.B.createVecRight()
+        v.array[:] = u[: self.owned_sizes[0]]
+        values = s.points.product(v) if rate else s.points.jump(v)
+        v.destroy()
+        return values
+
+    def residual(self, x: PETSc.Vec, b: PETSc.Vec, statuses: Statuses | None = None) -> State:
+        """H(x) into ``b``, and the state. Dirichlet data enter all rows linearly.
+
+        Args:
+            x: unknowns.
+            b: receives H(x).
+            statuses: by which the laws are taken; by default those that the state asks for.
+        """
+        self._refresh()
+        u, n = self.displacement(x), self.owned_sizes[0]
+        with logged("ContactStatus"):
+            contact = self._contact(x, u, statuses)
+        prescribed = self.prescribed.update().reshape(-1)
+        missing = np.where(self.fixed, prescribed - u, 0.0)
+        any_missing = bool(self.comm.allreduce(int(np.any(missing != 0))))
+        # A linear body takes its Dirichlet data in the product, and needs no assembly.
+        affine = self.bulk.affine_residual(u + missing)
+        body = self.bulk.residual_at(u) if affine is None else affine
+        for s, state in zip(self.surfaces, contact, strict=True):
+            body = body - s.points.forces(state.traction)
+        reactions = body.copy()
+        if affine is None and any_missing:
+            body += self.bulk.lifting(u, self.prescribed.conditions, u)
+        fixed = self.fixed[:n]
+        body[fixed] = self.stiffness_scale * (u - prescribed)[:n][fixed]
+        rows = [body]
+        for i, (s, state) in enumerate(zip(self.surfaces, contact, strict=True)):
+            off = state.traction - state.answer
+            if any_missing:
+                step = self._jump(s, missing, rate=True)
+                off -= np.einsum("nij,nj->ni", state.by_jump, step)
+            rows.append(self._with_removed(i, s.points.rows(off), x))
+        b.array[:] = np.concatenate(rows)
+        return State(u, contact, rows, reactions)
+
+    def _with_removed(self, i: int, rows: Array, x: PETSc.Vec | None) -> Array:
+        """Contact rows of surface ``i`` with those of removed multipliers put in."""
+        removed = self.constraints.removed[i].reshape(-1)[: self.owned_sizes[i + 1]]
+        held = 0.0 if x is None else self.stiffness_scale * self.blocks(x)[i + 1]
+        return np.where(removed, held, rows)
+
+    def rates(
+        self, state: State, body: Array, answers: Sequence[Array | None], dirichlet: Array
+    ) -> Array:
+        """Rows of the derivative of H by a parameter, at a state.
+
+        Args:
+            state: with the statuses that are held.
+            body: rates of the body's rows at held unknowns, owned.
+            answers: of the laws' answers at held unknowns (n, dim), surface by surface; None where
+                they do not change.
+            dirichlet: of the Dirichlet values, at all local dofs, 0 elsewhere.
+        """
+        n, u = self.owned_sizes[0], state.u
+        moving = bool(self.comm.allreduce(int(np.any(dirichlet != 0))))
+        rows = body.copy()
+        if moving:
+            product = self.bulk.product(dirichlet)
+            if product is None:
+                conditions = self.prescribed.conditions
+                at = np.where(self.fixed, self.prescribed.update().reshape(-1) - dirichlet, u)
+                product = self.bulk.lifting(u, conditions, at)
+            rows += product
+        fixed = self.fixed[:n]
+        rows[fixed] = -self.stiffness_scale * dirichlet[:n][fixed]
+        parts = [rows]
+        for i, (s, found, rate) in enumerate(
+            zip(self.surfaces, state.surfaces, answers, strict=True)
+        ):
+            change = np.zeros_like(found.jump) if rate is None else -rate
+            if moving:
+                step = self._jump(s, dirichlet, rate=True)
+                change -= np.einsum("nij,nj->ni", found.by_jump, step)
+            parts.append(self._with_removed(i, s.points.rows(change), None))
+        return np.concatenate(parts)
+
+    # -- statuses --------------------------------------------------------------------------------
+
+    def touching(self, load: float, u: Array) -> Statuses:
+        """Statuses in which all points stick that a part of the load may close.
+
+        Args:
+            load: part of the prescribed motion that is applied.
+            u: displacement at the local dofs.
+        """
+        found, least = [], 1e-9 * self.body_size
+        for s in self.surfaces:
+            near = self.gaps(s, u) <= max(load * self.reach(s, u), least)
+            codes = s.law_at_points.codes
+            touches = STICK if STICK in codes else PLUS
+            found.append(np.where(near, touches, codes[0]).astype(np.int8))
+        return found
+
+    def gaps(self, s: ContactSurface, u: Array) -> Array:
+        """Gap of the displacement at the points of ``s``, to first order, no averages."""
+        points = s.points
+        if s.method != "mixed":
+            return np.asarray(points.data.gap - np.sum(self._jump(s, u) * points.data.n, axis=1))
+        at = u.reshape(-1, self.dim)[points.trace_dofs[: points.number]]
+        return np.asarray(points.gaps - np.sum(at * points.data.n, axis=1))
+
+    def reach(self, s: ContactSurface, u: Array) -> float:
+        """Gaps up to which points of ``s`` are expected to close, from an open state.
+
+        Half the motion that Dirichlet data prescribe, where the contact of Hertz ends.
+        """
+        return 0.5 * self.constraints.approach(s, u.reshape(-1, self.dim))
+
+    def loose_motions(self, statuses: Statuses) -> str:
+        """Rigid motions held neither by Dirichlet data nor by these statuses; "" if none."""
+        if len(self.free_motions) == 0:
+            return ""
+        gram = np.zeros((len(self.free_motions),) * 2)
+        for s, codes, moved in zip(self.surfaces, statuses, self._moved, strict=True):
+            n = s.points.data.n
+            normal = np.einsum("and,nd->an", moved, n)
+            along = moved - normal[:, :, None] * n[None]
+            along *= (senses(codes) == STICK)[None, :, None]
+            gram += (normal * closed(codes)) @ normal.T + np.einsum("and,bnd->ab", along, along)
+        loose = rigid.combine(self.comm.allreduce(gram), self.free_motions)
+        return rigid.describe(loose, self.V) if len(loose) else ""
+
+    def any_closed(self, statuses: Statuses) -> bool:
+        """Whether a point of any rank is closed."""
+        return bool(self.comm.allreduce(int(any(closed(codes).any() for codes in statuses))))
+
+    # -- data ------------------------------------------------------------------------------------
+
+    @contextmanager
+    def automatic_augmentation(self) -> Iterator[None]:
+        """Use the automatic r while the context lasts."""
+        forced = [s.points.r for s in self.surfaces]
+        for s, r in zip(self.surfaces, self.automatic_r, strict=True):
+            s.points.set_augmentation(r)
+        try:
+            yield
+        finally:
+            for s, r in zip(self.surfaces, forced, strict=True):
+                s.points.set_augmentation(r)
+
+    def require_same_mesh(self) -> None:
+        """Raise ``ValueError`` if the mesh has moved since the problem was made."""
+        same = zlib.crc32(np.ascontiguousarray(self.V.mesh.geometry.x)) == self._mesh_mark
+        message = "the mesh has moved since the problem was made; make surfaces and problem anew"
+        require(self.comm, same, message)
+
+    def round_off_force(self, displacement: float) -> float:
+        """Nodal forces that count as round-off at a displacement of this size.
+
+        Where a body moves without resistance all forces are the round-off of stiffness times
+        motion, and nothing else tells how small a force has to be. Stresses of a body that is not
+        linear are differences of moduli, also where it has no load: to 1e-15 of these.
+        """
+        strain = 0.0 if self.bulk.linear else 1e-5 * self.body_size
+        return self.stiffness_scale * max(1e-4 * displacement, strain)

@@ -1,0 +1,215 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""The Jacobian of H: the stiffness of the body, and contact terms that statuses change.
+
+    J = [ K  0 ] + S,    S = [ 0               -B^T W E        ]
+        [ 0  0 ]             [ -E^T W D_j B     E^T W (I - D_t) E ]
+
+S has rows at the contact nodes and multipliers alone. Rows and columns of Dirichlet dofs are empty;
+those of removed multipliers have a typical stiffness on the diagonal. Its pattern never changes, so
+that new statuses cost no more than new numbers.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact._entries import Entries, matrix_of
+from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.state import ContactState, State
+from dolfinx_contact.points.surface import ContactSurface
+
+__all__ = ["ContactTerms", "Jacobian"]
+
+Array = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class _Block:
+    """Entries of one surface: places of its dofs among all unknowns, -1 where there are none."""
+
+    surface: ContactSurface
+    unit: float
+    bodies: Indices  # (groups, k, dim)
+    multipliers: Indices  # (groups, l, dim)
+    coupling: Array  # sum_p W_p b_pk e_pl, (groups, k, l)
+
+    def entries(self) -> tuple[Indices, Indices]:
+        """Rows and columns, in the order of `values`."""
+        u, m = self.bodies, self.multipliers
+        (g, k, d), n = u.shape, m.shape[1]
+        full = (g, n, d, k, d)
+        places = [
+            (np.broadcast_to(u[:, :, None], (g, k, n, d)), m[:, None]),
+            (np.broadcast_to(m[:, :, :, None, None], full), u[:, None, None]),
+            (np.broadcast_to(m[:, :, :, None, None], (g, n, d, n, d)), m[:, None, None]),
+        ]
+        rows = [i.reshape(-1) for i, _ in places]
+        columns = [np.broadcast_to(j, i.shape).reshape(-1) for i, j in places]
+        return np.concatenate(rows), np.concatenate(columns)
+
+    def values(self, state: ContactState) -> Array:
+        """Entries of S at a state."""
+        stencils, areas = self.surface.points.stencils, self.surface.points.areas
+        at, e, dim = stencils.points, stencils.multiplier_weights, self.surface.dim
+        W = areas[at]
+        by_jump, by_traction = state.by_jump[at], np.eye(dim) - state.by_traction[at]
+        weighted = W[..., None] * e
+        if stencils.identity:  # one point a group, e = 1
+            jump = (
+                -weighted[:, 0, :, None, None, None]
+                * np.einsum("gk,gij->gikj", stencils.weights[:, 0], by_jump[:, 0])[:, None]
+            )
+            traction = weighted[:, 0, :, None, None, None] * by_traction[:, 0, None, :, None, :]
+        else:
+            jump = -np.einsum(
+                "gpl,gpk,gpij->glikj", weighted, stencils.weights, by_jump, optimize=True
+            )
+            traction = np.einsum("gpl,gpm,gpij->glimj", weighted, e, by_traction, optimize=True)
+        force = -self.unit * np.repeat(self.coupling[..., None], dim, axis=3)
+        return np.concatenate(
+            [force.reshape(-1), jump.reshape(-1), self.unit * traction.reshape(-1)]
+        )
+
+
+class ContactTerms:
+    """The entries of S on this rank, to be added up.
+
+    Args:
+        equations: the contact problem.
+
+    Attributes:
+        entries: their places.
+    """
+
+    def __init__(self, equations: ContactEquations):
+        self._equations = equations
+        eq = equations
+        numbering = _Numbering(eq)
+        removed = eq.constraints.removed_multipliers()
+        held = np.flatnonzero(removed) + numbering.first + eq.owned_sizes[0]
+        self._held = np.full(len(held), eq.stiffness_scale)
+        self._blocks = []
+        rows, columns = [held], [held]
+        for i, s in enumerate(eq.surfaces):
+            stencils, areas = s.points.stencils, s.points.areas
+            coupling = np.einsum(
+                "gp,gpk,gpl->gkl",
+                areas[stencils.points],
+                stencils.weights,
+                stencils.multiplier_weights,
+                optimize=True,
+            )
+            bodies = numbering.places(0, stencils.nodes)
+            multipliers = numbering.places(i + 1, stencils.multiplier_nodes)
+            block = _Block(s, eq.units[i + 1], bodies, multipliers, coupling)
+            row, column = block.entries()
+            rows.append(row)
+            columns.append(column)
+            self._blocks.append(block)
+        self.entries = Entries(np.concatenate(rows), np.concatenate(columns))
+
+    def create_matrix(self) -> PETSc.Mat:
+        """An empty matrix with the pattern of S, on all unknowns. Collective."""
+        n = sum(self._equations.owned_sizes)
+        return matrix_of(self._equations.comm, (n, n), self.entries)
+
+    def add(self, state: State, A: PETSc.Mat) -> None:
+        """Add S at a state to ``A``. Collective."""
+        parts = [b.values(s) for b, s in zip(self._blocks, state.surfaces, strict=True)]
+        self.entries.add(np.concatenate([self._held, *parts]), A)
+
+
+class _Numbering:
+    """Places of dofs among all unknowns: rank by rank, the displacement first."""
+
+    def __init__(self, eq: ContactEquations):
+        self._eq = eq
+        sizes = np.array(eq.comm.allgather(eq.owned_sizes), dtype=np.int64)  # ranks x fields
+        ends = np.cumsum(sizes, axis=0)
+        self._starts = ends - sizes  # first dof of every field on every rank
+        totals = sizes.sum(axis=1)
+        offsets = np.concatenate([[0], np.cumsum(totals)])[:-1]
+        self._firsts = offsets[:, None] + np.cumsum(sizes, axis=1) - sizes
+        self._ends = ends
+        self.first = int(offsets[eq.comm.rank])
+        n = eq.owned_sizes[0]
+        removed = np.split(eq.constraints.removed_multipliers(), np.cumsum(eq.owned_sizes[1:])[:-1])
+        self._absent = [eq.fixed[:n], *removed]
+
+    def places(self, field: int, nodes: Indices) -> Indices:
+        """Places of dofs of global nodes (..., dim), -1 of fixed and removed ones. Collective."""
+        return self.dof_places(field, self._eq.dim * nodes[..., None] + np.arange(self._eq.dim))
+
+    def dof_places(self, field: int, dofs: Indices) -> Indices:
+        """Places of global dofs, -1 of fixed and removed ones. Collective."""
+        owner = np.searchsorted(self._ends[:, field], dofs, side="right")
+        places = dofs - self._starts[owner, field] + self._firsts[owner, field]
+        return np.where(self._is_absent(field, dofs), -1, places)
+
+    def _is_absent(self, field: int, dofs: Indices) -> npt.NDArray[np.bool_]:
+        """Whether dofs of any rank are fixed or removed. Collective."""
+        comm, mine = self._eq.comm, self._absent[field]
+        marks = PETSc.Vec().createMPI((len(mine), None), comm=comm)
+        marks.array[:] = mine.astype(float)
+        wanted = PETSc.IS().createGeneral(dofs.reshape(-1).astype(PETSc.IntType), comm=comm)
+        here = PETSc.Vec().createSeq(dofs.size, comm=PETSc.COMM_SELF)
+        scatter = PETSc.Scatter().create(marks, wanted, here, None)
+        scatter.scatter(marks, here)
+        found = here.array_r > 0.5
+        for thing in (marks, wanted, here, scatter):
+            thing.destroy()
+        return np.asarray(found.reshape(dofs.shape))
+
+
+class Jacobian:
+    """The assembled Jacobian. Of a linear body the stiffness is put in once.
+
+    Args:
+        equations: the contact problem.
+
+    Attributes:
+        matrix: AIJ, on all unknowns.
+    """
+
+    def __init__(self, equations: ContactEquations):
+        self._equations, self._terms = equations, ContactTerms(equations)
+        self._assemblies, eq = -1, equations
+        numbering, n = _Numbering(eq), eq.owned_sizes[0]
+        K = eq.bulk.stiffness(eq.bulk.displacement.x.array.copy())
+        indptr, columns, _ = K.getValuesCSR()
+        mine = numbering.first + np.arange(n, dtype=np.int64)
+        rows = np.repeat(np.where(eq.fixed[:n], -1, mine), np.diff(indptr))
+        known, inverse = np.unique(columns, return_inverse=True)
+        places = numbering.dof_places(0, known.astype(np.int64))[inverse]
+        fixed = mine[eq.fixed[:n]]
+        self._fixed, self._body = Entries(fixed, fixed), Entries(rows, places)
+        size = sum(eq.owned_sizes)
+        parts = self._fixed, self._body, self._terms.entries
+        self.matrix = matrix_of(eq.comm, (size, size), *parts)
+        self.matrix.setOption(PETSc.Mat.Option.NEW_NONZERO_LOCATIONS, False)
+
+    def update(self, state: State) -> None:
+        """Assemble at a state. Collective."""
+        bulk = self._equations.bulk
+        K = bulk.stiffness(state.u)
+        if self._assemblies == bulk.assemblies:
+            self.matrix.retrieveValues()
+        else:
+            self.matrix.zeroEntries()
+            _, _, values = K.getValuesCSR()
+            self._body.insert(values, self.matrix)
+            diagonal = np.full(self._fixed.number, self._equations.stiffness_scale)
+            self._fixed.add(diagonal, self.matrix)
+            self.matrix.storeValues()
+            self._assemblies = bulk.assemblies
+        self._terms.add(state, self.matrix)
+
+    def destroy(self) -> None:
+        """Free the matrix."""
+        self.matrix.destroy()

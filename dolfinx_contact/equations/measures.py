@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""How far a state is from a solution, block by block and in physical measures.
+
+Forces are compared with the largest nodal force at work (reactions, contact forces, the first
+residual), gaps and slips with the largest displacement. So the test does not change with the units
+of the input, and a small contact row cannot hide behind a large force row.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.state import ContactState, State
+from dolfinx_contact.laws.status import STICK, closed, senses
+from dolfinx_contact.points.surface import ContactSurface
+
+Array = npt.NDArray[np.float64]
+
+__all__ = ["Measures", "Scales"]
+
+
+@dataclass(frozen=True)
+class Measures:
+    """Relative residuals, each a largest entry over all ranks.
+
+    Attributes:
+        force: equilibrium of the free nodes, over the force scale.
+        constraint: Dirichlet data, gap of closed and slip of stuck points, over the length scale.
+        cone: traction of open and shear of slipping points off the law, over the force scale.
+    """
+
+    force: float
+    constraint: float
+    cone: float
+
+    @property
+    def worst(self) -> float:
+        """The largest of the three; NaN if one is."""
+        return float(np.max([self.force, self.constraint, self.cone]))
+
+
+class Scales:
+    """Force and length scales of one solve; they only grow.
+
+    Args:
+        equations: the contact problem.
+    """
+
+    def __init__(self, equations: ContactEquations):
+        self._equations = equations
+        self.force = self.length = 0.0
+
+    def measure(self, state: State) -> Measures:
+        """Measures of the rows of H at a state. Collective."""
+        eq, n = self._equations, self._equations.owned_sizes[0]
+        assert state.reactions is not None
+        fixed = eq.fixed[:n]
+        force, dirichlet = _largest(state.rows[0][~fixed]), _largest(state.rows[0][fixed])
+        first = force if self.force == 0.0 else 0.0
+        forces = [first, _largest(state.reactions[fixed])]
+        lengths = [_largest(state.u), dirichlet / eq.stiffness_scale]
+        constraint, cone = [dirichlet / eq.stiffness_scale], [0.0]
+        for s, found, rows in zip(eq.surfaces, state.surfaces, state.rows[1:], strict=True):
+            length, size, contact = _row_measures(s, found, rows)
+            for part, value in ((constraint, length), (cone, size), (forces, contact)):
+                part.append(value)
+            lengths.append(float(np.max(-s.points.vertex_gaps, initial=0.0)))
+        values = np.array([max(forces), max(lengths), force, max(constraint), max(cone)])
+        # np.maximum carries NaN over to every rank.
+        values = eq.comm.allreduce(values, op=np.maximum)
+        self.force = max(self.force, float(values[0]))
+        self.length = max(self.length, float(values[1]), 1e-14 * eq.body_size)
+        force_scale = max(self.force, eq.round_off_force(self.length))
+        return Measures(values[2] / force_scale, values[3] / self.length, values[4] / force_scale)
+
+
+def _row_measures(
+    s: ContactSurface, found: ContactState, rows: Array
+) -> tuple[float, float, float]:
+    """Largest length and force in owned contact rows, and the largest nodal contact force.
+
+    Where each row belongs to one point, the status tells lengths (gap and tangential displacement
+    of a closed point, times r and the area) from forces (traction of an open point, shear of a
+    slipping one); in the integral method every row counts as both. Collective.
+    """
+    points = s.points
+    r, area = points.data.r, points.areas
+    forces = _largest(found.traction * area[:, None])
+    if points.E is not None:
+        r, area = points.r, points.vertex_areas
+        unit = s.comm.allreduce(_largest(r * area), op=max)
+        size = _largest(rows)
+        return size / unit, size, _largest(found.traction) * _largest(area)
+    rows = rows.reshape(-1, s.dim)
+    along = np.sum(rows * points.data.n, axis=1)
+    across = np.linalg.norm(rows - along[:, None] * points.data.n, axis=1)
+    touching, stuck = closed(found.statuses), senses(found.statuses) == STICK
+    # The direction of a slip is known to the shear residual over r, a length as well. Friction may
+    # hold an open point.
+    lengths = np.where(touching, np.abs(along), 0.0), np.where(touching | stuck, across, 0.0)
+    sizes = np.where(touching, 0.0, np.abs(along)), np.where(stuck, 0.0, across)
+    return (
+        max(_largest(v / (r * area)) for v in lengths),
+        max(_largest(v) for v in sizes),
+        forces,
+    )
+
+
+def _largest(values: npt.NDArray[Any]) -> float:
+    return float(np.max(np.abs(values), initial=0.0))

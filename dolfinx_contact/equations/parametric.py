@@ -1,0 +1,323 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""H(x, gamma) = 0: a contact problem with a parameter, as a system that can be followed."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, Protocol
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+import dolfinx.fem.petsc
+import ufl
+from dolfinx import fem
+from ufl.algorithms.analysis import extract_constants
+
+from dolfinx_contact._compat import dirichlet_value, is_value_of
+from dolfinx_contact._forms import compiled_form
+from dolfinx_contact.continuation import Events, Piece, Preconditioner, System
+from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.measures import Scales
+from dolfinx_contact.equations.rates import Driven, Rate, SurfaceRates, dirichlet_rates
+from dolfinx_contact.equations.state import State, Statuses
+from dolfinx_contact.laws.status import OPEN
+from dolfinx_contact.points.surface import ContactSurface
+
+__all__ = ["ParametricEquations"]
+
+_MANY_POINTS = 50
+
+Array = npt.NDArray[np.float64]
+
+
+class LinearSolver(Protocol):
+    """What is asked of the linear solver of a contact problem. Collective."""
+
+    matrix: PETSc.Mat
+    corrects: bool
+
+    @property
+    def preconditioner(self) -> Preconditioner | None:
+        """Of `matrix`; None where that is to be factorised."""
+
+    def update(self, state: State) -> None:
+        """Assemble the Jacobian at a state."""
+
+    def correct(self, state: State, residual: PETSc.Vec, correction: PETSc.Vec) -> bool:
+        """What to subtract to solve the rows of the surfaces for their unknowns."""
+
+
+class ParametricEquations(System):
+    """H(x, gamma) = 0 for a contact problem, with the statuses of contact points as pieces.
+
+    Statuses are those of `laws.status`. The Constant gamma and the Functions that it drives follow
+    what is evaluated; nothing else does.
+
+    Args:
+        equations: the contact problem.
+        gamma: the parameter, a scalar Constant in the bulk, a law or an obstacle.
+        linear: gives the linear solver of the problem, when it is first wanted.
+        driven: pairs of a Function used in a Dirichlet condition and the UFL expression of gamma
+            (and position) that it is to have.
+
+    Attributes:
+        clamped: owned points that Dirichlet data clamp: they have no status of their own.
+    """
+
+    def __init__(
+        self,
+        equations: ContactEquations,
+        gamma: fem.Constant,
+        linear: Callable[[], LinearSolver],
+        *,
+        driven: Sequence[tuple[fem.Function, Any]] = (),
+    ):
+        self.equations, self.constant, self.comm = equations, gamma, equations.comm
+        self._linear, self._scales, rate = linear, Scales(equations), Rate(gamma)
+        self._body_rate = rate.of_form(equations.bulk.residual)
+        self._driven = [Driven(f, expression, rate) for f, expression in driven]
+        self._rates = [SurfaceRates(s, rate) for s in equations.surfaces]
+        self._metric: PETSc.Mat | None = None
+        counts = [s.points.number for s in equations.surfaces]
+        self.clamped = np.concatenate(
+            [
+                clamped[:n] if s.method != "integral" else np.zeros(n, dtype=bool)
+                for s, clamped, n in zip(
+                    equations.surfaces, equations.constraints.clamped, counts, strict=True
+                )
+            ]
+        )
+        self._offsets = np.concatenate([[0], np.cumsum(counts)]).astype(int)
+        self._num_points = self.comm.allreduce(int(self._offsets[-1]))
+        #: Whether the body is linear in u and gamma enters the data linearly.
+        self.is_linear = (
+            equations.bulk.linear
+            and self.constant not in equations.bulk.jacobian_constants
+            and rate.is_linear(equations.bulk.residual)
+            and all(d.is_affine for d in self._driven)
+        )
+        self._data = self._given()
+
+    # -- data ------------------------------------------------------------------------------------
+
+    def _given(self) -> list[Any]:
+        """What the user may change between two calls: Functions and Constants but gamma's own."""
+        eq = self.equations
+        found = [*eq.bulk.residual.coefficients(), *extract_constants(eq.bulk.residual)]
+        for s in eq.surfaces:
+            for e in s.given.all:
+                found += [*ufl.algorithms.extract_coefficients(e), *extract_constants(e)]
+        driven = [d.function for d in self._driven]
+        found += [
+            dirichlet_value(bc) for bc in eq.bcs if not any(is_value_of(f, bc) for f in driven)
+        ]
+        ours = (eq.bulk.displacement, self.constant)
+        return [f for f in found if not any(f is other for other in ours)]
+
+    def data_mark(self) -> int:
+        """A checksum of what the user may change, and of the mesh, on this rank."""
+        mark = zlib.crc32(np.ascontiguousarray(self.equations.V.mesh.geometry.x))
+        for f in self._data:
+            values = f.x.array if hasattr(f, "x") else np.asarray(f.value)
+            mark = zlib.crc32(np.ascontiguousarray(values), mark)
+        return mark
+
+    def set(self, gamma: float) -> None:
+        """Put gamma into forms and Dirichlet data. Collective."""
+        self.constant.value = gamma
+        for d in self._driven:
+            d.set()
+
+    @contextmanager
+    def restored(self, *, always: bool = False) -> Iterator[None]:
+        functions = [d.function for d in self._driven]
+        before = [f.x.array.copy() for f in functions]
+        gamma, done = self.constant.value.copy(), False
+        try:
+            yield
+            done = not always
+        finally:
+            if not done:
+                for f, values in zip(functions, before, strict=True):
+                    f.x.array[:] = values
+                self.constant.value = gamma
+
+    def check_parameter(self, gammas: Sequence[float]) -> None:
+        varying = [
+            s
+            for s, rates in zip(self.equations.surfaces, self._rates, strict=True)
+            if rates.law_changes
+        ]
+        if varying:
+            with self.restored(always=True):
+                for gamma in gammas:
+                    self.set(gamma)
+                    for s in varying:
+                        s.update_geometry()
+                        s.check_law(f" at gamma = {gamma:g}")
+
+    @property
+    def scales(self) -> tuple[float, ...]:  # type: ignore[override]
+        """Force and length that residuals are measured by; they grow along a branch."""
+        return self._scales.force, self._scales.length
+
+    @scales.setter
+    def scales(self, scales: Sequence[float]) -> None:
+        self._scales.force, self._scales.length = scales
+
+    @property
+    def has_many_pieces(self) -> bool:  # type: ignore[override]
+        """Whether kinks are passed in batches by default: in 3D beyond fifty contact points."""
+        return self.equations.dim == 3 and self._num_points > _MANY_POINTS
+
+    @property
+    def held_laws(self) -> bool:
+        """Whether neither obstacles nor laws depend on gamma."""
+        return not any(rates.applies for rates in self._rates)
+
+    # -- System ----------------------------------------------------------------------------------
+
+    @property
+    def preconditioner(self) -> Preconditioner | None:  # type: ignore[override]
+        """That of the problem's linear solver; None if it is a direct one. Collective."""
+        return self._linear().preconditioner
+
+    @property
+    def matrix(self) -> PETSc.Mat:  # type: ignore[override]
+        """The derivative of H by x, a product of PETSc's or an assembled matrix. Collective."""
+        return self._linear().matrix
+
+    def create_vector(self) -> PETSc.Vec:
+        return self.equations.create_vector()
+
+    def evaluate(self, x: PETSc.Vec, gamma: float, b: PETSc.Vec, piece: Piece | None) -> State:
+        """H(x, gamma) into ``b``, and the state. Collective."""
+        self.set(gamma)
+        return self.equations.residual(x, b, self.statuses_of(piece))
+
+    def contact(self, x: PETSc.Vec, gamma: float, piece: Piece | None) -> State:
+        """The state (x, gamma) without the rows of H. Collective."""
+        self.set(gamma)
+        return self.equations.contact(x, self.statuses_of(piece))
+
+    def residual(self, x: PETSc.Vec, gamma: float, b: PETSc.Vec, piece: Piece | None) -> float:
+        return self._scales.measure(self.evaluate(x, gamma, b, piece)).worst
+
+    def jacobian(self, x: PETSc.Vec, gamma: float, piece: Piece | None) -> None:
+        self._linear().update(self.contact(x, gamma, piece))
+
+    def correct(
+        self,
+        x: PETSc.Vec,
+        gamma: float,
+        residual: PETSc.Vec,
+        correction: PETSc.Vec,
+        piece: Piece | None,
+    ) -> bool:
+        linear = self._linear()
+        if not linear.corrects:
+            return False
+        return linear.correct(self.contact(x, gamma, piece), residual, correction)
+
+    def parameter_derivative(
+        self, x: PETSc.Vec, gamma: float, c: PETSc.Vec, piece: Piece | None
+    ) -> None:
+        state = self.contact(x, gamma, piece)
+        body = np.zeros(self.equations.owned_sizes[0])
+        if self._body_rate is not None:
+            body = self.equations.bulk.assembled(self._body_rate, state.u)
+        answers = [r(s) for r, s in zip(self._rates, state.surfaces, strict=True)]
+        c.array[:] = self.equations.rates(state, body, answers, self.dirichlet_rates())
+
+    def dirichlet_rates(self) -> Array:
+        """Derivatives of Dirichlet values by gamma on the local displacement dofs, 0 elsewhere."""
+        if not self._driven:
+            return np.zeros_like(self.equations.bulk.displacement.x.array)
+        return dirichlet_rates(self.equations.constraints, self._driven)
+
+    def metric(self, x: PETSc.Vec, out: PETSc.Vec) -> None:
+        if self._metric is None:
+            self._metric = self._mass()
+            self._mass_in, self._mass_out = self._metric.createVecs()
+        n = self._mass_in.getLocalSize()
+        self._mass_in.array[:] = x.array_r[:n]
+        self._metric.mult(self._mass_in, self._mass_out)
+        out.set(0.0)
+        out.array[:n] = self._mass_out.array_r
+
+    def _mass(self) -> PETSc.Mat:
+        """Mass matrix of the displacement over the volume and the square of the body's size."""
+        V = self.equations.V
+        u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
+        mass = dolfinx.fem.petsc.assemble_matrix(compiled_form(ufl.inner(u, v) * ufl.dx))
+        mass.assemble()
+        translation, volume = mass.createVecs()
+        translation.array.reshape(-1, self.equations.dim)[:, 0] = 1.0
+        mass.mult(translation, volume)
+        mass.scale(1.0 / (translation.dot(volume) * self.equations.body_size**2))
+        translation.destroy(), volume.destroy()
+        return mass
+
+    def piece_at(self, x: PETSc.Vec, gamma: float) -> Piece:
+        return self.piece(self.contact(x, gamma, None).statuses)
+
+    def events(self, x: PETSc.Vec, gamma: float, piece: Piece) -> Events:
+        state, distance, point, target = self.contact(x, gamma, piece), [], [], []
+        for (s, a, _), found in zip(self.parts(), state.surfaces, strict=True):
+            borders = found.answers.borders(found.statuses)
+            i, k = np.nonzero(np.isfinite(borders.distance))
+            distance.append(borders.distance[i, k] / s.mean_augmentation)
+            point.append((i + a).astype(np.int32))
+            target.append(borders.target[i, k])
+        points = np.concatenate(point)
+        free = ~self.clamped[points]
+        return Events(np.concatenate(distance)[free], points[free], np.concatenate(target)[free])
+
+    def probe(self, seed: int) -> PETSc.Vec:
+        parts, eq = [], self.equations
+        for V in (eq.V, *(s.Q for s in eq.surfaces)):
+            bs, n = V.dofmap.index_map_bs, V.dofmap.index_map.size_local
+            # Keyed by coordinates: neither numbering nor ranks matter.
+            places = V.tabulate_dof_coordinates()[:n] / eq.body_size
+            phase = places @ np.array([12.9898, 78.233, 37.719]) + seed
+            parts.append(np.sin(43.7585 * (phase[:, None] + np.arange(bs))).reshape(-1))
+        x = self.create_vector()
+        x.array[:] = np.concatenate(parts)
+        return x
+
+    def statuses(self, point: int) -> Sequence[int]:
+        number = int(np.searchsorted(self._offsets, point, side="right")) - 1
+        return sorted(self.equations.surfaces[number].law_at_points.codes)
+
+    # -- pieces ----------------------------------------------------------------------------------
+
+    def parts(self) -> Iterator[tuple[ContactSurface, int, int]]:
+        """Surfaces with the range of their points among those of this rank."""
+        ends = self._offsets[1:]
+        return zip(self.equations.surfaces, self._offsets[:-1], ends, strict=True)
+
+    def statuses_of(self, piece: Piece | None) -> Statuses | None:
+        """The statuses of a piece, surface by surface."""
+        return None if piece is None else [piece.codes[a:b] for _, a, b in self.parts()]
+
+    def piece(self, statuses: Statuses) -> Piece:
+        """The piece of statuses, in which clamped points count as open."""
+        codes = np.concatenate(statuses)
+        return Piece(np.where(self.clamped, OPEN, codes).astype(np.int8))
+
+    @property
+    def positions(self) -> Array:
+        """Places of the owned points of all surfaces, in the order of a piece (n, dim)."""
+        return np.concatenate([s.points.positions for s in self.equations.surfaces])
+
+    def destroy(self) -> None:
+        """Free the PETSc objects made here."""
+        if self._metric is not None:
+            for thing in (self._metric, self._mass_in, self._mass_out):
+                thing.destroy()
+            self._metric = None

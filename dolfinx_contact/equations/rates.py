@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Derivatives by the parameter gamma of forms, Dirichlet data, obstacles and laws."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+import ufl
+from dolfinx import fem
+from ufl.algorithms.analysis import extract_constants
+
+from dolfinx_contact._compat import interpolation_points
+from dolfinx_contact._forms import compiled_expression, compiled_form
+from dolfinx_contact.equations.state import ContactState
+from dolfinx_contact.points.contact_points import Given
+from dolfinx_contact.points.surface import ContactSurface
+
+__all__ = ["Driven", "Rate", "SurfaceRates", "depends_on"]
+
+Array = npt.NDArray[np.float64]
+
+
+def depends_on(gamma: fem.Constant, *expressions: Any) -> bool:
+    """Whether UFL expressions contain gamma."""
+    return any(gamma in extract_constants(ufl.as_ufl(e)) for e in expressions)
+
+
+@dataclass(frozen=True)
+class Rate:
+    """Differentiation by gamma.
+
+    Attributes:
+        gamma: the Constant of the user's forms.
+    """
+
+    gamma: fem.Constant
+
+    def of(self, e: Any) -> Any:
+        """The derivative of a UFL expression or form."""
+        variable = ufl.variable(self.gamma)
+        return ufl.diff(ufl.replace(e, {self.gamma: variable}), variable)
+
+    def of_expression(self, e: Any) -> Any:
+        """The derivative of an expression of any shape, expanded; zero where gamma is not in it."""
+        e = ufl.as_ufl(e)
+        if not depends_on(self.gamma, e):
+            return 0.0 * e
+        return ufl.algorithms.expand_derivatives(self.of(e))
+
+    def of_form(self, form: ufl.Form) -> fem.Form | None:
+        """The derivative of a form, compiled; None if it vanishes."""
+        if self.gamma not in form.constants():
+            return None
+        rate = ufl.algorithms.expand_derivatives(self.of(form))
+        return None if rate.empty() else compiled_form(rate)
+
+    def is_linear(self, form: ufl.Form) -> bool:
+        """Whether the second derivative of a form vanishes."""
+        if self.gamma not in form.constants():
+            return True
+        once = ufl.algorithms.expand_derivatives(self.of(form))
+        if once.empty() or self.gamma not in once.constants():
+            return True
+        return bool(ufl.algorithms.expand_derivatives(self.of(once)).empty())
+
+
+class Driven:
+    """A Function of Dirichlet data with its value and rate as interpolable expressions."""
+
+    def __init__(self, function: fem.Function, expression: Any, rate: Rate):
+        points = interpolation_points(function.function_space)
+        expression = ufl.as_ufl(expression)
+        domain = function.function_space.mesh
+        x = ufl.SpatialCoordinate(domain)
+        # FFCx compiles no expression in which nothing but constants occurs.
+        nothing = fem.Constant(domain, 0.0) * (x if expression.ufl_shape else x[0])
+        self.function, slope = function, rate.of_expression(expression)
+        curvature = rate.of_expression(slope)
+        #: Whether gamma enters linearly.
+        self.is_affine = isinstance(curvature, ufl.constantvalue.Zero)
+        self._value = compiled_expression(expression + nothing, points)
+        self._rate = compiled_expression(slope + nothing, points)
+
+    def set(self) -> None:
+        """Give the Function its value. Collective."""
+        self.function.interpolate(self._value)
+
+    def add_rate(self) -> None:
+        """Add the rate to the Function. Collective."""
+        value = self.function.x.array.copy()
+        self.function.interpolate(self._rate)
+        self.function.x.array[:] += value
+
+
+class SurfaceRates:
+    """Rate of the answer of the law of a surface whose obstacle or law depends on gamma."""
+
+    def __init__(self, s: ContactSurface, rate: Rate):
+        self._surface, given = s, s.given
+        self.moves = depends_on(rate.gamma, given.gap, given.normal)
+        self.law_changes = depends_on(rate.gamma, *given.fields.values())
+        if not self.applies:
+            return
+        fields = {name: rate.of_expression(e) for name, e in given.fields.items()}
+        normal = rate.of_expression(given.normal)
+        self._rates = Given(rate.of_expression(given.gap), normal, fields)
+        offset = rate.of_expression(given.gap * given.normal)
+        self._evaluators = s.points.evaluators(self._rates, offset)
+
+    @property
+    def applies(self) -> bool:
+        """Whether anything depends on gamma."""
+        return self.moves or self.law_changes
+
+    def __call__(self, state: ContactState) -> Array | None:
+        """The rate at held unknowns (n, dim); None if gamma is not in it. Collective."""
+        if not self.applies:
+            return None
+        s = self._surface
+        rates, aside = s.points.rates(self._evaluators)
+        args = state.jump, state.traction, s.points.data, rates, state.statuses
+        return s.law_at_points.rate(*args) - np.einsum("nij,nj->ni", state.by_jump, aside)
+
+
+def dirichlet_rates(constraints: Any, driven: Sequence[Driven]) -> Array:
+    """Derivatives of Dirichlet values by gamma on the local displacement dofs, 0 elsewhere."""
+    fixed = constraints.values(fill=0.0)
+    kept = [d.function.x.array.copy() for d in driven]
+    for d in driven:
+        d.add_rate()
+    moved = constraints.values(fill=0.0)
+    for d, values in zip(driven, kept, strict=True):
+        d.function.x.array[:] = values
+    return np.asarray(moved - fixed).reshape(-1)

@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""What an evaluation of H found."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact.laws import Answers
+
+__all__ = ["ContactState", "State", "Statuses", "differs"]
+
+Array = npt.NDArray[np.float64]
+#: Numbers of the statuses of the contact points of this rank, surface by surface.
+Statuses = Sequence[npt.NDArray[np.int8]]
+
+
+@dataclass(frozen=True, eq=False)
+class ContactState:
+    """A surface at a state: its contact points of this rank.
+
+    Attributes:
+        jump: j (n, dim).
+        traction: t on the body (n, dim).
+        statuses: by which the law was taken (n,).
+        answers: of the law to jump and traction.
+    """
+
+    jump: Array
+    traction: Array
+    statuses: npt.NDArray[np.int8]
+    answers: Answers
+
+    @cached_property
+    def answer(self) -> Array:
+        """The traction that the law allows (n, dim)."""
+        return self.answers.traction(self.statuses)
+
+    @cached_property
+    def by_jump(self) -> Array:
+        """Its derivatives by the jump (n, dim, dim)."""
+        return self.answers.by_jump(self.statuses)
+
+    @cached_property
+    def by_traction(self) -> Array:
+        """Its derivatives by the traction (n, dim, dim)."""
+        return self.answers.by_traction(self.statuses)
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """A state of the body and its contact.
+
+    Attributes:
+        u: displacement, all local values, ghosts included.
+        surfaces: their contact points.
+        rows: owned rows of H, the displacement's first, then surface by surface; Dirichlet rows and
+            those of removed multipliers included.
+        reactions: owned rows of the displacement before Dirichlet rows were put in: forces of the
+            support on Dirichlet dofs.
+    """
+
+    u: Array
+    surfaces: Sequence[ContactState]
+    rows: Sequence[Array] = ()
+    reactions: Array | None = None
+
+    @property
+    def statuses(self) -> Statuses:
+        """Those by which the laws were taken."""
+        return [s.statuses for s in self.surfaces]
+
+    @property
+    def asked(self) -> Statuses:
+        """Those that the state asks for."""
+        return [s.answers.asked for s in self.surfaces]
+
+
+def differs(a: Statuses, b: Statuses) -> list[npt.NDArray[np.bool_]]:
+    """Where two statuses are not the same, surface by surface."""
+    return [np.asarray(x != y) for x, y in zip(a, b, strict=True)]

@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Built-in meshes of rectangles and boxes whose cells differ in size."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import brentq
+
+from dolfinx import mesh
+
+from dolfinx_contact._errors import everywhere, same_everywhere
+
+__all__ = ["create_grid", "graded"]
+
+
+def graded(length: float, size: float, fine: int, coarse: int) -> npt.NDArray[np.float64]:
+    """Coordinates from 0 to ``length``: ``fine`` cells of a size, then ``coarse`` growing ones.
+
+    Each of these is larger than the one before by the same factor.
+
+    Raises:
+        ValueError: if the fine cells leave no room, or there are no coarse ones to fill it.
+    """
+    if not (size > 0 and fine >= 0 and coarse >= 1 and fine * size < length < np.inf):
+        raise ValueError(f"{fine} cells of size {size} and {coarse} more do not fill {length}")
+    powers, rest = np.arange(1, coarse + 1), length / size - fine
+
+    def excess(growth: float) -> float:
+        return float(np.sum(growth**powers) - rest)
+
+    growth = brentq(excess, 0.0, max(1.0, rest) ** (1 / coarse) + 1.0, xtol=1e-15)
+    inner = np.arange(fine + 1) * size
+    return np.concatenate([inner, inner[-1] + np.cumsum(growth**powers) * size])
+
+
+def create_grid(
+    comm: MPI.Comm, coordinates: Sequence[npt.ArrayLike], cell: mesh.CellType
+) -> mesh.Mesh:
+    """A mesh of a rectangle or box between given coordinates along the axes. Collective.
+
+    Args:
+        comm: communicator of the mesh.
+        coordinates: rising, along each of two or three axes.
+        cell: kind of cells, which fits the number of axes.
+
+    Raises:
+        ValueError: on every rank, if there are not two or three axes, or coordinates do not rise or
+            differ between ranks.
+    """
+    with everywhere(comm, "create_grid"):
+        axes = [np.asarray(c, dtype=float) for c in coordinates]
+        if len(axes) not in (2, 3) or not all(len(c) > 1 and (np.diff(c) > 0).all() for c in axes):
+            raise ValueError("coordinates along two or three axes are needed, and they must rise")
+    same_everywhere(comm, coordinates=[c.tolist() for c in axes], cell=cell)
+    create = mesh.create_unit_square if len(axes) == 2 else mesh.create_unit_cube
+    domain = create(comm, *(len(c) - 1 for c in axes), cell)
+    x = domain.geometry.x
+    for i, c in enumerate(axes):
+        x[:, i] = np.interp(x[:, i] * (len(c) - 1), np.arange(len(c)), c)
+    return domain

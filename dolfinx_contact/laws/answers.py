@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""What a law answers at contact points, for every status, and what is given there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = ["Answers", "Borders", "Columns", "PointData"]
+
+Array = npt.NDArray[np.float64]
+Codes = npt.NDArray[np.int8]
+
+
+class Columns(Protocol):
+    """Which columns of the values of a compiled law are what; see `compiled.CompiledLaw`."""
+
+    dim: int
+    codes: tuple[int, ...]
+    rows: npt.NDArray[np.int64]
+    places: dict[str, list[list[int]]]
+    borders: list[list[tuple[int, int | None, int]]]
+    exists: list[int | None]
+
+
+@dataclass(frozen=True)
+class PointData:
+    """What a law is given at n points beside jump and traction.
+
+    Attributes:
+        n: normals (n, dim).
+        gap: initial gaps (n,).
+        r: augmentation parameters (n,).
+        fields: of the law, by name (n,).
+    """
+
+    n: Array
+    gap: Array
+    r: Array
+    fields: Mapping[str, Array]
+
+
+@dataclass(frozen=True)
+class Borders:
+    """Borders of the statuses of points, (n, borders).
+
+    Attributes:
+        distance: tractions, positive inside; infinite where there is no such border.
+        target: statuses beyond.
+    """
+
+    distance: Array
+    target: Codes
+
+
+class Answers:
+    """The answers of a law to jumps and tractions at n points, for every status.
+
+    Args:
+        law: compiled.
+        values: of its compiled expressions.
+    """
+
+    def __init__(self, law: Columns, values: Array):
+        self._law, self._values = law, values
+
+    def _of(self, codes: Codes, what: str, shape: tuple[int, ...]) -> Array:
+        every = np.stack([self._values[:, k] for k in self._law.places[what]], axis=1)
+        mine = every[np.arange(len(codes)), self._law.rows[codes]]
+        return mine.reshape(-1, *shape)
+
+    @cached_property
+    def asked(self) -> Codes:
+        """Statuses that jumps and tractions ask for (n,)."""
+        return self._asked[0]
+
+    @property
+    def missed(self) -> Array:
+        """By how much no status of the law holds the points, a traction (n,); 0 where one does."""
+        return np.maximum(-self._asked[1], 0.0)
+
+    @cached_property
+    def _asked(self) -> tuple[Codes, Array]:
+        """Statuses, and the distance to the nearest of their borders."""
+        least = np.empty((len(self._values), len(self._law.codes)))
+        for i, code in enumerate(self._law.codes):
+            distance, exists, _ = self._borders(code)
+            nearest = np.min(distance, axis=1, initial=np.inf)
+            least[:, i] = np.where(exists, nearest, -np.inf)
+        # The first whose borders all are beyond; where there is none the one that is nearest.
+        known = np.nan_to_num(least, nan=-np.inf)
+        first = np.where(
+            known.max(axis=1) >= 0, np.argmax(known >= 0, axis=1), known.argmax(axis=1)
+        )
+        worst = known[np.arange(len(known)), first]
+        return np.array(self._law.codes, dtype=np.int8)[first], worst
+
+    def _borders(self, code: int) -> tuple[Array, npt.NDArray[np.bool_], list[int]]:
+        law = self._law
+        row = law.rows[code]
+        columns = law.borders[row]
+        values = self._values[:, [c for c, _, _ in columns]]
+        where = np.ones(values.shape, dtype=bool)
+        for i, (_, w, _) in enumerate(columns):
+            if w is not None:
+                where[:, i] = self._values[:, w] > 0
+        place = law.exists[row]
+        exists = np.ones(len(values), bool) if place is None else self._values[:, place] > 0
+        return np.where(where, values, np.inf), exists, [target for _, _, target in columns]
+
+    def borders(self, codes: Codes) -> Borders:
+        """Distances of the points to the borders of the statuses ``codes``."""
+        width = max(len(columns) for columns in self._law.borders)
+        distance = np.full((len(codes), width), np.inf)
+        target = np.zeros((len(codes), width), dtype=np.int8)
+        for code in self._law.codes:
+            mine = codes == code
+            if mine.any():
+                found, _, targets = self._borders(code)
+                distance[mine, : len(targets)] = found[mine]
+                target[mine, : len(targets)] = targets
+        return Borders(distance, target)
+
+    def may_be(self, code: int) -> npt.NDArray[np.bool_]:
+        """Which points can have a status (n,)."""
+        if code not in self._law.codes:
+            return np.zeros(len(self._values), dtype=bool)
+        return self._borders(code)[1]
+
+    def every_distance(self, code: int) -> Array:
+        """Distances to all borders of a status (n, borders), also where there are none."""
+        return self._values[:, [c for c, _, _ in self._law.borders[self._law.rows[code]]]]
+
+    def exists(self) -> npt.NDArray[np.bool_]:
+        """Which statuses the points can have (n, statuses), in the order of `CompiledLaw.codes`."""
+        return np.stack([self._borders(code)[1] for code in self._law.codes], axis=1)
+
+    def traction(self, codes: Codes) -> Array:
+        """The traction tau that the law answers (n, dim)."""
+        return self._of(codes, "answer", (self._law.dim,))
+
+    def by_jump(self, codes: Codes) -> Array:
+        """Derivatives D_j of tau by the jump (n, dim, dim)."""
+        return self._of(codes, "by_jump", (self._law.dim, self._law.dim))
+
+    def by_traction(self, codes: Codes) -> Array:
+        """Derivatives D_t of tau by the traction (n, dim, dim)."""
+        return self._of(codes, "by_traction", (self._law.dim, self._law.dim))
+
+    @property
+    def bound(self) -> Array:
+        """Radii of the friction disc at the augmented pressure (n,); NaN if the law has none."""
+        return self._column("bound")
+
+    @property
+    def unit_bound(self) -> Array:
+        """Radii of the friction disc at unit pressure (n,); NaN if the law has none."""
+        return self._column("unit_bound")
+
+    def _column(self, name: str) -> Array:
+        places = self._law.places[name]
+        return self._values[:, places[0][0]] if places else np.full(len(self._values), np.nan)

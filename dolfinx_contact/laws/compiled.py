@@ -1,0 +1,301 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""A law at the contact points of this rank: values and derivatives from its UFL, compiled.
+
+The points are the cells of a small mesh of their own, with one value of everything per cell: what
+is compiled depends on nothing but the kind of law and the dimension, whatever discretisation the
+points are of.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cached_property
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+
+import basix.ufl
+import ufl
+from dolfinx import fem, mesh
+from ufl.algorithms import expand_derivatives, expand_indices
+from ufl.classes import Indexed
+from ufl.corealg.traversal import unique_pre_traversal
+
+from dolfinx_contact._errors import everywhere
+from dolfinx_contact._forms import compiled_expression
+from dolfinx_contact.laws.answers import Answers, Array, Codes, PointData
+from dolfinx_contact.laws.law import ContactPoint, Law, StatusPiece, checked_pieces
+
+__all__ = ["CompiledLaw", "LawAtPoints"]
+
+_FIRST_LABEL = 10**9  # beyond what UFL counts
+_CHUNK = 256  # points that are evaluated at once
+
+
+class CompiledLaw:
+    """A law of a kind, compiled: it depends on nothing but the kind and the dimension.
+
+    Args:
+        law: of that kind, whose fields are replaced by symbols.
+        dim: 2 or 3.
+        comm: of the ranks that compile together.
+
+    Attributes:
+        names: of the fields of the law.
+        codes: numbers of its statuses.
+        rows: by number, the place among `codes`.
+        places: columns of values, status by status.
+        borders: columns of distance and condition, and target, of every border of every status.
+        exists: column of the condition of every status.
+    """
+
+    def __init__(self, law: Law, dim: int, comm: MPI.Comm):
+        self.dim, self.names, self._comm = dim, list(law.given), comm
+        points = mesh.create_interval(MPI.COMM_SELF, _CHUNK, (0.0, 1.0))
+        width = 3 * dim + 2 + len(self.names)
+        element = basix.ufl.element("DG", "interval", 0, shape=(width,))
+        self._w = fem.Function(fem.functionspace(points, element))
+        self._dofs = self._w.function_space.dofmap.list[:, 0]
+
+        def vector(i: int) -> Any:
+            return _variable(ufl.as_vector([self._w[i * dim + k] for k in range(dim)]), i)
+
+        self._jump, self._traction, self._n = vector(0), vector(1), vector(2)
+        self._fields = [_variable(self._w[3 * dim + 2 + i], 3 + i) for i in range(len(self.names))]
+        gap, r = self._w[3 * dim], self._w[3 * dim + 1]
+        point = ContactPoint(self._jump, self._traction, self._n, gap, r, dim)
+        point = replace(point, slid=ufl.sqrt(ufl.dot(point.u_t, point.u_t)))
+        # What the user wrote comes first: compiling is collective.
+        with everywhere(comm, f"the law {type(law).__name__}"):
+            mine = law.having(dict(zip(self.names, self._fields, strict=True)))
+            self._pieces = checked_pieces(mine.pieces(point), dim)
+            pressures = {"bound": point.p, "unit_bound": ufl.as_ufl(1.0)}
+            bounds = {name: mine.bound(point, p) for name, p in pressures.items()}
+        self.codes = tuple(self._pieces)
+        self.rows: npt.NDArray[np.int64] = np.zeros(max(self.codes) + 1, dtype=np.int64)
+        self.rows[list(self.codes)] = np.arange(len(self.codes))
+        flat = _Flat()
+        self.places: dict[str, list[list[int]]] = {"answer": [], "by_jump": [], "by_traction": []}
+        self.borders: list[list[tuple[int, int | None, int]]] = []
+        self.exists: list[int | None] = []
+        for piece in self._pieces.values():
+            self.places["answer"].append(flat.add(piece.answer))
+            self.places["by_jump"].append(flat.add(ufl.diff(piece.answer, self._jump)))
+            self.places["by_traction"].append(flat.add(ufl.diff(piece.answer, self._traction)))
+            self.borders.append(_columns(flat, piece))
+            self.exists.append(None if piece.exists is None else flat.add(_number(piece.exists))[0])
+        for name, bound in bounds.items():
+            self.places[name] = [] if bound is None else [flat.add(bound)]
+        self.values = flat.compiled(self._w, comm)
+
+    @property
+    def signature(self) -> str:
+        """What tells the law from others, but for the values of its fields."""
+        return str((sum(c * c for c in self.values.components) * ufl.dx).signature())
+
+    @cached_property
+    def is_piecewise_linear(self) -> bool:
+        """Whether derivatives of answers and borders by jump and traction know neither.
+
+        By their UFL: two states say nothing of a law that is nearly linear at both.
+        """
+        moving = range(2 * self.dim)
+        for piece in self._pieces.values():
+            for e in (piece.answer, *(b.distance for b in piece.borders)):
+                for by in (self._jump, self._traction):
+                    slope = expand_derivatives(ufl.diff(ufl.as_ufl(e), by))
+                    for i in np.ndindex(slope.ufl_shape):
+                        nodes = unique_pre_traversal(expand_indices(slope[i]))
+                        used = [n.ufl_operands[1] for n in nodes if isinstance(n, Indexed)]
+                        if any(int(k) in moving for place in used for k in place):
+                            return False
+        return True
+
+    @cached_property
+    def slopes(self) -> tuple[_Values, list[list[int]]]:
+        """Derivatives of distances by jump and traction, compiled when first asked for."""
+        flat, places = _Flat(), []
+        for piece in self._pieces.values():
+            places.append(
+                [
+                    k
+                    for border in piece.borders
+                    for by in (self._jump, self._traction)
+                    for k in flat.add(ufl.diff(border.distance, by))
+                ]
+            )
+        return flat.compiled(self._w, self._comm), places
+
+    @cached_property
+    def sensitivities(self) -> tuple[_Values, list[list[int]], list[list[list[int]]]]:
+        """Derivatives of the answers by normal and fields, compiled when first asked for."""
+        flat = _Flat()
+        by_normal = [flat.add(ufl.diff(p.answer, self._n)) for p in self._pieces.values()]
+        by_field = [
+            [flat.add(ufl.diff(p.answer, f)) for p in self._pieces.values()] for f in self._fields
+        ]
+        return flat.compiled(self._w, self._comm), by_normal, by_field
+
+    def evaluate(self, values: _Values, columns: Array) -> Array:
+        """Values at points (n, width) where these are given (n, columns). Not collective."""
+        n, given = len(columns), self._w.x.array.reshape(_CHUNK, -1)
+        found = np.empty((n, values.width))
+        for a in range(0, n, _CHUNK):
+            part = columns[a : a + _CHUNK]
+            given[self._dofs[: len(part)]] = part
+            found[a : a + _CHUNK] = values(np.arange(len(part), dtype=np.int32))
+        return found
+
+
+_known: dict[tuple[Any, ...], CompiledLaw] = {}
+
+
+def _compiled(law: Law, dim: int, comm: MPI.Comm) -> CompiledLaw:
+    """The compiled law; dataclasses of one kind share it, for they differ in their fields alone."""
+    if "__dataclass_fields__" not in vars(type(law)):
+        return CompiledLaw(law, dim, comm)
+    key = type(law), dim, _settings(type(law))
+    # All ranks together or none: compiling is collective.
+    if not comm.allreduce(int(key in _known), op=MPI.MIN):
+        _known[key] = CompiledLaw(law, dim, comm)
+    return _known[key]
+
+
+class LawAtPoints:
+    """A law on the contact points of this rank. Collective, as no method is.
+
+    Args:
+        law: its fields may be anything: their values are given with the points.
+        dim: 2 or 3.
+        number: of points.
+        comm: of the ranks that compile together.
+
+    Attributes:
+        codes: numbers of its statuses; of several that a point may have it has the first.
+    """
+
+    def __init__(self, law: Law, dim: int, number: int, comm: MPI.Comm):
+        self.law, self.dim, self.number = law, dim, number
+        self.compiled = _compiled(law, dim, comm)
+        self.codes = self.compiled.codes
+
+    def __call__(self, jump: Array, traction: Array, data: PointData) -> Answers:
+        """Evaluate at jumps and tractions (n, dim)."""
+        compiled = self.compiled
+        return Answers(compiled, self._evaluate(compiled.values, jump, traction, data))
+
+    def _evaluate(self, values: _Values, jump: Array, traction: Array, data: PointData) -> Array:
+        fields = [data.fields[name][:, None] for name in self.compiled.names]
+        given = [data.n, data.gap[:, None], data.r[:, None], *fields]
+        return self.compiled.evaluate(values, np.concatenate([jump, traction, *given], axis=1))
+
+    def slopes(self, code: int, jump: Array, traction: Array, data: PointData) -> Array:
+        """Derivatives of the distances to the borders of a status (n, borders, 2 dim).
+
+        Args:
+            code: the status.
+            jump: (n, dim); derivatives by it come first.
+            traction: (n, dim).
+            data: of the points.
+        """
+        slopes, places = self.compiled.slopes
+        values = self._evaluate(slopes, jump, traction, data)
+        mine = values[:, places[self.compiled.rows[code]]]
+        return mine.reshape(self.number, len(mine.T) // (2 * self.dim), 2 * self.dim)
+
+    def rate(
+        self, jump: Array, traction: Array, data: PointData, rates: PointData, codes: Codes
+    ) -> Array:
+        """Rate of the answer at held jumps and tractions while what is given changes (n, dim).
+
+        Args:
+            jump: (n, dim).
+            traction: (n, dim).
+            data: normals, gaps, r and fields.
+            rates: of normals, gaps and fields; those of r are not looked at.
+            codes: statuses.
+        """
+        compiled, by_normal, by_field = self.compiled.sensitivities
+        values = self._evaluate(compiled, jump, traction, data)
+        d, mine = self.dim, np.arange(len(codes))
+
+        def chosen(places: list[list[int]], *shape: int) -> Array:
+            every = np.stack([values[:, k] for k in places], axis=1)
+            return every[mine, self.compiled.rows[codes]].reshape(-1, *shape)
+
+        rate = np.einsum("nij,nj->ni", chosen(by_normal, d, d), rates.n)
+        # A gap is a jump along the normal, backwards.
+        by_jump = self(jump, traction, data).by_jump(codes)
+        rate -= np.einsum("nij,nj->ni", by_jump, rates.gap[:, None] * data.n)
+        for name, places in zip(self.compiled.names, by_field, strict=True):
+            rate += chosen(places, d) * rates.fields[name][:, None]
+        return rate
+
+
+def _settings(kind: type) -> tuple[tuple[str, str], ...]:
+    """What a class holds beside its fields and methods, which a law may look at as well."""
+    found = {
+        name: repr(value)
+        for base in kind.__mro__
+        for name, value in vars(base).items()
+        if not name.startswith("__") and not callable(value)
+    }
+    return tuple(sorted(found.items()))
+
+
+def _variable(e: Any, number: int) -> Any:
+    """A variable to differentiate by.
+
+    Numbers of UFL's own enter the signature of an expression, so that it would be compiled anew in
+    every program.
+    """
+    return ufl.classes.Variable(e, ufl.classes.Label(_FIRST_LABEL + number))
+
+
+def _columns(flat: _Flat, piece: StatusPiece) -> list[tuple[int, int | None, int]]:
+    """Columns of distance and condition of every border of a status, and its target."""
+    found = []
+    for border in piece.borders:
+        where = None if border.where is None else flat.add(_number(border.where))[0]
+        found.append((flat.add(border.distance)[0], where, border.target))
+    return found
+
+
+def _number(condition: Any) -> Any:
+    return ufl.conditional(condition, 1.0, 0.0)
+
+
+class _Flat:
+    """UFL expressions of any shape, component by component."""
+
+    def __init__(self) -> None:
+        self._components: list[Any] = []
+
+    def add(self, expression: Any) -> list[int]:
+        """The columns that the expression will have."""
+        e, first = ufl.as_ufl(expression), len(self._components)
+        self._components += [e[i] for i in np.ndindex(e.ufl_shape)] if e.ufl_shape else [e]
+        return list(range(first, len(self._components)))
+
+    def compiled(self, w: fem.Function, comm: MPI.Comm) -> _Values:
+        """All of them, to be evaluated cell by cell."""
+        return _Values(self._components, w, comm)
+
+
+class _Values:
+    """UFL scalars on the cells of a mesh with one value per cell."""
+
+    def __init__(self, components: Sequence[Any], w: fem.Function, comm: MPI.Comm):
+        self.components = list(components)
+        self.width, self._mesh = len(components), w.function_space.mesh
+        middle = np.array([[0.5]])
+        self._compiled = compiled_expression(ufl.as_vector(components), middle, comm)
+
+    def __call__(self, cells: npt.NDArray[np.int32]) -> Array:
+        """Values (cells, width)."""
+        values = self._compiled.eval(self._mesh, cells)
+        return np.asarray(values, dtype=np.float64).reshape(len(cells), self.width)

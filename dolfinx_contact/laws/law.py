@@ -1,0 +1,220 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""What a law of contact is: UFL in the jump and the traction at one point, status by status.
+
+A law answers to the jump j and the traction t at a point (and to its own fields there) with the
+traction tau that it allows; a state obeys the law where t = tau(j, t). Everything else follows from
+the same expressions (`compiled`): statuses, derivatives, events, the measures of a violation, the
+rates by a parameter, and the cones of a polyhedral law.
+
+With n the unit normal from the body into the obstacle, the initial gap g and the augmentation
+parameter r,
+
+    u_n = j.n - g,   u_t = j - (j.n) n,   p = -(t.n - r u_n),   s = t - (t.n) n - r u_t
+
+are penetration, tangential displacement, augmented pressure and augmented shear, in which
+Signorini's conditions and friction are projections (Alart and Curnier, CMAME 92, 1991, eq. 3.7).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass, replace
+from typing import Any, NamedTuple, Self, TypeAlias
+
+import numpy as np
+
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact._agreement import refuse_other_mesh
+from dolfinx_contact.laws.status import MINUS, WHERE_OPEN
+
+__all__ = ["Border", "ContactPoint", "Law", "Scalar", "StatusPiece", "checked_pieces"]
+
+#: A number, a `dolfinx.fem.Constant`, a `dolfinx.fem.Function` or any scalar UFL expression.
+Scalar: TypeAlias = Any
+
+
+@dataclass(frozen=True)
+class ContactPoint:
+    """UFL quantities at a contact point, of which a law is made.
+
+    Attributes:
+        jump: displacement of the body less the obstacle's, a vector.
+        traction: on the body, a vector.
+        n: unit normal, from the body into the obstacle.
+        gap: initial gap.
+        r: augmentation parameter, stiffness per area.
+        dim: 2 or 3.
+        slid: distance by which it has slipped; in a slip it is counted in the sense of the slip,
+            and so smooth where the slip begins.
+    """
+
+    jump: Any
+    traction: Any
+    n: Any
+    gap: Any
+    r: Any
+    dim: int
+    slid: Any = None
+
+    @property
+    def t(self) -> Any:
+        """Unit tangent (-n_y, n_x) in 2D."""
+        return ufl.as_vector([-self.n[1], self.n[0]])
+
+    @property
+    def u_n(self) -> Any:
+        """Penetration, the negative gap."""
+        return ufl.dot(self.jump, self.n) - self.gap
+
+    @property
+    def u_t(self) -> Any:
+        """Tangential displacement, a vector."""
+        return self.jump - ufl.dot(self.jump, self.n) * self.n
+
+    @property
+    def p(self) -> Any:
+        """Augmented pressure."""
+        return -(ufl.dot(self.traction, self.n) - self.r * self.u_n)
+
+    @property
+    def s(self) -> Any:
+        """Augmented shear, a vector."""
+        return self.traction - ufl.dot(self.traction, self.n) * self.n - self.r * self.u_t
+
+
+class Border(NamedTuple):
+    """Where a status ends.
+
+    Attributes:
+        distance: UFL, positive inside, a traction.
+        target: status that the point takes beyond it.
+        where: UFL condition under which there is this border; None for always.
+    """
+
+    distance: Any
+    target: int
+    where: Any = None
+
+
+@dataclass(frozen=True)
+class StatusPiece:
+    """The law at points of one status, a smooth function beyond its own borders.
+
+    Attributes:
+        answer: UFL traction on the body.
+        borders: of the status.
+        exists: UFL condition under which points can have this status; None for always.
+    """
+
+    answer: Any
+    borders: Sequence[Border]
+    exists: Any = None
+
+
+class Law:
+    """A law of contact: a frozen dataclass whose fields are what it is given, with `pieces`.
+
+    Fields may be numbers, Constants, Functions or UFL expressions of the body's mesh, and may
+    change between solves by their values (``surface.law.friction.value = 0.2``). In `pieces` they
+    are symbols for their values at the point; nothing else may vary from point to point or from
+    solve to solve, for laws of one class are compiled once. Pressure and shear of a point are
+    *augmented*: answers are fixed points, and those of a state that obeys the law do not depend
+    on r.
+    """
+
+    #: Whether all that the law knows of a body that touches nothing is that it is free.
+    needs_pressure: bool = True
+    #: Whether its fields must not be negative.
+    nonnegative: bool = False
+
+    def pieces(self, a: ContactPoint) -> Mapping[int, StatusPiece]:
+        """What the law answers, by the numbers of statuses (`laws.status`).
+
+        Numbers are OPEN, STICK, PLUS (a slip; in 2D one with u_t > 0) and, in 2D, MINUS. Where
+        borders of several statuses meet a point has the first of them. Statuses should leave no
+        jump and traction out: a point there takes the nearest, and counts as a violation.
+        """
+        raise NotImplementedError(f"{type(self).__name__} has no method pieces(a)")
+
+    def bound(self, a: ContactPoint, p: Any) -> Any | None:
+        """UFL radius of the disc that holds the shear at pressure ``p``; None if there is none."""
+        return None
+
+    @property
+    def given(self) -> dict[str, Scalar]:
+        """The fields of the law by name."""
+        if not is_dataclass(self):
+            return {}
+        return {f.name: getattr(self, f.name) for f in fields(self)}
+
+    def having(self, symbols: Mapping[str, Any]) -> Self:
+        """This law with other fields."""
+        return replace(self, **symbols) if symbols else self  # type: ignore[type-var]
+
+    def bind(self, domain: mesh.Mesh) -> Self:
+        """This law with its numbers as Constants of ``domain``. Not collective.
+
+        Raises:
+            ValueError: if a number is not finite, or negative where it must not be, or something
+                is of another mesh.
+        """
+        kind, signed = type(self).__name__, not self.nonnegative
+        hiding = sorted(set(self.given) & set(dir(Law)))
+        if hiding:
+            raise ValueError(f"fields of {kind} must not have the names of methods: {hiding}")
+        return self.having(
+            {
+                k: _as_coefficient(domain, v, f"{k} of {kind}", signed=signed)
+                for k, v in self.given.items()
+            }
+        )
+
+
+def checked_pieces(pieces: Any, dim: int) -> dict[int, StatusPiece]:
+    """What `Law.pieces` returned, or ``ValueError`` if that is no law."""
+    if not isinstance(pieces, Mapping) or not pieces:
+        raise ValueError(f"pieces must return a dictionary of StatusPieces, got {pieces!r}")
+    for code, piece in pieces.items():
+        where = f"status {code!r}"
+        known = isinstance(code, int | np.integer) and 0 <= code <= MINUS + WHERE_OPEN
+        if not known:
+            raise ValueError(f"{where} is none of laws.status: OPEN, STICK, PLUS, MINUS, ...")
+        if not isinstance(piece, StatusPiece):
+            raise ValueError(f"{where}: a StatusPiece is needed, got {type(piece).__name__}")
+        if _shape(piece.answer) != (dim,):
+            raise ValueError(f"{where}: the answer must be a UFL vector of {dim} components")
+        for border in piece.borders:
+            if not isinstance(border, Border) or _shape(border.distance) != ():
+                raise ValueError(f"{where}: borders must be Borders with a UFL scalar distance")
+            if border.target not in pieces:
+                raise ValueError(f"{where}: beyond a border is {border.target!r}, no status of it")
+        for condition in (piece.exists, *(b.where for b in piece.borders)):
+            if condition is not None and not isinstance(condition, ufl.classes.Condition):
+                raise ValueError(f"{where}: exists and where must be UFL conditions")
+    return {int(code): piece for code, piece in pieces.items()}
+
+
+def _shape(e: Any) -> tuple[int, ...] | None:
+    """The shape of a UFL expression or number; None if it is neither."""
+    try:
+        return tuple(ufl.as_ufl(e).ufl_shape)
+    except ValueError:
+        return None
+
+
+def _as_coefficient(domain: mesh.Mesh, value: Scalar, what: str, *, signed: bool) -> Scalar:
+    """``value`` as UFL: numbers become Constants, which may be changed later."""
+    if isinstance(value, int | float | np.floating | np.integer) and not isinstance(value, bool):
+        if not (np.isfinite(value) and (signed or value >= 0)):
+            kind = "finite" if signed else "finite and nonnegative"
+            raise ValueError(f"{what} must be {kind}, got {value}")
+        return fem.Constant(domain, float(value))
+    if not isinstance(value, ufl.core.expr.Expr) or value.ufl_shape != ():
+        raise ValueError(
+            f"{what} must be a {'' if signed else 'nonnegative '}number, a Constant, a scalar "
+            f"Function or a scalar UFL expression, got {value!r}"
+        )
+    refuse_other_mesh(value, domain, what)
+    return value

@@ -1,0 +1,187 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Plain pictures: curves and marks over one axis, and maps of what holds where."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact._optional import optional
+from dolfinx_contact.output.disk import part_of
+
+__all__ = ["draw_convergence", "draw_curves", "draw_regions"]
+
+_FEW = 20  # points of a curve that are marked
+#: Abscissae and ordinates.
+Curve: TypeAlias = "tuple[npt.ArrayLike, npt.ArrayLike]"
+
+#: Those of Okabe and Ito, and light ones for what fills a map.
+_LINES = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")
+_FILLS = (
+    *("#dfe7ef", "#f2d9a6", "#b7d7b0", "#c9b8dc", "#c0392b", "#3b6ea8", "#e07b39", "#111111"),
+    *("#8fc1c9", "#9a8f5a"),
+)
+
+
+def draw_curves(
+    file: str | os.PathLike[str],
+    curves: Mapping[str, Curve],
+    *,
+    marks: Mapping[str, Curve] | None = None,
+    dotted: Mapping[str, Curve] | None = None,
+    labels: tuple[str, str] = ("", ""),
+    title: str | None = None,
+    loglog: bool = False,
+) -> Path:
+    """Draw curves in one picture; on this rank alone.
+
+    Args:
+        file: the picture, of any kind that matplotlib writes.
+        curves: lines by name, those of few points with dots; a name that begins with an underscore
+            is not in the legend.
+        marks: the same, as dots alone.
+        dotted: the same, black, to compare with.
+        labels: of the axes, TeX between dollars.
+        title: above the picture.
+        loglog: whether both axes are logarithmic.
+
+    Raises:
+        OSError: with the path, if it cannot be written; it is then as it was.
+        ValueError: if there is nothing to draw, or a curve has not as many ordinates as abscissae.
+    """
+    drawn = [(name, curve, "-") for name, curve in curves.items()]
+    drawn += [(name, curve, "o") for name, curve in (marks or {}).items()]
+    drawn += [(name, curve, ":") for name, curve in (dotted or {}).items()]
+    if not drawn:
+        raise ValueError("there is nothing to draw")
+    for name, (x, y), _ in drawn:
+        if np.ndim(x) != 1 or np.shape(x) != np.shape(y):
+            raise ValueError(f"{name!r} has {np.shape(x)} abscissae and {np.shape(y)} ordinates")
+    figure = _figure((6.4, 4.4))
+    axes = figure.subplots()
+    for i, (name, (x, y), style) in enumerate(drawn):
+        style += "o" if style == "-" and np.size(x) <= _FEW else ""
+        colour = "black" if style == ":" else _LINES[i % len(_LINES)]
+        axes.plot(x, y, style, color=colour, lw=1.6, ms=3.5, label=name)
+    if loglog:
+        axes.set(xscale="log", yscale="log")
+    axes.set(xlabel=labels[0], ylabel=labels[1])
+    axes.set_title(title or "", loc="left")
+    axes.grid(color="0.92")
+    axes.set_axisbelow(True)
+    if any(not name.startswith("_") for name, *_ in drawn):
+        axes.legend(frameon=False, fontsize=9)
+    return _written(figure, file)
+
+
+def draw_convergence(
+    file: str | os.PathLike[str],
+    rows: Sequence[Mapping[str, Any]],
+    errors: Sequence[str],
+    *,
+    size: str = "h",
+    order: float = 2.0,
+    title: str | None = None,
+) -> Path:
+    """Draw errors over the size of cells, with a slope to compare with; on this rank alone.
+
+    Args:
+        file: the picture, of any kind that matplotlib writes.
+        rows: one for each mesh.
+        errors: keys of the errors.
+        size: key of the size of cells.
+        order: of the slope.
+        title: above the picture.
+
+    Raises:
+        OSError: with the path, if it cannot be written; it is then as it was.
+        ValueError: if there is no row or no error.
+    """
+    if not rows or not errors:
+        raise ValueError("there is nothing to draw")
+    h = np.array([row[size] for row in rows], dtype=float)
+    curves: dict[str, Curve] = {key: (h, [row[key] for row in rows]) for key in errors}
+    slope = {f"order {order:g}": (h, rows[0][errors[0]] * (h / h[0]) ** order)}
+    look: dict[str, Any] = dict(labels=(size, "error"), title=title, loglog=True)
+    return draw_curves(file, curves, dotted=slope, **look)
+
+
+def draw_regions(
+    file: str | os.PathLike[str],
+    x: npt.ArrayLike,
+    y: npt.ArrayLike,
+    cells: npt.ArrayLike,
+    names: Mapping[str, str],
+    *,
+    lines: Sequence[tuple[Curve, str]] = (),
+    labels: tuple[str, str] = ("", ""),
+    title: str | None = None,
+) -> Path:
+    """Draw a map of what holds where; on this rank alone.
+
+    Args:
+        file: the picture, of any kind that matplotlib writes.
+        x: abscissae of the cells (n,).
+        y: their ordinates (m,).
+        cells: what holds in each, a word (n, m).
+        names: of the words, for the legend; their order gives the colours.
+        lines: curves on which something of its own holds, with its word.
+        labels: of the axes, TeX between dollars.
+        title: above the picture.
+
+    Raises:
+        OSError: with the path, if it cannot be written; it is then as it was.
+        ValueError: if the cells are not (n, m), or a word has no name.
+    """
+    words = np.asarray(cells, dtype=str)
+    if words.shape != (np.size(x), np.size(y)):
+        raise ValueError(f"{np.size(x)} x {np.size(y)} cells are needed, got {words.shape}")
+    present = {*words.ravel().tolist(), *(word for _, word in lines)}
+    if present - set(names):
+        raise ValueError(f"no names are given for {', '.join(sorted(present - set(names)))}")
+    figure = _figure((6.4, 6.6))
+    from matplotlib.colors import ListedColormap
+    from matplotlib.patches import Patch
+
+    colours = {word: _FILLS[i % len(_FILLS)] for i, word in enumerate(names)}
+    numbers = {word: i for i, word in enumerate(names)}
+    codes = np.vectorize(numbers.__getitem__)(words)
+    axes = figure.subplots()
+    look = dict(cmap=ListedColormap(list(colours.values())), vmin=-0.5, vmax=len(names) - 0.5)
+    axes.pcolormesh(x, y, codes.T, shading="nearest", **look)
+    limits = axes.get_xlim(), axes.get_ylim()
+    for curve, word in lines:
+        axes.plot(*curve, color=colours[word], lw=3)
+    axes.axhline(0, color="0.3", lw=0.6)
+    axes.axvline(0, color="0.3", lw=0.6)
+    axes.set(xlabel=labels[0], ylabel=labels[1], xlim=limits[0], ylim=limits[1], aspect="equal")
+    axes.set_title(title or "")
+    handles = [
+        Patch(facecolor=colours[word], edgecolor="0.4", label=name)
+        for word, name in names.items()
+        if word in present
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False)
+    return _written(figure, file)
+
+
+def _figure(size: tuple[float, float]) -> Any:
+    optional("matplotlib", "output")
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=size, layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def _written(figure: Any, file: str | os.PathLike[str]) -> Path:
+    path = Path(file)
+    with part_of(path) as part:
+        figure.savefig(part, dpi=130)
+    return path

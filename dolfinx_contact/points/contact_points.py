@@ -1,0 +1,378 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Contact points of a surface: three discretisations of one and the same law.
+
+- ``"nodal"``: the points are the mesh nodes of the surface (vertex rule, P1 displacement). The
+  conditions hold node by node.
+- ``"integral"``: the points are Gauss points; P1 or P2 displacement. The conditions hold weakly.
+- ``"mixed"``: a P1 multiplier in the cone at the nodes with consistent integrals, so that the gap
+  and the slip are nodal averages of the displacement (Hild, Int. J. Appl. Math. Comput. Sci. 12,
+  2002, section 2; P1 displacement): B is the inverse of the lumped times the consistent mass.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+import dolfinx.fem.petsc
+import ufl
+from dolfinx import fem, la
+
+from dolfinx_contact._compat import (
+    FacetSubmesh,
+    facet_integration_entities,
+    merge_entity_maps,
+)
+from dolfinx_contact._forms import compiled_form
+from dolfinx_contact.laws import PointData
+from dolfinx_contact.points.evaluation import PointEvaluator, blocked_space, point_space
+from dolfinx_contact.points.stencils import Stencils, weights_matrix
+from dolfinx_contact.points.trace import owned_exterior, trace_dofs
+
+__all__ = ["ContactPoints", "Given", "Method"]
+
+Array = npt.NDArray[np.float64]
+Method = Literal["nodal", "integral", "mixed"]
+
+
+@dataclass(frozen=True)
+class Given:
+    """What is given on the surface, in UFL on the body.
+
+    Attributes:
+        gap: signed distance to the obstacle.
+        normal: unit normal, from the body into the obstacle.
+        fields: of the law, by name.
+    """
+
+    gap: Any
+    normal: Any
+    fields: Mapping[str, Any]
+
+    @property
+    def all(self) -> tuple[Any, ...]:
+        """All of it."""
+        return self.gap, self.normal, *self.fields.values()
+
+    @property
+    def at_points(self) -> dict[str, Any]:
+        """Everything by name; the fields of the law with a colon before theirs."""
+        fields = {f":{name}": e for name, e in self.fields.items()}
+        return {"gap": self.gap, "normal": self.normal, **fields}
+
+
+class ContactPoints:
+    """The contact points of a surface, what is given there, and the operators B and E.
+
+    Points are those of this rank, in the order of the dofs of `space`.
+
+    Args:
+        V: displacement space.
+        submesh: of the facets.
+        method: ``"nodal"``, ``"integral"`` or ``"mixed"``.
+        degrees: of displacement and multiplier.
+        rule_degree: of the Gauss points of the integral method.
+        given: what is given on the surface.
+
+    Attributes:
+        number: of points.
+        areas: W, area (length in 2D) of each point (n,).
+        positions: (n, dim).
+        data: normals, augmentation and fields of the law at the points.
+        gaps: initial gaps at the points, averages in the mixed method (n,).
+        aside: part of the average of g n across the normal, in the mixed method (n, dim).
+        space: scalar space with one dof per point.
+        Q: space of the multiplier, on the submesh.
+        vertices: scalar P1 space on the submesh.
+        trace_dofs: for every local multiplier node the node of the displacement at its place.
+        vertex_trace_dofs: the same for the vertices.
+        vertex_areas, vertex_gaps, vertex_normals: at the local vertices, ghosts included.
+        B, E: from displacements and multipliers to points; E is None where it is the identity.
+    """
+
+    data: PointData
+    positions: Array
+    gaps: Array
+    aside: Array
+    vertex_gaps: Array
+    vertex_normals: Array
+
+    def __init__(
+        self,
+        V: fem.FunctionSpace,
+        submesh: FacetSubmesh,
+        method: Method,
+        degrees: tuple[int, int],
+        rule_degree: int,
+        given: Given,
+    ):
+        self._V, self.submesh, self.method, self.given = V, submesh, method, given
+        domain, sub, facets = V.mesh, submesh.mesh, submesh.parent_facets
+        self.comm, self.dim = domain.comm, domain.geometry.dim
+        self.vertices = point_space(sub, None)
+        if degrees[1] == 1:
+            self.Q = blocked_space(self.vertices, self.dim)
+        else:
+            self.Q = fem.functionspace(sub, ("Lagrange", degrees[1], (self.dim,)))
+        self.space = point_space(sub, rule_degree) if method == "integral" else self.vertices
+        self.number = int(self.space.dofmap.index_map.size_local)
+        self.trace_dofs = trace_dofs(V, self.Q, facets)
+        self.vertex_trace_dofs = (
+            self.trace_dofs if degrees[1] == 1 else trace_dofs(V, self.vertices, facets)
+        )
+        entities = facet_integration_entities(domain, owned_exterior(domain, facets))
+        ds = ufl.Measure("ds", domain, subdomain_data=[(1, entities)])
+        at_vertices = ds(1, metadata={"quadrature_rule": "vertex", "quadrature_degree": 1})
+        at_gauss = ds(1, metadata={"quadrature_rule": "default", "quadrature_degree": rule_degree})
+        exact = ds(1, metadata={"quadrature_degree": 2 * max(degrees)})
+        self._measure = at_gauss if method == "integral" else at_vertices
+        self._exact = exact if method == "mixed" else None
+        self._evaluate, self._average = self.evaluators(given, given.gap * given.normal)
+        self._at_vertices = (
+            PointEvaluator(self.vertices, at_vertices, given.at_points, self._maps)
+            if method == "integral"
+            else self._evaluate
+        )
+        areas = self._evaluate if self._average is None else self._average
+        self.areas = areas.areas[: self.number].copy()
+        self.vertex_areas = self._at_vertices.areas if method == "integral" else areas.areas
+        stencils = {"nodal": self._nodal, "integral": self._integral, "mixed": self._mixed}
+        self.stencils: Stencils = stencils[method]()
+        self.B = self.stencils.jump_matrix(self.comm, V.dofmap.index_map.size_local, self.dim)
+        nodes = self.Q.dofmap.index_map.size_local
+        self.E: PETSc.Mat | None = None
+        if not self.stencils.identity:
+            self.E = self.stencils.traction_matrix(self.comm, nodes, self.dim)
+        self.r: Array = np.ones(len(self.vertex_areas))
+        self.update()
+
+    @property
+    def _maps(self) -> Any:
+        return merge_entity_maps([self.submesh])
+
+    def evaluators(self, given: Given, offset: Any) -> tuple[PointEvaluator, PointEvaluator | None]:
+        """What evaluates ``given`` at the points, and averages ``offset`` in the mixed method."""
+        here = self.evaluator({"x": ufl.SpatialCoordinate(self._V.mesh), **given.at_points})
+        if self._exact is None:
+            return here, None
+        return here, PointEvaluator(self.space, self._exact, {"offset": offset}, self._maps)
+
+    def evaluator(self, expressions: Mapping[str, Any]) -> PointEvaluator:
+        """What evaluates UFL on the body at the points."""
+        return PointEvaluator(self.space, self._measure, expressions, self._maps)
+
+    # -- what is given ---------------------------------------------------------------------------
+
+    def update(self) -> None:
+        """Evaluate what is given anew. Collective."""
+        values = self._evaluate()
+        if self._at_vertices is self._evaluate:
+            self.vertex_gaps, self.vertex_normals = values["gap"], values["normal"]
+        else:
+            at_vertices = self._at_vertices()
+            self.vertex_gaps, self.vertex_normals = at_vertices["gap"], at_vertices["normal"]
+        n = self.number
+        mine = {name: v[:n] for name, v in values.items()}
+        normal, gap = mine["normal"], mine["gap"]
+        self.positions, self.gaps = mine["x"], gap
+        self.aside = np.zeros_like(normal)
+        if self._average is not None:
+            offset = self._average()["offset"][:n]
+            gap = np.sum(offset * normal, axis=1)
+            self.aside = offset - gap[:, None] * normal
+        self.data = PointData(normal, gap, self._r_at_points(), _fields(mine))
+
+    def rates(
+        self, evaluators: tuple[PointEvaluator, PointEvaluator | None]
+    ) -> tuple[PointData, Array]:
+        """Rates of data and of `aside` from the evaluators of rates. Collective."""
+        values = {name: v[: self.number] for name, v in evaluators[0]().items()}
+        n, gap, normal = self.data.n, values["gap"], values["normal"]
+        aside = np.zeros_like(n)
+        if evaluators[1] is not None:
+            offset = evaluators[1]()["offset"][: self.number]
+            now = self.data.gap[:, None] * n + self.aside
+            gap = np.sum(offset * n + now * normal, axis=1)
+            aside = offset - gap[:, None] * n - self.data.gap[:, None] * normal
+        return PointData(normal, gap, np.zeros(self.number), _fields(values)), aside
+
+    def set_augmentation(self, r: Array) -> None:
+        """Set r at the local vertices."""
+        self.r = np.asarray(r, dtype=np.float64).copy()
+        self.data = replace(self.data, r=self._r_at_points())
+
+    def _r_at_points(self) -> Array:
+        if self.method != "integral":
+            return self.r[: self.number]
+        dofs, corners = self.space.dofmap.list, self.vertices.dofmap.list
+        values: Array = np.zeros(self.number)
+        cells = self._owned_cells
+        values[dofs[:cells].reshape(-1)] = (self.r[corners[:cells]] @ self._hats.T).reshape(-1)
+        return values
+
+    @property
+    def _owned_cells(self) -> int:
+        topology = self.submesh.mesh.topology
+        return int(topology.index_map(topology.dim).size_local)
+
+    # -- operators -------------------------------------------------------------------------------
+
+    def jump(self, u: PETSc.Vec) -> Array:
+        """Jumps j at the points (n, dim): B u, less `aside`. Collective."""
+        return self.product(u) - self.aside
+
+    def product(self, u: PETSc.Vec) -> Array:
+        """B u at the points (n, dim). Collective."""
+        out = self.B.createVecLeft()
+        self.B.mult(u, out)
+        values = out.array_r.reshape(-1, self.dim).copy()
+        out.destroy()
+        return np.asarray(values)
+
+    def traction(self, multipliers: Array) -> Array:
+        """T = E l at the points (n, dim) of the owned multipliers. Collective."""
+        if self.E is None:
+            return multipliers.reshape(-1, self.dim).copy()
+        x, y = self.E.createVecs()
+        x.array[:] = multipliers
+        self.E.mult(x, y)
+        values = y.array_r.reshape(-1, self.dim).copy()
+        x.destroy(), y.destroy()
+        return np.asarray(values)
+
+    def forces(self, tractions: Array) -> Array:
+        """B^T W t, owned entries, of tractions at the points (n, dim). Collective."""
+        return _transposed(self.B, self.areas[:, None] * tractions)
+
+    def rows(self, values: Array) -> Array:
+        """E^T W of values at the points (n, dim): owned contact rows. Collective."""
+        weighted = self.areas[:, None] * values
+        return weighted.reshape(-1) if self.E is None else _transposed(self.E, weighted)
+
+    def with_ghosts(self, values: Array) -> Array:
+        """Values at the points of this rank, then at its ghosts. Collective."""
+        width = int(np.prod(values.shape[1:], dtype=int))
+        v = la.vector(self.space.dofmap.index_map, width)
+        v.array.reshape(-1, width)[: self.number] = values.reshape(-1, width)
+        v.scatter_forward()
+        return v.array.reshape(-1, *values.shape[1:]).copy()
+
+    def at_vertices(self, values: Array) -> Array:
+        """Means of point values (n, ...) around the local vertices, ghosts included. Collective.
+
+        Where the vertices are the points they are the values.
+        """
+        if self.method != "integral":
+            return self.with_ghosts(values)
+        width = int(np.prod(values.shape[1:], dtype=int)) + 1
+        columns = [np.ones(self.number), values.reshape(self.number, width - 1)]
+        weighted = np.column_stack(columns)
+        weighted *= self.areas[:, None]
+        v = la.vector(self.vertices.dofmap.index_map, width)
+        v.array[:] = 0.0
+        cells = self._owned_cells
+        dofs, corners = self.space.dofmap.list[:cells], self.vertices.dofmap.list[:cells]
+        parts = np.einsum("pv,cpw->cvw", self._hats, weighted[dofs])
+        np.add.at(v.array.reshape(-1, width), corners, parts)
+        v.scatter_reverse(la.InsertMode.add)
+        v.scatter_forward()
+        sums = v.array.reshape(-1, width)
+        return np.asarray(sums[:, 1:] / sums[:, :1]).reshape(-1, *values.shape[1:])
+
+    # -- stencils --------------------------------------------------------------------------------
+
+    def _each_alone(self, nodes: npt.NDArray[np.int64], weights: Array) -> Stencils:
+        """Points that are multiplier nodes."""
+        n = self.number
+        mine = np.arange(n, dtype=np.int64)[:, None]
+        first = self.Q.dofmap.index_map.local_range[0]
+        return Stencils(mine, nodes, weights[:, None, :], first + mine, np.ones((n, 1, 1)), True)
+
+    def _nodal(self) -> Stencils:
+        trace = self._V.dofmap.index_map.local_to_global(self.trace_dofs[: self.number])
+        nodes = np.asarray(trace, dtype=np.int64)[:, None]
+        return self._each_alone(nodes, np.ones((self.number, 1)))
+
+    def _mixed(self) -> Stencils:
+        W = self.vertices
+        p, q = ufl.TrialFunction(W), ufl.TestFunction(W)
+        dx = ufl.dx(domain=self.submesh.mesh, metadata={"quadrature_degree": 2})
+        consistent = dolfinx.fem.petsc.assemble_matrix(compiled_form(p * q * dx))
+        consistent.assemble()
+        trace = self._scalar_trace()
+        product = consistent.matMult(trace)
+        indptr, columns, values = product.getValuesCSR()
+        for A in (consistent, trace, product):
+            A.destroy()
+        counts = np.diff(indptr)
+        n, width = self.number, int(counts.max(initial=1))
+        # Of no weight are copies of the first node of the row.
+        place = indptr[:-1, None] + np.minimum(np.arange(width), counts[:, None] - 1)
+        nodes = columns[place].astype(np.int64) if n else np.zeros((0, width), dtype=np.int64)
+        held = np.arange(width) < counts[:, None]
+        weights = np.where(held, values[place] if n else 0.0, 0.0) / self.areas[:, None]
+        return self._each_alone(nodes, weights)
+
+    def _scalar_trace(self) -> PETSc.Mat:
+        trace = self._nodal()
+        owned = self._V.dofmap.index_map.size_local
+        return weights_matrix(self.comm, trace.points, trace.nodes, trace.weights, owned, 1)
+
+    def _integral(self) -> Stencils:
+        sub, cells = self.submesh.mesh, self._owned_cells
+        u_element = self._V.ufl_element()
+        U = point_space(sub, None)
+        if u_element.degree > 1:
+            U = fem.functionspace(sub, ("Lagrange", u_element.degree))
+        trace = trace_dofs(self._V, U, self.submesh.parent_facets)
+        places = trace[U.dofmap.list[:cells]]
+        nodes = self._V.dofmap.index_map.local_to_global(places.reshape(-1)).reshape(places.shape)
+        mine = self.Q.dofmap.list[:cells]
+        known = self.Q.dofmap.index_map.local_to_global(mine.reshape(-1)).reshape(mine.shape)
+        points = self.space.dofmap.list[:cells].astype(np.int64)
+        shape = (cells, points.shape[1])
+        b, e = self._table(U), self._table(self.Q)
+        return Stencils(
+            points,
+            nodes.astype(np.int64),
+            np.broadcast_to(b, (*shape, b.shape[1])),
+            known.astype(np.int64),
+            np.broadcast_to(e, (*shape, e.shape[1])),
+            False,
+        )
+
+    def _table(self, W: fem.FunctionSpace) -> Array:
+        """Basis functions of a Lagrange space on the submesh at the Gauss points of a cell."""
+        element = W.ufl_element()
+        scalar = element.sub_elements[0] if element.block_size > 1 else element
+        points = self.space.ufl_element().custom_quadrature()[0]
+        return np.asarray(scalar.basix_element.tabulate(0, points)[0, :, :, 0])
+
+    @property
+    def _hats(self) -> Array:
+        return self._table(self.vertices)
+
+    def destroy(self) -> None:
+        """Free the matrices."""
+        for A in (self.B, self.E):
+            if A is not None:
+                A.destroy()
+
+
+def _fields(values: Mapping[str, Array]) -> dict[str, Array]:
+    return {name[1:]: v for name, v in values.items() if name.startswith(":")}
+
+
+def _transposed(A: PETSc.Mat, values: Array) -> Array:
+    x, y = A.createVecs()
+    y.array[:] = values.reshape(-1)
+    A.multTranspose(y, x)
+    out = x.array_r.copy()
+    x.destroy(), y.destroy()
+    return np.asarray(out)

@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""The operators between a body and its contact points.
+
+Jumps and tractions at the points are weighted sums of nodal vectors,
+
+    j = B u,    t = E l,    B = b (x) I,    E = e (x) I,
+
+with the scalar weights b and e of the nodes of the displacement and of the multiplier. Points come
+in groups that share their nodes: those of a facet, or every point by itself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact._entries import Entries, matrix_of
+
+__all__ = ["Stencils", "weights_matrix"]
+
+Array = npt.NDArray[np.float64]
+Nodes = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Stencils:
+    """Weights of the nodes at the points of this rank, group by group.
+
+    Attributes:
+        points: local numbers of the points of every group (groups, p).
+        nodes: global nodes of the displacement (groups, k).
+        weights: b (groups, p, k); of a node that is named twice they add up.
+        multiplier_nodes: global nodes of the multiplier (groups, l).
+        multiplier_weights: e (groups, p, l).
+        identity: whether E is the identity: a multiplier node is a point.
+    """
+
+    points: npt.NDArray[np.int64]
+    nodes: Nodes
+    weights: Array
+    multiplier_nodes: Nodes
+    multiplier_weights: Array
+    identity: bool
+
+    @property
+    def number(self) -> int:
+        """Points of this rank."""
+        return int(self.points.size)
+
+    def jump_matrix(self, comm: MPI.Comm, nodes: int, dim: int) -> PETSc.Mat:
+        """B, from displacements to points. Collective.
+
+        Args:
+            comm: communicator.
+            nodes: of the displacement that this rank owns.
+            dim: 2 or 3.
+        """
+        return weights_matrix(comm, self.points, self.nodes, self.weights, nodes, dim)
+
+    def traction_matrix(self, comm: MPI.Comm, nodes: int, dim: int) -> PETSc.Mat:
+        """E, from multipliers to points. Collective."""
+        weights = self.multiplier_weights
+        return weights_matrix(comm, self.points, self.multiplier_nodes, weights, nodes, dim)
+
+
+def weights_matrix(
+    comm: MPI.Comm,
+    points: npt.NDArray[np.int64],
+    nodes: Nodes,
+    weights: Array,
+    owned_nodes: int,
+    dim: int,
+) -> PETSc.Mat:
+    """The matrix of weights (x) I, from vectors at nodes to vectors at points. Collective."""
+    n = int(points.size)
+    first = comm.exscan(dim * n) or 0
+    rows = np.broadcast_to(points[:, :, None], weights.shape)[..., None]
+    columns = np.broadcast_to(nodes[:, None, :], weights.shape)[..., None]
+    along = np.arange(dim)
+    i, j = (np.asarray(dim * v + along).reshape(-1) for v in (rows, columns))
+    entries = Entries(first + i, j)
+    A = matrix_of(comm, (dim * n, dim * owned_nodes), entries)
+    entries.add(np.repeat(weights.reshape(-1), dim), A)
+    return A

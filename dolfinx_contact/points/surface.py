@@ -1,0 +1,333 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Contact surfaces: where a body may touch an obstacle, with which law, and what was found."""
+
+from __future__ import annotations
+
+import zlib
+
+import numpy as np
+import numpy.typing as npt
+
+import ufl
+from dolfinx import fem, mesh
+from ufl.algorithms.analysis import extract_constants
+
+from dolfinx_contact._agreement import described, refuse_displacement, refuse_other_mesh
+from dolfinx_contact._compat import create_facet_submesh
+from dolfinx_contact._errors import everywhere, require, same_everywhere
+from dolfinx_contact.laws import Answers, Law, LawAtPoints
+from dolfinx_contact.laws.status import MINUS, PLUS, closed, senses
+from dolfinx_contact.meshing import GmshMesh, tagged_facets
+from dolfinx_contact.obstacles import Obstacle, gap_at
+from dolfinx_contact.points.contact_points import ContactPoints, Given, Method
+from dolfinx_contact.points.elements import check_elements, check_quadrature, displacement_degree
+from dolfinx_contact.points.evaluation import PointEvaluator, blocked_space
+from dolfinx_contact.points.trace import exterior_facets
+
+__all__ = ["ContactSurface"]
+
+Array = npt.NDArray[np.float64]
+
+
+class ContactSurface:
+    """A part of the boundary that may touch an obstacle, with a law.
+
+    Args:
+        u: displacement of the body, a vector Lagrange Function of degree 1 or 2.
+        facets: the mesh of `meshing.read_mesh`, or MeshTags of facets, with ``tag``; of another
+            mesh they are refused. Or local indices of exterior facets, which do not tell their
+            mesh.
+        obstacle: the rigid foundation.
+        law: of contact and friction.
+        tag: which tag of the MeshTags; of a mesh from gmsh also the name of a physical group.
+        method: ``"nodal"``, ``"integral"`` or ``"mixed"`` (see `points.contact_points`); by default
+            nodal for degree 1 and integral for degree 2.
+        multiplier_degree: 1 or 2; 1 is stable with both displacement degrees.
+        quadrature_degree: of the Gauss points of the integral method, by default twice the degree
+            of the displacement.
+        name: used in messages and tables.
+
+    Attributes:
+        multiplier: traction on the body, a vector Function of the facet submesh.
+        statuses: of the contact points of this rank (`laws.status`), those of the last solution.
+        law: the law with its numbers as Constants, which may be changed between solves.
+        points: the contact points of this rank, and the operators that lead to them.
+        law_at_points: the law, compiled.
+
+    Raises:
+        ValueError: on every rank, if the facets or elements do not fit, something is of another
+            mesh, or the arguments differ between ranks.
+    """
+
+    def __init__(
+        self,
+        u: fem.Function,
+        facets: GmshMesh | mesh.MeshTags | npt.NDArray[np.int32],
+        *,
+        obstacle: Obstacle,
+        law: Law,
+        tag: int | str | None = None,
+        method: Method | None = None,
+        multiplier_degree: int = 1,
+        quadrature_degree: int | None = None,
+        name: str = "contact",
+    ):
+        if not isinstance(u, fem.Function):
+            raise ValueError(f"the displacement must be a Function, got {type(u).__name__}")
+        domain = u.function_space.mesh
+        self.u, self.domain, self.name, self.dim = u, domain, name, domain.geometry.dim
+        self.comm = domain.comm
+        with everywhere(self.comm, "a contact surface"):
+            if not isinstance(name, str) or not name:
+                raise ValueError(f"the name of a contact surface must be a word, got {name!r}")
+            degree = displacement_degree(u)
+            self.method: Method = method or ("nodal" if degree == 1 else "integral")
+            self.degrees = (degree, multiplier_degree)
+            if not isinstance(law, Law):
+                raise ValueError(
+                    f"{name}: the law must be Frictionless(), Coulomb(F), Tresca(g) or a Law"
+                )
+            if not isinstance(obstacle, Obstacle):
+                raise ValueError(
+                    f"{name}: the obstacle must be a HalfSpace, Sphere, Cylinder, LevelSet"
+                )
+            check_elements(name, self.method, self.degrees)
+            rule_degree = check_quadrature(name, self.degrees, quadrature_degree)
+            self.law = law.bind(domain)
+            self.obstacle = obstacle
+            self.gap, self.normal = obstacle.on(domain)
+            refuse_displacement(u, f"{name}: the obstacle", self.gap, self.normal)
+            given = self.law.given
+            refuse_displacement(u, f"{name}: the law", *given.values())
+            for what, e in [("obstacle", self.gap), *(("law", e) for e in given.values())]:
+                refuse_other_mesh(e, domain, f"{name}: the {what}")
+            #: Functions of the user in law and obstacle.
+            self._data = sorted(
+                {
+                    f
+                    for e in (*given.values(), self.gap, self.normal)
+                    for f in ufl.algorithms.extract_coefficients(e)
+                    if f is not u
+                },
+                key=lambda f: f.count(),
+            )
+        same_everywhere(self.comm, name=name)
+        fields = [f"{k} {described(e, domain)}" for k, e in given.items()]
+        same_everywhere(
+            self.comm,
+            name,
+            displacement=str(u.function_space.ufl_element()),
+            kind_of_facets=isinstance(facets, mesh.MeshTags),
+            tag=None if tag is None else int(tag) if isinstance(tag, np.integer) else tag,
+            method=self.method,
+            multiplier_degree=int(multiplier_degree),
+            quadrature_degree=int(rule_degree),
+            law=f"{type(law).__name__}({', '.join(fields)})",
+            obstacle=f"{type(obstacle).__name__} {described(self.gap, domain)}",
+            normal=described(self.normal, domain),
+        )
+
+        local = exterior_facets(domain, *tagged_facets(self.comm, facets, tag, name), name)
+        self.submesh = create_facet_submesh(domain, local)
+        self.given = Given(self.gap, self.normal, given)
+        self._scatter()
+        self.points = ContactPoints(
+            u.function_space, self.submesh, self.method, self.degrees, rule_degree, self.given
+        )
+        number = self.points.number
+        self.law_at_points = LawAtPoints(self.law, self.dim, number, self.comm)
+        self.multiplier = fem.Function(self.points.Q, name=f"{name}_traction")
+        self.statuses: npt.NDArray[np.int8] = np.full(number, self.law_at_points.codes[0], np.int8)
+        self._true_gaps: PointEvaluator | None = None
+        self._numbers = [c for e in self.given.all for c in extract_constants(e)]
+        self._mark = self._marked()
+
+    def _scatter(self) -> None:
+        for f in self._data:
+            f.x.scatter_forward()
+
+    def _marked(self) -> int:
+        """A checksum of what is given on the surface, on this rank."""
+        mark = zlib.crc32(np.ascontiguousarray(self.domain.geometry.x))
+        for values in (*(f.x.array for f in self._data), *(c.value for c in self._numbers)):
+            mark = zlib.crc32(np.ascontiguousarray(values), mark)
+        return mark
+
+    @property
+    def has_changed(self) -> bool:
+        """Whether on this rank what is given is not what it was when it was evaluated."""
+        return self._marked() != self._mark
+
+    def update_geometry(self) -> None:
+        """Evaluate what is given on the surface anew, after an obstacle has moved. Collective.
+
+        The equations do it by themselves, so that only what is looked at without them (gaps,
+        normals) needs it. The ghosts of Functions in law and obstacle follow their owners.
+        """
+        self._scatter()
+        self.points.update()
+        self._mark = self._marked()
+
+    def check_law(self, where: str = "") -> None:
+        """Raise ``ValueError`` if there is no law with the fields as they are. Collective.
+
+        They must be finite, those of Coulomb and Tresca not negative, and no radius of a friction
+        disc negative.
+        """
+        fields = self.points.data.fields
+        for name, values in fields.items():
+            what = f"{name} of {type(self.law).__name__}{where}"
+            require(self.comm, bool(np.isfinite(values).all()), f"{self.name}: NaN in the {what}")
+            signed = not self.law.nonnegative or bool((values > -1e-14).all())
+            require(self.comm, signed, f"{self.name}: negative {what}")
+        at_rest = np.zeros_like(self.points.data.n)
+        radius = self.answers(at_rest, at_rest).unit_bound
+        message = f"{self.name}: the law {type(self.law).__name__} has a negative radius{where}"
+        require(self.comm, not bool((radius < -1e-14).any()), message)
+
+    # -- nodes and points ------------------------------------------------------------------------
+
+    @property
+    def Q(self) -> fem.FunctionSpace:
+        """Space of the multiplier."""
+        return self.points.Q
+
+    @property
+    def positions(self) -> Array:
+        """Positions of the contact points of this rank (n, dim)."""
+        return self.points.positions
+
+    @property
+    def num_owned_points(self) -> int:
+        """Contact points of this rank."""
+        return self.points.number
+
+    @property
+    def number_everywhere(self) -> int:
+        """Contact points of all ranks."""
+        return int(self.points.space.dofmap.index_map.size_global)
+
+    @property
+    def mean_vertex_area(self) -> float:
+        """Mean area of a vertex. Collective."""
+        return self._vertex_mean(self.points.vertex_areas)
+
+    @property
+    def mean_augmentation(self) -> float:
+        """Mean of r over the vertices, stiffness per area. Collective."""
+        return self._vertex_mean(self.points.r)
+
+    def _vertex_mean(self, values: Array) -> float:
+        index_map = self.points.vertices.dofmap.index_map
+        total = self.comm.allreduce(float(np.sum(values[: index_map.size_local])))
+        return total / index_map.size_global
+
+    # -- what was found --------------------------------------------------------------------------
+
+    def answers(self, jump: Array, traction: Array) -> Answers:
+        """What the law answers at the points of this rank. Not collective."""
+        return self.law_at_points(jump, traction, self.points.data)
+
+    def jump(self) -> Array:
+        """Jump of the displacement at the contact points of this rank (n, dim). Collective."""
+        u = self.points.B.createVecRight()
+        u.array[:] = self.u.x.array[: u.getLocalSize()]
+        jump = self.points.jump(u)
+        u.destroy()
+        return jump
+
+    def state(self) -> dict[str, Array]:
+        """What is known at the contact points of this rank. Collective.
+
+        Keys: ``x`` position (n, dim), ``area``, ``un`` gap, ``ut`` tangential displacement
+        (n, dim), ``n`` normal (n, dim), ``traction`` on the body (n, dim), ``pressure``, ``shear``
+        (n, dim), ``bound`` radius of the friction disc.
+        """
+        return self.state_of(self.jump(), self._traction())
+
+    def _traction(self) -> Array:
+        owned = self.Q.dofmap.index_map.size_local * self.dim
+        return self.points.traction(self.multiplier.x.array[:owned])
+
+    def state_of(self, jump: Array, traction: Array) -> dict[str, Array]:
+        """What `state` says, at jumps and tractions. Not collective."""
+        points = self.points
+        n = points.data.n
+        along, pressure = np.sum(jump * n, axis=1), -np.sum(traction * n, axis=1)
+        return {
+            "x": points.positions,
+            "area": points.areas,
+            "un": points.data.gap - along,
+            "ut": jump - along[:, None] * n,
+            "n": n,
+            "traction": traction,
+            "pressure": pressure,
+            "shear": traction + pressure[:, None] * n,
+            "bound": self._bound(jump, traction),
+        }
+
+    def _bound(self, jump: Array, traction: Array) -> Array:
+        """Radius of the friction disc (n,); 0 where nothing grips."""
+        bound = self.answers(jump, traction).bound
+        if not self.law.needs_pressure:
+            return np.maximum(bound, 0.0)
+        data = self.points.data
+        u_n = np.sum(jump * data.n, axis=1) - data.gap
+        p = -(np.sum(traction * data.n, axis=1) - data.r * u_n)
+        return np.where(p > 0, bound, 0.0)
+
+    def vertex_state(self) -> dict[str, Array]:
+        """What is known at the local vertices (owned, then ghosts), for pictures. Collective.
+
+        Keys ``un``, ``ut``, ``traction``, ``pressure``, ``shear``, ``bound`` as in `state`, and
+        ``open``, ``slip``: how much of the area around a vertex has that status (0 or 1 where the
+        vertices are the points).
+        """
+        points, kept = self.points, ("un", "ut", "traction", "pressure", "shear", "bound")
+        state = self.state()
+        friction = senses(self.statuses)
+        slips = closed(self.statuses) & ((friction == PLUS) | (friction == MINUS))
+        shares = {"open": ~closed(self.statuses), "slip": slips}
+        found = {k: points.at_vertices(v.astype(float)) for k, v in shares.items()}
+        if self.method != "integral":
+            return {**found, **{k: points.with_ghosts(state[k]) for k in kept}}
+        # Of Functions the values at the vertices, not the means around them.
+        n, gap = points.vertex_normals, points.vertex_gaps
+        u = self.u.x.array.reshape(-1, self.dim)[points.vertex_trace_dofs]
+        traction, along = self._multiplier_at_vertices(), np.sum(u * n, axis=1)
+        pressure = -np.sum(traction * n, axis=1)
+        return {
+            **found,
+            "un": gap - along,
+            "ut": u - along[:, None] * n,
+            "traction": traction,
+            "pressure": pressure,
+            "shear": traction + pressure[:, None] * n,
+            "bound": points.at_vertices(state["bound"]),
+        }
+
+    def _multiplier_at_vertices(self) -> Array:
+        if self.degrees[1] == 1:
+            return self.multiplier.x.array.reshape(-1, self.dim)
+        f = fem.Function(blocked_space(self.points.vertices, self.dim))
+        f.interpolate(self.multiplier)
+        f.x.scatter_forward()
+        return f.x.array.reshape(-1, self.dim)
+
+    def friction_slope(self) -> Array:
+        """Radius of the friction disc at unit pressure at the contact points. Collective."""
+        return self.answers(self.jump(), self._traction()).unit_bound
+
+    def true_gaps(self) -> Array | None:
+        """Distance to the obstacle of the contact points where they are now. Collective.
+
+        Returns:
+            One value a point, negative inside; None if the obstacle does not say (`obstacles`).
+        """
+        if self._true_gaps is None:
+            x = ufl.SpatialCoordinate(self.domain) + self.u
+            gap = gap_at(self.obstacle, self.domain, x)
+            if gap is None:
+                return None
+            self._true_gaps = self.points.evaluator({"gap": gap})
+        return self._true_gaps()["gap"][: self.points.number]

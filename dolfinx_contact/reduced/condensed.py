@@ -1,0 +1,280 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""Contact condensed onto its points: the body is eliminated once.
+
+For jumps j at the contact points and the forces r = W t on the body there, equilibrium reads
+
+    [ K  -B^T ] [ du ]   [ -b_u - c_u dgamma ]
+    [ B    0  ] [ dr ] = [        dj         ]
+
+with the residual b_u and the rate c_u of the body's rows. Unit jumps give dr = S dj + ... with a
+dense and small S: the same on every rank. With w = (ut, un, rt, rn) at every point S a - r =
+p + gamma q. Where the body is linear and gamma enters the data linearly this is the whole problem;
+else it is its linearisation, which decides how branches leave a point.
+
+It holds where a multiplier node is a point, in 2D, for laws whose statuses are polyhedral cones
+(`laws.cones`).
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact._petsc import options_in_database, staged
+from dolfinx_contact.continuation import Piece
+from dolfinx_contact.continuation.affine import AffineSystem
+from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.parametric import ParametricEquations
+from dolfinx_contact.laws.cones import is_polyhedral
+from dolfinx_contact.reduced.gathered import GatheredPoints
+
+__all__ = ["CondensedContact", "can_condense"]
+
+Array = npt.NDArray[np.float64]
+_MOST_POINTS = 1024
+_DEFINITE = 1e-10  # least eigenvalue of the condensed stiffness, whose mean diagonal entry is 1
+_BATCH = 128  # right-hand sides solved at once
+_DEFAULTS = {
+    "ksp_type": "preonly",
+    "pc_type": "lu",
+    "pc_factor_mat_solver_type": "mumps",
+    "mat_mumps_icntl_14": 80,
+}
+
+
+def can_condense(system: ParametricEquations, *, partly: bool = False) -> bool:
+    """Whether a problem has affine pieces at its contact points. Collective.
+
+    Args:
+        system: the problem.
+        partly: whether tangential displacements of contact points may be prescribed: the statuses
+            of such points are not those of the problem.
+    """
+    eq = system.equations
+    points = eq.comm.allreduce(int((~system.clamped).sum()))
+    if eq.dim != 2 or not 0 < points <= _MOST_POINTS or not system.held_laws:
+        return False
+    nodes, mixed, polyhedral = [], False, True
+    for s, clamped in zip(eq.surfaces, eq.constraints.clamped, strict=True):
+        if s.points.E is not None or (partly and s.method != "nodal"):
+            return False
+        polyhedral = polyhedral and is_polyhedral(s.law_at_points, s.points.data)
+        trace = s.points.vertex_trace_dofs
+        nodes.append(trace)
+        fixed = eq.constraints.fixed[trace]
+        some = fixed.any(axis=1) & ~fixed.all(axis=1)
+        if partly:
+            # Of a normal that is not along an axis a part would be prescribed.
+            normal = np.where(fixed, s.points.vertex_normals, 0.0)
+            some &= ~clamped & (np.abs(normal).max(axis=1, initial=0.0) > 1e-6)
+        mixed = mixed or bool(some.any())
+    flat = np.concatenate(nodes)
+    shared = len(np.unique(flat)) < len(flat)
+    return not eq.comm.allreduce(int(mixed or shared or not polyhedral))
+
+
+class CondensedContact:
+    """A contact problem with a parameter, condensed at a state. Collective.
+
+    Args:
+        parametric: the problem; `can_condense` must hold.
+        x: state at which H is linearised.
+        gamma: parameter there.
+        exact: whether the pieces are affine, so that the linearisation is the problem.
+
+    Attributes:
+        system: the affine system of the contact points, in the order of their coordinates.
+        exact: as given.
+        friction: radii of the friction discs at unit pressure (m,); 0 without friction.
+    """
+
+    @staged("ContactCondensation")
+    def __init__(self, parametric: ParametricEquations, x: PETSc.Vec, gamma: float, *, exact: bool):
+        self._parametric, self.exact = parametric, exact
+        eq: ContactEquations = parametric.equations
+        self.comm, self._equations = eq.comm, eq
+        self._gamma, self._x, self._n = gamma, x.copy(), eq.owned_sizes[0]
+        b, c = parametric.create_vector(), parametric.create_vector()
+        piece = parametric.piece_at(x, gamma)
+        parametric.residual(x, gamma, b, piece)
+        parametric.parameter_derivative(x, gamma, c, piece)
+        self._rest, self._rate = (v.array_r[: self._n].copy() for v in (b, c))
+        b.destroy(), c.destroy()
+        self._points = points = GatheredPoints(parametric)
+        self._m = points.number
+        self._factorise(parametric.contact(x, gamma, piece).u)
+        T, m, schur = points.frames, self._m, self._reactions_to_jumps()
+        k = float(np.abs(np.diag(schur)).mean())
+        S = np.einsum("iap,iajb,jbq->ipjq", T, schur.reshape(m, 2, m, 2), T) / k
+        self._force_unit = k
+        M = np.zeros((2 * m, m, 4))
+        M[:, :, :2] = S.reshape(2 * m, m, 2)
+        M.reshape(m, 2, m, 4)[np.arange(m), :, np.arange(m), 2:] = -np.eye(2)
+        none = np.zeros((m, 2))
+        rest, rate = (
+            np.einsum("iap,ia->ip", T, self._solve(-load, none)[1]).reshape(-1) / k
+            for load in (self._rest, self._rate)
+        )
+        self._w = self.contract(x)
+        load = np.einsum("nmk,mk->n", M, self._w) - rest + gamma * rate
+        self.friction = points.friction
+        laws = points.laws(k)
+        bases, inequalities, exists = laws.cones()
+        self.system = AffineSystem(M, load, -rate, bases, inequalities, laws.classify, exists)
+
+    @cached_property
+    def always_solvable(self) -> bool:
+        """Whether there is a solution at every gamma: S is positive definite, and H affine.
+
+        Then the problem with a friction bound given in advance has one solution, which depends
+        continuously on the bound, and Brouwer's theorem gives a bound that is F times its pressure
+        (Haslinger, Math. Methods Appl. Sci. 5, 1983).
+        """
+        n = 2 * self._m
+        S = self.system.matrix[:, :, :2].reshape(n, n)
+        return self.exact and bool(np.linalg.eigvalsh(S + S.T)[0] > _DEFINITE)
+
+    # -- points ----------------------------------------------------------------------------------
+
+    def point(self, i: int) -> tuple[int, int]:
+        """The rank that owns point ``i``, and its local number there. Collective."""
+        return self._points.owner(i)
+
+    def codes(self, piece: Piece) -> npt.NDArray[np.int8]:
+        """Statuses of all points. Collective."""
+        return self._points.gathered(piece.codes)
+
+    def piece(self, codes: npt.NDArray[np.int8]) -> Piece:
+        """The piece in which the points have these statuses."""
+        new = np.zeros(len(self._parametric.clamped), dtype=np.int8)
+        new[self._points.local] = codes[self._points.mine]
+        return Piece(new)
+
+    # -- the body --------------------------------------------------------------------------------
+
+    def _factorise(self, u: Array) -> None:
+        """[K, -B^T; B, 0], with the Dirichlet rows of H."""
+        eq, first = self._equations, 0
+        K = eq.bulk.stiffness(u).copy()
+        fixed = np.flatnonzero(eq.fixed[: self._n]) + K.getOwnershipRange()[0]
+        K.zeroRowsColumns(fixed.astype(PETSc.IntType), diag=eq.stiffness_scale)
+        wanted, blocks = self._points.local, []
+        for s in eq.surfaces:
+            inside = wanted[(wanted >= first) & (wanted < first + s.points.number)] - first
+            rows = (2 * inside[:, None] + np.arange(2)).reshape(-1)
+            here = PETSc.IS().createGeneral(
+                (rows + s.points.B.getOwnershipRange()[0]).astype(PETSc.IntType), comm=self.comm
+            )
+            blocks.append(s.points.B.createSubMatrix(here))
+            here.destroy()
+            first += s.points.number
+        self._sizes = [B.getLocalSize()[0] for B in blocks]
+        # Whatever holds a displacement, its rows have units of force.
+        scaled = [B * eq.stiffness_scale for B in blocks]
+        transposed = [B.transpose(PETSc.Mat()) for B in scaled]
+        for B in transposed:
+            B.scale(-1.0)
+            if not self._points.guided:
+                B.zeroRows(fixed.astype(PETSc.IntType), diag=0.0)
+        nest = PETSc.Mat().createNest(
+            [[K, *transposed], *([B, *(None for _ in transposed)] for B in scaled)], comm=self.comm
+        )
+        self._matrix = nest.convert("aij", PETSc.Mat())
+        for thing in (nest, K, *blocks, *scaled, *transposed):
+            thing.destroy()
+        self._ksp = PETSc.KSP().create(self.comm)
+        self._ksp.setOptionsPrefix("condensed_")
+        self._ksp.setOperators(self._matrix)
+        with options_in_database("condensed_", _DEFAULTS):
+            self._ksp.setFromOptions()
+            self._ksp.setUp()
+        if self._ksp.getPC().getFailedReason() != PETSc.PC.FailedReason.NOERROR:
+            raise RuntimeError(
+                "the body held at its contact points is singular: it cannot be solved"
+            )
+
+    def _reactions_to_jumps(self) -> Array:
+        """Forces at the points by jumps there, (2 m, 2 m). Collective."""
+        local, columns = self._matrix.getLocalSize()[0], 2 * self._m
+        rows = (2 * self._points.mine[:, None] + np.arange(2)).reshape(-1)
+        factor, mine = self._ksp.getPC().getFactorMatrix(), np.empty((len(rows), columns))
+        scale = self._equations.stiffness_scale
+        for a in range(0, columns, _BATCH):
+            width = min(_BATCH, columns - a)
+            rhs, out = (
+                PETSc.Mat().createDense(((local, None), (None, width)), comm=self.comm)
+                for _ in "bx"
+            )
+            rhs.setUp(), out.setUp()
+            here = np.flatnonzero((rows >= a) & (rows < a + width))
+            rhs.getDenseArray()[self._n + here, rows[here] - a] = scale
+            rhs.assemble(), out.assemble()
+            factor.matSolve(rhs, out)
+            mine[:, a : a + width] = scale * out.getDenseArray(readonly=True)[self._n :]
+            rhs.destroy(), out.destroy()
+        S = np.empty((columns, columns))
+        for part, theirs in zip(self.comm.allgather(mine), self.comm.allgather(rows), strict=True):
+            S[theirs] = part
+        return S
+
+    def _solve(self, load: Array, jumps: Array) -> tuple[Array, Array]:
+        """Displacement (owned) and forces at all points for a load and jumps (m, 2). Collective."""
+        b, x = self._matrix.createVecs()
+        scale = self._equations.stiffness_scale
+        b.array[: self._n] = load
+        b.array[self._n :] = scale * jumps[self._points.mine].reshape(-1)
+        self._ksp.solve(b, x)
+        u, forces = x.array_r[: self._n].copy(), np.zeros((self._m, 2))
+        mine = scale * x.array_r[self._n :].reshape(-1, 2)
+        for places, part in self.comm.allgather((self._points.mine, mine)):
+            forces[places] = part
+        b.destroy(), x.destroy()
+        return u, forces
+
+    # -- states ----------------------------------------------------------------------------------
+
+    def contract(self, x: PETSc.Vec) -> Array:
+        """The state w of all points, (m, 4). Collective."""
+        state = self._equations.contact(x)
+        jump = np.concatenate(
+            [
+                found.jump - (s.points.data.gap[:, None] * s.points.data.n)
+                for s, found in zip(self._equations.surfaces, state.surfaces, strict=True)
+            ]
+        )
+        force = np.concatenate(
+            [
+                found.traction * s.points.areas[:, None]
+                for s, found in zip(self._equations.surfaces, state.surfaces, strict=True)
+            ]
+        )
+        parts = [self._points.gathered(v) for v in (jump, force / self._force_unit)]
+        T = self._points.frames
+        return np.concatenate([np.einsum("iap,ia->ip", T, v) for v in parts], axis=1)
+
+    def expand(self, w: Array, gamma: float, x: PETSc.Vec) -> None:
+        """Put the unknowns of the state ``w`` at ``gamma`` into ``x``. Collective."""
+        dw, T = w - self._w, self._points.frames
+        jumps = np.einsum("iap,ip->ia", T, dw[:, :2])
+        forces = np.einsum("iap,ip->ia", T, dw[:, 2:]) * self._force_unit
+        load = -self._rest - (gamma - self._gamma) * self._rate
+        du, _ = self._solve(load, jumps)
+        self._x.copy(x)
+        x.array[: self._n] += du
+        tractions = np.zeros((len(self._parametric.clamped), 2))
+        mine = forces[self._points.mine] / self._points.areas[self._points.mine][:, None]
+        tractions[self._points.local] = mine
+        eq, first, row = self._equations, 0, self._n
+        for s, unit in zip(eq.surfaces, eq.units[1:], strict=True):
+            n = s.points.number
+            x.array[row : row + 2 * n] += tractions[first : first + n].reshape(-1) / unit
+            first, row = first + n, row + 2 * n
+
+    def destroy(self) -> None:
+        """Free the PETSc objects."""
+        for thing in (self._ksp, self._matrix, self._x):
+            thing.destroy()

@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The contact points of all ranks, gathered: what is given there, and their laws."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact.equations.order import by_coordinates
+from dolfinx_contact.equations.parametric import ParametricEquations
+from dolfinx_contact.laws import Frictionless, LawAtPoints, PointData
+from dolfinx_contact.laws.cones import cones
+from dolfinx_contact.laws.status import OPEN
+
+__all__ = ["GatheredPoints", "PointLaws"]
+
+Array = npt.NDArray[np.float64]
+T = TypeVar("T", bound=np.generic)
+Places = npt.NDArray[np.int64]
+
+
+class GatheredPoints:
+    """All points that are not clamped, in the order of coordinates: the same on every rank.
+
+    Args:
+        system: the contact problem, in 2D.
+
+    Attributes:
+        number: of points, m.
+        local: numbers of this rank's among all its points.
+        mine: places of this rank's among all points.
+        frames: T of j = T (ut, un) and forces T (rt, rn) on the body (m, 2, 2).
+        areas: (m,).
+        friction: radii of the friction discs at unit pressure (m,); 0 without friction.
+        guided: whether Dirichlet data prescribe tangential displacements of some.
+    """
+
+    def __init__(self, system: ParametricEquations):
+        eq, self.comm = system.equations, system.comm
+        self.local = np.flatnonzero(~system.clamped)
+        self._surfaces = eq.surfaces
+        columns: list[tuple[Any, ...]] = []
+        for number, s in enumerate(eq.surfaces):
+            n = s.points.number
+            held = eq.constraints.fixed[s.points.vertex_trace_dofs[:n]].any(axis=1)
+            at_rest = np.zeros((n, 2))
+            slope = s.answers(at_rest, at_rest).unit_bound
+            data = s.points.data
+            which = np.full(n, number)
+            columns.append((which, s.positions, data.n, s.points.areas, data.r, held, slope))
+        mine = [np.concatenate(c)[self.local] for c in zip(*columns, strict=True)]
+        parts = self.comm.allgather(mine)
+        everywhere: list[Any] = [np.concatenate(c) for c in zip(*parts, strict=True)]
+        # In the order of coordinates, so that neither numbering nor ranks matter.
+        self._sorted = by_coordinates(everywhere[1])
+        which, _, normals, areas, r, held, slope = (v[self._sorted] for v in everywhere)
+        self.frames: Array = np.stack(
+            [np.stack([-normals[:, 1], normals[:, 0]], axis=1), -normals], axis=2
+        )
+        self._which, self._r, self._held = which, r, held.astype(bool)
+        self.number, self.normals, self.areas = len(normals), normals, areas
+        self.friction = np.where(self._held, 0.0, slope)
+        self.guided = bool(self._held.any())
+        self._starts = np.concatenate([[0], np.cumsum([len(p[0]) for p in parts])])
+        first = self._starts[self.comm.rank]
+        self.mine: Places = np.argsort(self._sorted)[first : first + len(self.local)]
+
+    def gathered(self, values: npt.NDArray[T]) -> npt.NDArray[T]:
+        """Values at all points of this rank, from every rank, in order. Collective."""
+        return np.concatenate(self.comm.allgather(values[self.local]))[self._sorted]
+
+    def owner(self, i: int) -> tuple[int, int]:
+        """The rank that owns point ``i``, and its local number there. Collective."""
+        place = int(self._sorted[i])
+        rank = int(np.searchsorted(self._starts, place, side="right") - 1)
+        mine = int(self.local[place - self._starts[rank]]) if self.comm.rank == rank else None
+        return rank, int(self.comm.bcast(mine, root=rank))
+
+    def laws(self, stiffness: float) -> PointLaws:
+        """The laws at the points. Collective.
+
+        Args:
+            stiffness: force by length in w.
+        """
+        groups = []
+        for number, s in enumerate(self._surfaces):
+            fields = {}
+            for name, values in s.points.data.fields.items():
+                every: list[Any] = [np.zeros(t.points.number) for t in self._surfaces]
+                every[number] = values
+                fields[name] = self.gathered(np.concatenate(every))
+            here = self._which == number
+            for law, places in (
+                (s.law, np.flatnonzero(here & ~self._held)),
+                (Frictionless(), np.flatnonzero(here & self._held)),
+            ):
+                if len(places):
+                    given = {name: fields[name][places] for name in law.given}
+                    n, r, none = self.normals[places], self._r[places], np.zeros(len(places))
+                    data = PointData(n, none, r, given)
+                    known = LawAtPoints(law, 2, len(places), self.comm)
+                    groups.append((places, known, data))
+        return PointLaws(self.number, self.frames, stiffness / self.areas, groups)
+
+
+@dataclass(frozen=True)
+class PointLaws:
+    """Laws of points in terms of w = (ut, un, rt, rn).
+
+    Attributes:
+        number: of points, m.
+        frames: T (m, 2, 2).
+        scale: traction by length in w (m,).
+        groups: places of points with one law, the law, and what it is given there.
+    """
+
+    number: int
+    frames: Array
+    scale: Array
+    groups: list[tuple[Places, LawAtPoints, PointData]]
+
+    def classify(self, w: Array) -> npt.NDArray[np.int8]:
+        """Statuses that a state (m, 4) asks for."""
+        codes: npt.NDArray[np.int8] = np.full(self.number, OPEN, dtype=np.int8)
+        for places, law, data in self.groups:
+            T, scale = self.frames[places], self.scale[places, None]
+            jump = np.einsum("iap,ip->ia", T, w[places, :2])
+            traction = np.einsum("iap,ip->ia", T, w[places, 2:]) * scale
+            codes[places] = law(jump, traction, data).asked
+        return codes
+
+    def cones(self) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
+        """Bases (m, 4, 4, 2), inequalities (m, 4, 3, 4), statuses there are (m, 4); see `cones`."""
+        B, C = np.zeros((self.number, 4, 4, 2)), np.zeros((self.number, 4, 3, 4))
+        exists = np.zeros((self.number, 4), dtype=bool)
+        for places, law, data in self.groups:
+            found = cones(law, data, self.frames[places], self.scale[places])
+            B[places], C[places], exists[places] = found
+        return B, C, exists

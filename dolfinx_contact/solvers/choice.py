@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Which solver takes the linear systems of Newton's method: by size, or as the user says.
+
+``<prefix>linear_solver`` is ``auto`` (default), ``direct`` or ``amg``. Direct is any KSP and PC on
+the assembled Jacobian, by default MUMPS; amg is `multigrid.Multigrid`. Automatically, problems up
+to 10^5 unknowns in 2D and 5 10^3 in 3D are solved directly, and so are those for which the user
+has chosen a ``ksp_type`` or ``pc_type``. Where multigrid stagnates the direct solver takes over, if
+the memory that is free suffices.
+"""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+
+from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.solvers.linear import Direct, LinearSolver
+from dolfinx_contact.solvers.multigrid import Multigrid
+
+__all__ = ["LinearSolverChoice", "predicted_gigabytes"]
+
+logger = logging.getLogger(__name__)
+
+_KINDS = ("auto", "direct", "amg")
+_MEMORY = Path("/proc/meminfo")
+_LARGEST_DIRECT = {2: 100_000, 3: 5_000}
+
+#: Factor and power of the number of unknowns, by dimension, that give the gigabytes of MUMPS:
+#: measured at 9 10^3 and 7 10^4 unknowns in 2D and at 4 10^3 and 10^4 in 3D.
+_DIRECT_MEMORY = {2: (6.5e-7, 1.1), 3: (3.8e-7, 4 / 3)}
+_AMG_MEMORY = 5.3e-6  # gigabytes per unknown, measured at 10^6 and 3 10^6 unknowns in 3D
+
+
+class LinearSolverChoice:
+    """The linear solver of a problem, made when it is first asked for. Collective.
+
+    Args:
+        equations: the contact problem.
+    """
+
+    def __init__(self, equations: ContactEquations):
+        self._equations = equations
+        self._solver: LinearSolver | None = None
+
+    def __call__(self) -> LinearSolver:
+        """The solver; `ValueError` for an unknown kind."""
+        if self._solver is None:
+            self._solver = self._create()
+        return self._solver
+
+    def replace(self, solver: LinearSolver) -> None:
+        """Take another solver from now on."""
+        self.destroy()
+        self._solver = solver
+
+    def _create(self) -> LinearSolver:
+        eq = self._equations
+        size, dim = sum(eq.global_sizes), eq.dim
+        kind = eq.options.value("linear_solver") or "auto"
+        if kind not in _KINDS:
+            raise ValueError(f"unknown linear solver {kind!r}; known: {', '.join(_KINDS)}")
+        if kind == "auto":
+            chosen = any(eq.options.value(name) for name in ("ksp_type", "pc_type"))
+            kind = "direct" if chosen or size <= _LARGEST_DIRECT[dim] else "amg"
+        solver: LinearSolver = Direct(eq) if kind == "direct" else Multigrid(eq)
+        seconds = solver.predicted = solver.predicted_seconds()
+        if eq.comm.rank == 0:
+            logger.info(
+                "%d unknowns, linear solver %s: about %.2g s from a cold start and %.2g GB on all "
+                "ranks (direct: %.2g GB)",
+                size,
+                kind,
+                seconds,
+                predicted_gigabytes(kind, size, dim),
+                predicted_gigabytes("direct", size, dim),
+            )
+        return solver
+
+    def direct_instead(self) -> bool:
+        """Let the direct solver take over from multigrid, if that was no wish and memory allows."""
+        eq = self._equations
+        asked = (eq.options.value("linear_solver") or "auto") != "auto"
+        if asked or self().name == "direct":
+            return False
+        needed = predicted_gigabytes("direct", sum(eq.global_sizes), eq.dim)
+        free, root = available_gigabytes(eq.comm), eq.comm.rank == 0
+        if needed > free:
+            if root:
+                words = "a direct solver needs about %.2g GB, of which %.2g are free"
+                logger.warning(words, needed, free)
+            return False
+        if root:
+            logger.warning("the direct solver takes over: about %.2g GB", needed)
+        self.replace(Direct(eq))
+        return True
+
+    def destroy(self) -> None:
+        """Free the solver."""
+        if self._solver is not None:
+            self._solver.destroy()
+        self._solver = None
+
+
+def available_gigabytes(comm: MPI.Comm) -> float:
+    """Memory that is free on all hosts, 10^9 bytes; inf if they do not say. Collective."""
+    host = comm.Split_type(MPI.COMM_TYPE_SHARED)
+    mine = 0.0
+    if host.rank == 0:
+        lines = _MEMORY.read_text().splitlines() if _MEMORY.exists() else []
+        found = [int(line.split()[1]) for line in lines if line.startswith("MemAvailable:")]
+        mine = 1024e-9 * found[0] if found else np.inf
+    host.Free()
+    return float(comm.allreduce(mine))
+
+
+def predicted_gigabytes(kind: str, size: int, dim: int) -> float:
+    """Memory of a linear solver for ``size`` unknowns, from measured runs, in 10^9 bytes."""
+    if kind == "direct":
+        factor, power = _DIRECT_MEMORY[dim]
+        return float(factor * size**power)
+    return _AMG_MEMORY * size

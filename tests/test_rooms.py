@@ -1,0 +1,92 @@
+"""The rooms of the package: what imports what."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+PACKAGE = "dolfinx_contact"
+ROOT = Path(__file__).parents[1] / PACKAGE
+#: From the ground up: a room imports from its own floor and those below. Private modules of the
+#: root are tools that every room may use.
+FLOORS = [
+    ("materials", "obstacles", "grids", "meshing"),
+    ("body", "laws", "continuation"),
+    ("points",),
+    ("equations", "algorithms"),
+    ("reduced",),
+    ("solvers",),
+    ("results",),
+    ("problem", "parametric", "nested", "command_line"),
+    ("output",),
+]
+
+
+def module_of(file):
+    parts = file.relative_to(ROOT.parent).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+MODULES = {module_of(f): f for f in ROOT.rglob("*.py")}
+
+
+def imports(name):
+    """Modules of the package that a module imports, under TYPE_CHECKING and in functions too."""
+    found = set()
+    for node in ast.walk(ast.parse(MODULES[name].read_text())):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith(PACKAGE):
+            for alias in node.names:
+                full = f"{node.module}.{alias.name}"
+                found.add(full if full in MODULES else node.module)
+        elif isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names if alias.name in MODULES}
+    return found - {name}
+
+
+def floor(name):
+    """The floor of a module; -1 for tools, None for the root of the package."""
+    if name == PACKAGE:
+        return None
+    room = name.split(".")[1]
+    if room.startswith("_"):
+        return -1
+    return next(i for i, rooms in enumerate(FLOORS) if room in rooms)
+
+
+def test_every_room_has_a_floor():
+    assert len(MODULES) > 100
+    for name in MODULES:
+        floor(name)
+
+
+@pytest.mark.parametrize("name", sorted(n for n in MODULES if floor(n) is not None))
+def test_floors(name):
+    """Nothing imports from above, and tools import tools alone."""
+    for other in imports(name):
+        if other == PACKAGE:
+            assert name.startswith(f"{PACKAGE}.output"), "nothing below imports the face"
+        elif name != f"{PACKAGE}._progress":
+            assert floor(other) <= floor(name), f"{name} imports {other}"
+
+
+def test_no_circle():
+    left = {name: imports(name) for name in MODULES}
+    while True:
+        free = [name for name, needs in left.items() if not needs & set(left)]
+        if not free:
+            break
+        for name in free:
+            del left[name]
+    assert not left, f"these import one another: {sorted(left)}"
+
+
+def test_the_continuation_knows_petsc_alone():
+    for name, file in MODULES.items():
+        if name.startswith(f"{PACKAGE}.continuation"):
+            assert "dolfinx import" not in file.read_text().replace("dolfinx_contact import", "")
+            assert "import ufl" not in file.read_text()
+
+
+def test_modules_are_short():
+    long = {n: len(f.read_text().splitlines()) for n, f in MODULES.items()}
+    assert {n: lines for n, lines in long.items() if lines > 420} == {}
