@@ -39,11 +39,12 @@ def same_everywhere(comm: MPI.Comm, where: str = "", /, **values: Any) -> None:
     Args:
         comm: communicator.
         where: the values belong, with which the message begins.
-        values: by name (underscores stand for blanks), compared by their `repr`.
+        values: by name (underscores stand for blanks), compared by their `repr`; of functions
+            what they return, which is asked for only where there are several ranks.
     """
     if comm.size == 1:
         return
-    mine = {name: repr(value) for name, value in values.items()}
+    mine = {name: repr(v() if callable(v) else v) for name, v in values.items()}
     what = f"{where}: " if where else ""
     for rank, theirs in enumerate(comm.allgather(mine)):
         if rank == 0:

@@ -100,7 +100,7 @@ class ContactProblem:
             self.comm,
             contact_surfaces=[s.name for s in self.surfaces],
             Dirichlet_data=[described_condition(bc) for bc in self.bcs],
-            bulk=described(bulk, self.V.mesh),
+            bulk=lambda: described(bulk, self.V.mesh),
             r=described_number(r),
             petsc_options_prefix=petsc_options_prefix,
             petsc_options=sorted((k, described_number(v)) for k, v in options.items()),

@@ -63,11 +63,11 @@ class Bulk:
         self.residual_form = compiled_form(self.residual)
         self.jacobian_form = compiled_form(derivative)
         self._energy_form: fem.Form | None = None
-        expanded = ufl.algorithms.expand_derivatives(derivative)
-        self.linear: bool = own not in expanded.coefficients()
+        coefficients, constants = _given_in(derivative)
+        self.linear: bool = own not in coefficients
         #: Constants of the stiffness.
-        self.jacobian_constants = list(expanded.constants())
-        self._data = [*expanded.coefficients(), *expanded.constants()]
+        self.jacobian_constants = constants
+        self._data = [*coefficients, *constants]
         self._loads = [c for c in self.residual.coefficients() if c is not own]
         self._loads += self.residual.constants()
         self._owned = self._V.dofmap.index_map.size_local * self._V.dofmap.index_map_bs
@@ -220,6 +220,24 @@ class Bulk:
         if self._K is not None:
             self._K.destroy()
             self._K = None
+
+
+#: By the signature of a derivative, places of what is left in it among all that stands in it.
+_left: dict[str, tuple[list[int], list[int]]] = {}
+
+
+def _given_in(derivative: ufl.Form) -> tuple[list[fem.Function], list[fem.Constant]]:
+    """Coefficients and Constants of a derivative once it is taken."""
+    coefficients, constants = derivative.coefficients(), derivative.constants()
+    key = derivative.signature()
+    if key not in _left:
+        taken = ufl.algorithms.expand_derivatives(derivative)
+        _left[key] = (
+            [coefficients.index(c) for c in taken.coefficients()],
+            [constants.index(c) for c in taken.constants()],
+        )
+    kept = _left[key]
+    return [coefficients[i] for i in kept[0]], [constants[i] for i in kept[1]]
 
 
 def _seconds_of_product(K: PETSc.Mat) -> float:

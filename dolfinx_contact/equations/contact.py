@@ -193,7 +193,7 @@ class ContactEquations:
         u, n = self.displacement(x), self.owned_sizes[0]
         with logged("ContactStatus"):
             contact = self._contact(x, u, statuses)
-        prescribed = self.prescribed.update().reshape(-1)
+        prescribed = self.prescribed.values().reshape(-1)
         missing = np.where(self.fixed, prescribed - u, 0.0)
         any_missing = bool(self.comm.allreduce(int(np.any(missing != 0))))
         # A linear body takes its Dirichlet data in the product, and needs no assembly.
@@ -241,7 +241,7 @@ class ContactEquations:
             product = self.bulk.product(dirichlet)
             if product is None:
                 conditions = self.prescribed.conditions
-                at = np.where(self.fixed, self.prescribed.update().reshape(-1) - dirichlet, u)
+                at = np.where(self.fixed, self.prescribed.values().reshape(-1) - dirichlet, u)
                 product = self.bulk.lifting(u, conditions, at)
             rows += product
         fixed = self.fixed[:n]

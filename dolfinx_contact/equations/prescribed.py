@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -24,18 +25,22 @@ class PrescribedDisplacement:
         constraints: which components are fixed, and to what.
 
     Attributes:
-        conditions: one for every component that is fixed somewhere.
         part: of the way from a start to the user's data that is prescribed, 1 but in `ramped`.
     """
 
     def __init__(self, V: fem.FunctionSpace, constraints: Constraints):
-        self._constraints, self.part = constraints, 1.0
+        self._V, self._constraints, self.part = V, constraints, 1.0
         self._start: npt.NDArray[np.float64] | None = None
-        self.conditions: list[fem.DirichletBC] = []
-        self._components: list[tuple[int, fem.Function, npt.NDArray[np.int32]]] = []
+
+    @cached_property
+    def _components(
+        self,
+    ) -> list[tuple[int, fem.Function, npt.NDArray[np.int32], fem.DirichletBC]]:
+        """Every component that is fixed somewhere: Function of values, nodes, condition."""
+        V, found = self._V, []
         bs = V.dofmap.index_map_bs
         for i in range(bs):
-            fixed = constraints.fixed[:, i]
+            fixed = self._constraints.fixed[:, i]
             if not V.mesh.comm.allreduce(int(fixed.any())):
                 continue
             W, parents = V.sub(i).collapse()
@@ -43,9 +48,17 @@ class PrescribedDisplacement:
             nodes = np.asarray(parents, dtype=np.int32).reshape(-1) // bs
             here = np.flatnonzero(fixed[nodes]).astype(np.int32)
             f = fem.Function(W)
-            self._components.append((i, f, nodes))
             dofs = [(bs * nodes[here] + i).astype(np.int32), here]
-            self.conditions.append(fem.dirichletbc(f, dofs, V.sub(i)))
+            found.append((i, f, nodes, fem.dirichletbc(f, dofs, V.sub(i))))
+        return found
+
+    @property
+    def conditions(self) -> list[fem.DirichletBC]:
+        """What is prescribed now, one for every component that is fixed somewhere. Collective."""
+        values = self.values()
+        for i, f, nodes, _ in self._components:
+            f.x.array[:] = values[nodes, i]
+        return [bc for *_, bc in self._components]
 
     def values(self) -> npt.NDArray[np.float64]:
         """What is prescribed at the local nodes x dim, 0 where the displacement is free."""
@@ -53,13 +66,6 @@ class PrescribedDisplacement:
         if self._start is not None:
             values = self._start + self.part * (values - self._start)
         return np.where(self._constraints.fixed, values, 0.0)
-
-    def update(self) -> npt.NDArray[np.float64]:
-        """Bring the conditions up to date with the user's data; their values as from `values`."""
-        values = self.values()
-        for i, f, nodes in self._components:
-            f.x.array[:] = values[nodes, i]
-        return values
 
     @contextmanager
     def ramped(self, start: npt.NDArray[np.float64]) -> Iterator[None]:

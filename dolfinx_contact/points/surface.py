@@ -112,7 +112,11 @@ class ContactSurface:
                 key=lambda f: f.count(),
             )
         same_everywhere(self.comm, name=name)
-        fields = [f"{k} {described(e, domain)}" for k, e in given.items()]
+
+        def described_law() -> str:
+            fields = [f"{k} {described(e, domain)}" for k, e in given.items()]
+            return f"{type(law).__name__}({', '.join(fields)})"
+
         same_everywhere(
             self.comm,
             name,
@@ -122,9 +126,9 @@ class ContactSurface:
             method=self.method,
             multiplier_degree=int(multiplier_degree),
             quadrature_degree=int(rule_degree),
-            law=f"{type(law).__name__}({', '.join(fields)})",
-            obstacle=f"{type(obstacle).__name__} {described(self.gap, domain)}",
-            normal=described(self.normal, domain),
+            law=described_law,
+            obstacle=lambda: f"{type(obstacle).__name__} {described(self.gap, domain)}",
+            normal=lambda: described(self.normal, domain),
         )
 
         local = exterior_facets(domain, *tagged_facets(self.comm, facets, tag, name), name)
