@@ -11,6 +11,7 @@ from dolfinx_contact import materials, obstacles
 from dolfinx_contact._petsc import parse_arguments
 from dolfinx_contact.laws import Coulomb, Frictionless, Tresca
 from dolfinx_contact.obstacles import Cylinder, HalfSpace, LevelSet, Sphere
+from dolfinx_contact.points.pair import ContactPair
 from dolfinx_contact.points.surface import ContactSurface
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.results.result import Result
@@ -20,6 +21,7 @@ from dolfinx_contact.solvers import ConvergenceError
 __version__ = "0.1.0"
 
 __all__ = [
+    "ContactPair",
     "ContactProblem",
     "ContactSurface",
     "ContactTable",

@@ -20,7 +20,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx import fem, io, mesh
+from dolfinx import fem, graph, io, mesh
 
 from dolfinx_contact._optional import optional
 
@@ -33,6 +33,7 @@ __all__ = [
     "FacetSubmesh",
     "VTXFile",
     "create_facet_submesh",
+    "create_mesh",
     "dirichlet_value",
     "facet_integration_entities",
     "geometry_dofmap",
@@ -45,6 +46,7 @@ __all__ = [
     "merge_entity_maps",
     "option_is_used",
     "read_checkpoint",
+    "tags_of_entities",
     "write_checkpoint",
 ]
 
@@ -78,6 +80,29 @@ def create_facet_submesh(domain: mesh.Mesh, facets: npt.NDArray[np.int32]) -> Fa
     to_submesh = np.full(index_map.size_local + index_map.num_ghosts, -1, dtype=np.int32)
     to_submesh[parents] = np.arange(len(parents), dtype=np.int32)
     return FacetSubmesh(submesh, parents, to_submesh)
+
+
+def create_mesh(
+    comm: MPI.Comm, cells: npt.NDArray[np.int64], x: npt.NDArray[np.float64], element: Any
+) -> mesh.Mesh:
+    """A mesh with a layer of ghosts, of the cells and nodes that this rank has. Collective."""
+    partitioner = mesh.create_cell_partitioner(mesh.GhostMode.shared_facet)
+    return mesh.create_mesh(comm, cells=cells, x=x, e=element, partitioner=partitioner)
+
+
+def tags_of_entities(
+    domain: mesh.Mesh,
+    dim: int,
+    entities: npt.NDArray[np.int64],
+    values: npt.NDArray[np.int32],
+) -> mesh.MeshTags:
+    """Tags of entities by their nodes in the numbering of the input, on any rank. Collective."""
+    domain.topology.create_entities(dim)
+    vertices, tags = io.distribute_entity_data(domain, dim, entities, values)
+    domain.topology.create_connectivity(dim, 0)
+    domain.topology.create_connectivity(dim, domain.topology.dim)
+    lists = graph.adjacencylist(np.asarray(vertices, dtype=np.int32))
+    return mesh.meshtags_from_entities(domain, dim, lists, np.asarray(tags, dtype=np.int32))
 
 
 def merge_entity_maps(submeshes: Sequence[FacetSubmesh]) -> Any:

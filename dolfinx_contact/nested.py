@@ -62,11 +62,13 @@ def prolong(coarse: ContactProblem, fine: ContactProblem, *, padding: float = 1e
             the body.
 
     Raises:
-        ValueError: if the problems differ in their surfaces. Collective.
+        ValueError: if the problems differ in their surfaces, or one is a pair. Collective.
     """
     kinds = [[(s.degrees, s.method) for s in p.surfaces] for p in (coarse, fine)]
     if kinds[0] != kinds[1]:
         raise ValueError("the problems need the same surfaces, with the same methods and degrees")
+    if any(s.between_bodies for s in fine.surfaces):
+        raise ValueError("between bodies a solution cannot be taken to another mesh yet")
     with logged("ContactProlong"):
         cells = _contact_cells(fine) if fine.equations.bulk.linear else _all_cells(fine)
         distance = padding * coarse.equations.body_size

@@ -75,6 +75,10 @@ class Obstacle:
     points, and whether the sliding is small is not checked.
     """
 
+    #: For every local node of the displacement the global node opposite to it, -1 where there is
+    #: none; None where the obstacle does not move.
+    nodes: npt.NDArray[np.int64] | None = None
+
     @property
     def flat(self) -> bool:
         """Whether the normal is the same everywhere, so that no displacement is too large."""

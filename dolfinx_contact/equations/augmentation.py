@@ -47,8 +47,11 @@ def automatic_augmentation(
     per_node = diagonal.x.array.reshape(-1, bs).mean(axis=1)
     automatic, soft = [], np.sqrt(min(2.0 * softness(K, V), 1.0))
     for s in surfaces:
+        # Of two bodies that touch both yield.
+        other = s.opposite(per_node)
+        pair = np.divide(per_node * other, per_node + other, where=other > 0, out=per_node.copy())
         width = s.points.vertex_areas ** (1 / (s.dim - 1))
-        stiffness = per_node[s.points.vertex_trace_dofs] / s.points.vertex_areas
+        stiffness = pair[s.points.vertex_trace_dofs] / s.points.vertex_areas
         automatic.append(soft * stiffness * width / body_size)
     return size / (V.dofmap.index_map.size_global * bs), automatic
 

@@ -34,6 +34,8 @@ class Constraints:
 
     Attributes:
         fixed: local nodes x dim of the displacement, True where fixed.
+        held: per surface, the same for the jump there: where neither a node nor what lies opposite
+            to it moves, or both are one.
         clamped: per surface, local multiplier nodes whose normal multiplier is removed.
         removed: per surface, local multiplier nodes x dim, True where the component is removed.
 
@@ -51,12 +53,13 @@ class Constraints:
         self._V, self._bcs, self._told = V, list(bcs), False
         # A value may itself be NaN, so a component is fixed if either filling is overwritten.
         self.fixed = np.isfinite(self.values()) | np.isnan(self.values(fill=0.0))
+        self.held = [self._held(s) for s in surfaces]
         self.clamped: list[npt.NDArray[np.bool_]] = []
         self.removed: list[npt.NDArray[np.bool_]] = []
         self._owned = [s.Q.dofmap.index_map.size_local for s in surfaces]
         self._normals = [s.points.vertex_normals.copy() for s in surfaces]
-        for s in surfaces:
-            removed = self._removed(s)
+        for s, held in zip(surfaces, self.held, strict=True):
+            removed = _removed(s, held)
             self.removed.append(removed)
             self.clamped.append(np.asarray(removed.all(axis=1)))
             n = s.Q.dofmap.index_map.size_local
@@ -76,14 +79,16 @@ class Constraints:
         """How far Dirichlet data will move the body along the mean contact normal. Collective.
 
         Args:
-            s: surface with that normal.
+            s: surface with that normal; between bodies both may come.
             u: displacement of the local nodes, (n, dim).
         """
         n = s.points.vertices.dofmap.index_map.size_local
         normal = s.comm.allreduce(s.points.vertex_normals[:n].sum(axis=0))
         normal /= max(float(np.linalg.norm(normal)), 1e-300)
         motion = np.where(self.fixed, self.values(fill=0.0) - u, 0.0)
-        return float(s.comm.allreduce(float((motion @ normal).max(initial=0.0)), op=max))
+        along = motion @ normal
+        along = np.abs(along) if s.between_bodies else along
+        return float(s.comm.allreduce(float(along.max(initial=0.0)), op=max))
 
     def _warn_of_contradictions(self) -> None:
         """Warn, once, of nodes with two values for one component. Collective."""
@@ -129,8 +134,10 @@ class Constraints:
         """
         self._warn_of_contradictions()
         values = self.values()
-        for s, normals in zip(surfaces, self._normals, strict=True):
-            touched = self.fixed[s.points.vertex_trace_dofs].any(axis=1)
+        prescribed = np.where(self.fixed, values, 0.0)
+        for s, normals, held in zip(surfaces, self._normals, self.held, strict=True):
+            fixed = held[s.points.vertex_trace_dofs]
+            touched = fixed.any(axis=1)
             turned = np.abs(s.points.vertex_normals - normals).max(axis=1, initial=0.0) > _TOLERANCE
             require(
                 s.comm,
@@ -138,12 +145,11 @@ class Constraints:
                 f"{s.name}: the obstacle has turned at a contact node with Dirichlet data since "
                 "the problem was made; make a new problem",
             )
-            prescribed = np.where(self.fixed, values, 0.0)[s.points.vertex_trace_dofs]
+            jump = (prescribed - s.opposite(prescribed))[s.points.vertex_trace_dofs]
             normal = s.points.vertex_normals
-            free = np.where(self.fixed[s.points.vertex_trace_dofs], 0.0, normal)
-            held = np.linalg.norm(free, axis=1) < _TOLERANCE
-            gap = s.points.vertex_gaps - np.sum(prescribed * normal, axis=1)
-            worst = np.min(gap[held], initial=np.inf)
+            closing = np.linalg.norm(np.where(fixed, 0.0, normal), axis=1) < _TOLERANCE
+            gap = s.points.vertex_gaps - np.sum(jump * normal, axis=1)
+            worst = np.min(gap[closing], initial=np.inf)
             worst = s.comm.allreduce(worst, op=min)
             require(
                 s.comm,
@@ -156,25 +162,36 @@ class Constraints:
         parts = zip(self.removed, self._owned, strict=True)
         return np.concatenate([removed[:n].reshape(-1) for removed, n in parts])
 
-    def _removed(self, s: ContactSurface) -> npt.NDArray[np.bool_]:
-        """Local multiplier nodes x dim, True where the component is removed."""
-        fixed = self.fixed[s.points.trace_dofs]
-        if s.degrees[0] != s.degrees[1]:
-            fixed = fixed & _fixed_on_support(s, self.fixed)
-        normal = _node_normals(s)
-        along_fixed = np.linalg.norm(np.where(fixed, normal, 0.0), axis=1)
-        along_free = np.linalg.norm(np.where(fixed, 0.0, normal), axis=1)
-        clamped = fixed.any(axis=1) & (along_free < _TOLERANCE)
-        oblique = (along_fixed > _TOLERANCE) & (along_free > _TOLERANCE)
-        frictionless = STICK not in s.law_at_points.codes
-        require(
-            s.comm,
-            frictionless or not oblique.any(),
-            f"{s.name}: Dirichlet data fix a displacement component that is neither normal nor "
-            "tangential to the obstacle at a contact node, where friction and the support cannot "
-            "be told apart; fix all components there or leave the node free",
-        )
-        return np.where(oblique[:, None], False, fixed) | clamped[:, None]
+    def _held(self, s: ContactSurface) -> npt.NDArray[np.bool_]:
+        """Local nodes x dim, True where the jump is fixed. Collective."""
+        nodes = s.obstacle.nodes
+        if nodes is None:
+            return self.fixed
+        index_map = self._V.dofmap.index_map
+        mine = index_map.local_to_global(np.arange(len(nodes), dtype=np.int32))
+        both = self.fixed & (s.opposite(self.fixed.astype(float)) > 0.5)
+        return np.asarray(both | (mine == nodes)[:, None])
+
+
+def _removed(s: ContactSurface, held: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    """Local multiplier nodes x dim, True where the component is removed. Collective."""
+    fixed = held[s.points.trace_dofs]
+    if s.degrees[0] != s.degrees[1]:
+        fixed = fixed & _fixed_on_support(s, held)
+    normal = _node_normals(s)
+    along_fixed = np.linalg.norm(np.where(fixed, normal, 0.0), axis=1)
+    along_free = np.linalg.norm(np.where(fixed, 0.0, normal), axis=1)
+    clamped = fixed.any(axis=1) & (along_free < _TOLERANCE)
+    oblique = (along_fixed > _TOLERANCE) & (along_free > _TOLERANCE)
+    frictionless = STICK not in s.law_at_points.codes
+    require(
+        s.comm,
+        frictionless or not oblique.any(),
+        f"{s.name}: Dirichlet data fix a displacement component that is neither normal nor "
+        "tangential to the obstacle at a contact node, where friction and the support cannot "
+        "be told apart; fix all components there or leave the node free",
+    )
+    return np.where(oblique[:, None], False, fixed) | clamped[:, None]
 
 
 def check_overlap(surfaces: Sequence[ContactSurface]) -> None:

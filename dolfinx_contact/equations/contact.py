@@ -279,7 +279,8 @@ class ContactEquations:
         points = s.points
         if s.method != "mixed":
             return np.asarray(points.data.gap - np.sum(self._jump(s, u) * points.data.n, axis=1))
-        at = u.reshape(-1, self.dim)[points.trace_dofs[: points.number]]
+        nodes = u.reshape(-1, self.dim)
+        at = (nodes - s.opposite(nodes))[points.trace_dofs[: points.number]]
         return np.asarray(points.gaps - np.sum(at * points.data.n, axis=1))
 
     def reach(self, s: ContactSurface, u: Array) -> float:

@@ -22,6 +22,7 @@ from dolfinx_contact._entries import Entries, matrix_of
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.state import ContactState, State
 from dolfinx_contact.points.surface import ContactSurface
+from dolfinx_contact.points.trace import at_global_places
 
 __all__ = ["ContactTerms", "Jacobian"]
 
@@ -154,17 +155,8 @@ class _Numbering:
 
     def _is_absent(self, field: int, dofs: Indices) -> npt.NDArray[np.bool_]:
         """Whether dofs of any rank are fixed or removed. Collective."""
-        comm, mine = self._eq.comm, self._absent[field]
-        marks = PETSc.Vec().createMPI((len(mine), None), comm=comm)
-        marks.array[:] = mine.astype(float)
-        wanted = PETSc.IS().createGeneral(dofs.reshape(-1).astype(PETSc.IntType), comm=comm)
-        here = PETSc.Vec().createSeq(dofs.size, comm=PETSc.COMM_SELF)
-        scatter = PETSc.Scatter().create(marks, wanted, here, None)
-        scatter.scatter(marks, here)
-        found = here.array_r > 0.5
-        for thing in (marks, wanted, here, scatter):
-            thing.destroy()
-        return np.asarray(found.reshape(dofs.shape))
+        mine = self._absent[field].astype(float)
+        return at_global_places(self._eq.comm, mine, dofs) > 0.5
 
 
 class Jacobian:

@@ -93,12 +93,14 @@ def picture_of_body(
     data: dict[str, Any] = {"title": title or _title(u, scale)}
     seen = gather_cells(comm, V, cells, values)
     patches = [patch(s) for s in problem.surfaces]
+    rigid = [p for p, s in zip(patches, problem.surfaces, strict=True) if not s.between_bodies]
     if comm.rank == 0:
         data |= {**seen, "x": _in_space(seen["x"] + scale * _in_space(seen["u"]))}
         data["contact_x"] = [_in_space(p["x"] + scale * _in_space(p["u"])) for p in patches]
-        data["contact_cells"] = data["obstacle_cells"] = [p["cells"] for p in patches]
-        data["obstacle_x"] = [p["x"] + p["gap"][:, None] * _in_space(p["n"]) for p in patches]
-        data["obstacle_normals"] = [_in_space(p["n"]) for p in patches]
+        data["contact_cells"] = [p["cells"] for p in patches]
+        data["obstacle_cells"] = [p["cells"] for p in rigid]
+        data["obstacle_x"] = [p["x"] + p["gap"][:, None] * _in_space(p["n"]) for p in rigid]
+        data["obstacle_normals"] = [_in_space(p["n"]) for p in rigid]
     return _draw(comm, f"body_{tdim}d", data, path)
 
 

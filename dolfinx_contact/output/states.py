@@ -82,13 +82,14 @@ def _seen(system: ParametricContact, point: BranchPoint) -> dict[str, Any]:
     if not seen:
         return {}
     contact = []
-    for p, table in zip(patches, tables, strict=True):
+    for p, table, s in zip(patches, tables, system.problem.surfaces, strict=True):
         order = by_coordinates(p["x"])
         # Gauss points are no vertices: their statuses have no mark.
         known = len(order) == len(table.letters)
         letters = table.letters if known else np.full(len(order), "")
         floor = p["x"][:, :2] + p["gap"][:, None] * p["n"]
-        contact.append((p["x"][order, :2], p["u"][order], letters, floor[order]))
+        shown = order[:0] if s.between_bodies else order
+        contact.append((p["x"][order, :2], p["u"][order], letters, floor[shown]))
     return seen | {"contact": contact}
 
 

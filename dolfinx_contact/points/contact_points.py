@@ -11,7 +11,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -38,6 +38,8 @@ from dolfinx_contact.points.trace import owned_exterior, trace_dofs
 __all__ = ["ContactPoints", "Given", "Method"]
 
 Array = npt.NDArray[np.float64]
+Nodes = npt.NDArray[np.int64]
+Trace = Callable[[npt.NDArray[np.int32]], Nodes]
 Method = Literal["nodal", "integral", "mixed"]
 
 
@@ -79,6 +81,8 @@ class ContactPoints:
         degrees: of displacement and multiplier.
         rule_degree: of the Gauss points of the integral method.
         given: what is given on the surface.
+        opposite: for every local node of ``V`` on the surface the global node of another body that
+            lies opposite to it; None where nothing else moves.
 
     Attributes:
         number: of points.
@@ -111,8 +115,10 @@ class ContactPoints:
         degrees: tuple[int, int],
         rule_degree: int,
         given: Given,
+        opposite: npt.NDArray[np.int64] | None = None,
     ):
         self._V, self.submesh, self.method, self.given = V, submesh, method, given
+        self._opposite = opposite
         domain, sub, facets = V.mesh, submesh.mesh, submesh.parent_facets
         self.comm, self.dim = domain.comm, domain.geometry.dim
         self.vertices = point_space(sub, None)
@@ -143,7 +149,10 @@ class ContactPoints:
         self.areas = areas.areas[: self.number].copy()
         self.vertex_areas = self._at_vertices.areas if method == "integral" else areas.areas
         stencils = {"nodal": self._nodal, "integral": self._integral, "mixed": self._mixed}
-        self.stencils: Stencils = stencils[method]()
+        traces = self._traces
+        self.stencils: Stencils = stencils[method](traces[0])
+        for trace in traces[1:]:
+            self.stencils = self.stencils.minus(stencils[method](trace))
         self.B = self.stencils.jump_matrix(self.comm, V.dofmap.index_map.size_local, self.dim)
         nodes = self.Q.dofmap.index_map.size_local
         self.E: PETSc.Mat | None = None
@@ -287,28 +296,40 @@ class ContactPoints:
 
     # -- stencils --------------------------------------------------------------------------------
 
-    def _each_alone(self, nodes: npt.NDArray[np.int64], weights: Array) -> Stencils:
+    @property
+    def _traces(self) -> list[Trace]:
+        """Of the body, and of what lies opposite: from local nodes of ``V`` to global ones."""
+
+        def here(nodes: npt.NDArray[np.int32]) -> Nodes:
+            flat = self._V.dofmap.index_map.local_to_global(nodes.reshape(-1))
+            return np.asarray(flat, dtype=np.int64).reshape(nodes.shape)
+
+        if self._opposite is None:
+            return [here]
+        opposite = self._opposite
+        return [here, lambda nodes: opposite[nodes]]
+
+    def _each_alone(self, nodes: Nodes, weights: Array) -> Stencils:
         """Points that are multiplier nodes."""
         n = self.number
         mine = np.arange(n, dtype=np.int64)[:, None]
         first = self.Q.dofmap.index_map.local_range[0]
         return Stencils(mine, nodes, weights[:, None, :], first + mine, np.ones((n, 1, 1)), True)
 
-    def _nodal(self) -> Stencils:
-        trace = self._V.dofmap.index_map.local_to_global(self.trace_dofs[: self.number])
-        nodes = np.asarray(trace, dtype=np.int64)[:, None]
+    def _nodal(self, trace: Trace) -> Stencils:
+        nodes = trace(self.trace_dofs[: self.number])[:, None]
         return self._each_alone(nodes, np.ones((self.number, 1)))
 
-    def _mixed(self) -> Stencils:
+    def _mixed(self, trace: Trace) -> Stencils:
         W = self.vertices
         p, q = ufl.TrialFunction(W), ufl.TestFunction(W)
         dx = ufl.dx(domain=self.submesh.mesh, metadata={"quadrature_degree": 2})
         consistent = dolfinx.fem.petsc.assemble_matrix(compiled_form(p * q * dx))
         consistent.assemble()
-        trace = self._scalar_trace()
-        product = consistent.matMult(trace)
+        at_nodes = self._scalar_trace(trace)
+        product = consistent.matMult(at_nodes)
         indptr, columns, values = product.getValuesCSR()
-        for A in (consistent, trace, product):
+        for A in (consistent, at_nodes, product):
             A.destroy()
         counts = np.diff(indptr)
         n, width = self.number, int(counts.max(initial=1))
@@ -319,20 +340,17 @@ class ContactPoints:
         weights = np.where(held, values[place] if n else 0.0, 0.0) / self.areas[:, None]
         return self._each_alone(nodes, weights)
 
-    def _scalar_trace(self) -> PETSc.Mat:
-        trace = self._nodal()
-        owned = self._V.dofmap.index_map.size_local
-        return weights_matrix(self.comm, trace.points, trace.nodes, trace.weights, owned, 1)
+    def _scalar_trace(self, trace: Trace) -> PETSc.Mat:
+        alone, owned = self._nodal(trace), self._V.dofmap.index_map.size_local
+        return weights_matrix(self.comm, alone.points, alone.nodes, alone.weights, owned, 1)
 
-    def _integral(self) -> Stencils:
+    def _integral(self, trace: Trace) -> Stencils:
         sub, cells = self.submesh.mesh, self._owned_cells
         u_element = self._V.ufl_element()
         U = point_space(sub, None)
         if u_element.degree > 1:
             U = fem.functionspace(sub, ("Lagrange", u_element.degree))
-        trace = trace_dofs(self._V, U, self.submesh.parent_facets)
-        places = trace[U.dofmap.list[:cells]]
-        nodes = self._V.dofmap.index_map.local_to_global(places.reshape(-1)).reshape(places.shape)
+        nodes = trace(trace_dofs(self._V, U, self.submesh.parent_facets)[U.dofmap.list[:cells]])
         mine = self.Q.dofmap.list[:cells]
         known = self.Q.dofmap.index_map.local_to_global(mine.reshape(-1)).reshape(mine.shape)
         points = self.space.dofmap.list[:cells].astype(np.int64)
@@ -340,7 +358,7 @@ class ContactPoints:
         b, e = self._table(U), self._table(self.Q)
         return Stencils(
             points,
-            nodes.astype(np.int64),
+            nodes,
             np.broadcast_to(b, (*shape, b.shape[1])),
             known.astype(np.int64),
             np.broadcast_to(e, (*shape, e.shape[1])),

@@ -11,7 +11,7 @@ in groups that share their nodes: those of a facet, or every point by itself.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -51,6 +51,14 @@ class Stencils:
     def number(self) -> int:
         """Points of this rank."""
         return int(self.points.size)
+
+    def minus(self, other: Stencils) -> Stencils:
+        """Of the difference of two displacements at the same points."""
+        return replace(
+            self,
+            nodes=np.concatenate([self.nodes, other.nodes], axis=1),
+            weights=np.concatenate([self.weights, -other.weights], axis=2),
+        )
 
     def jump_matrix(self, comm: MPI.Comm, nodes: int, dim: int) -> PETSc.Mat:
         """B, from displacements to points. Collective.

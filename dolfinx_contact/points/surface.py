@@ -22,7 +22,7 @@ from dolfinx_contact.obstacles import Obstacle, gap_at
 from dolfinx_contact.points.contact_points import ContactPoints, Given, Method
 from dolfinx_contact.points.elements import check_elements, check_quadrature, displacement_degree
 from dolfinx_contact.points.evaluation import PointEvaluator, blocked_space
-from dolfinx_contact.points.trace import exterior_facets
+from dolfinx_contact.points.trace import at_global_places, exterior_facets
 
 __all__ = ["ContactSurface"]
 
@@ -136,7 +136,13 @@ class ContactSurface:
         self.given = Given(self.gap, self.normal, given)
         self._scatter()
         self.points = ContactPoints(
-            u.function_space, self.submesh, self.method, self.degrees, rule_degree, self.given
+            u.function_space,
+            self.submesh,
+            self.method,
+            self.degrees,
+            rule_degree,
+            self.given,
+            obstacle.nodes,
         )
         number = self.points.number
         self.law_at_points = LawAtPoints(self.law, self.dim, number, self.comm)
@@ -190,6 +196,24 @@ class ContactSurface:
         require(self.comm, not bool((radius < -1e-14).any()), message)
 
     # -- nodes and points ------------------------------------------------------------------------
+
+    @property
+    def between_bodies(self) -> bool:
+        """Whether what may be touched is a body as well."""
+        return self.obstacle.nodes is not None
+
+    def opposite(self, values: Array) -> Array:
+        """Values of the nodes opposite to the local nodes, 0 where there are none. Collective.
+
+        Args:
+            values: at the nodes of the displacement (n, ...), of which the owned ones count.
+        """
+        found, nodes = np.zeros_like(values), self.obstacle.nodes
+        if nodes is not None:
+            V, on = self.u.function_space, np.flatnonzero(nodes >= 0)
+            owned = values[: V.dofmap.index_map.size_local]
+            found[on] = at_global_places(self.comm, owned, nodes[on])
+        return found
 
     @property
     def Q(self) -> fem.FunctionSpace:

@@ -3,6 +3,9 @@
 
 from __future__ import annotations
 
+from mpi4py import MPI
+from petsc4py import PETSc
+
 import numpy as np
 import numpy.typing as npt
 
@@ -10,8 +13,16 @@ from dolfinx import fem, la, mesh
 
 from dolfinx_contact._compat import is_topology_of
 from dolfinx_contact._errors import everywhere, require
+from dolfinx_contact.body.cells import midpoints
 
-__all__ = ["exterior_facets", "facet_closures", "owned_exterior", "trace_dofs"]
+__all__ = [
+    "at_global_places",
+    "exterior_facets",
+    "facet_closures",
+    "outward_normals",
+    "owned_exterior",
+    "trace_dofs",
+]
 
 
 def owned_exterior(domain: mesh.Mesh, facets: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
@@ -115,3 +126,74 @@ def trace_dofs(
     if len(parent_facets):
         nodes[wanted] = np.take_along_axis(candidates, np.argmin(distance, axis=2), axis=1)
     return nodes
+
+
+def outward_normals(
+    V: fem.FunctionSpace, facets: npt.NDArray[np.int32]
+) -> tuple[npt.NDArray[np.float64], float]:
+    """Unit normals at the local nodes, means over the facets around them by area. Collective.
+
+    Args:
+        V: a Lagrange space.
+        facets: local exterior facets, ghosts included.
+
+    Returns:
+        Normals (nodes, dim), zero off the facets, and the size of the smallest facet of this rank.
+    """
+    domain, dim = V.mesh, V.mesh.geometry.dim
+    domain.topology.create_connectivity(dim - 1, dim)
+    owned = facets[facets < domain.topology.index_map(dim - 1).size_local]
+    sums = la.vector(V.dofmap.index_map, dim)
+    sums.array[:] = 0.0
+    size = np.inf
+    if len(owned):
+        corners = mesh.entities_to_geometry(domain, dim - 1, owned)
+        x = domain.geometry.x[corners][:, :, :dim]
+        if dim == 2:
+            along = x[:, 1] - x[:, 0]
+            normals = np.stack([along[:, 1], -along[:, 0]], axis=1)
+        elif x.shape[1] == 3:
+            normals = 0.5 * np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
+        else:  # in tensor order: half the product of the diagonals
+            normals = 0.5 * np.cross(x[:, 3] - x[:, 0], x[:, 2] - x[:, 1])
+        to_cells = domain.topology.connectivity(dim - 1, dim)
+        cells = to_cells.array[to_cells.offsets[owned]]
+        inside = midpoints(domain, cells) - x.mean(axis=1)
+        normals[np.sum(inside * normals, axis=1) > 0] *= -1.0
+        size = float(np.min(np.linalg.norm(normals, axis=1)) ** (1 / (dim - 1)))
+        closures = facet_closures(V, owned)
+        for nodes in closures.T:
+            np.add.at(sums.array.reshape(-1, dim), nodes, normals)
+    sums.scatter_reverse(la.InsertMode.add)
+    sums.scatter_forward()
+    values = sums.array.reshape(-1, dim).copy()
+    length = np.linalg.norm(values, axis=1, keepdims=True)
+    return np.divide(values, length, out=np.zeros_like(values), where=length > 0), size
+
+
+def at_global_places(
+    comm: MPI.Comm, values: npt.NDArray[np.float64], places: npt.NDArray[np.int64]
+) -> npt.NDArray[np.float64]:
+    """Values of any rank. Collective.
+
+    Args:
+        comm: communicator.
+        values: of this rank (n, ...).
+        places: among those of all ranks, of any shape.
+
+    Returns:
+        Of shape (*places.shape, ...).
+    """
+    shape = values.shape[1:]
+    width = int(np.prod(shape, dtype=int))
+    given = PETSc.Vec().createMPI((values.size, None), comm=comm)
+    given.array[:] = values.reshape(-1)
+    entries = width * places.reshape(-1, 1) + np.arange(width)
+    wanted = PETSc.IS().createGeneral(entries.reshape(-1).astype(PETSc.IntType), comm=comm)
+    here = PETSc.Vec().createSeq(entries.size, comm=PETSc.COMM_SELF)
+    scatter = PETSc.Scatter().create(given, wanted, here, None)
+    scatter.scatter(given, here)
+    found = here.array_r.copy()
+    for thing in (given, wanted, here, scatter):
+        thing.destroy()
+    return np.asarray(found.reshape(*places.shape, *shape))

@@ -59,13 +59,14 @@ def can_condense(system: ParametricEquations, *, partly: bool = False) -> bool:
     if eq.dim != 2 or not 0 < points <= _MOST_POINTS or not system.held_laws:
         return False
     nodes, mixed, polyhedral = [], False, True
-    for s, clamped in zip(eq.surfaces, eq.constraints.clamped, strict=True):
+    known = eq.constraints.clamped, eq.constraints.held
+    for s, clamped, held in zip(eq.surfaces, *known, strict=True):
         if s.points.E is not None or (partly and s.method != "nodal"):
             return False
         polyhedral = polyhedral and is_polyhedral(s.law_at_points, s.points.data)
         trace = s.points.vertex_trace_dofs
         nodes.append(trace)
-        fixed = eq.constraints.fixed[trace]
+        fixed = held[trace]
         some = fixed.any(axis=1) & ~fixed.all(axis=1)
         if partly:
             # Of a normal that is not along an axis a part would be prescribed.

@@ -45,7 +45,7 @@ class GatheredPoints:
         columns: list[tuple[Any, ...]] = []
         for number, s in enumerate(eq.surfaces):
             n = s.points.number
-            held = eq.constraints.fixed[s.points.vertex_trace_dofs[:n]].any(axis=1)
+            held = eq.constraints.held[number][s.points.vertex_trace_dofs[:n]].any(axis=1)
             at_rest = np.zeros((n, 2))
             slope = s.answers(at_rest, at_rest).unit_bound
             data = s.points.data

@@ -69,15 +69,16 @@ def balance(eq: ContactEquations, state: State, tables: Iterable[ContactForces])
     Args:
         eq: the contact problem.
         state: with reactions.
-        tables: of all surfaces.
+        tables: of all surfaces, in their order.
     """
     comm, n = eq.comm, eq.V.dofmap.index_map.size_local
     reactions = support_at_nodes(eq, state)[:n]
     support = comm.allreduce(reactions.sum(axis=0))
     external = -comm.allreduce(eq.bulk.local_rows(state.u).sum(axis=0))
     contact, size = np.zeros_like(support), 0.0
-    for t in tables:
-        contact += t.force.sum(axis=0)
+    for s, t in zip(eq.surfaces, tables, strict=True):
+        if not s.between_bodies:  # else it acts on both of what is one whole here
+            contact += t.force.sum(axis=0)
         size += float(np.linalg.norm(t.force, axis=1).sum())
     size += comm.allreduce(float(np.linalg.norm(reactions, axis=1).sum()))
     size += float(np.linalg.norm(external))

@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+# # Two elastic blocks, one on the other
+#
+# This demo illustrates how to:
+#
+# - put two bodies of different materials into one mesh (`meshing.join`);
+# - let them touch each other along faces with matching nodes (`ContactPair`);
+# - compare with the same body on a rigid floor.
+#
+# A unit square lies on a block of half its height, which is clamped below; plane strain. Its top is
+# pressed down by 1 % and drawn to the right. Where both yield, the lower body gives way to shear as
+# the upper does, and a part of the interface sticks that would slip on a rigid floor.
+#
+# The static law of Coulomb is solved for the state at the end (total displacements, no history).
+
+from mpi4py import MPI
+
+import numpy as np
+
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact import ContactPair, ContactProblem, ContactSurface, Coulomb, HalfSpace, output
+from dolfinx_contact.command_line import ScriptParser, number
+from dolfinx_contact.grids import create_grid
+from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.meshing import join
+
+
+def arguments(argv=None):
+    parser = ScriptParser("Two blocks", output="output/two_blocks", n=8, friction=0.25)
+    pair = dict(type=number(), nargs=2, metavar=("E", "NU"))
+    parser.add_argument("--upper", default=[1000.0, 0.3], help="of the upper block", **pair)
+    parser.add_argument("--lower", default=[300.0, 0.2], help="of the lower block", **pair)
+    parser.add_argument("--rigid-floor", action="store_true", help="instead of the lower block")
+    parser.add_argument("--static", action="store_true", help="the static law, the only one here")
+    motion = dict(type=number(), nargs=2, metavar=("UX", "UY"))
+    parser.add_argument("--top", default=[0.011, -0.01], help="motion of the top", **motion)
+    return parser.parse(argv)
+
+
+# ## The bodies
+#
+# Both have nodes of their own on y = 0. Cells of the first mesh that is joined get the tag 1, those
+# of the second 2; the facets on the interface are found by the cell that they belong to.
+
+
+def blocks(n, comm, *, rigid_floor=False):
+    """Mesh, cell tags, and the facets of slave and master."""
+    x = np.linspace(0.0, 1.0, n + 1)
+    below = np.linspace(-0.5, 0.0, max(n // 2, 1) + 1)
+    cell = mesh.CellType.quadrilateral
+    bodies = [create_grid(comm, [x, y], cell) for y in ([x] if rigid_floor else [x, below])]
+    both = join(bodies)
+    domain, parts = both.mesh, both.cell_tags
+    on_interface = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 0.0))
+    to_cells = domain.topology.connectivity(1, 2)
+    upper = np.isin(to_cells.array[to_cells.offsets[on_interface]], parts.find(1))
+    return domain, parts, on_interface[upper], on_interface[~upper]
+
+
+def problem(args, comm):
+    domain, parts, slave, master = blocks(args.n, comm, rigid_floor=args.rigid_floor)
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V, name="displacement")
+    dx = ufl.Measure("dx", domain, subdomain_data=parts)
+    materials = [LinearElastic.from_young(*given) for given in (args.upper, args.lower)]
+    energy = sum(m.energy(u) * dx(tag) for tag, m in enumerate(materials, 1))
+
+    def line(y):
+        facets = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], y))
+        return fem.locate_dofs_topological(V, 1, facets)
+
+    bcs = [fem.dirichletbc(np.array(args.top), line(1.0), V)]
+    if args.rigid_floor:
+        floor = HalfSpace((0, 0), (0, 1))
+        contact = ContactSurface(u, slave, obstacle=floor, law=Coulomb(args.friction))
+    else:
+        bcs.append(fem.dirichletbc(np.zeros(2), line(-0.5), V))
+        contact = ContactPair(u, slave, master_facets=master, law=Coulomb(args.friction))
+    return ContactProblem(energy, u, [contact], bcs=bcs)
+
+
+def main(argv=None):
+    args = arguments(argv)
+    comm = MPI.COMM_WORLD
+    folder, say = output.output_folder(comm, args.output), output.Report(comm)
+    both = problem(args, comm)
+    result = both.solve()
+    say.result(result)
+    table = result.tables["contact"]
+    ut, rt = table.along(table.ut), table.along(table.rt)
+    step = {"status": table.status, "ut": ut, "un": table.un, "rt": rt, "rn": table.rn}
+    step = {k: v if isinstance(v, str) else v.tolist() for k, v in step.items()}
+    step |= {"sum_rt": float(rt.sum()), "sum_rn": float(table.rn.sum())}
+    say(f"from left to right: {table.status}")
+    output.picture_of_contact(folder / "contact.png", both)
+    output.picture_of_body(folder / "body.png", both, scale=10.0)
+    output.write_fields(folder, both)
+    output.write_contact_table(comm, folder, [table])
+    return output.write_summary(comm, folder, result.summary() | {"steps": [step]})
+
+
+if __name__ == "__main__":
+    main()

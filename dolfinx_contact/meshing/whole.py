@@ -1,0 +1,204 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Whole meshes, on rank 0, as meshes are when they are read: to be changed and distributed anew.
+
+Cells and nodes are in the order of the input, so that what comes out is the same on any number of
+ranks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+
+import basix
+from dolfinx import mesh
+
+from dolfinx_contact._compat import create_mesh, geometry_dofmap, tags_of_entities
+from dolfinx_contact._errors import everywhere, require, same_everywhere
+from dolfinx_contact.meshing.gmsh import GmshMesh, NamedTags
+
+__all__ = ["WholeMesh", "distributed", "gathered", "join"]
+
+Nodes = npt.NDArray[np.int64]
+Tags = npt.NDArray[np.int32]
+
+
+@dataclass(frozen=True)
+class WholeMesh:
+    """A mesh and its tags.
+
+    Attributes:
+        cells: nodes of every cell (cells, k), in the order of DOLFINx.
+        x: coordinates (nodes, dim).
+        tagged_cells: numbers of cells with a tag.
+        cell_values: their tags.
+        facets: nodes of facets with a tag (facets, k).
+        facet_values: their tags.
+    """
+
+    cells: Nodes
+    x: npt.NDArray[np.float64]
+    tagged_cells: Nodes
+    cell_values: Tags
+    facets: Nodes
+    facet_values: Tags
+
+
+def gathered(
+    domain: mesh.Mesh, cell_tags: mesh.MeshTags | None, facet_tags: mesh.MeshTags | None
+) -> WholeMesh | None:
+    """A mesh on rank 0, None elsewhere. Collective.
+
+    Raises:
+        ValueError: on every rank, if the cells are curved.
+    """
+    comm, tdim = domain.comm, domain.topology.dim
+    degree = domain.ufl_domain().ufl_coordinate_element().degree
+    require(comm, degree == 1, "the cells are curved: only meshes of first order can be split")
+    n = domain.topology.index_map(tdim).size_local
+    nodes = np.asarray(domain.geometry.input_global_indices, dtype=np.int64)
+    owned = domain.geometry.index_map().size_local
+    try:
+        index = np.asarray(domain.topology.original_cell_index[:n], dtype=np.int64)
+    except RuntimeError:  # a submesh has none
+        index = (comm.exscan(n) or 0) + np.arange(n)
+    cells, values = _tagged(cell_tags, n)
+    number = 0 if facet_tags is None else domain.topology.index_map(tdim - 1).size_local
+    facets, facet_values = _tagged(facet_tags, number)
+    corners = np.empty((0, len(basix.topology(domain.basix_cell())[-2][0])), dtype=np.int64)
+    if len(facets):
+        domain.topology.create_connectivity(tdim - 1, tdim)
+        corners = nodes[mesh.entities_to_geometry(domain, tdim - 1, facets)]
+    parts = comm.gather(
+        (
+            index,
+            nodes[geometry_dofmap(domain)[:n]],
+            nodes[:owned],
+            domain.geometry.x[:owned, : domain.geometry.dim],
+            index[cells],
+            values,
+            corners,
+            facet_values,
+        )
+    )
+    if parts is None:
+        return None
+    columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
+    order, places = np.argsort(columns[0]), np.argsort(columns[2])
+    known = columns[2][places]
+    return WholeMesh(
+        np.searchsorted(known, columns[1][order]),
+        columns[3][places],
+        np.searchsorted(columns[0][order], columns[4]),
+        columns[5],
+        np.searchsorted(known, columns[6]),
+        columns[7],
+    )
+
+
+def _tagged(tags: mesh.MeshTags | None, owned: int) -> tuple[npt.NDArray[np.int32], Tags]:
+    """Owned entities with a tag, and their tags."""
+    if tags is None:
+        return np.empty(0, dtype=np.int32), np.empty(0, dtype=np.int32)
+    mine = tags.indices < owned
+    return tags.indices[mine], tags.values[mine].astype(np.int32)
+
+
+def distributed(
+    comm: MPI.Comm, whole: WholeMesh | None, element: Any
+) -> tuple[mesh.Mesh, mesh.MeshTags, mesh.MeshTags]:
+    """The mesh of what rank 0 has, with tags of cells and facets. Collective.
+
+    Args:
+        comm: communicator.
+        whole: on rank 0.
+        element: UFL coordinate element.
+    """
+    shape = comm.bcast(
+        None if whole is None else (whole.cells.shape[1], whole.x.shape[1], whole.facets.shape[1])
+    )
+    if whole is None:
+        none = np.empty(0, dtype=np.int64)
+        tags = none.astype(np.int32)
+        cells, facets = none.reshape(0, shape[0]), none.reshape(0, shape[2])
+        whole = WholeMesh(cells, np.empty((0, shape[1])), none, tags, facets, tags)
+    domain = create_mesh(comm, whole.cells, whole.x, element)
+    tdim = domain.topology.dim
+    cell_tags = tags_of_entities(domain, tdim, whole.cells[whole.tagged_cells], whole.cell_values)
+    facet_tags = tags_of_entities(domain, tdim - 1, whole.facets, whole.facet_values)
+    return domain, cell_tags, facet_tags
+
+
+def join(
+    meshes: Sequence[mesh.Mesh],
+    *,
+    cell_tags: Sequence[mesh.MeshTags] | None = None,
+    facet_tags: Sequence[mesh.MeshTags] | None = None,
+) -> GmshMesh:
+    """One mesh of several bodies, which share no nodes. Collective.
+
+    Args:
+        meshes: of one kind of cells and one dimension, each on all ranks.
+        cell_tags: of every mesh; by default the cells of the first body get 1, of the second 2, and
+            so on.
+        facet_tags: of every mesh, by default none.
+
+    Returns:
+        Mesh, cell tags and facet tags; no group has a name.
+
+    Raises:
+        ValueError: on every rank, if the meshes differ in their kind or dimension, or are curved.
+    """
+    comm = meshes[0].comm if len(meshes) else MPI.COMM_WORLD
+    with everywhere(comm, "joining meshes"):
+        if not len(meshes):
+            raise ValueError("there is no mesh to join")
+        kinds = {(m.basix_cell(), m.geometry.dim) for m in meshes}
+        if len(kinds) > 1:
+            raise ValueError(
+                f"meshes of different kinds cannot be joined: {sorted(map(str, kinds))}"
+            )
+        for tags in (cell_tags, facet_tags):
+            if tags is not None and len(tags) != len(meshes):
+                raise ValueError(f"{len(meshes)} meshes need as many tags, got {len(tags)}")
+    same_everywhere(comm, number_of_meshes=len(meshes))
+    none = [None] * len(meshes)
+    parts = [
+        gathered(m, c, f)
+        for m, c, f in zip(meshes, cell_tags or none, facet_tags or none, strict=True)
+    ]
+    whole = None
+    if comm.rank == 0:
+        known = [p for p in parts if p is not None]
+        if cell_tags is None:
+            known = [
+                replace(
+                    p,
+                    tagged_cells=np.arange(len(p.cells)),
+                    cell_values=np.full(len(p.cells), i + 1, dtype=np.int32),
+                )
+                for i, p in enumerate(known)
+            ]
+        whole = _joined(known)
+    element = meshes[0].ufl_domain().ufl_coordinate_element()
+    domain, cells, facets = distributed(comm, whole, element)
+    return GmshMesh(domain, cells, NamedTags(facets, {}), {})
+
+
+def _joined(parts: Sequence[WholeMesh]) -> WholeMesh:
+    nodes = np.cumsum([0, *(len(p.x) for p in parts)])
+    cells = np.cumsum([0, *(len(p.cells) for p in parts)])
+    return WholeMesh(
+        np.concatenate([p.cells + a for p, a in zip(parts, nodes, strict=False)]),
+        np.concatenate([p.x for p in parts]),
+        np.concatenate([p.tagged_cells + a for p, a in zip(parts, cells, strict=False)]),
+        np.concatenate([p.cell_values for p in parts]),
+        np.concatenate([p.facets + a for p, a in zip(parts, nodes, strict=False)]),
+        np.concatenate([p.facet_values for p in parts]),
+    )

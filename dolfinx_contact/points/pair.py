@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Contact between two bodies, or between the sides of a crack."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx import fem, mesh
+
+from dolfinx_contact._errors import everywhere, same_everywhere
+from dolfinx_contact.laws import Law
+from dolfinx_contact.meshing import GmshMesh, tagged_facets
+from dolfinx_contact.points.contact_points import Method
+from dolfinx_contact.points.elements import displacement_degree
+from dolfinx_contact.points.opposite import OppositeFacets
+from dolfinx_contact.points.surface import ContactSurface
+from dolfinx_contact.points.trace import exterior_facets
+
+__all__ = ["ContactPair"]
+
+
+class ContactPair(ContactSurface):
+    """Two faces of one mesh that may touch each other, with a law; small sliding.
+
+    The mesh has several parts, or a crack (`meshing.crack`). The contact points, the multiplier and
+    everything that is written are those of the *slave*: n points from it to the master, tractions
+    and forces are those on it, ``un`` and ``ut`` are gap and slip of the slave from the master. The
+    faces match: to every node of the slave one of the master lies opposite, at its place or across
+    a gap along the normal. Where a crack ends slave and master share nodes; these carry no contact.
+
+    Args:
+        u: displacement of all bodies, a vector Lagrange Function of degree 1 or 2.
+        facets: as for `ContactSurface`; of arrays those of the slave.
+        law: of contact and friction.
+        slave: tag, or name of a physical group of a mesh from gmsh.
+        master: likewise.
+        master_facets: local indices of the facets of the master, where those of the slave are
+            given by indices.
+        gap: initial gap, UFL or a number; by default that of the geometry.
+        interference: whether the bodies may overlap, as in a press fit; else an overlap is an
+            error.
+        method: as for `ContactSurface`, and so the rest.
+        multiplier_degree: of the multiplier.
+        quadrature_degree: of the Gauss points.
+        name: used in messages and tables.
+
+    Raises:
+        ValueError: on every rank, as `ContactSurface`; and if both faces have facets in common, do
+            not match, look the same way, or overlap without ``interference``.
+    """
+
+    def __init__(
+        self,
+        u: fem.Function,
+        facets: GmshMesh | mesh.MeshTags | npt.NDArray[np.int32],
+        *,
+        law: Law,
+        slave: int | str | None = None,
+        master: int | str | None = None,
+        master_facets: npt.NDArray[np.int32] | None = None,
+        gap: Any = None,
+        interference: bool = False,
+        method: Method | None = None,
+        multiplier_degree: int = 1,
+        quadrature_degree: int | None = None,
+        name: str = "contact",
+    ):
+        if not isinstance(u, fem.Function):
+            raise ValueError(f"the displacement must be a Function, got {type(u).__name__}")
+        V, comm = u.function_space, u.function_space.mesh.comm
+        with everywhere(comm, "a contact pair"):
+            if not isinstance(name, str) or not name:
+                raise ValueError(f"the name of a contact pair must be a word, got {name!r}")
+            displacement_degree(u)
+        same_everywhere(comm, name, interference=bool(interference), gap=gap is None)
+        theirs = facets if master_facets is None else master_facets
+        sides = [
+            exterior_facets(V.mesh, *tagged_facets(comm, given, tag, side), side)
+            for given, tag, side in (
+                (facets, slave, f"{name}, slave"),
+                (theirs, master, f"{name}, master"),
+            )
+        ]
+        self.master_facets = sides[1]
+        super().__init__(
+            u,
+            sides[0],
+            obstacle=OppositeFacets(
+                V, sides[0], sides[1], gap=gap, interference=interference, name=name
+            ),
+            law=law,
+            method=method,
+            multiplier_degree=multiplier_degree,
+            quadrature_degree=quadrature_degree,
+            name=name,
+        )
