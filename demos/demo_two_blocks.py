@@ -4,7 +4,8 @@
 # This demo illustrates how to:
 #
 # - put two bodies of different materials into one mesh (`meshing.join`);
-# - let them touch each other along faces with matching nodes (`ContactPair`);
+# - let them touch each other (`ContactPair`), along faces with the same nodes or, with `--ratio 2`,
+#   with others: the coupling is then a mortar;
 # - compare with the same body on a rigid floor.
 #
 # A unit square lies on a block of half its height, which is clamped below; plane strain. Its top is
@@ -34,6 +35,8 @@ def arguments(argv=None):
     parser.add_argument("--lower", default=[300.0, 0.2], help="of the lower block", **pair)
     parser.add_argument("--rigid-floor", action="store_true", help="instead of the lower block")
     parser.add_argument("--static", action="store_true", help="the static law, the only one here")
+    ratio = dict(type=number(int, above=0), default=1)
+    parser.add_argument("--ratio", help="times as many elements along the lower face", **ratio)
     motion = dict(type=number(), nargs=2, metavar=("UX", "UY"))
     parser.add_argument("--top", default=[0.011, -0.01], help="motion of the top", **motion)
     return parser.parse(argv)
@@ -45,13 +48,12 @@ def arguments(argv=None):
 # of the second 2; the facets on the interface are found by the cell that they belong to.
 
 
-def blocks(n, comm, *, rigid_floor=False):
+def blocks(n, comm, *, ratio=1, rigid_floor=False):
     """Mesh, cell tags, and the facets of slave and master."""
-    x = np.linspace(0.0, 1.0, n + 1)
+    x, y = (np.linspace(0.0, 1.0, m * n + 1) for m in (ratio, 1))
     below = np.linspace(-0.5, 0.0, max(n // 2, 1) + 1)
-    cell = mesh.CellType.quadrilateral
-    bodies = [create_grid(comm, [x, y], cell) for y in ([x] if rigid_floor else [x, below])]
-    both = join(bodies)
+    bodies = [(y, y)] if rigid_floor else [(y, y), (x, below)]
+    both = join([create_grid(comm, axes, mesh.CellType.quadrilateral) for axes in bodies])
     domain, parts = both.mesh, both.cell_tags
     on_interface = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 0.0))
     to_cells = domain.topology.connectivity(1, 2)
@@ -60,7 +62,9 @@ def blocks(n, comm, *, rigid_floor=False):
 
 
 def problem(args, comm):
-    domain, parts, slave, master = blocks(args.n, comm, rigid_floor=args.rigid_floor)
+    domain, parts, slave, master = blocks(
+        args.n, comm, ratio=args.ratio, rigid_floor=args.rigid_floor
+    )
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
     u = fem.Function(V, name="displacement")
     dx = ufl.Measure("dx", domain, subdomain_data=parts)

@@ -75,9 +75,8 @@ class Obstacle:
     points, and whether the sliding is small is not checked.
     """
 
-    #: For every local node of the displacement the global node opposite to it, -1 where there is
-    #: none; None where the obstacle does not move.
-    nodes: npt.NDArray[np.int64] | None = None
+    #: What moves with the displacement (`points.opposite.Opposite`); None where nothing does.
+    opposite: Any = None
 
     @property
     def flat(self) -> bool:

@@ -164,13 +164,12 @@ class Constraints:
 
     def _held(self, s: ContactSurface) -> npt.NDArray[np.bool_]:
         """Local nodes x dim, True where the jump is fixed. Collective."""
-        nodes = s.obstacle.nodes
-        if nodes is None:
+        opposite = s.obstacle.opposite
+        if opposite is None:
             return self.fixed
-        index_map = self._V.dofmap.index_map
-        mine = index_map.local_to_global(np.arange(len(nodes), dtype=np.int32))
-        both = self.fixed & (s.opposite(self.fixed.astype(float)) > 0.5)
-        return np.asarray(both | (mine == nodes)[:, None])
+        free = (~self.fixed[: self._V.dofmap.index_map.size_local]).astype(float)
+        moves = opposite.values(s.comm, free, len(self.fixed), sizes=True) > 0
+        return np.asarray((self.fixed & ~moves) | opposite.none[:, None])
 
 
 def _removed(s: ContactSurface, held: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:

@@ -32,6 +32,7 @@ from dolfinx_contact._compat import (
 from dolfinx_contact._forms import compiled_form
 from dolfinx_contact.laws import PointData
 from dolfinx_contact.points.evaluation import PointEvaluator, blocked_space, point_space
+from dolfinx_contact.points.opposite import Opposite
 from dolfinx_contact.points.stencils import Stencils, weights_matrix
 from dolfinx_contact.points.trace import owned_exterior, trace_dofs
 
@@ -39,7 +40,8 @@ __all__ = ["ContactPoints", "Given", "Method"]
 
 Array = npt.NDArray[np.float64]
 Nodes = npt.NDArray[np.int64]
-Trace = Callable[[npt.NDArray[np.int32]], Nodes]
+#: Global nodes and their weights (..., k) of local nodes of the displacement.
+Trace = Callable[[npt.NDArray[np.int32]], tuple[Nodes, Array]]
 Method = Literal["nodal", "integral", "mixed"]
 
 
@@ -81,8 +83,7 @@ class ContactPoints:
         degrees: of displacement and multiplier.
         rule_degree: of the Gauss points of the integral method.
         given: what is given on the surface.
-        opposite: for every local node of ``V`` on the surface the global node of another body that
-            lies opposite to it; None where nothing else moves.
+        opposite: what moves opposite to the nodes; None where nothing does.
 
     Attributes:
         number: of points.
@@ -115,7 +116,7 @@ class ContactPoints:
         degrees: tuple[int, int],
         rule_degree: int,
         given: Given,
-        opposite: npt.NDArray[np.int64] | None = None,
+        opposite: Opposite | None = None,
     ):
         self._V, self.submesh, self.method, self.given = V, submesh, method, given
         self._opposite = opposite
@@ -148,6 +149,9 @@ class ContactPoints:
         areas = self._evaluate if self._average is None else self._average
         self.areas = areas.areas[: self.number].copy()
         self.vertex_areas = self._at_vertices.areas if method == "integral" else areas.areas
+        if opposite is not None and opposite.areas is not None:
+            self.vertex_areas = opposite.areas[self.vertex_trace_dofs]
+            self.areas = self.vertex_areas[: self.number].copy()
         stencils = {"nodal": self._nodal, "integral": self._integral, "mixed": self._mixed}
         traces = self._traces
         self.stencils: Stencils = stencils[method](traces[0])
@@ -298,16 +302,14 @@ class ContactPoints:
 
     @property
     def _traces(self) -> list[Trace]:
-        """Of the body, and of what lies opposite: from local nodes of ``V`` to global ones."""
+        """Of the body, and of what lies opposite."""
 
-        def here(nodes: npt.NDArray[np.int32]) -> Nodes:
+        def here(nodes: npt.NDArray[np.int32]) -> tuple[Nodes, Array]:
             flat = self._V.dofmap.index_map.local_to_global(nodes.reshape(-1))
-            return np.asarray(flat, dtype=np.int64).reshape(nodes.shape)
+            known = np.asarray(flat, dtype=np.int64).reshape(*nodes.shape, 1)
+            return known, np.ones(known.shape)
 
-        if self._opposite is None:
-            return [here]
-        opposite = self._opposite
-        return [here, lambda nodes: opposite[nodes]]
+        return [here] if self._opposite is None else [here, self._opposite.at]
 
     def _each_alone(self, nodes: Nodes, weights: Array) -> Stencils:
         """Points that are multiplier nodes."""
@@ -317,8 +319,7 @@ class ContactPoints:
         return Stencils(mine, nodes, weights[:, None, :], first + mine, np.ones((n, 1, 1)), True)
 
     def _nodal(self, trace: Trace) -> Stencils:
-        nodes = trace(self.trace_dofs[: self.number])[:, None]
-        return self._each_alone(nodes, np.ones((self.number, 1)))
+        return self._each_alone(*trace(self.trace_dofs[: self.number]))
 
     def _mixed(self, trace: Trace) -> Stencils:
         W = self.vertices
@@ -350,16 +351,18 @@ class ContactPoints:
         U = point_space(sub, None)
         if u_element.degree > 1:
             U = fem.functionspace(sub, ("Lagrange", u_element.degree))
-        nodes = trace(trace_dofs(self._V, U, self.submesh.parent_facets)[U.dofmap.list[:cells]])
+        at = trace_dofs(self._V, U, self.submesh.parent_facets)[U.dofmap.list[:cells]]
+        nodes, shares = trace(at)  # (cells, basis functions, nodes of each)
         mine = self.Q.dofmap.list[:cells]
         known = self.Q.dofmap.index_map.local_to_global(mine.reshape(-1)).reshape(mine.shape)
         points = self.space.dofmap.list[:cells].astype(np.int64)
         shape = (cells, points.shape[1])
         b, e = self._table(U), self._table(self.Q)
+        weights = b[None, :, :, None] * shares[:, None]
         return Stencils(
             points,
-            nodes,
-            np.broadcast_to(b, (*shape, b.shape[1])),
+            nodes.reshape(cells, b.shape[1] * shares.shape[2]),
+            weights.reshape(*shape, b.shape[1] * shares.shape[2]),
             known.astype(np.int64),
             np.broadcast_to(e, (*shape, e.shape[1])),
             False,

@@ -27,9 +27,14 @@ class ContactPair(ContactSurface):
 
     The mesh has several parts, or a crack (`meshing.crack`). The contact points, the multiplier and
     everything that is written are those of the *slave*: n points from it to the master, tractions
-    and forces are those on it, ``un`` and ``ut`` are gap and slip of the slave from the master. The
-    faces match: to every node of the slave one of the master lies opposite, at its place or across
-    a gap along the normal. Where a crack ends slave and master share nodes; these carry no contact.
+    and forces are those on it, ``un`` and ``ut`` are gap and slip of the slave from the master.
+
+    Faces *match* where to every node of the slave one of the master lies opposite, at its place or
+    across a gap along the normal. Where a crack ends slave and master share nodes; these carry no
+    contact. Faces that do not match are coupled by a `mortar`, for nodal contact (P1) in 2D: nodes
+    of the slave that have nothing opposite carry no contact either, of its facets the covered part
+    counts, and those of which less than 5 % is covered are dropped. The slave should be the finer
+    face, and not one whose nodes are all held.
 
     Args:
         u: displacement of all bodies, a vector Lagrange Function of degree 1 or 2.
@@ -49,7 +54,9 @@ class ContactPair(ContactSurface):
 
     Raises:
         ValueError: on every rank, as `ContactSurface`; and if both faces have facets in common, do
-            not match, look the same way, or overlap without ``interference``.
+            not match where they have to, look the same way, touch at a node without matching, or
+            overlap without ``interference``: by more than round-off where they match, else by more
+            than 5 % of a facet, since facets of curved faces are chords.
     """
 
     def __init__(
@@ -89,7 +96,13 @@ class ContactPair(ContactSurface):
             u,
             sides[0],
             obstacle=OppositeFacets(
-                V, sides[0], sides[1], gap=gap, interference=interference, name=name
+                V,
+                sides[0],
+                sides[1],
+                gap=gap,
+                interference=interference,
+                nodal=method in (None, "nodal") and V.ufl_element().degree == 1,
+                name=name,
             ),
             law=law,
             method=method,

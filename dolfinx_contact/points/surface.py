@@ -22,7 +22,8 @@ from dolfinx_contact.obstacles import Obstacle, gap_at
 from dolfinx_contact.points.contact_points import ContactPoints, Given, Method
 from dolfinx_contact.points.elements import check_elements, check_quadrature, displacement_degree
 from dolfinx_contact.points.evaluation import PointEvaluator, blocked_space
-from dolfinx_contact.points.trace import at_global_places, exterior_facets
+from dolfinx_contact.points.opposite import Opposite
+from dolfinx_contact.points.trace import exterior_facets
 
 __all__ = ["ContactSurface"]
 
@@ -142,7 +143,7 @@ class ContactSurface:
             self.degrees,
             rule_degree,
             self.given,
-            obstacle.nodes,
+            obstacle.opposite,
         )
         number = self.points.number
         self.law_at_points = LawAtPoints(self.law, self.dim, number, self.comm)
@@ -200,20 +201,19 @@ class ContactSurface:
     @property
     def between_bodies(self) -> bool:
         """Whether what may be touched is a body as well."""
-        return self.obstacle.nodes is not None
+        return self.obstacle.opposite is not None
 
     def opposite(self, values: Array) -> Array:
-        """Values of the nodes opposite to the local nodes, 0 where there are none. Collective.
+        """Values opposite to the local nodes, 0 where there is nothing. Collective.
 
         Args:
             values: at the nodes of the displacement (n, ...), of which the owned ones count.
         """
-        found, nodes = np.zeros_like(values), self.obstacle.nodes
-        if nodes is not None:
-            V, on = self.u.function_space, np.flatnonzero(nodes >= 0)
-            owned = values[: V.dofmap.index_map.size_local]
-            found[on] = at_global_places(self.comm, owned, nodes[on])
-        return found
+        opposite: Opposite | None = self.obstacle.opposite
+        if opposite is None:
+            return np.zeros_like(values)
+        owned = self.u.function_space.dofmap.index_map.size_local
+        return opposite.values(self.comm, values[:owned], len(values))
 
     @property
     def Q(self) -> fem.FunctionSpace:

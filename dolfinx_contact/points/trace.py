@@ -19,6 +19,7 @@ __all__ = [
     "at_global_places",
     "exterior_facets",
     "facet_closures",
+    "facet_normals",
     "outward_normals",
     "owned_exterior",
     "trace_dofs",
@@ -141,34 +142,43 @@ def outward_normals(
         Normals (nodes, dim), zero off the facets, and the size of the smallest facet of this rank.
     """
     domain, dim = V.mesh, V.mesh.geometry.dim
-    domain.topology.create_connectivity(dim - 1, dim)
     owned = facets[facets < domain.topology.index_map(dim - 1).size_local]
+    normals = facet_normals(domain, owned, unit=False)
     sums = la.vector(V.dofmap.index_map, dim)
     sums.array[:] = 0.0
-    size = np.inf
-    if len(owned):
-        corners = mesh.entities_to_geometry(domain, dim - 1, owned)
-        x = domain.geometry.x[corners][:, :, :dim]
-        if dim == 2:
-            along = x[:, 1] - x[:, 0]
-            normals = np.stack([along[:, 1], -along[:, 0]], axis=1)
-        elif x.shape[1] == 3:
-            normals = 0.5 * np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
-        else:  # in tensor order: half the product of the diagonals
-            normals = 0.5 * np.cross(x[:, 3] - x[:, 0], x[:, 2] - x[:, 1])
-        to_cells = domain.topology.connectivity(dim - 1, dim)
-        cells = to_cells.array[to_cells.offsets[owned]]
-        inside = midpoints(domain, cells) - x.mean(axis=1)
-        normals[np.sum(inside * normals, axis=1) > 0] *= -1.0
-        size = float(np.min(np.linalg.norm(normals, axis=1)) ** (1 / (dim - 1)))
-        closures = facet_closures(V, owned)
-        for nodes in closures.T:
-            np.add.at(sums.array.reshape(-1, dim), nodes, normals)
+    for nodes in facet_closures(V, owned).T:
+        np.add.at(sums.array.reshape(-1, dim), nodes, normals)
+    areas = np.linalg.norm(normals, axis=1)
+    size = float(np.min(areas, initial=np.inf) ** (1 / (dim - 1)))
     sums.scatter_reverse(la.InsertMode.add)
     sums.scatter_forward()
     values = sums.array.reshape(-1, dim).copy()
     length = np.linalg.norm(values, axis=1, keepdims=True)
     return np.divide(values, length, out=np.zeros_like(values), where=length > 0), size
+
+
+def facet_normals(
+    domain: mesh.Mesh, facets: npt.NDArray[np.int32], *, unit: bool = True
+) -> npt.NDArray[np.float64]:
+    """Outward normals of local exterior facets (n, dim), of unit length or that of the area."""
+    dim = domain.geometry.dim
+    if not len(facets):  # DOLFINx divides by their number
+        return np.zeros((0, dim))
+    domain.topology.create_connectivity(dim - 1, dim)
+    x = domain.geometry.x[mesh.entities_to_geometry(domain, dim - 1, facets)][:, :, :dim]
+    if dim == 2:
+        along = x[:, 1] - x[:, 0]
+        normals = np.stack([along[:, 1], -along[:, 0]], axis=1)
+    elif x.shape[1] == 3:
+        normals = 0.5 * np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
+    else:  # in tensor order: half the product of the diagonals
+        normals = 0.5 * np.cross(x[:, 3] - x[:, 0], x[:, 2] - x[:, 1])
+    to_cells = domain.topology.connectivity(dim - 1, dim)
+    inside = midpoints(domain, to_cells.array[to_cells.offsets[facets]]) - x.mean(axis=1)
+    normals[np.sum(inside * normals, axis=1) > 0] *= -1.0
+    if unit:
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return np.asarray(normals)
 
 
 def at_global_places(

@@ -1,0 +1,225 @@
+"""Contact between faces of different meshes."""
+
+from itertools import pairwise
+
+from mpi4py import MPI
+
+import demo_two_blocks
+import numpy as np
+import pytest
+from blocks import CELLS, box
+from test_pair import MATERIAL, displacement, held, largest, tagged
+
+import ufl
+from dolfinx import fem
+
+from dolfinx_contact import ContactPair, ContactProblem, Coulomb, Frictionless
+from dolfinx_contact.grids import create_grid
+from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.meshing import join
+
+COMM = MPI.COMM_WORLD
+#: Cells along the lower and the upper face, and from where to where these reach.
+CASES = [
+    (5, 7, (0.0, 1.0), (0.0, 1.0)),
+    (20, 3, (0.0, 1.0), (0.0, 1.0)),
+    (7, 3, (-0.3, 1.45), (0.0, 1.0)),  # a short one on a long one, its ends inside facets
+    (3, 3, (-0.3, 1.45), (0.0, 1.0)),
+]
+SIDES = [(3, 2), (2, 3)]  # tags of slave and master: 3 is above
+BASE = np.array([[0.3, -0.1], [0.07, -0.4]])  # of the linear field of the patch test
+
+
+def stacked(below, above, x_below, x_above, cell="quad", *, angle=0.0):
+    """Two boxes of height 1, face to face on y = 0; tags 1 below, 2 and 3, 4 above, 5, 6 aside."""
+    bodies, tags = [], []
+    for i, (n, reach) in enumerate([(below, x_below), (above, x_above)]):
+        y = np.linspace(i - 1.0, i, max(n // 2, 1) + 1)
+        body = create_grid(COMM, [np.linspace(*reach, n + 1), y], CELLS[cell])
+        planes = {f"t{2 * i + 1}": (1, i - 1.0), f"t{2 * i + 2}": (1, float(i))}
+        tags.append(tagged(body, **planes, t5=(0, reach[0]), t6=(0, reach[1])))
+        bodies.append(body)
+    both = join(bodies, facet_tags=tags)
+    x, (c, s) = both.mesh.geometry.x, (np.cos(angle), np.sin(angle))
+    x[:, :2] = x[:, :2] @ np.array([[c, -s], [s, c]]).T
+    return both
+
+
+def hats(points, a, b):
+    """Exact integrals of the hat functions of sorted points from ``a`` to ``b``."""
+    found = np.zeros(len(points))
+    for k, (p, q) in enumerate(pairwise(points)):
+        c, d = max(p, a), min(q, b)
+        if d > c:
+            share = ((d - p) ** 2 - (c - p) ** 2) / (2 * (q - p))
+            found[k + 1] += share
+            found[k] += d - c - share
+    return found
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.7])
+@pytest.mark.parametrize(("slave", "master"), SIDES)
+@pytest.mark.parametrize("case", CASES)
+def test_uniform_tractions(case, slave, master, angle):
+    """Forces on both faces are integrals over what they have in common, node by node."""
+    both = stacked(*case, angle=angle)
+    u = displacement(both.mesh)
+    pair = ContactPair(u, both, slave=slave, master=master, law=Frictionless())
+    assert not pair.obstacle.matching
+    ones, sums = pair.points.B.createVecs()
+    ones.set(1.0)
+    pair.points.B.mult(ones, sums)
+    assert largest(sums.array_r) < 1e-14
+    V = u.function_space
+    n = V.dofmap.index_map.size_local
+    force = pair.points.forces(np.tile([1.0, -2.0], (pair.points.number, 1))).reshape(-1, 2)[:n]
+    covered = ~pair.obstacle.opposite.none[pair.points.trace_dofs[: pair.points.number]]
+    force -= pair.points.forces(
+        np.where(covered[:, None], 0.0, np.tile([1.0, -2.0], (pair.points.number, 1)))
+    ).reshape(-1, 2)[:n]
+    common = max(case[2][0], case[3][0]), min(case[2][1], case[3][1])
+    along = V.tabulate_dof_coordinates()[:n, :2] @ [np.cos(angle), np.sin(angle)]
+    for tag, sign in ((slave, 1.0), (master, -1.0)):
+        count, reach = (case[0], case[2]) if tag == 2 else (case[1], case[3])
+        points = np.linspace(*reach, count + 1)
+        exact = hats(points, *common)
+        nodes = fem.locate_dofs_topological(V, 1, both.facet_tags.find(tag))
+        nodes = nodes[nodes < n]
+        at = np.searchsorted(points, along[nodes] - 1e-9)
+        np.testing.assert_allclose(force[nodes, 0], sign * exact[at], atol=1e-14)
+        np.testing.assert_allclose(force[nodes, 1], -2 * sign * exact[at], atol=1e-14)
+    x = V.tabulate_dof_coordinates()[:n, :2]
+    moment = COMM.allreduce(float(np.sum(x[:, 0] * force[:, 1] - x[:, 1] * force[:, 0])))
+    assert abs(moment) < 1e-13
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.7])
+@pytest.mark.parametrize("cell", ["tri", "quad"])
+@pytest.mark.parametrize(("slave", "master"), SIDES)
+@pytest.mark.parametrize("case", CASES[:2])
+def test_patch(case, slave, master, cell, angle):
+    """A linear displacement, with pressure and a shear below the bound, to round-off."""
+    both = stacked(*case, cell=cell, angle=angle)
+    u = displacement(both.mesh)
+    c, s = np.cos(angle), np.sin(angle)
+    R = np.array([[c, -s], [s, c]])
+    gradient = 1e-3 * R @ BASE @ R.T
+    strain = (gradient + gradient.T) / 2
+    lmbda, mu = MATERIAL.lmbda, MATERIAL.mu
+    stress = lmbda * np.trace(strain) * np.eye(2) + 2 * mu * strain
+    normal = R @ [0.0, 1.0]
+    pressure, shear = -normal @ stress @ normal, abs(R @ [1.0, 0.0] @ stress @ normal)
+    assert 0 < 3 * shear < pressure
+    exact = fem.Function(u.function_space)
+    exact.interpolate(lambda x: gradient @ x[:2])
+    pair = ContactPair(u, both, slave=slave, master=master, law=Coulomb(0.5))
+    ds = ufl.Measure("ds", both.mesh, subdomain_data=both.facet_tags)
+    traction = ufl.dot(fem.Constant(both.mesh, stress), ufl.FacetNormal(both.mesh))
+    energy = MATERIAL.energy(u) * ufl.dx - ufl.dot(traction, u) * ds((4, 5, 6))
+    dofs = fem.locate_dofs_topological(u.function_space, 1, both.facet_tags.find(1))
+    problem = ContactProblem(
+        energy,
+        u,
+        [pair],
+        bcs=[fem.dirichletbc(exact, dofs)],
+        petsc_options={"snes_rtol": 1e-13},
+    )
+    result = problem.solve()
+    table = result.tables["contact"]
+    assert set(table.status) == {"k"}
+    np.testing.assert_allclose(table.pressure, pressure, rtol=1e-11)
+    np.testing.assert_allclose(np.abs(table.along(table.shear)), shear, rtol=1e-11)
+    assert largest(u.x.array - exact.x.array) < 1e-11 * largest(exact.x.array)
+    assert result.imbalance < 1e-12
+
+
+@pytest.mark.parametrize("ratio", [1.5, 2, 3])
+@pytest.mark.parametrize(("slave", "master"), SIDES)
+def test_more_elements_converge_to_one_body(slave, master, ratio):
+    """A pressed pair with much friction: the energy of matching meshes, which are one body.
+
+    Among them meshes whose nodes on one side are some of those on the other.
+    """
+    errors = []
+    for n in (4, 8, 16):
+        energies = []
+        for below in (n, int(ratio * n)):
+            both = stacked(below, n, (0.0, 1.0), (0.0, 1.0))
+            u = displacement(both.mesh)
+            pair = ContactPair(u, both, slave=slave, master=master, law=Coulomb(50.0))
+            assert pair.obstacle.matching == (below == n)
+            ends = [held(u, both.facet_tags, 1, (0, 0)), held(u, both.facet_tags, 4, (0.02, -0.05))]
+            result = ContactProblem(MATERIAL.energy(u) * ufl.dx, u, [pair], bcs=ends).solve()
+            assert result.counts["slip"] == 0
+            energies.append(result.energies["bulk"])
+        errors.append(abs(energies[1] / energies[0] - 1))
+    assert errors[0] < 0.01
+    assert errors[2] < 0.5 * errors[1] < 0.25 * errors[0]
+
+
+@pytest.mark.parametrize("ratio", [2, 3])
+def test_two_blocks_of_different_meshes(folder, ratio):
+    """Resultants near those of matching meshes, and the finer the nearer."""
+    off = []
+    for n in (8, 16):
+        runs = [
+            demo_two_blocks.main(["--n", str(n), "--ratio", str(r), "--output", str(folder)])
+            for r in (1, ratio)
+        ]
+        off.append(max(abs(runs[1][k] / runs[0][k] - 1) for k in ("sum_rn", "sum_rt_x")))
+        assert runs[1]["force_imbalance"] < 1e-12
+        assert runs[1]["kkt_violation"] < 1e-10
+    assert off[1] < 0.4 * off[0] < 0.4 * 0.01
+
+
+def test_a_rounded_face():
+    """A gap that opens to both sides: the same with either mesh as the slave, to some percent."""
+    forces = []
+    for slave, master in SIDES:
+        both = stacked(40, 32, (-1.0, 1.0), (-1.0, 1.0))
+        x = both.mesh.geometry.x
+        upper = np.unique(both.mesh.geometry.dofmap[both.cell_tags.find(2)])
+        x[upper, 1] += 0.1 * x[upper, 0] ** 2 * (1 - x[upper, 1])
+        u = displacement(both.mesh)
+        pair = ContactPair(u, both, slave=slave, master=master, law=Frictionless())
+        ends = [held(u, both.facet_tags, 1, (0, 0)), held(u, both.facet_tags, 4, (0.0, -0.02))]
+        result = ContactProblem(MATERIAL.energy(u) * ufl.dx, u, [pair], bcs=ends).solve()
+        assert result.counts["open"] > 0
+        forces.append(abs(result.resultants["contact"][1]))
+    assert forces[0] == pytest.approx(forces[1], rel=5e-3)
+
+
+def test_bad_mortars():
+    both = stacked(3, 2, (0.0, 1.0), (0.0, 1.0))
+    u = displacement(both.mesh)
+    with pytest.raises(ValueError, match="as only nodal contact allows"):
+        ContactPair(u, both, slave=3, master=2, law=Frictionless(), method="integral")
+    with pytest.raises(ValueError, match="slave and master touch at 1 nodes of the mesh"):
+        ContactPair(u, both, slave=3, master=6, law=Frictionless())
+    bodies = [box(COMM, 2, "hex"), box(COMM, 3, "hex")]
+    bodies[1].geometry.x[:, 2] += 1.0
+    tags = [tagged(bodies[0], t2=(2, 1.0)), tagged(bodies[1], t3=(2, 1.0))]
+    solid = join(bodies, facet_tags=tags)
+    u = displacement(solid.mesh)
+    with pytest.raises(ValueError, match="as only bodies in the plane may yet"):
+        ContactPair(u, solid, slave=3, master=2, law=Frictionless())
+
+
+def test_units():
+    """Pa and m, or GPa and mm: the same to round-off."""
+    tables = []
+    for metre, pascal in ((1.0, 1.0), (1e3, 1e-9)):
+        both = stacked(12, 8, (-0.3, 1.45), (0.0, 1.0))
+        both.mesh.geometry.x[:] *= metre
+        u = displacement(both.mesh)
+        pair = ContactPair(u, both, slave=3, master=2, law=Coulomb(0.3))
+        steel = LinearElastic.from_young(2.1e11 * pascal, 0.3)
+        way = metre * np.array([0.004, -0.02])
+        ends = [held(u, both.facet_tags, 1, (0, 0)), held(u, both.facet_tags, 4, way)]
+        result = ContactProblem(steel.energy(u) * ufl.dx, u, [pair], bcs=ends).solve()
+        tables.append(result.tables["contact"])
+    a, b = tables
+    assert a.status == b.status
+    np.testing.assert_allclose(
+        b.pressure * 1e9, a.pressure, rtol=1e-8, atol=1e-8 * a.pressure.max()
+    )
