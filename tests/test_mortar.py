@@ -13,10 +13,12 @@ from test_pair import MATERIAL, displacement, held, largest, tagged
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact import ContactPair, ContactProblem, Coulomb, Frictionless
+from dolfinx_contact import ContactPair, ContactProblem, Coulomb, Frictionless, output
+from dolfinx_contact.continuation import StepControl, follow
 from dolfinx_contact.grids import create_grid
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.meshing import join
+from dolfinx_contact.parametric import ParametricContact
 
 COMM = MPI.COMM_WORLD
 #: Cells along the lower and the upper face, and from where to where these reach.
@@ -223,3 +225,51 @@ def test_units():
     np.testing.assert_allclose(
         b.pressure * 1e9, a.pressure, rtol=1e-8, atol=1e-8 * a.pressure.max()
     )
+
+
+def sheared():
+    """Two blocks of different meshes, pressed and then drawn more and more to the right."""
+    both = stacked(9, 6, (0.0, 1.0), (0.0, 1.0))
+    u = displacement(both.mesh)
+    V, gamma = u.function_space, fem.Constant(both.mesh, 0.0)
+    moved = fem.Function(V)
+    pair = ContactPair(u, both, slave=2, master=3, law=Coulomb(0.15))
+    top = fem.locate_dofs_topological(V, 1, both.facet_tags.find(4))
+    ends = [held(u, both.facet_tags, 1, (0, 0)), fem.dirichletbc(moved, top)]
+    problem = ContactProblem(MATERIAL.energy(u) * ufl.dx, u, [pair], bcs=ends)
+    way = ufl.as_vector((0.02 * gamma, -0.02 + 0.012 * gamma))
+    system = ParametricContact(problem, gamma, driven=[(moved, way)])
+    system.set_parameter(0.0)
+    problem.solve()
+    x = system.create_vector()
+    problem.write(x)
+    return system, x
+
+
+def test_a_branch_between_bodies(folder):
+    """By pivoting and by steps, cut short and resumed: the same events, and a solve at its end."""
+    system, x = sheared()
+    seen = {"energy": system.problem.energy, "force": output.total("rt")}
+    paths = []
+    for route in ("pivoting", "steps"):
+        control = StepControl(kinks="exact")
+        with output.BranchRecord(folder / route, system, seen, every=2) as record:
+            options = dict(gamma_range=(0.0, 1.0), control=control, observer=record)
+            follow(system, x, 0.0, route=route, max_steps=3, **options)
+        branch = output.resume(folder / route, system, seen, every=2, max_steps=200)
+        assert branch.reason == "gamma reached the end of its range"
+        special = output.read_journal(folder / route).special()
+        found = special[special["kind"] == "event"].to_dict("records")
+        changes = [[(c["before"], c["after"]) for c in e["changes"]] for e in found]
+        paths.append(list(zip([e["gamma"] for e in found], changes, strict=True)))
+        last = output.read_journal(folder / route).table().iloc[-1]
+        fresh, _ = sheared()
+        fresh.set_parameter(1.0)
+        result = fresh.problem.solve()
+        assert result.tables["contact"].status == last["status"]
+        table = result.tables["contact"]
+        assert last["force"] == pytest.approx(table.along(table.rt).sum(), rel=1e-7)
+    assert len(paths[0]) == len(paths[1]) > 3
+    for a, b in zip(*paths, strict=True):
+        assert a[0] == pytest.approx(b[0], abs=1e-8)
+        assert a[1:] == b[1:]
