@@ -86,7 +86,11 @@ def create_mesh(
     comm: MPI.Comm, cells: npt.NDArray[np.int64], x: npt.NDArray[np.float64], element: Any
 ) -> mesh.Mesh:
     """A mesh with a layer of ghosts, of the cells and nodes that this rank has. Collective."""
-    partitioner = mesh.create_cell_partitioner(mesh.GhostMode.shared_facet)
+    mode = mesh.GhostMode.shared_facet
+    try:  # since 0.11 with the number of cells that a facet may have
+        partitioner = mesh.create_cell_partitioner(mode, 2)
+    except TypeError:
+        partitioner = mesh.create_cell_partitioner(mode)
     return mesh.create_mesh(comm, cells=cells, x=x, e=element, partitioner=partitioner)
 
 

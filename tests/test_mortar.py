@@ -7,11 +7,12 @@ from mpi4py import MPI
 import demo_two_blocks
 import numpy as np
 import pytest
-from blocks import CELLS, box
+from blocks import CELLS
+from scipy.spatial.transform import Rotation
 from test_pair import MATERIAL, displacement, held, largest, tagged
 
 import ufl
-from dolfinx import fem
+from dolfinx import fem, la
 
 from dolfinx_contact import ContactPair, ContactProblem, Coulomb, Frictionless, output
 from dolfinx_contact.continuation import StepControl, follow
@@ -198,13 +199,117 @@ def test_bad_mortars():
         ContactPair(u, both, slave=3, master=2, law=Frictionless(), method="integral")
     with pytest.raises(ValueError, match="slave and master touch at 1 nodes of the mesh"):
         ContactPair(u, both, slave=3, master=6, law=Frictionless())
-    bodies = [box(COMM, 2, "hex"), box(COMM, 3, "hex")]
-    bodies[1].geometry.x[:, 2] += 1.0
-    tags = [tagged(bodies[0], t2=(2, 1.0)), tagged(bodies[1], t3=(2, 1.0))]
-    solid = join(bodies, facet_tags=tags)
-    u = displacement(solid.mesh)
-    with pytest.raises(ValueError, match="as only bodies in the plane may yet"):
-        ContactPair(u, solid, slave=3, master=2, law=Frictionless())
+
+
+# -- in space --------------------------------------------------------------------------------------
+
+SOLID_CASES = [
+    (2, 3, (0.0, 1.0), (0.0, 1.0)),
+    (4, 2, (0.0, 1.0), (0.0, 1.0)),  # nodes of one are some of the other's
+    (4, 2, (-0.3, 1.45), (0.0, 1.0)),
+    (3, 3, (-0.3, 1.45), (0.0, 1.0)),
+]
+TILT = Rotation.from_rotvec([0.3, -0.5, 0.8]).as_matrix()
+
+
+def solids(below, above, x_below, x_above, cells):
+    """As `stacked`, in 3D and turned: the interface is tilted; tags 7 and 8 aside as well."""
+    bodies, tags = [], []
+    for i, (n, reach) in enumerate([(below, x_below), (above, x_above)]):
+        x, z = np.linspace(*reach, n + 1), np.linspace(i - 1.0, i, max(n // 2, 1) + 1)
+        body = create_grid(COMM, [x, x, z], CELLS[cells])
+        planes = {f"t{2 * i + 1}": (2, i - 1.0), f"t{2 * i + 2}": (2, float(i))}
+        aside = dict(t5=(0, reach[0]), t6=(0, reach[1]), t7=(1, reach[0]), t8=(1, reach[1]))
+        tags.append(tagged(body, **planes, **aside))
+        bodies.append(body)
+    both = join(bodies, facet_tags=tags)
+    both.mesh.geometry.x[:] = both.mesh.geometry.x @ TILT.T
+    return both
+
+
+@pytest.mark.parametrize("cells", ["tet", "hex"])
+@pytest.mark.parametrize(("slave", "master"), SIDES)
+@pytest.mark.parametrize("case", SOLID_CASES)
+def test_uniform_tractions_in_space(case, slave, master, cells):
+    """Forces on a face that is covered are its integrals; forces and moments balance."""
+    both = solids(*case, cells)
+    u = displacement(both.mesh)
+    V = u.function_space
+    pair = ContactPair(u, both, slave=slave, master=master, law=Frictionless())
+    ones, sums = pair.points.B.createVecs()
+    ones.set(1.0)
+    pair.points.B.mult(ones, sums)
+    assert largest(sums.array_r) < 1e-14
+    n = V.dofmap.index_map.size_local
+    t = np.array([1.0, -2.0, 3.0])
+    covered = ~pair.obstacle.opposite.none[pair.points.trace_dofs[: pair.points.number]]
+    force = pair.points.forces(np.where(covered[:, None], t, 0.0)).reshape(-1, 3)[:n]
+    x = V.tabulate_dof_coordinates()[:n]
+    assert np.abs(COMM.allreduce(force.sum(axis=0))).max() < 1e-14
+    assert np.abs(COMM.allreduce(np.cross(x, force).sum(axis=0))).max() < 1e-13
+    ds = ufl.Measure("ds", both.mesh, subdomain_data=both.facet_tags)
+    for tag, sign in ((slave, 1.0), (master, -1.0)):
+        nodes = fem.locate_dofs_topological(V, 2, both.facet_tags.find(tag))
+        nodes = nodes[nodes < n]
+        total = COMM.allreduce(force[nodes].sum(axis=0))
+        np.testing.assert_allclose(total, sign * t, rtol=1e-13)  # the common face has area 1
+        if case[2] == case[3] or tag == 3:  # all of it is covered
+            traction = ufl.dot(fem.Constant(both.mesh, sign * t), ufl.TestFunction(V)) * ds(tag)
+            exact = fem.assemble_vector(fem.form(traction))
+            exact.scatter_reverse(la.InsertMode.add)
+            wanted = exact.array.reshape(-1, 3)[nodes]
+            np.testing.assert_allclose(force[nodes], wanted, atol=1e-14)
+
+
+@pytest.mark.parametrize("cells", ["tet", "hex"])
+@pytest.mark.parametrize(("slave", "master"), SIDES)
+@pytest.mark.parametrize("case", SOLID_CASES[:2])
+def test_patch_in_space(case, slave, master, cells):
+    """A linear displacement, with pressure and a shear below the bound, to round-off."""
+    both = solids(*case, cells)
+    u = displacement(both.mesh)
+    base = np.array([[0.3, -0.1, 0.02], [0.07, 0.1, -0.03], [0.01, 0.04, -0.5]])
+    gradient = 1e-3 * TILT @ base @ TILT.T
+    strain = (gradient + gradient.T) / 2
+    stress = MATERIAL.lmbda * np.trace(strain) * np.eye(3) + 2 * MATERIAL.mu * strain
+    normal = TILT[:, 2]
+    traction = stress @ normal
+    pressure = -normal @ traction
+    shear = np.linalg.norm(traction + pressure * normal)
+    assert 0 < 3 * shear < pressure
+    exact = fem.Function(u.function_space)
+    exact.interpolate(lambda x: gradient @ x)
+    pair = ContactPair(u, both, slave=slave, master=master, law=Coulomb(0.5))
+    ds = ufl.Measure("ds", both.mesh, subdomain_data=both.facet_tags)
+    given = ufl.dot(fem.Constant(both.mesh, stress), ufl.FacetNormal(both.mesh))
+    energy = MATERIAL.energy(u) * ufl.dx - ufl.dot(given, u) * ds((4, 5, 6, 7, 8))
+    dofs = fem.locate_dofs_topological(u.function_space, 2, both.facet_tags.find(1))
+    ends = [fem.dirichletbc(exact, dofs)]
+    options = {"snes_rtol": 1e-13}
+    result = ContactProblem(energy, u, [pair], bcs=ends, petsc_options=options).solve()
+    table = result.tables["contact"]
+    assert set(table.status) == {"k"}
+    np.testing.assert_allclose(table.pressure, pressure, rtol=1e-11)
+    np.testing.assert_allclose(np.linalg.norm(table.shear, axis=1), shear, rtol=1e-11)
+    assert largest(u.x.array - exact.x.array) < 1e-11 * largest(exact.x.array)
+
+
+def test_a_warped_face_in_space():
+    """Faces that are curved alike, of different meshes: forces balance, and so do both roles."""
+    forces = []
+    for slave, master in SIDES:
+        both = solids(6, 4, (0.0, 1.0), (0.0, 1.0), "hex")
+        x = both.mesh.geometry.x @ TILT
+        x[:, 2] += 0.1 * x[:, 0] * (1 - x[:, 0]) * (1 - np.abs(x[:, 2]))
+        both.mesh.geometry.x[:] = x
+        u = displacement(both.mesh)
+        pair = ContactPair(u, both, slave=slave, master=master, law=Coulomb(0.3))
+        way = (0.01, 0.0, -0.05)
+        ends = [held(u, both.facet_tags, 1, (0, 0, 0)), held(u, both.facet_tags, 4, way)]
+        result = ContactProblem(MATERIAL.energy(u) * ufl.dx, u, [pair], bcs=ends).solve()
+        assert result.imbalance < 1e-10
+        forces.append(np.abs(result.resultants["contact"]))
+    np.testing.assert_allclose(*forces, rtol=0.02, atol=0.01 * forces[0].max())
 
 
 def test_units():

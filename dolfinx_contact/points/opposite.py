@@ -134,7 +134,6 @@ class OppositeFacets(Obstacle):
         if found is None:
             reason = f"{name}: the faces do not match: {objection}"
             require(comm, nodal, f"{reason}, as only nodal contact allows")
-            require(comm, dim == 2, f"{reason}, as only bodies in the plane may yet")
             found = _mortar(V, slave, master, size, name)
         self.opposite = found
         on_vertices = found
@@ -244,7 +243,8 @@ def _mortar(
 ) -> Opposite:
     """The weights of a mortar; see `mortar`. Collective."""
     comm, index_map = V.mesh.comm, V.dofmap.index_map
-    shared = comm.allreduce(int((_nodes_on(V, slave) & _nodes_on(V, master)).sum()))
+    both = _nodes_on(V, slave) & _nodes_on(V, master)
+    shared = comm.allreduce(int(both[: index_map.size_local].sum()))
     require(comm, shared == 0, f"{name}: slave and master touch at {shared} nodes of the mesh")
     mine = _faces(V, slave)
     theirs, pairs = _candidates(comm, mine, _faces(V, master))
@@ -275,7 +275,8 @@ def _mortar(
         rows[i, :width], rows[i, width] = index_map.local_range[0] + i, 1.0
         if covered[i]:
             rows[i, : counts[i]] = columns[here]
-            rows[i, width : width + counts[i]] = values[here] / sums.array[i]
+            # The sum is the area, but for round-off.
+            rows[i, width : width + counts[i]] = values[here] / values[here].sum()
     table.scatter_forward()
     on = np.flatnonzero(on_slave)
     places = np.full(len(covered), -1, dtype=np.int64)
@@ -290,7 +291,7 @@ def _faces(V: fem.FunctionSpace, facets: npt.NDArray[np.int32]) -> Faces:
     """The facets that this rank owns."""
     domain, dim = V.mesh, V.mesh.geometry.dim
     owned = facets[facets < domain.topology.index_map(dim - 1).size_local]
-    closures = facet_closures(V, owned)[:, :dim]
+    closures = facet_closures(V, owned)
     x = V.tabulate_dof_coordinates()[:, :dim][closures]
     nodes = V.dofmap.index_map.local_to_global(closures.reshape(-1)).reshape(closures.shape)
     return Faces(x, facet_normals(domain, owned), nodes.astype(np.int64))
@@ -307,8 +308,10 @@ def _candidates(comm: MPI.Comm, slave: Faces, master: Faces) -> tuple[Faces, Nod
     """
     middles, others = slave.x.mean(axis=1), master.x.mean(axis=1)
     dim = middles.shape[1]
-    radius = 0.5 * np.linalg.norm(slave.x[:, 1] - slave.x[:, 0], axis=1)
-    theirs = 0.5 * np.linalg.norm(master.x[:, 1] - master.x[:, 0], axis=1)
+    radius, theirs = (
+        np.linalg.norm(f.x - f.x.mean(axis=1, keepdims=True), axis=2).max(axis=1, initial=0.0)
+        for f in (slave, master)
+    )
     largest = comm.allreduce(float(np.max(theirs, initial=0.0)), op=max)
     nearest = _nearest(comm, others, middles, dim)
     distance = np.linalg.norm(nearest - middles, axis=1)
@@ -323,16 +326,20 @@ def _candidates(comm: MPI.Comm, slave: Faces, master: Faces) -> tuple[Faces, Nod
     sent: Any = [np.column_stack([middles[i], reach[i], i]) for i in asked]
     tree = cKDTree(others) if len(others) else None
     answers: list[Array] = []
-    width = 1 + 2 * dim + dim + 2
+    corners = master.x.shape[1]
+    width = 1 + corners * dim + dim + corners
     for q in exchanged(comm, sent, (dim + 2,)):
         found = tree.query_ball_point(q[:, :dim], q[:, dim]) if tree is not None and len(q) else []
         k = np.array([j for part in found for j in part], dtype=np.int64)
         i = np.repeat(q[:, dim + 1], [len(part) for part in found]) if len(k) else np.empty(0)
-        columns = [i[:, None], master.x[k].reshape(-1, 2 * dim), master.normals[k], master.nodes[k]]
+        x = master.x[k].reshape(-1, corners * dim)
+        columns = [i[:, None], x, master.normals[k], master.nodes[k]]
         answers.append(np.column_stack(columns) if len(k) else np.empty((0, width)))
     rows = np.concatenate(exchanged(comm, answers, (width,)))
-    a, b = 1 + 2 * dim, 1 + 3 * dim
-    faces = Faces(rows[:, 1:a].reshape(-1, 2, dim), rows[:, a:b], rows[:, b:].astype(np.int64))
+    a, b = 1 + corners * dim, 1 + (corners + 1) * dim
+    faces = Faces(
+        rows[:, 1:a].reshape(-1, corners, dim), rows[:, a:b], rows[:, b:].astype(np.int64)
+    )
     return faces, np.column_stack([rows[:, 0].astype(np.int64), np.arange(len(rows))])
 
 

@@ -31,7 +31,7 @@ class ContactPair(ContactSurface):
 
     Faces *match* where to every node of the slave one of the master lies opposite, at its place or
     across a gap along the normal. Where a crack ends slave and master share nodes; these carry no
-    contact. Faces that do not match are coupled by a `mortar`, for nodal contact (P1) in 2D: nodes
+    contact. Faces that do not match are coupled by a `mortar`, for nodal contact (P1): nodes
     of the slave that have nothing opposite carry no contact either, of its facets the covered part
     counts, and those of which less than 5 % is covered are dropped. The slave should be the finer
     face, and not one whose nodes are all held.
