@@ -5,6 +5,7 @@ from itertools import pairwise
 from mpi4py import MPI
 
 import demo_two_blocks
+import demo_two_cylinders
 import numpy as np
 import pytest
 from blocks import CELLS
@@ -378,3 +379,22 @@ def test_a_branch_between_bodies(folder):
     for a, b in zip(*paths, strict=True):
         assert a[0] == pytest.approx(b[0], abs=1e-8)
         assert a[1:] == b[1:]
+
+
+def test_steel_on_aluminium(folder):
+    """NAFEMS CB-1: the peak within 2 %, the radius within 2 % or a cell, and the force carried."""
+    levels = ["0.5"] if COMM.size > 1 else ["1", "0.5", "0.25"]
+    words = ["--output", str(folder), "--levels", *levels]
+    summary = demo_two_cylinders.main(words)
+    for level in summary["levels"]:
+        assert level["peak"] == pytest.approx(3585.37, rel=0.02)
+        assert level["radius"] == pytest.approx(6.21, abs=max(0.02 * 6.21, level["size"]))
+        assert level["peak"] == pytest.approx(level["hertz_peak"], rel=0.02)
+    assert summary["force_imbalance"] < 1e-10
+    assert (folder / "body.png").stat().st_size > 20_000
+    if COMM.size == 1:
+        # The other body as the finer one: nearer to each other than to the closed form's tolerance.
+        other = demo_two_cylinders.main(
+            ["--output", str(folder), "--levels", "0.5", "--ratio", "1.25"]
+        )
+        assert other["peak"] == pytest.approx(summary["levels"][1]["peak"], rel=0.01)
