@@ -69,7 +69,7 @@ def test_uniform_tractions(case, slave, master, angle):
     both = stacked(*case, angle=angle)
     u = displacement(both.mesh)
     pair = ContactPair(u, both, slave=slave, master=master, law=Frictionless())
-    assert not pair.obstacle.matching
+    assert not pair.obstacle.opposite.matching
     ones, sums = pair.points.B.createVecs()
     ones.set(1.0)
     pair.points.B.mult(ones, sums)
@@ -151,7 +151,7 @@ def test_more_elements_converge_to_one_body(slave, master, ratio):
             both = stacked(below, n, (0.0, 1.0), (0.0, 1.0))
             u = displacement(both.mesh)
             pair = ContactPair(u, both, slave=slave, master=master, law=Coulomb(50.0))
-            assert pair.obstacle.matching == (below == n)
+            assert pair.obstacle.opposite.matching == (below == n)
             ends = [held(u, both.facet_tags, 1, (0, 0)), held(u, both.facet_tags, 4, (0.02, -0.05))]
             result = ContactProblem(MATERIAL.energy(u) * ufl.dx, u, [pair], bcs=ends).solve()
             assert result.counts["slip"] == 0
@@ -398,3 +398,44 @@ def test_steel_on_aluminium(folder):
             ["--output", str(folder), "--levels", "0.5", "--ratio", "1.25"]
         )
         assert other["peak"] == pytest.approx(summary["levels"][1]["peak"], rel=0.01)
+
+
+@pytest.mark.parametrize("cells", [(12, 4), (16, 3), (8, 4), (7, 5)])
+def test_rollers_on_both_bodies(cells):
+    """A plane of symmetry through the interface: uniform pressure, and no shear on it."""
+    both = stacked(cells[1], cells[0], (0.0, 1.0), (0.0, 1.0))
+    u = displacement(both.mesh)
+    V = u.function_space
+    ends = [
+        fem.dirichletbc(
+            0.0, fem.locate_dofs_topological(V.sub(i), 1, both.facet_tags.find(tag)), V.sub(i)
+        )
+        for i, tag in ((0, 5), (1, 1))
+    ]
+    ds = ufl.Measure("ds", both.mesh, subdomain_data=both.facet_tags)
+    pair = ContactPair(u, both, slave=3, master=2, law=Coulomb(0.3))
+    energy = MATERIAL.energy(u) * ufl.dx + 3 * u[1] * ds(4)
+    options = {"snes_rtol": 1e-12}
+    result = ContactProblem(energy, u, [pair], bcs=ends, petsc_options=options).solve()
+    table = result.tables["contact"]
+    np.testing.assert_allclose(table.pressure, 3.0, rtol=1e-9)
+    np.testing.assert_allclose(table.shear, 0.0, atol=1e-9)
+    assert result.reason == "full steps"
+
+
+def test_a_slave_that_is_held():
+    """More constraints than nodes that can meet them are refused; exchanged they are met."""
+    both = stacked(4, 8, (0.0, 1.0), (0.0, 1.0))
+    u = displacement(both.mesh)
+    still = [held(u, both.facet_tags, t, (0, 0)) for t in (3, 4)]
+    ends = [*still, held(u, both.facet_tags, 1, (0, 0.01))]
+    bulk = MATERIAL.energy(u) * ufl.dx
+    pair = ContactPair(u, both, slave=3, master=2, law=Coulomb(0.3))
+    with pytest.raises(ValueError, match="hold 9 nodes of the slave, more than the 5"):
+        ContactProblem(bulk, u, [pair], bcs=ends)
+    pair = ContactPair(u, both, slave=2, master=3, law=Coulomb(0.3))
+    result = ContactProblem(bulk, u, [pair], bcs=ends).solve()
+    assert result.counts["open"] == 0
+    # Between the stiffness of a strip and that of a body that is held aside.
+    force = -result.resultants["contact"][1]
+    assert 0.01 * 1000 < force < 0.01 * 1000 * 0.7 / (1.3 * 0.4)

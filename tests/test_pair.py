@@ -394,7 +394,7 @@ def test_a_branched_crack():
     # Five nodes of the long crack, two more of the arm; at the junction one copy more.
     assert body.mesh.geometry.index_map().size_global == 25 + 5 + 2 + 1
     one = mesh.meshtags(domain, 1, every[order], np.full(len(every), 5, dtype=np.int32))
-    with pytest.raises(ValueError, match="a branched crack needs a group for each arm"):
+    with pytest.raises(ValueError, match="branched or crossing crack needs a group for each arm"):
         crack(domain, [5], facet_tags=one)
 
 
@@ -469,7 +469,19 @@ def test_bad_pairs():
     u = displacement(both.mesh)
     refused("contact: slave and master have 2 facets in common", u, both, master=3)
     refused(r"contact, master: no facet has the tag 9", u, both, master=9)
-    refused("the bodies overlap by 2", u, both, slave=4, master=1)
+    refused("overlap by 2; .* look away", u, both, slave=4, master=1)
+    for gap in (np.nan, "x", ufl.SpatialCoordinate(both.mesh)):
+        refused("the gap must be", u, both, gap=gap)
+    refused(r"the given gap is -0\.1; interference=True", u, both, gap=-0.1)
+    refused("interference is True or False", u, both, interference="no")
+    with pytest.raises(ValueError, match="a crack needs names or tags of groups"):
+        crack(both, [])
+    pairs = [
+        ContactPair(u, both, slave=a, master=b, law=Frictionless(), name=str(a))
+        for a, b in ((2, 3), (3, 2))
+    ]
+    with pytest.raises(ValueError, match="2 and 3 are one pair with slave and master exchanged"):
+        ContactProblem(MATERIAL.energy(u) * ufl.dx, u, pairs)
     refused("look the same way", u, both, slave=3, master=1)
     with pytest.raises(ValueError, match="MeshTags of facets"):
         crack(both.mesh, [5])
@@ -481,7 +493,7 @@ def test_bad_pairs():
         crack(both, [1])
     with pytest.raises(ValueError, match="meshes of different kinds"):
         join([box(COMM, 2, "quad"), box(COMM, 2, "tri")])
-    with pytest.raises(ValueError, match="no mesh to join"):
+    with pytest.raises(ValueError, match="a list of meshes is needed"):
         join([])
 
 
@@ -506,3 +518,31 @@ def test_no_multigrid_yet():
     )
     with pytest.raises(ValueError, match="between bodies there is no multigrid yet"):
         problem.solve()
+
+
+def test_where_an_arm_ends():
+    """The unbroken side is no slave there: two nodes of the master meet one of its own."""
+    domain = box(COMM, 6, "tri")
+    domain.topology.create_entities(1)
+    flat = mesh.locate_entities(domain, 1, lambda x: np.isclose(x[1], 0.5))
+    arm = mesh.locate_entities(domain, 1, lambda x: np.isclose(x[0], 0.5) & (x[1] > 0.5 - 1e-9))
+    every = np.concatenate([flat, arm])
+    values = np.repeat(np.array([5, 7], dtype=np.int32), [len(flat), len(arm)])
+    order = np.argsort(every)
+    tags = mesh.meshtags(domain, 1, every[order], values[order])
+    body = crack(domain, [5, 7], facet_tags=tags)
+    u = displacement(body.mesh)
+    refused(
+        "1 nodes of the slave have two or more of the master opposite",
+        u,
+        body,
+        slave=5,
+        master="5_opposite",
+    )
+    ContactPair(u, body, slave="5_opposite", master=5, law=Frictionless())
+    crossing = mesh.locate_entities(
+        domain, 1, lambda x: np.isclose(x[0], 0.5) | np.isclose(x[1], 0.5)
+    )
+    one = mesh.meshtags(domain, 1, np.sort(crossing), np.full(len(crossing), 5, dtype=np.int32))
+    with pytest.raises(ValueError, match="crossing crack needs a group for each arm"):
+        crack(domain, [5], facet_tags=one)

@@ -59,6 +59,7 @@ class Constraints:
         self._owned = [s.Q.dofmap.index_map.size_local for s in surfaces]
         self._normals = [s.points.vertex_normals.copy() for s in surfaces]
         for s, held in zip(surfaces, self.held, strict=True):
+            self._check_slave(s)
             removed = _removed(s, held)
             self.removed.append(removed)
             self.clamped.append(np.asarray(removed.all(axis=1)))
@@ -162,13 +163,28 @@ class Constraints:
         parts = zip(self.removed, self._owned, strict=True)
         return np.concatenate([removed[:n].reshape(-1) for removed, n in parts])
 
+    def _check_slave(self, s: ContactSurface) -> None:
+        """Refuse the slave of a mortar that holds more nodes than the master has. Collective."""
+        if not s.between_bodies or s.obstacle.opposite.matching:
+            return
+        n = self._V.dofmap.index_map.size_local
+        on_slave, on_master = s.obstacle.opposite.sides
+        held = on_slave[:n] & self.fixed[:n].all(axis=1)
+        counts = s.comm.allreduce(np.array([int(held.sum()), int(on_master[:n].sum())]))
+        require(
+            s.comm,
+            bool(counts[0] <= counts[1]),
+            f"{s.name}: Dirichlet data hold {counts[0]} nodes of the slave, more than the "
+            f"{counts[1]} that the master has to meet them; exchange slave and master",
+        )
+
     def _held(self, s: ContactSurface) -> npt.NDArray[np.bool_]:
         """Local nodes x dim, True where the jump is fixed. Collective."""
         opposite = s.obstacle.opposite
         if opposite is None:
             return self.fixed
         free = (~self.fixed[: self._V.dofmap.index_map.size_local]).astype(float)
-        moves = opposite.values(s.comm, free, len(self.fixed), sizes=True) > 0
+        moves = opposite.values(s.comm, free, len(self.fixed), sizes=True) > _TOLERANCE
         return np.asarray((self.fixed & ~moves) | opposite.none[:, None])
 
 
@@ -198,7 +214,17 @@ def check_overlap(surfaces: Sequence[ContactSurface]) -> None:
     for a, b in combinations(surfaces, 2):
         facets = np.intersect1d(a.submesh.parent_facets, b.submesh.parent_facets)
         require(a.comm, len(facets) == 0, f"surfaces {a.name} and {b.name} have common facets")
-        nodes = len(np.intersect1d(a.points.vertex_trace_dofs, b.points.vertex_trace_dofs))
+        if a.between_bodies and b.between_bodies:
+            twice = [
+                len(np.intersect1d(x.submesh.parent_facets, y.obstacle.opposite.master_facets))
+                for x, y in ((a, b), (b, a))
+            ]
+            require(
+                a.comm,
+                not all(a.comm.allreduce(np.array(twice))),
+                f"{a.name} and {b.name} are one pair with slave and master exchanged",
+            )
+        nodes = len(np.intersect1d(_nodes(a), _nodes(b)))
         if a.comm.allreduce(nodes, op=max) > 0 and a.comm.rank == 0:
             logger.warning(
                 "surfaces %s and %s share nodes: where both hold one, their reactions cannot be "
@@ -206,6 +232,13 @@ def check_overlap(surfaces: Sequence[ContactSurface]) -> None:
                 a.name,
                 b.name,
             )
+
+
+def _nodes(s: ContactSurface) -> npt.NDArray[np.int64]:
+    """Local nodes at the vertices of a surface, and of the master opposite to it."""
+    if not s.between_bodies:
+        return s.points.vertex_trace_dofs.astype(np.int64)
+    return np.flatnonzero(np.logical_or(*s.obstacle.opposite.sides))
 
 
 def _node_normals(s: ContactSurface) -> npt.NDArray[np.float64]:

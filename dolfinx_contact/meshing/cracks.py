@@ -75,6 +75,8 @@ def crack(
         if isinstance(groups, str | int):
             raise ValueError(f"groups must be a list of names or tags, got {groups!r}")
         chosen = list(groups)
+        if not chosen or not all(isinstance(g, str | int | np.integer) for g in chosen):
+            raise ValueError(f"a crack needs names or tags of groups, got {chosen!r}")
         if facet_tags is None or facet_tags.dim != tdim - 1:
             raise ValueError("a crack needs MeshTags of facets")
         known = {name: tag for name, (d, tag) in names.items() if d == tdim - 1}
@@ -189,6 +191,8 @@ def _split(
             "facets inside the body"
         )
     copied, several = around.split(crack, len(whole.x))
+    for tag in tags:
+        _refuse_branches(whole.facets[whole.facet_values == tag], tag)
     opens: npt.NDArray[np.bool_] = np.any(several[whole.facets], axis=1)
     for tag in tags:
         here = whole.facet_values == tag
@@ -228,6 +232,18 @@ def _split(
     return new, others
 
 
+def _refuse_branches(facets: Nodes, tag: int) -> None:
+    """Raise ``ValueError`` if more than two facets of a group meet at a node (3D: an edge)."""
+    rims = {2: [[0], [1]], 3: [[0, 1], [1, 2], [2, 0]], 4: [[0, 1], [1, 3], [3, 2], [2, 0]]}
+    every = np.sort(facets[:, rims[facets.shape[1]]].reshape(-1, len(rims[facets.shape[1]][0])))
+    meeting = np.unique(every, axis=0, return_counts=True)[1]
+    if (meeting > 2).any():
+        raise ValueError(
+            f"more than two facets with the tag {tag} meet at {int((meeting > 2).sum())} places: a "
+            "branched or crossing crack needs a group for each arm"
+        )
+
+
 class _Sides:
     """The two sides of groups of facets."""
 
@@ -259,8 +275,8 @@ class _Sides:
         label = connected_components(doubled, directed=False)[1]
         if (label[patch] == label[patch + count]).any():
             raise ValueError(
-                f"the facets with the tag {tag} have no two sides: a branched crack needs a group "
-                "for each arm, and a crack must not meet itself"
+                f"the facets with the tag {tag} have no two sides: arms of a branched crack need "
+                "groups of their own, and a crack must not meet itself"
             )
         piece = connected_components(
             coo_array((np.ones(len(a)), (a, b)), shape=(count, count)), directed=False

@@ -136,7 +136,7 @@ def distributed(
 
 
 def join(
-    meshes: Sequence[mesh.Mesh],
+    meshes: Sequence[mesh.Mesh] | Sequence[GmshMesh],
     *,
     cell_tags: Sequence[mesh.MeshTags] | None = None,
     facet_tags: Sequence[mesh.MeshTags] | None = None,
@@ -144,7 +144,8 @@ def join(
     """One mesh of several bodies, which share no nodes. Collective.
 
     Args:
-        meshes: of one kind of cells and one dimension, each on all ranks.
+        meshes: of one kind of cells and one dimension, each on all ranks; or such with physical
+            groups, of which the tags count and the names are lost.
         cell_tags: of every mesh; by default the cells of the first body get 1, of the second 2, and
             so on.
         facet_tags: of every mesh, by default none.
@@ -155,38 +156,43 @@ def join(
     Raises:
         ValueError: on every rank, if the meshes differ in their kind or dimension, or are curved.
     """
-    comm = meshes[0].comm if len(meshes) else MPI.COMM_WORLD
+    bodies: list[Any] = list(meshes) if isinstance(meshes, list | tuple) else []
+    if bodies and all(isinstance(m, GmshMesh) for m in bodies):
+        cell_tags = cell_tags or [m.cell_tags for m in bodies]
+        facet_tags = facet_tags or [m.facet_tags for m in bodies]
+        bodies = [m.mesh for m in bodies]
+    known = bool(bodies) and all(isinstance(m, mesh.Mesh) for m in bodies)
+    comm = bodies[0].comm if known else MPI.COMM_WORLD
     with everywhere(comm, "joining meshes"):
-        if not len(meshes):
-            raise ValueError("there is no mesh to join")
-        kinds = {(m.basix_cell(), m.geometry.dim) for m in meshes}
+        if not known:
+            raise ValueError(f"a list of meshes is needed, all of one kind, got {meshes!r}")
+        kinds = {(m.basix_cell(), m.geometry.dim) for m in bodies}
         if len(kinds) > 1:
-            raise ValueError(
-                f"meshes of different kinds cannot be joined: {sorted(map(str, kinds))}"
-            )
+            kind = sorted(map(str, kinds))
+            raise ValueError(f"meshes of different kinds cannot be joined: {kind}")
         for tags in (cell_tags, facet_tags):
-            if tags is not None and len(tags) != len(meshes):
-                raise ValueError(f"{len(meshes)} meshes need as many tags, got {len(tags)}")
-    same_everywhere(comm, number_of_meshes=len(meshes))
-    none = [None] * len(meshes)
+            if tags is not None and len(tags) != len(bodies):
+                raise ValueError(f"{len(bodies)} meshes need as many tags, got {len(tags)}")
+    same_everywhere(comm, number_of_meshes=len(bodies))
+    none = [None] * len(bodies)
     parts = [
         gathered(m, c, f)
-        for m, c, f in zip(meshes, cell_tags or none, facet_tags or none, strict=True)
+        for m, c, f in zip(bodies, cell_tags or none, facet_tags or none, strict=True)
     ]
     whole = None
     if comm.rank == 0:
-        known = [p for p in parts if p is not None]
+        wholes = [p for p in parts if p is not None]
         if cell_tags is None:
-            known = [
+            wholes = [
                 replace(
                     p,
                     tagged_cells=np.arange(len(p.cells)),
                     cell_values=np.full(len(p.cells), i + 1, dtype=np.int32),
                 )
-                for i, p in enumerate(known)
+                for i, p in enumerate(wholes)
             ]
-        whole = _joined(known)
-    element = meshes[0].ufl_domain().ufl_coordinate_element()
+        whole = _joined(wholes)
+    element = bodies[0].ufl_domain().ufl_coordinate_element()
     domain, cells, facets = distributed(comm, whole, element)
     return GmshMesh(domain, cells, NamedTags(facets, {}), {})
 

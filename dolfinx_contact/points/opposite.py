@@ -11,6 +11,7 @@ may be, and answers come back.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -55,14 +56,23 @@ class Opposite:
         nodes: global nodes (rows, k).
         weights: of them (rows, k); of no weight are copies of any node.
         none: local nodes that have nothing opposite, or themselves.
-        areas: of the local nodes, of the covered part; None where all is covered.
+        areas: of the local nodes, of the covered part; None where faces match.
+        sides: which local nodes lie on slave and master.
+        master_facets: local, ghosts included.
     """
 
     rows: Nodes
     nodes: Nodes
     weights: Array
     none: npt.NDArray[np.bool_]
-    areas: Array | None = None
+    areas: Array | None
+    sides: tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]
+    master_facets: npt.NDArray[np.int32]
+
+    @property
+    def matching(self) -> bool:
+        """Whether every node has one opposite to it."""
+        return self.areas is None
 
     def at(self, nodes: npt.NDArray[np.int32]) -> tuple[Nodes, Array]:
         """Nodes and weights (..., k) opposite to local nodes of the surface."""
@@ -102,7 +112,6 @@ class OppositeFacets(Obstacle):
 
     Attributes:
         opposite: the nodes opposite to those of the slave.
-        matching: whether every node has one opposite to it.
 
     Raises:
         ValueError: on every rank, if the faces have facets in common, do not match where they have
@@ -130,7 +139,6 @@ class OppositeFacets(Obstacle):
         W = fem.functionspace(domain, ("Lagrange", 1))
         size = comm.allreduce(outward_normals(W, slave)[1], op=min)
         found, objection = _matched(V, slave, master, size, name)
-        self.matching = found is not None
         if found is None:
             reason = f"{name}: the faces do not match: {objection}"
             require(comm, nodal, f"{reason}, as only nodal contact allows")
@@ -147,13 +155,16 @@ class OppositeFacets(Obstacle):
         self._normal = normal / ufl.sqrt(ufl.dot(normal, normal))
         if gap is None:
             gaps = _gaps(W, on_vertices, normals, size)
-            allowed = (_OVERLAP if self.matching else _CURVED_OVERLAP) * size
+            allowed = (_OVERLAP if found.matching else _CURVED_OVERLAP) * size
             worst = comm.allreduce(float(np.min(gaps, initial=0.0)), op=min)
             require(
                 comm,
                 interference or worst >= -allowed,
-                f"{name}: the bodies overlap by {-worst:.3g}; interference=True for a press fit",
+                f"{name}: the bodies overlap by {-worst:.3g}; interference=True for a press fit, "
+                "if slave and master do not look away from each other",
             )
+            # What is allowed without being meant is round-off, or the chords of curved faces.
+            gaps = gaps if interference else np.maximum(gaps, 0.0)
             self._gap: Any = fem.Function(W)
             self._gap.x.array[:] = gaps
         else:
@@ -218,9 +229,18 @@ def _matched(
         not comm.allreduce(int((turned & ~itself).sum())),
         f"{name}: slave and master look the same way, and not at each other",
     )
+    double = _within(comm, x[on_master], found[:, :dim], _TANGENTIAL * size) > 1
+    ambiguous = comm.allreduce(int((double & owned & ~itself).sum()))
+    require(
+        comm,
+        not ambiguous,
+        f"{name}: {ambiguous} nodes of the slave have two or more of the master opposite, as where "
+        "an arm of a crack ends on the other side; exchange slave and master",
+    )
     rows, none = np.full(len(x), -1, dtype=np.int64), np.zeros(len(x), dtype=bool)
     rows[mine], none[mine] = np.arange(len(mine)), itself
-    return Opposite(rows, ids[:, None], np.ones((len(mine), 1)), none), ""
+    sides = _nodes_on(V, slave), _nodes_on(V, master)
+    return Opposite(rows, ids[:, None], np.ones((len(mine), 1)), none, None, sides, master), ""
 
 
 def _measured(domain: mesh.Mesh, facets: npt.NDArray[np.int32]) -> Array:
@@ -284,7 +304,8 @@ def _mortar(
     nodes, weights = rows[on, :width].astype(np.int64), rows[on, width:].copy()
     # There any area serves, as there is no traction.
     areas = np.where(covered, sums.array, size)
-    return Opposite(places, nodes, weights, on_slave & ~covered, areas)
+    sides = on_slave, _nodes_on(V, master)
+    return Opposite(places, nodes, weights, on_slave & ~covered, areas, sides, master)
 
 
 def _faces(V: fem.FunctionSpace, facets: npt.NDArray[np.int32]) -> Faces:
@@ -316,15 +337,8 @@ def _candidates(comm: MPI.Comm, slave: Faces, master: Faces) -> tuple[Faces, Nod
     nearest = _nearest(comm, others, middles, dim)
     distance = np.linalg.norm(nearest - middles, axis=1)
     reach = 2 * (distance + largest) + radius
-    box = np.full((2, dim), np.nan)
-    if len(others):
-        box[:] = others.min(axis=0), others.max(axis=0)
-    boxes = np.array(comm.allgather(box))
-    low, high = boxes[:, 0, None], boxes[:, 1, None]
-    near = np.linalg.norm(np.maximum(np.maximum(low - middles, middles - high), 0.0), axis=2)
-    asked = [np.flatnonzero(d <= reach) for d in near]
+    asked, tree = _asked(comm, others, middles, lambda near, _: near <= reach)
     sent: Any = [np.column_stack([middles[i], reach[i], i]) for i in asked]
-    tree = cKDTree(others) if len(others) else None
     answers: list[Array] = []
     corners = master.x.shape[1]
     width = 1 + corners * dim + dim + corners
@@ -366,18 +380,13 @@ def _nearest(comm: MPI.Comm, known: Array, wanted: Array, dim: int) -> Array:
         A row for every place; infinite places where there are none at all.
     """
     best = np.full((len(wanted), known.shape[1]), np.inf)
-    box = np.full((2, dim), np.nan)
-    if len(known):
-        box[:] = known[:, :dim].min(axis=0), known[:, :dim].max(axis=0)
-    boxes = np.array(comm.allgather(box))
-    low, high = boxes[:, 0, None], boxes[:, 1, None]
-    # Distances from places to the nearest and the farthest point of the boxes, (ranks, n).
-    near = np.linalg.norm(np.maximum(np.maximum(low - wanted, wanted - high), 0.0), axis=2)
-    far = np.linalg.norm(np.maximum(np.abs(wanted - low), np.abs(high - wanted)), axis=2)
-    least = np.nanmin(far, axis=0, initial=np.inf)
-    asked = [np.flatnonzero(d <= least * (1 + 1e-12)) for d in near]
+    asked, tree = _asked(
+        comm,
+        known[:, :dim],
+        wanted,
+        lambda near, far: near <= np.nanmin(far, axis=0, initial=np.inf) * (1 + 1e-12),
+    )
     questions = exchanged(comm, [wanted[i] for i in asked], (dim,))
-    tree = cKDTree(known[:, :dim]) if len(known) else None
     answers = [
         known[tree.query(q)[1]] if tree is not None and len(q) else known[:0] for q in questions
     ]
@@ -387,6 +396,48 @@ def _nearest(comm: MPI.Comm, known: Array, wanted: Array, dim: int) -> Array:
         closer = d < distance[i]
         best[i[closer]], distance[i[closer]] = rows[closer], d[closer]
     return best
+
+
+def _within(comm: MPI.Comm, known: Array, wanted: Array, radius: float) -> Nodes:
+    """How many of the known places, of all ranks, lie around the wanted ones. Collective."""
+    asked, tree = _asked(comm, known, wanted, lambda near, _: near <= radius)
+    questions = exchanged(comm, [wanted[i] for i in asked], wanted.shape[1:])
+    answers = [
+        np.array([float(len(p)) for p in tree.query_ball_point(q, radius)])
+        if tree is not None and len(q)
+        else np.zeros(len(q))
+        for q in questions
+    ]
+    counts = np.zeros(len(wanted))
+    for i, found in zip(asked, exchanged(comm, answers, ()), strict=True):
+        counts[i] += found
+    return counts.astype(np.int64)
+
+
+def _asked(
+    comm: MPI.Comm,
+    known: Array,
+    wanted: Array,
+    which: Callable[[Array, Array], npt.NDArray[np.bool_]],
+) -> tuple[list[npt.NDArray[np.intp]], cKDTree | None]:
+    """The places that every rank is asked about, and this rank's known ones as a tree. Collective.
+
+    Args:
+        comm: communicator.
+        known: places of this rank.
+        wanted: places (n, dim).
+        which: of distances of ``wanted`` to the nearest and farthest point of the box around the
+            known places of each rank (ranks, n), NaN of ranks that have none, whom to ask.
+    """
+    box = np.full((2, wanted.shape[1]), np.nan)
+    if len(known):
+        box[:] = known.min(axis=0), known.max(axis=0)
+    boxes = np.array(comm.allgather(box))
+    low, high = boxes[:, 0, None], boxes[:, 1, None]
+    near = np.linalg.norm(np.maximum(np.maximum(low - wanted, wanted - high), 0.0), axis=2)
+    far = np.linalg.norm(np.maximum(np.abs(wanted - low), np.abs(high - wanted)), axis=2)
+    tree = cKDTree(known) if len(known) else None
+    return [np.flatnonzero(marked) for marked in which(near, far)], tree
 
 
 def exchanged(comm: MPI.Comm, parts: list[Array], shape: tuple[int, ...]) -> list[Array]:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact._errors import everywhere, same_everywhere
@@ -82,6 +83,11 @@ class ContactPair(ContactSurface):
             if not isinstance(name, str) or not name:
                 raise ValueError(f"the name of a contact pair must be a word, got {name!r}")
             displacement_degree(u)
+            if not isinstance(interference, bool | np.bool_):
+                raise ValueError(f"{name}: interference is True or False, got {interference!r}")
+            if master_facets is not None and (slave is not None or master is not None):
+                raise ValueError(f"{name}: facets by their indices have no tags slave and master")
+            gap = _checked_gap(gap, name)
         same_everywhere(comm, name, interference=bool(interference), gap=gap is None)
         theirs = facets if master_facets is None else master_facets
         sides = [
@@ -110,3 +116,21 @@ class ContactPair(ContactSurface):
             quadrature_degree=quadrature_degree,
             name=name,
         )
+        worst = comm.allreduce(float(np.min(self.points.vertex_gaps, initial=np.inf)), op=min)
+        if gap is not None and not interference and worst < 0:
+            raise ValueError(
+                f"{name}: the given gap is {worst:.3g}; interference=True for a press fit"
+            )
+
+
+def _checked_gap(gap: Any, name: str) -> Any:
+    """A given gap, or ``ValueError`` if it is neither a finite number nor a UFL scalar."""
+    if gap is None:
+        return None
+    if isinstance(gap, int | float | np.number) and not isinstance(gap, bool):
+        if not np.isfinite(gap):
+            raise ValueError(f"{name}: the gap must be finite, got {gap}")
+        return float(gap)
+    if not isinstance(gap, ufl.core.expr.Expr) or gap.ufl_shape != ():
+        raise ValueError(f"{name}: the gap must be a number or a UFL scalar, got {gap!r}")
+    return gap
