@@ -11,7 +11,6 @@ may be, and answers come back.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,7 +18,6 @@ from mpi4py import MPI
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
 
 import ufl
 from dolfinx import fem, la, mesh
@@ -28,6 +26,7 @@ from dolfinx_contact._entries import Entries, matrix_of
 from dolfinx_contact._errors import require
 from dolfinx_contact.obstacles import Obstacle
 from dolfinx_contact.points.mortar import Faces, coupling
+from dolfinx_contact.points.search import asked_ranks, exchanged, nearest, within
 from dolfinx_contact.points.trace import (
     at_global_places,
     facet_closures,
@@ -204,7 +203,7 @@ def _matched(
     mine = np.flatnonzero(_nodes_on(V, slave))
     first = index_map.local_range[0]
     known = np.column_stack([x[on_master], theirs[on_master], first + on_master])
-    found = _nearest(comm, known, x[mine], dim)
+    found = nearest(comm, known, x[mine], dim)
     offset, n = found[:, :dim] - x[mine], normals[mine]
     gap = np.sum(offset * n, axis=1)
     aside = np.linalg.norm(offset - gap[:, None] * n, axis=1)
@@ -216,7 +215,7 @@ def _matched(
         return None, f"{missing} of {total} nodes of the slave have none of the master opposite"
     # Nodes of finer facets lie between those that have one opposite.
     ours, others = (_measured(V.mesh, facets) for facets in (slave, master))
-    facing = _nearest(comm, others, ours[:, :dim], dim)
+    facing = nearest(comm, others, ours[:, :dim], dim)
     off = np.abs(facing[:, dim] / ours[:, dim] - 1) > _TANGENTIAL
     missing, total = comm.allreduce(np.array([int(off.sum()), len(ours)]))
     if missing:
@@ -229,7 +228,7 @@ def _matched(
         not comm.allreduce(int((turned & ~itself).sum())),
         f"{name}: slave and master look the same way, and not at each other",
     )
-    double = _within(comm, x[on_master], found[:, :dim], _TANGENTIAL * size) > 1
+    double = within(comm, x[on_master], found[:, :dim], _TANGENTIAL * size) > 1
     ambiguous = comm.allreduce(int((double & owned & ~itself).sum()))
     require(
         comm,
@@ -334,10 +333,10 @@ def _candidates(comm: MPI.Comm, slave: Faces, master: Faces) -> tuple[Faces, Nod
         for f in (slave, master)
     )
     largest = comm.allreduce(float(np.max(theirs, initial=0.0)), op=max)
-    nearest = _nearest(comm, others, middles, dim)
-    distance = np.linalg.norm(nearest - middles, axis=1)
+    closest = nearest(comm, others, middles, dim)
+    distance = np.linalg.norm(closest - middles, axis=1)
     reach = 2 * (distance + largest) + radius
-    asked, tree = _asked(comm, others, middles, lambda near, _: near <= reach)
+    asked, tree = asked_ranks(comm, others, middles, lambda near, _: near <= reach)
     sent: Any = [np.column_stack([middles[i], reach[i], i]) for i in asked]
     answers: list[Array] = []
     corners = master.x.shape[1]
@@ -365,92 +364,3 @@ def _nodes_on(V: fem.FunctionSpace, facets: npt.NDArray[np.int32]) -> npt.NDArra
     marks.scatter_reverse(la.InsertMode.add)
     marks.scatter_forward()
     return np.asarray(marks.array > 0)
-
-
-def _nearest(comm: MPI.Comm, known: Array, wanted: Array, dim: int) -> Array:
-    """The rows of ``known``, of all ranks, whose first columns are nearest to places. Collective.
-
-    Args:
-        comm: communicator.
-        known: of this rank; places come first.
-        wanted: places (n, dim) of this rank.
-        dim: 2 or 3.
-
-    Returns:
-        A row for every place; infinite places where there are none at all.
-    """
-    best = np.full((len(wanted), known.shape[1]), np.inf)
-    asked, tree = _asked(
-        comm,
-        known[:, :dim],
-        wanted,
-        lambda near, far: near <= np.nanmin(far, axis=0, initial=np.inf) * (1 + 1e-12),
-    )
-    questions = exchanged(comm, [wanted[i] for i in asked], (dim,))
-    answers = [
-        known[tree.query(q)[1]] if tree is not None and len(q) else known[:0] for q in questions
-    ]
-    distance = np.full(len(wanted), np.inf)
-    for i, rows in zip(asked, exchanged(comm, answers, known.shape[1:]), strict=True):
-        d = np.linalg.norm(rows[:, :dim] - wanted[i], axis=1)
-        closer = d < distance[i]
-        best[i[closer]], distance[i[closer]] = rows[closer], d[closer]
-    return best
-
-
-def _within(comm: MPI.Comm, known: Array, wanted: Array, radius: float) -> Nodes:
-    """How many of the known places, of all ranks, lie around the wanted ones. Collective."""
-    asked, tree = _asked(comm, known, wanted, lambda near, _: near <= radius)
-    questions = exchanged(comm, [wanted[i] for i in asked], wanted.shape[1:])
-    answers = [
-        np.array([float(len(p)) for p in tree.query_ball_point(q, radius)])
-        if tree is not None and len(q)
-        else np.zeros(len(q))
-        for q in questions
-    ]
-    counts = np.zeros(len(wanted))
-    for i, found in zip(asked, exchanged(comm, answers, ()), strict=True):
-        counts[i] += found
-    return counts.astype(np.int64)
-
-
-def _asked(
-    comm: MPI.Comm,
-    known: Array,
-    wanted: Array,
-    which: Callable[[Array, Array], npt.NDArray[np.bool_]],
-) -> tuple[list[npt.NDArray[np.intp]], cKDTree | None]:
-    """The places that every rank is asked about, and this rank's known ones as a tree. Collective.
-
-    Args:
-        comm: communicator.
-        known: places of this rank.
-        wanted: places (n, dim).
-        which: of distances of ``wanted`` to the nearest and farthest point of the box around the
-            known places of each rank (ranks, n), NaN of ranks that have none, whom to ask.
-    """
-    box = np.full((2, wanted.shape[1]), np.nan)
-    if len(known):
-        box[:] = known.min(axis=0), known.max(axis=0)
-    boxes = np.array(comm.allgather(box))
-    low, high = boxes[:, 0, None], boxes[:, 1, None]
-    near = np.linalg.norm(np.maximum(np.maximum(low - wanted, wanted - high), 0.0), axis=2)
-    far = np.linalg.norm(np.maximum(np.abs(wanted - low), np.abs(high - wanted)), axis=2)
-    tree = cKDTree(known) if len(known) else None
-    return [np.flatnonzero(marked) for marked in which(near, far)], tree
-
-
-def exchanged(comm: MPI.Comm, parts: list[Array], shape: tuple[int, ...]) -> list[Array]:
-    """What every rank has for this one, of what all have for each other. Collective.
-
-    Args:
-        comm: communicator.
-        parts: for every rank an array (n, *shape).
-        shape: of a row.
-    """
-    counts = comm.alltoall([len(p) for p in parts])
-    received = [np.empty((n, *shape)) for n in counts]
-    requests = [comm.Irecv(a, source=r) for r, a in enumerate(received) if len(a)]
-    requests += [comm.Isend(np.ascontiguousarray(p), dest=r) for r, p in enumerate(parts) if len(p)]
-    MPI.Request.Waitall(requests)
-    return received
