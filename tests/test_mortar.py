@@ -439,3 +439,20 @@ def test_a_slave_that_is_held():
     # Between the stiffness of a strip and that of a body that is held aside.
     force = -result.resultants["contact"][1]
     assert 0.01 * 1000 < force < 0.01 * 1000 * 0.7 / (1.3 * 0.4)
+
+
+def test_a_small_overlap_presses_nothing():
+    """What is taken for the chords of curved faces is no gap; meant, it is a press fit."""
+    found = []
+    for interference in (False, True):
+        both = stacked(4, 8, (0.0, 1.0), (0.0, 1.0))
+        upper = np.unique(both.mesh.geometry.dofmap[both.cell_tags.find(2)])
+        both.mesh.geometry.x[upper, 1] -= 0.002
+        u = displacement(both.mesh)
+        options = dict(slave=3, master=2, law=Frictionless(), interference=interference)
+        ends = [held(u, both.facet_tags, t, (0, 0)) for t in (1, 4)]
+        pair = ContactPair(u, both, **options)
+        result = ContactProblem(MATERIAL.energy(u) * ufl.dx, u, [pair], bcs=ends).solve()
+        found.append(result.resultants["contact"][1])
+    assert abs(found[0]) < 1e-12
+    assert found[1] > 0.5
