@@ -380,20 +380,25 @@ def test_a_crack_that_is_drawn_open():
     assert energies == sorted(energies, reverse=True)
 
 
-def test_a_branched_crack():
-    """Three fans meet where an arm ends on another crack."""
-    domain = box(COMM, 4, "quad")
+def with_an_arm(n, cell):
+    """A box with facets to crack, 5 across it and 6 from there to its top."""
+    domain = box(COMM, n, cell)
     domain.topology.create_entities(1)
     flat = mesh.locate_entities(domain, 1, lambda x: np.isclose(x[1], 0.5))
     arm = mesh.locate_entities(domain, 1, lambda x: np.isclose(x[0], 0.5) & (x[1] > 0.5 - 1e-9))
     every = np.concatenate([flat, arm])
     values = np.repeat(np.array([5, 6], dtype=np.int32), [len(flat), len(arm)])
     order = np.argsort(every)
-    tags = mesh.meshtags(domain, 1, every[order], values[order])
+    return domain, mesh.meshtags(domain, 1, every[order], values[order])
+
+
+def test_a_branched_crack():
+    """Three fans meet where an arm ends on another crack."""
+    domain, tags = with_an_arm(4, "quad")
     body = crack(domain, [5, 6], facet_tags=tags)
     # Five nodes of the long crack, two more of the arm; at the junction one copy more.
     assert body.mesh.geometry.index_map().size_global == 25 + 5 + 2 + 1
-    one = mesh.meshtags(domain, 1, every[order], np.full(len(every), 5, dtype=np.int32))
+    one = mesh.meshtags(domain, 1, tags.indices, np.full_like(tags.values, 5))
     with pytest.raises(ValueError, match="branched or crossing crack needs a group for each arm"):
         crack(domain, [5], facet_tags=one)
 
@@ -522,23 +527,11 @@ def test_no_multigrid_yet():
 
 def test_where_an_arm_ends():
     """The unbroken side is no slave there: two nodes of the master meet one of its own."""
-    domain = box(COMM, 6, "tri")
-    domain.topology.create_entities(1)
-    flat = mesh.locate_entities(domain, 1, lambda x: np.isclose(x[1], 0.5))
-    arm = mesh.locate_entities(domain, 1, lambda x: np.isclose(x[0], 0.5) & (x[1] > 0.5 - 1e-9))
-    every = np.concatenate([flat, arm])
-    values = np.repeat(np.array([5, 7], dtype=np.int32), [len(flat), len(arm)])
-    order = np.argsort(every)
-    tags = mesh.meshtags(domain, 1, every[order], values[order])
-    body = crack(domain, [5, 7], facet_tags=tags)
+    domain, tags = with_an_arm(6, "tri")
+    body = crack(domain, [5, 6], facet_tags=tags)
     u = displacement(body.mesh)
-    refused(
-        "1 nodes of the slave have two or more of the master opposite",
-        u,
-        body,
-        slave=5,
-        master="5_opposite",
-    )
+    sides = dict(slave=5, master="5_opposite")
+    refused("1 nodes of the slave have two or more of the master opposite", u, body, **sides)
     ContactPair(u, body, slave="5_opposite", master=5, law=Frictionless())
     crossing = mesh.locate_entities(
         domain, 1, lambda x: np.isclose(x[0], 0.5) | np.isclose(x[1], 0.5)
