@@ -333,7 +333,7 @@ def test_units():
     )
 
 
-def sheared():
+def sheared(options=None):
     """Two blocks of different meshes, pressed and then drawn more and more to the right."""
     both = stacked(9, 6, (0.0, 1.0), (0.0, 1.0))
     u = displacement(both.mesh)
@@ -342,7 +342,8 @@ def sheared():
     pair = ContactPair(u, both, slave=2, master=3, law=Coulomb(0.15))
     top = fem.locate_dofs_topological(V, 1, both.facet_tags.find(4))
     ends = [held(u, both.facet_tags, 1, (0, 0)), fem.dirichletbc(moved, top)]
-    problem = ContactProblem(MATERIAL.energy(u) * ufl.dx, u, [pair], bcs=ends)
+    energy = MATERIAL.energy(u) * ufl.dx
+    problem = ContactProblem(energy, u, [pair], bcs=ends, petsc_options=options)
     way = ufl.as_vector((0.02 * gamma, -0.02 + 0.012 * gamma))
     system = ParametricContact(problem, gamma, driven=[(moved, way)])
     system.set_parameter(0.0)

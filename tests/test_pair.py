@@ -512,19 +512,6 @@ def test_faces_of_different_meshes():
         refused(f"the faces do not match: {missing} of the slave", u, both, method="mixed")
 
 
-def test_no_multigrid_yet():
-    both = stacked(2, "quad", 2)
-    u = displacement(both.mesh)
-    pair = ContactPair(u, both, slave=3, master=2, law=Frictionless())
-    ends = [held(u, both.facet_tags, t, (0, 0)) for t in (1, 4)]
-    options = {"linear_solver": "amg"}
-    problem = ContactProblem(
-        MATERIAL.energy(u) * ufl.dx, u, [pair], bcs=ends, petsc_options=options
-    )
-    with pytest.raises(ValueError, match="between bodies there is no multigrid yet"):
-        problem.solve()
-
-
 def test_where_an_arm_ends():
     """The unbroken side is no slave there: two nodes of the master meet one of its own."""
     domain, tags = with_an_arm(6, "tri")

@@ -63,12 +63,9 @@ class LinearSolverChoice:
         kind = eq.options.value("linear_solver") or "auto"
         if kind not in _KINDS:
             raise ValueError(f"unknown linear solver {kind!r}; known: {', '.join(_KINDS)}")
-        pairs = [s.name for s in eq.surfaces if s.between_bodies]
-        if kind == "amg" and pairs:
-            raise ValueError(f"{pairs[0]}: between bodies there is no multigrid yet, only direct")
         if kind == "auto":
             chosen = any(eq.options.value(name) for name in ("ksp_type", "pc_type"))
-            kind = "direct" if pairs or chosen or size <= _LARGEST_DIRECT[dim] else "amg"
+            kind = "direct" if chosen or size <= _LARGEST_DIRECT[dim] else "amg"
         solver: LinearSolver = Direct(eq) if kind == "direct" else Multigrid(eq)
         seconds = solver.predicted = solver.predicted_seconds()
         if eq.comm.rank == 0:

@@ -43,7 +43,7 @@ class CondensedBlock:
         B = operator.contact.createSubMatrix(s.displacements, s.multipliers)
         indptr, columns, values = B.getValuesCSR()
         rows = np.repeat(np.arange(s.nodes), np.diff(indptr))
-        kept = (values != 0) & ~np.isin(rows, s.fixed)
+        kept = (values != 0) & s.answered[rows] & ~np.isin(rows, s.fixed)
         rows, columns, values = rows[kept], columns[kept], values[kept]
         n, m = s.nodes, len(s.local) - s.nodes
         #: Whether every multiplier has one dof, or was removed.
@@ -64,13 +64,13 @@ class CondensedBlock:
         removed = operator.equations.constraints.removed_multipliers()
         fits = bool(((answered.array_r == 1) | (self._alone & removed)).all())
         self.applies = self.applies and not self._comm.allreduce(int(not fits))
-        # I - T T^T, the rows of dofs without a multiplier.
-        self._T.mult(answered, ones)
-        self._plain = PETSc.Mat().createAIJ(((n, None), (n, None)), nnz=(1, 0), comm=self._comm)
-        ones.array[:] = (ones.array_r == 0).astype(float)
-        self._plain.setUp()
-        self._plain.setDiagonal(ones)
-        self._plain.assemble()
+        # I - B W: without the rows of dofs that answer, and with what they pass on to others.
+        identity = PETSc.Mat().createAIJ(((n, None), (n, None)), nnz=(1, 0), comm=self._comm)
+        identity.setUp()
+        identity.setDiagonal(ones)
+        identity.assemble()
+        passed_on = B.matMult(self._W)
+        self._plain = combined(identity, -1.0, passed_on, None)
         self._rc, self._x = self._plain.createVecs()
         self._rl, self._y = answered, answered.duplicate()
         self._b, self._t = self._rc.duplicate(), self._rc.duplicate()
@@ -83,7 +83,7 @@ class CondensedBlock:
         self._EK: PETSc.Mat | None = None
         self._E: PETSc.Mat | None = None
         self._block: PETSc.Mat | None = None
-        for thing in (B, inverse, ones):
+        for thing in (B, inverse, ones, identity, passed_on):
             thing.destroy()
 
     def set_stiffness(self, square: PETSc.Mat) -> None:

@@ -74,11 +74,27 @@ class Hierarchy:
         """The options of the PC where the database says nothing else."""
         return {"gamg": _GAMG, "hypre": _HYPRE}.get(self._kind, {})
 
-    def build(self, K: PETSc.Mat, identity: npt.NDArray[np.int32], diagonal: float) -> PETSc.PC:
-        """Build from ``K`` with the owned local dofs ``identity`` held. Collective."""
+    def build(
+        self,
+        K: PETSc.Mat,
+        identity: npt.NDArray[np.int32],
+        diagonal: float,
+        added: PETSc.Mat | None = None,
+    ) -> PETSc.PC:
+        """Build from ``K`` with the owned local dofs ``identity`` held. Collective.
+
+        Args:
+            K: the stiffness.
+            identity: rows and columns to replace by those of the identity,
+            diagonal: times this.
+            added: to ``K`` before; it is consumed.
+        """
         self.release()
         with logged("ContactAMGSetUp"):
             self.matrix = K.copy()
+            if added is not None:
+                self.matrix.axpy(1.0, added, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+                added.destroy()
             self.matrix.setBlockSize(self._bs)
             rows = identity + K.getOwnershipRange()[0]
             self.matrix.zeroRowsColumns(rows.astype(np.int32), diag=diagonal)

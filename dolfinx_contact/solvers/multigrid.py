@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import logging
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from petsc4py import PETSc
@@ -20,6 +21,7 @@ from dolfinx_contact.solvers.forcing import Forcing
 from dolfinx_contact.solvers.hierarchy import Hierarchy
 from dolfinx_contact.solvers.linear import LinearSolver, reasons_of, seconds_of_multigrid
 from dolfinx_contact.solvers.operator import ContactOperator
+from dolfinx_contact.solvers.springs import springs
 from dolfinx_contact.solvers.surface_filter import SurfaceFilter
 
 if TYPE_CHECKING:
@@ -34,6 +36,26 @@ logger = logging.getLogger(__name__)
 _COST = 35.0  # iterations that take as long as the set-up of a hierarchy (measured)
 _NEGLIGIBLE = 0.01  # share of the residual on the surface that needs no correction
 _FRESH = 3.0  # iterations per digit with a new hierarchy (measured)
+
+
+@dataclass(frozen=True)
+class _Glued:
+    """What a hierarchy holds together.
+
+    Attributes:
+        held: owned displacement dofs of the nodes that touch an obstacle.
+        joined: points of this rank that are closed, pair of bodies by pair.
+    """
+
+    held: npt.NDArray[np.bool_]
+    joined: list[npt.NDArray[np.bool_]]
+
+    def differs(self, other: _Glued | None) -> bool:
+        """Whether anything is glued otherwise on this rank."""
+        if other is None or bool((self.held != other.held).any()):
+            return True
+        pairs = zip(self.joined, other.joined, strict=True)
+        return any(bool((a != b).any()) for a, b in pairs)
 
 
 class Multigrid(LinearSolver):
@@ -63,7 +85,7 @@ class Multigrid(LinearSolver):
         self.filter = SurfaceFilter(self.operator, prefix)
         self.hierarchy = Hierarchy(equations.V, prefix, symmetric=equations.bulk.energy is not None)
         self.forcing = Forcing()
-        self._glued: npt.NDArray[np.bool_] | None = None
+        self._glued: _Glued | None = None
         self._excess = 0.0  # iterations that a new hierarchy would have saved
         self._assemblies = 0  # of the stiffness, when the hierarchy was built
         self._points = sum(s.number_everywhere for s in equations.surfaces)
@@ -118,36 +140,42 @@ class Multigrid(LinearSolver):
         """Build the hierarchy from the statuses, or from a guess of them. Collective."""
         A = self.operator
         self._glued = self._closed(state)
-        held = np.union1d(A.fixed, np.flatnonzero(self._glued)).astype(np.int32)
-        self.filter.cycle = self.hierarchy.build(A.stiffness, held, A.diagonal)
+        held = np.union1d(A.fixed, np.flatnonzero(self._glued.held)).astype(np.int32)
+        added = springs(self._equations, A.stiffness, self._glued.joined)
+        self.filter.cycle = self.hierarchy.build(A.stiffness, held, A.diagonal, added)
         self._assemblies, self._excess = self._equations.bulk.assemblies, 0.0
         if self.comm.rank == 0:
             logger.info("multigrid hierarchy %d built", self.hierarchy.builds)
 
-    def _closed(self, state: State) -> npt.NDArray[np.bool_]:
-        """Owned displacement dofs of the nodes to glue: those that are closed. Collective.
-
-        Where nothing is closed yet a guess takes their place.
-        """
+    def _closed(self, state: State) -> _Glued:
+        """What to glue: what is closed, or a guess of it where nothing is closed yet. Collective."""
         eq, V = self._equations, self._equations.V
         bs, n = V.dofmap.index_map_bs, V.dofmap.index_map.size_local
         marks = la.vector(V.dofmap.index_map, 1)
         marks.array[:] = 0.0
+        joined = []
         for s, found in zip(eq.surfaces, state.surfaces, strict=True):
-            glued = s.points.at_vertices(closed(found.statuses).astype(float)) > 0.5
-            if not self.comm.allreduce(int(glued.any())):
-                # A hierarchy that is glued too far costs less than one that is glued too little.
-                glued = s.points.vertex_gaps <= (eq.reach(s, state.u) or np.inf)
+            points = closed(found.statuses)
+            touching = bool(self.comm.allreduce(int(points.any())))
+            # A hierarchy that is glued too far costs less than one that is glued too little.
+            reach = eq.reach(s, state.u) or np.inf
+            if s.between_bodies:
+                joined.append(points if touching else s.points.data.gap <= reach)
+                continue
+            glued = s.points.at_vertices(points.astype(float)) > 0.5
+            if not touching:
+                glued = s.points.vertex_gaps <= reach
             marks.array[s.points.vertex_trace_dofs[glued]] = 1.0
         marks.scatter_reverse(la.InsertMode.add)
-        if any(s.degrees[0] > 1 for s in eq.surfaces):
+        quadratic = [s for s in eq.surfaces if s.degrees[0] > 1 and not s.between_bodies]
+        if quadratic:
             marks.scatter_forward()
             vertices = marks.array > 0
-            for s in eq.surfaces:
+            for s in quadratic:
                 closures = facet_closures(V, s.submesh.parent_facets)
                 whole = vertices[closures].sum(axis=1) >= V.mesh.geometry.dim
                 marks.array[closures[whole].reshape(-1)] = 1.0
-        return np.repeat(marks.array[:n] > 0, bs)
+        return _Glued(np.repeat(marks.array[:n] > 0, bs), joined)
 
     def prepare(
         self, ksp: PETSc.KSP, step: Step, target: float, state: State, *, warm: bool
@@ -187,7 +215,7 @@ class Multigrid(LinearSolver):
 
     def _is_stale(self, state: State) -> bool:
         """Whether a hierarchy built now would be another one. Collective."""
-        moved = self._glued is None or bool((self._closed(state) != self._glued).any())
+        moved = self._closed(state).differs(self._glued)
         other = self._assemblies != self._equations.bulk.assemblies
         return bool(self.comm.allreduce(int(moved or other)))
 

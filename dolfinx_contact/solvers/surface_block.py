@@ -36,6 +36,8 @@ class SurfaceSet:
     Attributes:
         local: s among the local unknowns.
         nodes: number of those that are displacements.
+        answered: which displacements may answer a multiplier of their own: those of the surfaces,
+            and not of what lies opposite.
         fixed: positions in s with Dirichlet data.
         of_all: s among all unknowns, an index set.
         of_body: its displacements in the numbering of the stiffness.
@@ -43,7 +45,8 @@ class SurfaceSet:
 
     def __init__(self, operator: ContactOperator):
         eq, self.comm = operator.equations, operator.comm
-        dofs = contact_dofs(eq)
+        dofs, surfaces = contact_dofs(eq), contact_dofs(eq, opposite=False)
+        self.answered = np.isin(dofs, surfaces)
         rest = np.arange(operator.size, sum(eq.owned_sizes), dtype=np.int32)
         self.local, self.nodes = np.concatenate([dofs, rest]), len(dofs)
         self.fixed = np.flatnonzero(np.isin(dofs, operator.fixed)).astype(np.int32)
@@ -183,14 +186,25 @@ def combined(A: PETSc.Mat, a: float, B: PETSc.Mat, out: PETSc.Mat | None) -> PET
     return out
 
 
-def contact_dofs(equations: ContactEquations) -> npt.NDArray[np.int32]:
-    """Owned displacement dofs of the nodes of all contact facets, local indices. Collective."""
+def contact_dofs(
+    equations: ContactEquations, *, opposite: bool = True
+) -> npt.NDArray[np.int32]:
+    """Owned displacement dofs of the nodes of all contact facets, local indices. Collective.
+
+    Args:
+        equations: the contact problem.
+        opposite: whether facets of bodies that are touched count.
+    """
     V = equations.V
     marks = la.vector(V.dofmap.index_map, 1)
     marks.array[:] = 0.0
     for s in equations.surfaces:
-        facets = owned_exterior(V.mesh, s.submesh.parent_facets)
-        marks.array[facet_closures(V, facets).reshape(-1)] = 1.0
+        sides = [s.submesh.parent_facets]
+        if opposite and s.obstacle.opposite is not None:
+            sides.append(s.obstacle.opposite.master_facets)
+        for side in sides:
+            facets = owned_exterior(V.mesh, side)
+            marks.array[facet_closures(V, facets).reshape(-1)] = 1.0
     marks.scatter_reverse(la.InsertMode.add)
     nodes = np.flatnonzero(marks.array[: V.dofmap.index_map.size_local] > 0)
     bs = V.dofmap.index_map_bs
