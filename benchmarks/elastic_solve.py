@@ -173,7 +173,7 @@ def chosen(words):
     return [s for s in SETTINGS if s.name in found]
 
 
-def run_of(setting, V, conditions, poisson, tolerance):
+def run_of(setting, V, conditions, poisson, tolerance, tie=None):
     """A function that makes one whole solve, and returns its record. Collective.
 
     Args:
@@ -182,25 +182,32 @@ def run_of(setting, V, conditions, poisson, tolerance):
         conditions: makes the Dirichlet conditions.
         poisson: ratio of the body; Young's modulus is 1.
         tolerance: of the true residual.
+        tie: makes, of the displacement, the matrix P of what is tied, u = P x, and the local dofs
+            that are tied to others, whose columns are zero; None where nothing is.
     """
     asked = tolerance
 
     def run():
         nonlocal asked
-        record = _solve(setting, V, conditions, poisson, asked)
+        record = _solve(setting, V, conditions, poisson, asked, tie)
         while record["converged"] and record["true_residual"] > tolerance:
             asked *= 0.5
-            record = _solve(setting, V, conditions, poisson, asked)
+            record = _solve(setting, V, conditions, poisson, asked, tie)
         return record
 
     return run
 
 
-def _solve(setting, V, conditions, poisson, rtol):
+def _solve(setting, V, conditions, poisson, rtol, tie=None):
     comm, timer = V.mesh.comm, Timer(V.mesh.comm)
     u, a, F, bcs = timer("problem", lambda: _problem(V, conditions, poisson))
+    P = None
+    if tie is not None:
+        P, tied = timer("tie", lambda: tie(u))
     K, b = timer("assembly", lambda: _assembled(a, F, bcs))
-    made = []  # what the set-up makes beside the KSP
+    if P is not None:
+        K, b = timer("products", lambda: _reduced(K, b, P, tied))
+    made = [P] if P is not None else []  # what the set-up makes beside the KSP
 
     def set_up():
         if setting.rigid:
@@ -233,7 +240,7 @@ def _solve(setting, V, conditions, poisson, rtol):
     def solve():
         x.set(0.0)
         ksp.solve(b, x)
-        u.x.array[: x.getLocalSize()] = x.array_r
+        u.x.array[: x.getLocalSize()] = x.array_r if P is None else (P * x).array_r
         for bc in bcs:
             bc.set(u.x.array)
         u.x.scatter_forward()
@@ -281,6 +288,18 @@ def _assembled(a, F, bcs):
     b.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
     dolfinx.fem.petsc.set_bc(b, bcs, alpha=0.0)
     return K, b
+
+
+def _reduced(K, b, P, tied):
+    """Stiffness and load of what is not tied; of the rest the identity times a stiffness."""
+    A = K.ptap(P)
+    A.setBlockSize(K.getBlockSize())
+    A.zeroRowsColumns((tied + A.getOwnershipRange()[0]).astype(np.int32), diag=K.norm() / K.size[0])
+    f = b.duplicate()
+    P.multTranspose(b, f)
+    f.array[tied] = 0.0
+    K.destroy(), b.destroy()
+    return A, f
 
 
 def glued(V, facets):

@@ -29,6 +29,8 @@ from __future__ import annotations
 
 import argparse
 import logging
+from collections.abc import Callable
+from typing import NamedTuple
 
 from mpi4py import MPI
 
@@ -52,6 +54,20 @@ from dolfinx_contact.nested import prolong
 
 FINALISTS = 3  # settings that run in turns with the contact solve
 CELLS = {"tet": mesh.CellType.tetrahedron, "hex": mesh.CellType.hexahedron}
+
+
+class Case(NamedTuple):
+    """What is solved.
+
+    Attributes:
+        block: mesh, displacement and facets of ``args``, n and a communicator, a space first.
+        elasticity: of ``args``, what `block` gives and settings: elastic solves by name.
+        problem: of ``args``, a timer and what `block` gives: the contact problem.
+    """
+
+    block: Callable
+    elasticity: Callable
+    problem: Callable
 
 
 def arguments(argv=None, defaults=None, **more):
@@ -122,7 +138,11 @@ def obstacle(args):
     return Sphere((args.aspect / 2, args.aspect / 2, -args.radius), args.radius)
 
 
-def contact_problem(args, V, bottom, top):
+def contact_problem(args, timer, V, bottom, top):
+    return timer("problem", lambda: _problem(args, V, bottom, top))
+
+
+def _problem(args, V, bottom, top):
     u = fem.Function(V)
     surface = ContactSurface(u, bottom, obstacle=obstacle(args), law=Coulomb(args.friction))
     return ContactProblem(
@@ -134,15 +154,18 @@ def contact_problem(args, V, bottom, top):
     )
 
 
-def contact(args, V, bottom, top, coarse=()):
+BLOCK = Case(block, elasticity, contact_problem)
+
+
+def contact(args, body, coarse=(), case=BLOCK):
     """The frictional solve from zero, by way of coarser meshes if there are any."""
-    timer = Timer(V.mesh.comm)
+    timer = Timer(body[0].mesh.comm)
     before, levels = None, []
 
     def coarse_solves():
         last = None
         for part in coarse:
-            problem = contact_problem(args, *part)
+            problem = case.problem(args, lambda _, function: function(), *part)
             if last is not None:
                 prolong(last, problem)
                 last.destroy()
@@ -153,7 +176,7 @@ def contact(args, V, bottom, top, coarse=()):
 
     if coarse:
         before = timer("coarse solves", coarse_solves)
-    problem = timer("problem", lambda: contact_problem(args, V, bottom, top))
+    problem = case.problem(args, timer, *body)
     timer("linear solver", lambda: problem.linear_solver)
     if before is not None:
         timer("prolongation", lambda: prolong(before, problem))
@@ -179,17 +202,18 @@ def contact(args, V, bottom, top, coarse=()):
     return record
 
 
-def compile_forms(args, comm):
+def compile_forms(args, comm, case=BLOCK):
     """Compile all forms on a mesh of some cells."""
-    V, bottom, top = block(args, 3, comm)
-    contact(args, V, bottom, top, [block(args, 2, comm)])
-    for run in elasticity(args, V, bottom, top, args.settings[:1]).values():
+    body = case.block(args, 3, comm)
+    contact(args, body, [case.block(args, 2, comm)] if args.nested else [], case)
+    for run in case.elasticity(args, *body, args.settings[:1]).values():
         run()
 
 
-def run(args, n, comm):
+def run(args, n, comm, case=BLOCK):
     """Both solves on the mesh of n cells along an edge."""
-    V, bottom, top = block(args, n, comm)
+    body = case.block(args, n, comm)
+    V = body[0]
     V.mesh.topology.create_connectivity(2, 3)
     record = {
         "n": n,
@@ -205,7 +229,7 @@ def run(args, n, comm):
     }
     finalists = {}
     if args.only != "contact":
-        runs = elasticity(args, V, bottom, top, args.settings)
+        runs = case.elasticity(args, *body, args.settings)
         tried = in_turns(comm, runs, args.repeats)
         record["elasticity_by_preconditioner"] = list(tried.values())
         record["memory_after_elasticity"] = peak_gigabytes(comm)
@@ -215,8 +239,8 @@ def run(args, n, comm):
         finalists = {r["setting"]: runs[r["setting"]] for r in order[:FINALISTS]}
         best = order
     if args.only != "elasticity":
-        coarse = [block(args, n // 2**i, comm) for i in range(args.nested, 0, -1)]
-        both = {"contact": lambda: contact(args, V, bottom, top, coarse), **finalists}
+        coarse = [case.block(args, n // 2**i, comm) for i in range(args.nested, 0, -1)]
+        both = {"contact": lambda: contact(args, body, coarse, case), **finalists}
         both = in_turns(comm, both, args.repeats)
         record["contact"] = both.pop("contact")
         record["contact_seconds"] = record["contact"]["seconds"]
@@ -243,7 +267,7 @@ def by_seconds(records):
 
 
 def show(record):
-    print(f"{record['dofs']} dofs, {record['ranks']} ranks, {record['cell']}, {record['obstacle']}")
+    print(f"{record['dofs']} dofs, {record['ranks']} ranks, {record['cell']}")
     tried = record.get("elasticity_by_preconditioner", [])
     for e in [*by_seconds(tried), *(r for r in tried if not r["converged"])]:
         print(f"  {_line(e)}")
@@ -277,11 +301,15 @@ def _line(e):
 
 
 def main(argv=None):
-    args = arguments(argv)
+    return measure(arguments(argv), BLOCK)
+
+
+def measure(args, case):
+    """Compile, run, show and save."""
     comm = MPI.COMM_WORLD
     logging.basicConfig(level=logging.WARNING)
-    compile_forms(args, comm)
-    record = run(args, args.n, comm)
+    compile_forms(args, comm, case)
+    record = run(args, args.n, comm, case)
     if comm.rank == 0:
         show(record)
         save(args.output, record)

@@ -61,10 +61,11 @@ def model(record, dofs, ranks):
 
 def surface_seconds(args, n, comm):
     """Seconds of one factorisation on the surface, its assembly included: a warm median."""
-    problem = elasticity_ratio.contact_problem(args, *elasticity_ratio.block(args, n, comm))
+    body = elasticity_ratio.block(args, n, comm)
+    problem = elasticity_ratio.contact_problem(args, Timer(comm), *body)
     problem.petsc_options["linear_solver"] = "amg"
     solver = problem.linear_solver
-    solver.operator.update()
+    solver.operator.update(problem.state())
 
     def factorise():
         timer = Timer(comm)

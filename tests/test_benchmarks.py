@@ -16,6 +16,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 import contact_vs_getfem
 import elastic_solve
 import elasticity_ratio
+import pair_ratio
+import scaling
 import timing
 
 COMM = MPI.COMM_WORLD
@@ -55,7 +57,7 @@ def test_a_run_that_fails_is_no_median():
 def test_conjugate_gradients_are_tightened_until_the_true_residual_is_small(monkeypatch):
     asked = []
 
-    def solve(setting, V, conditions, poisson, rtol):
+    def solve(setting, V, conditions, poisson, rtol, tie):
         asked.append(rtol)
         return {"seconds": 1.0, "converged": True, "true_residual": 3 * rtol}
 
@@ -148,3 +150,28 @@ def test_ratios_to_getfem_stand_beside_what_they_are_of():
     }  # fmt: skip
     assert record["ours_seconds"] / record["getfem_seconds"] == record["solve_ratio"]
     assert record["force_difference"] == 0.0
+
+
+def test_bodies_that_are_tied(folder, monkeypatch):
+    """The yardstick between bodies is the contact problem in which everything sticks."""
+    words = ["--n", "3", "--settings", "gamg0-sor1-half", "hypre-nodal4", "--repeats", "1"]
+    file = folder / "pair.json"
+    record = pair_ratio.main([*words, "--output", str(file)])
+    assert record["elasticity_ratio"] == record["contact_seconds"] / record["elasticity_seconds"]
+    assert record["contact"]["parts"]["pair"] > 0
+    args = pair_ratio.arguments([*words, "--friction", "100", "--tolerance", "1e-11"])
+    body = pair_ratio.bodies(args, 3, COMM)
+    made, kept = elastic_solve._problem, []
+    monkeypatch.setattr(elastic_solve, "_problem", lambda *a: kept.append(made(*a)) or kept[-1])
+    for run in pair_ratio.elasticity(args, *body, args.settings).values():
+        assert run()["converged"]
+    problem = pair_ratio.contact_problem(args, timing.Timer(COMM), *body)
+    assert set(problem.solve().tables["contact"].status) == {"k"}
+    for u, *_ in kept:
+        apart = np.abs(u.x.array - problem.u.x.array).max(initial=0.0)
+        assert COMM.allreduce(apart, op=max) < 1e-9 * args.press
+
+
+def test_seconds_of_the_surface():
+    args = elasticity_ratio.arguments(["--n", "3"])
+    assert scaling.surface_seconds(args, 3, COMM) > 0

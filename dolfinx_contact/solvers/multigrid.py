@@ -148,7 +148,7 @@ class Multigrid(LinearSolver):
             logger.info("multigrid hierarchy %d built", self.hierarchy.builds)
 
     def _closed(self, state: State) -> _Glued:
-        """What to glue: what is closed, or a guess of it where nothing is closed yet. Collective."""
+        """What to glue: what is closed, or a guess where nothing is closed yet. Collective."""
         eq, V = self._equations, self._equations.V
         bs, n = V.dofmap.index_map_bs, V.dofmap.index_map.size_local
         marks = la.vector(V.dofmap.index_map, 1)

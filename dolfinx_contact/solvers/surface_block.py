@@ -186,9 +186,7 @@ def combined(A: PETSc.Mat, a: float, B: PETSc.Mat, out: PETSc.Mat | None) -> PET
     return out
 
 
-def contact_dofs(
-    equations: ContactEquations, *, opposite: bool = True
-) -> npt.NDArray[np.int32]:
+def contact_dofs(equations: ContactEquations, *, opposite: bool = True) -> npt.NDArray[np.int32]:
     """Owned displacement dofs of the nodes of all contact facets, local indices. Collective.
 
     Args:
