@@ -9,7 +9,7 @@ warn_of_namesake()
 
 from dolfinx_contact import materials, obstacles
 from dolfinx_contact._petsc import parse_arguments
-from dolfinx_contact.laws import Coulomb, Frictionless, Tresca
+from dolfinx_contact.laws import Coulomb, Frictionless, NormalCompliance, Regularised, Tresca
 from dolfinx_contact.obstacles import Cylinder, HalfSpace, LevelSet, Sphere
 from dolfinx_contact.points.pair import ContactPair
 from dolfinx_contact.points.surface import ContactSurface
@@ -31,6 +31,8 @@ __all__ = [
     "Frictionless",
     "HalfSpace",
     "LevelSet",
+    "NormalCompliance",
+    "Regularised",
     "Result",
     "Sphere",
     "Tresca",

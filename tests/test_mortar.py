@@ -333,13 +333,13 @@ def test_units():
     )
 
 
-def sheared(options=None):
+def sheared(options=None, law=Coulomb(0.15)):  # noqa: B008
     """Two blocks of different meshes, pressed and then drawn more and more to the right."""
     both = stacked(9, 6, (0.0, 1.0), (0.0, 1.0))
     u = displacement(both.mesh)
     V, gamma = u.function_space, fem.Constant(both.mesh, 0.0)
     moved = fem.Function(V)
-    pair = ContactPair(u, both, slave=2, master=3, law=Coulomb(0.15))
+    pair = ContactPair(u, both, slave=2, master=3, law=law)
     top = fem.locate_dofs_topological(V, 1, both.facet_tags.find(4))
     ends = [held(u, both.facet_tags, 1, (0, 0)), fem.dirichletbc(moved, top)]
     energy = MATERIAL.energy(u) * ufl.dx

@@ -3,6 +3,7 @@
 
 from dolfinx_contact.laws.answers import Answers, PointData
 from dolfinx_contact.laws.compiled import LawAtPoints
+from dolfinx_contact.laws.compliant import NormalCompliance, Regularised
 from dolfinx_contact.laws.friction import Coulomb, FrictionLaw, Frictionless, Tresca
 from dolfinx_contact.laws.law import Border, ContactPoint, Law, StatusPiece
 from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK
@@ -20,7 +21,9 @@ __all__ = [
     "Frictionless",
     "Law",
     "LawAtPoints",
+    "NormalCompliance",
     "PointData",
+    "Regularised",
     "StatusPiece",
     "Tresca",
 ]

@@ -8,7 +8,7 @@ points are of.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
@@ -151,14 +151,14 @@ class CompiledLaw:
         return found
 
 
-_known: dict[tuple[Any, ...], CompiledLaw] = {}
+_known: dict[tuple[Hashable, int], CompiledLaw] = {}
 
 
 def _compiled(law: Law, dim: int, comm: MPI.Comm) -> CompiledLaw:
-    """The compiled law; dataclasses of one kind share it, for they differ in their fields alone."""
-    if "__dataclass_fields__" not in vars(type(law)):
+    """The compiled law; laws of one kind share it, for they differ in their fields alone."""
+    if law.kind is None:
         return CompiledLaw(law, dim, comm)
-    key = type(law), dim, _settings(type(law))
+    key = law.kind, dim
     # All ranks together or none: compiling is collective.
     if not comm.allreduce(int(key in _known), op=MPI.MIN):
         _known[key] = CompiledLaw(law, dim, comm)
@@ -234,17 +234,6 @@ class LawAtPoints:
         for name, places in zip(self.compiled.names, by_field, strict=True):
             rate += chosen(places, d) * rates.fields[name][:, None]
         return rate
-
-
-def _settings(kind: type) -> tuple[tuple[str, str], ...]:
-    """What a class holds beside its fields and methods, which a law may look at as well."""
-    found = {
-        name: repr(value)
-        for base in kind.__mro__
-        for name, value in vars(base).items()
-        if not name.startswith("__") and not callable(value)
-    }
-    return tuple(sorted(found.items()))
 
 
 def _variable(e: Any, number: int) -> Any:

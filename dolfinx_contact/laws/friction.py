@@ -45,40 +45,45 @@ class FrictionLaw(Law):
         """
         return None
 
-    def pieces(self, a: ContactPoint) -> Mapping[int, StatusPiece]:
-        nothing, grips = 0.0 * a.n, self.grips(a)
-        if isinstance(ufl.as_ufl(self.bound(a, a.p)), ufl.constantvalue.Zero):
-            return {
-                OPEN: StatusPiece(nothing, [Border(-a.p, PLUS)]),
-                PLUS: StatusPiece(-a.p * a.n, [Border(a.p, OPEN)]),
-            }
+    def shears(self, a: ContactPoint) -> Mapping[int, StatusPiece]:
+        """Of closed points what friction answers, status by status, and where the status ends."""
 
         def radius(slid: Any) -> Any:
             return self.bound(replace(a, slid=slid), a.p)
 
-        friction = _in_plane(a, radius, grips) if a.dim == 2 else _in_space(a, radius, grips)
-        pieces = {}
+        in_ = _in_plane if a.dim == 2 else _in_space
+        return in_(a, radius, self.grips(a))
+
+    def entered(self, a: ContactPoint) -> Mapping[int, Any]:
+        """Statuses that an open point takes that closes, and UFL conditions; None for always."""
+        if a.dim == 3:
+            return {PLUS: None}
+        # It slips against its displacement.
+        grips, back = self.grips(a), ufl.gt(ufl.dot(a.s, a.t), 0.0)
+        back = back if grips is None else ufl.And(back, grips)
+        return {PLUS: ufl.Not(back), MINUS: back}
+
+    def pieces(self, a: ContactPoint) -> Mapping[int, StatusPiece]:
+        nothing = 0.0 * a.n
+        if isinstance(ufl.as_ufl(self.bound(a, a.p)), ufl.constantvalue.Zero):
+            return {
+                OPEN: StatusPiece(nothing, [Border(-a.touch, PLUS)]),
+                PLUS: StatusPiece(-a.p * a.n, [Border(a.touch, OPEN)]),
+            }
+        friction, pieces = self.shears(a), {}
         if self.needs_pressure:
-            pieces[OPEN] = StatusPiece(nothing, _closing(a, grips))
+            closing = [Border(-a.touch, code, where) for code, where in self.entered(a).items()]
+            pieces[OPEN] = StatusPiece(nothing, closing)
         else:
             for code, piece in friction.items():
                 borders = [Border(d, k + WHERE_OPEN, where) for d, k, where in piece.borders]
-                borders.insert(0, Border(-a.p, code))
+                borders.insert(0, Border(-a.touch, code))
                 pieces[code + WHERE_OPEN] = StatusPiece(piece.answer, borders, piece.exists)
         for code, piece in friction.items():
-            opens = Border(a.p, OPEN if self.needs_pressure else code + WHERE_OPEN)
+            opens = Border(a.touch, OPEN if self.needs_pressure else code + WHERE_OPEN)
             answer = -a.p * a.n + piece.answer
             pieces[code] = StatusPiece(answer, [opens, *piece.borders], piece.exists)
         return pieces
-
-
-def _closing(a: ContactPoint, grips: Any) -> list[Border]:
-    """An open point that closes slips against its displacement."""
-    if a.dim == 3:
-        return [Border(-a.p, PLUS)]
-    back = ufl.gt(ufl.dot(a.s, a.t), 0.0)
-    back = back if grips is None else ufl.And(back, grips)
-    return [Border(-a.p, PLUS, ufl.Not(back)), Border(-a.p, MINUS, back)]
 
 
 class _Slip:

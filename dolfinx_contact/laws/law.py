@@ -17,9 +17,9 @@ Signorini's conditions and friction are projections (Alart and Curnier, CMAME 92
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
-from typing import Any, NamedTuple, Self, TypeAlias
+from typing import Any, Literal, NamedTuple, Self, TypeAlias
 
 import numpy as np
 
@@ -29,8 +29,10 @@ from dolfinx import fem, mesh
 from dolfinx_contact._agreement import refuse_other_mesh
 from dolfinx_contact.laws.status import MINUS, WHERE_OPEN
 
-__all__ = ["Border", "ContactPoint", "Law", "Scalar", "StatusPiece", "checked_pieces"]
+__all__ = ["Border", "ContactPoint", "Law", "Scalar", "Sign", "StatusPiece", "checked_pieces"]
 
+#: Which numbers may be given.
+Sign: TypeAlias = Literal["any", "nonnegative", "positive"]
 #: A number, a `dolfinx.fem.Constant`, a `dolfinx.fem.Function` or any scalar UFL expression.
 Scalar: TypeAlias = Any
 
@@ -48,6 +50,9 @@ class ContactPoint:
         dim: 2 or 3.
         slid: distance by which it has slipped; in a slip it is counted in the sense of the slip,
             and so smooth where the slip begins.
+        pressure: of a compliant surface; None where contact is unilateral.
+        shear: of a compliant surface before it slips, a vector; None where nothing moves then.
+        touches: distance to the border of open points, a traction; None where that is p.
     """
 
     jump: Any
@@ -57,6 +62,9 @@ class ContactPoint:
     r: Any
     dim: int
     slid: Any = None
+    pressure: Any = None
+    shear: Any = None
+    touches: Any = None
 
     @property
     def t(self) -> Any:
@@ -75,12 +83,21 @@ class ContactPoint:
 
     @property
     def p(self) -> Any:
-        """Augmented pressure."""
+        """Augmented pressure, or that of a compliant surface."""
+        if self.pressure is not None:
+            return self.pressure
         return -(ufl.dot(self.traction, self.n) - self.r * self.u_n)
 
     @property
+    def touch(self) -> Any:
+        """Distance to the border of open points, a traction, positive in contact."""
+        return self.p if self.touches is None else self.touches
+
+    @property
     def s(self) -> Any:
-        """Augmented shear, a vector."""
+        """Augmented shear, or that of a compliant surface, a vector."""
+        if self.shear is not None:
+            return self.shear
         return self.traction - ufl.dot(self.traction, self.n) * self.n - self.r * self.u_t
 
 
@@ -128,6 +145,8 @@ class Law:
     needs_pressure: bool = True
     #: Whether its fields must not be negative.
     nonnegative: bool = False
+    #: Whether what is touched gives way, so that points penetrate.
+    compliant: bool = False
 
     def pieces(self, a: ContactPoint) -> Mapping[int, StatusPiece]:
         """What the law answers, by the numbers of statuses (`laws.status`).
@@ -141,6 +160,22 @@ class Law:
     def bound(self, a: ContactPoint, p: Any) -> Any | None:
         """UFL radius of the disc that holds the shear at pressure ``p``; None if there is none."""
         return None
+
+    @property
+    def name(self) -> str:
+        """What messages call it."""
+        return type(self).__name__
+
+    @property
+    def kind(self) -> Hashable | None:
+        """What laws have in common that differ in their `given` fields alone; None if nothing."""
+        if "__dataclass_fields__" not in vars(type(self)):
+            return None
+        return type(self), _settings(type(self))
+
+    def sign(self, field: str) -> Sign:
+        """What a field must be."""
+        return "nonnegative" if self.nonnegative else "any"
 
     @property
     def given(self) -> dict[str, Scalar]:
@@ -160,16 +195,27 @@ class Law:
             ValueError: if a number is not finite, or negative where it must not be, or something
                 is of another mesh.
         """
-        kind, signed = type(self).__name__, not self.nonnegative
+        kind = self.name
         hiding = sorted(set(self.given) & set(dir(Law)))
         if hiding:
             raise ValueError(f"fields of {kind} must not have the names of methods: {hiding}")
         return self.having(
             {
-                k: _as_coefficient(domain, v, f"{k} of {kind}", signed=signed)
+                k: _as_coefficient(domain, v, f"{k} of {kind}", self.sign(k))
                 for k, v in self.given.items()
             }
         )
+
+
+def _settings(kind: type) -> tuple[tuple[str, str], ...]:
+    """What a class holds beside its fields and methods, which a law may look at as well."""
+    found = {
+        name: repr(value)
+        for base in kind.__mro__
+        for name, value in vars(base).items()
+        if not name.startswith("__") and not callable(value) and not isinstance(value, property)
+    }
+    return tuple(sorted(found.items()))
 
 
 def checked_pieces(pieces: Any, dim: int) -> dict[int, StatusPiece]:
@@ -204,16 +250,17 @@ def _shape(e: Any) -> tuple[int, ...] | None:
         return None
 
 
-def _as_coefficient(domain: mesh.Mesh, value: Scalar, what: str, *, signed: bool) -> Scalar:
+def _as_coefficient(domain: mesh.Mesh, value: Scalar, what: str, sign: Sign) -> Scalar:
     """``value`` as UFL: numbers become Constants, which may be changed later."""
     if isinstance(value, int | float | np.floating | np.integer) and not isinstance(value, bool):
-        if not (np.isfinite(value) and (signed or value >= 0)):
-            kind = "finite" if signed else "finite and nonnegative"
+        least = {"any": True, "nonnegative": value >= 0, "positive": value > 0}
+        if not (np.isfinite(value) and least[sign]):
+            kind = "finite" if sign == "any" else f"finite and {sign}"
             raise ValueError(f"{what} must be {kind}, got {value}")
         return fem.Constant(domain, float(value))
     if not isinstance(value, ufl.core.expr.Expr) or value.ufl_shape != ():
         raise ValueError(
-            f"{what} must be a {'' if signed else 'nonnegative '}number, a Constant, a scalar "
+            f"{what} must be a {'' if sign == 'any' else sign + ' '}number, a Constant, a scalar "
             f"Function or a scalar UFL expression, got {value!r}"
         )
     refuse_other_mesh(value, domain, what)

@@ -116,7 +116,7 @@ class ContactSurface:
 
         def described_law() -> str:
             fields = [f"{k} {described(e, domain)}" for k, e in given.items()]
-            return f"{type(law).__name__}({', '.join(fields)})"
+            return f"{law.name}({', '.join(fields)})"
 
         same_everywhere(
             self.comm,
@@ -182,18 +182,20 @@ class ContactSurface:
     def check_law(self, where: str = "") -> None:
         """Raise ``ValueError`` if there is no law with the fields as they are. Collective.
 
-        They must be finite, those of Coulomb and Tresca not negative, and no radius of a friction
-        disc negative.
+        They must be finite and of the sign that the law asks for, and no radius of a friction disc
+        negative.
         """
         fields = self.points.data.fields
         for name, values in fields.items():
-            what = f"{name} of {type(self.law).__name__}{where}"
+            what = f"{name} of {self.law.name}{where}"
             require(self.comm, bool(np.isfinite(values).all()), f"{self.name}: NaN in the {what}")
-            signed = not self.law.nonnegative or bool((values > -1e-14).all())
-            require(self.comm, signed, f"{self.name}: negative {what}")
+            sign = self.law.sign(name)
+            good = sign == "any" or bool((values > (-1e-14 if sign == "nonnegative" else 0)).all())
+            words = "negative" if sign == "nonnegative" else "not positive:"
+            require(self.comm, good, f"{self.name}: {words} {what}")
         at_rest = np.zeros_like(self.points.data.n)
         radius = self.answers(at_rest, at_rest).unit_bound
-        message = f"{self.name}: the law {type(self.law).__name__} has a negative radius{where}"
+        message = f"{self.name}: the law {self.law.name} has a negative radius{where}"
         require(self.comm, not bool((radius < -1e-14).any()), message)
 
     # -- nodes and points ------------------------------------------------------------------------

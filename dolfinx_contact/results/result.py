@@ -20,6 +20,7 @@ from dolfinx_contact.equations.state import State
 from dolfinx_contact.laws import status
 from dolfinx_contact.results.balance import balance, support_at_nodes
 from dolfinx_contact.results.checks import misfits, warn_of_inversion
+from dolfinx_contact.results.penetration import Penetration, penetrations
 from dolfinx_contact.results.tables import ContactTable, contact_table, violation
 from dolfinx_contact.solvers.history import Attempt, Step
 
@@ -49,6 +50,7 @@ class Result:
         misfits: by surface name, the length by which the gap of the law is off at the displaced
             contact points (`checks.misfits`); None if the obstacle does not say.
         min_det_F: the smallest det(I + grad u) of a body that is not linear in u, else None.
+        penetrations: of surfaces with a compliant law, by name.
     """
 
     tables: dict[str, ContactTable]
@@ -61,6 +63,7 @@ class Result:
     imbalance: float
     misfits: dict[str, float | None]
     min_det_F: float | None
+    penetrations: dict[str, Penetration]
 
     @property
     def converged(self) -> bool:
@@ -120,6 +123,7 @@ class Result:
             "kkt_violation": self.kkt_violation,
             "misfit": self.misfit,
             "min_det_F": self.min_det_F,
+            **{f"penetration_{k}": p.largest for k, p in self.penetrations.items()},
         }
 
 
@@ -168,4 +172,5 @@ def collect(eq: ContactEquations, state: State, attempts: Sequence[Attempt]) -> 
         forces.imbalance,
         misfits(eq, state),
         warn_of_inversion(eq, state.u),
+        penetrations(eq, tables),
     )

@@ -1,0 +1,249 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""Laws around a law of friction: surfaces that give way, and friction without a threshold.
+
+- *Normal compliance*: the pressure is that of a spring, p = C (u_n)_+^m (Oden and Martins, CMAME
+  52, 1985, section 2); m = 1 is the penalisation of Signorini's conditions.
+- *Regularised friction*: the shear grows with the slip from zero, t_t = -b phi(|u_t|/eps)
+  u_t/|u_t| with the radius b of the friction disc, so that every displacement has one answer.
+
+Neither is Signorini's and Coulomb's problem: they are here to be compared with it.
+
+Springs are written with the augmented traction q = p + r u_n of the point, p = C/(C + r) q_+: the
+answers of p = C (u_n)_+, by the same statuses, and as C grows Newton's method becomes that of the
+true law. Other pressures and shears are functions of the displacement alone: with a width far below
+the displacements Newton's method does not find them from zero; lower the width step by step, or
+follow it (`ParametricContact`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+import ufl
+
+from dolfinx_contact.laws.friction import FrictionLaw, Frictionless
+from dolfinx_contact.laws.law import Border, ContactPoint, Scalar, Sign, StatusPiece
+from dolfinx_contact.laws.status import MINUS, PLUS, STICK
+
+__all__ = ["NormalCompliance", "Regularised"]
+
+_INSIDE = "friction."  # what fields of the law inside have before their names
+_TINY = 1e-100
+_SATURATED = 20.0  # slip/eps beyond which tanh is 1 to round-off, and its derivative overflows
+_SERIES = 1e-6  # (slip/eps)^2 below which a series replaces a quotient
+
+
+class _AroundFriction(FrictionLaw):
+    """A law with another one inside, `friction`, whose fields are its own as well."""
+
+    friction: FrictionLaw
+    #: Fields that are no law, no number of the kind, and not left out.
+    own: ClassVar[tuple[str, ...]]
+
+    @property
+    def _number(self) -> Hashable:
+        """What is the same of all laws of the kind."""
+        raise NotImplementedError
+
+    @property
+    def name(self) -> str:
+        return f"{type(self).__name__}({self._number}) of {self.friction.name}"
+
+    @property
+    def kind(self) -> Hashable | None:
+        inside, mine = self.friction.kind, super().kind
+        present = tuple(k for k in self.own if getattr(self, k) is not None)
+        return None if inside is None else (mine, present, self._number, inside)
+
+    @property
+    def needs_pressure(self) -> bool:  # type: ignore[override]
+        return self.friction.needs_pressure
+
+    def sign(self, field: str) -> Sign:
+        if field.startswith(_INSIDE):
+            return self.friction.sign(field.removeprefix(_INSIDE))
+        return "positive"
+
+    @property
+    def given(self) -> dict[str, Scalar]:
+        mine = {k: getattr(self, k) for k in self.own}
+        inside = {_INSIDE + k: v for k, v in self.friction.given.items()}
+        return {k: v for k, v in {**mine, **inside}.items() if v is not None}
+
+    def having(self, symbols: Mapping[str, Any]) -> Self:
+        inside = {k.removeprefix(_INSIDE): v for k, v in symbols.items() if k.startswith(_INSIDE)}
+        mine = {k: v for k, v in symbols.items() if not k.startswith(_INSIDE)}
+        friction = self.friction.having(inside)
+        return replace(self, friction=friction, **mine)  # type: ignore[type-var]
+
+    def bound(self, a: ContactPoint, p: Any) -> Any:
+        return self.friction.bound(a, p)
+
+    def grips(self, a: ContactPoint) -> Any | None:
+        return self.friction.grips(a)
+
+    def shears(self, a: ContactPoint) -> Mapping[int, StatusPiece]:
+        return self.friction.shears(a)
+
+    def entered(self, a: ContactPoint) -> Mapping[int, Any]:
+        return self.friction.entered(a)
+
+
+@dataclass(frozen=True)
+class NormalCompliance(_AroundFriction):
+    """The pressure of a surface that gives way: C (u_n)_+^m, with friction.
+
+    Points that touch penetrate: ``un`` is negative. `Result.penetrations` says how far, and there
+    is a warning where it is no longer small beside the mesh.
+
+    Attributes:
+        stiffness: C > 0, in units of traction per length to the power m; a number, a Constant, a
+            Function or a UFL expression.
+        exponent: m >= 1, a number.
+        friction: law of friction at that pressure; none by default.
+        tangential: stiffness C_t of the surface along itself, traction per length: the shear is
+            -C_t u_t until the point slips (with m = 1 the penalised Coulomb law). None: the point
+            sticks.
+
+    Raises:
+        ValueError: if the exponent is below 1 or ``friction`` is none.
+    """
+
+    stiffness: Scalar
+    exponent: float = 1.0
+    friction: FrictionLaw = field(default_factory=Frictionless)
+    tangential: Scalar | None = None
+    own = ("stiffness", "tangential")
+    compliant = True
+
+    def __post_init__(self) -> None:
+        m = self.exponent
+        number = isinstance(m, int | float | np.number) and not isinstance(m, bool)
+        if not (number and np.isfinite(m) and m >= 1):
+            raise ValueError(f"the exponent of NormalCompliance must be at least 1, got {m!r}")
+        if not isinstance(self.friction, FrictionLaw) or isinstance(
+            self.friction, NormalCompliance
+        ):
+            raise ValueError(
+                "friction of NormalCompliance must be a law of friction such as Coulomb(0.3), got "
+                f"{self.friction!r}"
+            )
+
+    @property
+    def _number(self) -> Hashable:
+        return float(self.exponent)
+
+    def pieces(self, a: ContactPoint) -> Mapping[int, StatusPiece]:
+        C, C_t, m = self.stiffness, self.tangential, float(self.exponent)
+        shear = None if C_t is None else C_t / (C_t + a.r) * a.s
+        if m == 1:
+            return super().pieces(replace(a, pressure=C / (C + a.r) * a.p, shear=shear))
+        size = ufl.conditional(ufl.ge(a.u_n, 0.0), a.u_n, -a.u_n)
+        # Of u |u|^(m - 1) the slope at zero is to be zero.
+        power = ufl.conditional(ufl.gt(size, _TINY), size, _TINY) ** (m - 1.0)
+        soft = replace(a, pressure=C * a.u_n * power, shear=shear, touches=a.r * a.u_n)
+        return super().pieces(soft)
+
+
+@dataclass(frozen=True)
+class Regularised(_AroundFriction):
+    """Friction whose shear grows from zero with the slip x = |u_t|/eps: b phi(x).
+
+    Below x = 1 a point is counted as stuck; in truth it creeps.
+
+    Attributes:
+        friction: the law that is regularised; its radius b of the friction disc.
+        width: eps > 0, a length; a number, a Constant, a Function or a UFL expression.
+        shape: of phi: ``"tanh"``, tanh(x); ``"sqrt"``, x/sqrt(1 + x^2), the slope of
+            sqrt(|u_t|^2 + eps^2); ``"polynomial"``, (3 x - x^3)/2 up to x = 1, then 1;
+            ``"linear"``, x up to 1, then 1.
+
+    Raises:
+        ValueError: for another shape, or if ``friction`` is no law of friction.
+    """
+
+    friction: FrictionLaw
+    width: Scalar
+    shape: str = "tanh"
+    own = ("width",)
+
+    def __post_init__(self) -> None:
+        if self.shape not in _SHAPES:
+            raise ValueError(
+                f"the shape of Regularised must be one of {', '.join(_SHAPES)}, got {self.shape!r}"
+            )
+        if not isinstance(self.friction, FrictionLaw) or isinstance(self.friction, _AroundFriction):
+            raise ValueError(
+                "Regularised takes a law of friction such as Coulomb(0.3), got "
+                f"{self.friction!r}; a compliant surface goes around it"
+            )
+
+    @property
+    def _number(self) -> Hashable:
+        return self.shape
+
+    def shears(self, a: ContactPoint) -> Mapping[int, StatusPiece]:
+        u, eps = a.u_t, self.width
+        y = ufl.dot(u, u) / eps**2
+        size = eps * _root(y)
+        b = self.bound(replace(a, slid=size), a.p)
+        over_x = _SHAPES[self.shape]
+        if over_x is None:  # springs
+            return self.friction.shears(replace(a, shear=b / (b + a.r * eps) * a.s))
+        creeps, slips = (-b * k / eps * u for k in over_x(y))
+        if a.dim == 3:
+            return {
+                STICK: StatusPiece(creeps, [Border(a.r * (eps - size), PLUS)]),
+                PLUS: StatusPiece(slips, [Border(a.r * (size - eps), STICK)]),
+            }
+        along = ufl.dot(u, a.t)
+        return {
+            STICK: StatusPiece(
+                creeps,
+                [Border(a.r * (eps + along), MINUS), Border(a.r * (eps - along), PLUS)],
+            ),
+            MINUS: StatusPiece(slips, [Border(a.r * (-along - eps), STICK)]),
+            PLUS: StatusPiece(slips, [Border(a.r * (along - eps), STICK)]),
+        }
+
+    def entered(self, a: ContactPoint) -> Mapping[int, Any]:
+        y = ufl.dot(a.u_t, a.u_t) / self.width**2
+        if a.dim == 3:
+            return {STICK: ufl.le(y, 1.0), PLUS: ufl.gt(y, 1.0)}
+        along = ufl.dot(a.u_t, a.t) / self.width
+        return {
+            STICK: ufl.le(y, 1.0),
+            PLUS: ufl.gt(along, 1.0),
+            MINUS: ufl.lt(along, -1.0),
+        }
+
+
+def _root(y: Any) -> Any:
+    """The root of y, but for y near zero, where it has no slope."""
+    return ufl.sqrt(ufl.conditional(ufl.gt(y, _SERIES), y, _SERIES))
+
+
+# phi(x)/x of y = x^2, below and beyond x = 1.
+
+
+def _tanh(y: Any) -> tuple[Any, Any]:
+    x = _root(y)
+    x_ = ufl.conditional(ufl.lt(x, _SATURATED), x, _SATURATED)
+    series = 1.0 - y / 3.0 + 2.0 * y**2 / 15.0
+    both = ufl.conditional(ufl.gt(y, _SERIES), ufl.tanh(x_) / x, series)
+    return both, both
+
+
+def _sqrt(y: Any) -> tuple[Any, Any]:
+    return (1.0 / ufl.sqrt(1.0 + y),) * 2
+
+
+def _polynomial(y: Any) -> tuple[Any, Any]:
+    return (3.0 - y) / 2.0, 1.0 / _root(y)
+
+
+_SHAPES = {"tanh": _tanh, "sqrt": _sqrt, "polynomial": _polynomial, "linear": None}

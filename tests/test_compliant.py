@@ -1,0 +1,271 @@
+"""Compliant surfaces and regularised friction, against closed forms and the true law."""
+
+import logging
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from blocks import KINDS, block, box, facets, same_tables
+from demo_own_law import SlipWeakening
+from scipy.optimize import brentq
+from test_law import randomise, remainders
+from test_mortar import sheared
+from test_pair import displacement, held, stacked
+
+import ufl
+from dolfinx import fem
+
+from dolfinx_contact import (
+    ContactPair,
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    HalfSpace,
+    NormalCompliance,
+    Regularised,
+    Sphere,
+    Tresca,
+)
+from dolfinx_contact.continuation import follow
+from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.parametric import ParametricContact
+
+COMM = MPI.COMM_WORLD
+PHI = {
+    "tanh": np.tanh,
+    "sqrt": lambda x: x / np.sqrt(1 + x**2),
+    "polynomial": lambda x: np.where(x < 1, (3 * x - x**3) / 2, 1.0),
+    "linear": lambda x: np.minimum(x, 1.0),
+}
+MODULUS = 1000.0 * 0.7 / (1.3 * 0.4)  # of uniaxial strain
+
+
+def rollers(u, *axes_and_values):
+    """Normal displacements of planes that are held at 0."""
+    V = u.function_space
+    return [
+        fem.dirichletbc(
+            0.0,
+            fem.locate_dofs_topological(
+                V.sub(i), V.mesh.topology.dim - 1, facets(V.mesh, i, value)
+            ),
+            V.sub(i),
+        )
+        for i, value in axes_and_values
+    ]
+
+
+@pytest.mark.parametrize("exponent", [1, 1.5])
+@pytest.mark.parametrize(("dim", "cell"), KINDS)
+def test_uniform_compression(dim, cell, exponent):
+    """MODULUS (d - penetration) = C penetration^m, nodal and integral."""
+    stiffness, pressed = 4000.0, 0.1
+    depth = brentq(lambda d: stiffness * d**exponent - MODULUS * (pressed - d), 0, pressed,
+                   xtol=1e-16)  # fmt: skip
+    for degree in (1, 2) if cell in ("tri", "hex") else (1,):
+        domain = box(COMM, 2, cell)
+        u = displacement(domain, degree)
+        floor = HalfSpace(np.zeros(dim), np.eye(dim)[-1])
+        law = NormalCompliance(stiffness, exponent)
+        surface = ContactSurface(u, facets(domain, dim - 1, 0.0), obstacle=floor, law=law)
+        aside = [(i, x) for i in range(dim - 1) for x in (0.0, 1.0)]
+        top = np.zeros(dim)
+        top[-1] = -pressed
+        dofs = fem.locate_dofs_topological(u.function_space, dim - 1, facets(domain, dim - 1, 1.0))
+        ends = [fem.dirichletbc(top, dofs, u.function_space), *rollers(u, *aside)]
+        energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
+        result = ContactProblem(energy, u, [surface], bcs=ends,
+                                petsc_options={"snes_rtol": 1e-13}).solve()  # fmt: skip
+        table = result.tables["contact"]
+        np.testing.assert_allclose(-table.un, depth, rtol=1e-10)
+        np.testing.assert_allclose(table.pressure, MODULUS * (pressed - depth), rtol=1e-10)
+        penetration = result.penetrations["contact"]
+        assert penetration.largest == pytest.approx(depth, rel=1e-10)
+        assert penetration.mean == pytest.approx(depth, rel=1e-10)
+
+
+def sheared_block(law, dim, cell, s, pressed, shear):
+    """A block in simple shear, nu = 0; normal displacements are known but at the floor."""
+    domain = box(COMM, 2, cell)
+    u, up = displacement(domain), dim - 1
+    V, floor = u.function_space, HalfSpace(np.zeros(dim), np.eye(dim)[-1])
+    surface = ContactSurface(u, facets(domain, up, 0.0), obstacle=floor, law=law)
+    held, normal = fem.Function(V), fem.Function(V.sub(up).collapse()[0])
+    held.x.array.reshape(-1, dim)[:] = [s, *[0.0] * (dim - 2), -pressed]
+    normal.interpolate(lambda x: -pressed * x[up])
+    above = fem.locate_dofs_geometrical((V.sub(up), normal.function_space), lambda x: x[up] > 1e-9)
+    ends = [
+        fem.dirichletbc(normal, above, V.sub(up)),
+        fem.dirichletbc(held, fem.locate_dofs_topological(V, up, facets(domain, up, 1.0))),
+        *rollers(u, *[(1, y) for y in (0.0, 1.0) if dim == 3]),
+    ]
+    aside = ufl.FacetNormal(domain)[0] * shear * u[up] * ufl.ds
+    energy = LinearElastic.from_young(1000.0, 0.0).energy(u) * ufl.dx - aside
+    options = {"snes_rtol": 1e-13}
+    return ContactProblem(energy, u, [surface], bcs=ends, petsc_options=options)
+
+
+@pytest.mark.parametrize("shape", PHI)
+@pytest.mark.parametrize(("dim", "cell"), [(2, "tri"), (3, "hex")])
+def test_simple_shear(dim, cell, shape):
+    """A block of height 1 and shear modulus 500, drawn by s: 500 (s - u) = b phi(u/eps)."""
+    s, eps, pressed = 0.03, 0.004, 0.05
+    for law, bound in ((Tresca(5.0), 5.0), (Coulomb(0.2), 0.2 * 1000.0 * pressed)):
+        slid = brentq(
+            lambda u, b=bound: 500.0 * (s - u) - b * PHI[shape](u / eps), 0, s, xtol=1e-16
+        )
+        shear = bound * PHI[shape](slid / eps)
+        law = Regularised(law, eps, shape)
+        result = sheared_block(law, dim, cell, s, pressed, shear).solve()
+        table = result.tables["contact"]
+        np.testing.assert_allclose(table.ut[:, 0], slid, rtol=1e-10)
+        np.testing.assert_allclose(-table.shear[:, 0], shear, rtol=1e-10)
+        assert set(table.status) == {("s" if dim == 3 else "+") if slid > eps else "k"}
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_penalised_coulomb(dim):
+    """Shear springs hold up to the bound: stuck points move by shear / C_t, others slip."""
+    law = NormalCompliance(1e4, 1.0, Coulomb(0.3), tangential=2e4)
+    top = (0.02, *[0.0] * (dim - 2), -0.03)
+    result = block(n=6 if dim == 2 else 3, cell="quad" if dim == 2 else "hex", law=law, top=top,
+                   options={"snes_rtol": 1e-12}).solve()  # fmt: skip
+    t = result.tables["contact"]
+    np.testing.assert_allclose(t.pressure, 1e4 * np.maximum(-t.un, 0), atol=1e-9)
+    stuck, size = t.letters == "k", np.linalg.norm(t.shear, axis=1)
+    assert 0 < stuck.sum() < len(stuck)
+    np.testing.assert_allclose(t.shear[stuck], -2e4 * t.ut[stuck], atol=1e-8)
+    slips = ~stuck & (t.letters != "o")
+    np.testing.assert_allclose(size[slips], 0.3 * t.pressure[slips], atol=1e-8)
+
+
+LAWS = [
+    NormalCompliance(3000.0, 2.5, Coulomb(0.5)),
+    NormalCompliance(3000.0, 1.0, Tresca(3.0), tangential=500.0),
+    *(Regularised(Coulomb(0.5), 0.01, shape) for shape in PHI),
+    NormalCompliance(3000.0, 1.5, Regularised(SlipWeakening(0.5, 0.2, 0.01), 0.005)),
+    Regularised(Tresca(3.0), 0.005, "sqrt"),
+]
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
+@pytest.mark.parametrize(
+    ("cell", "degree", "method"),
+    [("quad", 1, "nodal"), ("tet", 1, "nodal"), ("tri", 2, "integral")],
+)
+def test_jacobian_by_taylor(cell, degree, method, law):
+    """Also on a curved obstacle; of pieces that are smooth the remainder falls as h^2."""
+    floor = Sphere((0.5, *[0.5] * (cell == "tet"), -5.0), 5.0)
+    problem = block(n=2, cell=cell, degree=degree, law=law, obstacle=floor)
+    x = randomise(problem, 1, 0.02, 10.0)
+    sizes = remainders(problem, x, 2)
+    if sizes[0] > 1e-12:  # else the piece is affine
+        np.testing.assert_allclose(np.log2(sizes[:-1] / sizes[1:]), 2.0, atol=0.35)
+
+
+def test_limits():
+    """Forces tend to those of the true law as C grows and eps falls, at the rate of theory."""
+    options = {"snes_rtol": 1e-12}
+    true = block(n=6, cell="quad", top=(0.02, -0.03), options=options).solve().tables["contact"]
+    assert 0 < true.count("k") < 7
+
+    def order(law, sizes):
+        found = []
+        for size in sizes:
+            t = block(n=6, cell="quad", top=(0.02, -0.03), law=law(size), options=options).solve()
+            t = t.tables["contact"]
+            found.append(np.abs(t.force - true.force).max() / np.abs(true.force).max())
+        return np.diff(np.log(found)) / np.diff(np.log(sizes))
+
+    def spring(C):
+        return NormalCompliance(C, 1.0, Coulomb(0.3))
+
+    def square(C):
+        return NormalCompliance(C, 2.0, Coulomb(0.3))
+
+    np.testing.assert_allclose(order(spring, (1e6, 1e7, 1e8)), -1.0, atol=0.05)
+    np.testing.assert_allclose(order(square, (1e10, 1e12, 1e14)), -0.5, atol=0.05)
+    np.testing.assert_allclose(
+        order(lambda e: Regularised(Coulomb(0.3), e, "linear"), (1e-7, 1e-9)), 1.0, atol=0.05
+    )
+    np.testing.assert_allclose(
+        order(lambda e: Regularised(Coulomb(0.3), e, "polynomial"), (1e-4, 1e-5)), 1.0, atol=0.05
+    )
+
+
+@pytest.mark.parametrize("solver", ["direct", "amg"])
+def test_between_bodies(solver):
+    """Two blocks of height 1 in a row with a spring of the interface, and friction as it is."""
+    both = stacked(3, "tet", 2)
+    u, pressed = displacement(both.mesh), 0.1
+    depth = brentq(lambda d: 4000.0 * d**2 - MODULUS * (pressed - d) / 2, 0, pressed, xtol=1e-16)
+    law = NormalCompliance(4000.0, 2.0, Regularised(Coulomb(0.3), 0.01))
+    pair = ContactPair(u, both, slave=3, master=2, law=law)
+    ends = [held(u, both.facet_tags, 1, np.zeros(3)), held(u, both.facet_tags, 4, (0, 0, -pressed))]
+    aside = rollers(u, *[(i, x) for i in (0, 1) for x in (0.0, 1.0)])
+    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
+    options = {"snes_rtol": 1e-13, "linear_solver": solver}
+    problem = ContactProblem(energy, u, [pair], bcs=[*ends, *aside], petsc_options=options)
+    table = problem.solve().tables["contact"]
+    np.testing.assert_allclose(-table.un, depth, rtol=1e-9)
+    np.testing.assert_allclose(table.pressure, 4000.0 * depth**2, rtol=1e-9)
+
+
+def test_width_and_stiffness_as_parameter():
+    """Branches in eps and in C end in the solutions there."""
+    for law in (
+        lambda g: Regularised(Coulomb(0.3), 0.01 * 10 ** (-3 * g), "tanh"),
+        lambda g: NormalCompliance(1e3 * 10 ** (4 * g), 1.5, Coulomb(0.3)),
+    ):
+        options = dict(n=4, cell="quad", top=(0.02, -0.03))
+        domain = box(COMM, 4, "quad")
+        gamma = fem.Constant(domain, 0.0)
+        problem = block(**options, domain=domain, law=law(gamma))
+        system = ParametricContact(problem, gamma)
+        problem.solve()
+        x = system.create_vector()
+        problem.write(x)
+        branch = follow(system, x, 0.0, gamma_range=(0.0, 1.0))
+        assert branch.reason == "gamma reached the end of its range"
+        found = system.result_at(branch.points[-1]).tables["contact"]
+        same_tables(found, block(**options, law=law(1.0)).solve().tables["contact"], 1e-6)
+
+
+def test_a_branch_by_pivoting():
+    """Springs and Coulomb friction are piecewise linear in 2D: the events of the branch by steps."""
+    law, events = NormalCompliance(3e4, 1.0, Coulomb(0.15), tangential=2e4), []
+    for route in ("pivoting", "steps"):
+        system, x = sheared(law=law)
+        branch = follow(system, x, 0.0, gamma_range=(0.0, 1.0), route=route)
+        assert branch.reason == "gamma reached the end of its range"
+        events.append([s.gamma for s in branch.special if s.changes])
+    assert len(events[0]) > 3
+    np.testing.assert_allclose(*events, atol=1e-8)
+
+
+def test_warning_and_bad_laws(caplog):
+    with caplog.at_level(logging.WARNING):
+        block(law=NormalCompliance(50.0), top=(0.0, -0.3)).solve()
+    if COMM.rank == 0:
+        assert "the surface gives way by" in caplog.text
+    for make, message in [
+        (lambda: NormalCompliance(1.0, 0.5), "exponent of NormalCompliance must be at least 1"),
+        (lambda: NormalCompliance(1.0, np.nan), "exponent of NormalCompliance must be at least 1"),
+        (lambda: NormalCompliance(1.0, friction=0.3), "must be a law of friction"),
+        (lambda: block(law=NormalCompliance(-1.0)), "stiffness .* must be finite and positive"),
+        (lambda: block(law=NormalCompliance(np.nan)), "stiffness .* must be finite and positive"),
+        (lambda: block(law=NormalCompliance(1.0, tangential=-1.0)), "tangential .* and positive"),
+        (lambda: Regularised(Coulomb(0.3), 0.1, "cubic"), "shape of Regularised must be one of"),
+        (lambda: Regularised(0.3, 0.1), "takes a law of friction"),
+        (lambda: Regularised(NormalCompliance(1.0), 0.1), "a compliant surface goes around it"),
+        (lambda: block(law=Regularised(Coulomb(0.3), 0.0)), "width .* must be finite and positive"),
+        (lambda: block(law=Regularised(Coulomb(0.3), np.nan)), "width .* finite and positive"),
+        (lambda: block(law=Regularised(Coulomb(-0.3), 0.1)), "friction .* nonnegative"),
+    ]:
+        with pytest.raises(ValueError, match=message):
+            make()
+    problem = block(law=Regularised(Coulomb(0.3), 0.1))
+    problem.surfaces[0].law.width.value = 0.0
+    with pytest.raises(ValueError, match="not positive: width"):
+        problem.solve()
