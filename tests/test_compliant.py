@@ -233,7 +233,7 @@ def test_width_and_stiffness_as_parameter():
 
 
 def test_a_branch_by_pivoting():
-    """Springs and Coulomb friction are piecewise linear in 2D: the events of the branch by steps."""
+    """Springs and Coulomb friction are piecewise linear in 2D: the events are those of steps."""
     law, events = NormalCompliance(3e4, 1.0, Coulomb(0.15), tangential=2e4), []
     for route in ("pivoting", "steps"):
         system, x = sheared(law=law)
