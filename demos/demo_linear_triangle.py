@@ -40,8 +40,9 @@ SEEN = dict(ut_A=leftmost("ut"), un_A=leftmost("un"), sum_rt=total("rt"), sum_rn
 
 
 def linear_triangle(
-    n, friction, load=(26.0, 7.5), lame=(100.0, 82.0), length=1.0, *, preload=(0.0, 0.0), comm=None
-):
+    n, friction, load=(26.0, 7.5), lame=(100.0, 82.0), length=1.0, *, preload=(0, 0), law=None,
+    comm=None,
+):  # fmt: skip
     square = mesh.create_unit_square(comm or MPI.COMM_WORLD, n, n, diagonal=mesh.DiagonalType.left)
     half = mesh.locate_entities(square, 2, lambda x: x[0] + x[1] < 1 + 1e-9)
     domain = mesh.create_submesh(square, 2, half)[0]
@@ -54,11 +55,12 @@ def linear_triangle(
     u, gamma = fem.Function(V, name="displacement"), fem.Constant(domain, -1.0)
     tags = mesh.meshtags(domain, 1, np.sort(side), np.ones(len(side), dtype=np.int32))
     ds = ufl.Measure("ds", domain, subdomain_data=tags)(1)
-    traction = fem.Constant(domain, preload) - gamma * fem.Constant(domain, load)
+    traction = fem.Constant(domain, np.array(preload, float)) - gamma * fem.Constant(domain, load)
     energy = LinearElastic(*lame).energy(u) * ufl.dx - ufl.dot(traction, u) * ds
     clamped = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, slope), V)
     floor = HalfSpace((0, 0), (0, 1))
-    surface = ContactSurface(u, bottom, obstacle=floor, law=Coulomb(friction))
+    law = Coulomb(friction) if law is None else law(domain)
+    surface = ContactSurface(u, bottom, obstacle=floor, law=law)
     return ParametricContact(ContactProblem(energy, u, [surface], bcs=[clamped]), gamma)
 
 

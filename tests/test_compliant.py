@@ -4,11 +4,12 @@ import logging
 
 from mpi4py import MPI
 
+import demo_regularised
 import numpy as np
 import pytest
 from blocks import KINDS, block, box, facets, same_tables
 from demo_own_law import SlipWeakening
-from scipy.optimize import brentq
+from scipy.optimize import brentq, minimize_scalar
 from test_law import randomise, remainders
 from test_mortar import sheared
 from test_pair import displacement, held, stacked
@@ -242,6 +243,36 @@ def test_a_branch_by_pivoting():
         events.append([s.gamma for s in branch.special if s.changes])
     assert len(events[0]) > 3
     np.testing.assert_allclose(*events, atol=1e-8)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("shape", ["tanh", "sqrt", "polynomial"])
+def test_what_regularised_friction_loses(folder, shape):
+    """Only the corner A touches: its forces are linear in its slip, and the fold has a formula."""
+    words = ["--n", "8", "--friction", "2.5", "--shape", shape, "--output", folder]
+    summary = demo_regularised.main([*map(str, words)])
+    slides, sticks = (
+        next(r for r in summary["true"] if r["status"][0] == letter) for letter in "-k"
+    )
+    inverse = {
+        "tanh": np.arctanh,
+        "sqrt": lambda q: q / np.sqrt(1 - q**2),
+        "polynomial": lambda q: 2 * np.sin(np.arcsin(q) / 3),  # of (3 x - x^3)/2 = q
+    }[shape]
+
+    def width(share):
+        rt, rn = ((1 - share) * sticks[k] + share * slides[k] for k in ("sum_rt", "sum_rn"))
+        return -share * abs(slides["ut_A"]) / inverse(abs(rt) / (2.5 * rn))
+
+    most = minimize_scalar(width, bounds=(0.01, 0.99), method="bounded", options={"xatol": 1e-12})
+    assert summary["lost_at"] == pytest.approx(-most.fun, rel=1e-6)
+    assert summary["end_slip"] == pytest.approx(slides["ut_A"], rel=1e-5)
+    # The bound of the theorem, eps^2/|log h|, falls by a hundred between these.
+    friction = summary["critical_friction"]
+    assert friction["n = 8, eps = 0.0001"] == pytest.approx(
+        friction["n = 8, eps = 0.001"], rel=0.05
+    )
+    assert all(F > 1 for F in friction.values())
 
 
 def test_warning_and_bad_laws(caplog):

@@ -78,7 +78,11 @@ class ExactSteps:
             tau = self.test(accepted=True)
             new = BranchPoint(y, tangent, point.piece, b.gamma(y), h, corrections, tau)
             if self._least_distance(new) < 0:
-                return self._to_the_border(point, h, y)
+                crossed = self._to_the_border(point, h, y)
+                if crossed[0] is not None or h * control.decrease < control.minimum:
+                    return crossed
+                h *= control.decrease
+                continue
             special = self.smooth_points(point, new)
             return self.rescaled(new), special, next_h
         return None, [], h

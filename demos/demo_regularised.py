@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+# # What regularised friction loses
+#
+# This demo illustrates how to:
+#
+# - replace Coulomb's threshold by a smooth law of a width eps (`Regularised`);
+# - follow a solution in eps, down to the true law and up to where it is lost;
+# - follow a solution in the friction coefficient, for a coefficient below which it is the only one.
+#
+# The triangle of `demo_linear_triangle.py` has three solutions under the load gamma = 1: its corner
+# A lifts off, sticks, or slips. Regularised friction has them for a small eps alone. As eps grows
+# the one that sticks, which now creeps, and the one that slips meet in a fold and are gone. Who
+# starts with a large eps, and lets it fall to have the true solution, arrives at the open one, and
+# never learns of the others.
+
+from mpi4py import MPI
+
+from demo_linear_triangle import SEEN, linear_triangle
+
+from dolfinx import fem
+
+from dolfinx_contact import Coulomb, Regularised, output
+from dolfinx_contact.command_line import ScriptParser, number
+from dolfinx_contact.continuation import Branch, explore, follow
+from dolfinx_contact.parametric import ParametricContact
+
+
+def arguments(argv=None):
+    parser = ScriptParser("Regularised friction", output="output/regularised", n=16, friction=2.0)
+    parser.add_argument("--width", type=number(above=0), default=1e-4, help="eps, small")
+    parser.add_argument("--shape", choices=["tanh", "sqrt", "polynomial"], default="tanh")
+    return parser.parse(argv)
+
+
+# ## The true solutions: ends of the branches of the linear triangle
+
+
+def true_solutions(n, friction):
+    system = linear_triangle(n, friction)
+    system.problem.solve()
+    x = system.create_vector()
+    system.problem.write(x)
+    diagram = explore(system, [(x, -1.0)], gamma_range=(-1.0, 1.0))
+    ends = [p for b in diagram.branches for p in (b.points[0], b.points[-1]) if p.gamma == 1.0]
+    return system, sorted(ends, key=lambda p: system.letters(p.piece))
+
+
+# ## The smooth problem, with eps or F as the parameter
+#
+# Newton's method begins at the true solution in which A sticks.
+
+
+def creeping(args, n, by, width):
+    true, ends = true_solutions(n, args.friction)
+    true.result_at(next(p for p in ends if true.letters(p.piece)[0] == "k"))
+    given = {}
+
+    def law(domain):
+        given["eps"], given["F"] = (fem.Constant(domain, v) for v in (width, args.friction))
+        return Regularised(Coulomb(given["F"]), given["eps"], args.shape)
+
+    loaded = linear_triangle(n, args.friction, law=law)
+    loaded.set_parameter(1.0)
+    problem = loaded.problem
+    problem.u.x.array[:] = true.problem.u.x.array
+    problem.surfaces[0].multiplier.x.array[:] = true.problem.surfaces[0].multiplier.x.array
+    problem.solve()
+    system = ParametricContact(problem, given[by])
+    x = system.create_vector()
+    problem.write(x)
+    return system, x, true, ends
+
+
+# ## Follow it
+
+
+def main(argv=None):
+    args, comm = arguments(argv), MPI.COMM_WORLD
+    folder, say = output.output_folder(comm, args.output), output.Report(comm)
+
+    # As eps grows: a fold, and back to another solution of the true problem.
+    system, x, true, ends = creeping(args, args.n, "eps", args.width)
+    rows = output.journal_of(true, [Branch(ends)], SEEN).rows()
+    for row in rows:
+        say(f"true: A {row['status'][0]}, slip {row['ut_A']:.7g}, gap {row['un_A']:.3g}")
+    branch = follow(system, x, args.width, gamma_range=(0.1 * args.width, 1.0))
+    journal = output.journal_of(system, [branch], SEEN)
+    (lost,), last = [s.gamma for s in branch.folds], journal.rows()[-1]
+    say(f"two of them are lost in a fold at eps = {lost:.7g}; beyond it the branch goes back")
+    say(f"to eps = {last['gamma']:.1e} with a slip of {last['ut_A']:.7g}")
+    if comm.rank == 0:
+        seen = {"ut_A": "$u_t$ of A"}
+        output.draw_diagram(folder / "eps.png", journal, seen, names=["creep, then slip"], strips=0)
+
+    # As F falls at a held eps: a fold, below which A only lifts off. The proof of uniqueness asks
+    # for F < C eps^2 / |log h|: the fold neither falls like eps^2 nor with the mesh.
+    folds = {}
+    for n in (args.n // 2, args.n):
+        for width in (args.width, 10 * args.width):
+            system, x, _, _ = creeping(args, n, "F", width)
+            reach = (0.1, 1.1 * args.friction)
+            way = follow(system, x, args.friction, gamma_range=reach, increasing=False)
+            folds[f"n = {n}, eps = {width:g}"] = way.folds[0].gamma if way.folds else None
+    for case, F in folds.items():
+        say(f"{case}: the only solution up to F = {F}")
+    return output.write_summary(comm, folder, {
+        "true": rows,
+        "lost_at": lost,
+        "end_slip": last["ut_A"],
+        "end_eps": last["gamma"],
+        "critical_friction": folds,
+    })  # fmt: skip
+
+
+if __name__ == "__main__":
+    main()
