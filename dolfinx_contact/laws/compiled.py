@@ -158,10 +158,12 @@ def _compiled(law: Law, dim: int, comm: MPI.Comm) -> CompiledLaw:
     """The compiled law; dataclasses of one kind share it, for they differ in their fields alone."""
     if "__dataclass_fields__" not in vars(type(law)):
         return CompiledLaw(law, dim, comm)
-    key = type(law), dim, _settings(type(law))
+    # What is compiled later is compiled by the same ranks, when the mesh may be gone.
+    ranks = tuple(comm.allgather(MPI.COMM_WORLD.rank))
+    key = type(law), dim, _settings(type(law)), ranks
     # All ranks together or none: compiling is collective.
     if not comm.allreduce(int(key in _known), op=MPI.MIN):
-        _known[key] = CompiledLaw(law, dim, comm)
+        _known[key] = CompiledLaw(law, dim, comm.Dup())
     return _known[key]
 
 

@@ -200,7 +200,9 @@ def _averaged(V: fem.FunctionSpace, e: Any) -> npt.NDArray[np.float64]:
 def patch(s: ContactSurface) -> Arrays:
     """A contact surface and its obstacle."""
     u = s.u.x.array.reshape(-1, s.dim)[s.points.vertex_trace_dofs]
-    values = {"u": u, "gap": s.points.vertex_gaps, "n": s.points.vertex_normals}
+    points = s.points
+    values = {"u": u, "gap": points.vertex_gaps, "n": points.vertex_normals}
+    values["ids"] = points.vertex_ids
     cells = s.points.vertices.dofmap.list[: s.submesh.mesh.topology.index_map(s.dim - 1).size_local]
     return gather_cells(s.comm, s.points.vertices, cells, values)
 
