@@ -23,6 +23,7 @@ from dolfinx_contact.meshing import join
 from dolfinx_contact.output import BranchRecord, Report, write_fields, write_series
 from dolfinx_contact.output.fields import contact_fields
 from dolfinx_contact.output.master import MasterFace
+from dolfinx_contact.solvers.errors import FloatingBodyError
 
 COMM = MPI.COMM_WORLD
 MODULUS = 1000.0 * 0.7 / (1.3 * 0.4)  # of uniaxial strain
@@ -83,7 +84,8 @@ def gathered(f):
 def total(face, name):
     """Of a field per area, the sum over the vertices of a face."""
     n = face.vertices.dofmap.index_map.size_local
-    values = face.fields()[name].x.array.reshape(len(face.areas), -1)
+    f = face.fields()[name]
+    values = f.x.array.reshape(-1, f.function_space.dofmap.index_map_bs)
     return COMM.allreduce((values * face.areas[:, None])[:n].sum(axis=0))
 
 
@@ -174,6 +176,23 @@ def test_the_report_says_both(capsys):
     if COMM.rank == 0:
         assert "contact force on the slave (contact): " in said
         assert "contact force on the master (contact): " in said
+
+
+def test_a_floating_body_is_said_once(caplog):
+    """Whatever is tried."""
+    both, u, pair = blocks("quad", 2, 2, 1, "nodal", law=Frictionless(), gap=0.01)
+    ds = ufl.Measure("ds", both.mesh, subdomain_data=both.facet_tags)
+    energy = MATERIAL.energy(u) * ufl.dx + fem.Constant(both.mesh, 3.0) * u[1] * ds(4)
+    problem = ContactProblem(energy, u, [pair], bcs=[held(u, both.facet_tags, 1, (0.0, 0.0))])
+    with caplog.at_level("INFO"), pytest.raises(FloatingBodyError) as info:
+        problem.solve()
+    failed = [r for r in caplog.records if " failed: " in r.getMessage()]
+    said = [r.getMessage() for r in failed if "neither Dirichlet data nor contact" in r.getMessage()]
+    if COMM.rank == 0:
+        assert said == [f"full steps failed: {info.value}"]
+        assert len(failed) == len(info.value.attempts) > 3
+    else:
+        assert not failed
 
 
 # -- files -----------------------------------------------------------------------------------------
