@@ -20,7 +20,15 @@ from dolfinx_contact import (
     HalfSpace,
 )
 from dolfinx_contact.meshing import join
-from dolfinx_contact.output import BranchRecord, Report, write_fields, write_series
+from dolfinx_contact.output import (
+    BranchRecord,
+    Report,
+    picture_of_body,
+    picture_of_contact,
+    pictures,
+    write_fields,
+    write_series,
+)
 from dolfinx_contact.output.fields import contact_fields
 from dolfinx_contact.output.master import MasterFace
 from dolfinx_contact.solvers.errors import FloatingBodyError
@@ -187,7 +195,9 @@ def test_a_floating_body_is_said_once(caplog):
     with caplog.at_level("INFO"), pytest.raises(FloatingBodyError) as info:
         problem.solve()
     failed = [r for r in caplog.records if " failed: " in r.getMessage()]
-    said = [r.getMessage() for r in failed if "neither Dirichlet data nor contact" in r.getMessage()]
+    said = [
+        r.getMessage() for r in failed if "neither Dirichlet data nor contact" in r.getMessage()
+    ]
     if COMM.rank == 0:
         assert said == [f"full steps failed: {info.value}"]
         assert len(failed) == len(info.value.attempts) > 3
@@ -224,6 +234,43 @@ def test_files(format, case, folder):
         at = np.linalg.norm(x[None] - grid.points[:, None], axis=2).argmin(axis=1)
         read = grid[name].reshape(len(grid.points), -1)[:, : values.shape[1]]
         np.testing.assert_allclose(read, values[at], rtol=1e-14, atol=1e-14)
+
+
+def test_pictures(folder, monkeypatch):
+    """Both faces are drawn, each as it has moved; and no round-off where nothing is pressed."""
+    seen = {}
+
+    def draw(comm, kind, data, file):
+        seen[kind] = data
+        return file
+
+    monkeypatch.setattr(pictures, "_draw", draw)
+    system = branched(COMM)
+    system.set_parameter(1.0)
+    system.problem.solve()
+    picture_of_body(folder / "body.png", system.problem)
+    picture_of_contact(folder / "contact.png", system.problem)
+    if COMM.rank > 0:
+        return
+    body, contact = seen["body_2d"], seen["contact_2d"]
+    (slave,), (master,) = body["contact_x"], body["master_x"]
+    assert (len(slave), len(body["contact_cells"][0])) == (8, 6)
+    assert (len(master), len(body["master_cells"][0])) == (7, 6)
+    assert body["obstacle_x"] == []
+    right = [x[np.argmax(x[:, 0])] for x in (slave, master)]
+    assert right[0][1] - right[1][1] > 0.01
+    assert contact["counts"].tolist() == [4, 1, 3, 0]
+    is_open = contact["status"] == 0
+    assert np.all(contact["pressure"][is_open] == 0.0)
+    assert np.all(contact["shear"][is_open] == 0.0)
+    assert np.all(contact["pressure"][~is_open] > 1.0)
+
+
+def test_pictures_are_drawn(folder):
+    problem = pressed("hex", 2, 3, 1, "nodal", friction=0.25)
+    problem.solve()
+    assert picture_of_body(folder / "body.png", problem) is not None
+    assert picture_of_contact(folder / "contact.png", problem) is not None
 
 
 def test_series(folder):

@@ -45,6 +45,7 @@ class MasterFace:
         vertices: scalar P1 space on it.
         areas: of the local vertices, as the slave has them: by the vertex rule where nodes match
             and contact is nodal, else by hat functions.
+        trace: the nodes of the displacement at the local vertices.
         normals: outward, at the local vertices (n, dim).
     """
 
@@ -54,7 +55,7 @@ class MasterFace:
         self.submesh: FacetSubmesh = create_facet_submesh(V.mesh, opposite.master_facets)
         self.vertices = point_space(self.submesh.mesh, None)
         facets = self.submesh.parent_facets
-        self._trace = trace_dofs(V, self.vertices, facets)
+        self.trace = trace_dofs(V, self.vertices, facets)
         same = pair.method == "nodal" and opposite.matching
         rule = {"quadrature_rule": "vertex", "quadrature_degree": 1}
         dx = ufl.Measure("dx", self.submesh.mesh, metadata=rule if same else {})
@@ -84,7 +85,7 @@ class MasterFace:
         forces.x.scatter_forward()
         traction = self._per_area(forces.x.array.reshape(-1, dim))
         values = {
-            "displacement": u[self._trace],
+            "displacement": u[self.trace],
             "traction": traction,
             "pressure": -np.sum(traction * self.normals, axis=1) + 0.0,
             "support": self._per_area(support_at_nodes(eq, state)),
@@ -93,5 +94,5 @@ class MasterFace:
 
     def _per_area(self, forces: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """Forces at the local nodes of the displacement over the areas of the vertices."""
-        there = forces_at_vertices(self._problem.V, self.submesh, self._trace, forces)
+        there = forces_at_vertices(self._problem.V, self.submesh, self.trace, forces)
         return np.asarray(there / self.areas[:, None])
