@@ -15,6 +15,7 @@ from typing import Any
 from petsc4py import PETSc
 
 import numpy as np
+import numpy.typing as npt
 
 import ufl
 from dolfinx import fem
@@ -28,6 +29,7 @@ from dolfinx_contact.equations.order import by_coordinates
 from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.laws import status
 from dolfinx_contact.laws.status import OPEN
+from dolfinx_contact.points.surface import ContactSurface
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.reduced.condensed import CondensedContact, can_condense
 from dolfinx_contact.results.result import Result
@@ -150,13 +152,12 @@ class ParametricContact(ParametricEquations):
     # -- pieces ----------------------------------------------------------------------------------
 
     def letters(self, piece: Piece) -> str:
-        """Statuses of all points of all surfaces, in order of coordinates. Collective."""
+        """Statuses of all points of all surfaces, in the order of their tables. Collective."""
         words: list[str] = []
         for s, a, b in self.parts():
             letters = np.where(self.clamped[a:b], "d", status.letters(s.dim)[piece.codes[a:b]])
-            places = np.concatenate(self.comm.allgather(s.positions))
             word = np.concatenate(self.comm.allgather(letters))
-            words += word[by_coordinates(places)].tolist()
+            words += word[_order(s)].tolist()
         return "".join(words)
 
     def piece_of(self, letters: str) -> Piece:
@@ -168,7 +169,7 @@ class ParametricContact(ParametricEquations):
         parts, start = [], 0
         for s, a, b in self.parts():
             counts = self.comm.allgather(b - a)
-            order = by_coordinates(np.concatenate(self.comm.allgather(s.positions)))
+            order = _order(s)
             word = np.array(list(letters[start : start + len(order)]))
             start += len(order)
             every = status.letters(s.dim)
@@ -191,6 +192,12 @@ class ParametricContact(ParametricEquations):
         if self._condensed is not None:
             self._condensed.destroy()
             self._condensed = None
+
+
+def _order(s: ContactSurface) -> npt.NDArray[np.intp]:
+    """The order of the points of a surface, rank after rank. Collective."""
+    x, ids = (np.concatenate(s.comm.allgather(v)) for v in (s.positions, s.points.ids))
+    return by_coordinates(x, ids)
 
 
 def _checked(problem: ContactProblem, gamma: Any, driven: Any) -> list[tuple[fem.Function, Any]]:

@@ -31,7 +31,7 @@ from dolfinx_contact.body.cells import check_cells
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.state import State, Statuses
 from dolfinx_contact.points.surface import ContactSurface
-from dolfinx_contact.results.balance import support_at_nodes, support_at_vertices
+from dolfinx_contact.results.balance import forces_at_vertices, support_at_nodes
 from dolfinx_contact.results.checks import warn_of_obstacles
 from dolfinx_contact.results.result import Result, collect
 from dolfinx_contact.results.tables import ContactTable, contact_table
@@ -194,7 +194,7 @@ class ContactProblem:
     def support_forces(self, s: ContactSurface) -> npt.NDArray[np.float64]:
         """Reactions of Dirichlet data on the body at the local vertices of ``s``. Collective."""
         reactions = support_at_nodes(self.equations, self.state())
-        return support_at_vertices(self.V, s, reactions)
+        return forces_at_vertices(self.V, s.submesh, s.points.vertex_trace_dofs, reactions)
 
     # -- solve -----------------------------------------------------------------------------------
 

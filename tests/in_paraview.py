@@ -1,7 +1,8 @@
 """Opens results in ParaView: python3 in_paraview.py FOLDER, where ParaView is (make test-paraview).
 
 Every folder in FOLDER that has a paraview.py is shown by it, from another place than where it was
-written; the picture must have a deformed body to the left, and contact surfaces to the right.
+written; the picture must have a deformed body to the left, and contact surfaces to the right, of a
+pair of bodies below them the other face.
 """
 
 import shutil
@@ -41,19 +42,21 @@ def check(folder, picture):
     assert run.returncode == 0, run.stderr
     assert not run.stderr.strip(), run.stderr
     image = pixels(picture)
-    rows, columns = image.shape[0] // 2, image.shape[1] // 2
-    views = [image[:, :columns], image[:rows, columns:], image[rows:, columns:]]
-    (body, colours), (pressure, shades), (status, _) = map(seen, views)
-    print(f"{folder.name}: body {body:.2f}, {colours} colours; contact {pressure:.3f} {status:.3f}")
+    count = 3 if any(folder.glob("*_opposite*")) else 2
+    right = image[:, image.shape[1] // 2 :]
+    views = [image[:, : image.shape[1] // 2], *np.array_split(right, count)]
+    (body, colours), (pressure, shades), (status, _), *others = map(seen, views)
+    beside = [pressure, status, *(share for share, _ in others)]
+    print(f"{folder.name}: body {body:.2f}, {colours} colours; contact", *np.round(beside, 3))
     assert body > 0.2
     assert colours > 100
-    assert min(pressure, status) > 0.002
-    assert shades > 10
+    assert min(beside) > 0.002
+    assert all(n > 10 for n in (shades, *(n for _, n in others)))
 
 
 def main():
     folders = sorted(p.parent for p in Path(sys.argv[1]).glob("*/paraview.py"))
-    assert len(folders) == 8, folders
+    assert len(folders) == 11, folders
     for folder in folders:
         with tempfile.TemporaryDirectory() as place:
             moved = shutil.copytree(folder, Path(place) / folder.name)

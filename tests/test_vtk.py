@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from blocks import block, box
 from recorded_run import moved_block, record
+from test_two_faces import pressed
 
 from dolfinx import fem, io
 
@@ -181,6 +182,15 @@ def test_results_for_paraview(tmp_path):
         problem.solve()
         stress = None if cell == "hex" else MATERIAL.full_stress(problem.u)
         write_fields(f"{folder}/{cell}_{degree}_{format}", problem, stress=stress, format=format)
+    for name, case, format in [
+        ("pair_2d", ("quad", 5, 3, 1, "nodal"), "vtx"),
+        ("pair_3d", ("tet", 2, 2, 2, "integral"), "vtk"),
+        ("mortar_3d", ("hex", 3, 4, 1, "nodal"), "vtx"),
+    ]:
+        problem = pressed(*case, friction=0.25)
+        problem.solve()
+        stress = MATERIAL.full_stress(problem.u)
+        write_fields(f"{folder}/{name}", problem, stress=stress, format=format)
     system, functionals = moved_block(COMM)
     record(system, functionals, f"{folder}/record", max_steps=60)
     with BranchRecord(f"{folder}/record", system, functionals, resume=True) as r:

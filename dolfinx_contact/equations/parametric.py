@@ -315,6 +315,13 @@ class ParametricEquations(System):
         """Places of the owned points of all surfaces, in the order of a piece (n, dim)."""
         return np.concatenate([s.points.positions for s in self.equations.surfaces])
 
+    @property
+    def ids(self) -> npt.NDArray[np.int64]:
+        """What tells points at one place apart: the surface, and `ContactPoints.ids` (n, k)."""
+        surfaces = enumerate(self.equations.surfaces)
+        parts = [np.insert(s.points.ids, 0, i, axis=1) for i, s in surfaces]
+        return np.concatenate(parts)
+
     def destroy(self) -> None:
         """Free the PETSc objects made here."""
         if self._metric is not None:

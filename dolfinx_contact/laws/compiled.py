@@ -151,17 +151,18 @@ class CompiledLaw:
         return found
 
 
-_known: dict[tuple[Hashable, int], CompiledLaw] = {}
+_known: dict[tuple[Hashable, ...], CompiledLaw] = {}
 
 
 def _compiled(law: Law, dim: int, comm: MPI.Comm) -> CompiledLaw:
     """The compiled law; laws of one kind share it, for they differ in their fields alone."""
     if law.kind is None:
         return CompiledLaw(law, dim, comm)
-    key = law.kind, dim
+    # What is compiled later is compiled by the same ranks, when the mesh may be gone.
+    key = law.kind, dim, tuple(comm.allgather(MPI.COMM_WORLD.rank))
     # All ranks together or none: compiling is collective.
     if not comm.allreduce(int(key in _known), op=MPI.MIN):
-        _known[key] = CompiledLaw(law, dim, comm)
+        _known[key] = CompiledLaw(law, dim, comm.Dup())
     return _known[key]
 
 

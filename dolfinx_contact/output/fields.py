@@ -5,7 +5,8 @@ On the body: the displacement, the Cauchy stress and the von Mises stress
 (3/2 dev s : dev s)^(1/2), both linear and discontinuous. On each contact surface, a mesh of its own
 so that it opens beside the body, at the vertices: displacement, contact traction on the body,
 normal pressure, gap, slip (the tangential displacement), status, and apart from contact the
-support, the force per area by which Dirichlet data hold the body there.
+support, the force per area by which Dirichlet data hold the body there. A pair of bodies has these
+on the slave, and what can be said of the master (`master`) in another file.
 
 The status is a number, `STATUS_CODES`: 0 open, 1 stick, 2 slip, 3 clamped by Dirichlet data. In the
 integral method the contact points are Gauss points, which ParaView cannot show; a vertex then has
@@ -17,8 +18,13 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from mpi4py import MPI
 
 import numpy as np
 import numpy.typing as npt
@@ -31,8 +37,10 @@ from dolfinx_contact._compat import interpolation_points
 from dolfinx_contact._errors import everywhere, same_everywhere
 from dolfinx_contact.output.disk import aside
 from dolfinx_contact.output.folder import output_folder
+from dolfinx_contact.output.master import MasterFace
 from dolfinx_contact.output.script import write_script
 from dolfinx_contact.output.writers import Format, checked_format, see_room, series
+from dolfinx_contact.points.evaluation import vertex_function
 
 if TYPE_CHECKING:
     from dolfinx_contact.points.surface import ContactSurface
@@ -40,10 +48,11 @@ if TYPE_CHECKING:
 
 __all__ = [
     "STATUS_CODES",
+    "Face",
     "body_fields",
     "check_stress",
     "contact_fields",
-    "file_stems",
+    "faces",
     "von_mises",
     "write_fields",
 ]
@@ -63,8 +72,10 @@ def write_fields(
 
     ``body.bp`` holds the displacement, ``body_stress.bp`` the stresses with the displacement of the
     vertices, and ``contact.bp`` (or ``contact_NAME.bp``, if a surface has another name) the fields
-    of a contact surface; with ``format="vtk"`` it is ``body.vtu``, ... ``paraview.py`` beside them
-    shows them: ``paraview --script=FOLDER/paraview.py``.
+    of a contact surface; of a pair of bodies these are on the slave, and ``contact_opposite.bp``
+    (``contact_NAME_opposite.bp``) holds those of the master. With ``format="vtk"`` it is
+    ``body.vtu``, ... ``paraview.py`` beside them shows them: ``paraview
+    --script=FOLDER/paraview.py``.
 
     Args:
         folder: where to, made if need be. Files of an earlier state are replaced when all of the
@@ -85,15 +96,13 @@ def write_fields(
             have one file, the format cannot be written, or arguments differ between ranks.
     """
     check_stress(problem, stress)
-    comm, kind, stems = problem.comm, checked_format(problem.comm, format), file_stems(problem)
+    comm, kind, on_faces = problem.comm, checked_format(problem.comm, format), faces(problem)
     written = [("body", comm, [problem.u])]
     if stress is not None:
         fields = [*body_fields(problem.u, stress), _at_corners(problem.u)]
         written.append(("body_stress", comm, fields))
     path = output_folder(comm, folder)
-    for s, stem in zip(problem.surfaces, stems, strict=True):
-        fields = list(contact_fields(problem, s).values())
-        written.append((stem, s.submesh.mesh.comm, fields))
+    written += [(face.stem, face.comm, list(face.fields().values())) for face in on_faces]
     files = []
     with aside(comm, path, "write_fields") as part:
         if kind == "vtx":
@@ -115,23 +124,40 @@ def _at_corners(u: fem.Function) -> fem.Function:
     return f
 
 
-def file_stems(problem: ContactProblem) -> list[str]:
-    """File names of the surfaces without suffix.
+@dataclass(frozen=True)
+class Face:
+    """A face with a file of its own.
+
+    Attributes:
+        stem: of the file, without suffix.
+        comm: of its mesh.
+        fields: what is known on it at the state in the problem's Functions, by name. Collective.
+    """
+
+    stem: str
+    comm: MPI.Comm
+    fields: Callable[[], dict[str, fem.Function]]
+
+
+def faces(problem: ContactProblem) -> list[Face]:
+    """All faces: every surface, and after a pair its master. Collective.
 
     Raises:
-        ValueError: if two surfaces would have one file.
+        ValueError: if two would have one file.
     """
-    stems = [_stem(s) for s in problem.surfaces]
+    found = []
+    for s in problem.surfaces:
+        name = re.sub(r"[^\w.-]+", "_", s.name)
+        stem = "contact" if name == "contact" else f"contact_{name}"
+        found.append(Face(stem, s.submesh.mesh.comm, partial(contact_fields, problem, s)))
+        if s.between_bodies:
+            master = MasterFace(problem, s)
+            found.append(Face(f"{stem}_opposite", master.submesh.mesh.comm, master.fields))
+    stems = [face.stem for face in found]
     if len(set(stems)) < len(stems):
         names = [s.name for s in problem.surfaces]
         raise ValueError(f"the names of contact surfaces make the same file: {names}")
-    return stems
-
-
-def _stem(s: ContactSurface) -> str:
-    """File name of a surface without its suffix."""
-    name = re.sub(r"[^\w.-]+", "_", s.name)
-    return "contact" if name == "contact" else f"contact_{name}"
+    return found
 
 
 def von_mises(stress: Any) -> Any:
@@ -205,17 +231,7 @@ def contact_fields(problem: ContactProblem, surface: ContactSurface) -> dict[str
         "status": status,
         "support": problem.support_forces(s) / s.points.vertex_areas[:, None],
     }
-    return {name: _function(s, name, v) for name, v in values.items()}
-
-
-def _function(s: ContactSurface, name: str, values: npt.NDArray[np.float64]) -> fem.Function:
-    """Function of a surface with ``values`` at its local vertices."""
-    shape = values.shape[1:]
-    W = fem.functionspace(s.submesh.mesh, ("Lagrange", 1, shape)) if shape else s.points.vertices
-    f = fem.Function(W, name=name)
-    f.x.array[:] = values.reshape(-1)
-    f.x.scatter_forward()
-    return f
+    return {name: vertex_function(s.points.vertices, name, v) for name, v in values.items()}
 
 
 def _at_vertices(s: ContactSurface, marked: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:

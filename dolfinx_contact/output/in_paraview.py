@@ -5,9 +5,11 @@
     pvbatch FOLDER/paraview.py PICTURE.png
 
 To the left the deformed body, coloured by the von Mises stress, or else by the displacement; to the
-right its contact surfaces, coloured by the pressure and by the status. Where there are branches as
-well as a state, the one written last is shown, the others wait in the pipeline browser. Files that
-end in .bp want the reader ADIOS2VTXReader: the one that ParaView proposes first cannot read them.
+right its contact surfaces, coloured by the pressure and by the status; of a pair of bodies these
+are on the slave, and below them is the pressure on the master, from the file that ends in
+_opposite. Where there are branches as well as a state, the one written last is shown, the others
+wait in the pipeline browser. Files that end in .bp want the reader ADIOS2VTXReader: the one that
+ParaView proposes first cannot read them.
 """
 
 import os
@@ -44,6 +46,7 @@ STATUSES = [
     ("2", "slip", (0.91, 0.54, 0.17)),
     ("3", "clamped", (0.33, 0.33, 0.33)),
 ]
+RANGES: dict[str, tuple[float, float]] = {}  # of the colours of what is shown
 
 
 def found(folder: str) -> list[tuple[str, dict[str, str]]]:
@@ -102,30 +105,46 @@ def shown(source: Any, view: Any, array: list[str], title: str) -> None:
     else:
         display.NonlinearSubdivisionLevel = 2  # cells of degree 2 are curved
         display.RescaleTransferFunctionToDataRangeOverTime()
+        # Views that share colours share their range.
+        low, high = RANGES.get(array[0], (float("inf"), -float("inf")))
+        RANGES[array[0]] = min(low, colours.RGBPoints[0]), max(high, colours.RGBPoints[-4])
+        colours.RescaleTransferFunction(*RANGES[array[0]])
     display.SetScalarBarVisibility(view, True)
     bar = simple.GetScalarBar(colours, view)
     bar.Title, bar.ComponentTitle = title, ""
 
 
-def show(prefix: str, files: dict[str, str], views: list[Any]) -> None:
-    """Open the files of a group and show them in the views, if there are any."""
+def open_all(prefix: str, files: dict[str, str]) -> dict[str, tuple[Any, str]]:
+    """What the files of a group hold, deformed, with the names of displacements; bodies first."""
     bodies = [part for part in ("body_stress", "body") if part in files]
     contacts = [part for part in files if part.startswith("contact")]
-    for part in bodies + contacts:
-        name = prefix + part
-        warp, vector = warped(opened(files[part], name), name + " deformed")
-        if not views:
-            continue
-        if part in contacts:
-            for view, array in zip(views[1:], ("pressure", "status"), strict=True):
-                shown(warp, view, [array], f"{array} (contact)")
-                look(view, warp, along=True)
-        elif part == bodies[0]:
-            if part == "body_stress":
-                shown(warp, views[0], ["von_mises"], "von Mises stress")
-            else:
-                shown(warp, views[0], [vector, "Magnitude"], "displacement")
-            look(views[0], warp)
+    names = {part: prefix + part for part in bodies + contacts}
+    return {p: warped(opened(files[p], name), name + " deformed") for p, name in names.items()}
+
+
+def show(parts: dict[str, tuple[Any, str]]) -> tuple[Any, list[Any]]:
+    """Show a group; the layout and its views."""
+    contacts = [warp for part, (warp, _) in parts.items() if part.startswith("contact")]
+    # The master of a pair has no statuses.
+    slaves = [warp for warp in contacts if warp.PointData.GetArray("status")]
+    masters = [warp for warp in contacts if warp not in slaves]
+    beside = [("pressure", "(contact)", slaves), ("status", "(contact)", slaves)] if slaves else []
+    if masters:
+        beside.append(("pressure", "(opposite face)", masters))
+    layout, views = views_for(len(beside))
+    if "body_stress" in parts:
+        body, _ = parts["body_stress"]
+        shown(body, views[0], ["von_mises"], "von Mises stress")
+        look(views[0], body)
+    elif "body" in parts:
+        body, vector = parts["body"]
+        shown(body, views[0], [vector, "Magnitude"], "displacement")
+        look(views[0], body)
+    for view, (array, where, warps) in zip(views[1:], beside, strict=True):
+        for warp in warps:
+            shown(warp, view, [array], f"{array} {where}")
+            look(view, warp, along=True)
+    return layout, views
 
 
 def look(view: Any, source: Any, along: bool = False) -> None:
@@ -147,17 +166,18 @@ def look(view: Any, source: Any, along: bool = False) -> None:
     simple.ResetCamera(view)
 
 
-def views_for(contact: bool) -> tuple[Any, list[Any]]:
-    """One view, or three: to the left, and to the right above and below."""
+def views_for(count: int) -> tuple[Any, list[Any]]:
+    """A view, and to its right ``count`` more, one above the other."""
     views = [simple.GetActiveViewOrCreate("RenderView")]
     layout = simple.GetLayout(views[0])
-    if contact:
-        cell = layout.SplitHorizontal(layout.GetViewLocation(views[0]), 0.5) + 1
-        for _ in range(2):
-            views.append(simple.CreateView("RenderView"))
-            simple.AssignViewToLayout(view=views[-1], layout=layout, hint=cell)
-            if len(views) == 2:
-                cell = layout.SplitVertical(cell, 0.5) + 1
+    cell = layout.GetViewLocation(views[0])
+    for i in range(count):
+        if i == 0:
+            cell = layout.SplitHorizontal(cell, 0.5) + 1
+        else:
+            cell = layout.SplitVertical(cell, 1.0 / (count - i + 1)) + 1
+        views.append(simple.CreateView("RenderView"))
+        simple.AssignViewToLayout(view=views[-1], layout=layout, hint=cell)
     return layout, views
 
 
@@ -167,10 +187,9 @@ def main() -> None:
     groups = found(folder)
     if not groups:
         raise RuntimeError("there are no results in " + (folder or "the folder of this script"))
-    layout, views = views_for(any(part.startswith("contact") for part in groups[-1][1]))
     for prefix, files in groups[:-1]:
-        show(prefix, files, [])
-    show(*groups[-1], views)
+        open_all(prefix, files)
+    layout, views = show(open_all(*groups[-1]))
     simple.GetAnimationScene().UpdateAnimationUsingDataTimeSteps()
     simple.GetAnimationScene().GoToLast()
     for view in views:

@@ -35,6 +35,7 @@ from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact.output.fields import STATUS_CODES, check_stress, contact_fields, von_mises
 from dolfinx_contact.output.folder import agreed_path
 from dolfinx_contact.output.gathering import Arrays, gather_cells
+from dolfinx_contact.output.master import MasterFace
 from dolfinx_contact.points.trace import facet_closures
 
 if TYPE_CHECKING:
@@ -46,6 +47,7 @@ __all__ = ["picture_of_body", "picture_of_contact"]
 logger = logging.getLogger(__name__)
 
 _SECONDS = 120.0  # after which a picture is given up
+_NOTHING = 1e-10  # of a force, what counts as none
 
 
 def picture_of_body(
@@ -57,6 +59,8 @@ def picture_of_body(
     title: str | None = None,
 ) -> Path | None:
     """Draw the deformed body with its obstacles and the rims of its contact surfaces. Collective.
+
+    Of a pair of bodies the rim of the slave is thick, that of the master thin.
 
     Args:
         file: the picture, ``.png``.
@@ -93,11 +97,14 @@ def picture_of_body(
     data: dict[str, Any] = {"title": title or _title(u, scale)}
     seen = gather_cells(comm, V, cells, values)
     patches = [patch(s) for s in problem.surfaces]
+    masters = [_master(problem, s) for s in problem.surfaces if s.between_bodies]
     rigid = [p for p, s in zip(patches, problem.surfaces, strict=True) if not s.between_bodies]
     if comm.rank == 0:
         data |= {**seen, "x": _in_space(seen["x"] + scale * _in_space(seen["u"]))}
         data["contact_x"] = [_in_space(p["x"] + scale * _in_space(p["u"])) for p in patches]
         data["contact_cells"] = [p["cells"] for p in patches]
+        data["master_x"] = [_in_space(p["x"] + scale * _in_space(p["u"])) for p in masters]
+        data["master_cells"] = [p["cells"] for p in masters]
         data["obstacle_cells"] = [p["cells"] for p in rigid]
         data["obstacle_x"] = [p["x"] + p["gap"][:, None] * _in_space(p["n"]) for p in rigid]
         data["obstacle_normals"] = [_in_space(p["n"]) for p in rigid]
@@ -140,12 +147,13 @@ def picture_of_contact(
     pressure, status = fields["pressure"].x.array, fields["status"].x.array
     n = s.points.vertex_normals
     traction = fields["traction"].x.array.reshape(-1, s.dim)
-    free = status != STATUS_CODES["d"]  # what supports hold is not contact
+    # What supports hold is not contact; and where nothing is pressed round-off would be all to see.
+    carries = (status != STATUS_CODES["d"]) & _is_seen(problem, s, traction)
     values = {
-        "pressure": np.where(free, pressure, 0.0),
+        "pressure": np.where(carries, pressure, 0.0),
         "status": status,
         "shear": np.where(
-            free[:, None], traction + pressure[:, None] * s.points.vertex_normals, 0.0
+            carries[:, None], traction + pressure[:, None] * s.points.vertex_normals, 0.0
         ),
         "bound": s.vertex_state()["bound"],
         "n": n,
@@ -153,6 +161,9 @@ def picture_of_contact(
     cells = s.points.vertices.dofmap.list[: s.submesh.mesh.topology.index_map(s.dim - 1).size_local]
     seen = gather_cells(s.comm, s.points.vertices, cells, values)
     data: dict[str, Any] = {"title": title or f"Contact surface: {s.name}"}
+    data["body"] = "slave" if s.between_bodies else "body"
+    # So are nodes that a crack has not doubled, and those that have nothing opposite.
+    data["clamped"] = "without contact" if s.between_bodies else "clamped"
     if s.comm.rank == 0:
         axes, labels = _flat_axes(seen["n"].mean(axis=0), s.dim)
         shear = seen["shear"] @ axes
@@ -200,9 +211,31 @@ def _averaged(V: fem.FunctionSpace, e: Any) -> npt.NDArray[np.float64]:
 def patch(s: ContactSurface) -> Arrays:
     """A contact surface and its obstacle."""
     u = s.u.x.array.reshape(-1, s.dim)[s.points.vertex_trace_dofs]
-    values = {"u": u, "gap": s.points.vertex_gaps, "n": s.points.vertex_normals}
+    points = s.points
+    values = {"u": u, "gap": points.vertex_gaps, "n": points.vertex_normals}
+    values["ids"] = points.vertex_ids
     cells = s.points.vertices.dofmap.list[: s.submesh.mesh.topology.index_map(s.dim - 1).size_local]
     return gather_cells(s.comm, s.points.vertices, cells, values)
+
+
+def _master(problem: ContactProblem, s: ContactSurface) -> Arrays:
+    """The face opposite to a pair's."""
+    face = MasterFace(problem, s)
+    u = s.u.x.array.reshape(-1, s.dim)[face.trace]
+    owned = face.submesh.mesh.topology.index_map(s.dim - 1).size_local
+    return gather_cells(s.comm, face.vertices, face.vertices.dofmap.list[:owned], {"u": u})
+
+
+def _is_seen(
+    problem: ContactProblem, s: ContactSurface, traction: npt.NDArray[np.float64]
+) -> npt.NDArray[np.bool_]:
+    """Local vertices of a surface at which tractions (n, dim) are more than round-off. Collective.
+
+    That of a body's forces is the round-off of its stiffness times its displacement.
+    """
+    u = s.comm.allreduce(float(np.max(np.abs(s.u.x.array), initial=0.0)), op=max)
+    force = np.linalg.norm(traction, axis=1) * s.points.vertex_areas
+    return np.asarray(force > _NOTHING * problem.equations.stiffness_scale * u)
 
 
 def _flat_axes(n: npt.NDArray[np.float64], dim: int) -> tuple[npt.NDArray[np.float64], list[str]]:

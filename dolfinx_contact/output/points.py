@@ -34,8 +34,8 @@ def places(system: ParametricContact) -> dict[str, list[list[float]]]:
     """Coordinates of the contact points by surface, in the order of `letters`. Collective."""
     found = {}
     for s in system.problem.surfaces:
-        x = np.concatenate(system.comm.allgather(s.positions))
-        found[s.name] = x[by_coordinates(x)].tolist()
+        x, ids = (np.concatenate(system.comm.allgather(v)) for v in (s.positions, s.points.ids))
+        found[s.name] = x[by_coordinates(x, ids)].tolist()
     return found
 
 
@@ -57,14 +57,20 @@ def _places(system: ParametricContact, changes: Sequence[Change]) -> list[dict[s
     """Changes by place, in order of coordinates: the same on any number of ranks."""
     if not changes:
         return []
-    positions, rank = system.positions, system.comm.rank
-    mine = {i: positions[c.point].tolist() for i, c in enumerate(changes) if c.rank == rank}
-    places = {i: x for part in system.comm.allgather(mine) for i, x in part.items()}
-    x = np.array([places[i] for i in range(len(changes))])
+    known = list(zip(system.positions, system.ids, strict=True))
+    mine = {i: known[c.point] for i, c in enumerate(changes) if c.rank == system.comm.rank}
+    places = {i: place for part in system.comm.allgather(mine) for i, place in part.items()}
+    x, ids = (np.array(v) for v in zip(*(places[i] for i in range(len(changes))), strict=True))
     names = status.letters(x.shape[1]).tolist()
+    surfaces = [s.name for s in system.problem.surfaces]
     return [
-        {"x": places[i], "before": names[c.before], "after": names[c.after]}
-        for i, c in ((int(i), changes[i]) for i in by_coordinates(x))
+        {
+            "surface": surfaces[ids[i, 0]],
+            "x": x[i].tolist(),
+            "before": names[changes[i].before],
+            "after": names[changes[i].after],
+        }
+        for i in by_coordinates(x, ids)
     ]
 
 

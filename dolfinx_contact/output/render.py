@@ -50,13 +50,14 @@ def _pyplot() -> Any:
     return plt
 
 
-def _status_legend(axes: Any, counts: npt.NDArray[np.int64], **where: Any) -> None:
+def _status_legend(axes: Any, data: Data, **where: Any) -> None:
     """Colours of the statuses, with the number of vertices that have each."""
     from matplotlib.patches import Patch
 
+    names = [*(name for name, _ in STATUS[:-1]), data["clamped"]]
     shown = [
         Patch(facecolor=colour, edgecolor=INK, linewidth=0.5, label=f"{name} ({count})")
-        for (name, colour), count in zip(STATUS, counts, strict=True)
+        for name, (_, colour), count in zip(names, STATUS, data["counts"], strict=True)
         if count > 0
     ]
     axes.legend(handles=shown, frameon=False, **where)
@@ -143,10 +144,10 @@ def contact_3d(data: Data, file: str) -> None:
     quads, vertex = _shares(x, cells)
     colours = np.array([colour for _, colour in STATUS])[status[vertex]]
     right.add_collection(PolyCollection(quads, facecolors=colours, edgecolors=colours, lw=0.3))
-    right.set_title("Status, and shear traction on the body")
+    right.set_title(f"Status, and shear traction on the {data['body']}")
     _arrows(right, x, shear, stretch)
     legend.axis("off")
-    _status_legend(legend, data["counts"], loc="center", ncols=4)
+    _status_legend(legend, data, loc="center", ncols=4)
     for axes in (left, right):
         axes.set_aspect(stretch)
         rim = (0.02 if is_long else 0.08) * extent[0]
@@ -199,7 +200,7 @@ def contact_2d(data: Data, file: str) -> None:
     figure.suptitle(str(data["title"]), fontsize=13, fontweight="bold")
     lines = [
         ("pressure", "pressure", dict(colors="#8c2d19", linewidths=1.8)),
-        ("shear", "shear on the body", dict(colors="#2b5d34", linewidths=1.8)),
+        ("shear", f"shear on the {data['body']}", dict(colors="#2b5d34", linewidths=1.8)),
         ("bound", "friction bound ±", dict(colors="#7d858c", linewidths=1.0, linestyles="--")),
     ]
     handles = []
@@ -222,7 +223,7 @@ def contact_2d(data: Data, file: str) -> None:
     axes.set_ylabel("traction")
     axes.spines[["top", "right"]].set_visible(False)
     axes.add_artist(axes.legend(handles=handles, frameon=False, loc="upper left"))
-    _status_legend(axes, data["counts"], loc="upper right")
+    _status_legend(axes, data, loc="upper right")
     figure.savefig(file)
 
 
@@ -257,7 +258,7 @@ def body_2d(data: Data, file: str) -> None:
     loop = _loop(cells)
     edges = np.stack([loop, np.roll(loop, -1, axis=1)], axis=2).reshape(-1, 2)
     axes.add_collection(LineCollection(x[edges], colors=INK, linewidths=0.2, alpha=0.4))
-    for key, width in (("contact", 2.4), ("obstacle", 1.2)):
+    for key, width in (("contact", 2.4), ("master", 1.2), ("obstacle", 1.2)):
         for points, segments in zip(data[f"{key}_x"], data[f"{key}_cells"], strict=True):
             axes.add_collection(LineCollection(points[segments, :2], colors=INK, linewidths=width))
     for quads in bands:
@@ -352,11 +353,15 @@ def body_3d(data: Data, file: str) -> None:
         plotter.add_text("von Mises stress", (0.437, 0.09), viewport=True, font_size=13, color=INK)
     else:
         plotter.add_mesh(body, color="#9db4c8", **look)
-    for points, cells in zip(data["contact_x"], data["contact_cells"], strict=True):
-        rim = _surface(points, cells).extract_feature_edges(
-            boundary_edges=True, feature_edges=False, manifold_edges=False, non_manifold_edges=False
-        )
-        plotter.add_mesh(rim.tube(radius=0.0025 * size), color=INK, ambient=0.4)
+    for key, width in (("contact", 0.0025), ("master", 0.0012)):
+        for points, cells in zip(data[f"{key}_x"], data[f"{key}_cells"], strict=True):
+            rim = _surface(points, cells).extract_feature_edges(
+                boundary_edges=True,
+                feature_edges=False,
+                manifold_edges=False,
+                non_manifold_edges=False,
+            )
+            plotter.add_mesh(rim.tube(radius=width * size), color=INK, ambient=0.4)
     up = np.zeros(3)
     for points, cells, normals in zip(
         data["obstacle_x"], data["obstacle_cells"], data["obstacle_normals"], strict=True

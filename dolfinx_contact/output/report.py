@@ -54,9 +54,13 @@ class Report:
         """Write how a solve ended: points by status, contact forces, violation of the law."""
         self(f"{result.reason}: {result.iterations} Newton iterations, {result.dofs} unknowns")
         self("contact points: " + ", ".join(f"{n} {k}" for k, n in result.counts.items() if n))
+        pairs = result.pairs
         for name, force in result.resultants.items():
             numbers = ", ".join(f"{v:.6g}" for v in force + 0.0)
-            self(f"contact force on the body ({name}): {numbers}")
+            self(f"contact force on the {'slave' if name in pairs else 'body'} ({name}): {numbers}")
+            if name in pairs:
+                numbers = ", ".join(f"{v:.6g}" for v in pairs[name].master + 0.0)
+                self(f"contact force on the master ({name}): {numbers}")
         self(f"worst violation of the contact law: {result.kkt_violation:.1e} (relative)")
 
     def branch(self, journal: Journal, branch: int = 0) -> None:

@@ -14,7 +14,7 @@ from dolfinx import fem
 
 from dolfinx_contact._errors import same_everywhere
 from dolfinx_contact.output.disk import aside
-from dolfinx_contact.output.fields import contact_fields, file_stems
+from dolfinx_contact.output.fields import Face, faces
 from dolfinx_contact.output.folder import output_folder
 from dolfinx_contact.output.record import BranchRecord
 from dolfinx_contact.output.script import write_script
@@ -33,10 +33,11 @@ def write_series(
     """Write the points of a branch whose fields were kept, for ParaView. Collective.
 
     ``branch_0000_body.bp`` holds the displacement, ``branch_0000_contact.bp`` (or
-    ``branch_0000_contact_NAME.bp``) the fields of a contact surface, and gamma, which is the same
-    at all its nodes; with ``format="vtk"`` it is ``branch_0000_body.pvd`` and a folder of ``.vtu``,
-    ... ``paraview.py`` beside them shows them: ``paraview --script=FOLDER/paraview.py``. gamma may
-    go back along a branch, so that the time of the series is the index of the point in the journal.
+    ``branch_0000_contact_NAME.bp``) the fields of a contact surface, ``..._opposite.bp`` those of
+    the master of a pair, and gamma, which is the same at all their nodes. With ``format="vtk"`` it
+    is ``branch_0000_body.pvd`` and a folder of ``.vtu``, ... ``paraview.py`` beside them shows
+    them: ``paraview --script=FOLDER/paraview.py``. gamma may go back along a branch, so that the
+    time of the series is the index of the point in the journal.
 
     Args:
         folder: where to, made if need be. Files of before are replaced when the series is complete.
@@ -60,14 +61,15 @@ def write_series(
     if not kept:
         raise ValueError(f"no fields of branch {branch} were kept in {record.folder}")
     kind, path = checked_format(comm, format), output_folder(comm, folder)
-    stems = [f"branch_{branch:04d}_{stem}" for stem in ("body", *file_stems(problem))]
-    comms = [comm, *(s.submesh.mesh.comm for s in problem.surfaces)]
+    on_faces = faces(problem)
+    stems = [f"branch_{branch:04d}_{stem}" for stem in ("body", *(f.stem for f in on_faces))]
+    comms = [comm, *(face.comm for face in on_faces)]
     shown: list[list[fem.Function]] = []
     opened: list[Series] = []
     with aside(comm, path, "write_series") as part:
         try:
             for index in kept:
-                fields = _fields(record, branch, index)
+                fields = _fields(record, on_faces, branch, index)
                 # The Functions of the first point are those of the series.
                 shown = shown or fields
                 if kind == "vtx":  # for all that is to come: a disk may fill up on the way
@@ -85,8 +87,10 @@ def write_series(
     return [path / each.file.name for each in opened]
 
 
-def _fields(record: BranchRecord, branch: int, index: int) -> list[list[fem.Function]]:
-    """Functions of the body and of every surface at a recorded point. Collective."""
+def _fields(
+    record: BranchRecord, on_faces: list[Face], branch: int, index: int
+) -> list[list[fem.Function]]:
+    """Functions of the body and of every face at a recorded point. Collective."""
     system, problem = record.system, record.system.problem
     point, _ = record.state(branch, index)
     x = system.create_vector()
@@ -95,8 +99,9 @@ def _fields(record: BranchRecord, branch: int, index: int) -> list[list[fem.Func
     for v in (x, point.y, point.tangent):
         v.destroy()
     found = [[problem.u]]
-    for s in problem.surfaces:
-        gamma = fem.Function(s.points.vertices, name="gamma")
+    for face in on_faces:
+        fields = face.fields()
+        gamma = fem.Function(fields["pressure"].function_space, name="gamma")
         gamma.x.array[:] = point.gamma
-        found.append([*contact_fields(problem, s).values(), gamma])
+        found.append([*fields.values(), gamma])
     return found

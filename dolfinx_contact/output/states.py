@@ -83,7 +83,7 @@ def _seen(system: ParametricContact, point: BranchPoint) -> dict[str, Any]:
         return {}
     contact = []
     for p, table, s in zip(patches, tables, system.problem.surfaces, strict=True):
-        order = by_coordinates(p["x"])
+        order = by_coordinates(p["x"], p["ids"])
         # Gauss points are no vertices: their statuses have no mark.
         known = len(order) == len(table.letters)
         letters = table.letters if known else np.full(len(order), "")

@@ -32,6 +32,7 @@ from dolfinx_contact._compat import (
 from dolfinx_contact._forms import compiled_form
 from dolfinx_contact.laws import PointData
 from dolfinx_contact.points.evaluation import PointEvaluator, blocked_space, point_space
+from dolfinx_contact.points.ids import point_ids
 from dolfinx_contact.points.opposite import Opposite
 from dolfinx_contact.points.stencils import Stencils, weights_matrix
 from dolfinx_contact.points.trace import owned_exterior, trace_dofs
@@ -89,6 +90,8 @@ class ContactPoints:
         number: of points.
         areas: W, area (length in 2D) of each point (n,).
         positions: (n, dim).
+        ids: what tells points at one place apart, on any number of ranks (n, k): the input node of
+            a vertex, those of the facet at Gauss points.
         data: normals, augmentation and fields of the law at the points.
         gaps: initial gaps at the points, averages in the mixed method (n,).
         aside: part of the average of g n across the normal, in the mixed method (n, dim).
@@ -97,7 +100,8 @@ class ContactPoints:
         vertices: scalar P1 space on the submesh.
         trace_dofs: for every local multiplier node the node of the displacement at its place.
         vertex_trace_dofs: the same for the vertices.
-        vertex_areas, vertex_gaps, vertex_normals: at the local vertices, ghosts included.
+        vertex_areas, vertex_gaps, vertex_normals, vertex_ids: at the local vertices, ghosts
+            included.
         B, E: from displacements and multipliers to points; E is None where it is the identity.
     """
 
@@ -133,6 +137,7 @@ class ContactPoints:
         self.vertex_trace_dofs = (
             self.trace_dofs if degrees[1] == 1 else trace_dofs(V, self.vertices, facets)
         )
+        self.ids, self.vertex_ids = point_ids(self.space, self.vertices)
         entities = facet_integration_entities(domain, owned_exterior(domain, facets))
         ds = ufl.Measure("ds", domain, subdomain_data=[(1, entities)])
         at_vertices = ds(1, metadata={"quadrature_rule": "vertex", "quadrature_degree": 1})

@@ -88,3 +88,20 @@ def require_same_numbering(W: fem.FunctionSpace, Q: fem.FunctionSpace) -> None:
     """Raise ``RuntimeError`` if two spaces of a surface differ in the numbering of their dofs."""
     if not np.array_equal(W.dofmap.list, Q.dofmap.list):
         raise RuntimeError("scalar and vector spaces of a contact surface are numbered differently")
+
+
+def vertex_function(
+    vertices: fem.FunctionSpace, name: str, values: npt.NDArray[np.float64]
+) -> fem.Function:
+    """A scalar or vector Function by its values at the local vertices. Collective.
+
+    Args:
+        vertices: scalar P1 space.
+        name: of the Function.
+        values: (n,) or (n, components); ghosts get those of their owners.
+    """
+    shape = values.shape[1:]
+    f = fem.Function(blocked_space(vertices, shape[0]) if shape else vertices, name=name)
+    f.x.array[:] = values.reshape(-1)
+    f.x.scatter_forward()
+    return f

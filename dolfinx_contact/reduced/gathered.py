@@ -43,6 +43,7 @@ class GatheredPoints:
         self.local = np.flatnonzero(~system.clamped)
         self._surfaces = eq.surfaces
         columns: list[tuple[Any, ...]] = []
+        ids = system.ids[self.local]
         for number, s in enumerate(eq.surfaces):
             n = s.points.number
             held = eq.constraints.held[number][s.points.vertex_trace_dofs[:n]].any(axis=1)
@@ -55,7 +56,7 @@ class GatheredPoints:
         parts = self.comm.allgather(mine)
         everywhere: list[Any] = [np.concatenate(c) for c in zip(*parts, strict=True)]
         # In the order of coordinates, so that neither numbering nor ranks matter.
-        self._sorted = by_coordinates(everywhere[1])
+        self._sorted = by_coordinates(everywhere[1], np.concatenate(self.comm.allgather(ids)))
         which, _, normals, areas, r, held, slope = (v[self._sorted] for v in everywhere)
         self.frames: Array = np.stack(
             [np.stack([-normals[:, 1], normals[:, 0]], axis=1), -normals], axis=2

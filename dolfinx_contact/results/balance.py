@@ -25,12 +25,12 @@ import numpy.typing as npt
 import basix
 from dolfinx import fem, la
 
+from dolfinx_contact._compat import FacetSubmesh
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.state import State
-from dolfinx_contact.points.surface import ContactSurface
 from dolfinx_contact.points.trace import facet_closures
 
-__all__ = ["Balance", "balance", "support_at_nodes", "support_at_vertices"]
+__all__ = ["Balance", "balance", "forces_at_vertices", "support_at_nodes"]
 
 logger = logging.getLogger(__name__)
 
@@ -111,24 +111,28 @@ def support_at_nodes(eq: ContactEquations, state: State) -> npt.NDArray[np.float
     return reaction.x.array.reshape(-1, eq.dim).copy()
 
 
-def support_at_vertices(
-    V: fem.FunctionSpace, s: ContactSurface, reactions: npt.NDArray[np.float64]
+def forces_at_vertices(
+    V: fem.FunctionSpace,
+    submesh: FacetSubmesh,
+    trace: npt.NDArray[np.int32],
+    forces: npt.NDArray[np.float64],
 ) -> npt.NDArray[np.float64]:
-    """Reactions of Dirichlet data at the local vertices of a surface (n, dim). Collective.
+    """Nodal forces at the local vertices of a surface (n, dim). Collective.
 
-    The reaction of a node between vertices goes to these by their hat functions, so that the sum is
+    The force of a node between vertices goes to these by their hat functions, so that the sum is
     that of all nodes of the surface.
 
     Args:
         V: displacement space.
-        s: the surface.
-        reactions: at the local nodes (n, dim).
+        submesh: facets of the surface.
+        trace: the nodes of V at its local vertices.
+        forces: at the local nodes of V (n, dim).
     """
-    if s.degrees[0] == 1:
-        return np.asarray(reactions[s.points.vertex_trace_dofs])
-    tdim = s.dim
+    if V.ufl_element().degree == 1:
+        return np.asarray(forces[trace])
+    tdim = V.mesh.topology.dim
     topology, index_map = V.mesh.topology, V.dofmap.index_map
-    facets = s.submesh.parent_facets[: s.submesh.mesh.topology.index_map(tdim - 1).size_local]
+    facets = submesh.parent_facets[: submesh.mesh.topology.index_map(tdim - 1).size_local]
     to_cells = topology.connectivity(tdim - 1, tdim)
     nodes, closures = (
         V.dofmap.list[to_cells.array[to_cells.offsets[facets]]],
@@ -140,7 +144,7 @@ def support_at_vertices(
     np.add.at(count.array, closures, 1.0)
     count.scatter_reverse(la.InsertMode.add)
     count.scatter_forward()
-    share = reactions / np.maximum(count.array, 1.0)[:, None]
+    share = forces / np.maximum(count.array, 1.0)[:, None]
     on_facet = (nodes[:, :, None] == closures[:, None, :]).any(axis=2)
     hats, corners = _hats(V)
     parts = np.einsum("pv,cp,cpd->cvd", hats, on_facet, share[nodes])
@@ -149,7 +153,7 @@ def support_at_vertices(
     np.add.at(sums.array.reshape(-1, tdim), nodes[:, corners], parts)
     sums.scatter_reverse(la.InsertMode.add)
     sums.scatter_forward()
-    return np.asarray(sums.array.reshape(-1, tdim)[s.points.vertex_trace_dofs])
+    return np.asarray(sums.array.reshape(-1, tdim)[trace])
 
 
 def _hats(V: fem.FunctionSpace) -> tuple[npt.NDArray[np.float64], list[int]]:

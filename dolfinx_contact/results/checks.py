@@ -80,8 +80,9 @@ def misfits(eq: ContactEquations, state: State) -> dict[str, float | None]:
         if s.method != "integral":
             off = np.where(clamped[: len(off)], 0.0, off)
         gather = s.comm.allgather
-        x, true, off = (np.concatenate(gather(v)) for v in (s.positions, true, off))
-        order = by_coordinates(x)
+        found_there = (s.positions, s.points.ids, true, off)
+        x, ids, true, off = (np.concatenate(gather(v)) for v in found_there)
+        order = by_coordinates(x, ids)
         x, true, off = x[order], true[order], off[order]
         # Of points with the same value, up to round-off, the first in the table.
         i = int(np.flatnonzero(~(off < (1 - 1e-9) * np.max(off)))[0])

@@ -20,6 +20,7 @@ from dolfinx_contact.equations.state import State
 from dolfinx_contact.laws import status
 from dolfinx_contact.results.balance import balance, support_at_nodes
 from dolfinx_contact.results.checks import misfits, warn_of_inversion
+from dolfinx_contact.results.pairs import PairBalance, pair_balance
 from dolfinx_contact.results.penetration import Penetration, penetrations
 from dolfinx_contact.results.tables import ContactTable, contact_table, violation
 from dolfinx_contact.solvers.history import Attempt, Step
@@ -47,6 +48,7 @@ class Result:
         external: resultant of all else that acts on it: loads and springs of the bulk form (dim,).
         imbalance: |contact + support + external| over the sum of the sizes of all forces, each
             taken from a source of its own (`balance`). Moments are not compared.
+        pairs: by name, the forces on both faces of every pair of bodies (`pairs.PairBalance`).
         misfits: by surface name, the length by which the gap of the law is off at the displaced
             contact points (`checks.misfits`); None if the obstacle does not say.
         min_det_F: the smallest det(I + grad u) of a body that is not linear in u, else None.
@@ -61,6 +63,7 @@ class Result:
     support: npt.NDArray[np.float64]
     external: npt.NDArray[np.float64]
     imbalance: float
+    pairs: dict[str, PairBalance]
     misfits: dict[str, float | None]
     min_det_F: float | None
     penetrations: dict[str, Penetration]
@@ -92,7 +95,10 @@ class Result:
 
     @property
     def resultants(self) -> dict[str, npt.NDArray[np.float64]]:
-        """Contact force on the body by surface name, without reactions of Dirichlet data."""
+        """Contact force on the body by surface name, without reactions of Dirichlet data.
+
+        Of a pair that on the slave; `pairs` has both.
+        """
         return {name: t.force.sum(axis=0) for name, t in self.tables.items()}
 
     @property
@@ -116,6 +122,7 @@ class Result:
             "support": self.support.tolist(),
             "external": self.external.tolist(),
             "force_imbalance": self.imbalance,
+            "pairs": {name: pair.summary() for name, pair in self.pairs.items()},
             "open": counts["open"],
             "stick": counts["stick"],
             "slip": counts["slip"],
@@ -170,6 +177,11 @@ def collect(eq: ContactEquations, state: State, attempts: Sequence[Attempt]) -> 
         forces.support,
         forces.external,
         forces.imbalance,
+        {
+            s.name: pair_balance(eq, number, state)
+            for number, s in enumerate(eq.surfaces)
+            if s.between_bodies
+        },
         misfits(eq, state),
         warn_of_inversion(eq, state.u),
         penetrations(eq, tables),

@@ -24,7 +24,7 @@ from dolfinx_contact.equations.state import ContactState, State
 from dolfinx_contact.laws import status
 from dolfinx_contact.laws.status import STICK, closed
 from dolfinx_contact.points.surface import ContactSurface
-from dolfinx_contact.results.balance import support_at_vertices
+from dolfinx_contact.results.balance import forces_at_vertices
 
 __all__ = ["ContactTable", "contact_table", "violation"]
 
@@ -32,6 +32,8 @@ __all__ = ["ContactTable", "contact_table", "violation"]
 @dataclass(frozen=True)
 class ContactTable:
     """Contact points of one surface, all ranks, in order of coordinates (x, then y, then z).
+
+    Points at one place, as where an arm of a crack ends, are in the order of the input's nodes.
 
     Attributes:
         name: of the surface.
@@ -115,7 +117,8 @@ def contact_table(
         held = clamped[:n]
         letters = np.where(held, "d", letters)
         traction = np.where(held[:, None], 0.0, traction)
-        support = support_at_vertices(eq.V, s, supports)[:n]
+        trace = s.points.vertex_trace_dofs
+        support = forces_at_vertices(eq.V, s.submesh, trace, supports)[:n]
         guided = (removed[:n].sum(axis=1) == s.dim - 1) & ~held
         bound = np.where(guided, 0.0, bound)
         moved = _letters_of_motion(known["ut"], normal, 1e-12 * eq.body_size)
@@ -134,8 +137,9 @@ def contact_table(
         "bound": bound,
         "support": support,
     }
+    columns["ids"] = s.points.ids
     gathered = {k: np.concatenate(s.comm.allgather(v)) for k, v in columns.items()}
-    order = by_coordinates(gathered["x"])
+    order = by_coordinates(gathered["x"], gathered.pop("ids"))
     return ContactTable(s.name, s.dim, **{k: v[order] for k, v in gathered.items()})
 
 

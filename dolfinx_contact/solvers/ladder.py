@@ -97,10 +97,12 @@ def solve(
         attempt = Attempt(strategy, limit=_LIMITS.get(strategy, math.inf))
         attempts.append(attempt)
         progress.strategy = strategy
+        floated = False
         x0.copy(x)
         try:
             attempt.converged = run(x, attempt, _told(progress, monitor))
         except FloatingBodyError as error:
+            floated = floating is not None
             attempt.reason, floating = str(error), error
         if attempt.converged:
             objection = inverted(equations, x)
@@ -111,7 +113,9 @@ def solve(
             way = strategy
             x.copy(turned)
         progress.clear()
-        if equations.comm.rank == 0:
+        if equations.comm.rank == 0 and floated:  # said once, it is known
+            logger.info("%s failed: a rigid motion is free there too", strategy)
+        elif equations.comm.rank == 0:
             logger.warning("%s failed: %s", strategy, attempt.reason)
     if objection:
         # Nothing else was found: the result warns of it.

@@ -59,11 +59,12 @@ def pivot(solver: Newton, x: PETSc.Vec, attempt: Attempt) -> bool:
 def _last(
     eq: ContactEquations, objecting: list[npt.NDArray[np.bool_]]
 ) -> list[npt.NDArray[np.bool_]]:
-    """Only the objecting point that comes last: by surface, then by coordinates. Collective."""
+    """Only the objecting point that comes last: by surface, coordinates, nodes. Collective."""
     keys = []
     for i, (s, o) in enumerate(zip(eq.surfaces, objecting, strict=True)):
         places = np.asarray(np.round(s.positions / eq.body_size, 9))
-        keys.append([(i, *places[j]) if o[j] else (-1,) for j in range(len(o))])
+        ids = s.points.ids
+        keys.append([(i, *places[j], *ids[j]) if o[j] else (-1,) for j in range(len(o))])
     mine = max((k for surface in keys for k in surface), default=(-1,))
     last = max(eq.comm.allgather(mine))
     return [np.array([k == last for k in surface], dtype=bool) for surface in keys]
