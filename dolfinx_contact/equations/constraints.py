@@ -255,10 +255,11 @@ def _fixed_on_support(s: ContactSurface, fixed: npt.NDArray[np.bool_]) -> npt.ND
     """Multiplier nodes x dim whose whole support has displacements marked in ``fixed``."""
     count = la.vector(s.Q.dofmap.index_map, s.dim)
     count.array[:] = 0.0
-    closures = facet_closures(s.u.function_space, s.submesh.parent_facets)
+    cells = s.points.cells
+    closures = facet_closures(s.u.function_space, s.submesh.parent_facets[cells])
     any_free = (~fixed)[closures].any(axis=1).astype(float)
     rows = count.array.reshape(-1, s.dim)
-    for nodes in s.Q.dofmap.list[: len(closures)].T:
+    for nodes in s.Q.dofmap.list[cells].T:
         np.add.at(rows, nodes, any_free)
     count.scatter_reverse(la.InsertMode.add)
     count.scatter_forward()

@@ -3,7 +3,8 @@
 
 - ``"nodal"``: the points are the mesh nodes of the surface (vertex rule, P1 displacement). The
   conditions hold node by node.
-- ``"integral"``: the points are Gauss points; P1 or P2 displacement. The conditions hold weakly.
+- ``"integral"``: the points are Gauss points, of facets or of what two faces that do not match have
+  in common; P1 or P2 displacement. The conditions hold weakly.
 - ``"mixed"``: a P1 multiplier in the cone at the nodes with consistent integrals, so that the gap
   and the slip are nodal averages of the displacement (Hild, Int. J. Appl. Math. Comput. Sci. 12,
   2002, section 2; P1 displacement): B is the inverse of the lumped times the consistent mass.
@@ -32,16 +33,19 @@ from dolfinx_contact._compat import (
 from dolfinx_contact._forms import compiled_form
 from dolfinx_contact.laws import PointData
 from dolfinx_contact.points.evaluation import PointEvaluator, blocked_space, point_space
+from dolfinx_contact.points.gauss import CommonPoints, GaussPoints
 from dolfinx_contact.points.opposite import Opposite
+from dolfinx_contact.points.scattered import ScatteredEvaluator
 from dolfinx_contact.points.stencils import Stencils, weights_matrix
 from dolfinx_contact.points.trace import owned_exterior, trace_dofs
 
-__all__ = ["ContactPoints", "Given", "Method"]
+__all__ = ["ContactPoints", "Evaluator", "Given", "Method"]
 
 Array = npt.NDArray[np.float64]
 Nodes = npt.NDArray[np.int64]
 #: Global nodes and their weights (..., k) of local nodes of the displacement.
 Trace = Callable[[npt.NDArray[np.int32]], tuple[Nodes, Array]]
+Evaluator = PointEvaluator | ScatteredEvaluator
 Method = Literal["nodal", "integral", "mixed"]
 
 
@@ -74,7 +78,7 @@ class Given:
 class ContactPoints:
     """The contact points of a surface, what is given there, and the operators B and E.
 
-    Points are those of this rank, in the order of the dofs of `space`.
+    Points are those of this rank; where they are vertices, in the order of these.
 
     Args:
         V: displacement space.
@@ -86,13 +90,12 @@ class ContactPoints:
         opposite: what moves opposite to the nodes; None where nothing does.
 
     Attributes:
-        number: of points.
+        number: of points; `number_everywhere` of those of all ranks.
         areas: W, area (length in 2D) of each point (n,).
         positions: (n, dim).
         data: normals, augmentation and fields of the law at the points.
         gaps: initial gaps at the points, averages in the mixed method (n,).
         aside: part of the average of g n across the normal, in the mixed method (n, dim).
-        space: scalar space with one dof per point.
         Q: space of the multiplier, on the submesh.
         vertices: scalar P1 space on the submesh.
         trace_dofs: for every local multiplier node the node of the displacement at its place.
@@ -127,8 +130,20 @@ class ContactPoints:
             self.Q = blocked_space(self.vertices, self.dim)
         else:
             self.Q = fem.functionspace(sub, ("Lagrange", degrees[1], (self.dim,)))
-        self.space = point_space(sub, rule_degree) if method == "integral" else self.vertices
-        self.number = int(self.space.dofmap.index_map.size_local)
+        self._common: CommonPoints | None = None
+        self._space = self.vertices
+        if method == "integral":
+            if opposite is not None and opposite.common is not None:
+                self._common = CommonPoints(V, submesh, opposite.common, rule_degree)
+                self._gauss = self._common.gauss
+            else:
+                self._space = point_space(sub, rule_degree)
+                self._gauss = GaussPoints.of_facets(self._space, self._owned_cells)
+            self._hats = self._gauss.table(self.vertices)
+            self.number = int(self._gauss.numbers.size)
+        else:
+            self.number = int(self.vertices.dofmap.index_map.size_local)
+        self.number_everywhere: int = self.comm.allreduce(self.number)
         self.trace_dofs = trace_dofs(V, self.Q, facets)
         self.vertex_trace_dofs = (
             self.trace_dofs if degrees[1] == 1 else trace_dofs(V, self.vertices, facets)
@@ -151,12 +166,14 @@ class ContactPoints:
         self.vertex_areas = self._at_vertices.areas if method == "integral" else areas.areas
         if opposite is not None and opposite.areas is not None:
             self.vertex_areas = opposite.areas[self.vertex_trace_dofs]
-            self.areas = self.vertex_areas[: self.number].copy()
-        stencils = {"nodal": self._nodal, "integral": self._integral, "mixed": self._mixed}
-        traces = self._traces
-        self.stencils: Stencils = stencils[method](traces[0])
-        for trace in traces[1:]:
-            self.stencils = self.stencils.minus(stencils[method](trace))
+            if method == "nodal":
+                self.areas = self.vertex_areas[: self.number].copy()
+        stencils = {"nodal": self._nodal, "integral": self._integral, "mixed": self._mixed}[method]
+        self.stencils: Stencils = stencils(self._here)
+        if self._common is not None:
+            self.stencils = self.stencils.minus(self._common.opposite(self.stencils))
+        elif opposite is not None:
+            self.stencils = self.stencils.minus(stencils(opposite.at))
         self.B = self.stencils.jump_matrix(self.comm, V.dofmap.index_map.size_local, self.dim)
         nodes = self.Q.dofmap.index_map.size_local
         self.E: PETSc.Mat | None = None
@@ -169,16 +186,19 @@ class ContactPoints:
     def _maps(self) -> Any:
         return merge_entity_maps([self.submesh])
 
-    def evaluators(self, given: Given, offset: Any) -> tuple[PointEvaluator, PointEvaluator | None]:
+    def evaluators(self, given: Given, offset: Any) -> tuple[Evaluator, PointEvaluator | None]:
         """What evaluates ``given`` at the points, and averages ``offset`` in the mixed method."""
         here = self.evaluator({"x": ufl.SpatialCoordinate(self._V.mesh), **given.at_points})
         if self._exact is None:
             return here, None
-        return here, PointEvaluator(self.space, self._exact, {"offset": offset}, self._maps)
+        return here, PointEvaluator(self._space, self._exact, {"offset": offset}, self._maps)
 
-    def evaluator(self, expressions: Mapping[str, Any]) -> PointEvaluator:
+    def evaluator(self, expressions: Mapping[str, Any]) -> Evaluator:
         """What evaluates UFL on the body at the points."""
-        return PointEvaluator(self.space, self._measure, expressions, self._maps)
+        if self._common is None:
+            return PointEvaluator(self._space, self._measure, expressions, self._maps)
+        at = self._common
+        return ScatteredEvaluator(self._V.mesh, at.cells, at.positions, at.areas, expressions)
 
     # -- what is given ---------------------------------------------------------------------------
 
@@ -201,9 +221,7 @@ class ContactPoints:
             self.aside = offset - gap[:, None] * normal
         self.data = PointData(normal, gap, self._r_at_points(), _fields(mine))
 
-    def rates(
-        self, evaluators: tuple[PointEvaluator, PointEvaluator | None]
-    ) -> tuple[PointData, Array]:
+    def rates(self, evaluators: tuple[Evaluator, PointEvaluator | None]) -> tuple[PointData, Array]:
         """Rates of data and of `aside` from the evaluators of rates. Collective."""
         values = {name: v[: self.number] for name, v in evaluators[0]().items()}
         n, gap, normal = self.data.n, values["gap"], values["normal"]
@@ -223,11 +241,15 @@ class ContactPoints:
     def _r_at_points(self) -> Array:
         if self.method != "integral":
             return self.r[: self.number]
-        dofs, corners = self.space.dofmap.list, self.vertices.dofmap.list
         values: Array = np.zeros(self.number)
-        cells = self._owned_cells
-        values[dofs[:cells].reshape(-1)] = (self.r[corners[:cells]] @ self._hats.T).reshape(-1)
+        corners = self.r[self.vertices.dofmap.list[self._gauss.cells]]
+        values[self._gauss.numbers] = np.einsum("gpv,gv->gp", self._hats, corners)
         return values
+
+    @property
+    def cells(self) -> npt.NDArray[np.int32]:
+        """Cells of the submesh that this rank owns and that have Gauss points."""
+        return np.unique(self._gauss.cells)
 
     @property
     def _owned_cells(self) -> int:
@@ -271,7 +293,7 @@ class ContactPoints:
     def with_ghosts(self, values: Array) -> Array:
         """Values at the points of this rank, then at its ghosts. Collective."""
         width = int(np.prod(values.shape[1:], dtype=int))
-        v = la.vector(self.space.dofmap.index_map, width)
+        v = la.vector(self._space.dofmap.index_map, width)
         v.array.reshape(-1, width)[: self.number] = values.reshape(-1, width)
         v.scatter_forward()
         return v.array.reshape(-1, *values.shape[1:]).copy()
@@ -289,27 +311,25 @@ class ContactPoints:
         weighted *= self.areas[:, None]
         v = la.vector(self.vertices.dofmap.index_map, width)
         v.array[:] = 0.0
-        cells = self._owned_cells
-        dofs, corners = self.space.dofmap.list[:cells], self.vertices.dofmap.list[:cells]
-        parts = np.einsum("pv,cpw->cvw", self._hats, weighted[dofs])
+        corners = self.vertices.dofmap.list[self._gauss.cells]
+        parts = np.einsum("gpv,gpw->gvw", self._hats, weighted[self._gauss.numbers])
         np.add.at(v.array.reshape(-1, width), corners, parts)
         v.scatter_reverse(la.InsertMode.add)
         v.scatter_forward()
         sums = v.array.reshape(-1, width)
-        return np.asarray(sums[:, 1:] / sums[:, :1]).reshape(-1, *values.shape[1:])
+        # Of faces in part opposite to nothing some vertices have no point.
+        means = np.divide(
+            sums[:, 1:], sums[:, :1], out=np.zeros_like(sums[:, 1:]), where=sums[:, :1] > 0
+        )
+        return means.reshape(-1, *values.shape[1:])
 
     # -- stencils --------------------------------------------------------------------------------
 
-    @property
-    def _traces(self) -> list[Trace]:
-        """Of the body, and of what lies opposite."""
-
-        def here(nodes: npt.NDArray[np.int32]) -> tuple[Nodes, Array]:
-            flat = self._V.dofmap.index_map.local_to_global(nodes.reshape(-1))
-            known = np.asarray(flat, dtype=np.int64).reshape(*nodes.shape, 1)
-            return known, np.ones(known.shape)
-
-        return [here] if self._opposite is None else [here, self._opposite.at]
+    def _here(self, nodes: npt.NDArray[np.int32]) -> tuple[Nodes, Array]:
+        """The trace of the body."""
+        flat = self._V.dofmap.index_map.local_to_global(nodes.reshape(-1))
+        known = np.asarray(flat, dtype=np.int64).reshape(*nodes.shape, 1)
+        return known, np.ones(known.shape)
 
     def _each_alone(self, nodes: Nodes, weights: Array) -> Stencils:
         """Points that are multiplier nodes."""
@@ -346,38 +366,26 @@ class ContactPoints:
         return weights_matrix(self.comm, alone.points, alone.nodes, alone.weights, owned, 1)
 
     def _integral(self, trace: Trace) -> Stencils:
-        sub, cells = self.submesh.mesh, self._owned_cells
+        sub, cells = self.submesh.mesh, self._gauss.cells
         u_element = self._V.ufl_element()
         U = point_space(sub, None)
         if u_element.degree > 1:
             U = fem.functionspace(sub, ("Lagrange", u_element.degree))
-        at = trace_dofs(self._V, U, self.submesh.parent_facets)[U.dofmap.list[:cells]]
-        nodes, shares = trace(at)  # (cells, basis functions, nodes of each)
-        mine = self.Q.dofmap.list[:cells]
+        at = trace_dofs(self._V, U, self.submesh.parent_facets)[U.dofmap.list[cells]]
+        nodes, shares = trace(at)  # (groups, basis functions, nodes of each)
+        mine = self.Q.dofmap.list[cells]
         known = self.Q.dofmap.index_map.local_to_global(mine.reshape(-1)).reshape(mine.shape)
-        points = self.space.dofmap.list[:cells].astype(np.int64)
-        shape = (cells, points.shape[1])
-        b, e = self._table(U), self._table(self.Q)
-        weights = b[None, :, :, None] * shares[:, None]
+        b = self._gauss.table(U)
+        groups, p, k = b.shape
+        weights = b[..., None] * shares[:, None]
         return Stencils(
-            points,
-            nodes.reshape(cells, b.shape[1] * shares.shape[2]),
-            weights.reshape(*shape, b.shape[1] * shares.shape[2]),
+            self._gauss.numbers,
+            nodes.reshape(groups, k * shares.shape[2]),
+            weights.reshape(groups, p, k * shares.shape[2]),
             known.astype(np.int64),
-            np.broadcast_to(e, (*shape, e.shape[1])),
+            self._gauss.table(self.Q),
             False,
         )
-
-    def _table(self, W: fem.FunctionSpace) -> Array:
-        """Basis functions of a Lagrange space on the submesh at the Gauss points of a cell."""
-        element = W.ufl_element()
-        scalar = element.sub_elements[0] if element.block_size > 1 else element
-        points = self.space.ufl_element().custom_quadrature()[0]
-        return np.asarray(scalar.basix_element.tabulate(0, points)[0, :, :, 0])
-
-    @property
-    def _hats(self) -> Array:
-        return self._table(self.vertices)
 
     def destroy(self) -> None:
         """Free the matrices."""

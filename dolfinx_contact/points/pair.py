@@ -32,10 +32,11 @@ class ContactPair(ContactSurface):
 
     Faces *match* where to every node of the slave one of the master lies opposite, at its place or
     across a gap along the normal. Where a crack ends slave and master share nodes; these carry no
-    contact. Faces that do not match are coupled by a `mortar`, for nodal contact (P1): nodes
-    of the slave that have nothing opposite carry no contact either, of its facets the covered part
-    counts, and those of which less than 5 % is covered are dropped. The slave should be the finer
-    face, and not one whose nodes are all held.
+    contact. Faces that do not match are coupled by a `mortar` at nodes, or in the integral method
+    at Gauss points of the parts that a facet of the slave and one of the master have in common;
+    mixed contact is refused. Nodes of the slave that have nothing opposite carry no contact either,
+    of its facets the covered part counts, and those of which less than 5 % is covered are dropped.
+    The slave should be the finer face, and not one whose nodes are all held.
 
     Args:
         u: displacement of all bodies, a vector Lagrange Function of degree 1 or 2.
@@ -107,7 +108,7 @@ class ContactPair(ContactSurface):
                 sides[1],
                 gap=gap,
                 interference=interference,
-                nodal=method in (None, "nodal") and V.ufl_element().degree == 1,
+                must_match=method == "mixed",
                 name=name,
             ),
             law=law,
