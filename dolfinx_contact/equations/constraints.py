@@ -53,6 +53,8 @@ class Constraints:
         self._V, self._bcs, self._told = V, list(bcs), False
         # A value may itself be NaN, so a component is fixed if either filling is overwritten.
         self.fixed = np.isfinite(self.values()) | np.isnan(self.values(fill=0.0))
+        for s in surfaces:
+            s.hold(self.fixed)
         self.held = [self._held(s) for s in surfaces]
         self.clamped: list[npt.NDArray[np.bool_]] = []
         self.removed: list[npt.NDArray[np.bool_]] = []

@@ -90,6 +90,21 @@ class Cover:
         shapes = self.pieces[chosen], self.mine[chosen], self.theirs[chosen]
         return Cover(self.slave, self.master, *facets, *shapes)
 
+    def places(self) -> tuple[Nodes, Nodes, Array]:
+        """What lies opposite to corners of the slave's facets, each as often as pieces meet there.
+
+        Returns:
+            Global nodes of the slave (n,), nodes of the master (n, k) and their weights, of degree
+            1.
+        """
+        apart = np.linalg.norm(self.pieces[:, :, None] - self.mine[:, None], axis=3)
+        size = np.ptp(self.mine, axis=1).max(axis=1)
+        piece, corner = np.nonzero(apart.min(axis=1) <= _SLIVER * size[:, None])
+        at = _reference(self.theirs[piece], self.mine[piece, corner][:, None])[:, 0]
+        k = self.master.corners
+        theirs = self.master.nodes[self.other[piece], :k]
+        return self.slave.nodes[self.facet[piece], corner], theirs, basis(at, k, 1)
+
     def rule(self, degree: int) -> Rule:
         """Quadrature points, exact for products of bases on parallelograms.
 

@@ -13,7 +13,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Literal
 
 from petsc4py import PETSc
@@ -34,9 +34,16 @@ from dolfinx_contact._forms import compiled_form
 from dolfinx_contact.laws import PointData
 from dolfinx_contact.points.evaluation import PointEvaluator, blocked_space, point_space
 from dolfinx_contact.points.gauss import CommonPoints, GaussPoints
+from dolfinx_contact.points.given import Given
+from dolfinx_contact.points.held_ends import shared
 from dolfinx_contact.points.opposite import Opposite
 from dolfinx_contact.points.scattered import ScatteredEvaluator
-from dolfinx_contact.points.stencils import Stencils, weights_matrix
+from dolfinx_contact.points.stencils import (
+    Stencils,
+    multiplied,
+    multiplied_transposed,
+    weights_matrix,
+)
 from dolfinx_contact.points.trace import owned_exterior, trace_dofs
 
 __all__ = ["ContactPoints", "Evaluator", "Given", "Method"]
@@ -47,32 +54,6 @@ Nodes = npt.NDArray[np.int64]
 Trace = Callable[[npt.NDArray[np.int32]], tuple[Nodes, Array]]
 Evaluator = PointEvaluator | ScatteredEvaluator
 Method = Literal["nodal", "integral", "mixed"]
-
-
-@dataclass(frozen=True)
-class Given:
-    """What is given on the surface, in UFL on the body.
-
-    Attributes:
-        gap: signed distance to the obstacle.
-        normal: unit normal, from the body into the obstacle.
-        fields: of the law, by name.
-    """
-
-    gap: Any
-    normal: Any
-    fields: Mapping[str, Any]
-
-    @property
-    def all(self) -> tuple[Any, ...]:
-        """All of it."""
-        return self.gap, self.normal, *self.fields.values()
-
-    @property
-    def at_points(self) -> dict[str, Any]:
-        """Everything by name; the fields of the law with a colon before theirs."""
-        fields = {f":{name}": e for name, e in self.fields.items()}
-        return {"gap": self.gap, "normal": self.normal, **fields}
 
 
 class ContactPoints:
@@ -174,6 +155,8 @@ class ContactPoints:
             self.stencils = self.stencils.minus(self._common.opposite(self.stencils))
         elif opposite is not None:
             self.stencils = self.stencils.minus(stencils(opposite.at))
+        self._apart = self.stencils, self.vertex_areas
+        self._shared: PETSc.Mat | None = None
         self.B = self.stencils.jump_matrix(self.comm, V.dofmap.index_map.size_local, self.dim)
         nodes = self.Q.dofmap.index_map.size_local
         self.E: PETSc.Mat | None = None
@@ -215,8 +198,8 @@ class ContactPoints:
         normal, gap = mine["normal"], mine["gap"]
         self.positions, self.gaps = mine["x"], gap
         self.aside = np.zeros_like(normal)
-        if self._average is not None:
-            offset = self._average()["offset"][:n]
+        offset = self._averaged(self._average, gap[:, None] * normal)
+        if offset is not None:
             gap = np.sum(offset * normal, axis=1)
             self.aside = offset - gap[:, None] * normal
         self.data = PointData(normal, gap, self._r_at_points(), _fields(mine))
@@ -226,12 +209,19 @@ class ContactPoints:
         values = {name: v[: self.number] for name, v in evaluators[0]().items()}
         n, gap, normal = self.data.n, values["gap"], values["normal"]
         aside = np.zeros_like(n)
-        if evaluators[1] is not None:
-            offset = evaluators[1]()["offset"][: self.number]
+        product = gap[:, None] * n + self.gaps[:, None] * normal
+        offset = self._averaged(evaluators[1], product)
+        if offset is not None:
             now = self.data.gap[:, None] * n + self.aside
             gap = np.sum(offset * n + now * normal, axis=1)
             aside = offset - gap[:, None] * n - self.data.gap[:, None] * normal
         return PointData(normal, gap, np.zeros(self.number), _fields(values)), aside
+
+    def _averaged(self, average: PointEvaluator | None, offset: Array) -> Array | None:
+        """Averages of an offset that is known at the points (n, dim), if any are taken."""
+        if average is not None:
+            return average()["offset"][: self.number]
+        return None if self._shared is None else multiplied(self._shared, offset)
 
     def set_augmentation(self, r: Array) -> None:
         """Set r at the local vertices."""
@@ -283,12 +273,12 @@ class ContactPoints:
 
     def forces(self, tractions: Array) -> Array:
         """B^T W t, owned entries, of tractions at the points (n, dim). Collective."""
-        return _transposed(self.B, self.areas[:, None] * tractions)
+        return multiplied_transposed(self.B, self.areas[:, None] * tractions)
 
     def rows(self, values: Array) -> Array:
         """E^T W of values at the points (n, dim): owned contact rows. Collective."""
         weighted = self.areas[:, None] * values
-        return weighted.reshape(-1) if self.E is None else _transposed(self.E, weighted)
+        return weighted.reshape(-1) if self.E is None else multiplied_transposed(self.E, weighted)
 
     def with_ghosts(self, values: Array) -> Array:
         """Values at the points of this rank, then at its ghosts. Collective."""
@@ -323,6 +313,29 @@ class ContactPoints:
         )
         return means.reshape(-1, *values.shape[1:])
 
+    def give(self, given: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+        """Give the functions of vertices to those around them; see `held_ends`. Collective.
+
+        Args:
+            given: local vertices, ghosts included; of none all functions are as they were.
+
+        Returns:
+            Those that are given away: none whose function nobody takes.
+        """
+        if self._shared is None and not self.comm.allreduce(int(given.any())):
+            return given
+        alone, areas = self._apart
+        D, self.areas, given = shared(self.vertices, given, areas[: self.number])
+        self.vertex_areas = self.with_ghosts(self.areas)
+        plain = self._scalar(alone)
+        self.stencils = self._of_rows(D.matMult(plain), np.ones(self.number))
+        plain.destroy()
+        self.destroy()
+        self._shared = D
+        self.B = self.stencils.jump_matrix(self.comm, self._V.dofmap.index_map.size_local, self.dim)
+        self.update()
+        return given
+
     # -- stencils --------------------------------------------------------------------------------
 
     def _here(self, nodes: npt.NDArray[np.int32]) -> tuple[Nodes, Array]:
@@ -349,20 +362,27 @@ class ContactPoints:
         consistent.assemble()
         at_nodes = self._scalar_trace(trace)
         product = consistent.matMult(at_nodes)
+        consistent.destroy(), at_nodes.destroy()
+        return self._of_rows(product, self.areas)
+
+    def _of_rows(self, product: PETSc.Mat, divisor: Array) -> Stencils:
+        """Of the rows of a matrix, which is destroyed."""
         indptr, columns, values = product.getValuesCSR()
-        for A in (consistent, at_nodes, product):
-            A.destroy()
+        product.destroy()
         counts = np.diff(indptr)
         n, width = self.number, int(counts.max(initial=1))
         # Of no weight are copies of the first node of the row.
         place = indptr[:-1, None] + np.minimum(np.arange(width), counts[:, None] - 1)
         nodes = columns[place].astype(np.int64) if n else np.zeros((0, width), dtype=np.int64)
         held = np.arange(width) < counts[:, None]
-        weights = np.where(held, values[place] if n else 0.0, 0.0) / self.areas[:, None]
+        weights = np.where(held, values[place] if n else 0.0, 0.0) / divisor[:, None]
         return self._each_alone(nodes, weights)
 
     def _scalar_trace(self, trace: Trace) -> PETSc.Mat:
-        alone, owned = self._nodal(trace), self._V.dofmap.index_map.size_local
+        return self._scalar(self._nodal(trace))
+
+    def _scalar(self, alone: Stencils) -> PETSc.Mat:
+        owned = self._V.dofmap.index_map.size_local
         return weights_matrix(self.comm, alone.points, alone.nodes, alone.weights, owned, 1)
 
     def _integral(self, trace: Trace) -> Stencils:
@@ -389,19 +409,10 @@ class ContactPoints:
 
     def destroy(self) -> None:
         """Free the matrices."""
-        for A in (self.B, self.E):
+        for A in (self.B, self.E, self._shared):
             if A is not None:
                 A.destroy()
 
 
 def _fields(values: Mapping[str, Array]) -> dict[str, Array]:
     return {name[1:]: v for name, v in values.items() if name.startswith(":")}
-
-
-def _transposed(A: PETSc.Mat, values: Array) -> Array:
-    x, y = A.createVecs()
-    y.array[:] = values.reshape(-1)
-    A.multTranspose(y, x)
-    out = x.array_r.copy()
-    x.destroy(), y.destroy()
-    return np.asarray(out)

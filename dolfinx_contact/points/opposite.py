@@ -57,10 +57,12 @@ class Common:
     Attributes:
         facets: local, of the slave, that this rank owns.
         cover: of these.
+        places: what lies opposite to the nodes at their own places; none where that is nothing.
     """
 
     facets: npt.NDArray[np.int32]
     cover: Cover
+    places: Opposite
 
 
 @dataclass(frozen=True)
@@ -292,8 +294,7 @@ def _mortar(
     theirs, pairs = candidates(comm, mine, faces_of(V, master))
     common = cover(mine, theirs, pairs, deepest=size)
     marked = np.unique(common.facet)
-    covered = _nodes_on(V, facets[marked])
-    require(comm, bool(comm.allreduce(int(covered.any()))), f"{name}: nothing is opposite")
+    require(comm, bool(comm.allreduce(len(marked))), f"{name}: nothing is opposite")
     degree = V.ufl_element().degree
     found = coupling(common, degree)
     corners = mine.nodes[:, : mine.corners]
@@ -308,31 +309,49 @@ def _mortar(
     entries.add(found.values, A)
     if degree > 1:
         A = _between(comm, A, mine.nodes[marked], mine.corners)
+    # There any area serves, as there is no traction.
+    areas = np.where(sums.array > 0, sums.array, size ** (dim - 1))
+    sides = on_slave, on_master
+
+    def opposite(A: PETSc.Mat, common: Common | None) -> Opposite:
+        rows, nodes, weights, none = _means(V, A, on_slave)
+        return Opposite(rows, nodes, weights, none, areas, sides, master, common)
+
+    nodes, others, shares = common.places()
+    at = np.repeat(nodes, shares.shape[1]), others.reshape(-1)
+    P = matrix_of(comm, (n, n), entries := Entries(*at))
+    entries.add(shares.reshape(-1), P)
+    return opposite(A, Common(facets, common, opposite(P, None)))
+
+
+def _means(
+    V: fem.FunctionSpace, A: PETSc.Mat, on_slave: npt.NDArray[np.bool_]
+) -> tuple[Nodes, Nodes, Array, npt.NDArray[np.bool_]]:
+    """The rows of a matrix as weighted means, as in `Opposite`; the matrix is destroyed."""
+    index_map, comm = V.dofmap.index_map, V.mesh.comm
     indptr, columns, values = A.getValuesCSR()
     A.destroy()
     counts = np.diff(indptr)
     width = comm.allreduce(int(counts.max(initial=1)), op=max)
-    # By way of a vector, so that the ghosts have them too: nodes, then weights.
-    table = la.vector(index_map, 2 * width)
-    rows = table.array.reshape(-1, 2 * width)
+    # By way of a vector, so that the ghosts have them too: nodes, then weights, whether there are.
+    table = la.vector(index_map, 2 * width + 1)
+    rows = table.array.reshape(-1, 2 * width + 1)
     rows[:] = 0.0
-    for i in np.flatnonzero(on_slave[:n]):
+    for i in np.flatnonzero(on_slave[: index_map.size_local]):
         here = slice(indptr[i], indptr[i + 1])
         # What has nothing opposite is opposite to itself, and has no jump.
         rows[i, :width], rows[i, width] = index_map.local_range[0] + i, 1.0
-        if covered[i]:
+        if counts[i]:
             rows[i, : counts[i]] = columns[here]
             # The sum is the area, but for round-off.
             rows[i, width : width + counts[i]] = values[here] / values[here].sum()
+            rows[i, -1] = 1.0
     table.scatter_forward()
     on = np.flatnonzero(on_slave)
-    places = np.full(len(covered), -1, dtype=np.int64)
+    places = np.full(len(on_slave), -1, dtype=np.int64)
     places[on] = np.arange(len(on))
-    nodes, weights = rows[on, :width].astype(np.int64), rows[on, width:].copy()
-    # There any area serves, as there is no traction.
-    areas = np.where(sums.array > 0, sums.array, size ** (dim - 1))
-    none, sides = on_slave & ~covered, (on_slave, on_master)
-    return Opposite(places, nodes, weights, none, areas, sides, master, Common(facets, common))
+    none = np.asarray(on_slave & (rows[:, -1] == 0))
+    return places, rows[on, :width].astype(np.int64), rows[on, width:-1].copy(), none
 
 
 def _between(comm: MPI.Comm, A: PETSc.Mat, nodes: Nodes, corners: int) -> PETSc.Mat:

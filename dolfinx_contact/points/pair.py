@@ -9,14 +9,15 @@ import numpy as np
 import numpy.typing as npt
 
 import ufl
-from dolfinx import fem, mesh
+from dolfinx import fem, la, mesh
 
 from dolfinx_contact._errors import everywhere, same_everywhere
 from dolfinx_contact.laws import Law
 from dolfinx_contact.meshing import GmshMesh, tagged_facets
 from dolfinx_contact.points.contact_points import Method
 from dolfinx_contact.points.elements import displacement_degree
-from dolfinx_contact.points.opposite import OppositeFacets
+from dolfinx_contact.points.held_ends import held_in_place, in_place
+from dolfinx_contact.points.opposite import Opposite, OppositeFacets
 from dolfinx_contact.points.surface import ContactSurface
 from dolfinx_contact.points.trace import exterior_facets
 
@@ -117,11 +118,30 @@ class ContactPair(ContactSurface):
             quadrature_degree=quadrature_degree,
             name=name,
         )
+        #: What is opposite while no function of a node is given away.
+        self._apart: Opposite = self.obstacle.opposite
         worst = comm.allreduce(float(np.min(self.points.vertex_gaps, initial=np.inf)), op=min)
         if gap is not None and not interference and worst < 0:
             raise ValueError(
                 f"{name}: the given gap is {worst:.3g}; interference=True for a press fit"
             )
+
+    def hold(self, fixed: npt.NDArray[np.bool_]) -> None:
+        """Give away the dual functions of nodes whose jump is fixed; see `held_ends`. Collective.
+
+        Args:
+            fixed: local nodes x dim, by Dirichlet data.
+        """
+        if self.method != "nodal" or self._apart.matching:
+            return
+        V, trace = self.u.function_space, self.points.vertex_trace_dofs
+        given = self.points.give(held_in_place(V, self._apart, fixed)[trace])
+        marks = la.vector(V.dofmap.index_map, 1)
+        marks.array[:] = 0.0
+        marks.array[trace] = given
+        marks.scatter_reverse(la.InsertMode.add)
+        marks.scatter_forward()
+        self.obstacle.opposite = in_place(self._apart, marks.array > 0)
 
 
 def _checked_gap(gap: Any, name: str) -> Any:

@@ -196,6 +196,9 @@ class ContactSurface:
         message = f"{self.name}: the law {type(self.law).__name__} has a negative radius{where}"
         require(self.comm, not bool((radius < -1e-14).any()), message)
 
+    def hold(self, fixed: npt.NDArray[np.bool_]) -> None:
+        """Take notice of the local nodes x dim that Dirichlet data fix. Collective."""
+
     # -- nodes and points ------------------------------------------------------------------------
 
     @property
