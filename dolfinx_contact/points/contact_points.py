@@ -77,6 +77,8 @@ class ContactPoints:
         data: normals, augmentation and fields of the law at the points.
         gaps: initial gaps at the points, averages in the mixed method (n,).
         aside: part of the average of g n across the normal, in the mixed method (n, dim).
+        space: scalar space with one dof per point; that of the vertices where points lie on common
+            parts of faces.
         Q: space of the multiplier, on the submesh.
         vertices: scalar P1 space on the submesh.
         trace_dofs: for every local multiplier node the node of the displacement at its place.
@@ -112,14 +114,14 @@ class ContactPoints:
         else:
             self.Q = fem.functionspace(sub, ("Lagrange", degrees[1], (self.dim,)))
         self._common: CommonPoints | None = None
-        self._space = self.vertices
+        self.space = self.vertices
         if method == "integral":
             if opposite is not None and opposite.common is not None:
                 self._common = CommonPoints(V, submesh, opposite.common, rule_degree)
                 self._gauss = self._common.gauss
             else:
-                self._space = point_space(sub, rule_degree)
-                self._gauss = GaussPoints.of_facets(self._space, self._owned_cells)
+                self.space = point_space(sub, rule_degree)
+                self._gauss = GaussPoints.of_facets(self.space, self._owned_cells)
             self._hats = self._gauss.table(self.vertices)
             self.number = int(self._gauss.numbers.size)
         else:
@@ -174,12 +176,12 @@ class ContactPoints:
         here = self.evaluator({"x": ufl.SpatialCoordinate(self._V.mesh), **given.at_points})
         if self._exact is None:
             return here, None
-        return here, PointEvaluator(self._space, self._exact, {"offset": offset}, self._maps)
+        return here, PointEvaluator(self.space, self._exact, {"offset": offset}, self._maps)
 
     def evaluator(self, expressions: Mapping[str, Any]) -> Evaluator:
         """What evaluates UFL on the body at the points."""
         if self._common is None:
-            return PointEvaluator(self._space, self._measure, expressions, self._maps)
+            return PointEvaluator(self.space, self._measure, expressions, self._maps)
         at = self._common
         return ScatteredEvaluator(self._V.mesh, at.cells, at.positions, at.areas, expressions)
 
@@ -283,7 +285,7 @@ class ContactPoints:
     def with_ghosts(self, values: Array) -> Array:
         """Values at the points of this rank, then at its ghosts. Collective."""
         width = int(np.prod(values.shape[1:], dtype=int))
-        v = la.vector(self._space.dofmap.index_map, width)
+        v = la.vector(self.space.dofmap.index_map, width)
         v.array.reshape(-1, width)[: self.number] = values.reshape(-1, width)
         v.scatter_forward()
         return v.array.reshape(-1, *values.shape[1:]).copy()
