@@ -42,7 +42,6 @@ from dolfinx_contact.points.stencils import (
     Stencils,
     multiplied,
     multiplied_transposed,
-    weights_matrix,
 )
 from dolfinx_contact.points.trace import owned_exterior, trace_dofs
 
@@ -329,12 +328,13 @@ class ContactPoints:
         alone, areas = self._apart
         D, self.areas, given = shared(self.vertices, given, areas[: self.number])
         self.vertex_areas = self.with_ghosts(self.areas)
-        plain = self._scalar(alone)
+        owned = self._V.dofmap.index_map.size_local
+        plain = alone.scalar_matrix(self.comm, owned)
         self.stencils = self._of_rows(D.matMult(plain), np.ones(self.number))
         plain.destroy()
         self.destroy()
         self._shared = D
-        self.B = self.stencils.jump_matrix(self.comm, self._V.dofmap.index_map.size_local, self.dim)
+        self.B = self.stencils.jump_matrix(self.comm, owned, self.dim)
         self.update()
         return given
 
@@ -357,12 +357,12 @@ class ContactPoints:
         return self._each_alone(*trace(self.trace_dofs[: self.number]))
 
     def _mixed(self, trace: Trace) -> Stencils:
-        W = self.vertices
+        W, owned = self.vertices, self._V.dofmap.index_map.size_local
         p, q = ufl.TrialFunction(W), ufl.TestFunction(W)
         dx = ufl.dx(domain=self.submesh.mesh, metadata={"quadrature_degree": 2})
         consistent = dolfinx.fem.petsc.assemble_matrix(compiled_form(p * q * dx))
         consistent.assemble()
-        at_nodes = self._scalar_trace(trace)
+        at_nodes = self._nodal(trace).scalar_matrix(self.comm, owned)
         product = consistent.matMult(at_nodes)
         consistent.destroy(), at_nodes.destroy()
         return self._of_rows(product, self.areas)
@@ -379,13 +379,6 @@ class ContactPoints:
         held = np.arange(width) < counts[:, None]
         weights = np.where(held, values[place] if n else 0.0, 0.0) / divisor[:, None]
         return self._each_alone(nodes, weights)
-
-    def _scalar_trace(self, trace: Trace) -> PETSc.Mat:
-        return self._scalar(self._nodal(trace))
-
-    def _scalar(self, alone: Stencils) -> PETSc.Mat:
-        owned = self._V.dofmap.index_map.size_local
-        return weights_matrix(self.comm, alone.points, alone.nodes, alone.weights, owned, 1)
 
     def _integral(self, trace: Trace) -> Stencils:
         sub, cells = self.submesh.mesh, self._gauss.cells

@@ -29,6 +29,7 @@ from dolfinx_contact._errors import require
 from dolfinx_contact.obstacles import Obstacle
 from dolfinx_contact.points.clipping import Cover, basis, cover, nodal_points
 from dolfinx_contact.points.facing import candidates, faces_of
+from dolfinx_contact.points.given import at_nodes
 from dolfinx_contact.points.mortar import coupling
 from dolfinx_contact.points.search import nearest, within
 from dolfinx_contact.points.trace import (
@@ -47,6 +48,7 @@ _TANGENTIAL = 1e-6  # of a facet's size, by which nodes may be off across the no
 _OVERLAP = 1e-6  # of a facet's size, an overlap that is round-off
 _CURVED_OVERLAP = 0.05  # the same of faces that do not match, whose facets are chords of curves
 _ROUND_OFF = 1e-9  # of a facet's size, a gap that is none
+_FACING = 0.5  # cosine between the normal of a given surface and that of the slave, the least
 _FAR = 10.0  # sizes of the mesh, the gap of a node that has nothing opposite
 
 
@@ -127,6 +129,8 @@ class OppositeFacets(Obstacle):
         slave: local facets, ghosts included.
         master: likewise.
         gap: UFL or a number; None for that of the geometry.
+        surface: the true shape of the master, of which gap and normal are taken at the nodes; None
+            for that of its facets.
         interference: whether the bodies may overlap, as in a press fit.
         must_match: whether every node needs one opposite to it.
         name: of the pair, for messages.
@@ -148,6 +152,7 @@ class OppositeFacets(Obstacle):
         master: npt.NDArray[np.int32],
         *,
         gap: Any,
+        surface: Obstacle | None,
         interference: bool,
         must_match: bool,
         name: str,
@@ -169,7 +174,21 @@ class OppositeFacets(Obstacle):
         normal = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (dim,))))
         normal.x.array[:] = normals.reshape(-1)
         self._normal = normal / ufl.sqrt(ufl.dot(normal, normal))
-        if gap is None:
+        if surface is not None:
+            gaps, shape = at_nodes(W, surface)
+            on_slave = _nodes_on(W, slave)
+            turned = (np.sum(shape * normals, axis=1) < _FACING)[: W.dofmap.index_map.size_local]
+            count = comm.allreduce(int((turned & on_slave[: len(turned)]).sum()))
+            require(
+                comm,
+                count == 0,
+                f"{name}: at {count} nodes of the slave the normal of the given surface is another",
+            )
+            normal.x.array[:] = np.where(on_slave[:, None], shape, 0.0).reshape(-1)
+            self._gap: Any = fem.Function(W)
+            gaps = np.where(on_slave & (np.abs(gaps) > _ROUND_OFF * size), gaps, 0.0)
+            self._gap.x.array[:] = gaps
+        elif gap is None:
             corners: npt.NDArray[np.int32] = np.zeros(len(normals), dtype=np.int32)
             corners[W.dofmap.list] = V.dofmap.list[:, : W.dofmap.list.shape[1]]
             gaps = _gaps(V, found, outward_normals(V, slave)[0], size)[corners]
@@ -183,7 +202,7 @@ class OppositeFacets(Obstacle):
             )
             # What is allowed without being meant is round-off, or the chords of curved faces.
             gaps = gaps if interference else np.maximum(gaps, 0.0)
-            self._gap: Any = fem.Function(W)
+            self._gap = fem.Function(W)
             self._gap.x.array[:] = gaps
         else:
             self._gap = ufl.as_ufl(gap)

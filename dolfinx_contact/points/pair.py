@@ -11,9 +11,10 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem, la, mesh
 
-from dolfinx_contact._errors import everywhere, same_everywhere
+from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact.laws import Law
 from dolfinx_contact.meshing import GmshMesh, tagged_facets
+from dolfinx_contact.obstacles import Obstacle
 from dolfinx_contact.points.contact_points import Method
 from dolfinx_contact.points.elements import displacement_degree
 from dolfinx_contact.points.held_ends import held_in_place, in_place
@@ -48,6 +49,8 @@ class ContactPair(ContactSurface):
         master_facets: local indices of the facets of the master, where those of the slave are
             given by indices.
         gap: initial gap, UFL or a number; by default that of the geometry.
+        surface: the true shape of the master, an obstacle, where facets are chords of a curve: gap
+            and normal are then its at the nodes of the slave, and not off by the sagitta of chords.
         interference: whether the bodies may overlap, as in a press fit; else an overlap is an
             error.
         method: as for `ContactSurface`, and so the rest.
@@ -72,6 +75,7 @@ class ContactPair(ContactSurface):
         master: int | str | None = None,
         master_facets: npt.NDArray[np.int32] | None = None,
         gap: Any = None,
+        surface: Obstacle | None = None,
         interference: bool = False,
         method: Method | None = None,
         multiplier_degree: int = 1,
@@ -90,7 +94,15 @@ class ContactPair(ContactSurface):
             if master_facets is not None and (slave is not None or master is not None):
                 raise ValueError(f"{name}: facets by their indices have no tags slave and master")
             gap = _checked_gap(gap, name)
-        same_everywhere(comm, name, interference=bool(interference), gap=gap is None)
+            if surface is not None and not isinstance(surface, Obstacle):
+                raise ValueError(
+                    f"{name}: the surface must be a HalfSpace, Sphere, Cylinder, LevelSet"
+                )
+            if surface is not None and gap is not None:
+                raise ValueError(f"{name}: a given surface has a gap of its own")
+        same_everywhere(
+            comm, name, interference=bool(interference), gap=gap is None, surface=surface is None
+        )
         theirs = facets if master_facets is None else master_facets
         sides = [
             exterior_facets(V.mesh, *tagged_facets(comm, given, tag, side), side)
@@ -108,6 +120,7 @@ class ContactPair(ContactSurface):
                 sides[0],
                 sides[1],
                 gap=gap,
+                surface=surface,
                 interference=interference,
                 must_match=method == "mixed",
                 name=name,
@@ -121,9 +134,12 @@ class ContactPair(ContactSurface):
         #: What is opposite while no function of a node is given away.
         self._apart: Opposite = self.obstacle.opposite
         worst = comm.allreduce(float(np.min(self.points.vertex_gaps, initial=np.inf)), op=min)
-        if gap is not None and not interference and worst < 0:
-            raise ValueError(
-                f"{name}: the given gap is {worst:.3g}; interference=True for a press fit"
+        if gap is not None or surface is not None:
+            what = "given gap" if surface is None else "gap to the given surface"
+            require(
+                comm,
+                interference or worst >= 0,
+                f"{name}: the {what} is {worst:.3g}; interference=True for a press fit",
             )
 
     def hold(self, fixed: npt.NDArray[np.bool_]) -> None:

@@ -70,6 +70,10 @@ class Stencils:
         """
         return weights_matrix(comm, self.points, self.nodes, self.weights, nodes, dim)
 
+    def scalar_matrix(self, comm: MPI.Comm, nodes: int) -> PETSc.Mat:
+        """b, from a scalar at nodes to one at points. Collective."""
+        return weights_matrix(comm, self.points, self.nodes, self.weights, nodes, 1)
+
     def traction_matrix(self, comm: MPI.Comm, nodes: int, dim: int) -> PETSc.Mat:
         """E, from multipliers to points. Collective."""
         weights = self.multiplier_weights
