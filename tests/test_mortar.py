@@ -34,12 +34,12 @@ SIDES = [(3, 2), (2, 3)]  # tags of slave and master: 3 is above
 BASE = np.array([[0.3, -0.1], [0.07, -0.4]])  # of the linear field of the patch test
 
 
-def stacked(below, above, x_below, x_above, cell="quad", *, angle=0.0):
+def stacked(below, above, x_below, x_above, cell="quad", *, angle=0.0, comm=COMM):
     """Two boxes of height 1, face to face on y = 0; tags 1 below, 2 and 3, 4 above, 5, 6 aside."""
     bodies, tags = [], []
     for i, (n, reach) in enumerate([(below, x_below), (above, x_above)]):
         y = np.linspace(i - 1.0, i, max(n // 2, 1) + 1)
-        body = create_grid(COMM, [np.linspace(*reach, n + 1), y], CELLS[cell])
+        body = create_grid(comm, [np.linspace(*reach, n + 1), y], CELLS[cell])
         planes = {f"t{2 * i + 1}": (1, i - 1.0), f"t{2 * i + 2}": (1, float(i))}
         tags.append(tagged(body, **planes, t5=(0, reach[0]), t6=(0, reach[1])))
         bodies.append(body)
@@ -196,8 +196,8 @@ def test_a_rounded_face():
 def test_bad_mortars():
     both = stacked(3, 2, (0.0, 1.0), (0.0, 1.0))
     u = displacement(both.mesh)
-    with pytest.raises(ValueError, match="as only nodal contact allows"):
-        ContactPair(u, both, slave=3, master=2, law=Frictionless(), method="integral")
+    with pytest.raises(ValueError, match=r"do not match: .*, as mixed contact needs"):
+        ContactPair(u, both, slave=3, master=2, law=Frictionless(), method="mixed")
     with pytest.raises(ValueError, match="slave and master touch at 1 nodes of the mesh"):
         ContactPair(u, both, slave=3, master=6, law=Frictionless())
 
@@ -213,12 +213,12 @@ SOLID_CASES = [
 TILT = Rotation.from_rotvec([0.3, -0.5, 0.8]).as_matrix()
 
 
-def solids(below, above, x_below, x_above, cells):
+def solids(below, above, x_below, x_above, cells, *, comm=COMM):
     """As `stacked`, in 3D and turned: the interface is tilted; tags 7 and 8 aside as well."""
     bodies, tags = [], []
     for i, (n, reach) in enumerate([(below, x_below), (above, x_above)]):
         x, z = np.linspace(*reach, n + 1), np.linspace(i - 1.0, i, max(n // 2, 1) + 1)
-        body = create_grid(COMM, [x, x, z], CELLS[cells])
+        body = create_grid(comm, [x, x, z], CELLS[cells])
         planes = {f"t{2 * i + 1}": (2, i - 1.0), f"t{2 * i + 2}": (2, float(i))}
         aside = dict(t5=(0, reach[0]), t6=(0, reach[1]), t7=(1, reach[0]), t8=(1, reach[1]))
         tags.append(tagged(body, **planes, **aside))

@@ -53,6 +53,8 @@ class Constraints:
         self._V, self._bcs, self._told = V, list(bcs), False
         # A value may itself be NaN, so a component is fixed if either filling is overwritten.
         self.fixed = np.isfinite(self.values()) | np.isnan(self.values(fill=0.0))
+        for s in surfaces:
+            s.hold(self.fixed)
         self.held = [self._held(s) for s in surfaces]
         self.clamped: list[npt.NDArray[np.bool_]] = []
         self.removed: list[npt.NDArray[np.bool_]] = []
@@ -255,10 +257,11 @@ def _fixed_on_support(s: ContactSurface, fixed: npt.NDArray[np.bool_]) -> npt.ND
     """Multiplier nodes x dim whose whole support has displacements marked in ``fixed``."""
     count = la.vector(s.Q.dofmap.index_map, s.dim)
     count.array[:] = 0.0
-    closures = facet_closures(s.u.function_space, s.submesh.parent_facets)
+    cells = s.points.cells
+    closures = facet_closures(s.u.function_space, s.submesh.parent_facets[cells])
     any_free = (~fixed)[closures].any(axis=1).astype(float)
     rows = count.array.reshape(-1, s.dim)
-    for nodes in s.Q.dofmap.list[: len(closures)].T:
+    for nodes in s.Q.dofmap.list[cells].T:
         np.add.at(rows, nodes, any_free)
     count.scatter_reverse(la.InsertMode.add)
     count.scatter_forward()

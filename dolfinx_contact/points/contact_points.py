@@ -3,7 +3,8 @@
 
 - ``"nodal"``: the points are the mesh nodes of the surface (vertex rule, P1 displacement). The
   conditions hold node by node.
-- ``"integral"``: the points are Gauss points; P1 or P2 displacement. The conditions hold weakly.
+- ``"integral"``: the points are Gauss points, of facets or of what two faces that do not match have
+  in common; P1 or P2 displacement. The conditions hold weakly.
 - ``"mixed"``: a P1 multiplier in the cone at the nodes with consistent integrals, so that the gap
   and the slip are nodal averages of the displacement (Hild, Int. J. Appl. Math. Comput. Sci. 12,
   2002, section 2; P1 displacement): B is the inverse of the lumped times the consistent mass.
@@ -12,7 +13,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Literal
 
 from petsc4py import PETSc
@@ -32,50 +33,33 @@ from dolfinx_contact._compat import (
 from dolfinx_contact._forms import compiled_form
 from dolfinx_contact.laws import PointData
 from dolfinx_contact.points.evaluation import PointEvaluator, blocked_space, point_space
+from dolfinx_contact.points.gauss import CommonPoints, GaussPoints
+from dolfinx_contact.points.given import Given
+from dolfinx_contact.points.held_ends import shared
 from dolfinx_contact.points.ids import point_ids
 from dolfinx_contact.points.opposite import Opposite
-from dolfinx_contact.points.stencils import Stencils, weights_matrix
+from dolfinx_contact.points.scattered import ScatteredEvaluator
+from dolfinx_contact.points.stencils import (
+    Stencils,
+    multiplied,
+    multiplied_transposed,
+)
 from dolfinx_contact.points.trace import owned_exterior, trace_dofs
 
-__all__ = ["ContactPoints", "Given", "Method"]
+__all__ = ["ContactPoints", "Evaluator", "Given", "Method"]
 
 Array = npt.NDArray[np.float64]
 Nodes = npt.NDArray[np.int64]
 #: Global nodes and their weights (..., k) of local nodes of the displacement.
 Trace = Callable[[npt.NDArray[np.int32]], tuple[Nodes, Array]]
+Evaluator = PointEvaluator | ScatteredEvaluator
 Method = Literal["nodal", "integral", "mixed"]
-
-
-@dataclass(frozen=True)
-class Given:
-    """What is given on the surface, in UFL on the body.
-
-    Attributes:
-        gap: signed distance to the obstacle.
-        normal: unit normal, from the body into the obstacle.
-        fields: of the law, by name.
-    """
-
-    gap: Any
-    normal: Any
-    fields: Mapping[str, Any]
-
-    @property
-    def all(self) -> tuple[Any, ...]:
-        """All of it."""
-        return self.gap, self.normal, *self.fields.values()
-
-    @property
-    def at_points(self) -> dict[str, Any]:
-        """Everything by name; the fields of the law with a colon before theirs."""
-        fields = {f":{name}": e for name, e in self.fields.items()}
-        return {"gap": self.gap, "normal": self.normal, **fields}
 
 
 class ContactPoints:
     """The contact points of a surface, what is given there, and the operators B and E.
 
-    Points are those of this rank, in the order of the dofs of `space`.
+    Points are those of this rank; where they are vertices, in the order of these.
 
     Args:
         V: displacement space.
@@ -87,7 +71,7 @@ class ContactPoints:
         opposite: what moves opposite to the nodes; None where nothing does.
 
     Attributes:
-        number: of points.
+        number: of points; `number_everywhere` of those of all ranks.
         areas: W, area (length in 2D) of each point (n,).
         positions: (n, dim).
         ids: what tells points at one place apart, on any number of ranks (n, k): the input node of
@@ -95,7 +79,8 @@ class ContactPoints:
         data: normals, augmentation and fields of the law at the points.
         gaps: initial gaps at the points, averages in the mixed method (n,).
         aside: part of the average of g n across the normal, in the mixed method (n, dim).
-        space: scalar space with one dof per point.
+        space: scalar space with one dof per point; that of the vertices where points lie on common
+            parts of faces.
         Q: space of the multiplier, on the submesh.
         vertices: scalar P1 space on the submesh.
         trace_dofs: for every local multiplier node the node of the displacement at its place.
@@ -131,13 +116,26 @@ class ContactPoints:
             self.Q = blocked_space(self.vertices, self.dim)
         else:
             self.Q = fem.functionspace(sub, ("Lagrange", degrees[1], (self.dim,)))
-        self.space = point_space(sub, rule_degree) if method == "integral" else self.vertices
-        self.number = int(self.space.dofmap.index_map.size_local)
+        self._common: CommonPoints | None = None
+        self.space = self.vertices
+        if method == "integral":
+            if opposite is not None and opposite.common is not None:
+                self._common = CommonPoints(V, submesh, opposite.common, rule_degree)
+                self._gauss = self._common.gauss
+            else:
+                self.space = point_space(sub, rule_degree)
+                self._gauss = GaussPoints.of_facets(self.space, self._owned_cells)
+            self._hats = self._gauss.table(self.vertices)
+            self.number = int(self._gauss.numbers.size)
+        else:
+            self.number = int(self.vertices.dofmap.index_map.size_local)
+        self.number_everywhere: int = self.comm.allreduce(self.number)
         self.trace_dofs = trace_dofs(V, self.Q, facets)
         self.vertex_trace_dofs = (
             self.trace_dofs if degrees[1] == 1 else trace_dofs(V, self.vertices, facets)
         )
-        self.ids, self.vertex_ids = point_ids(self.space, self.vertices)
+        gauss = self._gauss if method == "integral" else None
+        self.ids, self.vertex_ids = point_ids(self.vertices, gauss)
         entities = facet_integration_entities(domain, owned_exterior(domain, facets))
         ds = ufl.Measure("ds", domain, subdomain_data=[(1, entities)])
         at_vertices = ds(1, metadata={"quadrature_rule": "vertex", "quadrature_degree": 1})
@@ -156,12 +154,16 @@ class ContactPoints:
         self.vertex_areas = self._at_vertices.areas if method == "integral" else areas.areas
         if opposite is not None and opposite.areas is not None:
             self.vertex_areas = opposite.areas[self.vertex_trace_dofs]
-            self.areas = self.vertex_areas[: self.number].copy()
-        stencils = {"nodal": self._nodal, "integral": self._integral, "mixed": self._mixed}
-        traces = self._traces
-        self.stencils: Stencils = stencils[method](traces[0])
-        for trace in traces[1:]:
-            self.stencils = self.stencils.minus(stencils[method](trace))
+            if method == "nodal":
+                self.areas = self.vertex_areas[: self.number].copy()
+        stencils = {"nodal": self._nodal, "integral": self._integral, "mixed": self._mixed}[method]
+        self.stencils: Stencils = stencils(self._here)
+        if self._common is not None:
+            self.stencils = self.stencils.minus(self._common.opposite(self.stencils))
+        elif opposite is not None:
+            self.stencils = self.stencils.minus(stencils(opposite.at))
+        self._apart = self.stencils, self.vertex_areas
+        self._shared: PETSc.Mat | None = None
         self.B = self.stencils.jump_matrix(self.comm, V.dofmap.index_map.size_local, self.dim)
         nodes = self.Q.dofmap.index_map.size_local
         self.E: PETSc.Mat | None = None
@@ -174,16 +176,19 @@ class ContactPoints:
     def _maps(self) -> Any:
         return merge_entity_maps([self.submesh])
 
-    def evaluators(self, given: Given, offset: Any) -> tuple[PointEvaluator, PointEvaluator | None]:
+    def evaluators(self, given: Given, offset: Any) -> tuple[Evaluator, PointEvaluator | None]:
         """What evaluates ``given`` at the points, and averages ``offset`` in the mixed method."""
         here = self.evaluator({"x": ufl.SpatialCoordinate(self._V.mesh), **given.at_points})
         if self._exact is None:
             return here, None
         return here, PointEvaluator(self.space, self._exact, {"offset": offset}, self._maps)
 
-    def evaluator(self, expressions: Mapping[str, Any]) -> PointEvaluator:
+    def evaluator(self, expressions: Mapping[str, Any]) -> Evaluator:
         """What evaluates UFL on the body at the points."""
-        return PointEvaluator(self.space, self._measure, expressions, self._maps)
+        if self._common is None:
+            return PointEvaluator(self.space, self._measure, expressions, self._maps)
+        at = self._common
+        return ScatteredEvaluator(self._V.mesh, at.cells, at.positions, at.areas, expressions)
 
     # -- what is given ---------------------------------------------------------------------------
 
@@ -200,25 +205,30 @@ class ContactPoints:
         normal, gap = mine["normal"], mine["gap"]
         self.positions, self.gaps = mine["x"], gap
         self.aside = np.zeros_like(normal)
-        if self._average is not None:
-            offset = self._average()["offset"][:n]
+        offset = self._averaged(self._average, gap[:, None] * normal)
+        if offset is not None:
             gap = np.sum(offset * normal, axis=1)
             self.aside = offset - gap[:, None] * normal
         self.data = PointData(normal, gap, self._r_at_points(), _fields(mine))
 
-    def rates(
-        self, evaluators: tuple[PointEvaluator, PointEvaluator | None]
-    ) -> tuple[PointData, Array]:
+    def rates(self, evaluators: tuple[Evaluator, PointEvaluator | None]) -> tuple[PointData, Array]:
         """Rates of data and of `aside` from the evaluators of rates. Collective."""
         values = {name: v[: self.number] for name, v in evaluators[0]().items()}
         n, gap, normal = self.data.n, values["gap"], values["normal"]
         aside = np.zeros_like(n)
-        if evaluators[1] is not None:
-            offset = evaluators[1]()["offset"][: self.number]
+        product = gap[:, None] * n + self.gaps[:, None] * normal
+        offset = self._averaged(evaluators[1], product)
+        if offset is not None:
             now = self.data.gap[:, None] * n + self.aside
             gap = np.sum(offset * n + now * normal, axis=1)
             aside = offset - gap[:, None] * n - self.data.gap[:, None] * normal
         return PointData(normal, gap, np.zeros(self.number), _fields(values)), aside
+
+    def _averaged(self, average: PointEvaluator | None, offset: Array) -> Array | None:
+        """Averages of an offset that is known at the points (n, dim), if any are taken."""
+        if average is not None:
+            return average()["offset"][: self.number]
+        return None if self._shared is None else multiplied(self._shared, offset)
 
     def set_augmentation(self, r: Array) -> None:
         """Set r at the local vertices."""
@@ -228,11 +238,15 @@ class ContactPoints:
     def _r_at_points(self) -> Array:
         if self.method != "integral":
             return self.r[: self.number]
-        dofs, corners = self.space.dofmap.list, self.vertices.dofmap.list
         values: Array = np.zeros(self.number)
-        cells = self._owned_cells
-        values[dofs[:cells].reshape(-1)] = (self.r[corners[:cells]] @ self._hats.T).reshape(-1)
+        corners = self.r[self.vertices.dofmap.list[self._gauss.cells]]
+        values[self._gauss.numbers] = np.einsum("gpv,gv->gp", self._hats, corners)
         return values
+
+    @property
+    def cells(self) -> npt.NDArray[np.int32]:
+        """Cells of the submesh that this rank owns and that have Gauss points."""
+        return np.unique(self._gauss.cells)
 
     @property
     def _owned_cells(self) -> int:
@@ -266,12 +280,12 @@ class ContactPoints:
 
     def forces(self, tractions: Array) -> Array:
         """B^T W t, owned entries, of tractions at the points (n, dim). Collective."""
-        return _transposed(self.B, self.areas[:, None] * tractions)
+        return multiplied_transposed(self.B, self.areas[:, None] * tractions)
 
     def rows(self, values: Array) -> Array:
         """E^T W of values at the points (n, dim): owned contact rows. Collective."""
         weighted = self.areas[:, None] * values
-        return weighted.reshape(-1) if self.E is None else _transposed(self.E, weighted)
+        return weighted.reshape(-1) if self.E is None else multiplied_transposed(self.E, weighted)
 
     def with_ghosts(self, values: Array) -> Array:
         """Values at the points of this rank, then at its ghosts. Collective."""
@@ -294,27 +308,49 @@ class ContactPoints:
         weighted *= self.areas[:, None]
         v = la.vector(self.vertices.dofmap.index_map, width)
         v.array[:] = 0.0
-        cells = self._owned_cells
-        dofs, corners = self.space.dofmap.list[:cells], self.vertices.dofmap.list[:cells]
-        parts = np.einsum("pv,cpw->cvw", self._hats, weighted[dofs])
+        corners = self.vertices.dofmap.list[self._gauss.cells]
+        parts = np.einsum("gpv,gpw->gvw", self._hats, weighted[self._gauss.numbers])
         np.add.at(v.array.reshape(-1, width), corners, parts)
         v.scatter_reverse(la.InsertMode.add)
         v.scatter_forward()
         sums = v.array.reshape(-1, width)
-        return np.asarray(sums[:, 1:] / sums[:, :1]).reshape(-1, *values.shape[1:])
+        # Of faces in part opposite to nothing some vertices have no point.
+        means = np.divide(
+            sums[:, 1:], sums[:, :1], out=np.zeros_like(sums[:, 1:]), where=sums[:, :1] > 0
+        )
+        return means.reshape(-1, *values.shape[1:])
+
+    def give(self, given: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+        """Give the functions of vertices to those around them; see `held_ends`. Collective.
+
+        Args:
+            given: local vertices, ghosts included; of none all functions are as they were.
+
+        Returns:
+            Those that are given away: none whose function nobody takes.
+        """
+        if self._shared is None and not self.comm.allreduce(int(given.any())):
+            return given
+        alone, areas = self._apart
+        D, self.areas, given = shared(self.vertices, given, areas[: self.number])
+        self.vertex_areas = self.with_ghosts(self.areas)
+        owned = self._V.dofmap.index_map.size_local
+        plain = alone.scalar_matrix(self.comm, owned)
+        self.stencils = self._of_rows(D.matMult(plain), np.ones(self.number))
+        plain.destroy()
+        self.destroy()
+        self._shared = D
+        self.B = self.stencils.jump_matrix(self.comm, owned, self.dim)
+        self.update()
+        return given
 
     # -- stencils --------------------------------------------------------------------------------
 
-    @property
-    def _traces(self) -> list[Trace]:
-        """Of the body, and of what lies opposite."""
-
-        def here(nodes: npt.NDArray[np.int32]) -> tuple[Nodes, Array]:
-            flat = self._V.dofmap.index_map.local_to_global(nodes.reshape(-1))
-            known = np.asarray(flat, dtype=np.int64).reshape(*nodes.shape, 1)
-            return known, np.ones(known.shape)
-
-        return [here] if self._opposite is None else [here, self._opposite.at]
+    def _here(self, nodes: npt.NDArray[np.int32]) -> tuple[Nodes, Array]:
+        """The trace of the body."""
+        flat = self._V.dofmap.index_map.local_to_global(nodes.reshape(-1))
+        known = np.asarray(flat, dtype=np.int64).reshape(*nodes.shape, 1)
+        return known, np.ones(known.shape)
 
     def _each_alone(self, nodes: Nodes, weights: Array) -> Stencils:
         """Points that are multiplier nodes."""
@@ -327,78 +363,57 @@ class ContactPoints:
         return self._each_alone(*trace(self.trace_dofs[: self.number]))
 
     def _mixed(self, trace: Trace) -> Stencils:
-        W = self.vertices
+        W, owned = self.vertices, self._V.dofmap.index_map.size_local
         p, q = ufl.TrialFunction(W), ufl.TestFunction(W)
         dx = ufl.dx(domain=self.submesh.mesh, metadata={"quadrature_degree": 2})
         consistent = dolfinx.fem.petsc.assemble_matrix(compiled_form(p * q * dx))
         consistent.assemble()
-        at_nodes = self._scalar_trace(trace)
+        at_nodes = self._nodal(trace).scalar_matrix(self.comm, owned)
         product = consistent.matMult(at_nodes)
+        consistent.destroy(), at_nodes.destroy()
+        return self._of_rows(product, self.areas)
+
+    def _of_rows(self, product: PETSc.Mat, divisor: Array) -> Stencils:
+        """Of the rows of a matrix, which is destroyed."""
         indptr, columns, values = product.getValuesCSR()
-        for A in (consistent, at_nodes, product):
-            A.destroy()
+        product.destroy()
         counts = np.diff(indptr)
         n, width = self.number, int(counts.max(initial=1))
         # Of no weight are copies of the first node of the row.
         place = indptr[:-1, None] + np.minimum(np.arange(width), counts[:, None] - 1)
         nodes = columns[place].astype(np.int64) if n else np.zeros((0, width), dtype=np.int64)
         held = np.arange(width) < counts[:, None]
-        weights = np.where(held, values[place] if n else 0.0, 0.0) / self.areas[:, None]
+        weights = np.where(held, values[place] if n else 0.0, 0.0) / divisor[:, None]
         return self._each_alone(nodes, weights)
 
-    def _scalar_trace(self, trace: Trace) -> PETSc.Mat:
-        alone, owned = self._nodal(trace), self._V.dofmap.index_map.size_local
-        return weights_matrix(self.comm, alone.points, alone.nodes, alone.weights, owned, 1)
-
     def _integral(self, trace: Trace) -> Stencils:
-        sub, cells = self.submesh.mesh, self._owned_cells
+        sub, cells = self.submesh.mesh, self._gauss.cells
         u_element = self._V.ufl_element()
         U = point_space(sub, None)
         if u_element.degree > 1:
             U = fem.functionspace(sub, ("Lagrange", u_element.degree))
-        at = trace_dofs(self._V, U, self.submesh.parent_facets)[U.dofmap.list[:cells]]
-        nodes, shares = trace(at)  # (cells, basis functions, nodes of each)
-        mine = self.Q.dofmap.list[:cells]
+        at = trace_dofs(self._V, U, self.submesh.parent_facets)[U.dofmap.list[cells]]
+        nodes, shares = trace(at)  # (groups, basis functions, nodes of each)
+        mine = self.Q.dofmap.list[cells]
         known = self.Q.dofmap.index_map.local_to_global(mine.reshape(-1)).reshape(mine.shape)
-        points = self.space.dofmap.list[:cells].astype(np.int64)
-        shape = (cells, points.shape[1])
-        b, e = self._table(U), self._table(self.Q)
-        weights = b[None, :, :, None] * shares[:, None]
+        b = self._gauss.table(U)
+        groups, p, k = b.shape
+        weights = b[..., None] * shares[:, None]
         return Stencils(
-            points,
-            nodes.reshape(cells, b.shape[1] * shares.shape[2]),
-            weights.reshape(*shape, b.shape[1] * shares.shape[2]),
+            self._gauss.numbers,
+            nodes.reshape(groups, k * shares.shape[2]),
+            weights.reshape(groups, p, k * shares.shape[2]),
             known.astype(np.int64),
-            np.broadcast_to(e, (*shape, e.shape[1])),
+            self._gauss.table(self.Q),
             False,
         )
 
-    def _table(self, W: fem.FunctionSpace) -> Array:
-        """Basis functions of a Lagrange space on the submesh at the Gauss points of a cell."""
-        element = W.ufl_element()
-        scalar = element.sub_elements[0] if element.block_size > 1 else element
-        points = self.space.ufl_element().custom_quadrature()[0]
-        return np.asarray(scalar.basix_element.tabulate(0, points)[0, :, :, 0])
-
-    @property
-    def _hats(self) -> Array:
-        return self._table(self.vertices)
-
     def destroy(self) -> None:
         """Free the matrices."""
-        for A in (self.B, self.E):
+        for A in (self.B, self.E, self._shared):
             if A is not None:
                 A.destroy()
 
 
 def _fields(values: Mapping[str, Array]) -> dict[str, Array]:
     return {name[1:]: v for name, v in values.items() if name.startswith(":")}
-
-
-def _transposed(A: PETSc.Mat, values: Array) -> Array:
-    x, y = A.createVecs()
-    y.array[:] = values.reshape(-1)
-    A.multTranspose(y, x)
-    out = x.array_r.copy()
-    x.destroy(), y.destroy()
-    return np.asarray(out)

@@ -3,7 +3,8 @@
 
 The surface whose facets carry the contact points is the *slave*, the facets opposite are the
 *master*. Where both have the same nodes, each at its place or across a gap, jumps are differences
-of two traces, at nodes, at Gauss points and in averages; else the weights are those of a `mortar`.
+of two traces, at nodes, at Gauss points and in averages; else the weights of nodes are those of a
+`mortar`, and Gauss points lie on what the faces have in common.
 
 No rank holds a whole surface: nodes are sent to the ranks in whose bounding boxes the nearest node
 may be, and answers come back.
@@ -15,6 +16,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from mpi4py import MPI
+from petsc4py import PETSc
 
 import numpy as np
 import numpy.typing as npt
@@ -25,8 +27,11 @@ from dolfinx import fem, la, mesh
 from dolfinx_contact._entries import Entries, matrix_of
 from dolfinx_contact._errors import require
 from dolfinx_contact.obstacles import Obstacle
-from dolfinx_contact.points.mortar import Faces, coupling
-from dolfinx_contact.points.search import asked_ranks, exchanged, nearest, within
+from dolfinx_contact.points.clipping import Cover, basis, cover, nodal_points
+from dolfinx_contact.points.facing import candidates, faces_of
+from dolfinx_contact.points.given import at_nodes
+from dolfinx_contact.points.mortar import coupling
+from dolfinx_contact.points.search import nearest, within
 from dolfinx_contact.points.trace import (
     at_global_places,
     facet_closures,
@@ -34,7 +39,7 @@ from dolfinx_contact.points.trace import (
     outward_normals,
 )
 
-__all__ = ["Opposite", "OppositeFacets"]
+__all__ = ["Common", "Opposite", "OppositeFacets"]
 
 Array = npt.NDArray[np.float64]
 Nodes = npt.NDArray[np.int64]
@@ -43,7 +48,23 @@ _TANGENTIAL = 1e-6  # of a facet's size, by which nodes may be off across the no
 _OVERLAP = 1e-6  # of a facet's size, an overlap that is round-off
 _CURVED_OVERLAP = 0.05  # the same of faces that do not match, whose facets are chords of curves
 _ROUND_OFF = 1e-9  # of a facet's size, a gap that is none
+_FACING = 0.5  # cosine between the normal of a given surface and that of the slave, the least
 _FAR = 10.0  # sizes of the mesh, the gap of a node that has nothing opposite
+
+
+@dataclass(frozen=True)
+class Common:
+    """What two faces that do not match have in common.
+
+    Attributes:
+        facets: local, of the slave, that this rank owns.
+        cover: of these.
+        places: what lies opposite to the nodes at their own places; none where that is nothing.
+    """
+
+    facets: npt.NDArray[np.int32]
+    cover: Cover
+    places: Opposite
 
 
 @dataclass(frozen=True)
@@ -55,9 +76,11 @@ class Opposite:
         nodes: global nodes (rows, k).
         weights: of them (rows, k); of no weight are copies of any node.
         none: local nodes that have nothing opposite, or themselves.
-        areas: of the local nodes, of the covered part; None where faces match.
+        areas: of the local nodes at corners of facets, of the covered part; None where faces
+            match.
         sides: which local nodes lie on slave and master.
         master_facets: local, ghosts included.
+        common: what the faces have in common; None where they match.
     """
 
     rows: Nodes
@@ -67,11 +90,12 @@ class Opposite:
     areas: Array | None
     sides: tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]
     master_facets: npt.NDArray[np.int32]
+    common: Common | None = None
 
     @property
     def matching(self) -> bool:
         """Whether every node has one opposite to it."""
-        return self.areas is None
+        return self.common is None
 
     def at(self, nodes: npt.NDArray[np.int32]) -> tuple[Nodes, Array]:
         """Nodes and weights (..., k) opposite to local nodes of the surface."""
@@ -105,8 +129,10 @@ class OppositeFacets(Obstacle):
         slave: local facets, ghosts included.
         master: likewise.
         gap: UFL or a number; None for that of the geometry.
+        surface: the true shape of the master, of which gap and normal are taken at the nodes; None
+            for that of its facets.
         interference: whether the bodies may overlap, as in a press fit.
-        nodal: whether the contact points are nodes, so that faces need not match.
+        must_match: whether every node needs one opposite to it.
         name: of the pair, for messages.
 
     Attributes:
@@ -126,8 +152,9 @@ class OppositeFacets(Obstacle):
         master: npt.NDArray[np.int32],
         *,
         gap: Any,
+        surface: Obstacle | None,
         interference: bool,
-        nodal: bool,
+        must_match: bool,
         name: str,
     ):
         domain = V.mesh
@@ -140,20 +167,31 @@ class OppositeFacets(Obstacle):
         found, objection = _matched(V, slave, master, size, name)
         if found is None:
             reason = f"{name}: the faces do not match: {objection}"
-            require(comm, nodal, f"{reason}, as only nodal contact allows")
+            require(comm, not must_match, f"{reason}, as mixed contact needs")
             found = _mortar(V, slave, master, size, name)
         self.opposite = found
-        on_vertices = found
-        if V.ufl_element().degree > 1:
-            matched, _ = _matched(W, slave, master, size, name)
-            assert matched is not None  # its nodes are some of those that do
-            on_vertices = matched
         normals, _ = outward_normals(W, slave)
         normal = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (dim,))))
         normal.x.array[:] = normals.reshape(-1)
         self._normal = normal / ufl.sqrt(ufl.dot(normal, normal))
-        if gap is None:
-            gaps = _gaps(W, on_vertices, normals, size)
+        if surface is not None:
+            gaps, shape = at_nodes(W, surface)
+            on_slave = _nodes_on(W, slave)
+            turned = (np.sum(shape * normals, axis=1) < _FACING)[: W.dofmap.index_map.size_local]
+            count = comm.allreduce(int((turned & on_slave[: len(turned)]).sum()))
+            require(
+                comm,
+                count == 0,
+                f"{name}: at {count} nodes of the slave the normal of the given surface is another",
+            )
+            normal.x.array[:] = np.where(on_slave[:, None], shape, 0.0).reshape(-1)
+            self._gap: Any = fem.Function(W)
+            gaps = np.where(on_slave & (np.abs(gaps) > _ROUND_OFF * size), gaps, 0.0)
+            self._gap.x.array[:] = gaps
+        elif gap is None:
+            corners: npt.NDArray[np.int32] = np.zeros(len(normals), dtype=np.int32)
+            corners[W.dofmap.list] = V.dofmap.list[:, : W.dofmap.list.shape[1]]
+            gaps = _gaps(V, found, outward_normals(V, slave)[0], size)[corners]
             allowed = (_OVERLAP if found.matching else _CURVED_OVERLAP) * size
             worst = comm.allreduce(float(np.min(gaps, initial=0.0)), op=min)
             require(
@@ -164,7 +202,7 @@ class OppositeFacets(Obstacle):
             )
             # What is allowed without being meant is round-off, or the chords of curved faces.
             gaps = gaps if interference else np.maximum(gaps, 0.0)
-            self._gap: Any = fem.Function(W)
+            self._gap = fem.Function(W)
             self._gap.x.array[:] = gaps
         else:
             self._gap = ufl.as_ufl(gap)
@@ -173,16 +211,16 @@ class OppositeFacets(Obstacle):
         return self._gap, self._normal
 
 
-def _gaps(W: fem.FunctionSpace, opposite: Opposite, normals: Array, size: float) -> Array:
+def _gaps(V: fem.FunctionSpace, opposite: Opposite, normals: Array, size: float) -> Array:
     """Gaps at the local nodes, along the normals; large where nothing is opposite. Collective."""
-    dim, comm = W.mesh.geometry.dim, W.mesh.comm
-    x = W.tabulate_dof_coordinates()[:, :dim]
-    there = opposite.values(comm, x[: W.dofmap.index_map.size_local], len(x))
+    dim, comm = V.mesh.geometry.dim, V.mesh.comm
+    x = V.tabulate_dof_coordinates()[:, :dim]
+    there = opposite.values(comm, x[: V.dofmap.index_map.size_local], len(x))
     gaps = np.sum((there - x) * normals, axis=1)
     gaps[np.abs(gaps) <= _ROUND_OFF * size] = 0.0
     extent = comm.allreduce(x.max(axis=0, initial=-np.inf), op=np.maximum)
     extent -= comm.allreduce(x.min(axis=0, initial=np.inf), op=np.minimum)
-    if opposite.areas is not None:
+    if not opposite.matching:
         gaps[opposite.none] = _FAR * float(np.linalg.norm(extent))
     return np.asarray(gaps)
 
@@ -260,100 +298,97 @@ def _mortar(
     size: float,
     name: str,
 ) -> Opposite:
-    """The weights of a mortar; see `mortar`. Collective."""
-    comm, index_map = V.mesh.comm, V.dofmap.index_map
-    both = _nodes_on(V, slave) & _nodes_on(V, master)
-    shared = comm.allreduce(int(both[: index_map.size_local].sum()))
+    """The weights of a mortar; see `mortar`. Collective.
+
+    Of degree 2 these are the weights at the corners of facets; nodes between them have the means.
+    """
+    comm, index_map, dim = V.mesh.comm, V.dofmap.index_map, V.mesh.geometry.dim
+    degree = V.mesh.ufl_domain().ufl_coordinate_element().degree
+    require(comm, degree == 1, f"{name}: cells are curved where faces do not match")
+    on_slave, on_master = _nodes_on(V, slave), _nodes_on(V, master)
+    shared = comm.allreduce(int((on_slave & on_master)[: index_map.size_local].sum()))
     require(comm, shared == 0, f"{name}: slave and master touch at {shared} nodes of the mesh")
-    mine = _faces(V, slave)
-    theirs, pairs = _candidates(comm, mine, _faces(V, master))
-    found = coupling(mine, theirs, pairs, deepest=size)
-    n = index_map.size_local
+    facets = slave[slave < V.mesh.topology.index_map(dim - 1).size_local]
+    mine = faces_of(V, facets)
+    theirs, pairs = candidates(comm, mine, faces_of(V, master))
+    common = cover(mine, theirs, pairs, deepest=size)
+    marked = np.unique(common.facet)
+    require(comm, bool(comm.allreduce(len(marked))), f"{name}: nothing is opposite")
+    degree = V.ufl_element().degree
+    found = coupling(common, degree)
+    corners = mine.nodes[:, : mine.corners]
     sums = la.vector(index_map, 1)
     sums.array[:] = 0.0
-    local = index_map.global_to_local(mine.nodes.reshape(-1)).reshape(mine.nodes.shape)
-    np.add.at(sums.array, local.reshape(-1), found.areas.reshape(-1))
+    local = index_map.global_to_local(corners.reshape(-1))
+    np.add.at(sums.array, local, found.areas.reshape(-1))
     sums.scatter_reverse(la.InsertMode.add)
     sums.scatter_forward()
-    covered = sums.array > 0
-    require(comm, bool(comm.allreduce(int(covered.any()))), f"{name}: nothing is opposite")
+    n = index_map.size_local
     A = matrix_of(comm, (n, n), entries := Entries(found.slave, found.master))
     entries.add(found.values, A)
+    if degree > 1:
+        A = _between(comm, A, mine.nodes[marked], mine.corners)
+    # There any area serves, as there is no traction.
+    areas = np.where(sums.array > 0, sums.array, size ** (dim - 1))
+    sides = on_slave, on_master
+
+    def opposite(A: PETSc.Mat, common: Common | None) -> Opposite:
+        rows, nodes, weights, none = _means(V, A, on_slave)
+        return Opposite(rows, nodes, weights, none, areas, sides, master, common)
+
+    nodes, others, shares = common.places()
+    at = np.repeat(nodes, shares.shape[1]), others.reshape(-1)
+    P = matrix_of(comm, (n, n), entries := Entries(*at))
+    entries.add(shares.reshape(-1), P)
+    return opposite(A, Common(facets, common, opposite(P, None)))
+
+
+def _means(
+    V: fem.FunctionSpace, A: PETSc.Mat, on_slave: npt.NDArray[np.bool_]
+) -> tuple[Nodes, Nodes, Array, npt.NDArray[np.bool_]]:
+    """The rows of a matrix as weighted means, as in `Opposite`; the matrix is destroyed."""
+    index_map, comm = V.dofmap.index_map, V.mesh.comm
     indptr, columns, values = A.getValuesCSR()
     A.destroy()
     counts = np.diff(indptr)
     width = comm.allreduce(int(counts.max(initial=1)), op=max)
-    # By way of a vector, so that the ghosts have them too: nodes, then weights.
-    table = la.vector(index_map, 2 * width)
-    rows = table.array.reshape(-1, 2 * width)
+    # By way of a vector, so that the ghosts have them too: nodes, then weights, whether there are.
+    table = la.vector(index_map, 2 * width + 1)
+    rows = table.array.reshape(-1, 2 * width + 1)
     rows[:] = 0.0
-    on_slave = _nodes_on(V, slave)
-    for i in np.flatnonzero(on_slave[:n]):
+    for i in np.flatnonzero(on_slave[: index_map.size_local]):
         here = slice(indptr[i], indptr[i + 1])
         # What has nothing opposite is opposite to itself, and has no jump.
         rows[i, :width], rows[i, width] = index_map.local_range[0] + i, 1.0
-        if covered[i]:
+        if counts[i]:
             rows[i, : counts[i]] = columns[here]
             # The sum is the area, but for round-off.
             rows[i, width : width + counts[i]] = values[here] / values[here].sum()
+            rows[i, -1] = 1.0
     table.scatter_forward()
     on = np.flatnonzero(on_slave)
-    places = np.full(len(covered), -1, dtype=np.int64)
+    places = np.full(len(on_slave), -1, dtype=np.int64)
     places[on] = np.arange(len(on))
-    nodes, weights = rows[on, :width].astype(np.int64), rows[on, width:].copy()
-    # There any area serves, as there is no traction.
-    areas = np.where(covered, sums.array, size)
-    sides = on_slave, _nodes_on(V, master)
-    return Opposite(places, nodes, weights, on_slave & ~covered, areas, sides, master)
+    none = np.asarray(on_slave & (rows[:, -1] == 0))
+    return places, rows[on, :width].astype(np.int64), rows[on, width:-1].copy(), none
 
 
-def _faces(V: fem.FunctionSpace, facets: npt.NDArray[np.int32]) -> Faces:
-    """The facets that this rank owns."""
-    domain, dim = V.mesh, V.mesh.geometry.dim
-    owned = facets[facets < domain.topology.index_map(dim - 1).size_local]
-    closures = facet_closures(V, owned)
-    x = V.tabulate_dof_coordinates()[:, :dim][closures]
-    nodes = V.dofmap.index_map.local_to_global(closures.reshape(-1)).reshape(closures.shape)
-    return Faces(x, facet_normals(domain, owned), nodes.astype(np.int64))
-
-
-def _candidates(comm: MPI.Comm, slave: Faces, master: Faces) -> tuple[Faces, Nodes]:
-    """Facets of the master, of any rank, that may be opposite to those of the slave. Collective.
-
-    A facet that lies opposite at an angle of less than 60 degrees is at most twice as far as the
-    nearest, and half the sizes of both.
-
-    Returns:
-        The facets, and pairs of numbers of slave and master facets.
-    """
-    middles, others = slave.x.mean(axis=1), master.x.mean(axis=1)
-    dim = middles.shape[1]
-    radius, theirs = (
-        np.linalg.norm(f.x - f.x.mean(axis=1, keepdims=True), axis=2).max(axis=1, initial=0.0)
-        for f in (slave, master)
-    )
-    largest = comm.allreduce(float(np.max(theirs, initial=0.0)), op=max)
-    closest = nearest(comm, others, middles, dim)
-    distance = np.linalg.norm(closest - middles, axis=1)
-    reach = 2 * (distance + largest) + radius
-    asked, tree = asked_ranks(comm, others, middles, lambda near, _: near <= reach)
-    sent: Any = [np.column_stack([middles[i], reach[i], i]) for i in asked]
-    answers: list[Array] = []
-    corners = master.x.shape[1]
-    width = 1 + corners * dim + dim + corners
-    for q in exchanged(comm, sent, (dim + 2,)):
-        found = tree.query_ball_point(q[:, :dim], q[:, dim]) if tree is not None and len(q) else []
-        k = np.array([j for part in found for j in part], dtype=np.int64)
-        i = np.repeat(q[:, dim + 1], [len(part) for part in found]) if len(k) else np.empty(0)
-        x = master.x[k].reshape(-1, corners * dim)
-        columns = [i[:, None], x, master.normals[k], master.nodes[k]]
-        answers.append(np.column_stack(columns) if len(k) else np.empty((0, width)))
-    rows = np.concatenate(exchanged(comm, answers, (width,)))
-    a, b = 1 + corners * dim, 1 + (corners + 1) * dim
-    faces = Faces(
-        rows[:, 1:a].reshape(-1, corners, dim), rows[:, a:b], rows[:, b:].astype(np.int64)
-    )
-    return faces, np.column_stack([rows[:, 0].astype(np.int64), np.arange(len(rows))])
+def _between(comm: MPI.Comm, A: PETSc.Mat, nodes: Nodes, corners: int) -> PETSc.Mat:
+    """Rows of all nodes of facets (n, k), each the mean of those of some corners. Collective."""
+    n = A.getLocalSize()[0]
+    sums = A.getRowSum()
+    sums.array[:] = np.divide(1.0, sums.array, where=sums.array > 0, out=np.ones(n))
+    A.diagonalScale(sums)
+    shares = basis(nodal_points(corners, 2), corners, 1)
+    shape = (len(nodes), *shares.shape)
+    rows = np.broadcast_to(nodes[:, :, None], shape).reshape(-1)
+    columns = np.broadcast_to(nodes[:, None, :corners], shape).reshape(-1)
+    means = matrix_of(comm, (n, n), entries := Entries(rows, columns))
+    entries.add(np.broadcast_to(shares, shape).reshape(-1), means)
+    found = means.matMult(A)
+    for part in (A, means, sums):
+        part.destroy()
+    return found
 
 
 def _nodes_on(V: fem.FunctionSpace, facets: npt.NDArray[np.int32]) -> npt.NDArray[np.bool_]:

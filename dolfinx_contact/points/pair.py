@@ -9,14 +9,16 @@ import numpy as np
 import numpy.typing as npt
 
 import ufl
-from dolfinx import fem, mesh
+from dolfinx import fem, la, mesh
 
-from dolfinx_contact._errors import everywhere, same_everywhere
+from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact.laws import Law
 from dolfinx_contact.meshing import GmshMesh, tagged_facets
+from dolfinx_contact.obstacles import Obstacle
 from dolfinx_contact.points.contact_points import Method
 from dolfinx_contact.points.elements import displacement_degree
-from dolfinx_contact.points.opposite import OppositeFacets
+from dolfinx_contact.points.held_ends import held_in_place, in_place
+from dolfinx_contact.points.opposite import Opposite, OppositeFacets
 from dolfinx_contact.points.surface import ContactSurface
 from dolfinx_contact.points.trace import exterior_facets
 
@@ -32,10 +34,11 @@ class ContactPair(ContactSurface):
 
     Faces *match* where to every node of the slave one of the master lies opposite, at its place or
     across a gap along the normal. Where a crack ends slave and master share nodes; these carry no
-    contact. Faces that do not match are coupled by a `mortar`, for nodal contact (P1): nodes
-    of the slave that have nothing opposite carry no contact either, of its facets the covered part
-    counts, and those of which less than 5 % is covered are dropped. The slave should be the finer
-    face, and not one whose nodes are all held.
+    contact. Faces that do not match are coupled by a `mortar` at nodes, or in the integral method
+    at Gauss points of the parts that a facet of the slave and one of the master have in common;
+    mixed contact is refused. Nodes of the slave that have nothing opposite carry no contact either,
+    of its facets the covered part counts, and those of which less than 5 % is covered are dropped.
+    The slave should be the finer face, and not one whose nodes are all held.
 
     Args:
         u: displacement of all bodies, a vector Lagrange Function of degree 1 or 2.
@@ -46,6 +49,8 @@ class ContactPair(ContactSurface):
         master_facets: local indices of the facets of the master, where those of the slave are
             given by indices.
         gap: initial gap, UFL or a number; by default that of the geometry.
+        surface: the true shape of the master, an obstacle, where facets are chords of a curve: gap
+            and normal are then its at the nodes of the slave, and not off by the sagitta of chords.
         interference: whether the bodies may overlap, as in a press fit; else an overlap is an
             error.
         method: as for `ContactSurface`, and so the rest.
@@ -70,6 +75,7 @@ class ContactPair(ContactSurface):
         master: int | str | None = None,
         master_facets: npt.NDArray[np.int32] | None = None,
         gap: Any = None,
+        surface: Obstacle | None = None,
         interference: bool = False,
         method: Method | None = None,
         multiplier_degree: int = 1,
@@ -88,7 +94,15 @@ class ContactPair(ContactSurface):
             if master_facets is not None and (slave is not None or master is not None):
                 raise ValueError(f"{name}: facets by their indices have no tags slave and master")
             gap = _checked_gap(gap, name)
-        same_everywhere(comm, name, interference=bool(interference), gap=gap is None)
+            if surface is not None and not isinstance(surface, Obstacle):
+                raise ValueError(
+                    f"{name}: the surface must be a HalfSpace, Sphere, Cylinder, LevelSet"
+                )
+            if surface is not None and gap is not None:
+                raise ValueError(f"{name}: a given surface has a gap of its own")
+        same_everywhere(
+            comm, name, interference=bool(interference), gap=gap is None, surface=surface is None
+        )
         theirs = facets if master_facets is None else master_facets
         sides = [
             exterior_facets(V.mesh, *tagged_facets(comm, given, tag, side), side)
@@ -106,8 +120,9 @@ class ContactPair(ContactSurface):
                 sides[0],
                 sides[1],
                 gap=gap,
+                surface=surface,
                 interference=interference,
-                nodal=method in (None, "nodal") and V.ufl_element().degree == 1,
+                must_match=method == "mixed",
                 name=name,
             ),
             law=law,
@@ -116,11 +131,33 @@ class ContactPair(ContactSurface):
             quadrature_degree=quadrature_degree,
             name=name,
         )
+        #: What is opposite while no function of a node is given away.
+        self._apart: Opposite = self.obstacle.opposite
         worst = comm.allreduce(float(np.min(self.points.vertex_gaps, initial=np.inf)), op=min)
-        if gap is not None and not interference and worst < 0:
-            raise ValueError(
-                f"{name}: the given gap is {worst:.3g}; interference=True for a press fit"
+        if gap is not None or surface is not None:
+            what = "given gap" if surface is None else "gap to the given surface"
+            require(
+                comm,
+                interference or worst >= 0,
+                f"{name}: the {what} is {worst:.3g}; interference=True for a press fit",
             )
+
+    def hold(self, fixed: npt.NDArray[np.bool_]) -> None:
+        """Give away the dual functions of nodes whose jump is fixed; see `held_ends`. Collective.
+
+        Args:
+            fixed: local nodes x dim, by Dirichlet data.
+        """
+        if self.method != "nodal" or self._apart.matching:
+            return
+        V, trace = self.u.function_space, self.points.vertex_trace_dofs
+        given = self.points.give(held_in_place(V, self._apart, fixed)[trace])
+        marks = la.vector(V.dofmap.index_map, 1)
+        marks.array[:] = 0.0
+        marks.array[trace] = given
+        marks.scatter_reverse(la.InsertMode.add)
+        marks.scatter_forward()
+        self.obstacle.opposite = in_place(self._apart, marks.array > 0)
 
 
 def _checked_gap(gap: Any, name: str) -> Any:

@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from dolfinx_contact._entries import Entries, matrix_of
 
-__all__ = ["Stencils", "weights_matrix"]
+__all__ = ["Stencils", "multiplied", "multiplied_transposed", "weights_matrix"]
 
 Array = npt.NDArray[np.float64]
 Nodes = npt.NDArray[np.int64]
@@ -70,6 +70,10 @@ class Stencils:
         """
         return weights_matrix(comm, self.points, self.nodes, self.weights, nodes, dim)
 
+    def scalar_matrix(self, comm: MPI.Comm, nodes: int) -> PETSc.Mat:
+        """b, from a scalar at nodes to one at points. Collective."""
+        return weights_matrix(comm, self.points, self.nodes, self.weights, nodes, 1)
+
     def traction_matrix(self, comm: MPI.Comm, nodes: int, dim: int) -> PETSc.Mat:
         """E, from multipliers to points. Collective."""
         weights = self.multiplier_weights
@@ -95,3 +99,25 @@ def weights_matrix(
     A = matrix_of(comm, (dim * n, dim * owned_nodes), entries)
     entries.add(np.repeat(weights.reshape(-1), dim), A)
     return A
+
+
+def multiplied(A: PETSc.Mat, values: Array) -> Array:
+    """A times every column of values (n, k). Collective."""
+    x, y = A.createVecs()
+    found = np.empty((y.getLocalSize(), values.shape[1]))
+    for i, column in enumerate(values.T):
+        x.array[:] = column
+        A.mult(x, y)
+        found[:, i] = y.array_r
+    x.destroy(), y.destroy()
+    return found
+
+
+def multiplied_transposed(A: PETSc.Mat, values: Array) -> Array:
+    """The transpose of A times values, flat. Collective."""
+    x, y = A.createVecs()
+    y.array[:] = values.reshape(-1)
+    A.multTranspose(y, x)
+    out = x.array_r.copy()
+    x.destroy(), y.destroy()
+    return np.asarray(out)

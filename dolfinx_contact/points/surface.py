@@ -19,9 +19,9 @@ from dolfinx_contact.laws import Answers, Law, LawAtPoints
 from dolfinx_contact.laws.status import MINUS, PLUS, closed, senses
 from dolfinx_contact.meshing import GmshMesh, tagged_facets
 from dolfinx_contact.obstacles import Obstacle, gap_at
-from dolfinx_contact.points.contact_points import ContactPoints, Given, Method
+from dolfinx_contact.points.contact_points import ContactPoints, Evaluator, Given, Method
 from dolfinx_contact.points.elements import check_elements, check_quadrature, displacement_degree
-from dolfinx_contact.points.evaluation import PointEvaluator, blocked_space
+from dolfinx_contact.points.evaluation import blocked_space
 from dolfinx_contact.points.opposite import Opposite
 from dolfinx_contact.points.trace import exterior_facets
 
@@ -149,7 +149,7 @@ class ContactSurface:
         self.law_at_points = LawAtPoints(self.law, self.dim, number, self.comm)
         self.multiplier = fem.Function(self.points.Q, name=f"{name}_traction")
         self.statuses: npt.NDArray[np.int8] = np.full(number, self.law_at_points.codes[0], np.int8)
-        self._true_gaps: PointEvaluator | None = None
+        self._true_gaps: Evaluator | None = None
         self._numbers = [c for e in self.given.all for c in extract_constants(e)]
         self._mark = self._marked()
 
@@ -198,6 +198,9 @@ class ContactSurface:
         message = f"{self.name}: the law {self.law.name} has a negative radius{where}"
         require(self.comm, not bool((radius < -1e-14).any()), message)
 
+    def hold(self, fixed: npt.NDArray[np.bool_]) -> None:
+        """Take notice of the local nodes x dim that Dirichlet data fix. Collective."""
+
     # -- nodes and points ------------------------------------------------------------------------
 
     @property
@@ -235,7 +238,7 @@ class ContactSurface:
     @property
     def number_everywhere(self) -> int:
         """Contact points of all ranks."""
-        return int(self.points.space.dofmap.index_map.size_global)
+        return self.points.number_everywhere
 
     @property
     def mean_vertex_area(self) -> float:
@@ -323,7 +326,8 @@ class ContactSurface:
             return {**found, **{k: points.with_ghosts(state[k]) for k in kept}}
         # Of Functions the values at the vertices, not the means around them.
         n, gap = points.vertex_normals, points.vertex_gaps
-        u = self.u.x.array.reshape(-1, self.dim)[points.vertex_trace_dofs]
+        u = self.u.x.array.reshape(-1, self.dim)
+        u = (u - self.opposite(u))[points.vertex_trace_dofs]
         traction, along = self._multiplier_at_vertices(), np.sum(u * n, axis=1)
         pressure = -np.sum(traction * n, axis=1)
         return {

@@ -9,6 +9,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
+import basix
 from dolfinx import fem, la, mesh
 
 from dolfinx_contact._compat import is_topology_of
@@ -103,10 +104,10 @@ def facet_closures(V: fem.FunctionSpace, facets: npt.NDArray[np.int32]) -> npt.N
     to_cells = topology.connectivity(tdim - 1, tdim)
     to_facets = topology.connectivity(tdim, tdim - 1)
     layout = V.dofmap.dof_layout
-    per_cell = to_facets.offsets[1] - to_facets.offsets[0] if len(to_facets.offsets) > 1 else 0
+    per_cell = len(basix.topology(V.mesh.basix_cell())[tdim - 1])
     closures = np.array([layout.entity_closure_dofs(tdim - 1, i) for i in range(per_cell)])
     if len(facets) == 0:
-        return np.zeros((0, closures.shape[1] if per_cell else 0), dtype=np.int32)
+        return np.zeros((0, closures.shape[1]), dtype=np.int32)
     cells = to_cells.array[to_cells.offsets[facets]]
     facets_of_cell = to_facets.array[to_facets.offsets[cells][:, None] + np.arange(per_cell)]
     local_facet = np.argmax(facets_of_cell == facets[:, None], axis=1)

@@ -1,0 +1,320 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""What the facets of one face cover of those of another, in simplices with quadrature points.
+
+The parts are found in the plane of the slave's facet (in 2D, its line), along its normal. How they
+are divided depends on the facets alone and not on how these are numbered, so that points are the
+same on any number of ranks.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+import basix
+
+__all__ = ["Cover", "Faces", "Rule", "basis", "cover", "nodal_points", "tabulated"]
+
+Array = npt.NDArray[np.float64]
+Nodes = npt.NDArray[np.int64]
+
+_LEAST_COVER = 0.05  # of a slave facet, below which it is dropped
+_STEEP = 0.5  # cosine between the normals of opposite facets from which on they do not face
+_SLIVER = 1e-10  # of a facet, a part that is round-off
+_ON_LINE = 1e-12  # of an edge, the distance of what lies on its line
+_KINDS = {2: basix.CellType.interval, 3: basix.CellType.triangle, 4: basix.CellType.quadrilateral}
+_LOOP = {3: [0, 1, 2], 4: [0, 1, 3, 2]}  # corners around a facet
+
+
+@dataclass(frozen=True)
+class Faces:
+    """Flat facets: segments, triangles or quadrilaterals.
+
+    Attributes:
+        x: corners (n, k, dim), those of quadrilaterals in tensor order.
+        normals: outward (n, dim).
+        nodes: global nodes of the displacement (n, m), those at the corners first.
+    """
+
+    x: Array
+    normals: Array
+    nodes: Nodes
+
+    @property
+    def corners(self) -> int:
+        """Of a facet."""
+        return int(self.x.shape[1])
+
+
+@dataclass(frozen=True)
+class Rule:
+    """Quadrature points on the pieces.
+
+    Attributes:
+        weights: (pieces, points).
+        mine: reference coordinates in the facets of the slave (pieces, points, dim - 1).
+        theirs: in those of the master.
+    """
+
+    weights: Array
+    mine: Array
+    theirs: Array
+
+
+@dataclass(frozen=True)
+class Cover:
+    """The covered parts of the facets of a slave, in pieces that are simplices.
+
+    Attributes:
+        slave: its facets.
+        master: facets that may be opposite to some.
+        facet: of the slave, by piece.
+        other: of the master, by piece.
+        pieces: corners in the plane of the slave's facet (pieces, dim, dim - 1).
+        mine: corners of the slave's facet in its plane (pieces, k, dim - 1).
+        theirs: corners of the master's facet there.
+    """
+
+    slave: Faces
+    master: Faces
+    facet: Nodes
+    other: Nodes
+    pieces: Array
+    mine: Array
+    theirs: Array
+
+    def __getitem__(self, chosen: Nodes) -> Cover:
+        facets = self.facet[chosen], self.other[chosen]
+        shapes = self.pieces[chosen], self.mine[chosen], self.theirs[chosen]
+        return Cover(self.slave, self.master, *facets, *shapes)
+
+    def places(self) -> tuple[Nodes, Nodes, Array]:
+        """What lies opposite to corners of the slave's facets, each as often as pieces meet there.
+
+        Returns:
+            Global nodes of the slave (n,), nodes of the master (n, k) and their weights, of degree
+            1.
+        """
+        apart = np.linalg.norm(self.pieces[:, :, None] - self.mine[:, None], axis=3)
+        size = np.ptp(self.mine, axis=1).max(axis=1)
+        piece, corner = np.nonzero(apart.min(axis=1) <= _SLIVER * size[:, None])
+        at = _reference(self.theirs[piece], self.mine[piece, corner][:, None])[:, 0]
+        k = self.master.corners
+        theirs = self.master.nodes[self.other[piece], :k]
+        return self.slave.nodes[self.facet[piece], corner], theirs, basis(at, k, 1)
+
+    def rule(self, degree: int) -> Rule:
+        """Quadrature points, exact for products of bases on parallelograms.
+
+        Args:
+            degree: of the products, in each direction of quadrilaterals.
+        """
+        dim = self.pieces.shape[1]
+        flat = {2: basix.CellType.interval, 3: basix.CellType.triangle}[dim]
+        total = 2 * degree if 4 in (self.mine.shape[1], self.theirs.shape[1]) else degree
+        points, weights = basix.make_quadrature(flat, total)
+        x = np.einsum("qv,pva->pqa", basis(points, dim, 1), self.pieces)
+        sizes = np.abs(np.linalg.det(self.pieces[:, 1:] - self.pieces[:, :1]))
+        return Rule(sizes[:, None] * weights, _reference(self.mine, x), _reference(self.theirs, x))
+
+
+def _element(corners: int, degree: int) -> basix.finite_element.FiniteElement:
+    variant = basix.LagrangeVariant.gll_warped
+    return basix.create_element(basix.ElementFamily.P, _KINDS[corners], degree, variant)
+
+
+def basis(x: Array, corners: int, degree: int) -> Array:
+    """Lagrange basis of facets with 2, 3 or 4 corners at reference coordinates (..., dim - 1)."""
+    return tabulated(_element(corners, degree), x)
+
+
+def tabulated(element: basix.finite_element.FiniteElement, x: Array) -> Array:
+    """Values of a scalar element (..., k) at reference coordinates (..., dim - 1)."""
+    # Of no points at all basix aborts.
+    points = x.reshape(-1, x.shape[-1]) if x.size else np.zeros((1, x.shape[-1]))
+    values = element.tabulate(0, points)[0, : x[..., 0].size, :, 0]
+    return np.asarray(values.reshape(*x.shape[:-1], values.shape[1]))
+
+
+def nodal_points(corners: int, degree: int) -> Array:
+    """Reference coordinates of the nodes of a basis (nodes, dim - 1)."""
+    return np.asarray(_element(corners, degree).points)
+
+
+def cover(slave: Faces, master: Faces, pairs: Nodes, deepest: float) -> Cover:
+    """The covered parts. Not collective.
+
+    Where several facets of the master lie over each other, as many count as fit, the nearest first;
+    facets of the slave that are hardly covered do not count at all.
+
+    Args:
+        slave: facets of this rank.
+        master: facets that may be opposite to some.
+        pairs: numbers of slave and master facets that may be opposite to each other (n, 2).
+        deepest: how far the bodies may overlap.
+    """
+    i, k = pairs.T
+    facing = np.sum(slave.normals[i] * master.normals[k], axis=1) < -_STEEP
+    i, k = i[facing], k[facing]
+    centre, axes = slave.x.mean(axis=1), _axes(slave)
+    flat = np.einsum("nkd,nda->nka", slave.x - centre[:, None], axes)
+    mine, theirs = flat[i], np.einsum("pkd,pda->pka", master.x[k] - centre[i, None], axes[i])
+    if slave.x.shape[2] == 2:
+        size = np.abs(flat[:, 1, 0] - flat[:, 0, 0])
+        pair, pieces = _segments(mine, theirs, size[i])
+    else:
+        size = np.abs(_area(flat[:, _LOOP[slave.corners]]))
+        pair, pieces = _polygons(mine, theirs, size[i])
+    found = Cover(slave, master, i[pair], k[pair], pieces, mine[pair], theirs[pair])
+    rule = found.rule(1)
+    heights = np.einsum("pkd,pd->pk", master.x[k] - centre[i, None], slave.normals[i])[pair]
+    area = rule.weights.sum(axis=1)
+    gaps = np.einsum("pqk,pk->pq", basis(rule.theirs, master.corners, 1), heights)
+    gap = np.einsum("pq,pq->p", rule.weights, gaps) / area
+    kept = np.flatnonzero(gap > -deepest)
+    kept = kept[_nearest(found.facet[kept], gap[kept], area[kept], size)]
+    covered = np.bincount(found.facet[kept], area[kept], len(size))
+    return found[kept[covered[found.facet[kept]] >= _LEAST_COVER * size[found.facet[kept]]]]
+
+
+def _axes(faces: Faces) -> Array:
+    """Unit vectors in the planes of facets (n, dim, dim - 1)."""
+    first = faces.x[:, 1] - faces.x[:, 0]
+    first -= np.sum(first * faces.normals, axis=1)[:, None] * faces.normals
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    if faces.x.shape[2] == 2:
+        return np.asarray(first[:, :, None])
+    return np.stack([first, np.cross(faces.normals, first)], axis=2)
+
+
+def _nearest(facet: Nodes, gap: Array, area: Array, size: Array) -> Nodes:
+    """Which pieces count: of several over each other as many as fit, the nearest first."""
+    total = np.bincount(facet, area, len(size))
+    kept = np.ones(len(facet), dtype=bool)
+    several = np.flatnonzero(total > (1 + 1e-6) * size)
+    for s in several:
+        here = np.flatnonzero(facet == s)
+        order = here[np.argsort(np.abs(gap[here]), kind="stable")]
+        kept[order[np.cumsum(area[order]) > (1 + 1e-6) * size[s]]] = False
+    return np.flatnonzero(kept)
+
+
+def _segments(mine: Array, theirs: Array, size: Array) -> tuple[Nodes, Array]:
+    """Common parts of pairs of segments: numbers of the pairs, and ends (parts, 2, 1)."""
+    low = np.maximum(mine.min(axis=1), theirs.min(axis=1))[:, 0]
+    high = np.minimum(mine.max(axis=1), theirs.max(axis=1))[:, 0]
+    pair = np.flatnonzero(high - low > _SLIVER * size)
+    return pair, np.stack([low[pair], high[pair]], axis=1)[:, :, None]
+
+
+def _polygons(mine: Array, theirs: Array, size: Array) -> tuple[Nodes, Array]:
+    """Common parts of pairs of polygons, in triangles around their centres (parts, 3, 2)."""
+    clip = _anticlockwise(mine[:, _LOOP[mine.shape[1]]])
+    polygon = _anticlockwise(theirs[:, _LOOP[theirs.shape[1]]])
+    count: Nodes = np.full(len(mine), polygon.shape[1], dtype=np.int64)
+    for edge in range(clip.shape[1]):
+        start, end = clip[:, edge], clip[:, (edge + 1) % clip.shape[1]]
+        polygon, count = _cut(polygon, count, start, end)
+    polygon, count = _without_copies(polygon, count, size)
+    pair, corner = np.nonzero(np.arange(polygon.shape[1]) < count[:, None])
+    held = (count[pair] > 3) | ((count[pair] == 3) & (corner == 0))
+    pair, corner = pair[held], corner[held]
+    after = (corner + 1) % count[pair]
+    middle = _centre(polygon, count)[pair]
+    apex = np.where((count[pair] == 3)[:, None], polygon[pair, 2], middle)
+    triangles = np.stack([polygon[pair, corner], polygon[pair, after], apex], axis=1)
+    kept = _area(triangles) > _SLIVER * size[pair]
+    return pair[kept], triangles[kept]
+
+
+def _centre(polygon: Array, count: Nodes) -> Array:
+    """Centres of area (n, 2), on which it does not count where corners are or are twice."""
+    first = polygon[:, :1]
+    places = np.minimum(np.arange(polygon.shape[1]), np.maximum(count - 1, 0)[:, None])
+    x = np.take_along_axis(polygon, places[:, :, None], axis=1) - first
+    y = np.roll(x, -1, axis=1)
+    double = x[..., 0] * y[..., 1] - x[..., 1] * y[..., 0]
+    total = double.sum(axis=1)
+    moment = np.einsum("nk,nka->na", double, x + y) / 3
+    offset = np.divide(moment, total[:, None], out=np.zeros_like(moment), where=total[:, None] > 0)
+    return np.asarray(first[:, 0] + offset)
+
+
+def _area(x: Array) -> Array:
+    """Signed areas of polygons (n, k, 2)."""
+    y = np.roll(x, -1, axis=1)
+    return np.asarray(0.5 * np.sum(x[..., 0] * y[..., 1] - x[..., 1] * y[..., 0], axis=1))
+
+
+def _anticlockwise(x: Array) -> Array:
+    return np.where(_area(x)[:, None, None] < 0, x[:, ::-1], x)
+
+
+def _after(count: Nodes, m: int) -> Nodes:
+    """Places of the next corners of polygons (n, m)."""
+    places = np.arange(1, m + 1)
+    return np.where(places < count[:, None], places, 0)
+
+
+def _cut(polygon: Array, count: Nodes, start: Array, end: Array) -> tuple[Array, Nodes]:
+    """What lies to the left of lines, of convex polygons (n, m, 2) with ``count`` corners each."""
+    n, m, _ = polygon.shape
+    along = end - start
+    offset = polygon - start[:, None]
+    left = along[:, None, 0] * offset[..., 1] - along[:, None, 1] * offset[..., 0]
+    left /= np.sum(along**2, axis=1)[:, None]
+    held, after = np.arange(m) < count[:, None], _after(count, m)
+    there = np.take_along_axis(left, after, axis=1)
+    inside = left >= -_ON_LINE
+    crosses = inside != (there >= -_ON_LINE)
+    share = left / np.where(crosses, left - there, 1.0)
+    beyond = np.take_along_axis(polygon, after[:, :, None], axis=1)
+    crossing = polygon + share[:, :, None] * (beyond - polygon)
+    every = np.stack([polygon, crossing], axis=2).reshape(n, 2 * m, 2)
+    return _kept(every, (np.stack([inside, crosses], axis=2) & held[:, :, None]).reshape(n, 2 * m))
+
+
+def _without_copies(polygon: Array, count: Nodes, size: Array) -> tuple[Array, Nodes]:
+    """Polygons without corners at the place of the next one."""
+    m = polygon.shape[1]
+    after = _after(count, m)
+    step = np.take_along_axis(polygon, after[:, :, None], axis=1) - polygon
+    far = np.linalg.norm(step, axis=2) > _SLIVER * np.sqrt(size)[:, None]
+    return _kept(polygon, far & (np.arange(m) < count[:, None]))
+
+
+def _kept(corners: Array, kept: npt.NDArray[np.bool_]) -> tuple[Array, Nodes]:
+    """Polygons of the corners that are kept, in their order, and how many these are."""
+    count = kept.sum(axis=1)
+    order = np.argsort(~kept, axis=1, kind="stable")[:, : int(count.max(initial=3))]
+    return np.take_along_axis(corners, order[:, :, None], axis=1), count
+
+
+def _reference(corners: Array, x: Array) -> Array:
+    """Reference coordinates in facets (n, k, dim - 1) of points (n, q, dim - 1) of their plane."""
+    k, width = corners.shape[1:]
+    if k == width + 1:
+        edges = corners[:, 1:] - corners[:, :1]
+        offset = (x - corners[:, :1])[..., None]
+        return np.asarray(np.linalg.solve(edges.transpose(0, 2, 1)[:, None], offset)[..., 0])
+    xi: Array = np.full(x.shape, 0.5)
+    for _ in range(20):
+        values, slopes = _bilinear(xi)
+        off = np.einsum("nqk,nka->nqa", values, corners) - x
+        jacobian = np.einsum("nqkb,nka->nqab", slopes, corners)
+        step = np.linalg.solve(jacobian, off[..., None])[..., 0]
+        xi -= step
+        if np.max(np.abs(step), initial=0.0) < 1e-14:
+            break
+    return xi
+
+
+def _bilinear(xi: Array) -> tuple[Array, Array]:
+    """The bilinear basis in tensor order, and its derivatives (..., 4, 2)."""
+    a, b = xi[..., 0], xi[..., 1]
+    values = np.stack([(1 - a) * (1 - b), a * (1 - b), (1 - a) * b, a * b], axis=-1)
+    by_a = np.stack([b - 1, 1 - b, -b, b], axis=-1)
+    by_b = np.stack([a - 1, -a, 1 - a, a], axis=-1)
+    return values, np.stack([by_a, by_b], axis=-1)

@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Facets of a face, and those of another one, of any rank, that may be opposite to them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+
+import basix
+from dolfinx import fem
+
+from dolfinx_contact.points.clipping import Faces
+from dolfinx_contact.points.search import asked_ranks, exchanged, nearest
+from dolfinx_contact.points.trace import facet_closures, facet_normals
+
+__all__ = ["candidates", "faces_of"]
+
+Array = npt.NDArray[np.float64]
+Nodes = npt.NDArray[np.int64]
+
+
+def faces_of(V: fem.FunctionSpace, facets: npt.NDArray[np.int32]) -> Faces:
+    """The facets that this rank owns."""
+    domain, dim = V.mesh, V.mesh.geometry.dim
+    owned = facets[facets < domain.topology.index_map(dim - 1).size_local]
+    closures = facet_closures(V, owned)
+    corners = len(basix.topology(domain.basix_cell())[dim - 1][0])
+    x = V.tabulate_dof_coordinates()[:, :dim][closures[:, :corners]]
+    nodes = V.dofmap.index_map.local_to_global(closures.reshape(-1)).reshape(closures.shape)
+    return Faces(x, facet_normals(domain, owned), nodes.astype(np.int64))
+
+
+def candidates(comm: MPI.Comm, slave: Faces, master: Faces) -> tuple[Faces, Nodes]:
+    """Facets of the master, of any rank, that may be opposite to those of the slave. Collective.
+
+    A facet that lies opposite at an angle of less than 60 degrees is at most twice as far as the
+    nearest, and half the sizes of both.
+
+    Returns:
+        The facets, and pairs of numbers of slave and master facets.
+    """
+    middles, others = slave.x.mean(axis=1), master.x.mean(axis=1)
+    dim = middles.shape[1]
+    radius, theirs = (
+        np.linalg.norm(f.x - f.x.mean(axis=1, keepdims=True), axis=2).max(axis=1, initial=0.0)
+        for f in (slave, master)
+    )
+    largest = comm.allreduce(float(np.max(theirs, initial=0.0)), op=max)
+    closest = nearest(comm, others, middles, dim)
+    distance = np.linalg.norm(closest - middles, axis=1)
+    reach = 2 * (distance + largest) + radius
+    asked, tree = asked_ranks(comm, others, middles, lambda near, _: near <= reach)
+    sent: Any = [np.column_stack([middles[i], reach[i], i]) for i in asked]
+    answers: list[Array] = []
+    corners, nodes = master.corners, master.nodes.shape[1]
+    width = 1 + corners * dim + dim + nodes
+    for q in exchanged(comm, sent, (dim + 2,)):
+        found = tree.query_ball_point(q[:, :dim], q[:, dim]) if tree is not None and len(q) else []
+        k = np.array([j for part in found for j in part], dtype=np.int64)
+        i = np.repeat(q[:, dim + 1], [len(part) for part in found]) if len(k) else np.empty(0)
+        x = master.x[k].reshape(-1, corners * dim)
+        columns = [i[:, None], x, master.normals[k], master.nodes[k]]
+        answers.append(np.column_stack(columns) if len(k) else np.empty((0, width)))
+    rows = np.concatenate(exchanged(comm, answers, (width,)))
+    a, b = 1 + corners * dim, 1 + (corners + 1) * dim
+    faces = Faces(
+        rows[:, 1:a].reshape(-1, corners, dim), rows[:, a:b], rows[:, b:].astype(np.int64)
+    )
+    return faces, np.column_stack([rows[:, 0].astype(np.int64), np.arange(len(rows))])

@@ -1,0 +1,333 @@
+"""Integral contact between faces of different meshes: Gauss points on what these have in common."""
+
+from itertools import pairwise
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from test_mortar import BASE, CASES, SIDES, SOLID_CASES, TILT, solids, stacked
+from test_pair import MATERIAL, displacement, held, largest
+
+import basix
+import basix.ufl
+import ufl
+from dolfinx import fem, la, mesh
+
+from dolfinx_contact import ContactPair, ContactProblem, Coulomb
+from dolfinx_contact.body.cells import midpoints
+from dolfinx_contact.materials import LinearElastic
+
+COMM = MPI.COMM_WORLD
+DEGREES = [(1, 1), (2, 1), (2, 2)]  # of displacement and multiplier
+SHORT = [*CASES[2:], (5, 3, (-0.46, 1.51), (0.0, 1.0))]
+
+
+def pair_of(u, both, degrees, sides=(3, 2), law=Coulomb(0.5), **options):  # noqa: B008
+    """An integral pair; tags of slave and master."""
+    sides = dict(zip(("slave", "master"), sides, strict=True))
+    options = {"method": "integral", "multiplier_degree": degrees[1], **options}
+    return ContactPair(u, both, law=law, **sides, **options)
+
+
+def integrals(points, a, b, degree):
+    """Exact integrals from ``a`` to ``b`` of the basis on sorted points, by the place of nodes."""
+    element = basix.create_element(
+        basix.ElementFamily.P, basix.CellType.interval, degree, basix.LagrangeVariant.equispaced
+    )
+    at, weights = basix.make_quadrature(basix.CellType.interval, degree)
+    found = {}
+    for p, q in pairwise(points):
+        c, d = max(p, a), max(min(q, b), max(p, a))
+        values = element.tabulate(0, (c + (d - c) * at - p) / (q - p))[0, :, :, 0]
+        for place, value in zip(element.points[:, 0], (d - c) * weights @ values, strict=True):
+            key = round(p + (q - p) * place, 9)
+            found[key] = found.get(key, 0.0) + value
+    return found
+
+
+def largest_sum(pair):
+    """Of the weights of a contact point, all of which are to be zero."""
+    ones, sums = pair.points.B.createVecs()
+    ones.set(1.0)
+    pair.points.B.mult(ones, sums)
+    return largest(sums.array_r)
+
+
+@pytest.mark.parametrize(
+    ("case", "sides", "degrees"),
+    [
+        (CASES[0], SIDES[0], (1, 1)),
+        (CASES[1], SIDES[1], (2, 2)),
+        (CASES[2], SIDES[0], (2, 1)),
+        (CASES[2], SIDES[1], (2, 1)),
+        (CASES[3], SIDES[1], (1, 1)),
+    ],
+)
+def test_uniform_tractions(case, sides, degrees):
+    """Forces on both faces are integrals over what they have in common, node by node."""
+    angle = 0.7
+    both = stacked(*case, angle=angle)
+    u = displacement(both.mesh, degrees[0])
+    V, t = u.function_space, np.array([1.0, -2.0])
+    pair = pair_of(u, both, degrees, sides)
+    assert not pair.obstacle.opposite.matching
+    assert largest_sum(pair) < 1e-14
+    n = V.dofmap.index_map.size_local
+    force = pair.points.forces(np.tile(t, (pair.points.number, 1))).reshape(-1, 2)[:n]
+    common = max(case[2][0], case[3][0]), min(case[2][1], case[3][1])
+    assert COMM.allreduce(pair.points.areas.sum()) == pytest.approx(np.ptp(common), rel=1e-14)
+    along = V.tabulate_dof_coordinates()[:n, :2] @ [np.cos(angle), np.sin(angle)]
+    for tag, sign in zip(sides, (1.0, -1.0), strict=True):
+        count, reach = (case[0], case[2]) if tag == 2 else (case[1], case[3])
+        exact = integrals(np.linspace(*reach, count + 1), *common, degrees[0])
+        nodes = fem.locate_dofs_topological(V, 1, both.facet_tags.find(tag))
+        for i in nodes[nodes < n]:
+            np.testing.assert_allclose(force[i], sign * exact[round(along[i], 9)] * t, atol=1e-14)
+    x = V.tabulate_dof_coordinates()[:n, :2]
+    moment = COMM.allreduce(float(np.sum(x[:, 0] * force[:, 1] - x[:, 1] * force[:, 0])))
+    assert abs(moment) < 1e-13
+
+
+def solved_patch(
+    both, frame, base, sides, degrees, aside, *, load=None, clear=1e-11, fixed=(1,), **options
+):
+    """A linear displacement, with pressure and a shear below the bound, to round-off.
+
+    It is given on the facets of the tags ``fixed``, and the traction on those ``aside``.
+    """
+    dim = len(base)
+    u = displacement(both.mesh, degrees[0])
+    V = u.function_space
+    gradient = 1e-3 * frame @ base @ frame.T
+    strain = (gradient + gradient.T) / 2
+    stress = MATERIAL.lmbda * np.trace(strain) * np.eye(dim) + 2 * MATERIAL.mu * strain
+    normal = frame[:, -1]
+    traction = stress @ normal
+    pressure = -normal @ traction
+    shear = np.linalg.norm(traction + pressure * normal)
+    assert 0 < 3 * shear < pressure
+    exact = fem.Function(V)
+    exact.interpolate(lambda x: gradient @ x[:dim])
+    pair = pair_of(u, both, degrees, sides, **options)
+    assert largest_sum(pair) < 1e-14
+    ds = ufl.Measure("ds", both.mesh, subdomain_data=both.facet_tags)
+    given = ufl.dot(fem.Constant(both.mesh, stress), ufl.FacetNormal(both.mesh))
+    energy = MATERIAL.energy(u) * ufl.dx - ufl.dot(given, u) * ds(aside)
+    if load is not None:
+        energy -= load(u, traction)
+    facets = np.concatenate([both.facet_tags.find(tag) for tag in fixed])
+    ends = [fem.dirichletbc(exact, fem.locate_dofs_topological(V, dim - 1, np.sort(facets)))]
+    accurate = {"snes_rtol": 1e-13}
+    result = ContactProblem(energy, u, [pair], bcs=ends, petsc_options=accurate).solve()
+    table = result.tables["contact"]
+    free = table.letters != "d"
+    assert set(table.letters[free]) == {"k"}
+    np.testing.assert_allclose(table.pressure[free], pressure, rtol=clear)
+    found = np.linalg.norm(table.shear[free], axis=1)
+    np.testing.assert_allclose(found, shear, atol=clear * pressure)
+    assert largest(u.x.array - exact.x.array) < 1e-11 * largest(exact.x.array)
+    assert result.imbalance < 1e-12
+    return table
+
+
+@pytest.mark.parametrize("degrees", DEGREES)
+@pytest.mark.parametrize(
+    ("case", "sides", "cell"),
+    [(0, 0, "tri"), (0, 1, "quad"), (1, 0, "quad"), (1, 1, "tri")],
+)
+def test_patch(case, sides, cell, degrees):
+    c, s = np.cos(0.7), np.sin(0.7)
+    both = stacked(*CASES[case], cell=cell, angle=0.7)
+    solved_patch(both, np.array([[c, -s], [s, c]]), BASE, SIDES[sides], degrees, (4, 5, 6))
+
+
+@pytest.mark.parametrize(
+    ("case", "sides", "cells", "degrees"),
+    [
+        (0, 0, "tet", (1, 1)),
+        (1, 1, "tet", (2, 1)),
+        (0, 1, "tet", (2, 2)),
+        (1, 0, "hex", (1, 1)),
+        (1, 1, "hex", (2, 1)),
+        (1, 0, "hex", (2, 2)),
+    ],
+)
+def test_patch_in_space(case, sides, cells, degrees):
+    base = np.array([[0.3, -0.1, 0.02], [0.07, 0.1, -0.03], [0.01, 0.04, -0.5]])
+    both = solids(*SOLID_CASES[case], cells)
+    solved_patch(both, TILT, base, SIDES[sides], degrees, (4, 5, 6, 7, 8))
+
+
+@pytest.mark.parametrize(
+    ("case", "sides", "degrees"),
+    [
+        *((SHORT[0], sides, degrees) for sides in SIDES for degrees in DEGREES),
+        (SHORT[1], SIDES[1], (2, 2)),
+        (SHORT[2], SIDES[1], (2, 1)),
+    ],
+)
+def test_patch_of_a_short_block(case, sides, degrees):
+    """Its ends lie inside facets; the rest of the long face has the traction as a load."""
+    both = stacked(*case, cell="tri")
+    # A rule at the nodes of a facet: of loads and displacements of that degree it is exact.
+    rule = {"quadrature_rule": "GLL", "quadrature_degree": 2 * degrees[0] - 1}
+    at_nodes = ufl.Measure("ds", both.mesh, subdomain_data=both.facet_tags, metadata=rule)(2)
+
+    def load(u, traction):
+        V = u.function_space
+        unit = fem.Constant(both.mesh, (1.0, 1.0))
+        areas = fem.assemble_vector(fem.form(ufl.dot(unit, ufl.TestFunction(V)) * at_nodes))
+        areas.scatter_reverse(la.InsertMode.add)
+        areas.scatter_forward()
+        points = np.linspace(*case[2], case[0] + 1)
+        parts = [
+            integrals(points, *reach, degrees[0])
+            for reach in ((case[2][0], case[3][0]), (case[3][1], case[2][1]))
+        ]
+        f, x = fem.Function(V), V.tabulate_dof_coordinates()
+        for i in fem.locate_dofs_topological(V, 1, both.facet_tags.find(2)):
+            force = sum(p[round(x[i, 0], 9)] for p in parts)
+            f.x.array[2 * i : 2 * i + 2] = force * traction / areas.array[2 * i]
+        f.x.scatter_forward()
+        return ufl.dot(f, u) * at_nodes
+
+    # Of three functions on a fifth of a facet little can be told apart.
+    clear = 1e-8 if degrees == (2, 2) and sides[0] == 2 else 1e-11
+    solved_patch(both, np.eye(2), BASE, sides, degrees, (4, 5, 6), load=load, clear=clear)
+
+
+def pressed(comm, dim, degrees, *, law=Coulomb(0.2), unit=1.0):  # noqa: B008
+    """A block with a round face, pressed on another and drawn aside: all statuses."""
+    if dim == 2:
+        both = stacked(5, 7, (-0.3, 1.3), (0.0, 1.0), "tri", comm=comm)
+        x = both.mesh.geometry.x
+    else:
+        both = solids(3, 4, (-0.3, 1.3), (0.0, 1.0), "tet", comm=comm)
+        x = both.mesh.geometry.x @ TILT
+    upper = np.unique(both.mesh.geometry.dofmap[both.cell_tags.find(2)])
+    x[upper, dim - 1] += 0.2 * (x[upper, 0] - 0.4) ** 2 * (1 - x[upper, dim - 1])
+    both.mesh.geometry.x[:] = unit * x
+    u = displacement(both.mesh, degrees[0])
+    pair = pair_of(u, both, degrees, law=law)
+    way = unit * np.array([0.015, *[0.0] * (dim - 2), -0.04])
+    ends = [held(u, both.facet_tags, 1, np.zeros(dim)), held(u, both.facet_tags, 4, way)]
+    steel = LinearElastic.from_young(1000.0, 0.3)
+    return ContactProblem(steel.energy(u) * ufl.dx, u, [pair], bcs=ends)
+
+
+@pytest.mark.parametrize(("dim", "degrees"), [(3, (2, 1)), (2, (2, 2)), (2, (1, 1)), (2, (2, 1))])
+def test_on_any_number_of_ranks(dim, degrees):
+    """What every rank finds alone."""
+    tables = []
+    for comm in [COMM, MPI.COMM_SELF] if COMM.size > 1 else [COMM]:
+        result = pressed(comm, dim, degrees).solve()
+        assert all(result.counts[k] > 0 for k in ("open", "stick", "slip"))
+        assert result.imbalance < 1e-10
+        tables.append(result.tables["contact"])
+    for a in tables[1:]:
+        b = tables[0]
+        np.testing.assert_allclose(a.x, b.x, atol=1e-12)
+        np.testing.assert_allclose(a.force, b.force, atol=1e-9 * np.abs(b.force).max())
+        np.testing.assert_allclose(a.un, b.un, atol=1e-11)
+        assert a.status == b.status
+
+
+def test_units():
+    """Millimetres or metres: the same to round-off."""
+    a, b = (pressed(COMM, 2, (2, 1), unit=unit).solve().tables["contact"] for unit in (1.0, 1e-3))
+    assert a.status == b.status
+    np.testing.assert_allclose(b.pressure, a.pressure, atol=1e-8 * a.pressure.max())
+
+
+@pytest.mark.parametrize("degrees", DEGREES[:2])
+def test_more_elements_converge_to_one_body(degrees):
+    """A pressed pair with much friction: the energy of matching meshes, which are one body."""
+    errors = []
+    for n in (4, 8):
+        energies = []
+        for below in (n, 3 * n // 2):
+            both = stacked(below, n, (0.0, 1.0), (0.0, 1.0))
+            u = displacement(both.mesh, degrees[0])
+            pair = pair_of(u, both, degrees, law=Coulomb(50.0))
+            assert pair.obstacle.opposite.matching == (below == n)
+            ends = [held(u, both.facet_tags, 1, (0, 0)), held(u, both.facet_tags, 4, (0.02, -0.05))]
+            result = ContactProblem(MATERIAL.energy(u) * ufl.dx, u, [pair], bcs=ends).solve()
+            energies.append(result.energies["bulk"])
+        errors.append(abs(energies[1] / energies[0] - 1))
+    assert errors[1] < 0.5 * errors[0] < 0.005
+
+
+def test_fields_of_the_law():
+    """What is given is evaluated at the points themselves, and anew when it changes."""
+    both = stacked(5, 7, (-0.3, 1.3), (0.0, 1.0), "tri", angle=0.3)
+    u = displacement(both.mesh, 2)
+    x = ufl.SpatialCoordinate(both.mesh)
+    field = fem.Function(fem.functionspace(both.mesh, ("Lagrange", 2)))
+    field.interpolate(lambda x: 0.3 + x[0] ** 2)
+    jumps = fem.Function(fem.functionspace(both.mesh, ("DG", 0)))
+    jumps.interpolate(lambda x: np.floor(8 * x[0]))
+    factor = fem.Constant(both.mesh, 2.0)
+    friction = ufl.conditional(x[0] > 0.35, factor * field, 0.1 + jumps**2)
+    pair = pair_of(u, both, (2, 1), law=Coulomb(friction), gap=1.0 + x[1] ** 2)
+
+    def check():
+        at, known = pair.positions, pair.points.data
+        cells = pair.submesh.parent_facets[pair.points.cells]
+        assert len(cells) or pair.points.number == 0
+        np.testing.assert_allclose(known.gap, 1.0 + at[:, 1] ** 2, rtol=1e-13)
+        right = at[:, 0] > 0.35
+        wanted = factor.value * (0.3 + at[right, 0] ** 2)
+        np.testing.assert_allclose(known.fields["friction"][right], wanted, rtol=1e-13)
+        levels = np.sqrt(known.fields["friction"][~right] - 0.1)
+        np.testing.assert_allclose(levels, np.round(levels), atol=1e-12)
+
+    check()
+    factor.value = 3.0
+    field.x.array[:] *= 2
+    factor.value = 1.5
+    pair.update_geometry()
+    factor.value = 3.0
+    check()
+
+
+def of_second_order(body):
+    """The same with nodes between those at corners, and tags 2 and 3."""
+    W = fem.functionspace(body.mesh, ("Lagrange", 2))
+    nodes, n = W.dofmap.index_map, body.mesh.topology.index_map(2).size_local
+    cells = nodes.local_to_global(W.dofmap.list[:n].reshape(-1)).reshape(n, -1)
+    x = W.tabulate_dof_coordinates()[: nodes.size_local, :2]
+    element = basix.ufl.element("Lagrange", "quadrilateral", 2, shape=(2,))
+    domain = mesh.create_mesh(COMM, cells, x, element)
+    face = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 0.0))
+    domain.topology.create_connectivity(1, 2)
+    to_cells = domain.topology.connectivity(1, 2)
+    above = [midpoints(domain, to_cells.links(f)[:1])[0, 1] > 0 for f in face]
+    tags = mesh.meshtags(domain, 1, face, np.where(above, 3, 2).astype(np.int32))
+    return body._replace(mesh=domain, facet_tags=tags)
+
+
+def refused(match, u, both, **options):
+    with pytest.raises(ValueError, match=match) as info:
+        pair_of(u, both, (1, 1), **options)
+    assert len(set(COMM.allgather(str(info.value)))) == 1
+
+
+def test_bad_input():
+    both = stacked(3, 2, (0.0, 1.0), (0.0, 1.0))
+    domain, u = both.mesh, displacement(both.mesh)
+    refused(r"do not match: .* of the slave .*, as mixed contact needs", u, both, method="mixed")
+    smooth = fem.Function(fem.functionspace(domain, ("Lagrange", 2)))
+    where = "the friction of faces that do not match may"
+    law = Coulomb(smooth.dx(0))
+    refused(f"{where} not depend on derivatives: interpolate them first", u, both, law=law)
+    law = Coulomb(ufl.CellVolume(domain))
+    refused(f"{where} depend on coordinates, Functions and Constants", u, both, law=law)
+    element = basix.ufl.quadrature_element(domain.basix_cell(), degree=2, scheme="default")
+    law = Coulomb(fem.Function(fem.functionspace(domain, element)))
+    refused(f"{where} not depend on values at quadrature points", u, both, law=law)
+    refused("quadrature degree must be at least 2", u, both, quadrature_degree=1)
+    refused("is not a stable pair", u, both, multiplier_degree=2)
+    refused("slave and master touch at 1 nodes of the mesh", u, both, sides=(3, 6))
+    curved = of_second_order(both)
+    refused("cells are curved where faces do not match", displacement(curved.mesh), curved)
