@@ -44,6 +44,7 @@ _OVERLAP = 1e-6  # of a facet's size, an overlap that is round-off
 _CURVED_OVERLAP = 0.05  # the same of faces that do not match, whose facets are chords of curves
 _ROUND_OFF = 1e-9  # of a facet's size, a gap that is none
 _FAR = 10.0  # sizes of the mesh, the gap of a node that has nothing opposite
+_ASLANT = 0.5  # cosine between a given normal and that of a facet of the slave, the least
 
 
 @dataclass(frozen=True)
@@ -98,13 +99,15 @@ class OppositeFacets(Obstacle):
     """Facets of the same mesh, of another body or of the other side of a crack.
 
     Gap and normal are those of the reference configuration. The normal is that of the slave, at
-    nodes the mean over its facets around them.
+    nodes the mean over its facets around them, or one that is given.
 
     Args:
         V: displacement space.
         slave: local facets, ghosts included.
         master: likewise.
         gap: UFL or a number; None for that of the geometry.
+        normal: a unit vector (dim,) along which the faces look at each other; None for those of the
+            slave.
         interference: whether the bodies may overlap, as in a press fit.
         nodal: whether the contact points are nodes, so that faces need not match.
         name: of the pair, for messages.
@@ -114,7 +117,8 @@ class OppositeFacets(Obstacle):
 
     Raises:
         ValueError: on every rank, if the faces have facets in common, do not match where they have
-            to, look the same way, or the bodies overlap without ``interference``.
+            to, look the same way, or the bodies overlap without ``interference``, or if a given
+            normal is more than 60 degrees off that of a facet of the slave.
     """
 
     opposite: Opposite
@@ -126,6 +130,7 @@ class OppositeFacets(Obstacle):
         master: npt.NDArray[np.int32],
         *,
         gap: Any,
+        normal: Array | None,
         interference: bool,
         nodal: bool,
         name: str,
@@ -137,21 +142,30 @@ class OppositeFacets(Obstacle):
         require(comm, common == 0, f"{name}: slave and master have {common} facets in common")
         W = fem.functionspace(domain, ("Lagrange", 1))
         size = comm.allreduce(outward_normals(W, slave)[1], op=min)
-        found, objection = _matched(V, slave, master, size, name)
+        if normal is not None:
+            mine = facet_normals(domain, slave[slave < owned])
+            aslant = comm.allreduce(int((mine @ normal < _ASLANT).sum()))
+            require(
+                comm,
+                not aslant,
+                f"{name}: the given normal is more than 60 degrees off that of {aslant} facets of "
+                "the slave; it points from the slave to the master",
+            )
+        found, objection = _matched(V, slave, master, size, name, normal)
         if found is None:
             reason = f"{name}: the faces do not match: {objection}"
             require(comm, nodal, f"{reason}, as only nodal contact allows")
-            found = _mortar(V, slave, master, size, name)
+            found = _mortar(V, slave, master, size, name, normal)
         self.opposite = found
         on_vertices = found
         if V.ufl_element().degree > 1:
-            matched, _ = _matched(W, slave, master, size, name)
+            matched, _ = _matched(W, slave, master, size, name, normal)
             assert matched is not None  # its nodes are some of those that do
             on_vertices = matched
-        normals, _ = outward_normals(W, slave)
-        normal = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (dim,))))
-        normal.x.array[:] = normals.reshape(-1)
-        self._normal = normal / ufl.sqrt(ufl.dot(normal, normal))
+        normals = _normals(W, slave, normal)
+        field = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (dim,))))
+        field.x.array[:] = normals.reshape(-1)
+        self._normal = field / ufl.sqrt(ufl.dot(field, field))
         if gap is None:
             gaps = _gaps(W, on_vertices, normals, size)
             allowed = (_OVERLAP if found.matching else _CURVED_OVERLAP) * size
@@ -171,6 +185,17 @@ class OppositeFacets(Obstacle):
 
     def on(self, domain: mesh.Mesh) -> tuple[Any, Any]:
         return self._gap, self._normal
+
+
+def _normals(V: fem.FunctionSpace, slave: npt.NDArray[np.int32], given: Array | None) -> Array:
+    """Those of the slave at the local nodes (n, dim), or the one that is given. Collective.
+
+    Zero off the slave.
+    """
+    normals, _ = outward_normals(V, slave)
+    if given is not None:
+        normals[np.any(normals != 0.0, axis=1)] = given
+    return normals
 
 
 def _gaps(W: fem.FunctionSpace, opposite: Opposite, normals: Array, size: float) -> Array:
@@ -193,11 +218,12 @@ def _matched(
     master: npt.NDArray[np.int32],
     size: float,
     name: str,
+    normal: Array | None,
 ) -> tuple[Opposite | None, str]:
     """The node of the master opposite to each of the slave, or why there is none. Collective."""
     comm, dim = V.mesh.comm, V.mesh.geometry.dim
     index_map, x = V.dofmap.index_map, V.tabulate_dof_coordinates()[:, :dim]
-    normals, _ = outward_normals(V, slave)
+    normals = _normals(V, slave, normal)
     theirs, _ = outward_normals(V, master)
     on_master = np.flatnonzero(_nodes_on(V, master)[: index_map.size_local])
     mine = np.flatnonzero(_nodes_on(V, slave))
@@ -259,6 +285,7 @@ def _mortar(
     master: npt.NDArray[np.int32],
     size: float,
     name: str,
+    normal: Array | None,
 ) -> Opposite:
     """The weights of a mortar; see `mortar`. Collective."""
     comm, index_map = V.mesh.comm, V.dofmap.index_map
@@ -266,6 +293,10 @@ def _mortar(
     shared = comm.allreduce(int(both[: index_map.size_local].sum()))
     require(comm, shared == 0, f"{name}: slave and master touch at {shared} nodes of the mesh")
     mine = _faces(V, slave)
+    if normal is not None:  # facets are seen along it
+        aside = (mine.x - mine.x.mean(axis=1, keepdims=True)) @ normal
+        x = mine.x - aside[:, :, None] * normal
+        mine = Faces(x, np.broadcast_to(normal, mine.normals.shape), mine.nodes)
     theirs, pairs = _candidates(comm, mine, _faces(V, master))
     found = coupling(mine, theirs, pairs, deepest=size)
     n = index_map.size_local

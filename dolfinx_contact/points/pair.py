@@ -46,6 +46,10 @@ class ContactPair(ContactSurface):
         master_facets: local indices of the facets of the master, where those of the slave are
             given by indices.
         gap: initial gap, UFL or a number; by default that of the geometry.
+        normal: direction from the slave to the master (dim,), along which faces are opposite to
+            each other and gap and pressure act; by default the normals of the slave. Where both
+            faces are curved, as those of two spheres, and flatten each other it is that of the
+            contact between, and the slave's are not; areas are those seen along it.
         interference: whether the bodies may overlap, as in a press fit; else an overlap is an
             error.
         method: as for `ContactSurface`, and so the rest.
@@ -57,7 +61,8 @@ class ContactPair(ContactSurface):
         ValueError: on every rank, as `ContactSurface`; and if both faces have facets in common, do
             not match where they have to, look the same way, touch at a node without matching, or
             overlap without ``interference``: by more than round-off where they match, else by more
-            than 5 % of a facet, since facets of curved faces are chords.
+            than 5 % of a facet, since facets of curved faces are chords; and if a given normal is
+            more than 60 degrees off that of the slave.
     """
 
     def __init__(
@@ -70,6 +75,7 @@ class ContactPair(ContactSurface):
         master: int | str | None = None,
         master_facets: npt.NDArray[np.int32] | None = None,
         gap: Any = None,
+        normal: npt.ArrayLike | None = None,
         interference: bool = False,
         method: Method | None = None,
         multiplier_degree: int = 1,
@@ -88,7 +94,14 @@ class ContactPair(ContactSurface):
             if master_facets is not None and (slave is not None or master is not None):
                 raise ValueError(f"{name}: facets by their indices have no tags slave and master")
             gap = _checked_gap(gap, name)
-        same_everywhere(comm, name, interference=bool(interference), gap=gap is None)
+            direction = _checked_normal(normal, V.mesh.geometry.dim, name)
+        same_everywhere(
+            comm,
+            name,
+            interference=bool(interference),
+            gap=gap is None,
+            normal=None if direction is None else direction.tolist(),
+        )
         theirs = facets if master_facets is None else master_facets
         sides = [
             exterior_facets(V.mesh, *tagged_facets(comm, given, tag, side), side)
@@ -106,6 +119,7 @@ class ContactPair(ContactSurface):
                 sides[0],
                 sides[1],
                 gap=gap,
+                normal=direction,
                 interference=interference,
                 nodal=method in (None, "nodal") and V.ufl_element().degree == 1,
                 name=name,
@@ -134,3 +148,19 @@ def _checked_gap(gap: Any, name: str) -> Any:
     if not isinstance(gap, ufl.core.expr.Expr) or gap.ufl_shape != ():
         raise ValueError(f"{name}: the gap must be a number or a UFL scalar, got {gap!r}")
     return gap
+
+
+def _checked_normal(
+    normal: npt.ArrayLike | None, dim: int, name: str
+) -> npt.NDArray[np.float64] | None:
+    """A given normal of length one, or ``ValueError`` if it is no direction."""
+    if normal is None:
+        return None
+    try:
+        n = np.asarray(normal, dtype=np.float64)
+    except (TypeError, ValueError):
+        n = np.zeros(0)
+    if n.shape != (dim,) or not np.isfinite(n).all() or not n.any():
+        raise ValueError(f"{name}: the normal must be {dim} numbers, not all 0, got {normal!r}")
+    n = n / np.abs(n).max()
+    return np.asarray(n / np.linalg.norm(n))

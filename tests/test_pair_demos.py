@@ -1,0 +1,52 @@
+"""The demos of contact between two bodies, against closed forms."""
+
+from argparse import Namespace
+
+from mpi4py import MPI
+
+import demo_two_cylinders
+import demo_two_spheres
+import pytest
+
+COMM = MPI.COMM_WORLD
+
+
+def pressed(demo, size, *, ratio=1.0, friction=0.0):
+    """What Hertz has to say of a mesh, and the result."""
+    given = Namespace(ratio=ratio, friction=friction)
+    result = demo.problem(size, given, COMM).solve()
+    assert result.kkt_violation < 1e-10
+    table = result.tables["contact"]
+    return demo.HERTZ.compare(table.of_revolution() if "spheres" in demo.__name__ else table), table
+
+
+def test_two_spheres(folder):
+    """Code_Aster SSNV104 as it converges: 660.7 kN, 2912 MPa; Hertz at the force within 1 %."""
+    words = ["--case=spheres", "--levels", "1", "0.5", f"--output={folder}"]
+    summary = demo_two_cylinders.main(words)
+    for level in summary["levels"]:
+        assert level["force"] == pytest.approx(660.7e3, rel=5e-3)
+        assert level["peak"] == pytest.approx(2912, rel=2e-3)
+        assert level["peak"] == pytest.approx(level["hertz_peak"], rel=3e-3)
+        assert level["radius"] == pytest.approx(level["hertz_radius"], abs=level["size"])
+    assert summary["force_imbalance"] < 1e-10
+    names = ("body.png", "pressure.png", "convergence.csv", "contact.csv")
+    assert all((folder / name).stat().st_size > 0 for name in names)
+    found, table = pressed(demo_two_spheres, 0.5, ratio=0.8, friction=0.3)
+    assert found["peak_pressure"] == pytest.approx(summary["peak"], rel=1e-3)
+    assert found["load"] == pytest.approx(summary["force"], rel=1e-3)
+    assert table.count("s+-") == 0  # by symmetry, but for the meshes
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.1])
+def test_cylinder_on_a_block(friction):
+    """NAFEMS CB-1: the same nodes and others agree better than either does with Hertz."""
+    peaks = []
+    for ratio in (1.0, 0.8, 1.25):
+        found, table = pressed(demo_two_cylinders, 0.5, ratio=ratio, friction=friction)
+        assert found["load"] == pytest.approx(35e3, rel=1e-9)
+        assert found["peak_pressure"] == pytest.approx(3585.37, rel=0.02)
+        assert found["touching_radius"] == pytest.approx(6.21, abs=0.02 * 6.21)
+        assert friction == 0 or min(table.count("k"), table.count("+-")) > 1
+        peaks.append(found["peak_pressure"])
+    assert max(peaks) - min(peaks) < 0.2 * abs(peaks[0] - 3585.37)
