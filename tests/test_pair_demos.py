@@ -4,6 +4,7 @@ from argparse import Namespace
 
 from mpi4py import MPI
 
+import demo_crack
 import demo_two_cylinders
 import demo_two_spheres
 import pytest
@@ -50,3 +51,32 @@ def test_cylinder_on_a_block(friction):
         assert friction == 0 or min(table.count("k"), table.count("+-")) > 1
         peaks.append(found["peak_pressure"])
     assert max(peaks) - min(peaks) < 0.2 * abs(peaks[0] - 3585.37)
+
+
+@pytest.mark.parametrize("words", [["--dip=60", "--shear=0"], ["--dip=0", "--shear=-0.5"]])
+def test_a_crack_in_the_plane(folder, words):
+    """The slip of a long crack by two meshes, and the pressure on it, to 2 %, whatever its dip."""
+    words = ["--dim=2", *words, f"--output={folder}"]
+    summary = demo_crack.main([*words, "--levels", "0.1", "0.05"])
+    errors = [abs(level["error"]) for level in summary["levels"]]
+    assert errors[1] < 0.65 * errors[0] < 0.1
+    assert summary["extrapolated_error"] == pytest.approx(0.0, abs=0.02)
+    assert summary["pressure"] == pytest.approx(summary["pressure_closed_form"], rel=5e-3)
+    assert summary["slip"] > 10
+    assert summary["open"] == summary["stick"] == 0
+
+
+def test_a_crack_in_space(folder):
+    """A disc slips as the closed form says, where its front is fine enough."""
+    words = ["--levels", "0.2", "0.14", "--friction=0.2", f"--output={folder}"]
+    summary = demo_crack.main(words)
+    assert summary["extrapolated_error"] == pytest.approx(0.0, abs=0.06)
+    assert summary["pressure"] == pytest.approx(summary["pressure_closed_form"], rel=0.03)
+    assert summary["slip"] > 5 * summary["stick"]
+    assert (folder / "crack.png").stat().st_size > 20_000
+
+
+def test_cracks_that_do_not_slip(capsys):
+    for words in (["--friction=2"], ["--shear=3", "--dip=60"], ["--levels", "0.2"]):
+        with pytest.raises(SystemExit):
+            demo_crack.main(words)
