@@ -5,8 +5,10 @@ from argparse import Namespace
 from mpi4py import MPI
 
 import demo_crack
+import demo_press_fit
 import demo_two_cylinders
 import demo_two_spheres
+import numpy as np
 import pytest
 
 COMM = MPI.COMM_WORLD
@@ -80,3 +82,32 @@ def test_cracks_that_do_not_slip(capsys):
     for words in (["--friction=2"], ["--shear=3", "--dip=60"], ["--levels", "0.2"]):
         with pytest.raises(SystemExit):
             demo_crack.main(words)
+
+
+@pytest.mark.parametrize("ratio", [1.0, 1.5])
+def test_a_press_fit(folder, ratio):
+    """Lame's pressure, and the torque that it holds, with errors that fall like the squares."""
+    summary = demo_press_fit.main(["--n=8", f"--ratio={ratio}", f"--output={folder}"])
+    off = [summary[k] / summary[f"{k}_closed_form"] - 1 for k in ("pressure", "torque")]
+    assert abs(off[0]) < 0.01
+    assert off[1] == pytest.approx(off[0], abs=2e-3)
+    assert summary["stick"] == summary["open"] == 0
+    given = Namespace(n=16, ratio=ratio, overlap=0.02, friction=0.2, drawn=False)
+    table = demo_press_fit.problem(given, 0.0, COMM).solve().tables["contact"]
+    found = table.rn.sum() / table.area.sum()
+    assert found == pytest.approx(summary["pressure_closed_form"], rel=0.3 * abs(off[0]))
+    np.testing.assert_allclose(table.pressure, found, rtol=5e-3)
+
+
+def test_a_drawn_press_fit():
+    """Matching nodes overlap as drawn; chords of different meshes do so by half of it or less."""
+    given = dict(n=12, overlap=0.02, friction=0.2, drawn=True)
+    exact = demo_press_fit.lame(0.02)
+    for ratio in (1.0, 1.5):
+        bodies = demo_press_fit.problem(Namespace(ratio=ratio, **given), 0.0, COMM)
+        table = bodies.solve().tables["contact"]
+        pressure = table.rn.sum() / table.area.sum()
+        if ratio == 1:
+            assert pressure == pytest.approx(exact, rel=2e-3)
+        else:
+            assert pressure < 0.5 * exact
