@@ -5,6 +5,7 @@ from argparse import Namespace
 from mpi4py import MPI
 
 import demo_crack
+import demo_elastic_base
 import demo_press_fit
 import demo_two_cylinders
 import demo_two_spheres
@@ -111,3 +112,27 @@ def test_a_drawn_press_fit():
             assert pressure == pytest.approx(exact, rel=2e-3)
         else:
             assert pressure < 0.5 * exact
+
+
+def test_an_elastic_base(folder):
+    """Both bodies are drawn, and all that the top is pushed with reaches the bottom."""
+    summary = demo_elastic_base.main(["--size=0.2", f"--output={folder}"])
+    assert min(summary["open"], summary["stick"], summary["slip"]) > 0
+    assert 0 < -summary["sum_rt_x"] < 0.4 * summary["sum_rn"]
+    assert summary["force_imbalance"] < 1e-10
+    assert (folder / "contact.png").stat().st_size > 20_000
+    assert (folder / "body.bp").exists()
+
+
+def test_a_base_that_is_nearly_rigid():
+    """The stiffer it is, the nearer the forces are to those on a rigid floor, in proportion."""
+
+    def force(*words):
+        args = demo_elastic_base.arguments(["--size=0.2", *words])
+        problem, _ = demo_elastic_base.problem(args, COMM)
+        return problem.solve().resultants["contact"]
+
+    rigid = force("--rigid")
+    off = [np.linalg.norm(force(f"--base={E}") - rigid) for E in (1e4, 1e5)]
+    assert off[0] == pytest.approx(10 * off[1], rel=0.05)
+    assert 0 < off[1] < 1e-3 * np.linalg.norm(rigid)
