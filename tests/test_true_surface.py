@@ -90,7 +90,7 @@ def test_bad_surfaces():
         assert len(set(COMM.allgather(str(info.value)))) == 1
 
     refused("the surface must be a HalfSpace, Sphere", surface=1.0)
-    refused("a given surface has a gap of its own", surface=small, gap=0.0)
+    refused("a given surface has a gap and a normal of its own", surface=small, gap=0.0)
     refused(r"the gap to the given surface is -0\.001; interference=True", surface=disc)
     wrong = HalfSpace((0.0, 0.0), (0.0, 1.0))
     refused("nodes of the slave the normal of the given surface is another", surface=wrong)

@@ -11,16 +11,19 @@ import numpy as np
 import numpy.typing as npt
 
 import basix
-from dolfinx import fem
+from dolfinx import fem, mesh
 
+from dolfinx_contact._errors import require
 from dolfinx_contact.points.clipping import Faces
 from dolfinx_contact.points.search import asked_ranks, exchanged, nearest
 from dolfinx_contact.points.trace import facet_closures, facet_normals
 
-__all__ = ["candidates", "faces_of"]
+__all__ = ["candidates", "faces_of", "refuse_aslant", "seen_along"]
 
 Array = npt.NDArray[np.float64]
 Nodes = npt.NDArray[np.int64]
+
+_ASLANT = 0.5  # cosine between a given normal and that of a facet, the least
 
 
 def faces_of(V: fem.FunctionSpace, facets: npt.NDArray[np.int32]) -> Faces:
@@ -71,3 +74,23 @@ def candidates(comm: MPI.Comm, slave: Faces, master: Faces) -> tuple[Faces, Node
         rows[:, 1:a].reshape(-1, corners, dim), rows[:, a:b], rows[:, b:].astype(np.int64)
     )
     return faces, np.column_stack([rows[:, 0].astype(np.int64), np.arange(len(rows))])
+
+
+def seen_along(normal: Array, faces: Faces) -> Faces:
+    """Facets as they are seen in the direction of a unit vector: in planes across it."""
+    off = (faces.x - faces.x.mean(axis=1, keepdims=True)) @ normal
+    x = faces.x - off[:, :, None] * normal
+    return Faces(x, np.broadcast_to(normal, faces.normals.shape), faces.nodes)
+
+
+def refuse_aslant(
+    domain: mesh.Mesh, slave: npt.NDArray[np.int32], normal: Array, name: str
+) -> None:
+    """``ValueError`` if a normal does not fit the owned facets of the slave. Collective."""
+    count = domain.comm.allreduce(int((facet_normals(domain, slave) @ normal < _ASLANT).sum()))
+    require(
+        domain.comm,
+        not count,
+        f"{name}: the given normal is more than 60 degrees off that of {count} facets of the "
+        "slave; it points from the slave to the master",
+    )

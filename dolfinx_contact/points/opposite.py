@@ -28,7 +28,7 @@ from dolfinx_contact._entries import Entries, matrix_of
 from dolfinx_contact._errors import require
 from dolfinx_contact.obstacles import Obstacle
 from dolfinx_contact.points.clipping import Cover, basis, cover, nodal_points
-from dolfinx_contact.points.facing import candidates, faces_of
+from dolfinx_contact.points.facing import candidates, faces_of, refuse_aslant, seen_along
 from dolfinx_contact.points.given import at_nodes
 from dolfinx_contact.points.mortar import coupling
 from dolfinx_contact.points.search import nearest, within
@@ -122,7 +122,7 @@ class OppositeFacets(Obstacle):
     """Facets of the same mesh, of another body or of the other side of a crack.
 
     Gap and normal are those of the reference configuration. The normal is that of the slave, at
-    nodes the mean over its facets around them.
+    nodes the mean over its facets around them, or one that is given.
 
     Args:
         V: displacement space.
@@ -131,6 +131,8 @@ class OppositeFacets(Obstacle):
         gap: UFL or a number; None for that of the geometry.
         surface: the true shape of the master, of which gap and normal are taken at the nodes; None
             for that of its facets.
+        normal: a unit vector (dim,) along which the faces look at each other; None for those of the
+            slave.
         interference: whether the bodies may overlap, as in a press fit.
         must_match: whether every node needs one opposite to it.
         name: of the pair, for messages.
@@ -140,7 +142,8 @@ class OppositeFacets(Obstacle):
 
     Raises:
         ValueError: on every rank, if the faces have facets in common, do not match where they have
-            to, look the same way, or the bodies overlap without ``interference``.
+            to, look the same way, or the bodies overlap without ``interference``, or if a given
+            normal is more than 60 degrees off that of a facet of the slave.
     """
 
     opposite: Opposite
@@ -153,6 +156,7 @@ class OppositeFacets(Obstacle):
         *,
         gap: Any,
         surface: Obstacle | None,
+        normal: Array | None,
         interference: bool,
         must_match: bool,
         name: str,
@@ -164,16 +168,18 @@ class OppositeFacets(Obstacle):
         require(comm, common == 0, f"{name}: slave and master have {common} facets in common")
         W = fem.functionspace(domain, ("Lagrange", 1))
         size = comm.allreduce(outward_normals(W, slave)[1], op=min)
-        found, objection = _matched(V, slave, master, size, name)
+        if normal is not None:
+            refuse_aslant(domain, slave[slave < owned], normal, name)
+        found, objection = _matched(V, slave, master, size, name, normal)
         if found is None:
             reason = f"{name}: the faces do not match: {objection}"
             require(comm, not must_match, f"{reason}, as mixed contact needs")
-            found = _mortar(V, slave, master, size, name)
+            found = _mortar(V, slave, master, size, name, normal)
         self.opposite = found
-        normals, _ = outward_normals(W, slave)
-        normal = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (dim,))))
-        normal.x.array[:] = normals.reshape(-1)
-        self._normal = normal / ufl.sqrt(ufl.dot(normal, normal))
+        normals = _normals(W, slave, normal)
+        field = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (dim,))))
+        field.x.array[:] = normals.reshape(-1)
+        self._normal = field / ufl.sqrt(ufl.dot(field, field))
         if surface is not None:
             gaps, shape = at_nodes(W, surface)
             on_slave = _nodes_on(W, slave)
@@ -184,14 +190,14 @@ class OppositeFacets(Obstacle):
                 count == 0,
                 f"{name}: at {count} nodes of the slave the normal of the given surface is another",
             )
-            normal.x.array[:] = np.where(on_slave[:, None], shape, 0.0).reshape(-1)
+            field.x.array[:] = np.where(on_slave[:, None], shape, 0.0).reshape(-1)
             self._gap: Any = fem.Function(W)
             gaps = np.where(on_slave & (np.abs(gaps) > _ROUND_OFF * size), gaps, 0.0)
             self._gap.x.array[:] = gaps
         elif gap is None:
             corners: npt.NDArray[np.int32] = np.zeros(len(normals), dtype=np.int32)
             corners[W.dofmap.list] = V.dofmap.list[:, : W.dofmap.list.shape[1]]
-            gaps = _gaps(V, found, outward_normals(V, slave)[0], size)[corners]
+            gaps = _gaps(V, found, _normals(V, slave, normal), size)[corners]
             allowed = (_OVERLAP if found.matching else _CURVED_OVERLAP) * size
             worst = comm.allreduce(float(np.min(gaps, initial=0.0)), op=min)
             require(
@@ -209,6 +215,14 @@ class OppositeFacets(Obstacle):
 
     def on(self, domain: mesh.Mesh) -> tuple[Any, Any]:
         return self._gap, self._normal
+
+
+def _normals(V: fem.FunctionSpace, slave: npt.NDArray[np.int32], given: Array | None) -> Array:
+    """Those of the slave at the local nodes, or the one that is given; zero elsewhere. Collective."""
+    normals, _ = outward_normals(V, slave)
+    if given is not None:
+        normals[np.any(normals != 0.0, axis=1)] = given
+    return normals
 
 
 def _gaps(V: fem.FunctionSpace, opposite: Opposite, normals: Array, size: float) -> Array:
@@ -231,11 +245,12 @@ def _matched(
     master: npt.NDArray[np.int32],
     size: float,
     name: str,
+    normal: Array | None,
 ) -> tuple[Opposite | None, str]:
     """The node of the master opposite to each of the slave, or why there is none. Collective."""
     comm, dim = V.mesh.comm, V.mesh.geometry.dim
     index_map, x = V.dofmap.index_map, V.tabulate_dof_coordinates()[:, :dim]
-    normals, _ = outward_normals(V, slave)
+    normals = _normals(V, slave, normal)
     theirs, _ = outward_normals(V, master)
     on_master = np.flatnonzero(_nodes_on(V, master)[: index_map.size_local])
     mine = np.flatnonzero(_nodes_on(V, slave))
@@ -297,6 +312,7 @@ def _mortar(
     master: npt.NDArray[np.int32],
     size: float,
     name: str,
+    normal: Array | None,
 ) -> Opposite:
     """The weights of a mortar; see `mortar`. Collective.
 
@@ -310,6 +326,9 @@ def _mortar(
     require(comm, shared == 0, f"{name}: slave and master touch at {shared} nodes of the mesh")
     facets = slave[slave < V.mesh.topology.index_map(dim - 1).size_local]
     mine = faces_of(V, facets)
+    if normal is not None:
+        require(comm, V.ufl_element().degree == 1, f"{name}: a given normal needs degree 1 here")
+        mine = seen_along(normal, mine)
     theirs, pairs = candidates(comm, mine, faces_of(V, master))
     common = cover(mine, theirs, pairs, deepest=size)
     marked = np.unique(common.facet)

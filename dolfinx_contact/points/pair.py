@@ -51,6 +51,10 @@ class ContactPair(ContactSurface):
         gap: initial gap, UFL or a number; by default that of the geometry.
         surface: the true shape of the master, an obstacle, where facets are chords of a curve: gap
             and normal are then its at the nodes of the slave, and not off by the sagitta of chords.
+        normal: direction from the slave to the master (dim,), along which faces are opposite to
+            each other and gap and pressure act; by default the normals of the slave. Where both
+            faces are curved, as those of two spheres, and flatten each other it is that of the
+            contact between, and the slave's are not; areas are those seen along it.
         interference: whether the bodies may overlap, as in a press fit; else an overlap is an
             error.
         method: as for `ContactSurface`, and so the rest.
@@ -62,7 +66,8 @@ class ContactPair(ContactSurface):
         ValueError: on every rank, as `ContactSurface`; and if both faces have facets in common, do
             not match where they have to, look the same way, touch at a node without matching, or
             overlap without ``interference``: by more than round-off where they match, else by more
-            than 5 % of a facet, since facets of curved faces are chords.
+            than 5 % of a facet, since facets of curved faces are chords; and if a given normal is
+            more than 60 degrees off that of the slave.
     """
 
     def __init__(
@@ -76,6 +81,7 @@ class ContactPair(ContactSurface):
         master_facets: npt.NDArray[np.int32] | None = None,
         gap: Any = None,
         surface: Obstacle | None = None,
+        normal: npt.ArrayLike | None = None,
         interference: bool = False,
         method: Method | None = None,
         multiplier_degree: int = 1,
@@ -98,10 +104,16 @@ class ContactPair(ContactSurface):
                 raise ValueError(
                     f"{name}: the surface must be a HalfSpace, Sphere, Cylinder, LevelSet"
                 )
-            if surface is not None and gap is not None:
-                raise ValueError(f"{name}: a given surface has a gap of its own")
+            if surface is not None and (gap is not None or normal is not None):
+                raise ValueError(f"{name}: a given surface has a gap and a normal of its own")
+            direction = _checked_normal(normal, V.mesh.geometry.dim, name)
         same_everywhere(
-            comm, name, interference=bool(interference), gap=gap is None, surface=surface is None
+            comm,
+            name,
+            interference=bool(interference),
+            gap=gap is None,
+            surface=surface is None,
+            normal=None if direction is None else direction.tolist(),
         )
         theirs = facets if master_facets is None else master_facets
         sides = [
@@ -121,6 +133,7 @@ class ContactPair(ContactSurface):
                 sides[1],
                 gap=gap,
                 surface=surface,
+                normal=direction,
                 interference=interference,
                 must_match=method == "mixed",
                 name=name,
@@ -171,3 +184,19 @@ def _checked_gap(gap: Any, name: str) -> Any:
     if not isinstance(gap, ufl.core.expr.Expr) or gap.ufl_shape != ():
         raise ValueError(f"{name}: the gap must be a number or a UFL scalar, got {gap!r}")
     return gap
+
+
+def _checked_normal(
+    normal: npt.ArrayLike | None, dim: int, name: str
+) -> npt.NDArray[np.float64] | None:
+    """A given normal of length one, or ``ValueError`` if it is no direction."""
+    if normal is None:
+        return None
+    try:
+        n = np.asarray(normal, dtype=np.float64)
+    except (TypeError, ValueError):
+        n = np.zeros(0)
+    if n.shape != (dim,) or not np.isfinite(n).all() or not n.any():
+        raise ValueError(f"{name}: the normal must be {dim} numbers, not all 0, got {normal!r}")
+    n = n / np.abs(n).max()
+    return np.asarray(n / np.linalg.norm(n))

@@ -86,6 +86,24 @@ class ContactTable:
         """Number of points whose letter is one of ``letters``."""
         return int(np.isin(self.letters, list(letters)).sum())
 
+    def of_revolution(self) -> ContactTable:
+        """The table of a body of revolution about x = 0, whose energy has the weight 2 pi x.
+
+        Forces are those of the whole circumference, and so are the areas that pressure and shear
+        are over here: those of the hat functions on the cones between points. The surface must
+        have one point, not two, at every x.
+
+        Raises:
+            ValueError: in 3D, or if points are on the other side of the axis.
+        """
+        if self.dim != 2 or not (self.x[:, 0] >= 0).all():
+            raise ValueError(f"{self.name}: no section through one side of a body of revolution")
+        x, length = self.x[:, 0], np.linalg.norm(np.diff(self.x, axis=0), axis=1)
+        inner, outer = (2 * x[:-1] + x[1:]) * length, (x[:-1] + 2 * x[1:]) * length
+        area = np.pi / 3 * (np.append(inner, 0.0) + np.append(0.0, outer))
+        shear = self.rt / area[:, None]
+        return replace(self, area=area, pressure=self.rn / area, shear=shear)
+
     def along(self, vectors: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """Tangential ``vectors`` as scalars: along t in 2D, norms in 3D."""
         if self.dim == 2:
