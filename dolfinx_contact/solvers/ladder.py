@@ -229,6 +229,8 @@ def _check_data(eq: ContactEquations, x0: PETSc.Vec) -> None:
     values = eq.constraints.values()
     prescribed = bool(np.isfinite(values[eq.constraints.fixed]).all())
     require(eq.comm, prescribed, "a Dirichlet value is not finite")
+    given = bool(np.isfinite(eq.rigid.numbers()).all())
+    require(eq.comm, given, "a load or motion of a rigid body is not finite")
     eq.constraints.check_values(eq.surfaces, eq.body_size)
     b = eq.create_vector()
     eq.residual(x0, b)
@@ -247,6 +249,9 @@ def _given_numbers(eq: ContactEquations) -> list[list[float]]:
     constants = list(eq.bulk.residual.constants())
     for s in eq.surfaces:
         for e in s.given.all:
+            constants += extract_constants(e)
+    for body in eq.rigid.bodies:
+        for e in body.expressions:
             constants += extract_constants(e)
     return [[float(v) for v in np.ravel(c.value)] for c in constants]
 

@@ -274,7 +274,7 @@ class Newton:
         self._warm = eq.any_closed(statuses)
         cold = self._full_steps and not self._warm and self.held is None
         if cold or eq.loose_motions(statuses):
-            self._guess = statuses = eq.touching(self.load, self.state.u)
+            self._guess = statuses = eq.touching(self.load, self.state)
         return statuses
 
     def _floats(self, statuses: Statuses) -> bool:
