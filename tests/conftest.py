@@ -23,6 +23,7 @@ OF_NUMBERS = (
         "test_mortar",
         "test_pair_multigrid",
         "test_compliant",
+        "test_rigid_body",
     ),
 )
 

@@ -286,17 +286,37 @@ class ContactEquations:
     def touching(self, load: float, state: State) -> Statuses:
         """Statuses in which all points stick that a part of the load may close.
 
+        Where that leaves a rigid body loose, those nearest to it stick as well, as many as it takes
+        to hold it: a load that presses it against them brings them together.
+
         Args:
             load: part of the prescribed motion that is applied.
             state: whose displacements are looked at.
         """
-        found, least = [], 1e-9 * self.body_size
-        for s in self.surfaces:
-            reach = self.reach(s, state.u) + 0.5 * self._approach(s, state.q)
-            near = self.gaps(s, state) <= max(load * reach, least)
+        least = 1e-9 * self.body_size
+        gaps = [self.gaps(s, state) for s in self.surfaces]
+        reaches = [
+            max(load * (self.reach(s, state.u) + 0.5 * self._approach(s, state.q)), least)
+            for s in self.surfaces
+        ]
+        found = self._within(gaps, reaches)
+        if not self.rigid.size or not self.loose_motions(found):
+            return found
+        nearest = self.rigid.nearest(gaps)
+        for band in (1e-9, *0.5 ** np.arange(20, -1, -1)):
+            limits = zip(reaches, nearest, strict=True)
+            found = self._within(gaps, [max(r, g + band * self.body_size) for r, g in limits])
+            if not self.loose_motions(found):
+                break
+        return found
+
+    def _within(self, gaps: Sequence[Array], limits: Sequence[float]) -> Statuses:
+        """Statuses in which points with gaps up to a limit stick, surface by surface."""
+        found = []
+        for s, gap, limit in zip(self.surfaces, gaps, limits, strict=True):
             codes = s.law_at_points.codes
             touches = STICK if STICK in codes else PLUS
-            found.append(np.where(near, touches, codes[0]).astype(np.int8))
+            found.append(np.where(gap <= limit, touches, codes[0]).astype(np.int8))
         return found
 
     def _approach(self, s: ContactSurface, q: Array) -> float:
@@ -323,9 +343,14 @@ class ContactEquations:
         """
         return 0.5 * self.constraints.approach(s, u.reshape(-1, self.dim))
 
-    def loose_motions(self, statuses: Statuses) -> str:
-        """Rigid motions held neither by Dirichlet data nor by these statuses; "" if none."""
-        return self._loose.held_by(statuses)
+    def loose_motions(self, statuses: Statuses, state: State | None = None) -> str:
+        """Rigid motions held neither by Dirichlet data nor by these statuses; "" if none.
+
+        Args:
+            statuses: of the contact points.
+            state: whose shear tells where points that slip hold as well (`loose`).
+        """
+        return self._loose.not_held(statuses, state)
 
     def any_closed(self, statuses: Statuses) -> bool:
         """Whether a point of any rank is closed."""

@@ -14,7 +14,7 @@ from dolfinx import fem
 
 from dolfinx_contact.body import rigid
 from dolfinx_contact.equations.rigid_bodies import RigidBodies
-from dolfinx_contact.equations.state import Statuses
+from dolfinx_contact.equations.state import State, Statuses
 from dolfinx_contact.laws.status import STICK, closed, senses
 from dolfinx_contact.points.surface import ContactSurface
 
@@ -64,18 +64,35 @@ class LooseMotions:
         jumps[self._bodies.slice_of(s.rigid_body)] = -np.moveaxis(self._bodies.at_points(s), 2, 0)
         return jumps[self._free]
 
-    def held_by(self, statuses: Statuses) -> str:
-        """The motions that these statuses do not hold, in words; "" if there are none."""
+    def not_held(self, statuses: Statuses, state: State | None = None) -> str:
+        """The motions that these statuses do not hold, in words; "" if there are none.
+
+        A point that slips in 3D holds across the direction of its shear, which turns with the
+        motion.
+
+        Args:
+            statuses: of the points.
+            state: that has the shear; without one only points that stick hold.
+        """
         count = len(self._motions)
         number = count + len(self._free)
         if number == 0:
             return ""
         gram = np.zeros((number, number))
-        for s, codes, jumps in zip(self._surfaces, statuses, self._jumps, strict=True):
+        for i, (s, codes, jumps) in enumerate(
+            zip(self._surfaces, statuses, self._jumps, strict=True)
+        ):
             n = s.points.data.n
             normal = np.einsum("and,nd->an", jumps, n)
             along = jumps - normal[:, :, None] * n[None]
-            along *= (senses(codes) == STICK)[None, :, None]
+            grips = senses(codes) == STICK
+            if state is not None and s.dim == 3:
+                shear = _direction(state.surfaces[i].traction, n)
+                slips = ~grips & closed(codes) & shear.any(axis=1)
+                across = np.where(slips[:, None], shear, 0.0)
+                along -= np.einsum("and,nd->an", along, across)[:, :, None] * across[None]
+                grips |= slips
+            along *= grips[None, :, None]
             gram += (normal * closed(codes)) @ normal.T + np.einsum("and,bnd->ab", along, along)
         loose = rigid.loose(self._V.mesh.comm.allreduce(gram))
         words = []
@@ -89,4 +106,13 @@ class LooseMotions:
         return ", ".join(words)
 
 
+def _direction(traction: Array, n: Array) -> Array:
+    """Unit vectors along the shear (n, dim), zero where there is none."""
+    shear = traction - np.sum(traction * n, axis=1)[:, None] * n
+    size = np.linalg.norm(shear, axis=1, keepdims=True)
+    least = _ROUND_OFF * np.linalg.norm(traction, axis=1, keepdims=True)
+    return np.divide(shear, size, out=np.zeros_like(shear), where=size > least)
+
+
+_ROUND_OFF = 1e-12  # of the traction, a shear that has no direction
 _SHARE = 1e-6  # of a motion, below which a component has no part in it

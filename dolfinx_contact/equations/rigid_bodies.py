@@ -82,10 +82,13 @@ class RigidBodies:
         ]
         return float(self.comm.allreduce(max(mine, default=0.0), op=max))
 
+    def _number(self, body: RigidBody | None) -> int | None:
+        return next((i for i, b in enumerate(self.bodies) if b is body), None)
+
     def slice_of(self, body: RigidBody | None) -> slice:
         """Places of the unknowns of a body; empty for None."""
-        found = (part for b, part in zip(self.bodies, self.slices, strict=True) if b is body)
-        return next(found, slice(0, 0))
+        number = self._number(body)
+        return slice(0, 0) if number is None else self.slices[number]
 
     # -- values ----------------------------------------------------------------------------------
 
@@ -146,6 +149,23 @@ class RigidBodies:
             moved[:, :, k] = s.points.product(u)
         u.destroy()
         return moved
+
+    def nearest(self, gaps: Sequence[Array]) -> list[float]:
+        """By surface, the smallest gap of all that touch its rigid body. Collective.
+
+        Minus infinity where there is none, or its motion is prescribed.
+        """
+        smallest = []
+        for b in self.bodies:
+            mine = [
+                float(np.min(gap, initial=np.inf))
+                for s, gap in zip(self.surfaces, gaps, strict=True)
+                if s.rigid_body is b
+            ]
+            found = self.comm.allreduce(min(mine), op=min)
+            smallest.append(-np.inf if b.fixed.all() else found)
+        number = [self._number(s.rigid_body) for s in self.surfaces]
+        return [-np.inf if i is None else smallest[i] for i in number]
 
     def jump_matrix(self, s: ContactSurface) -> PETSc.Mat:
         """-Phi: jumps at the points of ``s`` by all unknowns. Collective."""

@@ -273,17 +273,18 @@ class Newton:
         eq = self.equations
         self._warm = eq.any_closed(statuses)
         cold = self._full_steps and not self._warm and self.held is None
-        if cold or eq.loose_motions(statuses):
+        if cold or eq.loose_motions(statuses, self.state):
             self._guess = statuses = eq.touching(self.load, self.state)
         return statuses
 
     def _floats(self, statuses: Statuses) -> bool:
         """Whether a rigid motion is free. Collective."""
-        loose = self.equations.loose_motions(statuses)
+        loose = self.equations.loose_motions(statuses, self.state)
         if loose:
+            held = ", hold the rigid body" if self.equations.rigid.bodies else ""
             self.attempt.reason = (
                 f"a rigid motion of the body is free ({loose}): neither Dirichlet data nor contact "
-                "holds it. Add a Dirichlet condition, or start from a state in contact"
+                f"holds it. Add a Dirichlet condition{held}, or start from a state in contact"
             )
             self.floating = FloatingBodyError(self.attempt.reason)
         return bool(loose)
