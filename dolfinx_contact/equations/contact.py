@@ -36,7 +36,7 @@ from dolfinx_contact.equations.loose import LooseMotions
 from dolfinx_contact.equations.prescribed import PrescribedDisplacement
 from dolfinx_contact.equations.rigid_bodies import RigidBodies
 from dolfinx_contact.equations.state import ContactState, State, Statuses
-from dolfinx_contact.laws.status import PLUS, STICK, closed
+from dolfinx_contact.laws.status import closed
 from dolfinx_contact.points.surface import ContactSurface
 
 __all__ = ["ContactEquations"]
@@ -164,14 +164,15 @@ class ContactEquations:
         for i, (s, codes) in enumerate(zip(self.surfaces, held, strict=True)):
             removed = self.constraints.removed[i].reshape(-1)[: self.owned_sizes[i + 1]]
             multipliers = np.where(removed, 0.0, self.units[i + 1] * parts[i + 1])
-            jump, traction = self._jump(s, u, q), s.points.traction(multipliers)
+            jump, traction = self.relative_jump(s, u, q), s.points.traction(multipliers)
             answers = s.answers(jump, traction)
             found.append(
                 ContactState(jump, traction, answers.asked if codes is None else codes, answers)
             )
         return found
 
-    def _jump(self, s: ContactSurface, u: Array, q: Array, *, rate: bool = False) -> Array:
+    def relative_jump(self, s: ContactSurface, u: Array, q: Array, *, rate: bool = False) -> Array:
+        """B u at the points of ``s``, seen from what they touch: j, or its rate. Collective."""
         v = s.points.B.createVecRight()
         nodes = u[: self.owned_sizes[0]].reshape(-1, self.dim)
         v.array[:] = self.rigid.relative(s, nodes, q).reshape(-1)
@@ -212,7 +213,7 @@ class ContactEquations:
         for i, (s, state) in enumerate(zip(self.surfaces, contact, strict=True)):
             off = state.traction - state.answer
             if any_missing:
-                step = self._jump(s, missing, missing_q, rate=True)
+                step = self.relative_jump(s, missing, missing_q, rate=True)
                 off -= np.einsum("nij,nj->ni", state.by_jump, step)
             rows.append(self._with_removed(i, s.points.rows(off), x))
         if self.rigid.size:
@@ -275,7 +276,7 @@ class ContactEquations:
         ):
             change = np.zeros_like(found.jump) if rate is None else -rate
             if moving:
-                step = self._jump(s, dirichlet, motions, rate=True)
+                step = self.relative_jump(s, dirichlet, motions, rate=True)
                 change -= np.einsum("nij,nj->ni", found.by_jump, step)
             parts.append(self._with_removed(i, s.points.rows(change), None))
         parts.append(self.rigid.here(-loads - self.stiffness_scale * motions))
@@ -283,54 +284,11 @@ class ContactEquations:
 
     # -- statuses --------------------------------------------------------------------------------
 
-    def touching(self, load: float, state: State) -> Statuses:
-        """Statuses in which all points stick that a part of the load may close.
-
-        Where that leaves a rigid body loose, those nearest to it stick as well, as many as it takes
-        to hold it: a load that presses it against them brings them together.
-
-        Args:
-            load: part of the prescribed motion that is applied.
-            state: whose displacements are looked at.
-        """
-        least = 1e-9 * self.body_size
-        gaps = [self.gaps(s, state) for s in self.surfaces]
-        reaches = [
-            max(load * (self.reach(s, state.u) + 0.5 * self._approach(s, state.q)), least)
-            for s in self.surfaces
-        ]
-        found = self._within(gaps, reaches)
-        if not self.rigid.size or not self.loose_motions(found):
-            return found
-        nearest = self.rigid.nearest(gaps)
-        for band in (1e-9, *0.5 ** np.arange(20, -1, -1)):
-            limits = zip(reaches, nearest, strict=True)
-            found = self._within(gaps, [max(r, g + band * self.body_size) for r, g in limits])
-            if not self.loose_motions(found):
-                break
-        return found
-
-    def _within(self, gaps: Sequence[Array], limits: Sequence[float]) -> Statuses:
-        """Statuses in which points with gaps up to a limit stick, surface by surface."""
-        found = []
-        for s, gap, limit in zip(self.surfaces, gaps, limits, strict=True):
-            codes = s.law_at_points.codes
-            touches = STICK if STICK in codes else PLUS
-            found.append(np.where(gap <= limit, touches, codes[0]).astype(np.int8))
-        return found
-
-    def _approach(self, s: ContactSurface, q: Array) -> float:
-        """How far prescribed motions will bring a rigid body nearer to points of ``s``."""
-        step = np.where(self.rigid.fixed, self.prescribed_motions() - q, 0.0)
-        still = np.zeros(self.owned_sizes[0])
-        nearer = np.sum(self._jump(s, still, step, rate=True) * s.points.data.n, axis=1)
-        return float(self.comm.allreduce(float(np.max(nearer, initial=0.0)), op=max))
-
     def gaps(self, s: ContactSurface, state: State) -> Array:
         """Gap of the displacement at the points of ``s``, to first order, no averages."""
         points, u, q = s.points, state.u, state.q
         if s.method != "mixed":
-            jump = self._jump(s, u, q)
+            jump = self.relative_jump(s, u, q)
             return np.asarray(points.data.gap - np.sum(jump * points.data.n, axis=1))
         nodes = self.rigid.relative(s, u.reshape(-1, self.dim), q)
         at = (nodes - s.opposite(nodes))[points.trace_dofs[: points.number]]

@@ -29,6 +29,7 @@ from dolfinx_contact.points.surface import ContactSurface
 __all__ = ["RigidBodies"]
 
 Array = npt.NDArray[np.float64]
+_ASIDE = 1e-6  # cosine of motion and normal, below which a body slides past a point
 T = TypeVar("T", bound=np.generic)
 
 
@@ -166,6 +167,36 @@ class RigidBodies:
             smallest.append(-np.inf if b.fixed.all() else found)
         number = [self._number(s.rigid_body) for s in self.surfaces]
         return [-np.inf if i is None else smallest[i] for i in number]
+
+    def directions(self) -> Array:
+        """Unit translations along the loads on free components, zero where there are none."""
+        loads, found = self.loads(), np.zeros(self.size)
+        for b, part in zip(self.bodies, self.slices, strict=True):
+            along = loads[part][: b.dim]
+            size = float(np.linalg.norm(along))
+            if size > 0:
+                found[part][: b.dim] = along / size
+        return found
+
+    def free_ways(self, gaps: Sequence[Array], rates: Sequence[Array]) -> Array:
+        """How far each body may go before it touches, by unknown: 0 if it does, or never will.
+
+        Args:
+            gaps: at the points of every surface.
+            rates: at which a unit motion closes them. Collective.
+        """
+        ways = np.zeros(self.size)
+        for b, part in zip(self.bodies, self.slices, strict=True):
+            nearest, way = np.inf, np.inf
+            for s, gap, rate in zip(self.surfaces, gaps, rates, strict=True):
+                if s.rigid_body is b:
+                    nearest = min(nearest, float(np.min(gap, initial=np.inf)))
+                    ahead = rate > _ASIDE
+                    way = min(way, float(np.min(gap[ahead] / rate[ahead], initial=np.inf)))
+            nearest, way = (self.comm.allreduce(v, op=min) for v in (nearest, way))
+            if nearest > 0 and np.isfinite(way):
+                ways[part] = way
+        return ways
 
     def jump_matrix(self, s: ContactSurface) -> PETSc.Mat:
         """-Phi: jumps at the points of ``s`` by all unknowns. Collective."""

@@ -38,6 +38,7 @@ from dolfinx_contact._errors import require, same_everywhere
 from dolfinx_contact._petsc import staged
 from dolfinx_contact._progress import SolveProgress
 from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.touching import bring_together
 from dolfinx_contact.solvers.choice import LinearSolverChoice
 from dolfinx_contact.solvers.errors import ConvergenceError, FloatingBodyError
 from dolfinx_contact.solvers.following import follow_load
@@ -88,6 +89,7 @@ def solve(
         ConvergenceError: if no strategy converges.
     """
     _check_data(equations, x0)
+    bring_together(equations, x0)
     attempts: list[Attempt] = []
     floating: FloatingBodyError | None = None
     x, turned, objection, way = x0.duplicate(), x0.duplicate(), "", ""

@@ -24,6 +24,7 @@ from dolfinx_contact._settling import ROUNDS, settle
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.measures import Measures, Scales
 from dolfinx_contact.equations.state import State, Statuses, differs
+from dolfinx_contact.equations.touching import touching
 from dolfinx_contact.solvers.errors import FloatingBodyError, LinearSolverError
 from dolfinx_contact.solvers.history import Attempt, Step
 from dolfinx_contact.solvers.linear import LinearSolver
@@ -274,7 +275,7 @@ class Newton:
         self._warm = eq.any_closed(statuses)
         cold = self._full_steps and not self._warm and self.held is None
         if cold or eq.loose_motions(statuses, self.state):
-            self._guess = statuses = eq.touching(self.load, self.state)
+            self._guess = statuses = touching(eq, self.load, self.state)
         return statuses
 
     def _floats(self, statuses: Statuses) -> bool:
