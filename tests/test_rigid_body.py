@@ -28,11 +28,15 @@ from dolfinx_contact import (
     materials,
 )
 from dolfinx_contact.continuation import find_solutions, follow
+from dolfinx_contact.nested import solve_nested
 from dolfinx_contact.obstacles import Obstacle
 from dolfinx_contact.output import BranchRecord, resume
 from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.solvers.errors import FloatingBodyError
+from dolfinx_contact.solvers.following import follow_load
 from dolfinx_contact.solvers.history import Attempt
+from dolfinx_contact.solvers.increments import raise_load
+from dolfinx_contact.solvers.newton import Newton
 from dolfinx_contact.solvers.reduced import solve_reduced
 
 COMM = MPI.COMM_WORLD
@@ -319,6 +323,19 @@ def test_a_body_that_does_not_touch_yet():
     assert abs(far[0].motion[1] + 0.01 - far[1].motion[1]) < 1e-4
 
 
+def by_increments(problem, x):
+    """The strategy of load increments."""
+    attempt = Attempt("load increments", "")
+    with Newton(problem.equations, problem.linear_solver, "none", None) as solver:
+        return raise_load(solver, x, attempt, 4)
+
+
+def by_following(problem, x):
+    """The strategy of load following."""
+    attempt = Attempt("load following", "")
+    return follow_load(problem.equations, lambda: problem.linear_solver, x, attempt, 40)
+
+
 # -- equations -----------------------------------------------------------------------------------
 
 
@@ -436,6 +453,44 @@ def test_the_jacobian(dim, method, degree):
     b[0].axpy(-1.0, b[2])
     # Dirichlet columns are not in the Jacobian: H takes their data in all rows.
     assert b[0].norm() < 1e-6 * b[2].norm()
+
+
+@pytest.mark.parametrize(("way", "load"), [(by_increments, {"rz": 2.0}), (by_following, {})])
+def test_loads_and_motions_in_increments(way, load):
+    """Strategies that raise the load raise what is prescribed to a body as well."""
+    given = {"motion": {"y": -0.02, "x": 0.004}, "load": load}
+    if not load:
+        given["motion"]["rz"] = 0.01
+    body = punch(**given)
+    problem = block(body)
+    problem.solve()
+    values, u = body.values, problem.u.x.array.copy()
+    problem = block(punch(**given))
+    x = problem.create_vector()
+    assert way(problem, x)
+    problem.read(x)
+    np.testing.assert_allclose(problem.rigid_bodies[0].values, values, rtol=1e-8)
+    np.testing.assert_allclose(problem.u.x.array, u, atol=1e-10)
+
+
+def test_from_a_coarser_mesh():
+    """Nested iteration takes the motion along."""
+    problems = [
+        block(
+            RigidBody(
+                Sphere((0.5, 1.5), 0.5), about=(0.5, 1.5), load={"y": -20.0}, held=["x", "rz"]
+            ),
+            n=n,
+        )
+        for n in (6, 12)
+    ]
+    coarse, fine = solve_nested(problems)
+    alone = block(problems[1].rigid_bodies[0], n=12)
+    alone.rigid_bodies[0].values = np.zeros(3)
+    cold = alone.solve()
+    assert fine.iterations <= cold.iterations
+    same_tables(fine.tables["top 0"], cold.tables["top 0"])
+    assert coarse.rigid_bodies["rigid body"].motion[1] != fine.rigid_bodies["rigid body"].motion[1]
 
 
 # -- ranks and units -----------------------------------------------------------------------------
