@@ -12,6 +12,7 @@ from dolfinx_contact._petsc import parse_arguments
 from dolfinx_contact.laws import Coulomb, Frictionless, NormalCompliance, Regularised, Tresca
 from dolfinx_contact.obstacles import Cylinder, HalfSpace, LevelSet, Sphere
 from dolfinx_contact.points.pair import ContactPair
+from dolfinx_contact.points.rigid_body import RigidBody
 from dolfinx_contact.points.surface import ContactSurface
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.results.result import Result
@@ -34,6 +35,7 @@ __all__ = [
     "NormalCompliance",
     "Regularised",
     "Result",
+    "RigidBody",
     "Sphere",
     "Tresca",
     "materials",

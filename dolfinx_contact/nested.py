@@ -67,6 +67,8 @@ def prolong(coarse: ContactProblem, fine: ContactProblem, *, padding: float = 1e
     kinds = [[(s.degrees, s.method) for s in p.surfaces] for p in (coarse, fine)]
     if kinds[0] != kinds[1]:
         raise ValueError("the problems need the same surfaces, with the same methods and degrees")
+    if len(coarse.rigid_bodies) != len(fine.rigid_bodies):
+        raise ValueError("the problems need the same rigid bodies")
     if any(s.between_bodies for s in fine.surfaces):
         raise ValueError("between bodies a solution cannot be taken to another mesh yet")
     with logged("ContactProlong"):
@@ -74,6 +76,8 @@ def prolong(coarse: ContactProblem, fine: ContactProblem, *, padding: float = 1e
         distance = padding * coarse.equations.body_size
         interpolate = _Interpolation(coarse.V, fine.V, cells, distance)
         fine.u.x.array[:] = interpolate(coarse.u).x.array
+        for known, new in zip(coarse.rigid_bodies, fine.rigid_bodies, strict=True):
+            new.values = known.values.copy()
         for a, b in zip(coarse.surfaces, fine.surfaces, strict=True):
             degree, maps = a.degrees[1], interpolate
             if degree != a.degrees[0]:

@@ -50,7 +50,8 @@ class ParametricContact(ParametricEquations):
     Args:
         problem: the contact problem; its Functions receive what is `put` there, as the last point
             of a branch is.
-        gamma: the parameter, a scalar Constant in the bulk, a law or an obstacle.
+        gamma: the parameter, a scalar Constant in the bulk, a law, an obstacle, or the load or
+            motion of a rigid body.
         driven: pairs of a Function used in a Dirichlet condition and the UFL expression of gamma
             (and position) that it is to have.
 

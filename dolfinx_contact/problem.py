@@ -30,6 +30,7 @@ from dolfinx_contact.body.bulk import Bulk
 from dolfinx_contact.body.cells import check_cells
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.state import State, Statuses
+from dolfinx_contact.points.rigid_body import RigidBody
 from dolfinx_contact.points.surface import ContactSurface
 from dolfinx_contact.results.balance import forces_at_vertices, support_at_nodes
 from dolfinx_contact.results.checks import warn_of_obstacles
@@ -102,6 +103,7 @@ class ContactProblem:
             Dirichlet_data=[described_condition(bc) for bc in self.bcs],
             bulk=lambda: described(bulk, self.V.mesh),
             r=described_number(r),
+            rigid_bodies=[s.rigid_body and s.rigid_body.described() for s in self.surfaces],
             petsc_options_prefix=petsc_options_prefix,
             petsc_options=sorted((k, described_number(v)) for k, v in options.items()),
             PETSc_database=sorted(in_database(petsc_options_prefix).items()),
@@ -128,19 +130,26 @@ class ContactProblem:
         """The unknown Functions: the displacement, then the multipliers of the surfaces."""
         return [self.u, *(s.multiplier for s in self.surfaces)]
 
+    @property
+    def rigid_bodies(self) -> list[RigidBody]:
+        """The rigid bodies that surfaces touch, in the order of the surfaces."""
+        return self.equations.rigid.bodies
+
     def create_vector(self) -> PETSc.Vec:
-        """A vector of all unknowns, rank by rank displacement then multipliers."""
+        """A vector of all unknowns, rank by rank displacement, multipliers, rigid bodies."""
         return self.equations.create_vector()
 
     def read(self, x: PETSc.Vec) -> None:
-        """Put the unknowns ``x`` into the Functions. Collective."""
+        """Put the unknowns ``x`` into the Functions and the rigid bodies. Collective."""
         for f, values in zip(self.fields, self.equations.fields(x), strict=True):
             f.x.array[: len(values)] = values
             f.x.scatter_forward()
+        self.equations.rigid.show(self.equations.motions(x))
 
     def write(self, x: PETSc.Vec) -> None:
-        """Put the Functions into the unknowns ``x``."""
-        self.equations.put([f.x.array for f in self.fields], x)
+        """Put the Functions, and what stands in the rigid bodies, into the unknowns ``x``."""
+        rigid = self.equations.rigid
+        self.equations.put([f.x.array for f in self.fields], rigid.given, x)
 
     def put(self, x: PETSc.Vec, statuses: Statuses) -> None:
         """Put a state into the Functions and the statuses of the surfaces. Collective."""
@@ -157,6 +166,7 @@ class ContactProblem:
         """
         before = [f.x.array.copy() for f in self.fields]
         statuses, done = [s.statuses for s in self.surfaces], False
+        motions = self.equations.rigid.given
         try:
             yield
             done = not always
@@ -166,6 +176,7 @@ class ContactProblem:
                     f.x.array[:] = values
                 for s, codes in zip(self.surfaces, statuses, strict=True):
                     s.statuses = codes
+                self.equations.rigid.show(motions)
 
     # -- H ---------------------------------------------------------------------------------------
 

@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import connected_components
 
 from dolfinx import fem, la
 
-__all__ = ["combine", "describe", "free_motions", "parts", "rigid_motions"]
+__all__ = ["combine", "describe", "free_motions", "loose", "parts", "rigid_motions"]
 
 _NAMES = {
     2: ("translation x", "translation y", "rotation"),
@@ -114,9 +114,14 @@ def free_motions(
 def combine(
     gram: npt.NDArray[np.float64], modes: npt.NDArray[np.float64]
 ) -> npt.NDArray[np.float64]:
-    """Combinations of ``modes`` on which the Gram matrix vanishes (to 1e-16 of one node)."""
+    """Combinations of ``modes`` on which the Gram matrix vanishes."""
+    return np.einsum("ab,bnd->and", loose(gram), modes)
+
+
+def loose(gram: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Coefficients of combinations on which a Gram matrix vanishes (to 1e-16 of one node)."""
     values, vectors = np.linalg.eigh(gram)
-    return np.einsum("ab,bnd->and", vectors[:, values < 1e-14].T, modes)
+    return np.asarray(vectors[:, values < 1e-14].T)
 
 
 def describe(free: npt.NDArray[np.float64], V: fem.FunctionSpace) -> str:

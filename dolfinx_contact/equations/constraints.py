@@ -35,7 +35,7 @@ class Constraints:
     Attributes:
         fixed: local nodes x dim of the displacement, True where fixed.
         held: per surface, the same for the jump there: where neither a node nor what lies opposite
-            to it moves, or both are one.
+            to it moves, a rigid body included, or both are one.
         clamped: per surface, local multiplier nodes whose normal multiplier is removed.
         removed: per surface, local multiplier nodes x dim, True where the component is removed.
 
@@ -148,7 +148,11 @@ class Constraints:
                 f"{s.name}: the obstacle has turned at a contact node with Dirichlet data since "
                 "the problem was made; make a new problem",
             )
-            jump = (prescribed - s.opposite(prescribed))[s.points.vertex_trace_dofs]
+            moved = prescribed - s.opposite(prescribed)
+            if s.rigid_body is not None:
+                motion = np.where(s.rigid_body.fixed, s.rigid_body.numbers(), 0.0)
+                moved = s.relative(moved, motion)
+            jump = moved[s.points.vertex_trace_dofs]
             normal = s.points.vertex_normals
             closing = np.linalg.norm(np.where(fixed, 0.0, normal), axis=1) < _TOLERANCE
             gap = s.points.vertex_gaps - np.sum(jump * normal, axis=1)
@@ -183,6 +187,8 @@ class Constraints:
     def _held(self, s: ContactSurface) -> npt.NDArray[np.bool_]:
         """Local nodes x dim, True where the jump is fixed. Collective."""
         opposite = s.obstacle.opposite
+        if s.rigid_body is not None:
+            return np.asarray(self.fixed & ~s.rigid_body.moves(s.node_positions))
         if opposite is None:
             return self.fixed
         free = (~self.fixed[: self._V.dofmap.index_map.size_local]).astype(float)

@@ -29,13 +29,14 @@ from dolfinx import fem
 from dolfinx_contact._errors import require
 from dolfinx_contact._options import ProblemOptions
 from dolfinx_contact._petsc import logged
-from dolfinx_contact.body import rigid
 from dolfinx_contact.body.bulk import Bulk
 from dolfinx_contact.equations.augmentation import automatic_augmentation
 from dolfinx_contact.equations.constraints import Constraints, check_overlap
+from dolfinx_contact.equations.loose import LooseMotions
 from dolfinx_contact.equations.prescribed import PrescribedDisplacement
+from dolfinx_contact.equations.rigid_bodies import RigidBodies
 from dolfinx_contact.equations.state import ContactState, State, Statuses
-from dolfinx_contact.laws.status import PLUS, STICK, closed, senses
+from dolfinx_contact.laws.status import closed
 from dolfinx_contact.points.surface import ContactSurface
 
 __all__ = ["ContactEquations"]
@@ -55,12 +56,11 @@ class ContactEquations:
         options: of the SNES.
 
     Attributes:
-        owned_sizes: numbers of unknowns of this rank, the displacement first.
+        owned_sizes: numbers of unknowns of this rank, the displacement first, rigid bodies last.
         units: what the unknowns of each field are multiplied by.
         stiffness_scale: typical stiffness, of the Dirichlet rows.
         body_size: diagonal of the bounding box of the body.
-        free_motions: rigid motions that neither stiffness nor Dirichlet data resist, at the local
-            nodes (motions, nodes, dim).
+        rigid: the rigid bodies that surfaces touch.
     """
 
     def __init__(
@@ -81,13 +81,14 @@ class ContactEquations:
         self.prescribed = PrescribedDisplacement(V, self.constraints)
         spaces = [V, *(s.Q for s in self.surfaces)]
         sizes = [(W.dofmap.index_map, W.dofmap.index_map_bs) for W in spaces]
-        self.owned_sizes = [m.size_local * bs for m, bs in sizes]
-        self.global_sizes = [int(m.size_global) * bs for m, bs in sizes]
         self.fixed = self.constraints.fixed.reshape(-1)
         x = V.mesh.geometry.x
         low = self.comm.allreduce(x.min(axis=0, initial=np.inf), op=np.minimum)
         high = self.comm.allreduce(x.max(axis=0, initial=-np.inf), op=np.maximum)
         self.body_size: float = float(np.linalg.norm(high - low))
+        self.rigid = RigidBodies(V, self.surfaces, self.body_size)
+        self.owned_sizes = [*(m.size_local * bs for m, bs in sizes), self.rigid.owned]
+        self.global_sizes = [*(int(m.size_global) * bs for m, bs in sizes), self.rigid.size]
         self._mesh_mark = zlib.crc32(np.ascontiguousarray(x))
         self.forced_r = r
         K = bulk.stiffness(bulk.displacement.x.array.copy())
@@ -98,25 +99,15 @@ class ContactEquations:
         for s, automatic in zip(self.surfaces, self.automatic_r, strict=True):
             s.points.set_augmentation(automatic if r is None else np.full_like(automatic, r))
             self.units.append(self.stiffness_scale / s.mean_vertex_area)
-        self.free_motions = rigid.free_motions(K, V, self.constraints.fixed)
-        self._moved = [self._at_points(s, self.free_motions) for s in self.surfaces]
+        self.units.append(1.0)
+        self._loose = LooseMotions(K, V, self.surfaces, self.constraints.fixed, self.rigid)
         if not bulk.linear:
             bulk.destroy()
-
-    def _at_points(self, s: ContactSurface, motions: Array) -> Array:
-        """B m of motions at the local nodes (motions, n, dim)."""
-        u, n = s.points.B.createVecRight(), self.V.dofmap.index_map.size_local
-        moved = np.zeros((len(motions), s.points.number, self.dim))
-        for i in range(len(motions)):
-            u.array[:] = motions[i, :n].reshape(-1)
-            moved[i] = s.points.product(u)
-        u.destroy()
-        return moved
 
     # -- unknowns --------------------------------------------------------------------------------
 
     def create_vector(self) -> PETSc.Vec:
-        """A vector of all unknowns, rank by rank displacement then multipliers."""
+        """A vector of all unknowns, rank by rank displacement, multipliers, rigid bodies."""
         return PETSc.Vec().createMPI((sum(self.owned_sizes), None), comm=self.comm)
 
     def blocks(self, x: PETSc.Vec) -> list[Array]:
@@ -125,12 +116,16 @@ class ContactEquations:
 
     def fields(self, x: PETSc.Vec) -> list[Array]:
         """Owned values of displacement and multipliers, in the user's units."""
-        return [unit * part for unit, part in zip(self.units, self.blocks(x), strict=True)]
+        return [unit * part for unit, part in zip(self.units, self.blocks(x), strict=True)][:-1]
 
-    def put(self, fields: Sequence[Array], x: PETSc.Vec) -> None:
-        """Put owned values of displacement and multipliers into ``x``."""
-        sizes = zip(fields, self.units, self.owned_sizes, strict=True)
+    def put(self, fields: Sequence[Array], q: Array, x: PETSc.Vec) -> None:
+        """Put owned values of displacement and multipliers, and of rigid bodies, into ``x``."""
+        sizes = zip([*fields, self.rigid.here(q)], self.units, self.owned_sizes, strict=True)
         x.array[:] = np.concatenate([values[:n] / unit for values, unit, n in sizes])
+
+    def motions(self, x: PETSc.Vec) -> Array:
+        """Unknowns of the rigid bodies, on every rank. Collective."""
+        return self.rigid.everywhere(x.array_r[x.getLocalSize() - self.rigid.owned :])
 
     def displacement(self, x: PETSc.Vec) -> Array:
         """The displacement at all local dofs, ghosts included."""
@@ -150,9 +145,9 @@ class ContactEquations:
             statuses: by which the laws are taken; by default those that the state asks for.
         """
         self._refresh()
-        u = self.displacement(x)
+        u, q = self.displacement(x), self.motions(x)
         with logged("ContactStatus"):
-            return State(u, self._contact(x, u, statuses))
+            return State(u, q, self._contact(x, u, q, statuses))
 
     def _refresh(self) -> None:
         """Evaluate anew what is given on surfaces where the user has changed it."""
@@ -161,22 +156,26 @@ class ContactEquations:
             if other:
                 s.update_geometry()
 
-    def _contact(self, x: PETSc.Vec, u: Array, statuses: Statuses | None) -> list[ContactState]:
+    def _contact(
+        self, x: PETSc.Vec, u: Array, q: Array, statuses: Statuses | None
+    ) -> list[ContactState]:
         found, parts = [], self.blocks(x)
         held = [None] * len(self.surfaces) if statuses is None else statuses
         for i, (s, codes) in enumerate(zip(self.surfaces, held, strict=True)):
             removed = self.constraints.removed[i].reshape(-1)[: self.owned_sizes[i + 1]]
             multipliers = np.where(removed, 0.0, self.units[i + 1] * parts[i + 1])
-            jump, traction = self._jump(s, u), s.points.traction(multipliers)
+            jump, traction = self.relative_jump(s, u, q), s.points.traction(multipliers)
             answers = s.answers(jump, traction)
             found.append(
                 ContactState(jump, traction, answers.asked if codes is None else codes, answers)
             )
         return found
 
-    def _jump(self, s: ContactSurface, u: Array, *, rate: bool = False) -> Array:
+    def relative_jump(self, s: ContactSurface, u: Array, q: Array, *, rate: bool = False) -> Array:
+        """B u at the points of ``s``, seen from what they touch: j, or its rate. Collective."""
         v = s.points.B.createVecRight()
-        v.array[:] = u[: self.owned_sizes[0]]
+        nodes = u[: self.owned_sizes[0]].reshape(-1, self.dim)
+        v.array[:] = self.rigid.relative(s, nodes, q).reshape(-1)
         values = s.points.product(v) if rate else s.points.jump(v)
         v.destroy()
         return values
@@ -190,17 +189,21 @@ class ContactEquations:
             statuses: by which the laws are taken; by default those that the state asks for.
         """
         self._refresh()
-        u, n = self.displacement(x), self.owned_sizes[0]
+        u, q, n = self.displacement(x), self.motions(x), self.owned_sizes[0]
         with logged("ContactStatus"):
-            contact = self._contact(x, u, statuses)
-        prescribed = self.prescribed.values().reshape(-1)
+            contact = self._contact(x, u, q, statuses)
+        prescribed, motion = self.prescribed.values().reshape(-1), self.prescribed_motions()
         missing = np.where(self.fixed, prescribed - u, 0.0)
-        any_missing = bool(self.comm.allreduce(int(np.any(missing != 0))))
+        missing_q = np.where(self.rigid.fixed, motion - q, 0.0)
+        any_missing = self._any(missing, missing_q)
         # A linear body takes its Dirichlet data in the product, and needs no assembly.
         affine = self.bulk.affine_residual(u + missing)
         body = self.bulk.residual_at(u) if affine is None else affine
+        pushed = np.zeros(self.rigid.size)
         for s, state in zip(self.surfaces, contact, strict=True):
-            body = body - s.points.forces(state.traction)
+            forces = s.points.forces(state.traction)
+            body = body - forces
+            pushed += self.rigid.reactions(s, forces)
         reactions = body.copy()
         if affine is None and any_missing:
             body += self.bulk.lifting(u, self.prescribed.conditions, u)
@@ -210,11 +213,24 @@ class ContactEquations:
         for i, (s, state) in enumerate(zip(self.surfaces, contact, strict=True)):
             off = state.traction - state.answer
             if any_missing:
-                step = self._jump(s, missing, rate=True)
+                step = self.relative_jump(s, missing, missing_q, rate=True)
                 off -= np.einsum("nij,nj->ni", state.by_jump, step)
             rows.append(self._with_removed(i, s.points.rows(off), x))
+        if self.rigid.size:
+            pushed = self.comm.allreduce(pushed)
+        held = self.stiffness_scale * (q - motion)
+        balance = np.where(self.rigid.fixed, held, pushed - self.rigid.loads())
+        rows.append(self.rigid.here(balance))
         b.array[:] = np.concatenate(rows)
-        return State(u, contact, rows, reactions)
+        return State(u, q, contact, rows, reactions, -pushed)
+
+    def prescribed_motions(self) -> Array:
+        """What is prescribed to the rigid bodies now, zero where they are free."""
+        return self.rigid.prescribed(self.prescribed.part)
+
+    def _any(self, u: Array, q: Array) -> bool:
+        """Whether anything is not zero on any rank. Collective."""
+        return bool(self.comm.allreduce(int(np.any(u != 0) or np.any(q != 0))))
 
     def _with_removed(self, i: int, rows: Array, x: PETSc.Vec | None) -> Array:
         """Contact rows of surface ``i`` with those of removed multipliers put in."""
@@ -223,7 +239,13 @@ class ContactEquations:
         return np.where(removed, held, rows)
 
     def rates(
-        self, state: State, body: Array, answers: Sequence[Array | None], dirichlet: Array
+        self,
+        state: State,
+        body: Array,
+        answers: Sequence[Array | None],
+        dirichlet: Array,
+        loads: Array,
+        motions: Array,
     ) -> Array:
         """Rows of the derivative of H by a parameter, at a state.
 
@@ -233,9 +255,11 @@ class ContactEquations:
             answers: of the laws' answers at held unknowns (n, dim), surface by surface; None where
                 they do not change.
             dirichlet: of the Dirichlet values, at all local dofs, 0 elsewhere.
+            loads: on the rigid bodies, 0 where their motion is prescribed.
+            motions: of what is prescribed to these, 0 elsewhere.
         """
         n, u = self.owned_sizes[0], state.u
-        moving = bool(self.comm.allreduce(int(np.any(dirichlet != 0))))
+        moving = self._any(dirichlet, motions)
         rows = body.copy()
         if moving:
             product = self.bulk.product(dirichlet)
@@ -252,34 +276,21 @@ class ContactEquations:
         ):
             change = np.zeros_like(found.jump) if rate is None else -rate
             if moving:
-                step = self._jump(s, dirichlet, rate=True)
+                step = self.relative_jump(s, dirichlet, motions, rate=True)
                 change -= np.einsum("nij,nj->ni", found.by_jump, step)
             parts.append(self._with_removed(i, s.points.rows(change), None))
+        parts.append(self.rigid.here(-loads - self.stiffness_scale * motions))
         return np.concatenate(parts)
 
     # -- statuses --------------------------------------------------------------------------------
 
-    def touching(self, load: float, u: Array) -> Statuses:
-        """Statuses in which all points stick that a part of the load may close.
-
-        Args:
-            load: part of the prescribed motion that is applied.
-            u: displacement at the local dofs.
-        """
-        found, least = [], 1e-9 * self.body_size
-        for s in self.surfaces:
-            near = self.gaps(s, u) <= max(load * self.reach(s, u), least)
-            codes = s.law_at_points.codes
-            touches = STICK if STICK in codes else PLUS
-            found.append(np.where(near, touches, codes[0]).astype(np.int8))
-        return found
-
-    def gaps(self, s: ContactSurface, u: Array) -> Array:
+    def gaps(self, s: ContactSurface, state: State) -> Array:
         """Gap of the displacement at the points of ``s``, to first order, no averages."""
-        points = s.points
+        points, u, q = s.points, state.u, state.q
         if s.method != "mixed":
-            return np.asarray(points.data.gap - np.sum(self._jump(s, u) * points.data.n, axis=1))
-        nodes = u.reshape(-1, self.dim)
+            jump = self.relative_jump(s, u, q)
+            return np.asarray(points.data.gap - np.sum(jump * points.data.n, axis=1))
+        nodes = self.rigid.relative(s, u.reshape(-1, self.dim), q)
         at = (nodes - s.opposite(nodes))[points.trace_dofs[: points.number]]
         return np.asarray(points.gaps - np.sum(at * points.data.n, axis=1))
 
@@ -290,23 +301,28 @@ class ContactEquations:
         """
         return 0.5 * self.constraints.approach(s, u.reshape(-1, self.dim))
 
-    def loose_motions(self, statuses: Statuses) -> str:
-        """Rigid motions held neither by Dirichlet data nor by these statuses; "" if none."""
-        if len(self.free_motions) == 0:
-            return ""
-        gram = np.zeros((len(self.free_motions),) * 2)
-        for s, codes, moved in zip(self.surfaces, statuses, self._moved, strict=True):
-            n = s.points.data.n
-            normal = np.einsum("and,nd->an", moved, n)
-            along = moved - normal[:, :, None] * n[None]
-            along *= (senses(codes) == STICK)[None, :, None]
-            gram += (normal * closed(codes)) @ normal.T + np.einsum("and,bnd->ab", along, along)
-        loose = rigid.combine(self.comm.allreduce(gram), self.free_motions)
-        return rigid.describe(loose, self.V) if len(loose) else ""
+    def loose_motions(self, statuses: Statuses, state: State | None = None) -> str:
+        """Rigid motions held neither by Dirichlet data nor by these statuses; "" if none.
+
+        Args:
+            statuses: of the contact points.
+            state: whose shear tells where points that slip hold as well (`loose`).
+        """
+        return self._loose.not_held(statuses, state)
 
     def any_closed(self, statuses: Statuses) -> bool:
         """Whether a point of any rank is closed."""
         return bool(self.comm.allreduce(int(any(closed(codes).any() for codes in statuses))))
+
+    @contextmanager
+    def ramped(self, x: PETSc.Vec) -> Iterator[None]:
+        """Prescribe `prescribed.part` of the way from ``x`` to the user's data. Collective."""
+        self.rigid.start = self.motions(x)
+        try:
+            with self.prescribed.ramped(self.displacement(x).reshape(self.constraints.fixed.shape)):
+                yield
+        finally:
+            self.rigid.start = None
 
     # -- data ------------------------------------------------------------------------------------
 

@@ -4,7 +4,8 @@ r"""The Jacobian of H: the stiffness of the body, and contact terms that statuse
     J = [ K  0 ] + S,    S = [ 0               -B^T W E        ]
         [ 0  0 ]             [ -E^T W D_j B     E^T W (I - D_t) E ]
 
-S has rows at the contact nodes and multipliers alone. Rows and columns of Dirichlet dofs are empty;
+S has rows at the contact nodes and multipliers alone, and those of rigid bodies
+(`rigid_terms`). Rows and columns of Dirichlet dofs are empty;
 those of removed multipliers have a typical stiffness on the diagonal. Its pattern never changes, so
 that new statuses cost no more than new numbers.
 """
@@ -20,6 +21,7 @@ import numpy.typing as npt
 
 from dolfinx_contact._entries import Entries, matrix_of
 from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.rigid_terms import RigidTerms
 from dolfinx_contact.equations.state import ContactState, State
 from dolfinx_contact.points.surface import ContactSurface
 from dolfinx_contact.points.trace import at_global_places
@@ -94,9 +96,12 @@ class ContactTerms:
         numbering = _Numbering(eq)
         removed = eq.constraints.removed_multipliers()
         held = np.flatnonzero(removed) + numbering.first + eq.owned_sizes[0]
-        self._held = np.full(len(held), eq.stiffness_scale)
-        self._blocks = []
-        rows, columns = [held], [held]
+        rigid = numbering.rigid()
+        mine = eq.rigid.here(rigid)
+        prescribed = np.where(eq.rigid.here(eq.rigid.fixed), eq.stiffness_scale, 0.0)
+        self._held = np.concatenate([np.full(len(held), eq.stiffness_scale), prescribed])
+        self._blocks: list[tuple[int, _Block | RigidTerms]] = []
+        rows, columns = [held, mine], [held, mine]
         for i, s in enumerate(eq.surfaces):
             stencils, areas = s.points.stencils, s.points.areas
             coupling = np.einsum(
@@ -108,11 +113,18 @@ class ContactTerms:
             )
             bodies = numbering.places(0, stencils.nodes)
             multipliers = numbering.places(i + 1, stencils.multiplier_nodes)
-            block = _Block(s, eq.units[i + 1], bodies, multipliers, coupling)
-            row, column = block.entries()
-            rows.append(row)
-            columns.append(column)
-            self._blocks.append(block)
+            blocks: list[_Block | RigidTerms] = [
+                _Block(s, eq.units[i + 1], bodies, multipliers, coupling)
+            ]
+            if s.rigid_body is not None:
+                places = np.where(eq.rigid.fixed, -1, rigid)[eq.rigid.slice_of(s.rigid_body)]
+                at_points = eq.rigid.at_points(s)
+                blocks.append(RigidTerms(s, eq.units[i + 1], places, multipliers, at_points))
+            for block in blocks:
+                row, column = block.entries()
+                rows.append(row)
+                columns.append(column)
+                self._blocks.append((i, block))
         self.entries = Entries(np.concatenate(rows), np.concatenate(columns))
 
     def create_matrix(self) -> PETSc.Mat:
@@ -122,7 +134,7 @@ class ContactTerms:
 
     def add(self, state: State, A: PETSc.Mat) -> None:
         """Add S at a state to ``A``. Collective."""
-        parts = [b.values(s) for b, s in zip(self._blocks, state.surfaces, strict=True)]
+        parts = [block.values(state.surfaces[i]) for i, block in self._blocks]
         self.entries.add(np.concatenate([self._held, *parts]), A)
 
 
@@ -140,8 +152,13 @@ class _Numbering:
         self._ends = ends
         self.first = int(offsets[eq.comm.rank])
         n = eq.owned_sizes[0]
-        removed = np.split(eq.constraints.removed_multipliers(), np.cumsum(eq.owned_sizes[1:])[:-1])
+        ends = np.cumsum(eq.owned_sizes[1:-1])[:-1]
+        removed = np.split(eq.constraints.removed_multipliers(), ends)
         self._absent = [eq.fixed[:n], *removed]
+
+    def rigid(self) -> Indices:
+        """Places of the unknowns of rigid bodies, which rank 0 has."""
+        return np.asarray(self._firsts[0, -1] + np.arange(self._eq.rigid.size))
 
     def places(self, field: int, nodes: Indices) -> Indices:
         """Places of dofs of global nodes (..., dim), -1 of fixed and removed ones. Collective."""

@@ -29,8 +29,9 @@ class Measures:
     """Relative residuals, each a largest entry over all ranks.
 
     Attributes:
-        force: equilibrium of the free nodes, over the force scale.
-        constraint: Dirichlet data, gap of closed and slip of stuck points, over the length scale.
+        force: equilibrium of the free nodes and of rigid bodies, over the force scale.
+        constraint: Dirichlet data, prescribed motions, gap of closed and slip of stuck points, over
+            the length scale.
         cone: traction of open and shear of slipping points off the law, over the force scale.
     """
 
@@ -61,11 +62,14 @@ class Scales:
         assert state.reactions is not None
         fixed = eq.fixed[:n]
         force, dirichlet = _largest(state.rows[0][~fixed]), _largest(state.rows[0][fixed])
+        rigid = eq.rigid.here(eq.rigid.fixed)
+        force = max(force, _largest(state.rows[-1][~rigid]))
+        dirichlet = max(dirichlet, _largest(state.rows[-1][rigid]))
         first = force if self.force == 0.0 else 0.0
         forces = [first, _largest(state.reactions[fixed])]
-        lengths = [_largest(state.u), dirichlet / eq.stiffness_scale]
+        lengths = [_largest(state.u), _largest(state.q), dirichlet / eq.stiffness_scale]
         constraint, cone = [dirichlet / eq.stiffness_scale], [0.0]
-        for s, found, rows in zip(eq.surfaces, state.surfaces, state.rows[1:], strict=True):
+        for s, found, rows in zip(eq.surfaces, state.surfaces, state.rows[1:-1], strict=True):
             length, size, contact = _row_measures(s, found, rows)
             for part, value in ((constraint, length), (cone, size), (forces, contact)):
                 part.append(value)

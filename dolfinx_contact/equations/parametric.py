@@ -23,7 +23,13 @@ from dolfinx_contact._forms import compiled_form
 from dolfinx_contact.continuation import Events, Piece, Preconditioner, System
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.measures import Scales
-from dolfinx_contact.equations.rates import Driven, Rate, SurfaceRates, dirichlet_rates
+from dolfinx_contact.equations.rates import (
+    Driven,
+    Rate,
+    RigidRates,
+    SurfaceRates,
+    dirichlet_rates,
+)
 from dolfinx_contact.equations.state import State, Statuses
 from dolfinx_contact.laws.status import OPEN
 from dolfinx_contact.points.surface import ContactSurface
@@ -60,7 +66,8 @@ class ParametricEquations(System):
 
     Args:
         equations: the contact problem.
-        gamma: the parameter, a scalar Constant in the bulk, a law or an obstacle.
+        gamma: the parameter, a scalar Constant in the bulk, a law, an obstacle, or the load or
+            motion of a rigid body.
         linear: gives the linear solver of the problem, when it is first wanted.
         driven: pairs of a Function used in a Dirichlet condition and the UFL expression of gamma
             (and position) that it is to have.
@@ -82,6 +89,7 @@ class ParametricEquations(System):
         self._body_rate = rate.of_form(equations.bulk.residual)
         self._driven = [Driven(f, expression, rate) for f, expression in driven]
         self._rates = [SurfaceRates(s, rate) for s in equations.surfaces]
+        self._rigid_rates = RigidRates(equations.rigid, rate)
         self._metric: PETSc.Mat | None = None
         counts = [s.points.number for s in equations.surfaces]
         self.clamped = np.concatenate(
@@ -100,6 +108,7 @@ class ParametricEquations(System):
             and self.constant not in equations.bulk.jacobian_constants
             and rate.is_linear(equations.bulk.residual)
             and all(d.is_affine for d in self._driven)
+            and self._rigid_rates.is_affine
         )
         self._data = self._given()
 
@@ -112,6 +121,9 @@ class ParametricEquations(System):
         for s in eq.surfaces:
             for e in s.given.all:
                 found += [*ufl.algorithms.extract_coefficients(e), *extract_constants(e)]
+        for body in eq.rigid.bodies:
+            for e in body.expressions:
+                found += extract_constants(e)
         driven = [d.function for d in self._driven]
         found += [
             dirichlet_value(bc) for bc in eq.bcs if not any(is_value_of(f, bc) for f in driven)
@@ -232,13 +244,18 @@ class ParametricEquations(System):
         if self._body_rate is not None:
             body = self.equations.bulk.assembled(self._body_rate, state.u)
         answers = [r(s) for r, s in zip(self._rates, state.surfaces, strict=True)]
-        c.array[:] = self.equations.rates(state, body, answers, self.dirichlet_rates())
+        given = self.dirichlet_rates(), *self.rigid_rates()
+        c.array[:] = self.equations.rates(state, body, answers, *given)
 
     def dirichlet_rates(self) -> Array:
         """Derivatives of Dirichlet values by gamma on the local displacement dofs, 0 elsewhere."""
         if not self._driven:
             return np.zeros_like(self.equations.bulk.displacement.x.array)
         return dirichlet_rates(self.equations.constraints, self._driven)
+
+    def rigid_rates(self) -> tuple[Array, Array]:
+        """Derivatives by gamma of loads and of prescribed motions of the rigid bodies."""
+        return self._rigid_rates()
 
     def metric(self, x: PETSc.Vec, out: PETSc.Vec) -> None:
         if self._metric is None:
@@ -249,6 +266,8 @@ class ParametricEquations(System):
         self._metric.mult(self._mass_in, self._mass_out)
         out.set(0.0)
         out.array[:n] = self._mass_out.array_r
+        rigid = out.getLocalSize() - self.equations.rigid.owned
+        out.array[rigid:] = x.array_r[rigid:] / self.equations.body_size**2
 
     def _mass(self) -> PETSc.Mat:
         """Mass matrix of the displacement over the volume and the square of the body's size."""
@@ -286,6 +305,7 @@ class ParametricEquations(System):
             places = V.tabulate_dof_coordinates()[:n] / eq.body_size
             phase = places @ np.array([12.9898, 78.233, 37.719]) + seed
             parts.append(np.sin(43.7585 * (phase[:, None] + np.arange(bs))).reshape(-1))
+        parts.append(np.sin(43.7585 * (seed + np.arange(eq.rigid.owned))))
         x = self.create_vector()
         x.array[:] = np.concatenate(parts)
         return x

@@ -16,11 +16,12 @@ from ufl.algorithms.analysis import extract_constants
 
 from dolfinx_contact._compat import interpolation_points
 from dolfinx_contact._forms import compiled_expression, compiled_form
+from dolfinx_contact.equations.rigid_bodies import RigidBodies
 from dolfinx_contact.equations.state import ContactState
 from dolfinx_contact.points.contact_points import Given
 from dolfinx_contact.points.surface import ContactSurface
 
-__all__ = ["Driven", "Rate", "SurfaceRates", "depends_on"]
+__all__ = ["Driven", "Rate", "RigidRates", "SurfaceRates", "depends_on"]
 
 Array = npt.NDArray[np.float64]
 
@@ -137,3 +138,17 @@ def dirichlet_rates(constraints: Any, driven: Sequence[Driven]) -> Array:
     for d, values in zip(driven, kept, strict=True):
         d.function.x.array[:] = values
     return np.asarray(moved - fixed).reshape(-1)
+
+
+class RigidRates:
+    """Rates of loads and prescribed motions of rigid bodies."""
+
+    def __init__(self, bodies: RigidBodies, rate: Rate):
+        self._bodies = bodies
+        self._rates = [rate.of_expression(e) for b in bodies.bodies for e in b.expressions]
+        curvatures = [rate.of_expression(e) for e in self._rates]
+        #: Whether gamma enters linearly.
+        self.is_affine = all(isinstance(e, ufl.constantvalue.Zero) for e in curvatures)
+
+    def __call__(self) -> tuple[Array, Array]:
+        return self._bodies.rates(self._rates)

@@ -57,17 +57,21 @@ class State:
 
     Attributes:
         u: displacement, all local values, ghosts included.
+        q: unknowns of the rigid bodies, on every rank (`rigid_bodies`).
         surfaces: their contact points.
-        rows: owned rows of H, the displacement's first, then surface by surface; Dirichlet rows and
-            those of removed multipliers included.
+        rows: owned rows of H, the displacement's first, then surface by surface, those of the rigid
+            bodies last; Dirichlet rows and those of removed multipliers included.
         reactions: owned rows of the displacement before Dirichlet rows were put in: forces of the
             support on Dirichlet dofs.
+        pushes: contact forces on the rigid bodies, in the units of their rows, on every rank.
     """
 
     u: Array
+    q: Array
     surfaces: Sequence[ContactState]
     rows: Sequence[Array] = ()
     reactions: Array | None = None
+    pushes: Array | None = None
 
     @property
     def statuses(self) -> Statuses:

@@ -9,6 +9,7 @@ is a folder of its own, written under another name and renamed when it is comple
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import zlib
@@ -32,6 +33,8 @@ if TYPE_CHECKING:
     from dolfinx_contact.problem import ContactProblem
 
 __all__ = ["Checkpoints", "joined", "last_entry"]
+
+_RIGID = "rigid_bodies.json"  # displacements and rotations of all, by vector
 
 
 class Checkpoints:
@@ -77,9 +80,11 @@ class Checkpoints:
 
     def _write(self, part: Path, final: Path, vectors: dict[str, PETSc.Vec]) -> str:
         kept = [self._whole[i] or f for i, f in enumerate(self.problem.fields)]
+        motions: dict[str, list[list[float]]] = {}
         reserve(self.comm, final, len(vectors) * sum(_size(f) for f in kept))
         for prefix, x in vectors.items():
             self.problem.read(x)
+            motions[prefix] = [[float(v) for v in b.values] for b in self.problem.rigid_bodies]
             functions = {}
             for i, f in enumerate(self.problem.fields):
                 functions[f"{prefix}_{i}"] = self._on_the_body(i, f)
@@ -87,6 +92,8 @@ class Checkpoints:
                 write_checkpoint(part, functions)
 
         def finish() -> str:
+            if self.problem.rigid_bodies:
+                (part / _RIGID).write_text(json.dumps(motions))
             total = _check_sum(part, sync=True)
             if final.exists():  # no line of the journal names it: that run was killed in between
                 shutil.rmtree(final)
@@ -110,6 +117,10 @@ class Checkpoints:
                 raise ValueError(f"the checkpoint {path} is damaged or missing")
 
         on_root(self.comm, check)
+        bodies = self.problem.rigid_bodies
+        motions: dict[str, list[list[float]]] = {}
+        if bodies:
+            motions = on_root(self.comm, lambda: json.loads((path / _RIGID).read_text()))
         for prefix, x in vectors.items():
             for i, f in enumerate(self.problem.fields):
                 whole = self._whole[i]
@@ -119,6 +130,8 @@ class Checkpoints:
                     bs = f.function_space.dofmap.index_map_bs
                     f.x.array[:] = whole.x.array.reshape(-1, bs)[self._nodes[i]].reshape(-1)
                     f.x.scatter_forward()
+            for body, values in zip(bodies, motions.get(prefix, []), strict=True):
+                body.values = np.array(values)
             self.problem.write(x)
 
     def _on_the_body(self, i: int, f: fem.Function) -> fem.Function:

@@ -89,6 +89,9 @@ def identity(system: ParametricContact) -> dict[str, Any]:
     for s in problem.surfaces:
         words += [_signature(e, domain) for e in _given(s)]
         words.append(s.law_at_points.compiled.signature)
+    for body in problem.rigid_bodies:
+        words.append(f"{body.about.tolist()} {body.fixed.tolist()}")
+        words += [_signature(e, domain) for e in body.expressions]
     fixed = eq.fixed[: eq.owned_sizes[0]]
     x = system.create_vector()
     unknowns = int(x.getSize())
@@ -125,6 +128,7 @@ def _numbers(system: ParametricContact) -> list[float]:
     """Values of the Constants in the problem: materials, loads, friction; not gamma."""
     problem = system.problem
     expressions = [e for s in problem.surfaces for e in _given(s)]
+    expressions += [e for body in problem.rigid_bodies for e in body.expressions]
     values: list[float] = []
     seen: list[Any] = [system.constant]
     for e in (problem.equations.bulk.residual, *expressions):

@@ -106,7 +106,7 @@ def picture_of_body(
         data["master_x"] = [_in_space(p["x"] + scale * _in_space(p["u"])) for p in masters]
         data["master_cells"] = [p["cells"] for p in masters]
         data["obstacle_cells"] = [p["cells"] for p in rigid]
-        data["obstacle_x"] = [p["x"] + p["gap"][:, None] * _in_space(p["n"]) for p in rigid]
+        data["obstacle_x"] = [_in_space(p["floor"] + scale * p["moved"]) for p in rigid]
         data["obstacle_normals"] = [_in_space(p["n"]) for p in rigid]
     return _draw(comm, f"body_{tdim}d", data, path)
 
@@ -209,11 +209,13 @@ def _averaged(V: fem.FunctionSpace, e: Any) -> npt.NDArray[np.float64]:
 
 
 def patch(s: ContactSurface) -> Arrays:
-    """A contact surface and its obstacle."""
-    u = s.u.x.array.reshape(-1, s.dim)[s.points.vertex_trace_dofs]
+    """A contact surface and its obstacle, which may move as well."""
     points = s.points
-    values = {"u": u, "gap": points.vertex_gaps, "n": points.vertex_normals}
-    values["ids"] = points.vertex_ids
+    u, x = (v[points.vertex_trace_dofs] for v in (s.u.x.array.reshape(-1, s.dim), s.node_positions))
+    n, body = points.vertex_normals, s.rigid_body
+    floor = x + points.vertex_gaps[:, None] * n
+    moved = np.zeros_like(floor) if body is None else body.field(floor, body.values)
+    values = {"u": u, "n": n, "floor": floor, "moved": moved, "ids": points.vertex_ids}
     cells = s.points.vertices.dofmap.list[: s.submesh.mesh.topology.index_map(s.dim - 1).size_local]
     return gather_cells(s.comm, s.points.vertices, cells, values)
 

@@ -87,9 +87,9 @@ def _seen(system: ParametricContact, point: BranchPoint) -> dict[str, Any]:
         # Gauss points are no vertices: their statuses have no mark.
         known = len(order) == len(table.letters)
         letters = table.letters if known else np.full(len(order), "")
-        floor = p["x"][:, :2] + p["gap"][:, None] * p["n"]
         shown = order[:0] if s.between_bodies else order
-        contact.append((p["x"][order, :2], p["u"][order], letters, floor[shown]))
+        floor = p["floor"][shown], p["moved"][shown]
+        contact.append((p["x"][order, :2], p["u"][order], letters, *floor))
     return seen | {"contact": contact}
 
 
@@ -127,14 +127,14 @@ def _draw(file: Path, seen: Sequence[dict[str, Any]], titles: Sequence[str], sca
             lw=0.25,
         )
         axis.add_collection(deformed)
-        for place, u, letters, floor in state["contact"]:
+        for place, u, letters, floor, moved in state["contact"]:
             marked = letters != ""
             colours = [COLOURS[k] for k in letters[marked]]
             where = (place + scale * u)[marked]
             area = float(np.clip(14 * 40 / max(len(where), 1), 3, 14))
             rim = 0.3 if len(where) <= 60 else 0.1
             axis.scatter(*where.T, c=colours, s=area, zorder=3, edgecolors="0.2", linewidths=rim)
-            axis.plot(*floor.T, color="0.15", lw=1.0, zorder=1)
+            axis.plot(*(floor + scale * moved).T, color="0.15", lw=1.0, zorder=1)
         axis.set_xlim(low[0] - margin, high[0] + margin)
         axis.set_ylim(low[1] - margin, high[1] + margin)
         axis.set(aspect="equal", xticks=[], yticks=[])

@@ -218,7 +218,7 @@ class OppositeFacets(Obstacle):
 
 
 def _normals(V: fem.FunctionSpace, slave: npt.NDArray[np.int32], given: Array | None) -> Array:
-    """Those of the slave at the local nodes, or the one that is given; zero elsewhere. Collective."""
+    """Of the slave at the local nodes, or the one that is given; zero elsewhere. Collective."""
     normals, _ = outward_normals(V, slave)
     if given is not None:
         normals[np.any(normals != 0.0, axis=1)] = given

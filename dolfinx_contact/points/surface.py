@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import zlib
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -23,6 +24,7 @@ from dolfinx_contact.points.contact_points import ContactPoints, Evaluator, Give
 from dolfinx_contact.points.elements import check_elements, check_quadrature, displacement_degree
 from dolfinx_contact.points.evaluation import blocked_space
 from dolfinx_contact.points.opposite import Opposite
+from dolfinx_contact.points.rigid_body import RigidBody
 from dolfinx_contact.points.trace import exterior_facets
 
 __all__ = ["ContactSurface"]
@@ -38,7 +40,7 @@ class ContactSurface:
         facets: the mesh of `meshing.read_mesh`, or MeshTags of facets, with ``tag``; of another
             mesh they are refused. Or local indices of exterior facets, which do not tell their
             mesh.
-        obstacle: the rigid foundation.
+        obstacle: the rigid foundation, or a `RigidBody` that moves.
         law: of contact and friction.
         tag: which tag of the MeshTags; of a mesh from gmsh also the name of a physical group.
         method: ``"nodal"``, ``"integral"`` or ``"mixed"`` (see `points.contact_points`); by default
@@ -221,6 +223,28 @@ class ContactSurface:
         return opposite.values(self.comm, values[:owned], len(values))
 
     @property
+    def rigid_body(self) -> RigidBody | None:
+        """What may be touched, if it is a rigid body that moves."""
+        return self.obstacle if isinstance(self.obstacle, RigidBody) else None
+
+    def relative(self, u: Array, motion: Array) -> Array:
+        """Displacements seen from the rigid body; as they are where there is none.
+
+        Args:
+            u: at the first local nodes of the displacement (n, dim).
+            motion: of the rigid body.
+        """
+        body = self.rigid_body
+        if body is None:
+            return u
+        return np.asarray(u - body.field(self.node_positions[: len(u)], motion))
+
+    @cached_property
+    def node_positions(self) -> Array:
+        """Positions of the local nodes of the displacement (n, dim)."""
+        return self.u.function_space.tabulate_dof_coordinates()[:, : self.dim].copy()
+
+    @property
     def Q(self) -> fem.FunctionSpace:
         """Space of the multiplier."""
         return self.points.Q
@@ -264,10 +288,15 @@ class ContactSurface:
     def jump(self) -> Array:
         """Jump of the displacement at the contact points of this rank (n, dim). Collective."""
         u = self.points.B.createVecRight()
-        u.array[:] = self.u.x.array[: u.getLocalSize()]
+        nodes = self.u.x.array[: u.getLocalSize()].reshape(-1, self.dim)
+        u.array[:] = self._relative_now(nodes).reshape(-1)
         jump = self.points.jump(u)
         u.destroy()
         return jump
+
+    def _relative_now(self, u: Array) -> Array:
+        body = self.rigid_body
+        return u if body is None else self.relative(u, body.values)
 
     def state(self) -> dict[str, Array]:
         """What is known at the contact points of this rank. Collective.
@@ -326,7 +355,7 @@ class ContactSurface:
             return {**found, **{k: points.with_ghosts(state[k]) for k in kept}}
         # Of Functions the values at the vertices, not the means around them.
         n, gap = points.vertex_normals, points.vertex_gaps
-        u = self.u.x.array.reshape(-1, self.dim)
+        u = self._relative_now(self.u.x.array.reshape(-1, self.dim))
         u = (u - self.opposite(u))[points.vertex_trace_dofs]
         traction, along = self._multiplier_at_vertices(), np.sum(u * n, axis=1)
         pressure = -np.sum(traction * n, axis=1)
@@ -360,8 +389,15 @@ class ContactSurface:
         """
         if self._true_gaps is None:
             x = ufl.SpatialCoordinate(self.domain) + self.u
-            gap = gap_at(self.obstacle, self.domain, x)
+            body = self.rigid_body
+            gap = (
+                gap_at(self.obstacle, self.domain, x)
+                if body is None
+                else body.gap_of(self.domain, x)
+            )
             if gap is None:
                 return None
             self._true_gaps = self.points.evaluator({"gap": gap})
+        if self.rigid_body is not None:
+            self.rigid_body.place()
         return self._true_gaps()["gap"][: self.points.number]

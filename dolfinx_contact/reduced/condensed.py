@@ -6,6 +6,7 @@ For jumps j at the contact points and the forces r = W t on the body there, equi
     [ K  -B^T ] [ du ]   [ -b_u - c_u dgamma ]
     [ B    0  ] [ dr ] = [        dj         ]
 
+(with rigid bodies u has their unknowns as well, of no stiffness, and B is [B, -Phi])
 with the residual b_u and the rate c_u of the body's rows. Unit jumps give dr = S dj + ... with a
 dense and small S: the same on every rank. With w = (ut, un, rt, rn) at every point S a - r =
 p + gamma q. Where the body is linear and gamma enters the data linearly this is the whole problem;
@@ -98,12 +99,13 @@ class CondensedContact:
         self._parametric, self.exact = parametric, exact
         eq: ContactEquations = parametric.equations
         self.comm, self._equations = eq.comm, eq
-        self._gamma, self._x, self._n = gamma, x.copy(), eq.owned_sizes[0]
+        self._gamma, self._x = gamma, x.copy()
+        self._nodal, self._n = eq.owned_sizes[0], eq.owned_sizes[0] + eq.rigid.owned
         b, c = parametric.create_vector(), parametric.create_vector()
         piece = parametric.piece_at(x, gamma)
         parametric.residual(x, gamma, b, piece)
         parametric.parameter_derivative(x, gamma, c, piece)
-        self._rest, self._rate = (v.array_r[: self._n].copy() for v in (b, c))
+        self._rest, self._rate = (self._displacements(v) for v in (b, c))
         b.destroy(), c.destroy()
         self._points = points = GatheredPoints(parametric)
         self._m = points.number
@@ -139,6 +141,11 @@ class CondensedContact:
         S = self.system.matrix[:, :, :2].reshape(n, n)
         return self.exact and bool(np.linalg.eigvalsh(S + S.T)[0] > _DEFINITE)
 
+    def _displacements(self, x: PETSc.Vec) -> Array:
+        """Entries of the body and of rigid bodies on this rank."""
+        rigid = x.getLocalSize() - self._equations.rigid.owned
+        return np.concatenate([x.array_r[: self._nodal], x.array_r[rigid:]])
+
     # -- points ----------------------------------------------------------------------------------
 
     def point(self, i: int) -> tuple[int, int]:
@@ -161,9 +168,9 @@ class CondensedContact:
         """[K, -B^T; B, 0], with the Dirichlet rows of H."""
         eq, first = self._equations, 0
         K = eq.bulk.stiffness(u).copy()
-        fixed = np.flatnonzero(eq.fixed[: self._n]) + K.getOwnershipRange()[0]
+        fixed = np.flatnonzero(eq.fixed[: self._nodal]) + K.getOwnershipRange()[0]
         K.zeroRowsColumns(fixed.astype(PETSc.IntType), diag=eq.stiffness_scale)
-        wanted, blocks = self._points.local, []
+        wanted, blocks, motions = self._points.local, [], []
         for s in eq.surfaces:
             inside = wanted[(wanted >= first) & (wanted < first + s.points.number)] - first
             rows = (2 * inside[:, None] + np.arange(2)).reshape(-1)
@@ -171,22 +178,21 @@ class CondensedContact:
                 (rows + s.points.B.getOwnershipRange()[0]).astype(PETSc.IntType), comm=self.comm
             )
             blocks.append(s.points.B.createSubMatrix(here))
+            if eq.rigid.size:
+                whole = eq.rigid.jump_matrix(s)
+                motions.append(whole.createSubMatrix(here))
+                whole.destroy()
             here.destroy()
             first += s.points.number
-        self._sizes = [B.getLocalSize()[0] for B in blocks]
         # Whatever holds a displacement, its rows have units of force.
-        scaled = [B * eq.stiffness_scale for B in blocks]
-        transposed = [B.transpose(PETSc.Mat()) for B in scaled]
-        for B in transposed:
-            B.scale(-1.0)
-            if not self._points.guided:
-                B.zeroRows(fixed.astype(PETSc.IntType), diag=0.0)
-        nest = PETSc.Mat().createNest(
-            [[K, *transposed], *([B, *(None for _ in transposed)] for B in scaled)], comm=self.comm
-        )
-        self._matrix = nest.convert("aij", PETSc.Mat())
-        for thing in (nest, K, *blocks, *scaled, *transposed):
-            thing.destroy()
+        fields = [(K, fixed, blocks)]
+        if eq.rigid.size:
+            still = np.flatnonzero(eq.rigid.here(eq.rigid.fixed))
+            fields.append((eq.rigid.diagonal(eq.stiffness_scale), still, motions))
+        self._matrix = self._bordered(fields)
+        for stiffness, _, parts in fields:
+            for thing in (stiffness, *parts):
+                thing.destroy()
         self._ksp = PETSc.KSP().create(self.comm)
         self._ksp.setOptionsPrefix("condensed_")
         self._ksp.setOperators(self._matrix)
@@ -197,6 +203,29 @@ class CondensedContact:
             raise RuntimeError(
                 "the body held at its contact points is singular: it cannot be solved"
             )
+
+    def _bordered(
+        self, fields: list[tuple[PETSc.Mat, npt.NDArray[np.int64], list[PETSc.Mat]]]
+    ) -> PETSc.Mat:
+        """[K, -B^T; B, 0] of fields that move: K, prescribed rows, and B surface by surface."""
+        scale, number = self._equations.stiffness_scale, len(fields)
+        # Whatever holds a displacement, its rows have units of force.
+        scaled = [[B * scale for B in parts] for _, _, parts in fields]
+        transposed = [[B.transpose(PETSc.Mat()) for B in parts] for parts in scaled]
+        rows: list[list[PETSc.Mat | None]] = []
+        for i, (K, fixed, _) in enumerate(fields):
+            for B in transposed[i]:
+                B.scale(-1.0)
+                if not self._points.guided:
+                    B.zeroRows(fixed.astype(PETSc.IntType), diag=0.0)
+            rows.append([K if i == k else None for k in range(number)] + transposed[i])
+        for parts in zip(*scaled, strict=True):
+            rows.append([*parts, *(None for _ in transposed[0])])
+        nest = PETSc.Mat().createNest(rows, comm=self.comm)
+        matrix = nest.convert("aij", PETSc.Mat())
+        for thing in (nest, *(B for parts in (*scaled, *transposed) for B in parts)):
+            thing.destroy()
+        return matrix
 
     def _reactions_to_jumps(self) -> Array:
         """Forces at the points by jumps there, (2 m, 2 m). Collective."""
@@ -223,7 +252,7 @@ class CondensedContact:
         return S
 
     def _solve(self, load: Array, jumps: Array) -> tuple[Array, Array]:
-        """Displacement (owned) and forces at all points for a load and jumps (m, 2). Collective."""
+        """Displacements (owned) and forces at all points, for a load and jumps (m, 2)."""
         b, x = self._matrix.createVecs()
         scale = self._equations.stiffness_scale
         b.array[: self._n] = load
@@ -265,12 +294,13 @@ class CondensedContact:
         load = -self._rest - (gamma - self._gamma) * self._rate
         du, _ = self._solve(load, jumps)
         self._x.copy(x)
-        x.array[: self._n] += du
+        x.array[: self._nodal] += du[: self._nodal]
+        x.array[x.getLocalSize() - self._equations.rigid.owned :] += du[self._nodal :]
         tractions = np.zeros((len(self._parametric.clamped), 2))
         mine = forces[self._points.mine] / self._points.areas[self._points.mine][:, None]
         tractions[self._points.local] = mine
-        eq, first, row = self._equations, 0, self._n
-        for s, unit in zip(eq.surfaces, eq.units[1:], strict=True):
+        eq, first, row = self._equations, 0, self._nodal
+        for s, unit in zip(eq.surfaces, eq.units[1:-1], strict=True):
             n = s.points.number
             x.array[row : row + 2 * n] += tractions[first : first + n].reshape(-1) / unit
             first, row = first + n, row + 2 * n

@@ -74,7 +74,7 @@ def misfits(eq: ContactEquations, state: State) -> dict[str, float | None]:
         if true_gaps is None:
             found[s.name] = None
             continue
-        true, law = true_gaps, eq.gaps(s, state.u)
+        true, law = true_gaps, eq.gaps(s, state)
         depth = np.maximum(np.maximum(-true, 0) - np.maximum(-law, 0), 0)
         off = np.where(closed(contact.statuses), np.abs(true - law), depth)
         if s.method != "integral":

@@ -22,6 +22,7 @@ from dolfinx_contact.results.balance import balance, support_at_nodes
 from dolfinx_contact.results.checks import misfits, warn_of_inversion
 from dolfinx_contact.results.pairs import PairBalance, pair_balance
 from dolfinx_contact.results.penetration import Penetration, penetrations
+from dolfinx_contact.results.rigid import RigidBodyResult, rigid_body_results
 from dolfinx_contact.results.tables import ContactTable, contact_table, violation
 from dolfinx_contact.solvers.history import Attempt, Step
 
@@ -53,6 +54,7 @@ class Result:
             contact points (`checks.misfits`); None if the obstacle does not say.
         min_det_F: the smallest det(I + grad u) of a body that is not linear in u, else None.
         penetrations: of surfaces with a compliant law, by name.
+        rigid_bodies: by name, how they move and what acts on them.
     """
 
     tables: dict[str, ContactTable]
@@ -67,6 +69,7 @@ class Result:
     misfits: dict[str, float | None]
     min_det_F: float | None
     penetrations: dict[str, Penetration]
+    rigid_bodies: dict[str, RigidBodyResult]
 
     @property
     def converged(self) -> bool:
@@ -131,7 +134,12 @@ class Result:
             "misfit": self.misfit,
             "min_det_F": self.min_det_F,
             **{f"penetration_{k}": p.largest for k, p in self.penetrations.items()},
+            **self._rigid_summary(),
         }
+
+    def _rigid_summary(self) -> dict[str, Any]:
+        bodies = {name: body.summary() for name, body in self.rigid_bodies.items()}
+        return {"rigid_bodies": bodies} if bodies else {}
 
 
 def collect(eq: ContactEquations, state: State, attempts: Sequence[Attempt]) -> Result:
@@ -185,4 +193,5 @@ def collect(eq: ContactEquations, state: State, attempts: Sequence[Attempt]) -> 
         misfits(eq, state),
         warn_of_inversion(eq, state.u),
         penetrations(eq, tables),
+        rigid_body_results(eq, state),
     )

@@ -63,9 +63,13 @@ class LinearSolverChoice:
         kind = eq.options.value("linear_solver") or "auto"
         if kind not in _KINDS:
             raise ValueError(f"unknown linear solver {kind!r}; known: {', '.join(_KINDS)}")
+        bodies = [body.name for body in eq.rigid.bodies]
+        if kind == "amg" and bodies:
+            raise ValueError(f"{bodies[0]}: with rigid bodies there is no multigrid, only direct")
         if kind == "auto":
             chosen = any(eq.options.value(name) for name in ("ksp_type", "pc_type"))
-            kind = "direct" if chosen or size <= _LARGEST_DIRECT[dim] else "amg"
+            small = size <= _LARGEST_DIRECT[dim]
+            kind = "direct" if bodies or chosen or small else "amg"
         solver: LinearSolver = Direct(eq) if kind == "direct" else Multigrid(eq)
         seconds = solver.predicted = solver.predicted_seconds()
         if eq.comm.rank == 0:

@@ -27,6 +27,7 @@ from dolfinx_contact.solvers.linear import LinearSolver
 __all__ = ["follow_load"]
 
 _MOST_STEPS = 400
+Array = npt.NDArray[np.float64]
 
 
 class _Loaded(ParametricEquations):
@@ -37,6 +38,7 @@ class _Loaded(ParametricEquations):
     ):
         super().__init__(equations, fem.Constant(equations.V.mesh, 0.0), linear)
         self._start = equations.prescribed.values()
+        self._motions = equations.prescribed_motions()
         self._rest = equations.create_vector()
         equations.residual(x0, self._rest)
 
@@ -54,12 +56,19 @@ class _Loaded(ParametricEquations):
         super().parameter_derivative(x, gamma, c, piece)
         c.axpy(1.0, self._rest)
 
-    def dirichlet_rates(self) -> npt.NDArray[np.float64]:
+    def dirichlet_rates(self) -> Array:
         prescribed = self.equations.prescribed
         part, prescribed.part = prescribed.part, 1.0
         rates = prescribed.values() - self._start
         prescribed.part = part
         return rates.reshape(-1)
+
+    def rigid_rates(self) -> tuple[Array, Array]:
+        prescribed = self.equations.prescribed
+        part, prescribed.part = prescribed.part, 1.0
+        rates = self.equations.prescribed_motions() - self._motions
+        prescribed.part = part
+        return np.zeros_like(rates), rates
 
     def destroy(self) -> None:
         super().destroy()
@@ -81,8 +90,7 @@ def follow_load(
         attempt.reason = "no convergence in 0 iterations"
         return False
     control = StepControl(corrections=min(most, StepControl().corrections))
-    start = equations.displacement(x).reshape(equations.constraints.fixed.shape)
-    with equations.prescribed.ramped(start):
+    with equations.ramped(x):
         equations.prescribed.part = 0.0
         return _follow(_Loaded(equations, linear, x), x, attempt, control)
 

@@ -30,7 +30,7 @@ def raise_load(solver: Newton, x: PETSc.Vec, attempt: Attempt, increments: int) 
     """
     eq, first = solver.equations, 1.0 / increments
     done, step, good = 0.0, first, x.duplicate()
-    with eq.prescribed.ramped(eq.displacement(x).reshape(eq.constraints.fixed.shape)):
+    with eq.ramped(x):
         eq.prescribed.part = 0.0
         eq.residual(x, solver.offset)
         try:

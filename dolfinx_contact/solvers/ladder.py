@@ -38,6 +38,7 @@ from dolfinx_contact._errors import require, same_everywhere
 from dolfinx_contact._petsc import staged
 from dolfinx_contact._progress import SolveProgress
 from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.touching import bring_together
 from dolfinx_contact.solvers.choice import LinearSolverChoice
 from dolfinx_contact.solvers.errors import ConvergenceError, FloatingBodyError
 from dolfinx_contact.solvers.following import follow_load
@@ -88,6 +89,7 @@ def solve(
         ConvergenceError: if no strategy converges.
     """
     _check_data(equations, x0)
+    bring_together(equations, x0)
     attempts: list[Attempt] = []
     floating: FloatingBodyError | None = None
     x, turned, objection, way = x0.duplicate(), x0.duplicate(), "", ""
@@ -233,6 +235,8 @@ def _check_data(eq: ContactEquations, x0: PETSc.Vec) -> None:
     values = eq.constraints.values()
     prescribed = bool(np.isfinite(values[eq.constraints.fixed]).all())
     require(eq.comm, prescribed, "a Dirichlet value is not finite")
+    given = bool(np.isfinite(eq.rigid.numbers()).all())
+    require(eq.comm, given, "a load or motion of a rigid body is not finite")
     eq.constraints.check_values(eq.surfaces, eq.body_size)
     b = eq.create_vector()
     eq.residual(x0, b)
@@ -251,6 +255,9 @@ def _given_numbers(eq: ContactEquations) -> list[list[float]]:
     constants = list(eq.bulk.residual.constants())
     for s in eq.surfaces:
         for e in s.given.all:
+            constants += extract_constants(e)
+    for body in eq.rigid.bodies:
+        for e in body.expressions:
             constants += extract_constants(e)
     return [[float(v) for v in np.ravel(c.value)] for c in constants]
 

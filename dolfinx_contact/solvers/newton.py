@@ -24,6 +24,7 @@ from dolfinx_contact._settling import ROUNDS, settle
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.measures import Measures, Scales
 from dolfinx_contact.equations.state import State, Statuses, differs
+from dolfinx_contact.equations.touching import touching
 from dolfinx_contact.solvers.errors import FloatingBodyError, LinearSolverError
 from dolfinx_contact.solvers.history import Attempt, Step
 from dolfinx_contact.solvers.linear import LinearSolver
@@ -273,17 +274,18 @@ class Newton:
         eq = self.equations
         self._warm = eq.any_closed(statuses)
         cold = self._full_steps and not self._warm and self.held is None
-        if cold or eq.loose_motions(statuses):
-            self._guess = statuses = eq.touching(self.load, self.state.u)
+        if cold or eq.loose_motions(statuses, self.state):
+            self._guess = statuses = touching(eq, self.load, self.state)
         return statuses
 
     def _floats(self, statuses: Statuses) -> bool:
         """Whether a rigid motion is free. Collective."""
-        loose = self.equations.loose_motions(statuses)
+        loose = self.equations.loose_motions(statuses, self.state)
         if loose:
+            held = ", hold the rigid body" if self.equations.rigid.bodies else ""
             self.attempt.reason = (
                 f"a rigid motion of the body is free ({loose}): neither Dirichlet data nor contact "
-                "holds it. Add a Dirichlet condition, or start from a state in contact"
+                f"holds it. Add a Dirichlet condition{held}, or start from a state in contact"
             )
             self.floating = FloatingBodyError(self.attempt.reason)
         return bool(loose)

@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Where a solve begins: what is expected to touch, and rigid bodies brought to what they press.
+
+From a state that touches nothing the first step would be free of contact, and a body that contact
+alone holds would float.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.state import State, Statuses
+from dolfinx_contact.laws.status import PLUS, STICK
+from dolfinx_contact.points.surface import ContactSurface
+
+__all__ = ["bring_together", "touching"]
+
+Array = npt.NDArray[np.float64]
+
+_TOUCHES = 1e-9  # of the size of the body, a gap that is none
+#: Bands of gaps over the size of the body in which points may hold a rigid body.
+_BANDS = (_TOUCHES, *0.5 ** np.arange(20, -1, -1))
+
+
+def touching(eq: ContactEquations, load: float, state: State) -> Statuses:
+    """Statuses in which all points stick that a part of the load may close. Collective.
+
+    Where that leaves a rigid body loose, those nearest to it stick as well, as many as it takes to
+    hold it: a load that presses it against them brings them together.
+
+    Args:
+        eq: the contact problem.
+        load: part of the prescribed motion that is applied.
+        state: whose displacements are looked at.
+    """
+    gaps = [eq.gaps(s, state) for s in eq.surfaces]
+    reaches = [
+        max(load * (eq.reach(s, state.u) + _rigid_reach(eq, s, state)), _TOUCHES * eq.body_size)
+        for s in eq.surfaces
+    ]
+    found = _within(eq, gaps, reaches)
+    if not eq.rigid.size or not eq.loose_motions(found):
+        return found
+    nearest = eq.rigid.nearest(gaps)
+    for band in _BANDS:
+        limits = zip(reaches, nearest, strict=True)
+        found = _within(eq, gaps, [max(r, g + band * eq.body_size) for r, g in limits])
+        if not eq.loose_motions(found):
+            break
+    return found
+
+
+def _within(eq: ContactEquations, gaps: Sequence[Array], limits: Sequence[float]) -> Statuses:
+    """Statuses in which points with gaps up to a limit stick, surface by surface."""
+    found = []
+    for s, gap, limit in zip(eq.surfaces, gaps, limits, strict=True):
+        codes = s.law_at_points.codes
+        touches = STICK if STICK in codes else PLUS
+        found.append(np.where(gap <= limit, touches, codes[0]).astype(np.int8))
+    return found
+
+
+def _rigid_reach(eq: ContactEquations, s: ContactSurface, state: State) -> float:
+    """Half of how far prescribed motions will bring a rigid body nearer to points of ``s``."""
+    step = np.where(eq.rigid.fixed, eq.prescribed_motions() - state.q, 0.0)
+    nearer = float(np.max(_closing(eq, s, step), initial=0.0))
+    return 0.5 * float(eq.comm.allreduce(nearer, op=max))
+
+
+def _closing(eq: ContactEquations, s: ContactSurface, q: Array) -> Array:
+    """By how much a motion of rigid bodies closes the points of ``s`` (n,). Collective."""
+    jump = eq.relative_jump(s, np.zeros(eq.owned_sizes[0]), q, rate=True)
+    return np.asarray(np.sum(jump * s.points.data.n, axis=1))
+
+
+def bring_together(eq: ContactEquations, x: PETSc.Vec) -> None:
+    """Move rigid bodies that touch nothing along their loads until they touch. Collective.
+
+    A translation; bodies without a load along a free one, or with nothing ahead of them, stay.
+    """
+    if not eq.rigid.size:
+        return
+    state, along = eq.contact(x), eq.rigid.directions()
+    gaps = [eq.gaps(s, state) for s in eq.surfaces]
+    closing = [_closing(eq, s, along) for s in eq.surfaces]
+    moved = state.q + eq.rigid.free_ways(gaps, closing) * along
+    x.array[x.getLocalSize() - eq.rigid.owned :] = eq.rigid.here(moved)

@@ -1,0 +1,279 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""Rigid bodies as contact partners: obstacles that move as forces, moments or motions tell them.
+
+A rigid body has a few unknowns of its own, a displacement d and a rotation theta about a reference
+point X_0, both small: a material point X of it moves by
+
+    Phi(X) q = d + theta x (X - X_0),    q = (d, theta).
+
+Jumps are those of the deformable body relative to it, B (u - Phi q), and what is transmitted at the
+contact points with tractions t balances the loads F on it, F = Phi^T B^T W t, in the components of
+q that are not prescribed (Wriggers, Computational Contact Mechanics, 2006, section 5.1: contact
+with a rigid body whose motion is unknown).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import Rotation
+
+import ufl
+from dolfinx import fem, mesh
+from ufl.algorithms.analysis import extract_constants
+
+from dolfinx_contact._agreement import refuse_other_mesh
+from dolfinx_contact.obstacles import Obstacle, gap_at
+
+__all__ = ["COMPONENTS", "RigidBody", "number"]
+
+Array = npt.NDArray[np.float64]
+
+#: Names of the components of a rigid motion, by dimension.
+COMPONENTS = {2: ("x", "y", "rz"), 3: ("x", "y", "z", "rx", "ry", "rz")}
+
+
+class RigidBody(Obstacle):
+    """A rigid body that moves: by loads, or as prescribed, component by component.
+
+    The components of its motion are the displacements ``x``, ``y`` (``z``) of the reference point
+    and the rotations ``rz`` (``rx``, ``ry``, ``rz``) about it. Each is either free, and has a load
+    (a force, or a moment about the reference point), or prescribed, and has a motion. Values are
+    numbers, scalar Constants or UFL of these, which may be changed later. Displacement and rotation
+    are small; gap and normal are those of the shape where it is given.
+
+    Several contact surfaces may touch one rigid body.
+
+    Args:
+        shape: any obstacle, where it is before it moves.
+        about: the reference point.
+        load: forces and moments by component, which are free.
+        motion: displacements and rotations (radians) by component.
+        free: components that are free, without a load.
+        held: components whose motion is zero.
+        name: used in messages and results.
+
+    Attributes:
+        shape, name: as given.
+        about: reference point (dim,).
+        components: names of all components.
+        given: by component its load or motion.
+        fixed: which components are prescribed (3,) or (6,).
+        values: displacement and rotation that were found last, where a solve begins (3,) or (6,).
+
+    Raises:
+        ValueError: if something is said twice, or nothing, of a component, or a value is no finite
+            number and no UFL scalar.
+    """
+
+    def __init__(
+        self,
+        shape: Obstacle,
+        *,
+        about: npt.ArrayLike,
+        load: Mapping[str, Any] | None = None,
+        motion: Mapping[str, Any] | None = None,
+        free: Sequence[str] = (),
+        held: Sequence[str] = (),
+        name: str = "rigid body",
+    ):
+        if not isinstance(name, str) or not name:
+            raise ValueError(f"the name of a rigid body must be a word, got {name!r}")
+        if not isinstance(shape, Obstacle) or isinstance(shape, RigidBody) or shape.opposite:
+            raise ValueError(f"{name}: its shape must be a HalfSpace, Sphere, Cylinder, LevelSet")
+        self.shape, self.name, self.about = shape, name, _point(about, name)
+        self.dim = len(self.about)
+        self.components = COMPONENTS[self.dim]
+        self.given: dict[str, Any] = {}
+        loads, motions = (_mapping(m, name) for m in (load, motion))
+        zeros = [dict.fromkeys(_names(words, name), 0.0) for words in (free, held)]
+        for part in (loads, zeros[0], motions, zeros[1]):
+            for component, value in part.items():
+                if component not in self.components:
+                    known = ", ".join(self.components)
+                    raise ValueError(f"{name}: unknown component {component!r}; known: {known}")
+                if component in self.given:
+                    raise ValueError(f"{name}: the component {component} is given twice")
+                self.given[component] = _scalar(value, f"{name}: what is given for {component}")
+        missing = [c for c in self.components if c not in self.given]
+        if missing:
+            raise ValueError(
+                f"{name}: nothing is said of {', '.join(missing)}: a component has a load or a "
+                "motion, or is named in free or held"
+            )
+        prescribed = {**motions, **zeros[1]}
+        self.fixed = np.array([c in prescribed for c in self.components])
+        self.values: Array = np.zeros(len(self.components))
+        self._places: list[tuple[fem.Constant, fem.Constant]] = []
+
+    @property
+    def displacement(self) -> Array:
+        """Displacement of the reference point (dim,)."""
+        return self.values[: self.dim]
+
+    @property
+    def rotation(self) -> Array:
+        """Rotation about the reference point: (1,) in 2D, (3,) in 3D."""
+        return self.values[self.dim :]
+
+    @property
+    def expressions(self) -> list[Any]:
+        """Loads and motions in UFL, component by component."""
+        return [self.given[c] for c in self.components]
+
+    # -- obstacle --------------------------------------------------------------------------------
+
+    @property
+    def flat(self) -> bool:
+        return bool(self.shape.flat and self.fixed[self.dim :].all() and not self._turns)
+
+    @property
+    def _turns(self) -> bool:
+        given = self.expressions[self.dim :]
+        return not all(isinstance(e, ufl.constantvalue.Zero) for e in given)
+
+    def at(self, domain: mesh.Mesh, x: Any) -> tuple[Any, Any]:
+        self._check(domain)
+        return self.shape.at(domain, x)
+
+    def on(self, domain: mesh.Mesh) -> tuple[Any, Any]:
+        self._check(domain)
+        return self.shape.on(domain)
+
+    def _check(self, domain: mesh.Mesh) -> None:
+        """Raise ``ValueError`` if the body does not fit a mesh. Not collective."""
+        if domain.geometry.dim != self.dim:
+            raise ValueError(
+                f"{self.name}: the reference point has {self.dim} components, the mesh "
+                f"{domain.geometry.dim}"
+            )
+        for component, e in self.given.items():
+            refuse_other_mesh(e, domain, f"{self.name}: what is given for {component}")
+
+    def gap_of(self, domain: mesh.Mesh, x: Any) -> Any | None:
+        """UFL gap at a UFL point where the body is since `place`; None if the shape does not say.
+
+        The rotation is that of a finite angle.
+        """
+        shift, turn = (fem.Constant(domain, m) for m in (np.zeros(self.dim), np.eye(self.dim)))
+        about = ufl.as_vector(self.about.tolist())
+        gap = gap_at(self.shape, domain, about + turn * (x - about - shift))
+        if gap is not None:
+            self._places.append((shift, turn))
+        return gap
+
+    def place(self) -> None:
+        """Let the gaps of `gap_of` follow `values`."""
+        vector = np.zeros(3)
+        vector[3 - len(self.rotation) :] = self.rotation
+        turned = Rotation.from_rotvec(vector).as_matrix().T[: self.dim, : self.dim]
+        for shift, turn in self._places:
+            shift.value, turn.value = self.displacement, turned
+
+    # -- rigid motions ---------------------------------------------------------------------------
+
+    def field(self, x: Array, values: Array) -> Array:
+        """Phi q: displacements (n, dim) at points (n, dim) of a motion q."""
+        arm, d, turn = x - self.about, values[: self.dim], values[self.dim :]
+        if self.dim == 2:
+            return np.asarray(d + turn * np.stack([-arm[:, 1], arm[:, 0]], axis=1))
+        return np.asarray(d + np.cross(turn, arm))
+
+    def resultant(self, x: Array, forces: Array) -> Array:
+        """Phi^T f: force, and moment about the reference point, of forces (n, dim) at points."""
+        arm = x - self.about
+        if self.dim == 2:
+            moments: Array = (arm[:, 0] * forces[:, 1] - arm[:, 1] * forces[:, 0])[:, None]
+        else:
+            moments = np.asarray(np.cross(arm, forces), dtype=np.float64)
+        return np.concatenate([forces.sum(axis=0), moments.sum(axis=0)])
+
+    def moves(self, x: Array) -> npt.NDArray[np.bool_]:
+        """Components of the displacement at points (n, dim) that a free component moves."""
+        arm = np.linalg.norm(x - self.about, axis=1)
+        size = float(np.max(arm, initial=0.0)) or 1.0
+        found = np.zeros(x.shape, dtype=bool)
+        for i in np.flatnonzero(~self.fixed):
+            unit = np.zeros(len(self.values))
+            unit[i] = 1.0 if i < self.dim else 1.0 / size
+            found |= np.abs(self.field(x, unit)) > _TOLERANCE
+        return found
+
+    def numbers(self) -> Array:
+        """Loads and motions as they are now, component by component."""
+        return np.array([number(e) for e in self.expressions])
+
+    def described(self) -> str:
+        """What is to be the same on every rank."""
+        given = {c: number(e) for c, e in self.given.items()}
+        return f"{self.name} about {self.about.tolist()}, {given}, held {self.fixed.tolist()}"
+
+
+_TOLERANCE = 1e-9  # of a unit motion, below which a point is where it was
+
+
+def number(e: Any) -> float:
+    """The value of a UFL scalar of Constants."""
+    known = {c: _value(c) for c in extract_constants(e)}
+    return float(e(None, known))
+
+
+def _value(c: fem.Constant) -> Any:
+    values = np.asarray(c.value, dtype=np.float64)
+    return float(values) if values.shape == () else _nested(values.tolist())
+
+
+def _nested(values: Any) -> Any:
+    return tuple(_nested(v) for v in values) if isinstance(values, list) else values
+
+
+def _point(about: Any, name: str) -> Array:
+    try:
+        point = np.array(about, dtype=np.float64)
+    except (TypeError, ValueError):
+        point = np.empty(0)
+    if point.shape not in ((2,), (3,)) or not np.isfinite(point).all():
+        raise ValueError(
+            f"{name}: the reference point must have 2 or 3 finite components, got {about!r}"
+        )
+    return point
+
+
+def _mapping(given: Any, name: str) -> dict[str, Any]:
+    if given is None:
+        return {}
+    if not isinstance(given, Mapping):
+        raise ValueError(f"{name}: loads and motions go by component, {{'y': -1.0}}; got {given!r}")
+    return dict(given)
+
+
+def _names(given: Any, name: str) -> list[str]:
+    if isinstance(given, str) or not isinstance(given, Sequence | set | frozenset):
+        raise ValueError(f"{name}: free and held are lists of components, got {given!r}")
+    words = list(given)
+    if len(set(words)) < len(words):
+        raise ValueError(f"{name}: a component is named twice in {given!r}")
+    return words
+
+
+def _scalar(value: Any, what: str) -> Any:
+    """A load or motion as a UFL scalar of Constants, or ``ValueError``."""
+    if isinstance(value, bool | np.bool_):
+        raise ValueError(f"{what} must be a number or a UFL scalar, got {value!r}")
+    if isinstance(value, int | float | np.number):
+        if not np.isfinite(value):
+            raise ValueError(f"{what} must be finite, got {value!r}")
+        return ufl.as_ufl(float(value))
+    if not isinstance(value, ufl.core.expr.Expr) or value.ufl_shape != ():
+        raise ValueError(f"{what} must be a number or a UFL scalar, got {value!r}")
+    position = any(isinstance(t, ufl.geometry.GeometricQuantity) for t in _terminals(value))
+    if ufl.algorithms.extract_coefficients(value) or position:
+        raise ValueError(f"{what} may contain Constants, but neither Functions nor the position")
+    return value
+
+
+def _terminals(e: Any) -> list[Any]:
+    return [t for t in ufl.corealg.traversal.unique_pre_traversal(e) if not t.ufl_operands]
