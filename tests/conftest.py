@@ -17,7 +17,7 @@ OF_NUMBERS = (
     *("test_continuation", "test_linear_triangle", "test_ciarlet_geymonat", "test_rays"),
     *("test_solutions", "test_multigrid", "test_krylov", "test_record", "test_bad_input"),
     *("test_law", "test_own_law", "test_pair", "test_mortar"),
-    *("test_critical_friction", "test_renard", "test_hild_2005"),
+    *("test_critical_friction", "test_renard", "test_hild_2005", "test_steady_sliding"),
 )
 
 

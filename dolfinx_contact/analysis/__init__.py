@@ -3,5 +3,14 @@
 
 from dolfinx_contact.analysis.critical_friction import CriticalFriction, critical_friction
 from dolfinx_contact.analysis.renard import Renard, renard_criterion
+from dolfinx_contact.analysis.steady_sliding import Onset, SlidingModes, SteadySliding
 
-__all__ = ["CriticalFriction", "Renard", "critical_friction", "renard_criterion"]
+__all__ = [
+    "CriticalFriction",
+    "Onset",
+    "Renard",
+    "SlidingModes",
+    "SteadySliding",
+    "critical_friction",
+    "renard_criterion",
+]
