@@ -7,6 +7,7 @@ import pytest
 import scipy.linalg
 import scipy.sparse
 from demo_linear_triangle import linear_triangle
+from demo_squeal import main as demo
 from test_critical_friction import block, on_box
 
 import dolfinx.fem.petsc
@@ -16,6 +17,7 @@ from dolfinx import fem, mesh
 from dolfinx_contact.analysis import SteadySliding
 from dolfinx_contact.laws import PLUS
 from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.output import write_vibration
 
 COMM = MPI.COMM_WORLD
 QUADS = mesh.CellType.quadrilateral
@@ -232,3 +234,38 @@ def test_bad_input():
         sliding.modes(-0.1)
     with pytest.raises(ValueError, match="largest friction must be positive"):
         sliding.onset(0.0)
+
+
+def test_demo(folder):
+    """Numbers of the benchmark, what regularised friction hides, and the animation."""
+    pad_options = ["--nx=2", "--ny=2", "--width=1", "--height=1", "--friction=0.5"]
+    found = demo([*pad_options, "--damping=0.02", "--slopes", "0.1", "2", f"--output={folder}"])
+    expected = (*FASTEST[2][:1], *ONSET[2][0.02])
+    assert found["growth"] + 1j * found["frequency"] == pytest.approx(expected[0], abs=1e-9)
+    assert found["onset"] == pytest.approx(expected[1], abs=1e-6)
+    assert found["onset_frequency"] == pytest.approx(expected[2], abs=1e-6)
+    regularised = found["regularised"]
+    assert found["growth"] > regularised["0.1"] > 0 > regularised["2"]
+
+
+def test_animation(folder):
+    """One period: the frames of the two parts are a quarter of it apart, of the size asked for."""
+    problem = pad(2)
+    modes = SteadySliding(problem, (-1.0, 0.0), density=1.0, damping=0.02).modes(1.0)
+    file = write_vibration(folder, modes.real, modes.imaginary, size=0.2, frames=8, format="vtk")
+    assert file.suffix == ".pvd"
+    pyvista = pytest.importorskip("pyvista")
+    reader = pyvista.get_reader(file)
+    np.testing.assert_allclose(reader.time_values, np.arange(8) / 8)
+    frames = []
+    for i in range(8):
+        reader.set_active_time_point(i)
+        frames.append(reader.read()[0]["displacement"])
+    assert 0.1 < max(np.abs(f).max() for f in frames) <= 0.2 + 1e-12
+    np.testing.assert_allclose(frames[4], -frames[0], atol=1e-12)
+    largest = COMM.allreduce(np.abs(modes.imaginary.x.array).max(initial=0.0), op=MPI.MAX)
+    quarter = np.abs(frames[2]).max() / np.abs(frames[0]).max()
+    real = COMM.allreduce(np.abs(modes.real.x.array).max(initial=0.0), op=MPI.MAX)
+    assert quarter == pytest.approx(largest / real)
+    with pytest.raises(ValueError, match="nothing moves"):
+        write_vibration(folder, fem.Function(problem.V), fem.Function(problem.V))
