@@ -18,6 +18,7 @@ OF_NUMBERS = (
     *("test_solutions", "test_multigrid", "test_krylov", "test_record", "test_bad_input"),
     *("test_law", "test_own_law", "test_pair", "test_mortar"),
     *("test_critical_friction", "test_renard", "test_hild_2005", "test_steady_sliding"),
+    "test_stability",
 )
 
 

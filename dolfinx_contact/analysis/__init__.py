@@ -3,6 +3,7 @@
 
 from dolfinx_contact.analysis.critical_friction import CriticalFriction, critical_friction
 from dolfinx_contact.analysis.renard import Renard, renard_criterion
+from dolfinx_contact.analysis.stability import Stability, stability_at_rest
 from dolfinx_contact.analysis.steady_sliding import Onset, SlidingModes, SteadySliding
 
 __all__ = [
@@ -10,7 +11,9 @@ __all__ = [
     "Onset",
     "Renard",
     "SlidingModes",
+    "Stability",
     "SteadySliding",
     "critical_friction",
     "renard_criterion",
+    "stability_at_rest",
 ]

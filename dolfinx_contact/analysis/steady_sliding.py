@@ -21,22 +21,24 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from petsc4py import PETSc
-
 import numpy as np
 import numpy.typing as npt
 from scipy.optimize import brentq, minimize_scalar
 
-import dolfinx.fem.petsc
 import ufl
 from dolfinx import fem
 
 from dolfinx_contact._errors import everywhere, require
-from dolfinx_contact._forms import compiled_form
 from dolfinx_contact._petsc import staged
 from dolfinx_contact.analysis.rows import Problem
 from dolfinx_contact.analysis.slip import Direction, Slip, SlipPattern
-from dolfinx_contact.analysis.vibrations import Body, Spectrum, Vibrations
+from dolfinx_contact.analysis.vibrations import (
+    Spectrum,
+    Vibrations,
+    body_of,
+    is_number,
+    require_positive,
+)
 
 __all__ = ["Onset", "SlidingModes", "SteadySliding"]
 
@@ -115,27 +117,15 @@ class SteadySliding:
         count: int = 24,
     ):
         eq = problem.equations
-        self._eq, V, mesh = eq, eq.V, eq.V.mesh
-        v, w = ufl.TrialFunction(V), ufl.TestFunction(V)
+        self._eq = eq
         with everywhere(eq.comm, "steady sliding"):
-            if isinstance(density, int | float | np.number):
-                _positive("density", density)
-                density = fem.Constant(mesh, float(density))
-            if isinstance(damping, ufl.Form):
-                if len(damping.arguments()) != 2:
-                    raise ValueError("a form of damping has a trial and a test function")
-            elif not (_is_number(damping) and damping >= 0):
-                raise ValueError(f"the damping is a time >= 0 or a form, got {damping!r}")
             if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 1:
                 raise ValueError(f"the number of eigenvalues must be 1 or more, got {count!r}")
         state = problem.state()
         pattern = SlipPattern.of(eq, direction, state)
         self._slip = Slip(eq, pattern, hold_across=hold_across)
-        mass = density * ufl.dot(v, w) * ufl.dx(domain=mesh)
-        quadratic = isinstance(damping, ufl.Form)
-        eta, C = (0.0, _assembled(damping)) if quadratic else (float(damping), None)
-        self._body = Body(eq.bulk.stiffness(state.u).copy(), _assembled(mass), eta, C)
-        self._damped = quadratic or eta > 0
+        self._body = body_of(eq, state.u, density, damping)
+        self._damped = self._body.C is not None or self._body.eta > 0
         self._vibrations = Vibrations(eq, self._slip, self._body, dense=dense, count=int(count))
         slopes = [s.answers.unit_bound for s in state.surfaces]
         self._slope = np.concatenate(slopes)[self._slip.places]
@@ -178,8 +168,8 @@ class SteadySliding:
             RuntimeError: if SLEPc does not converge.
         """
         with everywhere(self._eq.comm, "the onset of growth"):
-            _positive("largest friction", most)
-            _positive("step of friction", step)
+            require_positive("largest friction", most)
+            require_positive("step of friction", step)
         frictions, growths = [0.0], [self._growth(0.0)]
         if growths[0] > 0:
             return self._at(0.0)
@@ -221,29 +211,11 @@ class SteadySliding:
             known = bool(np.isfinite(self._slope).all())
             require(comm, known, "the law has no coefficient of friction: say which")
             return self._vibrations.spectrum(self._slope, vectors=vectors)
-        fits = _is_number(friction) and friction >= 0
+        fits = is_number(friction) and friction >= 0
         require(comm, fits, f"the friction must be a number >= 0, got {friction!r}")
         return self._vibrations.spectrum(np.full(len(places), float(friction)), vectors=vectors)
 
     def destroy(self) -> None:
         """Free the PETSc objects."""
         self._slip.destroy()
-        for A in (self._body.K, self._body.M, self._body.C):
-            if A is not None:
-                A.destroy()
-
-
-def _assembled(form: ufl.Form) -> PETSc.Mat:
-    A = dolfinx.fem.petsc.assemble_matrix(compiled_form(form))
-    A.assemble()
-    return A
-
-
-def _is_number(value: Any) -> bool:
-    numbers = int | float | np.number
-    return isinstance(value, numbers) and not isinstance(value, bool) and bool(np.isfinite(value))
-
-
-def _positive(what: str, value: Any) -> None:
-    if not _is_number(value) or value <= 0:
-        raise ValueError(f"the {what} must be positive, got {value!r}")
+        self._body.destroy()

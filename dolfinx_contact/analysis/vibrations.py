@@ -29,13 +29,27 @@ import numpy.typing as npt
 from scipy.linalg import qr
 from scipy.sparse import csr_matrix, vstack
 
-from dolfinx_contact._errors import on_root
+import dolfinx.fem.petsc
+import ufl
+from dolfinx import fem
+
+from dolfinx_contact._errors import everywhere, on_root
+from dolfinx_contact._forms import compiled_form
 from dolfinx_contact._petsc import options_in_database
 from dolfinx_contact.analysis.held import saddle, slepc, with_dirichlet_rows
 from dolfinx_contact.analysis.slip import Slip
 from dolfinx_contact.equations.contact import ContactEquations
 
-__all__ = ["Body", "Spectrum", "Vibrations"]
+__all__ = [
+    "Body",
+    "Spectrum",
+    "Vibrations",
+    "body_of",
+    "is_number",
+    "null_space",
+    "on_root_dense",
+    "require_positive",
+]
 
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
@@ -70,6 +84,59 @@ class Body:
     M: PETSc.Mat
     eta: float
     C: PETSc.Mat | None
+
+    def destroy(self) -> None:
+        """Free the matrices."""
+        for A in (self.K, self.M, self.C):
+            if A is not None:
+                A.destroy()
+
+
+def body_of(eq: ContactEquations, u: Array, density: Any, damping: float | ufl.Form) -> Body:
+    """Stiffness, mass and damping at a displacement. Collective.
+
+    Args:
+        eq: the contact problem.
+        u: displacement, all local values.
+        density: of mass, a number, Constant, Function or UFL expression.
+        damping: eta of C = eta K, or a UFL form C(trial, test).
+
+    Raises:
+        ValueError: on every rank, for arguments that do not fit.
+    """
+    V, domain = eq.V, eq.V.mesh
+    v, w = ufl.TrialFunction(V), ufl.TestFunction(V)
+    with everywhere(eq.comm, "mass and damping"):
+        if isinstance(density, int | float | np.number):
+            require_positive("density", density)
+            density = fem.Constant(domain, float(density))
+        mass = density * ufl.dot(v, w) * ufl.dx(domain=domain)
+        if isinstance(damping, ufl.Form):
+            if len(damping.arguments()) != 2:
+                raise ValueError("a form of damping has a trial and a test function")
+        elif not (is_number(damping) and damping >= 0):
+            raise ValueError(f"the damping is a time >= 0 or a form, got {damping!r}")
+    quadratic = isinstance(damping, ufl.Form)
+    eta, C = (0.0, _assembled(damping)) if quadratic else (float(damping), None)
+    return Body(eq.bulk.stiffness(u).copy(), _assembled(mass), eta, C)
+
+
+def _assembled(form: ufl.Form) -> PETSc.Mat:
+    A = dolfinx.fem.petsc.assemble_matrix(compiled_form(form))
+    A.assemble()
+    return A
+
+
+def is_number(value: Any) -> bool:
+    """Whether a value is a finite number."""
+    numbers = int | float | np.number
+    return isinstance(value, numbers) and not isinstance(value, bool) and bool(np.isfinite(value))
+
+
+def require_positive(what: str, value: Any) -> None:
+    """Raise ``ValueError`` if a value is no positive number. Not collective."""
+    if not is_number(value) or value <= 0:
+        raise ValueError(f"the {what} must be positive, got {value!r}")
 
 
 @dataclass(frozen=True)
