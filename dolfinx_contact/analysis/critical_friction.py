@@ -79,7 +79,7 @@ def critical_friction(
     problem: Problem,
     direction: Direction = None,
     *,
-    count: int = 12,
+    count: int = 1,
     dense: bool | None = None,
 ) -> CriticalFriction:
     """Critical coefficients of friction of a body in contact. Collective.
@@ -92,7 +92,9 @@ def critical_friction(
         direction: of the slip d. A vector, whose tangential part is taken: all contact points are
             in contact and slip; by default t = (-n_y, n_x) in 2D. Or ``"solution"``: the points
             that slip in the solution in the Functions, as they do; others are stuck or open.
-        count: of eigenvalues that are computed where there are too many points for all.
+        count: of eigenvalues that are computed where there are too many points for all; if none of
+            them is real and of one sign, up to 16 times as many. Beyond the first they often lie
+            close together, and take long.
         dense: whether all are computed; by default with up to 512 points.
 
     Raises:
@@ -110,7 +112,7 @@ def critical_friction(
     operator = _PressureByShear(eq, slip, state.u)
     try:
         complete = slip.number <= _DENSE if dense is None else bool(dense)
-        modes = operator.all() if complete else operator.largest(int(count))
+        modes = operator.all() if complete else operator.smallest(int(count))
         return _collected(problem, operator, slip, modes, complete)
     finally:
         operator.destroy()
@@ -152,8 +154,16 @@ class _PressureByShear:
 
         return on_root(self.comm, modes)
 
-    def largest(self, count: int) -> _Modes:
-        """Eigenvalues of T of largest size, by SLEPc, which applies T alone."""
+    def smallest(self, count: int) -> _Modes:
+        """The smallest F, and more of them if none is of one sign."""
+        for more in (1, 4, 16):
+            modes = self._by_slepc(more * count)
+            if modes.one_signed.any() or more * count >= self._slip.number:
+                break
+        return modes
+
+    def _by_slepc(self, count: int) -> _Modes:
+        """Eigenvalues of T of largest size; SLEPc applies T alone."""
         SLEPc = slepc()
         size = (len(self._slip.places), None)
         T = PETSc.Mat().createPython((size, size), _Product(self), comm=self.comm)
