@@ -2,6 +2,7 @@
 
 from mpi4py import MPI
 
+import demo_two_blocks
 import numpy as np
 import pytest
 import scipy.linalg
@@ -251,3 +252,29 @@ def test_bad_input():
     domain = mesh.create_unit_square(COMM, 2, 2)
     with pytest.raises(ValueError, match="nodal or mixed"):
         critical_friction(on_box(domain, method="integral"))
+
+
+@pytest.mark.parametrize(
+    "options", [["--lower", "1e9", "0.3"], ["--lower", "1e9", "0.3", "--ratio=2"]]
+)
+def test_between_bodies(options):
+    """On a body that is very stiff, with matching faces or others, as on a rigid floor."""
+    rigid, pair = (
+        critical_friction(two_blocks(["--n=4", "--upper", "1.0", "0.3", *given]))
+        for given in (["--rigid-floor"], options)
+    )
+    assert pair.friction == pytest.approx(rigid.friction, rel=1e-6)
+    np.testing.assert_allclose(pair.slips, rigid.slips, atol=1e-5)
+
+
+def two_blocks(options):
+    return demo_two_blocks.problem(demo_two_blocks.arguments(options), COMM)
+
+
+def test_two_similar_bodies():
+    """What a shear presses below and lifts above nearly cancels: no slip of one sign is left."""
+    given = ["--n=4", "--upper", "1.0", "0.3", "--lower", "1.0", "0.3"]
+    found = critical_friction(two_blocks(given))
+    assert (found.friction, found.one_signed, len(found.slips)) == (None, [], 0)
+    alone = critical_friction(two_blocks([*given, "--rigid-floor"]))
+    assert min(map(abs, found.others)) > 1.5 * abs(alone.friction)
