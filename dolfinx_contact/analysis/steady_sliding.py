@@ -114,7 +114,7 @@ class SteadySliding:
         damping: float | ufl.Form = 0.0,
         hold_across: bool = False,
         dense: bool | None = None,
-        count: int = 24,
+        count: int = 40,
     ):
         eq = problem.equations
         self._eq = eq
