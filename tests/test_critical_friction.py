@@ -1,5 +1,7 @@
 """Critical friction: known coefficients, an independent condensation, exact continua."""
 
+import sys
+
 from mpi4py import MPI
 
 import demo_two_blocks
@@ -22,7 +24,7 @@ LAME = {(1.0, 1.0): (2.0, 1.83333333, 1.78580249, 1.7666602)}
 LAME[(100.0, 82.0)] = (1.9010989, 1.73663256, 1.68791278, 1.66953114)
 
 
-def on_box(domain, *, material=None, sides=None, friction=0.3, law=None, **surface):
+def on_box(domain, *, material=None, sides=None, law=None, friction=0.3, clamped=True, **surface):
     """A body clamped at its top, the last coordinate, with contact at its bottom."""
     material = material or LinearElastic.from_young(1.0, 0.3)
     dim = domain.geometry.dim
@@ -33,10 +35,9 @@ def on_box(domain, *, material=None, sides=None, friction=0.3, law=None, **surfa
     ]
     V = fem.functionspace(domain, ("Lagrange", 1, (dim,)))
     u = fem.Function(V)
-    bcs = [
-        fem.dirichletbc(np.zeros(dim), fem.locate_dofs_topological(V, dim - 1, facets[1]), V),
-        *(sides(V) if sides else []),
-    ]
+    dofs = fem.locate_dofs_topological(V, dim - 1, facets[1])
+    bcs = [fem.dirichletbc(np.zeros(dim), dofs, V)] if clamped else []
+    bcs += sides(V) if sides else []
     floor = HalfSpace(np.zeros(dim), np.eye(dim)[-1])
     s = ContactSurface(u, facets[0], obstacle=floor, law=law or Coulomb(friction), **surface)
     return ContactProblem(material.energy(u) * ufl.dx, u, [s], bcs=bcs)
@@ -249,6 +250,8 @@ def test_bad_input():
         critical_friction(problem, count=0)
     with pytest.raises(ValueError, match="in 3D a direction"):
         critical_friction(block(1))
+    with pytest.raises(ValueError, match="without resistance"):
+        critical_friction(on_box(mesh.create_unit_square(COMM, 2, 2), clamped=False))
     domain = mesh.create_unit_square(COMM, 2, 2)
     with pytest.raises(ValueError, match="nodal or mixed"):
         critical_friction(on_box(domain, method="integral"))
@@ -278,3 +281,13 @@ def test_two_similar_bodies():
     assert (found.friction, found.one_signed, len(found.slips)) == (None, [], 0)
     alone = critical_friction(two_blocks([*given, "--rigid-floor"]))
     assert min(map(abs, found.others)) > 1.5 * abs(alone.friction)
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="one process is enough")
+def test_without_slepc(monkeypatch):
+    """Small problems do not need it; others say what is missing."""
+    monkeypatch.setitem(sys.modules, "slepc4py", None)
+    problem = leaning(3)
+    assert critical_friction(problem).friction > 0
+    with pytest.raises(ModuleNotFoundError, match="slepc4py is not installed"):
+        critical_friction(problem, dense=False)

@@ -99,9 +99,8 @@ def critical_friction(
 
     Raises:
         ValueError: on every rank, for a direction that is none, integral contact, or if no point
-            can slip.
-        RuntimeError: if Dirichlet data and closed contact do not hold the body, or SLEPc does not
-            converge.
+            can slip, or the body slides freely.
+        RuntimeError: if SLEPc does not converge.
     """
     eq = problem.equations
     with everywhere(eq.comm, "critical friction"):
@@ -109,6 +108,7 @@ def critical_friction(
             raise ValueError(f"the number of eigenvalues must be 1 or more, got {count!r}")
     state = problem.state()
     slip = Slip(eq, SlipPattern.of(eq, direction, state), hold_across=True)
+    slip.require_held()
     operator = _PressureByShear(eq, slip, state.u)
     try:
         complete = slip.number <= _DENSE if dense is None else bool(dense)

@@ -40,12 +40,13 @@ def slepc() -> Any:
     """The module of slepc4py.
 
     Raises:
-        RuntimeError: if it is not there.
+        ModuleNotFoundError: if it is not installed.
     """
     try:
         from slepc4py import SLEPc
-    except ImportError as error:
-        raise RuntimeError("this needs slepc4py (Debian: python3-slepc4py-real)") from error
+    except ModuleNotFoundError as error:
+        message = "slepc4py is not installed beside petsc4py: python3-slepc4py of Debian, or conda"
+        raise ModuleNotFoundError(message, name=error.name) from None
     return SLEPc
 
 

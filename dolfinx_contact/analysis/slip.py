@@ -28,6 +28,7 @@ from dolfinx_contact.analysis.rows import (
     point_normals,
     require_nodes,
 )
+from dolfinx_contact.body import rigid
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.order import by_coordinates
 from dolfinx_contact.equations.state import State
@@ -147,6 +148,26 @@ class Slip:
         self.N = component_rows(eq, self.places, self.normals)
         self.D = component_rows(eq, self.places, self.directions)
         self.H = component_rows(eq, np.concatenate([stuck, point]), held)
+
+    def require_held(self) -> None:
+        """Raise ``ValueError`` if rigid motions are held by nothing but friction. Collective."""
+        eq, motions = self._eq, self._eq.free_motions
+        if len(motions) == 0:
+            return
+        u, held = self.N.createVecRight(), []
+        for motion in motions:
+            u.array[:] = motion[: eq.V.dofmap.index_map.size_local].reshape(-1)
+            parts = [(rows, rows.createVecLeft()) for rows in (self.N, self.H)]
+            for rows, seen in parts:
+                rows.mult(u, seen)
+            held.append(np.concatenate([seen.array_r.copy() for _, seen in parts]))
+            for _, seen in parts:
+                seen.destroy()
+        u.destroy()
+        loose = rigid.combine(self.comm.allreduce(np.array(held) @ np.array(held).T), motions)
+        if len(loose):
+            words = rigid.describe(loose, eq.V)
+            raise ValueError(f"the body slides without resistance ({words}): nothing is critical")
 
     def in_order(self, *values: Array) -> list[Array]:
         """Positions, then values (n, ...), of the points that slip on all ranks. Collective.
