@@ -21,7 +21,14 @@ from dolfinx_contact.output import Journal, draw_diagram, picture_of_contact, pi
 
 COMM = MPI.COMM_WORLD
 TREE = Path(__file__).resolve().parents[1]
-SYSTEM = {"dolfinx", "ufl", "basix", "petsc4py", "mpi4py"}  # from Debian, conda or Docker
+SYSTEM = {
+    "dolfinx",
+    "ufl",
+    "basix",
+    "petsc4py",
+    "slepc4py",
+    "mpi4py",
+}  # from Debian, conda or Docker
 serial = pytest.mark.skipif(COMM.size > 1, reason="one process is enough")
 
 

@@ -16,6 +16,7 @@ FLOORS = [
     ("equations", "algorithms"),
     ("reduced",),
     ("solvers",),
+    ("analysis",),
     ("results",),
     ("problem", "parametric", "nested", "command_line"),
     ("output",),

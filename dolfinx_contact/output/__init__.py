@@ -23,6 +23,7 @@ from dolfinx_contact.output.series import write_series
 from dolfinx_contact.output.states import picture_of_states
 from dolfinx_contact.output.table import write_contact_table, write_rows
 from dolfinx_contact.output.tracing import journal_of
+from dolfinx_contact.output.vibration import write_vibration
 
 __all__ = [
     "STATUS_CODES",
@@ -51,4 +52,5 @@ __all__ = [
     "write_rows",
     "write_series",
     "write_summary",
+    "write_vibration",
 ]

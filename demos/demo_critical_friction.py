@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+# # Critical friction: how much of it brings a second solution
+#
+# This demo illustrates how to:
+#
+# - compute the friction coefficients at which sliding solutions come in continua;
+# - see by refinement whether they belong to the body or to the mesh, and compare them with the
+#   friction up to which a solution is certainly the only one.
+#
+# Hassani, Hild, Ionescu and Sakki (2003, 2004): with all contact points slipping the same way, S_tt
+# v = F S_nt v is an eigenproblem for F. At a real F whose v has one sign, v may be added to a
+# sliding solution. Two bodies: Hild's triangle, clamped on its slope, and a parallelogram that
+# leans, clamped at its top. The coefficient of the triangle converges as the mesh is refined. That
+# of the parallelogram falls like 2 W/H as it grows higher: no friction is too small for a continuum
+# on some body. A body that stands upright (`--offset 0`) shows nothing of the kind.
+
+from mpi4py import MPI
+
+import numpy as np
+from demo_linear_triangle import linear_triangle
+
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, output
+from dolfinx_contact.analysis import critical_friction, renard_criterion
+from dolfinx_contact.command_line import ScriptParser, number
+from dolfinx_contact.materials import LinearElastic
+
+
+def arguments(argv=None):
+    body = dict(n=32, lame=(100.0, 82.0), young=1.0, poisson=0.3)
+    parser = ScriptParser("Critical friction", output="output/critical_friction", **body)
+    parser.add_argument("--shape", choices=("hild", "parallelogram"), default="hild")
+    for name, default in (("width", 1.0), ("height", 4.0)):
+        parser.add_argument(f"--{name}", type=number(above=0), default=default, help="of it")
+    parser.add_argument("--offset", type=number(), default=1.0, help="of its top, to the right")
+    return parser.parse(argv)
+
+
+# ## The bodies
+#
+# Neither the load nor the friction of the law matters; it is 1, the unit of the criterion below.
+
+
+def parallelogram(args, n, height):
+    corners, cells = [[0.0, 0.0], [args.width, height]], [n, max(round(n * height / args.width), 1)]
+    quads = mesh.CellType.quadrilateral
+    domain = mesh.create_rectangle(MPI.COMM_WORLD, corners, cells, quads)
+    bottom, top = (
+        mesh.locate_entities_boundary(domain, 1, lambda x, y=y: np.isclose(x[1], y))
+        for y in (0.0, height)
+    )
+    domain.geometry.x[:, 0] += args.offset * domain.geometry.x[:, 1] / height
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V, name="displacement")
+    clamped = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, top), V)
+    floor = ContactSurface(u, bottom, obstacle=HalfSpace((0, 0), (0, 1)), law=Coulomb(1.0))
+    energy = LinearElastic.from_young(args.young, args.poisson).energy(u) * ufl.dx
+    return ContactProblem(energy, u, [floor], bcs=[clamped])
+
+
+def body(args, n):
+    if args.shape == "hild":
+        return linear_triangle(n, 1.0, lame=args.lame).problem
+    return parallelogram(args, n, args.height)
+
+
+# ## Refinement, and what is certain
+#
+# Renard's criterion says up to which friction a solution is the only one, from the directions in
+# which its points slip. For one direction it converges too. For directions that alternate from node
+# to node it goes to zero like h^(1/2), and such is the bound C h^(1/2) that theory has for *all*
+# solutions: it is about slips that nobody has seen, and the first continuum is far above it.
+
+
+def level(args, n):
+    problem, h = body(args, n), (1.0 if args.shape == "hild" else args.width) / n
+
+    def alternating(x):
+        return np.outer((-1.0) ** np.round(x[:, 0] / h), [1.0, 0.0])
+
+    return {
+        "h": h,
+        "critical": critical_friction(problem).friction,
+        "one_way": renard_criterion(problem, lambda x: np.tile([1.0, 0.0], (len(x), 1))).friction,
+        "alternating": renard_criterion(problem, alternating).friction,
+    }
+
+
+def main(argv=None):
+    args = arguments(argv)
+    comm = MPI.COMM_WORLD
+    folder, say = output.output_folder(comm, args.output), output.Report(comm)
+    problem = body(args, args.n)
+    found = critical_friction(problem)
+    say(f"critical friction: {found.friction}; others: {(found.one_signed + found.others)[1:5]}")
+    levels = [level(args, n) for n in (1, 2, 4, 8, 16, 32) if n <= args.n]
+    for row in levels:
+        say(", ".join(f"{name} {value or np.nan:.7g}" for name, value in row.items()))
+    heights = [args.width * k for k in (1, 2, 4, 8) if args.shape != "hild"]
+    falls = [critical_friction(parallelogram(args, min(args.n, 8), h)).friction for h in heights]
+    for h, friction in zip(heights, falls, strict=True):
+        say(f"height {h:g}: F = {friction:.6g}, over W/H {friction * h / args.width:.4g}")
+    if comm.rank == 0:
+        h, look = [row["h"] for row in levels], dict(labels=("$h$", "$F$"), loglog=True)
+        curves = {k: (h, [abs(row[k] or np.nan) for row in levels]) for k in levels[0] if k != "h"}
+        slope = {"order 1/2": (h, levels[-1]["alternating"] * np.sqrt(np.array(h) / h[-1]))}
+        output.draw_curves(folder / "refinement.png", curves, dotted=slope, **look)
+        if found.friction is not None:
+            slip = {f"F = {found.friction:.6g}": (found.positions[:, 0], found.slips)}
+            output.draw_curves(folder / "slip.png", slip, labels=("$x$", "$v$"))
+    summary = {"converged": True, "newton_iterations": 0, "dofs": problem.create_vector().getSize()}
+    summary |= {"critical_friction": found.friction, "one_signed": found.one_signed}
+    summary |= {"others": [[F.real, F.imag] for F in found.others], "levels": levels}
+    return output.write_summary(comm, folder, summary | {"heights": heights, "falls": falls})
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,258 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""Critical friction: coefficients at which slipping solutions come in continua.
+
+With all contact points closed and slipping along unit tangents d (transverse slip held), S the
+stiffness of the contact points, a slip v d takes the shear r_t = S_tt v and the pressure
+r_n = S_nt v. Where
+
+    S_tt v = F S_nt v
+
+v may be added to a solution that slips with this F, as long as it goes on slipping the same way: v
+must be real and of one sign (Hassani, Hild, Ionescu and Sakki, A mixed finite element method and
+solution multiplicity for Coulomb frictional contact, Comput. Methods Appl. Mech. Engrg. 192, 2003;
+Hassani, Hild and Ionescu, Sufficient conditions of non-uniqueness for the Coulomb friction problem,
+Math. Methods Appl. Sci. 27, 2004). F > 0 belongs to slip against d (r_t = F r_n), F < 0 to slip
+along d: mirroring the body changes the sign.
+
+With the shear f = S_tt v as the unknown this is T f = f/F, where T f is the pressure that a shear f
+brings about at contact points that stay closed: one solve with the stiffness of the body held so,
+and the largest eigenvalues of T are the smallest coefficients.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx import fem
+
+from dolfinx_contact._errors import everywhere, on_root
+from dolfinx_contact._petsc import options_in_database, staged
+from dolfinx_contact.analysis.held import HeldBody, columns_of, slepc, with_dirichlet_rows
+from dolfinx_contact.analysis.rows import Problem
+from dolfinx_contact.analysis.slip import Direction, Slip, SlipPattern
+from dolfinx_contact.equations.contact import ContactEquations
+
+__all__ = ["CriticalFriction", "critical_friction"]
+
+Array = npt.NDArray[np.float64]
+Complex = npt.NDArray[np.complex128]
+
+_DENSE = 512  # points up to which all eigenvalues are computed
+_REAL = 1e-9  # relative imaginary part that is none
+_SIGN = 1e-8  # of the largest slip, by which another may have the other sign
+_NOTHING = 1e-11  # eigenvalues of T, over the largest, that are none
+_DEFAULTS = {"eps_type": "krylovschur", "eps_tol": 1e-12, "eps_max_it": 500}
+
+
+@dataclass(frozen=True)
+class CriticalFriction:
+    """Coefficients of friction F at which slips may be added to a slipping solution.
+
+    Attributes:
+        friction: that of smallest size with a real slip of one sign; positive against the
+            directions, negative along them; None if none was found.
+        slips: v of `friction`, one value a point, nonnegative, the largest 1; empty if there is
+            none.
+        positions: of the points that slip (m, dim), in the order of coordinates.
+        one_signed: all F found with real slips of one sign, by size.
+        others: those with real slips of both signs or complex ones, by size.
+        complete: whether all F were computed; else those of smallest size were.
+        displacement: of the body with `slips`.
+    """
+
+    friction: float | None
+    slips: Array
+    positions: Array
+    one_signed: list[float]
+    others: list[complex]
+    complete: bool
+    displacement: fem.Function
+
+
+@staged("ContactCriticalFriction")
+def critical_friction(
+    problem: Problem,
+    direction: Direction = None,
+    *,
+    count: int = 1,
+    dense: bool | None = None,
+) -> CriticalFriction:
+    """Critical coefficients of friction of a body in contact. Collective.
+
+    The friction of the law does not matter. A bulk that is not linear is taken at the displacement
+    in the Functions.
+
+    Args:
+        problem: the contact problem, nodal or mixed.
+        direction: of the slip d. A vector, whose tangential part is taken: all contact points are
+            in contact and slip; by default t = (-n_y, n_x) in 2D. Or ``"solution"``: the points
+            that slip in the solution in the Functions, as they do; others are stuck or open.
+        count: of eigenvalues that are computed where there are too many points for all; if none of
+            them is real and of one sign, up to 16 times as many. Beyond the first they often lie
+            close together, and take long.
+        dense: whether all are computed; by default with up to 512 points.
+
+    Raises:
+        ValueError: on every rank, for a direction that is none, integral contact, or if no point
+            can slip, or the body slides freely.
+        RuntimeError: if SLEPc does not converge.
+    """
+    eq = problem.equations
+    with everywhere(eq.comm, "critical friction"):
+        if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 1:
+            raise ValueError(f"the number of eigenvalues must be 1 or more, got {count!r}")
+    state = problem.state()
+    slip = Slip(eq, SlipPattern.of(eq, direction, state), hold_across=True)
+    slip.require_held()
+    operator = _PressureByShear(eq, slip, state.u)
+    try:
+        complete = slip.number <= _DENSE if dense is None else bool(dense)
+        modes = operator.all() if complete else operator.smallest(int(count))
+        return _collected(problem, operator, slip, modes, complete)
+    finally:
+        operator.destroy()
+        slip.destroy()
+
+
+class _PressureByShear:
+    """T: shears at the points that slip to the pressures there, forces."""
+
+    def __init__(self, eq: ContactEquations, slip: Slip, u: Array):
+        self.comm, self._slip = eq.comm, slip
+        K = with_dirichlet_rows(eq.bulk.stiffness(u), eq, eq.stiffness_scale)
+        self._body = HeldBody(eq, K, [slip.N, slip.H])
+        K.destroy()
+        self._u, self._f = slip.D.createVecs()
+
+    def solve(self, shear: Array) -> tuple[Array, Array]:
+        """Displacement and pressures, owned, for the shears of this rank."""
+        self._f.array[:] = shear
+        self._slip.D.multTranspose(self._f, self._u)
+        u, pressure, _ = self._body.solve(self._u.array_r)
+        return u, pressure
+
+    def slips(self, u: Array) -> Array:
+        """D u."""
+        self._u.array[:] = u
+        self._slip.D.mult(self._u, self._f)
+        return self._f.array_r.copy()
+
+    def all(self) -> _Modes:
+        """All eigenvalues of T, and the slips and shears of their vectors."""
+        D = self._slip.D
+        parts = self.comm.gather(self._body.respond(columns_of(D), D))
+
+        def modes() -> _Modes:
+            flexibility, T = (np.concatenate(p) for p in zip(*parts, strict=True))
+            values, shears = np.linalg.eig(T)
+            return _Modes.of(values, flexibility @ shears, shears)
+
+        return on_root(self.comm, modes)
+
+    def smallest(self, count: int) -> _Modes:
+        """The smallest F, and more of them if none is of one sign."""
+        for more in (1, 4, 16):
+            modes = self._by_slepc(more * count)
+            if modes.one_signed.any() or more * count >= self._slip.number:
+                break
+        return modes
+
+    def _by_slepc(self, count: int) -> _Modes:
+        """Eigenvalues of T of largest size; SLEPc applies T alone."""
+        SLEPc = slepc()
+        size = (len(self._slip.places), None)
+        T = PETSc.Mat().createPython((size, size), _Product(self), comm=self.comm)
+        T.setUp()
+        solver = SLEPc.EPS().create(self.comm)
+        solver.setOperators(T)
+        solver.setProblemType(SLEPc.EPS.ProblemType.NHEP)
+        solver.setWhichEigenpairs(SLEPc.EPS.Which.LARGEST_MAGNITUDE)
+        solver.setDimensions(min(count, self._slip.number))
+        solver.setOptionsPrefix("analysis_")
+        with options_in_database("analysis_", _DEFAULTS):
+            solver.setFromOptions()
+            solver.solve()
+        values, slips, shears = [], [], []
+        real, imaginary = T.createVecs()
+        for i in range(solver.getConverged()):
+            values.append(solver.getEigenpair(i, real, imaginary))
+            shears.append(real.array_r + 1j * imaginary.array_r)
+            a, b = (self.slips(self.solve(v.array_r)[0]) for v in (real, imaginary))
+            slips.append(a + 1j * b)
+        for thing in (real, imaginary, solver, T):
+            thing.destroy()
+        if not values:
+            raise RuntimeError("SLEPc found no critical friction: raise analysis_eps_max_it")
+        whole = (np.concatenate(self.comm.allgather(np.array(v).T)) for v in (slips, shears))
+        return _Modes.of(np.array(values), *whole)
+
+    def destroy(self) -> None:
+        """Free the PETSc objects."""
+        self._body.destroy()
+        self._u.destroy(), self._f.destroy()
+
+
+class _Product:
+    """What PETSc asks of T."""
+
+    def __init__(self, operator: _PressureByShear):
+        self._operator = operator
+
+    def mult(self, _: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        y.array[:] = self._operator.solve(x.array_r)[1]
+
+
+@dataclass(frozen=True)
+class _Modes:
+    """Coefficients F by size (k,), slips and shears of all points, rank by rank (m, k)."""
+
+    friction: Complex
+    slips: Complex
+    shears: Complex
+
+    @classmethod
+    def of(cls, values: Complex, slips: Complex, shears: Complex) -> _Modes:
+        """From eigenvalues of T."""
+        there = np.abs(values) > _NOTHING * max(np.abs(values).max(initial=0.0), _NOTHING)
+        F = 1.0 / values[there]
+        F = np.where(np.abs(F.imag) <= _REAL * np.abs(F), F.real, F)
+        # Of two that mirror each other the positive one comes first, whatever the round-off.
+        size = np.abs(F)
+        order = np.lexsort((-F.imag, -F.real, np.round(size / size.min(initial=np.inf), 9)))
+        slips, shears = (v[:, there][:, order] for v in (slips, shears))
+        largest = slips[np.abs(slips).argmax(axis=0), np.arange(len(order))]
+        return cls(F[order], slips / largest, shears / largest)
+
+    @property
+    def one_signed(self) -> npt.NDArray[np.bool_]:
+        """Which F are real and have slips of one sign."""
+        return np.asarray((self.friction.imag == 0) & (self.slips.real.min(axis=0) >= -_SIGN))
+
+
+def _collected(
+    problem: Problem, operator: _PressureByShear, slip: Slip, modes: _Modes, complete: bool
+) -> CriticalFriction:
+    friction, chosen = modes.friction, np.flatnonzero(modes.one_signed)
+    displacement = fem.Function(problem.equations.V, name="critical_slip")
+    first, end = slip.D.getOwnershipRange()
+    slips = np.zeros((end - first, 0))
+    if len(chosen):
+        slips = modes.slips.real[first:end, chosen[:1]]
+        u, _ = operator.solve(modes.shears.real[first:end, chosen[0]])
+        displacement.x.array[: len(u)] = u
+        displacement.x.scatter_forward()
+    positions, slips = slip.in_order(slips)
+    return CriticalFriction(
+        friction=float(friction[chosen[0]].real) if len(chosen) else None,
+        slips=slips.reshape(-1),
+        positions=positions,
+        one_signed=[float(f.real) for f in friction[chosen]],
+        others=[complex(f) for f in friction[~modes.one_signed]],
+        complete=complete,
+        displacement=displacement,
+    )

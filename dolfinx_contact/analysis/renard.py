@@ -1,0 +1,244 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""Renard's criterion: up to which friction a solution is certainly the only one.
+
+Of a solution let xi at every contact point be the direction of its slip (xi = u_t/|u_t| where
+u_t does not vanish) or of its shear (r_t = -F r_n xi, |xi| <= 1). For any other solution the
+differences a of jumps and r = S a of forces have a_n r_n <= 0 and a_t.(r_t + F r_n xi) <= 0 at
+every point, by the monotony of u_t -> u_t/|u_t|. So the solution is the only one if
+
+    a.S a + F sum_i (a_t.xi)_i (S a)_n,i > 0    for all a other than 0,
+
+the discrete form of Y. Renard, A uniqueness criterion for the Signorini problem with Coulomb
+friction, SIAM J. Math. Anal. 38 (2006) 452-467. It holds up to a coefficient F_R, which is an
+eigenvalue: with one point and the stiffness [[k_t, k], [k, k_n]] it is
+2 sqrt(k_t k_n - k^2)/k_n (|xi| = 1).
+
+In forces r the form is r.A r + F (A r).X r with the flexibility A = B K^{-1} B^T and X = xi in
+the entries (tangent, normal) of every point; 1/F_R is the largest eigenvalue of
+-sym(A X) r = mu A r.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+from scipy.linalg import eigh
+
+from dolfinx_contact._entries import Entries, matrix_of
+from dolfinx_contact._errors import everywhere, on_root, require
+from dolfinx_contact._petsc import options_in_database, staged
+from dolfinx_contact.analysis.held import HeldBody, columns_of, slepc, with_dirichlet_rows
+from dolfinx_contact.analysis.rows import (
+    Problem,
+    component_rows,
+    free_components,
+    free_tangents,
+    point_normals,
+    require_nodes,
+    stacked,
+)
+from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.state import State
+from dolfinx_contact.laws import Coulomb, Frictionless, Tresca
+
+__all__ = ["Renard", "renard_criterion"]
+
+Array = npt.NDArray[np.float64]
+#: Directions of slip (n, dim) at positions (n, dim).
+Field = Callable[[Array], npt.ArrayLike]
+
+_DENSE = 1200  # components of jumps up to which the eigenproblem is dense
+_NOTHING = 1e-9  # of the body's size, a slip that is none; of the largest force, one that is none
+_DEFAULTS = {"eps_type": "krylovschur", "eps_tol": 1e-10, "eps_max_it": 500}
+
+
+@dataclass(frozen=True)
+class Renard:
+    """What the criterion says of a solution.
+
+    Attributes:
+        factor: by which the friction of the law may grow as long as the solution, with the
+            directions of its slip and shear, is certainly the only one; inf without friction.
+        friction: the coefficient F_R that this is; None if it is not the same everywhere.
+        unique: whether the solution is certainly the only one at the friction that it has.
+    """
+
+    factor: float
+    friction: float | None
+
+    @property
+    def unique(self) -> bool:
+        """Certainly the only one; False says nothing."""
+        return self.factor > 1.0 + 1e-9
+
+
+@staged("ContactUniqueness")
+def renard_criterion(
+    problem: Problem, directions: Field | None = None, *, dense: bool | None = None
+) -> Renard:
+    """Up to which friction the solution in the Functions is certainly the only one. Collective.
+
+    Args:
+        problem: a contact problem that has been solved, nodal or mixed, of a linear bulk, with
+            Coulomb's law, or one whose solution is always unique (Tresca, no friction).
+        directions: xi (n, dim) at positions (n, dim) for a solution that is not computed: tangents
+            of length up to 1.
+        dense: how the eigenproblem is solved; by default by its size.
+
+    Raises:
+        ValueError: on every rank, for another law or bulk, or directions that are none.
+        RuntimeError: if SLEPc does not converge.
+    """
+    eq = problem.equations
+    require_nodes(eq)
+    require(eq.comm, eq.bulk.linear, "the criterion needs a bulk that is linear in u")
+    state = problem.state()
+    slope = np.concatenate([_slope(eq, i, state) for i in range(len(eq.surfaces))])
+    xi = _of_solution(eq, state, slope) if directions is None else _given(eq, directions)
+    largest = float(eq.comm.allreduce(slope.max(initial=0.0), op=max))
+    least = float(eq.comm.allreduce(slope.min(initial=np.inf), op=min))
+    factor = np.inf
+    if len(eq.free_motions):
+        factor = 0.0  # the form vanishes for rigid motions
+    elif largest > 0:
+        form = _Form(eq, slope[:, None] * xi)
+        try:
+            small = form.number <= _DENSE if dense is None else dense
+            factor = form.by_factorisation() if small else form.by_slepc()
+        finally:
+            form.destroy()
+    return Renard(factor, factor * largest if least == largest else None)
+
+
+def _slope(eq: ContactEquations, number: int, state: State) -> Array:
+    """Coefficients of friction at the points of a surface. Collective."""
+    s, known = eq.surfaces[number], state.surfaces[number]
+    fits = isinstance(s.law, Coulomb | Frictionless | Tresca)
+    require(eq.comm, fits, f"{s.name}: the criterion is about Coulomb's law, not {s.law}")
+    slope = known.answers.unit_bound
+    return slope if isinstance(s.law, Coulomb) else np.zeros_like(slope)
+
+
+def _of_solution(eq: ContactEquations, state: State, slope: Array) -> Array:
+    """Directions xi of a solution at the points of this rank (n, dim). Collective."""
+    n = point_normals(eq)
+    jump, traction = (
+        np.concatenate([getattr(s, name) for s in state.surfaces]) for name in ("jump", "traction")
+    )
+    ut, rt = (v - np.sum(v * n, axis=1)[:, None] * n for v in (jump, traction))
+    moved, bound = np.linalg.norm(ut, axis=1), -slope * np.sum(traction * n, axis=1)
+    pressed = float(eq.comm.allreduce(bound.max(initial=0.0), op=max))
+    slips, presses = moved > _NOTHING * eq.body_size, bound > _NOTHING * pressed
+    along = ut / np.where(slips, moved, 1.0)[:, None]
+    against = -rt / np.where(presses, bound, 1.0)[:, None]
+    xi = np.where(slips[:, None], along, np.where(presses[:, None], against, 0.0))
+    return xi / np.maximum(np.linalg.norm(xi, axis=1), 1.0)[:, None]
+
+
+def _given(eq: ContactEquations, directions: Field) -> Array:
+    """Directions of a field, the tangential part. Collective."""
+    x, n = np.concatenate([s.positions for s in eq.surfaces]), point_normals(eq)
+    with everywhere(eq.comm, "directions"):
+        xi = np.asarray(directions(x), dtype=np.float64)
+        fits = xi.shape == x.shape and bool(np.isfinite(xi).all())
+        if not fits or np.linalg.norm(xi, axis=1).max(initial=0.0) > 1 + 1e-12:
+            raise ValueError(f"directions must be {x.shape} vectors of length 1 at most")
+    return np.asarray(xi - np.sum(xi * n, axis=1)[:, None] * n)
+
+
+class _Form:
+    """The matrices A (flexibility) and X of the module, at components of jumps left free.
+
+    Args:
+        eq: the contact problem.
+        friction: F xi at the points of this rank (n, dim).
+    """
+
+    def __init__(self, eq: ContactEquations, friction: Array):
+        self._eq, self.comm, n = eq, eq.comm, point_normals(eq)
+        pressed = np.flatnonzero(np.linalg.norm(n * free_components(eq), axis=1) > 0.5)
+        point, tangents = free_tangents(eq)
+        N, T = component_rows(eq, pressed, n[pressed]), component_rows(eq, point, tangents)
+        self._R = stacked([N, T])
+        N.destroy(), T.destroy()
+        self.number = self._R.getSize()[0]
+        column = np.full(len(n), -1, dtype=np.int64)
+        first = self._R.getOwnershipRange()[0]
+        column[pressed] = first + np.arange(len(pressed))
+        rows = first + len(pressed) + np.arange(len(point), dtype=np.int64)
+        entries, size = Entries(rows, column[point]), self._R.getLocalSize()[0]
+        self._X = matrix_of(self.comm, (size, size), entries)
+        # Rows are along n, against which pressures are counted.
+        entries.add(-np.sum(friction[point] * tangents, axis=1), self._X)
+        u = eq.bulk.displacement.x.array.copy()
+        self._K = with_dirichlet_rows(eq.bulk.stiffness(u), eq, eq.stiffness_scale)
+        self._free = HeldBody(eq, self._K, [])
+
+    def by_factorisation(self) -> float:
+        """1 over the largest eigenvalue, of dense matrices."""
+        A, _ = self._free.respond(columns_of(self._R), self._R)
+        X = self._X.convert("dense", PETSc.Mat())
+        parts = self.comm.gather((A, X.getDenseArray(readonly=True).copy()))
+        X.destroy()
+
+        def solved() -> float:
+            A, X = (np.concatenate(p) for p in zip(*parts, strict=True))
+            form, last = -(A @ X + (A @ X).T) / 2, self.number - 1
+            largest = eigh(form, (A + A.T) / 2, eigvals_only=True, subset_by_index=(last, last))
+            return 1.0 / float(largest[0])
+
+        return on_root(self.comm, solved)
+
+    def by_slepc(self) -> float:
+        """The same by products with A and its inverse, the stiffness of the points."""
+        SLEPc, size = slepc(), (self._R.getLocalSize()[0], None)
+        held = HeldBody(self._eq, self._K, [self._R])
+        product = _Product(self._free, held, self._R, self._X)
+        M = PETSc.Mat().createPython((size, size), product, comm=self.comm)
+        M.setUp()
+        solver = SLEPc.EPS().create(self.comm)
+        solver.setOperators(M)
+        solver.setProblemType(SLEPc.EPS.ProblemType.NHEP)
+        solver.setWhichEigenpairs(SLEPc.EPS.Which.LARGEST_REAL)
+        solver.setOptionsPrefix("analysis_")
+        with options_in_database("analysis_", _DEFAULTS):
+            solver.setFromOptions()
+            solver.solve()
+        found = solver.getConverged()
+        largest = solver.getEigenvalue(0).real if found else np.nan
+        for thing in (solver, M, held):
+            thing.destroy()
+        if not found:
+            raise RuntimeError("SLEPc found no eigenvalue: raise analysis_eps_max_it")
+        return 1.0 / float(largest)
+
+    def destroy(self) -> None:
+        """Free the PETSc objects."""
+        for thing in (self._R, self._X, self._K, self._free):
+            thing.destroy()
+
+
+class _Product:
+    """-(X + S X^T A)/2, whose eigenvalues are those of the form over A."""
+
+    def __init__(self, free: HeldBody, held: HeldBody, R: PETSc.Mat, X: PETSc.Mat):
+        self._free, self._held, self._R, self._X = free, held, R, X
+
+    def mult(self, _: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        u, a = self._R.createVecs()
+        self._R.multTranspose(x, u)
+        u.array[:] = self._free.solve(u.array_r)[0]
+        self._R.mult(u, a)
+        turned = a.duplicate()
+        self._X.multTranspose(a, turned)
+        self._X.mult(x, y)
+        # The forces that hold these jumps are minus the multipliers.
+        y.array[:] -= self._held.solve(np.zeros(0), turned.array_r)[1]
+        y.scale(-0.5)
+        for thing in (u, a, turned):
+            thing.destroy()

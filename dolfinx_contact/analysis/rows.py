@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Components of the jumps at contact points, as rows at the displacement.
+
+What Dirichlet data fix is left out: components of jumps that cannot move, and columns of
+displacements that do not. Points of a rank are those of all surfaces, one surface after the other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact._entries import Entries, matrix_of
+from dolfinx_contact._errors import require
+from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.state import State
+
+__all__ = [
+    "Problem",
+    "component_rows",
+    "free_axes",
+    "free_components",
+    "free_tangents",
+    "point_normals",
+    "require_nodes",
+    "stacked",
+]
+
+Array = npt.NDArray[np.float64]
+
+
+class Problem(Protocol):
+    """What is asked of a contact problem."""
+
+    @property
+    def equations(self) -> ContactEquations:
+        """H."""
+
+    def state(self) -> State:
+        """The state in the Functions. Collective."""
+
+
+def point_normals(eq: ContactEquations) -> Array:
+    """Unit normals, into the obstacle, at the points of this rank (n, dim)."""
+    return np.concatenate([s.points.data.n for s in eq.surfaces])
+
+
+def free_components(eq: ContactEquations) -> npt.NDArray[np.bool_]:
+    """Components of jumps that Dirichlet data leave free at the points of this rank (n, dim)."""
+    parts = zip(eq.constraints.removed, eq.surfaces, strict=True)
+    return np.concatenate([~removed[: s.points.number] for removed, s in parts])
+
+
+def free_tangents(eq: ContactEquations) -> tuple[npt.NDArray[np.intp], Array]:
+    """Points of this rank and unit tangents (k, dim): all that Dirichlet data leave free."""
+    n = point_normals(eq)
+    return free_axes(eq, np.eye(eq.dim) - np.einsum("ni,nj->nij", n, n))
+
+
+def free_axes(eq: ContactEquations, projectors: Array) -> tuple[npt.NDArray[np.intp], Array]:
+    """Places of points and unit axes of projectors (n, dim, dim), as far as they are free."""
+    free = free_components(eq)
+    sizes, axes = np.linalg.eigh(projectors * free[:, :, None] * free[:, None, :])
+    point, which = np.nonzero(sizes > 0.5)
+    return point, axes[point, :, which]
+
+
+def component_rows(eq: ContactEquations, places: npt.NDArray[np.intp], along: Array) -> PETSc.Mat:
+    """Components of jumps along unit vectors, without columns of Dirichlet data. Collective.
+
+    Args:
+        eq: the contact problem.
+        places: of points of this rank among all its points (k,).
+        along: vectors there (k, dim).
+    """
+    B = stacked([s.points.B for s in eq.surfaces])
+    comm, dim, (n, _) = eq.comm, eq.dim, B.getLocalSize()
+    first, column = comm.exscan(len(places)) or 0, B.getOwnershipRange()[0]
+    i = np.repeat(first + np.arange(len(places), dtype=np.int64), dim)
+    j = column + dim * places.astype(np.int64)[:, None] + np.arange(dim)
+    entries = Entries(i, j.reshape(-1))
+    weights = matrix_of(comm, (len(places), n), entries)
+    entries.add(along.reshape(-1), weights)
+    rows = weights.matMult(B)
+    free = rows.createVecRight()
+    free.array[:] = ~eq.fixed[: free.getLocalSize()]
+    rows.diagonalScale(None, free)
+    for thing in (B, weights, free):
+        thing.destroy()
+    return rows
+
+
+def require_nodes(eq: ContactEquations) -> None:
+    """Raise ``ValueError`` if the points of a surface are not its multiplier nodes. Collective."""
+    for s in eq.surfaces:
+        fits = s.points.E is None
+        require(eq.comm, fits, f"{s.name}: this needs nodal or mixed contact, not {s.method}")
+
+
+def stacked(blocks: Sequence[PETSc.Mat]) -> PETSc.Mat:
+    """Matrices with the same columns, rank by rank one below the other, AIJ. Collective."""
+    nest = PETSc.Mat().createNest([[A] for A in blocks], comm=blocks[0].comm)
+    whole = nest.convert("aij", PETSc.Mat())
+    nest.destroy()
+    return whole

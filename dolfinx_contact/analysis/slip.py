@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""Which contact points slip along what, and the rows of B that say so.
+
+With unit normals n from the body into the obstacle, unit directions d of slip and the forces
+r = -r_n n + r_t on the body, linear analyses of sliding contact see the jumps j = B u in three
+parts,
+
+    N u = n.j,    D u = d.j    at the points that slip,    H u = 0    at those that are held:
+
+along n and all tangents where a point sticks, and across d in 3D where such slip is held too.
+What Dirichlet data fix is left out: a point whose slip they prescribe is held, one whose normal
+motion they prescribe is not in contact.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact._errors import require
+from dolfinx_contact.analysis.rows import (
+    component_rows,
+    free_axes,
+    free_components,
+    point_normals,
+    require_nodes,
+)
+from dolfinx_contact.body import rigid
+from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.order import by_coordinates
+from dolfinx_contact.equations.state import State
+from dolfinx_contact.laws.status import MINUS, PLUS, closed, senses
+
+__all__ = ["Direction", "Slip", "SlipPattern"]
+
+Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+#: Of the slip: a vector, whose tangential part counts; the points and directions of the solution in
+#: the Functions; or None, in 2D along t = (-n_y, n_x).
+Direction = npt.ArrayLike | Literal["solution"] | None
+
+_TOLERANCE = 1e-6  # of a direction cosine
+
+
+@dataclass(frozen=True)
+class SlipPattern:
+    """Contact points of this rank, all surfaces one after the other.
+
+    Attributes:
+        closed: which are in contact (n,).
+        directions: unit tangents along which points slip, 0 where they stick (n, dim).
+    """
+
+    closed: Flags
+    directions: Array
+
+    @classmethod
+    def of(cls, eq: ContactEquations, direction: Direction, state: State | None) -> SlipPattern:
+        """All points slip along one direction, or as in a state. Collective.
+
+        Args:
+            eq: the contact problem.
+            direction: of the slip.
+            state: the solution that ``direction="solution"`` means.
+
+        Raises:
+            ValueError: on every rank, if the direction is none, or normal to a surface somewhere.
+        """
+        if isinstance(direction, str):
+            require(eq.comm, direction == "solution", _unknown(direction))
+            assert state is not None
+            return cls._of_state(eq, state)
+        n = point_normals(eq)
+        if direction is None:
+            require(eq.comm, eq.dim == 2, "in 3D a direction of slip must be given")
+            return cls(np.ones(len(n), dtype=bool), np.stack([-n[:, 1], n[:, 0]], axis=1))
+        try:
+            given = np.asarray(direction, dtype=np.float64)
+        except (TypeError, ValueError):
+            given = np.full(0, np.nan)
+        fits = given.shape == (eq.dim,) and bool(np.isfinite(given).all() and given.any())
+        require(eq.comm, fits, _unknown(direction))
+        along = given / np.linalg.norm(given)
+        tangential = along - (n @ along)[:, None] * n
+        size = np.linalg.norm(tangential, axis=1, keepdims=True)
+        message = f"the direction of slip {given.tolist()} is normal to the contact surface"
+        require(eq.comm, bool((size > _TOLERANCE).all()), message)
+        return cls(np.ones(len(n), dtype=bool), tangential / size)
+
+    @classmethod
+    def _of_state(cls, eq: ContactEquations, state: State) -> SlipPattern:
+        n, codes = point_normals(eq), np.concatenate([c for c in state.statuses])
+        touching, sense = closed(codes), senses(codes)
+        if eq.dim == 2:
+            sign = np.where(sense == PLUS, 1.0, np.where(sense == MINUS, -1.0, 0.0))
+            along = sign[:, None] * np.stack([-n[:, 1], n[:, 0]], axis=1)
+        else:
+            jump = np.concatenate([s.jump for s in state.surfaces])
+            along = jump - np.sum(jump * n, axis=1)[:, None] * n
+            size = np.linalg.norm(along, axis=1)
+            slips = (sense == PLUS) & (size > 0)
+            along = np.where(slips[:, None], along / np.where(slips, size, 1.0)[:, None], 0.0)
+        return cls(touching, np.where(touching[:, None], along, 0.0))
+
+
+def _unknown(direction: Any) -> str:
+    return f'a direction of slip is a vector or "solution", got {direction!r}'
+
+
+class Slip:
+    """N, D and H of a pattern. Collective.
+
+    Args:
+        eq: the contact problem; a multiplier node must be a point.
+        pattern: which points slip along what.
+        hold_across: whether slip across the directions is held, in 3D.
+
+    Attributes:
+        number: of points that slip, on all ranks.
+        places: of those of this rank among its contact points.
+        N, D, H: rows at the displacement, without columns of Dirichlet data.
+
+    Raises:
+        ValueError: on every rank, if a surface is integral, or no point can slip.
+    """
+
+    def __init__(self, eq: ContactEquations, pattern: SlipPattern, *, hold_across: bool):
+        self._eq, self.comm = eq, eq.comm
+        require_nodes(eq)
+        n, d = point_normals(eq), pattern.directions
+        free = free_components(eq)
+        touching = pattern.closed & (np.linalg.norm(n * free, axis=1) > 1 - _TOLERANCE)
+        slips = touching & (np.linalg.norm(d * free, axis=1) > 1 - _TOLERANCE)
+        self.places = np.flatnonzero(slips)
+        self.number = int(eq.comm.allreduce(len(self.places)))
+        require(eq.comm, self.number > 0, "no contact point can slip")
+        self.normals, self.directions = n[slips], d[slips]
+        stuck = np.flatnonzero(touching & ~slips)
+        # The tangents that are held, as far as Dirichlet data leave them free.
+        across = np.eye(eq.dim) - np.einsum("ni,nj->nij", n, n)
+        across -= np.einsum("ni,nj->nij", d, d) * slips[:, None, None]
+        across *= (touching & (~slips | hold_across))[:, None, None]
+        point, axes = free_axes(eq, across)
+        held = np.concatenate([n[stuck], axes])
+        self.N = component_rows(eq, self.places, self.normals)
+        self.D = component_rows(eq, self.places, self.directions)
+        self.H = component_rows(eq, np.concatenate([stuck, point]), held)
+
+    def require_held(self) -> None:
+        """Raise ``ValueError`` if rigid motions are held by nothing but friction. Collective."""
+        eq, motions = self._eq, self._eq.free_motions
+        if len(motions) == 0:
+            return
+        u, held = self.N.createVecRight(), []
+        for motion in motions:
+            u.array[:] = motion[: eq.V.dofmap.index_map.size_local].reshape(-1)
+            parts = [(rows, rows.createVecLeft()) for rows in (self.N, self.H)]
+            for rows, seen in parts:
+                rows.mult(u, seen)
+            held.append(np.concatenate([seen.array_r.copy() for _, seen in parts]))
+            for _, seen in parts:
+                seen.destroy()
+        u.destroy()
+        loose = rigid.combine(self.comm.allreduce(np.array(held) @ np.array(held).T), motions)
+        if len(loose):
+            words = rigid.describe(loose, eq.V)
+            raise ValueError(f"the body slides without resistance ({words}): nothing is critical")
+
+    def in_order(self, *values: Array) -> list[Array]:
+        """Positions, then values (n, ...), of the points that slip on all ranks. Collective.
+
+        They are in the order of coordinates.
+        """
+        x = np.concatenate([s.positions for s in self._eq.surfaces])[self.places]
+        every = [np.concatenate(self.comm.allgather(v)) for v in (x, *values)]
+        order = by_coordinates(every[0])
+        return [v[order] for v in every]
+
+    def destroy(self) -> None:
+        """Free the matrices."""
+        for rows in (self.N, self.D, self.H):
+            rows.destroy()

@@ -1,0 +1,334 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""Small vibrations of a body whose contact points slip, stick or are open.
+
+Motions u e^{lambda t} about a state with closed points that stay closed (N u = 0, with the rows of
+`slip.py`), points that stick (H u = 0) and forces r = -r_n (n + F d) on the body at points that
+slip along d:
+
+    (K + lambda C + lambda^2 M) u + (N + F D)^T r_n + H^T q = 0,    N u = 0,    H u = 0.
+
+The forces are not along the motions that are held, so that this is not symmetric: friction may
+feed energy into a motion. With C = eta K it is the eigenproblem K u + ... = mu M u of the undamped
+body, and lambda^2 + eta mu lambda + mu = 0 for each mu. Any other C makes it quadratic.
+
+Small problems are projected onto bases of the motions that N and H allow and of the loads that
+(N + F D)^T and H^T do not feel, and all eigenvalues computed; of large ones SLEPc finds those next
+to zero.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+from scipy.linalg import qr
+from scipy.sparse import csr_matrix, vstack
+
+import dolfinx.fem.petsc
+import ufl
+from dolfinx import fem
+
+from dolfinx_contact._errors import everywhere, on_root
+from dolfinx_contact._forms import compiled_form
+from dolfinx_contact._petsc import options_in_database
+from dolfinx_contact.analysis.held import saddle, slepc, with_dirichlet_rows
+from dolfinx_contact.analysis.slip import Slip
+from dolfinx_contact.equations.contact import ContactEquations
+
+__all__ = [
+    "Body",
+    "Spectrum",
+    "Vibrations",
+    "body_of",
+    "is_number",
+    "null_space",
+    "on_root_dense",
+    "require_positive",
+]
+
+Array = npt.NDArray[np.float64]
+Complex = npt.NDArray[np.complex128]
+
+_DENSE = 700  # unknowns up to which all eigenvalues are computed
+_FINITE = 30.0  # times the highest frequency of single unknowns: what exceeds it is infinite
+_DEFAULTS = {
+    "eps_tol": 1e-12,
+    "eps_max_it": 500,
+    "pep_tol": 1e-12,
+    "pep_max_it": 500,
+    "st_type": "sinvert",
+    "st_ksp_type": "preonly",
+    "st_pc_type": "lu",
+    "st_pc_factor_mat_solver_type": "mumps",
+    "st_mat_mumps_icntl_14": 80,
+}
+
+
+@dataclass(frozen=True)
+class Body:
+    """What resists the motion of a body.
+
+    Attributes:
+        K: stiffness, as M and C without rows of Dirichlet data.
+        M: mass.
+        eta: damping C over the stiffness, a time.
+        C: damping of another kind, or None.
+    """
+
+    K: PETSc.Mat
+    M: PETSc.Mat
+    eta: float
+    C: PETSc.Mat | None
+
+    def destroy(self) -> None:
+        """Free the matrices."""
+        for A in (self.K, self.M, self.C):
+            if A is not None:
+                A.destroy()
+
+
+def body_of(eq: ContactEquations, u: Array, density: Any, damping: float | ufl.Form) -> Body:
+    """Stiffness, mass and damping at a displacement. Collective.
+
+    Args:
+        eq: the contact problem.
+        u: displacement, all local values.
+        density: of mass, a number, Constant, Function or UFL expression.
+        damping: eta of C = eta K, or a UFL form C(trial, test).
+
+    Raises:
+        ValueError: on every rank, for arguments that do not fit.
+    """
+    V, domain = eq.V, eq.V.mesh
+    v, w = ufl.TrialFunction(V), ufl.TestFunction(V)
+    with everywhere(eq.comm, "mass and damping"):
+        if isinstance(density, int | float | np.number):
+            require_positive("density", density)
+            density = fem.Constant(domain, float(density))
+        mass = density * ufl.dot(v, w) * ufl.dx(domain=domain)
+        if isinstance(damping, ufl.Form):
+            if len(damping.arguments()) != 2:
+                raise ValueError("a form of damping has a trial and a test function")
+        elif not (is_number(damping) and damping >= 0):
+            raise ValueError(f"the damping is a time >= 0 or a form, got {damping!r}")
+    quadratic = isinstance(damping, ufl.Form)
+    eta, C = (0.0, _assembled(damping)) if quadratic else (float(damping), None)
+    return Body(eq.bulk.stiffness(u).copy(), _assembled(mass), eta, C)
+
+
+def _assembled(form: ufl.Form) -> PETSc.Mat:
+    A = dolfinx.fem.petsc.assemble_matrix(compiled_form(form))
+    A.assemble()
+    return A
+
+
+def is_number(value: Any) -> bool:
+    """Whether a value is a finite number."""
+    numbers = int | float | np.number
+    return isinstance(value, numbers) and not isinstance(value, bool) and bool(np.isfinite(value))
+
+
+def require_positive(what: str, value: Any) -> None:
+    """Raise ``ValueError`` if a value is no positive number. Not collective."""
+    if not is_number(value) or value <= 0:
+        raise ValueError(f"the {what} must be positive, got {value!r}")
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """Eigenvalues with Im >= 0, by falling growth (real part).
+
+    Attributes:
+        values: lambda (k,).
+        vectors: displacements, owned (n, k); none if they were not asked for.
+        known_up_to: size up to which all eigenvalues are there; inf if they are complete.
+    """
+
+    values: Complex
+    vectors: Complex
+    known_up_to: float
+
+    @classmethod
+    def of(cls, values: Complex, vectors: Complex, known_up_to: float) -> Spectrum:
+        """Those with Im >= 0, sorted."""
+        values = np.where(np.abs(values.imag) <= 1e-14 * np.abs(values), values.real + 0j, values)
+        upper = np.flatnonzero(values.imag >= 0)
+        size = np.abs(values).max(initial=0.0) or 1.0
+        growth = np.round(values.real[upper] / size, 13)
+        order = upper[np.lexsort((values.imag[upper], -growth))]
+        return cls(values[order], vectors[:, order] if vectors.size else vectors, known_up_to)
+
+
+class Vibrations:
+    """The eigenproblem of a body and a pattern of slip. Collective.
+
+    Args:
+        eq: the contact problem.
+        slip: which points slip along what.
+        body: what resists; it stays the caller's.
+        dense: whether all eigenvalues are computed, by default by their number.
+        count: of eigenvalues that are computed otherwise.
+    """
+
+    def __init__(
+        self, eq: ContactEquations, slip: Slip, body: Body, *, dense: bool | None, count: int
+    ):
+        self._eq, self.comm, self._slip, self._body, self._count = eq, eq.comm, slip, body, count
+        free = ~eq.fixed[: eq.owned_sizes[0]]
+        constraints = slip.N.getSize()[0] + slip.H.getSize()[0]
+        self.size = int(eq.comm.allreduce(int(free.sum()))) - constraints
+        self.complete = self.size <= _DENSE if dense is None else bool(dense)
+        if self.complete:
+            self._dense = _Dense(eq, slip, body)
+
+    def spectrum(self, friction: Array, *, vectors: bool = False) -> Spectrum:
+        """The eigenvalues lambda.
+
+        Args:
+            friction: F at the points that slip on this rank.
+            vectors: whether displacements are wanted.
+
+        Raises:
+            RuntimeError: if SLEPc does not converge.
+        """
+        if self.complete:
+            values, motions = self._dense.solve(friction, vectors=vectors)
+            known = np.inf
+        else:
+            values, motions, known = self._by_slepc(friction)
+        return Spectrum.of(values, motions, known)
+
+    def _by_slepc(self, friction: Array) -> tuple[Complex, Complex, float]:
+        SLEPc, eq, slip, body = slepc(), self._eq, self._slip, self._body
+        G, F = slip.D.copy(), slip.D.createVecLeft()
+        F.array[:] = friction
+        G.diagonalScale(F, None)
+        G.axpy(1.0, slip.N)
+        K = with_dirichlet_rows(body.K, eq, eq.stiffness_scale)
+        matrices = [saddle(K, [slip.N, slip.H], [G, slip.H], eq.stiffness_scale)]
+        inertia = [body.M] if body.C is None else [body.C, body.M]
+        for A in inertia:
+            held = with_dirichlet_rows(A, eq, 0.0)
+            matrices.append(saddle(held, [slip.N, slip.H], [G, slip.H], 0.0))
+            held.destroy()
+        solver: Any
+        if body.C is None:
+            solver = SLEPc.EPS().create(self.comm)
+            solver.setOperators(*matrices)
+            solver.setProblemType(SLEPc.EPS.ProblemType.GNHEP)
+            solver.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
+        else:
+            solver = SLEPc.PEP().create(self.comm)
+            solver.setOperators(matrices)
+            solver.setWhichEigenpairs(SLEPc.PEP.Which.TARGET_MAGNITUDE)
+        solver.setTarget(0.0)
+        solver.setDimensions(min(self._count, self.size))
+        solver.setOptionsPrefix("analysis_")
+        with options_in_database("analysis_", _DEFAULTS):
+            solver.setFromOptions()
+            solver.solve()
+        n, farthest = eq.owned_sizes[0], 0.0
+        real, imaginary = matrices[0].createVecs()
+        values, motions = [], []
+        for i in range(solver.getConverged()):
+            value = solver.getEigenpair(i, real, imaginary)
+            motion = real.array_r[:n] + 1j * imaginary.array_r[:n]
+            size = abs(value) if body.C is not None else np.sqrt(abs(value))
+            if size > _FINITE * self._highest:
+                continue  # of the forces, which have no mass
+            both = [value] if body.C is not None else damped(np.array([value]), body.eta)
+            farthest = max(farthest, float(size))
+            values += [complex(each) for each in both]
+            motions += [motion] * len(both)
+        for thing in (solver, real, imaginary, *matrices, K, G, F):
+            thing.destroy()
+        if not values:
+            raise RuntimeError("SLEPc found no vibration: raise analysis_eps_max_it")
+        return np.array(values), np.array(motions).T, farthest
+
+    @cached_property
+    def _highest(self) -> float:
+        """A frequency of the size of the highest, of unknowns by themselves."""
+        body, free = self._body, ~self._eq.fixed[: self._eq.owned_sizes[0]]
+        K, M = (A.getDiagonal().array_r[free] for A in (body.K, body.M))
+        mine = np.sqrt(np.max(K / M, initial=0.0))
+        if body.C is not None:
+            C = np.abs(body.C.getDiagonal().array_r[free])
+            mine = max(mine, np.max(C / M, initial=0.0))
+        return float(self.comm.allreduce(float(mine), op=max))
+
+
+class _Dense:
+    """All of the body on rank 0, as dense matrices."""
+
+    def __init__(self, eq: ContactEquations, slip: Slip, body: Body):
+        self.comm, self._eta = eq.comm, body.eta
+        fixed = eq.comm.gather(eq.fixed[: eq.owned_sizes[0]])
+        C = None if body.C is None else on_root_dense(body.C)
+        K, M, N, D, H = (on_root_dense(A) for A in (body.K, body.M, slip.N, slip.D, slip.H))
+        self._local = slip.D.getLocalSize()[1], slip.D.getOwnershipRangeColumn()[0]
+        if fixed is None:
+            return
+        self._free = np.flatnonzero(~np.concatenate(fixed))
+        inside = np.ix_(self._free, self._free)
+        self._K, self._M, self._C = K[inside], M[inside], None if C is None else C[inside]
+        self._N, self._D, self._H = (A[:, self._free] for A in (N, D, H))
+        self._total = len(K)
+        self._motions = null_space(np.concatenate([self._N, self._H]))
+
+    def solve(self, friction: Array, *, vectors: bool) -> tuple[Complex, Complex]:
+        """All lambda, and displacements (n, k) of this rank. Collective."""
+        parts = self.comm.gather(friction)
+
+        def solved() -> tuple[Complex, Complex]:
+            F = np.concatenate(parts)[:, None]
+            Z, Y = self._motions, null_space(np.concatenate([self._N + F * self._D, self._H]))
+            inertia, K = np.linalg.inv(Y.T @ self._M @ Z), Y.T @ self._K @ Z
+            A = inertia @ K
+            if self._C is not None:
+                damping = inertia @ (Y.T @ self._C @ Z)
+                A = np.block([[np.zeros_like(A), np.eye(len(A))], [-A, -damping]])
+            if not vectors:
+                values: Complex = np.linalg.eigvals(A).astype(complex)
+                none = np.zeros((0, 0), dtype=complex)
+                return (values if self._C is not None else damped(values, self._eta)), none
+            values, x = (v.astype(complex) for v in np.linalg.eig(A))
+            x = x[: Z.shape[1]]
+            if self._C is None:
+                values, x = damped(values, self._eta), np.concatenate([x, x], axis=1)
+            motions = np.zeros((self._total, len(values)), dtype=complex)
+            motions[self._free] = Z @ x
+            return values, motions
+
+        values, motions = on_root(self.comm, solved)
+        n, first = self._local
+        return values, motions[first : first + n] if vectors else motions
+
+
+def damped(mu: Complex, eta: float) -> Complex:
+    """The roots of lambda^2 + eta mu lambda + mu = 0, first of all mu, then the others of all."""
+    mu = np.asarray(mu, dtype=complex)
+    b = eta * mu
+    root = np.sqrt(b * b - 4 * mu)
+    # Without cancellation; a single nothing has nothing as both roots.
+    q = -0.5 * (b + np.where((np.conj(b) * root).real >= 0, root, -root))
+    return np.concatenate([q, np.divide(mu, q, out=np.zeros_like(q), where=q != 0)])
+
+
+def null_space(rows: Array) -> Array:
+    """An orthonormal basis (n, n - m) of what independent rows (m, n) map to zero."""
+    basis: Array = qr(rows.T)[0]
+    return basis[:, len(rows) :]
+
+
+def on_root_dense(A: PETSc.Mat) -> Array:
+    """A matrix on rank 0; nothing of meaning elsewhere. Collective."""
+    indptr, columns, values = A.getValuesCSR()
+    part = csr_matrix((values, columns, indptr), shape=(len(indptr) - 1, A.getSize()[1]))
+    parts = A.comm.tompi4py().gather(part)
+    return np.zeros((0, 0)) if parts is None else np.asarray(vstack(parts).toarray())

@@ -1,0 +1,293 @@
+"""Critical friction: known coefficients, an independent condensation, exact continua."""
+
+import sys
+
+from mpi4py import MPI
+
+import demo_two_blocks
+import numpy as np
+import pytest
+import scipy.linalg
+import scipy.sparse
+from demo_critical_friction import main as demo
+from demo_linear_triangle import linear_triangle
+
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace
+from dolfinx_contact.analysis import critical_friction
+from dolfinx_contact.materials import LinearElastic
+
+COMM = MPI.COMM_WORLD
+LAME = {(1.0, 1.0): (2.0, 1.83333333, 1.78580249, 1.7666602)}
+LAME[(100.0, 82.0)] = (1.9010989, 1.73663256, 1.68791278, 1.66953114)
+
+
+def on_box(domain, *, material=None, sides=None, law=None, friction=0.3, clamped=True, **surface):
+    """A body clamped at its top, the last coordinate, with contact at its bottom."""
+    material = material or LinearElastic.from_young(1.0, 0.3)
+    dim = domain.geometry.dim
+    top = domain.comm.allreduce(domain.geometry.x[:, dim - 1].max(initial=-np.inf), op=MPI.MAX)
+    facets = [
+        mesh.locate_entities_boundary(domain, dim - 1, lambda x, y=y: np.isclose(x[dim - 1], y))
+        for y in (0.0, top)
+    ]
+    V = fem.functionspace(domain, ("Lagrange", 1, (dim,)))
+    u = fem.Function(V)
+    dofs = fem.locate_dofs_topological(V, dim - 1, facets[1])
+    bcs = [fem.dirichletbc(np.zeros(dim), dofs, V)] if clamped else []
+    bcs += sides(V) if sides else []
+    floor = HalfSpace(np.zeros(dim), np.eye(dim)[-1])
+    s = ContactSurface(u, facets[0], obstacle=floor, law=law or Coulomb(friction), **surface)
+    return ContactProblem(material.energy(u) * ufl.dx, u, [s], bcs=bcs)
+
+
+def leaning(n, *, height=2.0, offset=1.0, cell=mesh.CellType.quadrilateral, width=1.0, comm=COMM):
+    box = [[0.0, 0.0], [width, height]]
+    domain = mesh.create_rectangle(comm, box, [n, max(round(n * height / width), 1)], cell)
+    domain.geometry.x[:, 0] += offset * domain.geometry.x[:, 1] / height
+    return on_box(domain)
+
+
+def by_hand(problem, xi=None):
+    """All coefficients by a dense condensation onto the contact nodes, on one rank."""
+    V = problem.V
+    dim, n = V.mesh.geometry.dim, V.dofmap.index_map.size_local
+    K = problem.equations.bulk.stiffness(problem.u.x.array).getValuesCSR()
+    K = scipy.sparse.csr_matrix((K[2], K[1], K[0])).toarray()
+    free = ~problem.equations.fixed
+    x = V.tabulate_dof_coordinates()
+    nodes = np.flatnonzero(np.isclose(x[:, dim - 1], 0.0) & free.reshape(n, dim).all(axis=1))
+    touching = (dim * nodes[:, None] + np.arange(dim)).ravel()
+    inside = np.setdiff1d(np.flatnonzero(free), touching)
+    S = K[np.ix_(touching, touching)] - K[np.ix_(touching, inside)] @ np.linalg.solve(
+        K[np.ix_(inside, inside)], K[np.ix_(inside, touching)]
+    )
+    m = len(nodes)
+    S = S.reshape(m, dim, m, dim)
+    xi = np.eye(dim)[0] if xi is None else xi
+    tangential = np.einsum("iajb,a,b->ij", S, xi, xi)
+    normal = S[:, dim - 1, :, :] @ xi
+    values, vectors = scipy.linalg.eig(tangential, normal)
+    return values, vectors
+
+
+@pytest.mark.parametrize("lame", LAME)
+def test_hild_triangle(lame):
+    for n, expected in zip((1, 2, 4, 8), LAME[lame], strict=True):
+        problem = linear_triangle(n, 0.3, lame=lame).problem
+        for dense in (True, False):
+            found = critical_friction(problem, dense=dense)
+            assert abs(found.friction - expected) < 1e-7
+            assert found.complete is dense
+            assert found.slips.max() == pytest.approx(1.0)
+            assert len(found.slips) == n
+
+
+def test_large_mesh_converges():
+    """n = 128, near the limit that smaller meshes lead to."""
+    coarse, middle, fine = (
+        critical_friction(linear_triangle(n, 0.3, lame=(100.0, 82.0)).problem).friction
+        for n in (8, 32, 128)
+    )
+    assert coarse > middle > fine > middle - 0.3 * (coarse - middle)
+
+
+@pytest.mark.parametrize("cell", [mesh.CellType.quadrilateral, mesh.CellType.triangle])
+@pytest.mark.parametrize("offset", [1.0, -0.6])
+def test_against_a_condensation_by_hand(cell, offset):
+    problem = leaning(5, offset=offset, cell=cell)
+    values, vectors = by_hand(leaning(5, offset=offset, cell=cell, comm=MPI.COMM_SELF))
+    real = np.abs(values.imag) < 1e-9 * np.abs(values)
+    signed = real & (np.abs(np.sign(vectors.real).sum(axis=0)) == len(vectors))
+    expected = values[signed].real
+    found = critical_friction(problem)
+    np.testing.assert_allclose(found.one_signed, expected[np.argsort(np.abs(expected))], rtol=1e-9)
+    every = np.sort_complex(np.array(found.one_signed + found.others).round(6))
+    np.testing.assert_allclose(every, np.sort_complex(values.round(6)), atol=3e-6)
+
+
+def test_mirrored():
+    """The mirrored body slips the other way: the sign changes."""
+    right, left = (critical_friction(leaning(4, offset=o)) for o in (1.0, -1.0))
+    assert right.friction > 0 > left.friction
+    assert right.friction == pytest.approx(-left.friction, rel=1e-10)
+    np.testing.assert_allclose(right.slips, left.slips[::-1], atol=1e-9)
+
+
+def test_falls_with_the_height(folder):
+    """A leaning body: F goes to zero like 2 W/H; an upright one: it does not."""
+    options = ["--shape=parallelogram", "--width=1", "--height=4", "--offset=1", "--n=4"]
+    found = demo([*options, "--young=1", "--poisson=0.3", f"--output={folder}"])
+    np.testing.assert_allclose(found["falls"], [1.319, 0.823, 0.468, 0.247], rtol=0.04)
+    assert found["critical_friction"] == found["falls"][2] == found["levels"][-1]["critical"]
+    upright = [critical_friction(leaning(4, height=h, offset=0.0)).friction for h in (1.0, 4.0)]
+    np.testing.assert_allclose(upright, [1.95, 2.11], rtol=0.01)  # the positive one of a pair
+
+
+def test_bound_of_theory(folder):
+    """For slips that alternate the criterion falls like h^(1/2); the critical friction does not."""
+    levels = demo(["--n=32", f"--output={folder}"])["levels"]
+    last, before = levels[-1], levels[-2]
+    assert last["alternating"] / before["alternating"] == pytest.approx(0.5**0.5, abs=0.01)
+    assert last["critical"] / before["critical"] > 0.995
+    assert all(row["alternating"] <= row["one_way"] < row["critical"] for row in levels)
+
+
+def test_units():
+    """Neither moduli nor lengths matter."""
+    plain = critical_friction(linear_triangle(4, 0.3).problem).friction
+    other = linear_triangle(4, 0.3, lame=(1e11, 0.82e11), length=1e-3).problem
+    assert critical_friction(other).friction == pytest.approx(plain, rel=1e-10)
+
+
+# -- 3D ----------------------------------------------------------------------------------------
+
+
+def block(n, lean=(0.5, 0.2), comm=COMM, **given):
+    domain = mesh.create_box(
+        comm, [[0, 0, 0], [1, 0.6, 1.5]], [n, max(n // 2, 1), n], mesh.CellType.hexahedron
+    )
+    x = domain.geometry.x
+    x[:, :2] += np.outer(x[:, 2], lean)
+    return on_box(domain, **given)
+
+
+def in_plane(V):
+    """Plane strain: no motion along y."""
+    domain = V.mesh
+    domain.topology.create_connectivity(3, 3)
+    cells = domain.topology.index_map(3)
+    every = np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)
+    dofs = fem.locate_dofs_topological(V.sub(1), 3, every)
+    return [fem.dirichletbc(0.0, dofs, V.sub(1))]
+
+
+def test_slice_in_3d():
+    """A slice in plane strain has the coefficients of the plane body; slip along y is held."""
+    domain = mesh.create_box(COMM, [[0, 0, 0], [1, 0.3, 2]], [4, 1, 8], mesh.CellType.hexahedron)
+    domain.geometry.x[:, 0] += 0.5 * domain.geometry.x[:, 2]
+    problem = on_box(domain, sides=in_plane)
+    plane = critical_friction(leaning(4))
+    for dense in (True, False):
+        found = critical_friction(problem, (1.0, 0.0, 0.0), dense=dense)
+        assert found.friction == pytest.approx(plane.friction, rel=1e-9)
+    np.testing.assert_allclose(found.slips.reshape(5, 2), plane.slips[:, None].repeat(2, axis=1))
+    with pytest.raises(ValueError, match="no contact point can slip"):
+        critical_friction(problem, (0.0, 1.0, 0.0))
+
+
+def test_any_direction_in_3d():
+    problem, angle = block(4), 0.4
+    xi = np.array([np.cos(angle), np.sin(angle), 0.0])
+    values, vectors = by_hand(block(4, comm=MPI.COMM_SELF), xi)
+    real = np.abs(values.imag) < 1e-9 * np.abs(values)
+    signed = real & (np.abs(np.sign(vectors.real).sum(axis=0)) == len(vectors))
+    expected = values[signed].real
+    found = critical_friction(problem, 3.0 * xi + [0.0, 0.0, 1.0])  # the tangential part counts
+    np.testing.assert_allclose(found.one_signed, expected[np.argsort(np.abs(expected))], rtol=1e-9)
+    reverse = critical_friction(problem, -xi, dense=False).friction
+    assert reverse == pytest.approx(-found.friction, rel=1e-9)
+
+
+# -- of a solution, pairs, other discretisations, bad input --------------------------------------
+
+
+def test_of_a_solution():
+    """Of a solution in full slip to the right: the uniform field, and F of the other sign."""
+    problem = leaning(4)
+    uniform = critical_friction(problem)
+    s = problem.surfaces[0]
+    s.statuses[:] = 2
+    assert critical_friction(problem, "solution").friction == pytest.approx(uniform.friction)
+    s.statuses[:] = 3
+    assert critical_friction(problem, "solution").friction == pytest.approx(-uniform.friction)
+
+
+def test_stuck_and_open_points_of_a_solution():
+    """Points that stick do not slip, open ones are free: a condensation of fewer points."""
+    problem = leaning(4)
+    s = problem.surfaces[0]
+    x = s.positions[:, 0]
+    s.statuses[:] = np.where(x < 0.1, 0, np.where(x > 0.9, 1, 2))
+    found = critical_friction(problem, "solution")
+    np.testing.assert_allclose(found.positions[:, 0], [0.25, 0.5, 0.75])
+    if COMM.size == 1:
+        assert found.friction == pytest.approx(some_slip(problem, x), rel=1e-9)
+
+
+def some_slip(problem, x):
+    K = problem.equations.bulk.stiffness(problem.u.x.array).getValuesCSR()
+    K = scipy.sparse.csr_matrix((K[2], K[1], K[0])).toarray()
+    nodes = problem.surfaces[0].points.trace_dofs
+    free = ~problem.equations.fixed
+    stuck = nodes[x > 0.9]
+    free[[2 * stuck, 2 * stuck + 1]] = False
+    slips = nodes[(x > 0.1) & (x < 0.9)]
+    t, n = 2 * slips, 2 * slips + 1
+    inside = np.setdiff1d(np.flatnonzero(free), np.concatenate([t, n]))
+    on = np.concatenate([t, n])
+    S = K[np.ix_(on, on)] - K[np.ix_(on, inside)] @ np.linalg.solve(
+        K[np.ix_(inside, inside)], K[np.ix_(inside, on)]
+    )
+    m = len(slips)
+    values, vectors = scipy.linalg.eig(S[:m, :m], S[m:, :m])
+    one = (np.abs(values.imag) < 1e-9) & (np.abs(np.sign(vectors.real).sum(axis=0)) == m)
+    return min(values[one].real, key=abs)
+
+
+def test_bad_input():
+    problem = leaning(2)
+    for direction, words in (
+        ((0.0, 1.0), "normal to the contact surface"),
+        ((1.0, 0.0, 0.0), "a direction of slip is a vector"),
+        ("right", "a direction of slip is a vector"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            critical_friction(problem, direction)
+    with pytest.raises(ValueError, match="number of eigenvalues"):
+        critical_friction(problem, count=0)
+    with pytest.raises(ValueError, match="in 3D a direction"):
+        critical_friction(block(1))
+    with pytest.raises(ValueError, match="without resistance"):
+        critical_friction(on_box(mesh.create_unit_square(COMM, 2, 2), clamped=False))
+    domain = mesh.create_unit_square(COMM, 2, 2)
+    with pytest.raises(ValueError, match="nodal or mixed"):
+        critical_friction(on_box(domain, method="integral"))
+
+
+@pytest.mark.parametrize(
+    "options", [["--lower", "1e9", "0.3"], ["--lower", "1e9", "0.3", "--ratio=2"]]
+)
+def test_between_bodies(options):
+    """On a body that is very stiff, with matching faces or others, as on a rigid floor."""
+    rigid, pair = (
+        critical_friction(two_blocks(["--n=4", "--upper", "1.0", "0.3", *given]))
+        for given in (["--rigid-floor"], options)
+    )
+    assert pair.friction == pytest.approx(rigid.friction, rel=1e-6)
+    np.testing.assert_allclose(pair.slips, rigid.slips, atol=1e-5)
+
+
+def two_blocks(options):
+    return demo_two_blocks.problem(demo_two_blocks.arguments(options), COMM)
+
+
+def test_two_similar_bodies():
+    """What a shear presses below and lifts above nearly cancels: no slip of one sign is left."""
+    given = ["--n=4", "--upper", "1.0", "0.3", "--lower", "1.0", "0.3"]
+    found = critical_friction(two_blocks(given))
+    assert (found.friction, found.one_signed, len(found.slips)) == (None, [], 0)
+    alone = critical_friction(two_blocks([*given, "--rigid-floor"]))
+    assert min(map(abs, found.others)) > 1.5 * abs(alone.friction)
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="one process is enough")
+def test_without_slepc(monkeypatch):
+    """Small problems do not need it; others say what is missing."""
+    monkeypatch.setitem(sys.modules, "slepc4py", None)
+    problem = leaning(3)
+    assert critical_friction(problem).friction > 0
+    with pytest.raises(ModuleNotFoundError, match="slepc4py is not installed"):
+        critical_friction(problem, dense=False)

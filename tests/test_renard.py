@@ -1,0 +1,145 @@
+"""Renard's criterion: closed forms, an independent condensation, and what it is not about."""
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+import scipy.sparse
+from demo_linear_triangle import linear_triangle
+from demo_own_law import SlipWeakening
+from test_critical_friction import block, in_plane, on_box
+
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, Frictionless, HalfSpace, Tresca
+from dolfinx_contact.analysis import renard_criterion
+from dolfinx_contact.materials import LinearElastic
+
+COMM = MPI.COMM_WORLD
+
+
+def to_the(sign):
+    return lambda x: np.tile(sign * np.eye(x.shape[1])[0], (len(x), 1))
+
+
+@pytest.mark.parametrize("dense", [True, False])
+def test_hild_triangle(dense):
+    """Coefficients of the benchmark; of one element the closed form."""
+    lmbda, mu = 100.0, 82.0
+    kt, k = (lmbda + 3 * mu) / 2, (lmbda + mu) / 2
+    expected = (2 * np.sqrt(kt**2 - k**2) / kt, 1.409557, 1.311326)
+    for n, friction in zip((1, 2, 4), expected, strict=True):
+        problem = linear_triangle(n, 0.4, lame=(lmbda, mu)).problem
+        for sign in (1.0, -1.0):
+            found = renard_criterion(problem, to_the(sign), dense=dense)
+            assert found.friction == pytest.approx(friction, abs=1e-6 if n > 1 else 1e-12)
+            assert found.factor == pytest.approx(friction / 0.4, abs=3e-6)
+            assert found.unique
+
+
+def stiffness_of_points(problem):
+    """S (m, dim, m, dim) and the local nodes, dense, on one rank; gaps along -n."""
+    V = problem.V
+    dim, n = V.mesh.geometry.dim, V.dofmap.index_map.size_local
+    K = problem.equations.bulk.stiffness(problem.u.x.array).getValuesCSR()
+    K = scipy.sparse.csr_matrix((K[2], K[1], K[0])).toarray()
+    free = ~problem.equations.fixed
+    nodes = problem.surfaces[0].points.trace_dofs
+    nodes = nodes[free.reshape(n, dim)[nodes].all(axis=1)]
+    on = (dim * nodes[:, None] + np.arange(dim)).ravel()
+    inside = np.setdiff1d(np.flatnonzero(free), on)
+    S = K[np.ix_(on, on)] - K[np.ix_(on, inside)] @ np.linalg.solve(
+        K[np.ix_(inside, inside)], K[np.ix_(inside, on)]
+    )
+    return S.reshape(len(nodes), dim, len(nodes), dim), V.tabulate_dof_coordinates()[nodes]
+
+
+def swirl(x):
+    """Directions that turn, shorter than 1 here and there."""
+    angle, size = 5 * x[:, 0] + 3 * x[:, 1], 0.5 + 0.5 * np.cos(7 * x[:, 0]) ** 2
+    return (size * np.array([np.cos(angle), np.sin(angle), 0 * angle])).T
+
+
+@pytest.mark.parametrize("dense", [True, False])
+def test_against_the_form_in_3d(dense):
+    """At F_R the form of the points is about to become indefinite, and not before."""
+    factor = renard_criterion(block(4, friction=0.25), swirl, dense=dense).factor
+    S, x = stiffness_of_points(block(4, comm=MPI.COMM_SELF))
+    m, xi = len(x), swirl(x)
+    for part, sign in ((1 - 1e-7, 1.0), (1 + 1e-7, -1.0)):
+        form = S.copy()
+        form += 0.25 * factor * part * np.einsum("pa,pjb->pajb", xi, S[:, 2])
+        form = form.reshape(3 * m, 3 * m)
+        assert np.sign(np.linalg.eigvalsh(form + form.T)[0]) == sign
+
+
+def test_of_a_solution():
+    """The directions are those of slips and of the shear of stuck points."""
+    problem = linear_triangle(8, 0.5, load=(14.0, -20.0)).problem
+    problem.solve()
+    table = problem.table(problem.surfaces[0])
+    assert {"k", "-"} <= set(table.status) or {"k", "+"} <= set(table.status)
+    ut, rt = table.along(table.ut), table.along(table.rt)
+    xi = np.where(np.abs(ut) > 1e-9, np.sign(ut), -rt / np.maximum(0.5 * table.rn, 1e-30))
+
+    def of_table(x):
+        where = np.array([np.argmin(np.abs(table.x[:, 0] - at)) for at in x[:, 0]], dtype=int)
+        return np.outer(xi[where], [1.0, 0.0]).reshape(x.shape) if len(x) else 0.0 * x
+
+    found = renard_criterion(problem)
+    assert found.factor == pytest.approx(renard_criterion(problem, of_table).factor, rel=1e-9)
+    assert found.unique
+    assert found.friction == pytest.approx(0.5 * found.factor)
+
+
+def test_units():
+    plain = renard_criterion(linear_triangle(4, 0.3).problem, to_the(1)).factor
+    other = linear_triangle(4, 0.3, lame=(1e11, 1e11), length=1e-3).problem
+    expected = renard_criterion(linear_triangle(4, 0.3, lame=(1.0, 1.0)).problem, to_the(1)).factor
+    assert renard_criterion(other, to_the(1)).factor == pytest.approx(expected, rel=1e-9)
+    assert plain != pytest.approx(expected, rel=1e-3)
+
+
+def test_guided_points():
+    """Where the support holds a tangent there is no friction along it: plane strain in 3D."""
+    flat = mesh.create_rectangle(
+        COMM, [[0.0, 0.0], [1.0, 0.5]], [4, 3], mesh.CellType.quadrilateral
+    )
+    box = [[0, 0, 0], [1, 0.2, 0.5]]
+    domain = mesh.create_box(COMM, box, [4, 1, 3], mesh.CellType.hexahedron)
+    slices, plane = on_box(domain, sides=in_plane), on_box(flat)
+    expected = renard_criterion(plane, to_the(1)).factor
+    assert renard_criterion(slices, to_the(1)).factor == pytest.approx(expected, rel=1e-9)
+
+
+def loose(law):
+    domain = mesh.create_unit_square(COMM, 2, 2)
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    bottom = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 0))
+    s = ContactSurface(u, bottom, obstacle=HalfSpace((0, 0), (0, 1)), law=law)
+    energy = LinearElastic(1.0, 1.0).energy(u) * ufl.dx
+    return ContactProblem(energy, u, [s])
+
+
+def test_always_or_never():
+    """Without friction that depends on the pressure always; of a body that nothing holds never."""
+    domain = mesh.create_unit_square(COMM, 2, 2)
+    for law in (Tresca(0.3), Frictionless()):
+        problem = on_box(domain, law=law)
+        found = renard_criterion(problem)
+        assert (found.factor, found.unique) == (np.inf, True)
+    found = renard_criterion(loose(Coulomb(0.1)))
+    assert (found.factor, found.unique) == (0.0, False)
+
+
+def test_bad_input():
+    domain = mesh.create_unit_square(COMM, 2, 2)
+    with pytest.raises(ValueError, match="about Coulomb's law"):
+        renard_criterion(on_box(domain, law=SlipWeakening(0.4, 0.2, 0.1)))
+    problem = on_box(domain)
+    with pytest.raises(ValueError, match="vectors of length 1 at most"):
+        renard_criterion(problem, lambda x: 2.0 * np.ones_like(x))
+    with pytest.raises(ValueError, match="nodal or mixed"):
+        renard_criterion(on_box(domain, method="integral"))
