@@ -17,6 +17,7 @@ FLOORS = [
     ("reduced",),
     ("solvers",),
     ("results",),
+    ("analysis",),
     ("problem", "parametric", "nested", "command_line"),
     ("output",),
 ]
