@@ -58,6 +58,15 @@ class ProvedSolutions:
     open_regions: tuple[Masks, ...]
     certificate: Certificate
 
+    @property
+    def method(self) -> str:
+        """How it was proved, human-readable."""
+        steps = len(self.certificate.steps)
+        if self.verdict == "complete":
+            return f"a proof of {steps} {'step' if steps == 1 else 'steps'}"
+        left = f"{len(self.open_regions)} regions left" if self.open_regions else self.verdict
+        return f"a proof was tried, {left}"
+
 
 def prove_solutions(
     problem: ReducedProblem,
