@@ -61,12 +61,13 @@ def test_all_solutions_of_a_triangle(gamma, count):
 
 @serial
 @pytest.mark.parametrize(
-    ("n", "gamma"), [(64, 1.0), pytest.param(128, 1.0, marks=pytest.mark.long)]
+    ("n", "friction"),
+    [(32, 1.8), *(pytest.param(n, 1.7, marks=pytest.mark.long) for n in (64, 128))],
 )
-def test_the_seed_example_is_complete(n, gamma):
-    """F = 1.7: the three solutions of the linear triangle are all there are."""
-    system = demo_linear_triangle.linear_triangle(n, 1.7)
-    solutions = found_at(system, gamma, proof_seconds=600)
+def test_the_seed_example_is_complete(n, friction):
+    """The three solutions of the linear triangle are all there are."""
+    system = demo_linear_triangle.linear_triangle(n, friction)
+    solutions = found_at(system, 1.0, proof_seconds=600)
     assert solutions.complete
     rest = (n - 1) * "o" + "d"
     assert words(system, solutions) == ["-" + rest, "k" + rest, "o" + rest]
