@@ -6,6 +6,7 @@ from mpi4py import MPI
 
 import demo_followed_mesh
 import demo_linear_triangle
+import demo_own_law
 import numpy as np
 import pytest
 from blocks import block, facets
@@ -155,6 +156,14 @@ def test_several_surfaces(left, right, gap):
     assert (one.x - x).norm() <= 1e-8 * x.norm()
 
 
+@pytest.mark.parametrize("right", [Tresca(2.0), Coulomb(0.4)])
+def test_a_bound_given_in_advance(right):
+    """Tresca's law on one floor, and another or the same on the other, with open points."""
+    result = plate(Tresca(3.0), right, gap=0.004).solve()
+    assert result.uniqueness().verdict == "proved"
+    assert "k" in result.tables["left"].status
+
+
 def triangle(n, friction, gamma):
     system = demo_linear_triangle.linear_triangle(n, friction)
     system.set_parameter(gamma)
@@ -206,7 +215,10 @@ def test_data_that_have_changed():
     ("make", "reason"),
     [
         (partial(block, cell="hex", n=2), "linear bodies in 2D"),
-        (partial(block, law=Tresca(1.0)), "Coulomb's law"),
+        (
+            partial(block, law=demo_own_law.SlipWeakening(0.6, 0.3, 0.01)),
+            "laws of Coulomb and Tresca",
+        ),
         (partial(block, method="integral"), "contact at nodes"),
     ],
 )

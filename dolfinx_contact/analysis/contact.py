@@ -20,7 +20,7 @@ from dolfinx_contact.analysis.solutions import ProvedSolutions, prove_solutions
 from dolfinx_contact.analysis.uniqueness import is_only
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.parametric import LinearSolver, ParametricEquations
-from dolfinx_contact.laws import Coulomb, Frictionless
+from dolfinx_contact.laws import Coulomb, Frictionless, Tresca
 from dolfinx_contact.reduced.condensed import CondensedContact, can_condense
 from dolfinx_contact.results.uniqueness import Uniqueness
 
@@ -39,8 +39,8 @@ def obstacle_to_proof(equations: ContactEquations, condensed: CondensedContact |
         equations: of the problem.
         condensed: the problem condensed onto its contact points; None if that cannot be done.
     """
-    if not all(type(s.law) in (Coulomb, Frictionless) for s in equations.surfaces):
-        return "proofs are for Coulomb's law and contact without friction"
+    if not all(type(s.law) in (Coulomb, Frictionless, Tresca) for s in equations.surfaces):
+        return "proofs are for the laws of Coulomb and Tresca and contact without friction"
     if condensed is None or not condensed.exact:
         return "the problem is not linear in 2D, with contact at nodes, but for the law of contact"
     if not condensed.always_solvable:
@@ -62,7 +62,7 @@ def reduced_problem(condensed: CondensedContact, gamma: float) -> ReducedProblem
     S = system.matrix[:, :, :2].reshape(len(system.load), -1)
     of_S, of_load = condensed.errors(gamma)
     p = np.asarray(system.load + gamma * system.rate)
-    return ReducedProblem(S, p, condensed.friction, None, of_S, of_load)
+    return ReducedProblem(S, p, condensed.friction, condensed.bound, of_S, of_load)
 
 
 def proved(condensed: CondensedContact, gamma: float, seconds: float) -> ProvedSolutions | None:
@@ -117,8 +117,8 @@ def uniqueness(
     try:
         if not system.residual(x, 0.0, b, None) <= _SOLVED:
             return Uniqueness("not proved", "the data have changed since the problem was solved")
-        if can_condense(system):
-            condensed = CondensedContact(system, x, 0.0, exact=True)
+        if can_condense(system, bounded=True):
+            condensed = CondensedContact(system, x, 0.0, exact=True, conic=can_condense(system))
         obstacle = obstacle_to_proof(equations, condensed)
         if obstacle or condensed is None:
             return Uniqueness("not proved", obstacle)

@@ -36,7 +36,8 @@ from dolfinx_contact.continuation import Piece
 from dolfinx_contact.continuation.affine import AffineSystem
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.parametric import ParametricEquations
-from dolfinx_contact.laws.cones import is_polyhedral
+from dolfinx_contact.laws import Tresca
+from dolfinx_contact.laws.cones import is_polyhedral, no_cones
 from dolfinx_contact.reduced.gathered import GatheredPoints
 
 __all__ = ["CondensedContact", "can_condense"]
@@ -55,13 +56,16 @@ _DEFAULTS = {
 }
 
 
-def can_condense(system: ParametricEquations, *, partly: bool = False) -> bool:
+def can_condense(
+    system: ParametricEquations, *, partly: bool = False, bounded: bool = False
+) -> bool:
     """Whether a problem has affine pieces at its contact points. Collective.
 
     Args:
         system: the problem.
         partly: whether tangential displacements of contact points may be prescribed: the statuses
             of such points are not those of the problem.
+        bounded: whether Tresca's law will do, whose pieces are not cones.
     """
     eq = system.equations
     points = eq.comm.allreduce(int((~system.clamped).sum()))
@@ -72,7 +76,8 @@ def can_condense(system: ParametricEquations, *, partly: bool = False) -> bool:
     for s, clamped, held in zip(eq.surfaces, *known, strict=True):
         if s.points.E is not None or (partly and s.method != "nodal"):
             return False
-        polyhedral = polyhedral and is_polyhedral(s.law_at_points, s.points.data)
+        conic = is_polyhedral(s.law_at_points, s.points.data)
+        polyhedral = polyhedral and (conic or (bounded and isinstance(s.law, Tresca)))
         trace = s.points.vertex_trace_dofs
         nodes.append(trace)
         fixed = held[trace]
@@ -95,16 +100,26 @@ class CondensedContact:
         x: state at which H is linearised.
         gamma: parameter there.
         exact: whether the pieces are affine, so that the linearisation is the problem.
+        conic: whether the pieces are cones; else the system has only its matrix and its loads.
 
     Attributes:
         system: the affine system of the contact points, in the order of their coordinates.
         exact: as given.
         friction: radii of the friction discs at unit pressure (m,); 0 without friction.
+        bound: shear up to which Tresca's law holds points, in units of w (m,); 0 for other laws.
         force_unit: what forces in w and in the system are divided by.
     """
 
     @staged("ContactCondensation")
-    def __init__(self, parametric: ParametricEquations, x: PETSc.Vec, gamma: float, *, exact: bool):
+    def __init__(
+        self,
+        parametric: ParametricEquations,
+        x: PETSc.Vec,
+        gamma: float,
+        *,
+        exact: bool,
+        conic: bool = True,
+    ):
         self._parametric, self.exact = parametric, exact
         eq: ContactEquations = parametric.equations
         self.comm, self._equations = eq.comm, eq
@@ -132,9 +147,9 @@ class CondensedContact:
         self._residuals_of_loads = [residual for _, _, residual in loads]
         self._w = self.contract(x)
         load = np.einsum("nmk,mk->n", M, self._w) - rest + gamma * rate
-        self.friction = points.friction
+        self.friction, self.bound = points.friction, points.bound / k
         laws = points.laws(k)
-        bases, inequalities, exists = laws.cones()
+        bases, inequalities, exists = laws.cones() if conic else no_cones(m)
         self.system = AffineSystem(M, load, -rate, bases, inequalities, laws.classify, exists)
 
     @cached_property
