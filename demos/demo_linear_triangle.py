@@ -71,10 +71,8 @@ def described(status):
 
 # ## Explore, from the solution at gamma = -1
 #
-# Every branch that leaves gamma = 0 is a ray and ends at gamma = -1 or 1, so that the ends of the
-# edges of the graph are all the solutions that were found there. That there are no others is proved
-# by branch and bound at gamma = -1 and 1: a solution is excluded by linear programs, or by a
-# quadratic form of its difference to another one, with bounds for all round-off.
+# Every branch that leaves gamma = 0 is a ray and ends at gamma = -1 or 1. That these ends are all
+# solutions there is proved by branch and bound, with bounds for all round-off.
 
 
 def main(argv=None):
@@ -89,12 +87,9 @@ def main(argv=None):
     system.problem.write(x)
     begun = time.perf_counter()
     diagram = explore(system, [(x, -1.0)], gamma_range=(-1.0, 1.0), route=args.route)
-    seconds = time.perf_counter() - begun
-
-    begun = time.perf_counter()
+    explored = time.perf_counter()
     proofs = [find_solutions(system, [x], gamma) for gamma in (-1.0, 1.0)]
-    proof_seconds = time.perf_counter() - begun
-
+    seconds, proof_seconds = explored - begun, time.perf_counter() - explored
     ends = [p for b in diagram.branches for p in (b.points[0], b.points[-1]) if abs(p.gamma) == 1]
     ends.sort(key=lambda p: (p.gamma, system.letters(p.piece)))
     found = output.journal_of(system, [Branch(ends)], SEEN).rows()
@@ -108,23 +103,15 @@ def main(argv=None):
         output.draw_diagram(folder / "diagram.png", journal, seen, names=names, strips=0)
     for title, s in zip(titles, found, strict=True):
         say(f"{title}; " + ", ".join(f"{name} = {s[name]:.7g}" for name in SEEN))
-    reached = [sum(end.gamma == p.gamma for end in ends) for p in proofs]
-    complete = all(p.complete and len(p.found) == n for p, n in zip(proofs, reached, strict=True))
-    sure = "proved complete" if complete else "not proved complete"
-    counts = " and ".join(str(len(p.found)) for p in proofs)
+    complete = all(p.complete for p in proofs) and sum(len(p.found) for p in proofs) == len(ends)
     methods = [p.method for p in proofs]
-    say(f"{counts} solutions at gamma = -1 and 1, {sure}: {', '.join(methods)}")
+    say(f"{'' if complete else 'not '}proved to be all at gamma = -1 and 1: {', '.join(methods)}")
     say(f"{len(diagram.edges)} branches in {seconds:.2f} s; pictures in {folder}")
-    summary = diagram.summary() | {
-        "complete": complete,
-        "proofs": methods,
-        "proof_seconds": proof_seconds,
-        "newton_iterations": result.iterations,
-        "dofs": result.dofs,
-        "solutions": {g: [s for s in found if s["gamma"] == float(g)] for g in ("-1", "1")},
-        "augmentation": system.problem.surfaces[0].mean_augmentation,
-        "explore_seconds": seconds,
-    }
+    cost = dict(explore_seconds=seconds, proof_seconds=proof_seconds)
+    cost |= dict(newton_iterations=result.iterations, dofs=result.dofs)
+    summary = diagram.summary() | cost | dict(complete=complete, proofs=methods)
+    summary["augmentation"] = system.problem.surfaces[0].mean_augmentation
+    summary["solutions"] = {g: [s for s in found if s["gamma"] == float(g)] for g in ("-1", "1")}
     return output.write_summary(comm, folder, summary)
 
 
