@@ -48,10 +48,19 @@ class Dual:
     @cached_property
     def coefficients(self) -> Array:
         """Of the slots in y.(S a - r), without what g contributes (6, m)."""
-        a, yt, yn, F = self._of_a, self.y[0::2], self.y[1::2], self.problem.friction
-        by_F = np.divide(yn, 2 * F, out=np.zeros_like(F), where=F > 0)
-        rt = np.where(self.problem.g > 0, 0.0, -yt / 2)
-        return np.stack([a[0::2], -a[0::2], a[1::2], rt - by_F, -rt - by_F, -yn])
+        a, rt, rn = self._of_a, -self._shear, -self._pressure
+        return np.stack([a[0::2], -a[0::2], a[1::2], rt + rn, rn - rt, -self.y[1::2]])
+
+    @property
+    def _shear(self) -> Array:
+        """What y counts of s+ - s- (m,)."""
+        return np.where(self.problem.g > 0, 0.0, self.y[0::2] / 2)
+
+    @property
+    def _pressure(self) -> Array:
+        """What y counts of s+ + s-, which is 2 F rn (m,)."""
+        F = self.problem.friction
+        return np.divide(self.y[1::2], 2 * F, out=np.zeros_like(F), where=F > 0)
 
     @cached_property
     def _given(self) -> Array:
@@ -85,7 +94,10 @@ class Dual:
         reach[0::2], reach[1::2] = np.maximum(ub[0], ub[1]), ub[2]
         data = reach @ (gamma(n) * (np.abs(problem.S) @ y) + problem.dS @ y)
         data += problem.dp @ y
-        sums = (np.abs(self.coefficients) * ub).sum() + np.abs(problem.p) @ y
+        size = np.abs(self.coefficients)
+        # These are differences, rounded as their terms are.
+        size[3:5] = np.abs(self._shear) + np.abs(self._pressure)
+        sums = (size * ub).sum() + np.abs(problem.p) @ y
         sums += 2 * problem.g @ y[0::2]
         return float(up(data + gamma(8 * n) * sums))
 
