@@ -2,8 +2,8 @@
 """Whether one solution of a reduced problem is the only one.
 
 The certificate of one point (`differences.py`) over all statuses costs some eigenvalue problems of
-the size of the reduced problem. Where it fails other solutions are looked for, and, if there is
-time for it, a proof by branch and bound.
+the size of the reduced problem. Where the first of them bring no proof other solutions are looked
+for, then more effort is made, and, if there is time for it, a proof by branch and bound.
 """
 
 from __future__ import annotations
@@ -29,6 +29,8 @@ Codes = npt.NDArray[np.int8]
 Array = npt.NDArray[np.float64]
 
 _TRIES = 16
+_QUICK, _EFFORT = 15, 80  # of the search for weights,
+_POINTS = 128  # up to so many points; then less, as eigenvalues cost the cube
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,11 +60,16 @@ def is_only(problem: ReducedProblem, codes: Codes, *, seconds: float = 0.0) -> O
     """
     scaled = problem.scaled
     piece = solve_piece(scaled, codes)
-    if piece is not None and piece.verdict != "outside":
-        certificate = _of_one_point(problem, piece)
-        if certificate is not None:
-            return OnePoint("proved", "the certificate of one point", None, certificate)
-    other = _another(scaled, codes)
+    inside = piece if piece is not None and piece.verdict != "outside" else None
+    share = min(1.0, (_POINTS / problem.points) ** 3)
+    certificate = _of_one_point(problem, inside, max(8, int(share * _QUICK)))
+    other = (
+        None if certificate is not None else _another(scaled, codes, max(2, int(share * _TRIES)))
+    )
+    if certificate is None and other is None:
+        certificate = _of_one_point(problem, inside, max(8, int(share * _EFFORT)))
+    if certificate is not None:
+        return OnePoint("proved", "the certificate of one point", None, certificate)
     if other is not None:
         length, force = problem.units
         state = other.state * np.array([length, length, force, force])
@@ -74,10 +81,12 @@ def is_only(problem: ReducedProblem, codes: Codes, *, seconds: float = 0.0) -> O
     return OnePoint("not proved", "the certificate of one point does not hold")
 
 
-def _of_one_point(problem: ReducedProblem, piece: Piece) -> Certificate | None:
+def _of_one_point(problem: ReducedProblem, piece: Piece | None, effort: int) -> Certificate | None:
+    if piece is None:
+        return None
     certificate, region = Certificate(problem), Region.whole(problem.scaled)
     d = differences(piece, region.allowed, region.ub)
-    w = None if d is None else find_weights(d)
+    w = None if d is None else find_weights(d, effort=effort)
     if w is None or not w.proves:
         return None
     certificate.steps.append(
@@ -96,10 +105,10 @@ def _of_one_point(problem: ReducedProblem, piece: Piece) -> Certificate | None:
     return certificate
 
 
-def _another(problem: ReducedProblem, codes: Codes) -> Piece | None:
+def _another(problem: ReducedProblem, codes: Codes, tries: int) -> Piece | None:
     """Another solution, inside its borders; None if none was found."""
     random = np.random.default_rng(0)
-    for found in candidates(problem, problem.statuses, [], random, _TRIES):
+    for found in candidates(problem, problem.statuses, [], random, tries):
         if not np.array_equal(found, codes):
             piece = solve_piece(problem, found)
             if piece is not None and piece.verdict == "inside":
