@@ -96,7 +96,8 @@ def main(argv=None):
     say.result(result)
     output.picture_of_contact(folder / "contact.png", block)
     output.write_contact_table(comm, folder, result.tables.values())
-    return output.write_summary(comm, folder, result.summary())
+    summary = result.summary() | {"unique": result.unique}
+    return output.write_summary(comm, folder, summary)
 
 
 if __name__ == "__main__":

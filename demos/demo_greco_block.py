@@ -97,7 +97,7 @@ def main(argv=None):
     say.result(result)
     table, metre = result.tables["contact"], UNITS[args.units][0]
     x, ut = table.x[:, 0] * metre, table.ut[:, 0] * metre
-    summary = result.summary() | {"status": table.status}
+    summary = result.summary() | {"status": table.status, "unique": result.unique}
     for name, at in POINTS.items():
         summary[f"ux_{name}"] = ux = float(np.interp(at, x, ut))
         say(f"{name}: u_x {ux:.8e} m, Code_Aster QUAD8 {CODE_ASTER[name]:.8e}")

@@ -5,7 +5,7 @@
 #
 # - find all branches of solutions that hang together, as a graph (`explore`);
 # - pass a point where *every* contact node is at a kink at once, and leave it along every ray;
-# - say whether the set of solutions is known to be complete.
+# - prove that there are no other solutions (`find_solutions`).
 #
 # The triangle A = (0, 0), B = (1, 0), C = (0, 1), clamped on BC, may touch a rigid floor along AB.
 # A traction -gamma (26, 7.5) acts on AC (Ligursky and Renard's example of a linear elastic body).
@@ -25,7 +25,7 @@ from dolfinx import fem, mesh
 
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, output
 from dolfinx_contact.command_line import ScriptParser
-from dolfinx_contact.continuation import Branch, explore
+from dolfinx_contact.continuation import Branch, explore, find_solutions
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.output import leftmost, total
 from dolfinx_contact.parametric import ParametricContact
@@ -73,8 +73,8 @@ def described(status):
 
 # ## Explore, from the solution at gamma = -1
 #
-# Every branch that leaves gamma = 0 is a ray and ends at gamma = -1 or 1, so that the ends of the
-# edges of the graph are all the solutions that were found there.
+# Every branch that leaves gamma = 0 is a ray and ends at gamma = -1 or 1. That these ends are all
+# solutions there is proved by branch and bound, with bounds for all round-off.
 
 
 def main(argv=None):
@@ -89,8 +89,9 @@ def main(argv=None):
     system.problem.write(x)
     begun = time.perf_counter()
     diagram = explore(system, [(x, -1.0)], gamma_range=(-1.0, 1.0), route=args.route)
-    seconds = time.perf_counter() - begun
-
+    explored = time.perf_counter()
+    proofs = [find_solutions(system, [x], gamma) for gamma in (-1.0, 1.0)]
+    seconds, proof_seconds = explored - begun, time.perf_counter() - explored
     ends = [p for b in diagram.branches for p in (b.points[0], b.points[-1]) if abs(p.gamma) == 1]
     ends.sort(key=lambda p: (p.gamma, system.letters(p.piece)))
     found = output.journal_of(system, [Branch(ends)], SEEN).rows()
@@ -104,17 +105,15 @@ def main(argv=None):
         output.draw_diagram(folder / "diagram.png", journal, seen, names=names, strips=0)
     for title, s in zip(titles, found, strict=True):
         say(f"{title}; " + ", ".join(f"{name} = {s[name]:.7g}" for name in SEEN))
-    summary = diagram.summary()
-    sure = "proved complete by" if diagram.complete else "not proved complete; tried:"
-    say(f"the set of rays at gamma = 0 is {sure} {', '.join(summary['methods'])}")
+    complete = all(p.complete for p in proofs) and sum(len(p.found) for p in proofs) == len(ends)
+    methods = [p.method for p in proofs]
+    say(f"{'' if complete else 'not '}proved to be all at gamma = -1 and 1: {', '.join(methods)}")
     say(f"{len(diagram.edges)} branches in {seconds:.2f} s; pictures in {folder}")
-    summary |= {
-        "newton_iterations": result.iterations,
-        "dofs": result.dofs,
-        "solutions": {g: [s for s in found if s["gamma"] == float(g)] for g in ("-1", "1")},
-        "augmentation": system.problem.surfaces[0].mean_augmentation,
-        "explore_seconds": seconds,
-    }
+    cost = dict(explore_seconds=seconds, proof_seconds=proof_seconds)
+    cost |= dict(newton_iterations=result.iterations, dofs=result.dofs)
+    summary = diagram.summary() | cost | dict(complete=complete, proofs=methods)
+    summary["augmentation"] = system.problem.surfaces[0].mean_augmentation
+    summary["solutions"] = {g: [s for s in found if s["gamma"] == float(g)] for g in ("-1", "1")}
     return output.write_summary(comm, folder, summary)
 
 

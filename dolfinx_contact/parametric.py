@@ -22,9 +22,11 @@ from dolfinx import fem
 
 from dolfinx_contact._agreement import described, refuse_other_mesh
 from dolfinx_contact._compat import is_mesh_of, is_value_of
-from dolfinx_contact._errors import everywhere, require, same_everywhere
+from dolfinx_contact._errors import everywhere, on_root, require, same_everywhere
+from dolfinx_contact.analysis.contact import obstacle_to_proof, proved
 from dolfinx_contact.continuation import BranchPoint, Piece
 from dolfinx_contact.continuation.arguments import checked_gamma
+from dolfinx_contact.continuation.system import Condensed, Proof
 from dolfinx_contact.equations.order import by_coordinates
 from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.laws import status
@@ -36,6 +38,8 @@ from dolfinx_contact.results.result import Result
 from dolfinx_contact.solvers.history import Attempt
 
 __all__ = ["ParametricContact"]
+
+_MOST_PROVED = 128  # contact points up to which all solutions are proved by default
 
 
 class ParametricContact(ParametricEquations):
@@ -149,6 +153,17 @@ class ParametricContact(ParametricEquations):
     def is_piecewise_affine(self) -> bool:  # type: ignore[override]
         """Whether every piece is affine in (x, gamma). Collective."""
         return self.is_linear and can_condense(self)
+
+    def prove(self, condensed: Condensed, gamma: float, seconds: float) -> Proof | None:
+        """All solutions at gamma, with a proof (`analysis`). Collective.
+
+        None where no certificate applies (`analysis.contact.obstacle_to_proof`) and beyond 128
+        contact points.
+        """
+        assert isinstance(condensed, CondensedContact)
+        if condensed.system.points > _MOST_PROVED or obstacle_to_proof(self.equations, condensed):
+            return None
+        return on_root(self.comm, lambda: proved(condensed, gamma, seconds))
 
     # -- pieces ----------------------------------------------------------------------------------
 

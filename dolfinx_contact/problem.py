@@ -5,6 +5,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
+from functools import cache
 from typing import Any
 
 from petsc4py import PETSc
@@ -26,6 +28,7 @@ from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact._options import ProblemOptions, check_options, in_database
 from dolfinx_contact._petsc import require_real, staged
 from dolfinx_contact._progress import SolveProgress
+from dolfinx_contact.analysis.contact import uniqueness
 from dolfinx_contact.body.bulk import Bulk
 from dolfinx_contact.body.cells import check_cells
 from dolfinx_contact.equations.contact import ContactEquations
@@ -36,6 +39,7 @@ from dolfinx_contact.results.balance import forces_at_vertices, support_at_nodes
 from dolfinx_contact.results.checks import warn_of_obstacles
 from dolfinx_contact.results.result import Result, collect
 from dolfinx_contact.results.tables import ContactTable, contact_table
+from dolfinx_contact.results.uniqueness import Uniqueness
 from dolfinx_contact.solvers.choice import LinearSolverChoice
 from dolfinx_contact.solvers.history import Attempt, Step
 from dolfinx_contact.solvers.ladder import solve
@@ -252,12 +256,29 @@ class ContactProblem:
             )
             with self.restored():
                 result = self.collect(x, attempts)
+            result = replace(result, prove=self._proof_of(x))
             x.destroy()
             said.end(result.iterations)
             return result
         finally:
             said.end()
             x0.destroy()
+
+    def _proof_of(self, x: PETSc.Vec) -> Callable[[float], Uniqueness]:
+        """What looks for a proof that the solution is the only one; each answer is kept."""
+        values = x.array_r.copy() if self.equations.dim == 2 else None
+
+        @cache
+        def prove(seconds: float) -> Uniqueness:
+            y = self.create_vector()
+            if values is not None:
+                y.array[:] = values
+            try:
+                return uniqueness(self.equations, self._linear, y, seconds)
+            finally:
+                y.destroy()
+
+        return prove
 
     def collect(
         self, x: PETSc.Vec, attempts: Sequence[Attempt], statuses: Statuses | None = None

@@ -34,7 +34,7 @@ def test_unfolding_finds_what_enumeration_proves(seed, monkeypatch):
     proved = outgoing(cone)
     assert proved.complete
     assert len(proved.rays) % 2 == 0  # what comes in goes out
-    monkeypatch.setattr(rays_module, "_MOST_PIECES", 0)
+    monkeypatch.setattr(rays_module, "MOST_PIECES", 0)
     unfolded = outgoing(cone)
     assert not unfolded.complete
     assert described(unfolded) == described(proved)

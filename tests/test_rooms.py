@@ -16,8 +16,8 @@ FLOORS = [
     ("equations", "algorithms"),
     ("reduced",),
     ("solvers",),
-    ("analysis",),
     ("results",),
+    ("analysis",),
     ("problem", "parametric", "nested", "command_line"),
     ("output",),
 ]

@@ -1,19 +1,35 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What is known of the solutions of a contact problem: whether they are unique, and stable."""
+"""What is known of the solutions of a contact problem: whether they are all, unique, and stable.
 
+Of the proofs what has to be trusted is in `checker.py` and what it imports (`rounding`,
+`reduced_problem`, `energy`, `duality`, `pieces`, `differences`); the rest looks for proofs.
+"""
+
+from dolfinx_contact.analysis.certificate import Certificate
+from dolfinx_contact.analysis.checker import InvalidCertificate, Proved, check
 from dolfinx_contact.analysis.critical_friction import CriticalFriction, critical_friction
+from dolfinx_contact.analysis.reduced_problem import ReducedProblem
 from dolfinx_contact.analysis.renard import Renard, renard_criterion
+from dolfinx_contact.analysis.solutions import ProvedSolution, ProvedSolutions, prove_solutions
 from dolfinx_contact.analysis.stability import Stability, stability_at_rest
 from dolfinx_contact.analysis.steady_sliding import Onset, SlidingModes, SteadySliding
 
 __all__ = [
+    "Certificate",
     "CriticalFriction",
+    "InvalidCertificate",
     "Onset",
+    "Proved",
+    "ProvedSolution",
+    "ProvedSolutions",
+    "ReducedProblem",
     "Renard",
     "SlidingModes",
     "Stability",
     "SteadySliding",
+    "check",
     "critical_friction",
+    "prove_solutions",
     "renard_criterion",
     "stability_at_rest",
 ]

@@ -103,7 +103,7 @@ def renard_criterion(
     largest = float(eq.comm.allreduce(slope.max(initial=0.0), op=max))
     least = float(eq.comm.allreduce(slope.min(initial=np.inf), op=min))
     factor = np.inf
-    if len(eq.free_motions):
+    if len(eq.loose.of_body):
         factor = 0.0  # the form vanishes for rigid motions
     elif largest > 0:
         form = _Form(eq, slope[:, None] * xi)

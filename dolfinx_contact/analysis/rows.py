@@ -96,8 +96,10 @@ def component_rows(eq: ContactEquations, places: npt.NDArray[np.intp], along: Ar
 
 
 def require_nodes(eq: ContactEquations) -> None:
-    """Raise ``ValueError`` if the points of a surface are not its multiplier nodes. Collective."""
+    """Raise ``ValueError`` if points are no multiplier nodes, or obstacles move. Collective."""
     for s in eq.surfaces:
+        still = s.rigid_body is None
+        require(eq.comm, still, f"{s.name}: not with rigid bodies that have unknowns of their own")
         fits = s.points.E is None
         require(eq.comm, fits, f"{s.name}: this needs nodal or mixed contact, not {s.method}")
 

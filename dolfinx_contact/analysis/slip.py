@@ -151,7 +151,7 @@ class Slip:
 
     def require_held(self) -> None:
         """Raise ``ValueError`` if rigid motions are held by nothing but friction. Collective."""
-        eq, motions = self._eq, self._eq.free_motions
+        eq, motions = self._eq, self._eq.loose.of_body
         if len(motions) == 0:
             return
         u, held = self.N.createVecRight(), []
@@ -174,10 +174,13 @@ class Slip:
 
         They are in the order of coordinates.
         """
-        x = np.concatenate([s.positions for s in self._eq.surfaces])[self.places]
-        every = [np.concatenate(self.comm.allgather(v)) for v in (x, *values)]
-        order = by_coordinates(every[0])
-        return [v[order] for v in every]
+        x, ids = (
+            np.concatenate(parts)[self.places]
+            for parts in zip(*((s.positions, s.points.ids) for s in self._eq.surfaces), strict=True)
+        )
+        everywhere = [np.concatenate(self.comm.allgather(v)) for v in (x, *values, ids)]
+        order = by_coordinates(everywhere[0], everywhere.pop())
+        return [v[order] for v in everywhere]
 
     def destroy(self) -> None:
         """Free the matrices."""

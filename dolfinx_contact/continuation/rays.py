@@ -25,9 +25,18 @@ import numpy.typing as npt
 
 from dolfinx_contact.continuation.affine import TOLERANCE, AffinePiece, AffineSystem, Array, Codes
 
-__all__ = ["AffineRay", "Rays", "neighbours", "outgoing", "same_direction", "step"]
+__all__ = [
+    "MOST_PIECES",
+    "AffineRay",
+    "Rays",
+    "neighbours",
+    "number_of_pieces",
+    "outgoing",
+    "same_direction",
+    "step",
+]
 
-_MOST_PIECES = 65536
+MOST_PIECES = 65536  # that are enumerated
 _CHUNK = 4096  # pieces looked at together
 _SINGULAR = 1e-14  # singular values that are round-off, relative to the largest
 
@@ -87,6 +96,11 @@ def neighbours(
     return found
 
 
+def number_of_pieces(cone: AffineSystem) -> float:
+    """Of a system."""
+    return float(np.prod(cone.allowed.sum(axis=1).astype(float)))
+
+
 def outgoing(
     cone: AffineSystem, known: Sequence[AffineRay] = (), *, tries: int = 6, seed: int = 0
 ) -> Rays:
@@ -103,8 +117,8 @@ def outgoing(
     """
     cone.require_finite()
     choices = [np.flatnonzero(a) for a in cone.allowed]
-    pieces = float(np.prod([float(len(c)) for c in choices]))
-    if pieces <= _MOST_PIECES:
+    pieces = number_of_pieces(cone)
+    if pieces <= MOST_PIECES:
         wide: list[Codes] = []
         found, doubt = list(known), ""
         try:

@@ -2,7 +2,9 @@
 r"""Many solutions at one gamma, connected with each other or not.
 
 Where the pieces are affine, a solution at gamma is a ray of the cones under the whole load, so that
-`rays.py` finds them, by enumeration (and then there are no others) or by unfolding. Else solutions
+`rays.py` finds them, by enumeration (and then there are no others) or by unfolding. Where there are
+too many pieces to be enumerated the system may have a proof of its own (`System.prove`); if it
+comes to an end there are no others. Else solutions
 that are known are deflated (Farrell, Birkisson and Funke, SIAM J. Sci. Comput. 37, 2015): Newton's
 method is applied to m(x) H(x) with
 
@@ -35,10 +37,17 @@ from dolfinx_contact.continuation.arguments import (
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.branch import BranchPoint
 from dolfinx_contact.continuation.layout import Layout
-from dolfinx_contact.continuation.rays import AffineRay, outgoing
+from dolfinx_contact.continuation.rays import (
+    MOST_PIECES,
+    AffineRay,
+    number_of_pieces,
+    outgoing,
+)
 from dolfinx_contact.continuation.system import (
+    Condensed,
     Events,
     Piece,
+    Proof,
     System,
 )
 
@@ -78,6 +87,7 @@ class Solutions:
         found: known ones first.
         complete: whether it is proved that there are no others.
         method: how they were looked for, human-readable.
+        proof: what the system proved, if it was asked to.
         continua: that were found by enumeration; their ends are in `found` as well.
     """
 
@@ -86,6 +96,7 @@ class Solutions:
     complete: bool
     method: str
     continua: tuple[Continuum, ...] = ()
+    proof: Proof | None = None
 
     def points(self, system: System, found: Sequence[Solution] | None = None) -> list[BranchPoint]:
         """Solutions as points without a tangent, for pictures and tables. Collective.
@@ -114,6 +125,7 @@ def find_solutions(
     max_iterations: int = 60,
     tolerance: float = 1e-10,
     deflation: bool = False,
+    proof_seconds: float = 60.0,
 ) -> Solutions:
     """Solutions at ``gamma``, as many as can be found. Collective.
 
@@ -130,6 +142,8 @@ def find_solutions(
         max_iterations: of each run of Newton's method.
         tolerance: relative residual at which a state is a solution.
         deflation: use it even where the pieces are affine.
+        proof_seconds: for a proof that there are no others, where there are too many affine pieces
+            to be enumerated; 0 for none.
 
     Raises:
         ValueError: on every rank, if there is no guess, a state does not fit, gamma, the loads or
@@ -146,6 +160,8 @@ def find_solutions(
         positive = all(0 < part < np.inf for part in lengths)
         if not (positive and tolerance > 0 and max_iterations > 0):
             raise ValueError("lengths, tolerance and max_iterations must be positive")
+        if not proof_seconds >= 0:
+            raise ValueError("proof_seconds must not be negative")
     same_everywhere(
         system.comm,
         gamma=gamma,
@@ -153,13 +169,14 @@ def find_solutions(
         max_iterations=max_iterations,
         tolerance=tolerance,
         deflation=bool(deflation),
+        proof_seconds=float(proof_seconds),
     )
     check_states(system, guesses, "a guess")
     check_states(system, known, "a known solution")
     system.check_parameter([gamma])
     if not deflation and system.is_piecewise_affine:
         with system.restored(always=True):
-            found = _of_cones(system, guesses[0], gamma)
+            found = _of_cones(system, guesses[0], gamma, proof_seconds)
         if found is not None:
             return found
     with (
@@ -182,12 +199,21 @@ def find_solutions(
     return Solutions(gamma, found_ones, False, f"deflation, {runs} runs of Newton's method")
 
 
-def _of_cones(system: System, x: PETSc.Vec, gamma: float) -> Solutions | None:
+def _of_cones(system: System, x: PETSc.Vec, gamma: float, seconds: float) -> Solutions | None:
     condensed = system.condensed(x, gamma)
     if condensed is None:
         return None
     affine = condensed.system
     affine.require_finite()
+    proof, proved = None, list[Solution]()
+    if seconds > 0 and number_of_pieces(affine) > MOST_PIECES:
+        proof = system.prove(condensed, gamma, seconds)
+    for state in proof.solutions if proof is not None else ():
+        y = x.copy()
+        condensed.expand(state.state, gamma, y)
+        proved.append(Solution(y, condensed.piece(state.codes)))
+    if proof is not None and proof.verdict == "complete":
+        return Solutions(gamma, tuple(proved), True, proof.method, proof=proof)
     whole = affine.load + gamma * affine.rate
     # The rays are looked for in units in which the load is 1.
     unit = float(np.abs(whole).max(initial=0.0)) or 1.0
@@ -199,7 +225,9 @@ def _of_cones(system: System, x: PETSc.Vec, gamma: float) -> Solutions | None:
         return Solution(y, condensed.piece(ray.codes))
 
     at = {id(ray): solution(ray) for ray in rays.rays if ray.rate == 1}
-    found = tuple(at.values())
+    # What the proof found as well is one solution.
+    new = [s for s in proved if not any(_same(condensed, s, other) for other in at.values())]
+    found = (*at.values(), *new)
     spans = [(codes, [at[id(r)] for r in ends if id(r) in at]) for codes, ends in rays.continua]
     continua = tuple(
         Continuum(condensed.piece(codes), tuple(ends)) for codes, ends in spans if ends
@@ -214,7 +242,14 @@ def _of_cones(system: System, x: PETSc.Vec, gamma: float) -> Solutions | None:
                 gamma,
                 rays.method,
             )
-    return Solutions(gamma, found, complete, rays.method, continua)
+    method = rays.method if proof is None else f"{rays.method}, {proof.method}"
+    return Solutions(gamma, found, complete, method, continua, proof)
+
+
+def _same(condensed: Condensed, a: Solution, b: Solution) -> bool:
+    """Whether two solutions are one. Collective."""
+    v, w = condensed.contract(a.x), condensed.contract(b.x)
+    return bool(np.abs(v - w).max() <= 1e-7 * max(float(np.abs(v).max()), 1e-300))
 
 
 class _Deflated:

@@ -155,6 +155,16 @@ class System:
         """
         return None
 
+    def prove(self, condensed: Condensed, gamma: float, seconds: float) -> Proof | None:
+        """All solutions at gamma, with a proof; None, the default, where there is no way to one.
+
+        Args:
+            condensed: the points at any state, exact.
+            gamma: parameter.
+            seconds: to give up after.
+        """
+        return None
+
     def put(self, x: PETSc.Vec, gamma: float, piece: Piece) -> None:
         """Show a state to the user, as the last one of a branch is; by default nowhere."""
 
@@ -168,6 +178,34 @@ class System:
             always: also if the context does not raise.
         """
         return nullcontext()
+
+
+class FoundState(Protocol):
+    """A solution of the points that `Condensed` has."""
+
+    @property
+    def codes(self) -> npt.NDArray[np.int8]:
+        """Statuses (m,)."""
+
+    @property
+    def state(self) -> npt.NDArray[np.float64]:
+        """Numbers w of the points (m, k)."""
+
+
+class Proof(Protocol):
+    """What is proved of the solutions at one gamma."""
+
+    @property
+    def verdict(self) -> str:
+        """Whether there are no others: then "complete"."""
+
+    @property
+    def solutions(self) -> Sequence[FoundState]:
+        """Those that are certain."""
+
+    @property
+    def method(self) -> str:
+        """How it was proved, human-readable."""
 
 
 class Preconditioner(Protocol):

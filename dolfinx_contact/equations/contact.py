@@ -100,7 +100,7 @@ class ContactEquations:
             s.points.set_augmentation(automatic if r is None else np.full_like(automatic, r))
             self.units.append(self.stiffness_scale / s.mean_vertex_area)
         self.units.append(1.0)
-        self._loose = LooseMotions(K, V, self.surfaces, self.constraints.fixed, self.rigid)
+        self.loose = LooseMotions(K, V, self.surfaces, self.constraints.fixed, self.rigid)
         if not bulk.linear:
             bulk.destroy()
 
@@ -308,7 +308,7 @@ class ContactEquations:
             statuses: of the contact points.
             state: whose shear tells where points that slip hold as well (`loose`).
         """
-        return self._loose.not_held(statuses, state)
+        return self.loose.not_held(statuses, state)
 
     def any_closed(self, statuses: Statuses) -> bool:
         """Whether a point of any rank is closed."""

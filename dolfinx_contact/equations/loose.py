@@ -32,6 +32,9 @@ class LooseMotions:
         surfaces: where contact may hold.
         fixed: local nodes x dim, components that Dirichlet data fix.
         bodies: the rigid bodies. Collective, as everything here.
+
+    Attributes:
+        of_body: motions of elastic bodies, at the local nodes (motions, nodes, dim).
     """
 
     def __init__(
@@ -43,7 +46,7 @@ class LooseMotions:
         bodies: RigidBodies,
     ):
         self._V, self._surfaces, self._bodies = V, list(surfaces), bodies
-        self._motions = rigid.free_motions(K, V, fixed)
+        self.of_body = rigid.free_motions(K, V, fixed)
         self._free = np.flatnonzero(~bodies.fixed)
         #: Jumps at the points by each motion (motions, n, dim), those of the rigid bodies last.
         self._jumps = [
@@ -52,9 +55,9 @@ class LooseMotions:
 
     def _by_body(self, s: ContactSurface) -> Array:
         u, n = s.points.B.createVecRight(), self._V.dofmap.index_map.size_local
-        jumps = np.zeros((len(self._motions), s.points.number, s.dim))
-        for i in range(len(self._motions)):
-            u.array[:] = self._motions[i, :n].reshape(-1)
+        jumps = np.zeros((len(self.of_body), s.points.number, s.dim))
+        for i in range(len(self.of_body)):
+            u.array[:] = self.of_body[i, :n].reshape(-1)
             jumps[i] = s.points.product(u)
         u.destroy()
         return jumps
@@ -74,7 +77,7 @@ class LooseMotions:
             statuses: of the points.
             state: that has the shear; without one only points that stick hold.
         """
-        count = len(self._motions)
+        count = len(self.of_body)
         number = count + len(self._free)
         if number == 0:
             return ""
@@ -97,7 +100,7 @@ class LooseMotions:
         loose = rigid.loose(self._V.mesh.comm.allreduce(gram))
         words = []
         if np.any(np.abs(loose[:, :count]) > _SHARE):
-            body = np.einsum("ab,bnd->and", loose[:, :count], self._motions)
+            body = np.einsum("ab,bnd->and", loose[:, :count], self.of_body)
             words.append(rigid.describe(body, self._V))
         rest = np.zeros((len(loose), self._bodies.size))
         rest[:, self._free] = loose[:, count:]

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from dolfinx_contact.laws.answers import PointData
 from dolfinx_contact.laws.compiled import LawAtPoints
 
-__all__ = ["cones", "is_polyhedral"]
+__all__ = ["cones", "is_polyhedral", "no_cones"]
 
 Array = npt.NDArray[np.float64]
 
@@ -80,6 +80,12 @@ def cones(
         plane[np.linalg.det(whole) < 0, :, 1] *= -1.0
         B[:, code] = plane
     return B, C, exists
+
+
+def no_cones(n: int) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
+    """What `cones` returns, of n points without any status."""
+    shape = n, _STATUSES
+    return np.zeros((*shape, 4, 2)), np.zeros((*shape, 3, 4)), np.zeros(shape, dtype=bool)
 
 
 def _plane(rows: Array, used: npt.NDArray[np.bool_]) -> tuple[Array, list[int]]:

@@ -12,6 +12,12 @@ dense and small S: the same on every rank. With w = (ut, un, rt, rn) at every po
 p + gamma q. Where the body is linear and gamma enters the data linearly this is the whole problem;
 else it is its linearisation, which decides how branches leave a point.
 
+What the factorisation leaves of the right-hand sides bounds the errors of S, p and q. The transpose
+of the matrix is D A D for the signs D of displacements and forces, so that its solution for a unit
+force is that for a unit jump but for signs, dS_ij = X_i.R_j for the solutions X and the residuals
+R, and |dS_ij| <= |X_i| |R_j|, up to products of two residuals; the round-off of R is in |R|. The
+matrices are taken as they are assembled.
+
 It holds where a multiplier node is a point, in 2D, for laws whose statuses are polyhedral cones
 (`laws.cones`).
 """
@@ -19,6 +25,7 @@ It holds where a multiplier node is a point, in 2D, for laws whose statuses are 
 from __future__ import annotations
 
 from functools import cached_property
+from typing import Any
 
 from petsc4py import PETSc
 
@@ -30,7 +37,8 @@ from dolfinx_contact.continuation import Piece
 from dolfinx_contact.continuation.affine import AffineSystem
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.parametric import ParametricEquations
-from dolfinx_contact.laws.cones import is_polyhedral
+from dolfinx_contact.laws import Tresca
+from dolfinx_contact.laws.cones import is_polyhedral, no_cones
 from dolfinx_contact.reduced.gathered import GatheredPoints
 
 __all__ = ["CondensedContact", "can_condense"]
@@ -39,6 +47,8 @@ Array = npt.NDArray[np.float64]
 _MOST_POINTS = 1024
 _DEFINITE = 1e-10  # least eigenvalue of the condensed stiffness, whose mean diagonal entry is 1
 _BATCH = 128  # right-hand sides solved at once
+_ROUND_OFF = 2.0**-53
+_TERMS = 256  # of a row of the matrix, at most, or nearly so
 _DEFAULTS = {
     "ksp_type": "preonly",
     "pc_type": "lu",
@@ -47,13 +57,16 @@ _DEFAULTS = {
 }
 
 
-def can_condense(system: ParametricEquations, *, partly: bool = False) -> bool:
+def can_condense(
+    system: ParametricEquations, *, partly: bool = False, bounded: bool = False
+) -> bool:
     """Whether a problem has affine pieces at its contact points. Collective.
 
     Args:
         system: the problem.
         partly: whether tangential displacements of contact points may be prescribed: the statuses
             of such points are not those of the problem.
+        bounded: whether Tresca's law will do, whose pieces are not cones.
     """
     eq = system.equations
     points = eq.comm.allreduce(int((~system.clamped).sum()))
@@ -64,7 +77,8 @@ def can_condense(system: ParametricEquations, *, partly: bool = False) -> bool:
     for s, clamped, held in zip(eq.surfaces, *known, strict=True):
         if s.points.E is not None or (partly and s.method != "nodal"):
             return False
-        polyhedral = polyhedral and is_polyhedral(s.law_at_points, s.points.data)
+        conic = is_polyhedral(s.law_at_points, s.points.data)
+        polyhedral = polyhedral and (conic or (bounded and isinstance(s.law, Tresca)))
         trace = s.points.vertex_trace_dofs
         nodes.append(trace)
         fixed = held[trace]
@@ -87,15 +101,26 @@ class CondensedContact:
         x: state at which H is linearised.
         gamma: parameter there.
         exact: whether the pieces are affine, so that the linearisation is the problem.
+        conic: whether the pieces are cones; else the system has only its matrix and its loads.
 
     Attributes:
         system: the affine system of the contact points, in the order of their coordinates.
         exact: as given.
         friction: radii of the friction discs at unit pressure (m,); 0 without friction.
+        bound: shear up to which Tresca's law holds points, in units of w (m,); 0 for other laws.
+        force_unit: what forces in w and in the system are divided by.
     """
 
     @staged("ContactCondensation")
-    def __init__(self, parametric: ParametricEquations, x: PETSc.Vec, gamma: float, *, exact: bool):
+    def __init__(
+        self,
+        parametric: ParametricEquations,
+        x: PETSc.Vec,
+        gamma: float,
+        *,
+        exact: bool,
+        conic: bool = True,
+    ):
         self._parametric, self.exact = parametric, exact
         eq: ContactEquations = parametric.equations
         self.comm, self._equations = eq.comm, eq
@@ -110,23 +135,23 @@ class CondensedContact:
         self._points = points = GatheredPoints(parametric)
         self._m = points.number
         self._factorise(parametric.contact(x, gamma, piece).u)
-        T, m, schur = points.frames, self._m, self._reactions_to_jumps()
+        T, m = points.frames, self._m
+        schur, self._sizes_of_jumps, self._residuals_of_jumps = self._reactions_to_jumps()
         k = float(np.abs(np.diag(schur)).mean())
         S = np.einsum("iap,iajb,jbq->ipjq", T, schur.reshape(m, 2, m, 2), T) / k
-        self._force_unit = k
+        self.force_unit = k
         M = np.zeros((2 * m, m, 4))
         M[:, :, :2] = S.reshape(2 * m, m, 2)
         M.reshape(m, 2, m, 4)[np.arange(m), :, np.arange(m), 2:] = -np.eye(2)
         none = np.zeros((m, 2))
-        rest, rate = (
-            np.einsum("iap,ia->ip", T, self._solve(-load, none)[1]).reshape(-1) / k
-            for load in (self._rest, self._rate)
-        )
+        loads = [self._solve(-load, none) for load in (self._rest, self._rate)]
+        rest, rate = (np.einsum("iap,ia->ip", T, f).reshape(-1) / k for _, f, _ in loads)
+        self._residuals_of_loads = [residual for _, _, residual in loads]
         self._w = self.contract(x)
         load = np.einsum("nmk,mk->n", M, self._w) - rest + gamma * rate
-        self.friction = points.friction
+        self.friction, self.bound = points.friction, points.bound / k
         laws = points.laws(k)
-        bases, inequalities, exists = laws.cones()
+        bases, inequalities, exists = laws.cones() if conic else no_cones(m)
         self.system = AffineSystem(M, load, -rate, bases, inequalities, laws.classify, exists)
 
     @cached_property
@@ -145,6 +170,22 @@ class CondensedContact:
         """Entries of the body and of rigid bodies on this rank."""
         rigid = x.getLocalSize() - self._equations.rigid.owned
         return np.concatenate([x.array_r[: self._nodal], x.array_r[rigid:]])
+
+    def errors(self, gamma: float) -> tuple[Array, Array]:
+        """By how much S and p + gamma q may be off (2 m, 2 m), (2 m,); see the module."""
+        points, k, system = 2 * self._m, self.force_unit, self.system
+        S = np.abs(system.matrix[:, :, :2].reshape(points, points))
+        # Frames mix the components of a point, and are orthonormal to round-off.
+        X, R = (
+            np.repeat(np.linalg.norm(v.reshape(-1, 2), axis=1), 2)
+            for v in (self._sizes_of_jumps, self._residuals_of_jumps)
+        )
+        of_S = (np.outer(X, R) + np.outer(R, X)) / k + 64 * _ROUND_OFF * S
+        w, length = np.abs(self._w[:, :2]).reshape(-1), points * _ROUND_OFF
+        rest, rate = (X * r / k for r in self._residuals_of_loads)
+        of_load = of_S @ w + length * (S @ w) + rest + abs(gamma - self._gamma) * rate
+        sums = np.abs(system.load) + abs(gamma) * np.abs(system.rate)
+        return of_S, of_load + 64 * _ROUND_OFF * sums
 
     # -- points ----------------------------------------------------------------------------------
 
@@ -227,12 +268,15 @@ class CondensedContact:
             thing.destroy()
         return matrix
 
-    def _reactions_to_jumps(self) -> Array:
-        """Forces at the points by jumps there, (2 m, 2 m). Collective."""
+    def _reactions_to_jumps(self) -> tuple[Array, Array, Array]:
+        """Forces at the points by jumps there, (2 m, 2 m). Collective.
+
+        With the sizes of the solutions and of their residuals (2 m,).
+        """
         local, columns = self._matrix.getLocalSize()[0], 2 * self._m
         rows = (2 * self._points.mine[:, None] + np.arange(2)).reshape(-1)
         factor, mine = self._ksp.getPC().getFactorMatrix(), np.empty((len(rows), columns))
-        scale = self._equations.stiffness_scale
+        scale, squares = self._equations.stiffness_scale, np.empty((2, columns))
         for a in range(0, columns, _BATCH):
             width = min(_BATCH, columns - a)
             rhs, out = (
@@ -245,14 +289,27 @@ class CondensedContact:
             rhs.assemble(), out.assemble()
             factor.matSolve(rhs, out)
             mine[:, a : a + width] = scale * out.getDenseArray(readonly=True)[self._n :]
-            rhs.destroy(), out.destroy()
+            product = self._matrix.matMult(out)
+            x, Ax, b = (v.getDenseArray(readonly=True) for v in (out, product, rhs))
+            squares[:, a : a + width] = (x**2).sum(axis=0), ((b - Ax) ** 2).sum(axis=0)
+            product.destroy(), rhs.destroy(), out.destroy()
         S = np.empty((columns, columns))
         for part, theirs in zip(self.comm.allgather(mine), self.comm.allgather(rows), strict=True):
             S[theirs] = part
-        return S
+        sizes, residuals = np.sqrt(self.comm.allreduce(squares))
+        return S, sizes, residuals + self._round_off(sizes, scale)
 
-    def _solve(self, load: Array, jumps: Array) -> tuple[Array, Array]:
-        """Displacements (owned) and forces at all points, for a load and jumps (m, 2)."""
+    def _round_off(self, x: Any, b: Any) -> Any:
+        """Of a residual b - A x, by the sizes of x and b. Collective."""
+        A = self._matrix
+        size = np.sqrt(A.norm(PETSc.NormType.NORM_1) * A.norm(PETSc.NormType.NORM_INFINITY))
+        return _TERMS * _ROUND_OFF * (size * x + b)
+
+    def _solve(self, load: Array, jumps: Array) -> tuple[Array, Array, float]:
+        """Displacements (owned) and forces at all points for a load and jumps (m, 2). Collective.
+
+        With the size of the residual.
+        """
         b, x = self._matrix.createVecs()
         scale = self._equations.stiffness_scale
         b.array[: self._n] = load
@@ -262,8 +319,13 @@ class CondensedContact:
         mine = scale * x.array_r[self._n :].reshape(-1, 2)
         for places, part in self.comm.allgather((self._points.mine, mine)):
             forces[places] = part
-        b.destroy(), x.destroy()
-        return u, forces
+        off = self._round_off(x.norm(), b.norm())
+        b.scale(-1.0)
+        residual = b.duplicate()
+        self._matrix.multAdd(x, b, residual)
+        off += residual.norm()
+        b.destroy(), x.destroy(), residual.destroy()
+        return u, forces, float(off)
 
     # -- states ----------------------------------------------------------------------------------
 
@@ -282,7 +344,7 @@ class CondensedContact:
                 for s, found in zip(self._equations.surfaces, state.surfaces, strict=True)
             ]
         )
-        parts = [self._points.gathered(v) for v in (jump, force / self._force_unit)]
+        parts = [self._points.gathered(v) for v in (jump, force / self.force_unit)]
         T = self._points.frames
         return np.concatenate([np.einsum("iap,ia->ip", T, v) for v in parts], axis=1)
 
@@ -290,9 +352,9 @@ class CondensedContact:
         """Put the unknowns of the state ``w`` at ``gamma`` into ``x``. Collective."""
         dw, T = w - self._w, self._points.frames
         jumps = np.einsum("iap,ip->ia", T, dw[:, :2])
-        forces = np.einsum("iap,ip->ia", T, dw[:, 2:]) * self._force_unit
+        forces = np.einsum("iap,ip->ia", T, dw[:, 2:]) * self.force_unit
         load = -self._rest - (gamma - self._gamma) * self._rate
-        du, _ = self._solve(load, jumps)
+        du, _, _ = self._solve(load, jumps)
         self._x.copy(x)
         x.array[: self._nodal] += du[: self._nodal]
         x.array[x.getLocalSize() - self._equations.rigid.owned :] += du[self._nodal :]

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from dolfinx_contact.equations.order import by_coordinates
 from dolfinx_contact.equations.parametric import ParametricEquations
-from dolfinx_contact.laws import Frictionless, LawAtPoints, PointData
+from dolfinx_contact.laws import Frictionless, LawAtPoints, PointData, Tresca
 from dolfinx_contact.laws.cones import cones
 from dolfinx_contact.laws.status import OPEN
 
@@ -35,6 +35,7 @@ class GatheredPoints:
         frames: T of j = T (ut, un) and forces T (rt, rn) on the body (m, 2, 2).
         areas: (m,).
         friction: radii of the friction discs at unit pressure (m,); 0 without friction.
+        bound: shear forces up to which Tresca's law holds points (m,); 0 for other laws.
         guided: whether Dirichlet data prescribe tangential displacements of some.
     """
 
@@ -48,22 +49,24 @@ class GatheredPoints:
             n = s.points.number
             held = eq.constraints.held[number][s.points.vertex_trace_dofs[:n]].any(axis=1)
             at_rest = np.zeros((n, 2))
-            slope = s.answers(at_rest, at_rest).unit_bound
+            answers, given = s.answers(at_rest, at_rest), isinstance(s.law, Tresca)
+            slope = np.zeros(n) if given else answers.unit_bound
+            bound = answers.bound * s.points.areas if given else np.zeros(n)
             data = s.points.data
             which = np.full(n, number)
-            columns.append((which, s.positions, data.n, s.points.areas, data.r, held, slope))
+            columns.append((which, s.positions, data.n, s.points.areas, data.r, held, slope, bound))
         mine = [np.concatenate(c)[self.local] for c in zip(*columns, strict=True)]
         parts = self.comm.allgather(mine)
         everywhere: list[Any] = [np.concatenate(c) for c in zip(*parts, strict=True)]
         # In the order of coordinates, so that neither numbering nor ranks matter.
         self._sorted = by_coordinates(everywhere[1], np.concatenate(self.comm.allgather(ids)))
-        which, _, normals, areas, r, held, slope = (v[self._sorted] for v in everywhere)
+        which, _, normals, areas, r, held, slope, bound = (v[self._sorted] for v in everywhere)
         self.frames: Array = np.stack(
             [np.stack([-normals[:, 1], normals[:, 0]], axis=1), -normals], axis=2
         )
         self._which, self._r, self._held = which, r, held.astype(bool)
         self.number, self.normals, self.areas = len(normals), normals, areas
-        self.friction = np.where(self._held, 0.0, slope)
+        self.friction, self.bound = (np.where(self._held, 0.0, v) for v in (slope, bound))
         self.guided = bool(self._held.any())
         self._starts = np.concatenate([[0], np.cumsum([len(p[0]) for p in parts])])
         first = self._starts[self.comm.rank]

@@ -8,8 +8,8 @@ Dirichlet data.
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -24,6 +24,7 @@ from dolfinx_contact.results.pairs import PairBalance, pair_balance
 from dolfinx_contact.results.penetration import Penetration, penetrations
 from dolfinx_contact.results.rigid import RigidBodyResult, rigid_body_results
 from dolfinx_contact.results.tables import ContactTable, contact_table, violation
+from dolfinx_contact.results.uniqueness import Uniqueness
 from dolfinx_contact.solvers.history import Attempt, Step
 
 __all__ = ["Result", "collect"]
@@ -55,6 +56,8 @@ class Result:
         min_det_F: the smallest det(I + grad u) of a body that is not linear in u, else None.
         penetrations: of surfaces with a compliant law, by name.
         rigid_bodies: by name, how they move and what acts on them.
+        prove: looks for a proof that there is no other solution, in so many seconds; see
+            `uniqueness`.
     """
 
     tables: dict[str, ContactTable]
@@ -70,6 +73,7 @@ class Result:
     min_det_F: float | None
     penetrations: dict[str, Penetration]
     rigid_bodies: dict[str, RigidBodyResult]
+    prove: Callable[[float], Uniqueness] | None = field(default=None, repr=False, compare=False)
 
     @property
     def converged(self) -> bool:
@@ -108,6 +112,29 @@ class Result:
     def misfit(self) -> float | None:
         """The largest of `misfits`, a length; None if no obstacle says."""
         return max((v for v in self.misfits.values() if v is not None), default=None)
+
+    def uniqueness(self, *, seconds: float = 0.0) -> Uniqueness:
+        """Whether this is the only solution, with the data as they are now. Collective.
+
+        It is found when it is asked for. Of a linear body in 2D with contact at its nodes the body
+        is condensed onto these, which takes two solves for each, and the certificate of one point
+        is tried; without friction it holds but for round-off. Where it fails, and another solution
+        is found quickly, that comes with it, and a warning.
+
+        Args:
+            seconds: for a proof by branch and bound, where the certificate of one point fails.
+
+        Raises:
+            ValueError: if the result does not come from a solve.
+        """
+        if self.prove is None:
+            raise ValueError("uniqueness is looked at for results of ContactProblem.solve")
+        return self.prove(seconds)
+
+    @property
+    def unique(self) -> str:
+        """``"proved"``, ``"not proved"`` or ``"others exist"``; see `uniqueness`. Collective."""
+        return self.uniqueness().verdict
 
     def summary(self) -> dict[str, Any]:
         """Scalars for `summary.json`."""

@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Solutions of a region's problem, in which the inequalities of decided points are dropped.
+
+A semismooth Newton method on statuses: solve a piece, give every point the status that its numbers
+ask for among those that are allowed, and when that comes back to statuses it had, change one point
+at a time. Nothing is proved here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact.analysis.pieces import matrix_of
+from dolfinx_contact.analysis.reduced_problem import (
+    CLOSED,
+    IS_FREE,
+    IS_OPEN,
+    OPENED,
+    SENSE,
+    Masks,
+    ReducedProblem,
+    has_status,
+)
+
+__all__ = ["candidates"]
+
+Array = npt.NDArray[np.float64]
+Codes = npt.NDArray[np.int8]
+
+_ROUNDS = 40
+
+
+def candidates(
+    problem: ReducedProblem,
+    allowed: Masks,
+    starts: Iterable[Codes],
+    random: np.random.Generator,
+    tries: int,
+) -> Iterator[Codes]:
+    """Statuses of solutions; the same may come again.
+
+    Args:
+        problem: scaled.
+        allowed: sets of statuses, masks (m,).
+        starts: statuses to begin with.
+        random: for further ones.
+        tries: number of these.
+    """
+    m, may_be = problem.points, has_status(allowed)
+    for k, start in enumerate([*starts, *_starts(m, tries, random)]):
+        rho = float(np.diag(problem.S).mean()) * 10 ** (random.uniform(-1.5, 1.5) if k else 0.0)
+        codes = np.array(
+            [start[i] if may_be[i, start[i]] else np.flatnonzero(may_be[i])[0] for i in range(m)],
+            dtype=np.int8,
+        )
+        found = _newton(problem, allowed, codes, rho)
+        if found is not None:
+            yield found
+
+
+def _starts(m: int, tries: int, random: np.random.Generator) -> Iterator[Codes]:
+    """Uniform statuses, blocks of them, and any."""
+    for k in range(tries):
+        if k < 4:
+            yield np.full(m, k, dtype=np.int8)
+        elif k % 3 == 0:
+            yield random.integers(0, 7, m).astype(np.int8)
+        else:
+            ends = np.sort(random.integers(0, m + 1, int(random.integers(0, 4))))
+            blocks = random.integers(0, 4, len(ends) + 1)
+            yield blocks[np.searchsorted(ends, np.arange(m), side="right")].astype(np.int8)
+
+
+def _newton(problem: ReducedProblem, allowed: Masks, codes: Codes, rho: float) -> Codes | None:
+    seen: set[bytes] = set()
+    single = 0
+    for _ in range(_ROUNDS + 3 * problem.points):
+        state = _state(problem, codes)
+        if state is None:
+            return None
+        new = _asked(problem, allowed, codes, state, rho)
+        differs = np.flatnonzero(new != codes)
+        if len(differs) == 0:
+            return codes
+        single += new.tobytes() in seen
+        seen.add(new.tobytes())
+        if single > 3 * problem.points or (not single and len(seen) > _ROUNDS):
+            return None
+        if single:
+            last = differs[-1]
+            new = np.where(np.arange(len(codes)) == last, new, codes).astype(np.int8)
+        codes = new
+    return None
+
+
+def _state(problem: ReducedProblem, codes: Codes) -> tuple[Array, Array, Array, Array] | None:
+    """ut, un, rt, rn of a piece, without error bounds; None if it is singular."""
+    load = problem.p.copy()
+    load[0::2] -= np.where(IS_FREE[codes], SENSE[codes] * problem.g, 0.0)
+    try:
+        z = np.linalg.solve(matrix_of(problem.S, problem.friction, codes), load).reshape(-1, 2)
+    except np.linalg.LinAlgError:
+        return None
+    if not np.abs(z).max() < 1e12:
+        return None
+    free, opened = IS_FREE[codes], IS_OPEN[codes]
+    rn = np.where(opened, 0.0, z[:, 1])
+    slip = -SENSE[codes] * (problem.friction * rn + problem.g)
+    ut, un = np.where(free, z[:, 0], 0.0), np.where(opened, z[:, 1], 0.0)
+    return ut, un, np.where(free, slip, z[:, 0]), rn
+
+
+def _asked(
+    problem: ReducedProblem,
+    allowed: Masks,
+    codes: Codes,
+    state: tuple[Array, Array, Array, Array],
+    rho: float,
+) -> Codes:
+    new, F, g = codes.copy(), problem.friction, problem.g
+    for i, (ut, un, rt, rn) in enumerate(zip(*state, strict=True)):
+        mask = int(allowed[i])
+        if mask & (mask - 1) == 0:
+            continue
+        closes = bool(mask & CLOSED) and (not mask & OPENED or rn - rho * un > 0)
+        if F[i] == 0 and g[i] == 0:
+            new[i] = 2 if closes else 0
+            continue
+        if F[i] > 0 and not closes:
+            new[i] = 0
+            continue
+        # What is left, as closed statuses: 1 stick, 2 and 3 slips.
+        shift = 0 if closes else 3
+        left = [s for s in (1, 2, 3) if mask >> (s + shift) & 1]
+        if len(left) == 1:
+            new[i] = left[0] + shift
+            continue
+        force = rn - rho * un if mask & OPENED else rn
+        radius, pull = F[i] * force + g[i], rt - rho * ut
+        if radius <= 0 and 1 in left and 2 in left and 3 in left:
+            # The law for a known contact, with forces of any sign.
+            stays = codes[i] == 1 and abs(rt) <= F[i] * abs(rn)
+            new[i] = 1 if stays else (2 if (rt > 0 if codes[i] == 1 else ut > 0) else 3)
+        elif 1 in left and (2 not in left or pull >= -radius) and (3 not in left or pull <= radius):
+            new[i] = 1 + shift
+        elif 3 not in left or (2 in left and pull < 0):
+            new[i] = 2 + shift
+        else:
+            new[i] = 3 + shift
+    return new

@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""What is proved of a body: its problem reduced to the contact points, and where that cannot be."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable
+
+from petsc4py import PETSc
+
+import numpy as np
+
+from dolfinx import fem
+
+from dolfinx_contact._errors import on_root
+from dolfinx_contact._progress import Line
+from dolfinx_contact.analysis.reduced_problem import ReducedProblem
+from dolfinx_contact.analysis.solutions import ProvedSolutions, prove_solutions
+from dolfinx_contact.analysis.uniqueness import is_only
+from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.parametric import LinearSolver, ParametricEquations
+from dolfinx_contact.laws import Coulomb, Frictionless, Tresca
+from dolfinx_contact.reduced.condensed import CondensedContact, can_condense
+from dolfinx_contact.results.uniqueness import Uniqueness
+
+__all__ = ["obstacle_to_proof", "proved", "reduced_problem", "uniqueness"]
+
+logger = logging.getLogger(__name__)
+
+_SOLVED = 1e-6  # relative residual up to which a state is a solution of the present data
+_PATIENCE = 3.0  # seconds before something is said
+
+
+def obstacle_to_proof(equations: ContactEquations, condensed: CondensedContact | None) -> str:
+    """Why nothing can be proved of a problem; "" if something can.
+
+    Args:
+        equations: of the problem.
+        condensed: the problem condensed onto its contact points; None if that cannot be done.
+    """
+    if not all(type(s.law) in (Coulomb, Frictionless, Tresca) for s in equations.surfaces):
+        return "proofs are for the laws of Coulomb and Tresca and contact without friction"
+    if condensed is None or not condensed.exact:
+        return "the problem is not linear in 2D, with contact at nodes, but for the law of contact"
+    if not condensed.always_solvable:
+        return "the stiffness of the body at its contact points is not positive definite"
+    return ""
+
+
+def reduced_problem(condensed: CondensedContact, gamma: float) -> ReducedProblem:
+    """S, p and friction at ``gamma``, with what the factorisation may be off. Not collective.
+
+    Args:
+        condensed: exact, and without an `obstacle_to_proof`.
+        gamma: parameter.
+
+    Raises:
+        ValueError: if S is not positive definite beyond its error, or a number is not finite.
+    """
+    system = condensed.system
+    S = system.matrix[:, :, :2].reshape(len(system.load), -1)
+    of_S, of_load = condensed.errors(gamma)
+    p = np.asarray(system.load + gamma * system.rate)
+    return ReducedProblem(S, p, condensed.friction, condensed.bound, of_S, of_load)
+
+
+def proved(condensed: CondensedContact, gamma: float, seconds: float) -> ProvedSolutions | None:
+    """All solutions with a proof; where it takes its time there is a line of progress.
+
+    None if the errors of the factorisation are too large for any. States are in the units of the
+    condensed problem. For one rank alone.
+    """
+    problem = _within_errors(condensed, gamma)
+    if problem is None:
+        return None
+    line, begun = Line(condensed.comm), time.monotonic()
+
+    def tell(text: str) -> None:
+        if time.monotonic() - begun > _PATIENCE:
+            line.update(f"proof of all solutions: {text}, {time.monotonic() - begun:.0f} s")
+
+    try:
+        return prove_solutions(problem, seconds=seconds, progress=tell)
+    finally:
+        line.clear()
+
+
+def _within_errors(condensed: CondensedContact, gamma: float) -> ReducedProblem | None:
+    """The reduced problem; None if it is spoilt by errors."""
+    try:
+        return reduced_problem(condensed, gamma)
+    except ValueError as error:
+        logger.info("nothing can be proved: %s", error)
+        return None
+
+
+def uniqueness(
+    equations: ContactEquations,
+    linear: Callable[[], LinearSolver],
+    x: PETSc.Vec,
+    seconds: float,
+) -> Uniqueness:
+    """Whether a solution is the only one, with the data as they are. Collective.
+
+    Args:
+        equations: of the problem.
+        linear: gives its linear solver.
+        x: the solution.
+        seconds: for a proof by branch and bound, where the certificate of one point fails.
+    """
+    if equations.dim != 2 or not equations.bulk.linear:
+        return Uniqueness("not proved", "proofs are for linear bodies in 2D")
+    system = ParametricEquations(equations, fem.Constant(equations.V.mesh, 0.0), linear)
+    condensed: CondensedContact | None = None
+    b = equations.create_vector()
+    try:
+        if not system.residual(x, 0.0, b, None) <= _SOLVED:
+            return Uniqueness("not proved", "the data have changed since the problem was solved")
+        if can_condense(system, bounded=True):
+            condensed = CondensedContact(system, x, 0.0, exact=True, conic=can_condense(system))
+        obstacle = obstacle_to_proof(equations, condensed)
+        if obstacle or condensed is None:
+            return Uniqueness("not proved", obstacle)
+        codes = condensed.codes(system.piece_at(x, 0.0))
+        problem = _within_errors(condensed, 0.0)
+        if problem is None:
+            return Uniqueness("not proved", "the errors of the factorisation are too large")
+        reduced = problem
+        found = on_root(equations.comm, lambda: is_only(reduced, codes, seconds=seconds))
+        if found.other is None:
+            return Uniqueness(found.verdict, found.reason)
+        other = x.duplicate()
+        condensed.expand(found.other[1], 0.0, other)
+        letters = "".join("ok+-"[code] for code in found.other[0])
+    finally:
+        b.destroy()
+        if condensed is not None:
+            condensed.destroy()
+        system.destroy()
+    if equations.comm.rank == 0:
+        logger.warning("the solution is not the only one: there is another, %s", letters)
+    return Uniqueness("others exist", f"{found.reason}, with statuses {letters}", other)

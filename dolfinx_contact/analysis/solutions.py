@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""All solutions of a reduced problem, with a proof that there are no others."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact.analysis.branching import search
+from dolfinx_contact.analysis.certificate import Certificate
+from dolfinx_contact.analysis.checker import Proved, Verdict
+from dolfinx_contact.analysis.pieces import Piece
+from dolfinx_contact.analysis.reduced_problem import Masks, ReducedProblem
+
+__all__ = ["ProvedSolution", "ProvedSolutions", "prove_solutions"]
+
+Array = npt.NDArray[np.float64]
+Codes = npt.NDArray[np.int8]
+
+
+@dataclass(frozen=True, eq=False)
+class ProvedSolution:
+    """A solution and by how much it may be off.
+
+    Attributes:
+        codes: statuses (m,).
+        state: (ut, un, rt, rn) of the points (m, 4).
+        away: bounds of the errors of these (m, 4).
+    """
+
+    codes: Codes
+    state: Array
+    away: Array
+
+
+@dataclass(frozen=True, eq=False)
+class ProvedSolutions:
+    """What is known of the solutions of a reduced problem.
+
+    Attributes:
+        verdict: ``"complete"``: ``solutions`` are all there are. ``"degenerate"``: every other one
+            is at the states ``border`` within their errors, or in the pieces ``singular``, where
+            continua may be. ``"open"``: nothing is known of the statuses ``open_regions``.
+        solutions: that are certain.
+        border: states of pieces at their borders, which may be solutions, or not.
+        singular: statuses of pieces that hold one solution, none or a continuum.
+        open_regions: sets of statuses, as bit masks (m,).
+        certificate: the proof, to be kept (`Certificate.save`) and looked at again (`check`).
+    """
+
+    verdict: Verdict
+    solutions: tuple[ProvedSolution, ...]
+    border: tuple[ProvedSolution, ...]
+    singular: tuple[Codes, ...]
+    open_regions: tuple[Masks, ...]
+    certificate: Certificate
+
+    @property
+    def method(self) -> str:
+        """How it was proved, human-readable."""
+        steps = len(self.certificate.steps)
+        if self.verdict == "complete":
+            return f"a proof of {steps} {'step' if steps == 1 else 'steps'}"
+        left = f"{len(self.open_regions)} regions left" if self.open_regions else self.verdict
+        return f"a proof was tried, {left}"
+
+
+def prove_solutions(
+    problem: ReducedProblem,
+    *,
+    known: Iterable[Codes] = (),
+    seconds: float = 60.0,
+    progress: Callable[[str], None] = lambda _: None,
+) -> ProvedSolutions:
+    """Find all solutions of a reduced problem, and prove that there are no others.
+
+    Args:
+        problem: S, p and friction with their errors.
+        known: statuses (m,) of solutions that are known; they shorten the search.
+        seconds: after which what is not proved is left open.
+        progress: told where the search is, in words.
+
+    Raises:
+        ValueError: if statuses do not fit the points.
+    """
+    starts = [np.asarray(codes, dtype=np.int8) for codes in known]
+    for codes in starts:
+        if codes.shape != (problem.points,) or codes.min() < 0 or codes.max() > 6:
+            raise ValueError(f"known must be statuses of {problem.points} points")
+    certificate, proved = search(problem, starts, seconds=seconds, progress=progress)
+    return _described(problem, certificate, proved)
+
+
+def _described(
+    problem: ReducedProblem, certificate: Certificate, proved: Proved
+) -> ProvedSolutions:
+    length, force = problem.units
+    units = np.array([length, length, force, force])
+
+    def of(piece: Piece) -> ProvedSolution:
+        return ProvedSolution(piece.codes, piece.state * units, piece.away * units)
+
+    solutions = [of(piece) for piece in proved.inside]
+    if proved.at_rest:
+        nothing = np.zeros((problem.points, 4))
+        codes = np.array([1 if g > 0 else 0 for g in problem.g], dtype=np.int8)
+        solutions.append(ProvedSolution(codes, nothing, nothing))
+    return ProvedSolutions(
+        proved.verdict,
+        tuple(solutions),
+        tuple(of(piece) for piece in proved.border),
+        tuple(proved.singular),
+        tuple(proved.open_regions),
+        certificate,
+    )

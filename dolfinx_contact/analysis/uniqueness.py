@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Whether one solution of a reduced problem is the only one.
+
+The certificate of one point (`differences.py`) over all statuses costs some eigenvalue problems of
+the size of the reduced problem. Where the first of them bring no proof other solutions are looked
+for, then more effort is made, and, if there is time for it, a proof by branch and bound.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact.analysis.candidates import candidates
+from dolfinx_contact.analysis.certificate import Certificate
+from dolfinx_contact.analysis.checker import InvalidCertificate, Proved, Region, follow
+from dolfinx_contact.analysis.differences import differences
+from dolfinx_contact.analysis.multipliers import find_weights
+from dolfinx_contact.analysis.pieces import Piece, solve_piece
+from dolfinx_contact.analysis.reduced_problem import ReducedProblem
+from dolfinx_contact.analysis.solutions import prove_solutions
+
+__all__ = ["OnePoint", "is_only"]
+
+Codes = npt.NDArray[np.int8]
+Array = npt.NDArray[np.float64]
+
+_TRIES = 16
+_QUICK, _EFFORT = 15, 80  # of the search for weights,
+_POINTS = 128  # up to so many points; then less, as eigenvalues cost the cube
+
+
+@dataclass(frozen=True, eq=False)
+class OnePoint:
+    """Whether a solution is the only one.
+
+    Attributes:
+        verdict: as in `results.uniqueness.Uniqueness`.
+        reason: human-readable.
+        other: statuses (m,) and state (m, 4) of another solution.
+        certificate: the proof, if there is one.
+    """
+
+    verdict: Literal["proved", "not proved", "others exist"]
+    reason: str
+    other: tuple[Codes, Array] | None = None
+    certificate: Certificate | None = None
+
+
+def is_only(problem: ReducedProblem, codes: Codes, *, seconds: float = 0.0) -> OnePoint:
+    """Whether the solution with some statuses is the only one.
+
+    Args:
+        problem: the reduced problem.
+        codes: statuses of the solution (m,).
+        seconds: for a proof by branch and bound, if the certificate of one point fails.
+    """
+    scaled = problem.scaled
+    piece = solve_piece(scaled, codes)
+    inside = piece if piece is not None and piece.verdict != "outside" else None
+    share = min(1.0, (_POINTS / problem.points) ** 3)
+    certificate = _of_one_point(problem, inside, max(8, int(share * _QUICK)))
+    other = (
+        None if certificate is not None else _another(scaled, codes, max(2, int(share * _TRIES)))
+    )
+    if certificate is None and other is None:
+        certificate = _of_one_point(problem, inside, max(8, int(share * _EFFORT)))
+    if certificate is not None:
+        return OnePoint("proved", "the certificate of one point", None, certificate)
+    if other is not None:
+        length, force = problem.units
+        state = other.state * np.array([length, length, force, force])
+        return OnePoint("others exist", "another solution was found", (other.codes, state))
+    if seconds > 0:
+        return _by_search(problem, codes, seconds)
+    if piece is None or piece.verdict != "inside":
+        return OnePoint("not proved", "the solution is at a border of its statuses")
+    return OnePoint("not proved", "the certificate of one point does not hold")
+
+
+def _of_one_point(problem: ReducedProblem, piece: Piece | None, effort: int) -> Certificate | None:
+    if piece is None:
+        return None
+    certificate, region = Certificate(problem), Region.whole(problem.scaled)
+    d = differences(piece, region.allowed, region.ub)
+    w = None if d is None else find_weights(d, effort=effort)
+    if w is None or not w.proves:
+        return None
+    certificate.steps.append(
+        {
+            "do": "only",
+            "codes": piece.codes.tolist(),
+            "weights": w.weights.tolist(),
+            "theta": w.theta.tolist(),
+            "mu": w.mu,
+        }
+    )
+    try:
+        follow(certificate, certificate.steps[0], region, Proved())
+    except InvalidCertificate:
+        return None
+    return certificate
+
+
+def _another(problem: ReducedProblem, codes: Codes, tries: int) -> Piece | None:
+    """Another solution, inside its borders; None if none was found."""
+    random = np.random.default_rng(0)
+    for found in candidates(problem, problem.statuses, [], random, tries):
+        if not np.array_equal(found, codes):
+            piece = solve_piece(problem, found)
+            if piece is not None and piece.verdict == "inside":
+                return piece
+    return None
+
+
+def _by_search(problem: ReducedProblem, codes: Codes, seconds: float) -> OnePoint:
+    found = prove_solutions(problem, known=[codes], seconds=seconds)
+    others = [s for s in found.solutions if not np.array_equal(s.codes, codes)]
+    if others:
+        return OnePoint("others exist", found.method, (others[0].codes, others[0].state))
+    if found.verdict == "complete":
+        return OnePoint("proved", found.method, None, found.certificate)
+    return OnePoint("not proved", found.method)

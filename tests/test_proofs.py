@@ -1,0 +1,236 @@
+"""Proofs about bodies: all solutions at one gamma, and whether a solution is the only one."""
+
+from functools import partial
+
+from mpi4py import MPI
+
+import demo_followed_mesh
+import demo_linear_triangle
+import demo_own_law
+import numpy as np
+import pytest
+from blocks import block, facets
+
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    Frictionless,
+    HalfSpace,
+    Tresca,
+)
+from dolfinx_contact.analysis import check
+from dolfinx_contact.analysis.contact import reduced_problem
+from dolfinx_contact.continuation import find_solutions
+from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.parametric import ParametricContact
+
+COMM = MPI.COMM_WORLD
+serial = pytest.mark.skipif(COMM.size > 1, reason="long, and the same on every rank")
+
+
+def found_at(system, gamma, **how):
+    return find_solutions(system, [system.create_vector()], gamma, **how)
+
+
+def words(system, solutions):
+    return sorted(system.letters(s.piece) for s in solutions.found)
+
+
+@pytest.mark.parametrize(("gamma", "count"), [(1.0, 3), (-1.0, 1), (0.0, 1)])
+def test_all_solutions_of_a_triangle(gamma, count):
+    """16 nodes, F = 1.9: three solutions, one under the opposite load, and none but rest."""
+    system = demo_linear_triangle.linear_triangle(16, 1.9)
+    solutions = found_at(system, gamma)
+    assert solutions.complete
+    assert "a proof of" in solutions.method
+    assert len(solutions.found) == count
+    if gamma == 1:
+        rest = 15 * "o" + "d"
+        assert words(system, solutions) == ["-" + rest, "k" + rest, "o" + rest]
+    b = system.create_vector()
+    for s in solutions.found:
+        assert system.residual(s.x, gamma, b, s.piece) < 1e-12
+        assert system.residual(s.x, gamma, b, None) < 1e-12
+    if COMM.rank == 0:
+        assert check(solutions.proof.certificate).verdict == "complete"
+    system.destroy()
+
+
+@serial
+@pytest.mark.parametrize(
+    ("n", "friction"),
+    [(32, 1.8), *(pytest.param(n, 1.7, marks=pytest.mark.long) for n in (64, 128))],
+)
+def test_the_seed_example_is_complete(n, friction):
+    """The three solutions of the linear triangle are all there are."""
+    system = demo_linear_triangle.linear_triangle(n, friction)
+    solutions = found_at(system, 1.0, proof_seconds=600)
+    assert solutions.complete
+    rest = (n - 1) * "o" + "d"
+    assert words(system, solutions) == ["-" + rest, "k" + rest, "o" + rest]
+
+
+@serial
+def test_a_vee():
+    """13 nodes at a gamma between the folds."""
+    args = demo_followed_mesh.arguments(["--size", "0.03"])
+    system = demo_followed_mesh.system(args, COMM)
+    solutions = found_at(system, 0.7)
+    assert solutions.complete
+    assert len(solutions.found) == 3
+
+
+def test_without_a_proof():
+    system = demo_linear_triangle.linear_triangle(10, 1.9)
+    solutions = found_at(system, 1.0, proof_seconds=0)
+    assert not solutions.complete
+    assert solutions.proof is None
+    with pytest.raises(ValueError, match="must not be negative"):
+        found_at(system, 1.0, proof_seconds=-1)
+
+
+def test_errors_of_the_factorisation(monkeypatch):
+    """Another factorisation is within the bounds, which are small."""
+    found = []
+    for ordering in (0, 7):
+        import dolfinx_contact.reduced.condensed as condensed
+
+        monkeypatch.setitem(condensed._DEFAULTS, "mat_mumps_icntl_7", ordering)
+        system = demo_linear_triangle.linear_triangle(12, 1.7, preload=(3.0, -2.0))
+        found.append(reduced_problem(system.condensed(system.create_vector(), 0.3), 0.3))
+    one, other = found
+    assert (np.abs(one.S - other.S) <= one.dS + other.dS).all()
+    assert (np.abs(one.p - other.p) <= one.dp + other.dp).all()
+    assert 0 < one.dS.max() < 1e-10 * np.abs(one.S).max()
+    assert 0 < one.dp.max() < 1e-10 * np.abs(one.p).max()
+
+
+def plate(left, right, *, gap=0.0, push=(0.01, -0.02), n=10):
+    """A block on two floors, one under each half, the right one lower by a gap."""
+    domain = mesh.create_unit_square(COMM, n, n)
+    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
+    V = u.function_space
+    bottom = facets(domain, 1, 0.0)
+    middle = mesh.compute_midpoints(domain, 1, bottom)[:, 0] if len(bottom) else np.zeros(0)
+    bcs = [
+        fem.dirichletbc(
+            np.array(push), fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0)), V
+        )
+    ]
+    floors = [HalfSpace((0.0, height), (0.0, 1.0)) for height in (0.0, -gap)]
+    surfaces = [
+        ContactSurface(u, bottom[side], obstacle=floor, law=law, name=name)
+        for side, floor, law, name in (
+            (middle < 0.45, floors[0], left, "left"),
+            (middle > 0.55, floors[1], right, "right"),
+        )
+    ]
+    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
+    return ContactProblem(energy, u, surfaces, bcs=bcs)
+
+
+@pytest.mark.parametrize(
+    ("left", "right", "gap"),
+    [
+        (Coulomb(0.3), Coulomb(0.5), 0.0),
+        (Coulomb(0.3), Frictionless(), 0.004),
+        (Frictionless(), Frictionless(), 0.0),
+    ],
+)
+def test_several_surfaces(left, right, gap):
+    """Different coefficients, gaps, none: the solution is the only one, and both proofs say so."""
+    problem = plate(left, right, gap=gap)
+    result = problem.solve()
+    assert result.uniqueness().verdict == "proved"
+    assert result.unique == "proved"
+    system = ParametricContact(problem, fem.Constant(problem.V.mesh, 0.0))
+    solutions = found_at(system, 0.0)
+    assert solutions.complete
+    (one,) = solutions.found
+    x = system.create_vector()
+    problem.write(x)
+    assert (one.x - x).norm() <= 1e-8 * x.norm()
+
+
+@pytest.mark.parametrize("right", [Tresca(2.0), Coulomb(0.4)])
+def test_a_bound_given_in_advance(right):
+    """Tresca's law on one floor, and another or the same on the other, with open points."""
+    result = plate(Tresca(3.0), right, gap=0.004).solve()
+    assert result.uniqueness().verdict == "proved"
+    assert "k" in result.tables["left"].status
+
+
+def triangle(n, friction, gamma):
+    system = demo_linear_triangle.linear_triangle(n, friction)
+    system.set_parameter(gamma)
+    return system.problem
+
+
+def test_a_solution_that_is_the_only_one():
+    found = triangle(16, 1.7, -1.0).solve().uniqueness()
+    assert found.verdict == "proved"
+    assert found.reason == "the certificate of one point"
+    assert found.other is None
+
+
+def test_others_exist(caplog):
+    """One of three solutions: another one comes with it, and a warning."""
+    problem = triangle(16, 1.9, 1.0)
+    result = problem.solve()
+    mine = result.tables["contact"].status
+    found = result.uniqueness()
+    assert found.verdict == "others exist"
+    assert result.uniqueness() is found
+    assert COMM.rank > 0 or "is not the only one" in caplog.text
+    problem.read(found.other)
+    again = problem.solve()
+    assert again.iterations <= 1
+    assert again.tables["contact"].status != mine
+    assert again.tables["contact"].status in found.reason + "d"
+
+
+def test_a_proof_by_search():
+    """F = 1.7: lifted off, with no other solution; that takes more than one point."""
+    result = triangle(16, 1.7, 1.0).solve()
+    assert result.unique == "not proved"
+    longer = result.uniqueness(seconds=60)
+    assert longer.verdict == "proved"
+    assert "a proof of" in longer.reason
+
+
+def test_data_that_have_changed():
+    system = demo_linear_triangle.linear_triangle(8, 1.7)
+    result = system.problem.solve()
+    system.set_parameter(1.0)
+    found = result.uniqueness()
+    assert found.verdict == "not proved"
+    assert "have changed" in found.reason
+
+
+@pytest.mark.parametrize(
+    ("make", "reason"),
+    [
+        (partial(block, cell="hex", n=2), "linear bodies in 2D"),
+        (
+            partial(block, law=demo_own_law.SlipWeakening(0.6, 0.3, 0.01)),
+            "laws of Coulomb and Tresca",
+        ),
+        (partial(block, method="integral"), "contact at nodes"),
+    ],
+)
+def test_where_no_certificate_applies(make, reason):
+    found = make().solve().uniqueness()
+    assert found.verdict == "not proved"
+    assert reason in found.reason
+
+
+def test_a_result_of_a_branch_has_no_proof():
+    system = demo_linear_triangle.linear_triangle(4, 1.7)
+    solutions = found_at(system, 1.0)
+    result = system.result_at(solutions.points(system)[0])
+    with pytest.raises(ValueError, match="results of ContactProblem"):
+        result.uniqueness()
