@@ -29,6 +29,8 @@ from dolfinx_contact.algorithms.two_level import CoarseProblem
 __all__ = ["GaussSeidel", "Sweeps"]
 
 Array = npt.NDArray[np.float64]
+_FEW = 8  # points that need no coarser ones to begin with
+_START = 1e-3  # measure at which the coarse problem is left
 
 
 @dataclass(frozen=True)
@@ -47,7 +49,7 @@ class GaussSeidel(Algorithm):
     relaxation: float = 1.0
     aitken: int = 0
     two_level: bool = False
-    coarsening: float = 4.0
+    coarsening: float = 2.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -62,6 +64,12 @@ class GaussSeidel(Algorithm):
         sweeps = Sweeps(contact, self.relaxation)
         coarse = CoarseProblem(contact, self.coarsening) if self.two_level else None
         a = contact.displacements(r)
+        if coarse is not None and not r.any() and contact.number > _FEW:
+            start = self.run(coarse.contact, tolerance=_START)
+            a = coarse.prolonged(start.a)
+            iteration.outcome.series["coarse sweeps"] = [
+                start.iterations, *start.series.get("coarse sweeps", [])
+            ]
         changes: list[Array] = []
         while not iteration.stops(a, contact.forces(a)):
             before = a

@@ -38,7 +38,7 @@ class Outcome:
         a: displacements (m, dim): tangential, then the gap.
         r: forces on the body (m, dim).
         converged: whether the measure fell below the tolerance.
-        reason: why it stopped, in words.
+        reason: why it stopped, in words; empty as long as it goes on.
         measures: of every iterate, the start first.
         series: what else the algorithm reports, by name; one value an iterate where it says
             nothing else.
@@ -47,7 +47,7 @@ class Outcome:
     a: Array
     r: Array
     converged: bool = False
-    reason: str = "not started"
+    reason: str = ""
     measures: list[Measures] = field(default_factory=list)
     series: dict[str, list[float]] = field(default_factory=dict)
 

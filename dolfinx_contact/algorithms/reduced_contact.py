@@ -103,6 +103,11 @@ class ReducedContact:
         return np.asarray(0.5 * (inverse + inverse.T))
 
     @cached_property
+    def longest(self) -> float:
+        """The largest eigenvalue of the compliance."""
+        return float(1.0 / np.linalg.eigvalsh(self.S)[0])
+
+    @cached_property
     def free(self) -> Array:
         """Displacements without contact, (m, dim)."""
         return np.linalg.solve(self.S, self.p).reshape(self.number, -1)

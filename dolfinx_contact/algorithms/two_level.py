@@ -7,6 +7,10 @@ rt + (F rn + g) e = 0 with the direction e of the slip). With hats P around coar
 where the fine problem is held (truncation: Kornhuber, Numer. Math. 69, 1994; Graeser and Kornhuber,
 J. Comput. Math. 27, 2009), the correction is a <- a - s P (P^T G' P)^+ P^T G, projected on un >= 0,
 with the first s of 1, 1/2, 1/4 at which the residual does not grow; else there is none.
+
+Corrections of what is free do not move the borders between statuses, and sweeps move them by a
+point each. So the scheme begins where the contact problem of the coarse points ends: that of the
+hats, with P^T S P, P^T p and friction averaged, solved in the same way.
 """
 
 from __future__ import annotations
@@ -89,7 +93,27 @@ class CoarseProblem:
         self._contact = contact
         x = contact.positions
         x = np.arange(contact.number, dtype=float)[:, None] if x is None else x
-        self._P = np.kron(hats(x, coarsening), np.eye(contact.dim))
+        self._x, self._hats = x, hats(x, coarsening)
+        self._P = np.kron(self._hats, np.eye(contact.dim))
+
+    @property
+    def contact(self) -> ReducedContact:
+        """The contact problem of the coarse points."""
+        fine, P, weight = self._contact, self._P, self._hats.sum(axis=0)
+        return ReducedContact(
+            P.T @ fine.S @ P,
+            P.T @ fine.p,
+            self._hats.T @ fine.friction / weight,
+            self._hats.T @ fine.bound,
+            self._hats.T @ fine.augmentation,
+            fine.force,
+            fine.length,
+            (self._hats.T @ self._x) / weight[:, None],
+        )
+
+    def prolonged(self, a: Array) -> Array:
+        """Displacements of the coarse points at the fine ones, (m, dim)."""
+        return np.asarray(self._hats @ a)
 
     def corrected(self, a: Array, force: float, length: float) -> Array:
         """The displacements (m, dim), corrected; measured by a force and a length."""

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Solves with the stiffness of the body alone, for algorithms that treat contact as a load.
 
-A direct factorisation, or conjugate gradients with a multigrid hierarchy, as the linear solver of
-the problem is; both are kept as long as the stiffness stays.
+A direct factorisation, or conjugate gradients with a multigrid hierarchy; both are kept as long as
+the stiffness stays.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from dolfinx_contact._petsc import options_in_database
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.solvers.errors import LinearSolverError
 from dolfinx_contact.solvers.hierarchy import Hierarchy
-from dolfinx_contact.solvers.linear import Direct, LinearSolver, reasons_of
+from dolfinx_contact.solvers.linear import Direct, reasons_of
 
 __all__ = ["BodySolver"]
 
@@ -29,12 +29,11 @@ class BodySolver:
 
     Args:
         equations: the contact problem.
-        linear: its linear solver, whose kind is taken.
+        direct: whether to factorise.
     """
 
-    def __init__(self, equations: ContactEquations, linear: LinearSolver):
-        self._equations, self.comm = equations, equations.comm
-        self.direct = linear.name == "direct"
+    def __init__(self, equations: ContactEquations, *, direct: bool):
+        self._equations, self.comm, self.direct = equations, equations.comm, direct
         self._n = equations.owned_sizes[0]
         self.fixed = np.flatnonzero(equations.fixed[: self._n])
         self._assemblies = -1
