@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from dolfinx_contact.algorithms.reduced_contact import ReducedContact
 
-__all__ = ["solve_semismooth"]
+__all__ = ["solve_semismooth", "solve_yielding"]
 
 Array = npt.NDArray[np.float64]
 _REMEMBERED = 5
@@ -65,6 +65,20 @@ def solve_semismooth(
             part *= 0.5
         a, H, s = tried, H_tried, s_tried
     return a, most, False
+
+
+def solve_yielding(
+    contact: ReducedContact, a: Array, held: Array, stiffness: Array, *, cold: bool
+) -> tuple[Array, int, bool]:
+    """As `solve_semismooth` with a held force; from a cold start the stiffness rises to its value.
+
+    From a body that is far inside its obstacle stiff contact sends slips to and fro.
+    """
+    total = 0
+    for part in (*((1e-3, 1e-2, 1e-1) if cold else ()), 1.0):
+        a, steps, solved = solve_semismooth(contact, a, held=held, stiffness=part * stiffness)
+        total += steps
+    return a, total, solved
 
 
 def _residual(
