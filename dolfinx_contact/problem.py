@@ -26,6 +26,7 @@ from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact._options import ProblemOptions, check_options, in_database
 from dolfinx_contact._petsc import require_real, staged
 from dolfinx_contact._progress import SolveProgress
+from dolfinx_contact.algorithms import Algorithm
 from dolfinx_contact.body.bulk import Bulk
 from dolfinx_contact.body.cells import check_cells
 from dolfinx_contact.equations.contact import ContactEquations
@@ -36,8 +37,9 @@ from dolfinx_contact.results.checks import warn_of_obstacles
 from dolfinx_contact.results.result import Result, collect
 from dolfinx_contact.results.tables import ContactTable, contact_table
 from dolfinx_contact.solvers.choice import LinearSolverChoice
+from dolfinx_contact.solvers.classical import algorithm_named, solve_by
 from dolfinx_contact.solvers.history import Attempt, Step
-from dolfinx_contact.solvers.ladder import solve
+from dolfinx_contact.solvers.ladder import check_data, solve
 from dolfinx_contact.solvers.linear import LinearSolver
 
 __all__ = ["ContactProblem"]
@@ -201,6 +203,7 @@ class ContactProblem:
     def solve(
         self,
         *,
+        algorithm: str | Algorithm = "newton",
         monitor: Callable[[Step], None] | None = None,
         increments: int = 8,
         progress: bool | None = None,
@@ -208,7 +211,12 @@ class ContactProblem:
         """Solve from the present values of the Functions, which receive the solution. Collective.
 
         Args:
-            monitor: called with every Newton iterate, on every rank.
+            algorithm: ``newton``, with its fallbacks; or one of the classical algorithms by name,
+                ``tresca``, ``uzawa``, ``penalty``, ``sor``, ``gauss-seidel``,
+                ``projected-gradient``, ``lemke``, ``interior-point``, or with its options, as
+                ``algorithms.GaussSeidel(two_level=True)``. These have no fallback: what does not
+                converge fails, and says how.
+            monitor: called with every iterate, on every rank.
             increments: of the load in the strategy of increments, to begin with.
             progress: whether rank 0 says on the standard error stream where the solve is; by
                 default once it takes more than some seconds.
@@ -225,20 +233,27 @@ class ContactProblem:
             whole = isinstance(increments, int | np.integer) and not isinstance(increments, bool)
             if not whole or increments < 1:
                 raise ValueError(f"the number of increments must be 1 or more, got {increments!r}")
+            chosen = algorithm_named(algorithm)
             if progress not in (None, True, False):
                 raise ValueError(f"progress must be True, False or None, got {progress!r}")
-        same_everywhere(self.comm, increments=int(increments))
+        same_everywhere(self.comm, algorithm=chosen, increments=int(increments))
         said, x0 = SolveProgress(self.comm, progress), self.create_vector()
         self.write(x0)
         try:
-            x, attempts = solve(
-                self.equations,
-                self._linear,
-                x0,
-                monitor=monitor,
-                increments=int(increments),
-                progress=said,
-            )
+            if chosen is None:
+                x, attempts = solve(
+                    self.equations,
+                    self._linear,
+                    x0,
+                    monitor=monitor,
+                    increments=int(increments),
+                    progress=said,
+                )
+            else:
+                check_data(self.equations, x0)
+                x, attempts = solve_by(
+                    chosen, self.equations, self._linear, x0, monitor=monitor, progress=said
+                )
             with self.restored():
                 result = self.collect(x, attempts)
             x.destroy()

@@ -68,7 +68,8 @@ class GaussSeidel(Algorithm):
             start = self.run(coarse.contact, tolerance=_START)
             a = coarse.prolonged(start.a)
             iteration.outcome.series["coarse sweeps"] = [
-                start.iterations, *start.series.get("coarse sweeps", [])
+                start.iterations,
+                *start.series.get("coarse sweeps", []),
             ]
         changes: list[Array] = []
         while not iteration.stops(a, contact.forces(a)):

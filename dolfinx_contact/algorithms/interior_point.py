@@ -67,11 +67,12 @@ def follow_centre(given: ReducedContact, tolerance: float) -> tuple[Array, int, 
     state = _Interior(given, np.zeros((given.number, given.dim)))
     force, length = given.force, given.length
     best, least, since = state.a, np.inf, 0
-    for steps in range(_MOST):
+    steps = 0
+    while steps < _MOST:
         a, r = state.a, state.r
         force, length = max(force, float(np.abs(r).max())), max(length, float(np.abs(a).max()))
         worst = given.measure(a, r, force, length).worst
-        since += 1
+        since, steps = since + 1, steps + 1
         if worst < least:
             best, least, since = a, worst, 0
         if worst <= tolerance or since > _PATIENCE or not state.step(0.99):
@@ -173,13 +174,13 @@ class _Interior:
         J = self._A.reshape(m, d, m, d).copy()
         every = np.arange(m)
         J[every, :, every] += D
-        J = J.reshape(m * d, m * d)
+        square = J.reshape(m * d, m * d)
         held = np.zeros((m, d), dtype=bool)
         held[~self._grips, :-1] = True  # no shear without friction
         self._held = held.reshape(-1)
-        J[self._held] = 0.0
-        J[self._held, self._held] = 1.0
-        self._J = J
+        square[self._held] = 0.0
+        square[self._held, self._held] = 1.0
+        self._J: Array = square
 
     def _direction(
         self, centring: float, forecast: _Direction | None = None, ahead: float = 1.0
@@ -191,12 +192,13 @@ class _Interior:
             forecast: a step whose second-order terms are taken out.
             ahead: the part of it that was possible.
         """
-        a, r, y, l, s = self._displacement(), self._r, self._y, self._l, self._s
+        a, r, y, s = self._displacement(), self._r, self._y, self._s
+        multiplier = self._l
         rn, part, aim = r[:, -1], 1.0 - centring, centring * self.mu
-        product_n, product_t = aim - y * rn, aim - l * s
+        product_n, product_t = aim - y * rn, aim - multiplier * s
         gap = part * (a[:, -1] - y)
         slack = part * (self._slacks()[0] - s)
-        slip = part * (a[:, :-1] + np.einsum("ij,ijp->ip", l, self._out))
+        slip = part * (a[:, :-1] + np.einsum("ij,ijp->ip", multiplier, self._out))
         if forecast is not None:
             dr, dy, dl, ds = (ahead * v for v in forecast)
             product_n = product_n - dy * dr[:, -1]
@@ -207,14 +209,16 @@ class _Interior:
                 slack = slack + 0.5 * bent[:, None]
         right = np.zeros_like(r)
         right[:, -1] = product_n / rn - gap
-        right[:, :-1] = -slip - np.einsum("ij,ijp->ip", (product_t - l * slack) / s, self._out)
+        right[:, :-1] = -slip - np.einsum(
+            "ij,ijp->ip", (product_t - multiplier * slack) / s, self._out
+        )
         flat = right.reshape(-1)
         flat[self._held] = 0.0
         dr = np.where(self._held, 0.0, np.linalg.solve(self._J, flat)).reshape(r.shape)
         da = (self._A @ dr.reshape(-1)).reshape(r.shape)
         along = np.einsum("ijp,ip->ij", self._out, dr[:, :-1])
         ds = self._by_rn * dr[:, -1:] - along + slack
-        dl = (product_t - l * ds) / s
+        dl = (product_t - multiplier * ds) / s
         grips = self._grips[:, None]
         return dr, da[:, -1] + gap, np.where(grips, dl, 0.0), np.where(grips, ds, 0.0)
 

@@ -71,9 +71,7 @@ class Trend:
         total: adds up numbers over all ranks.
     """
 
-    def __init__(
-        self, limit: int, tolerance: float, total: Callable[[Array], Array] = lambda v: v
-    ):
+    def __init__(self, limit: int, tolerance: float, total: Callable[[Array], Array] = lambda v: v):
         self.limit, self.tolerance, self._total = limit, tolerance, total
         self.count, self.converged, self.reason = -1, False, ""
         self._before: deque[tuple[Array, float]] = deque(maxlen=_LONGEST_CYCLE)
@@ -98,7 +96,8 @@ class Trend:
     def _repeats(self, x: Array, worst: float) -> bool:
         """Whether iterates return to what they were, twice in a row, without getting better."""
         squares = [x @ x, *((x - y) @ (x - y) for y, _ in self._before)]
-        size, *away = np.sqrt(self._total(np.array(squares))).tolist()
+        norms: list[float] = [float(v) for v in np.sqrt(self._total(np.array(squares)))]
+        size, away = norms[0], norms[1:]
         if away and away[-1] <= _STILL * size:
             return self._end(f"stands still at a residual of {worst:.1e}")
         period = next(

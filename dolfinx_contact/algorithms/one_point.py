@@ -51,7 +51,7 @@ class InPlane(OnePoint):
     bound: float
 
     def __post_init__(self) -> None:
-        (self.tt, self.tn), (_, self.nn) = self.S.tolist()
+        self.tt, self.tn, self.nn = (float(self.S[i, j]) for i, j in ((0, 0), (0, 1), (1, 1)))
         self.open_tt = self.tt - self.tn**2 / self.nn
 
     def solve(self, b: Array) -> tuple[float, float]:
@@ -92,7 +92,7 @@ class InSpace(OnePoint):
         self.friction, self.bound = friction, bound
         self.nn = float(S[2, 2])
         coupling = S[:2, 2]
-        self._coupling = coupling
+        self._coupling = float(coupling[0]), float(coupling[1])
         self._closed = _Slip(S[:2, :2], coupling)
         self._open = _Slip(S[:2, :2] - np.outer(coupling, coupling) / self.nn, np.zeros(2))
 
@@ -101,7 +101,7 @@ class InSpace(OnePoint):
         t, n = (float(b[0]), float(b[1])), float(b[2])
         F, g = self.friction, self.bound
         self.stuck, self.closed = False, False
-        c0, c1 = self._coupling.tolist()
+        c0, c1 = self._coupling
         left = (t[0] - c0 * n / self.nn, t[1] - c1 * n / self.nn)
         self.stuck = g > 0 and hypot(*left) <= g
         x, y = (0.0, 0.0) if self.stuck else self._open.solve(left, 0.0, 0.0, g)
@@ -119,13 +119,15 @@ class _Slip:
 
     def __init__(self, S: Array, coupling: Array):
         values, vectors = np.linalg.eigh(S)
-        self._values = values.tolist()
-        self._vectors = vectors.tolist()
-        self._coupling = (vectors.T @ coupling).tolist()
+        turned = vectors.T @ coupling
+        self._values = float(values[0]), float(values[1])
+        self._first = float(vectors[0, 0]), float(vectors[0, 1])
+        self._second = float(vectors[1, 0]), float(vectors[1, 1])
+        self._coupling = float(turned[0]), float(turned[1])
 
     def solve(self, b: tuple[float, float], n: float, F: float, g: float) -> tuple[float, float]:
         """The slip under a load b; without a root that of mu = 0."""
-        (v00, v01), (v10, v11) = self._vectors
+        (v00, v01), (v10, v11) = self._first, self._second
         e0, e1 = self._values
         c0, c1 = self._coupling
         b0, b1 = v00 * b[0] + v10 * b[1], v01 * b[0] + v11 * b[1]

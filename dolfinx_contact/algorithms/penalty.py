@@ -9,8 +9,9 @@ successive solutions, log2 |x_1 - x_2|/|x_2 - x_3|, which is 1 once statuses do 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -80,8 +81,9 @@ class Extrapolation:
         total: adds up numbers over all ranks.
     """
 
-    def __init__(self, total=lambda v: v):  # type: ignore[no-untyped-def]
-        self._total, self.states = total, []
+    def __init__(self, total: Callable[[Array], Array] = lambda v: v):
+        self._total = total
+        self.states: list[Array] = []
         self._changes: list[float] = []
 
     def add(self, state: Array) -> None:
@@ -96,9 +98,7 @@ class Extrapolation:
         column: Sequence[Array] = self.states
         for j in range(1, len(self.states)):
             weight = 2.0**j
-            column = [
-                (weight * b - a) / (weight - 1) for a, b in zip(column, column[1:], strict=False)
-            ]
+            column = [np.asarray((weight * b - a) / (weight - 1)) for a, b in pairwise(column)]
         return column[-1]
 
     def order(self) -> float:

@@ -138,7 +138,7 @@ class GivenBound:
 
     @property
     def energy(self) -> float:
-        """q at the forces."""
+        """The value of q at the forces."""
         return float(0.5 * np.sum((self._gradient + self._contact.free) * self.r))
 
     def step(self) -> None:

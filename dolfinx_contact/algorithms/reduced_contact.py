@@ -110,7 +110,7 @@ class ReducedContact:
     @cached_property
     def free(self) -> Array:
         """Displacements without contact, (m, dim)."""
-        return np.linalg.solve(self.S, self.p).reshape(self.number, -1)
+        return np.asarray(np.linalg.solve(self.S, self.p).reshape(self.number, -1), np.float64)
 
     @cached_property
     def blocks(self) -> Array:
@@ -164,11 +164,9 @@ class ReducedContact:
     def statuses(self, a: Array, r: Array) -> npt.NDArray[np.int8]:
         """Numbers of the statuses (`laws.status`) of a state (m,)."""
         closed, stuck = self.closed(a, r), self.stuck(a, r)
-        slips = np.full(self.number, PLUS)
-        if self.dim == 2:
-            shear = r[:, 0] - self.augmentation * a[:, 0]
-            slips = np.where(shear > 0, MINUS, PLUS)
-        codes = np.where(stuck, STICK, slips)
+        shear = r[:, 0] - self.augmentation * a[:, 0]
+        back = (shear > 0) & (self.dim == 2)
+        codes = np.where(stuck, STICK, np.where(back, MINUS, PLUS))
         rubbing = np.where(self.bound > 0, codes + WHERE_OPEN, OPEN)
         return np.where(closed, codes, rubbing).astype(np.int8)
 
@@ -198,10 +196,10 @@ class ReducedContact:
         force = stiffness * length
         changed = replace(
             self,
-            S=self.S / stiffness,
-            p=self.p / force,
-            bound=self.bound / force,
-            augmentation=self.augmentation / stiffness,
+            S=np.asarray(self.S / stiffness, np.float64),
+            p=np.asarray(self.p / force, np.float64),
+            bound=np.asarray(self.bound / force, np.float64),
+            augmentation=np.asarray(self.augmentation / stiffness, np.float64),
             force=self.force / force,
             length=self.length / length,
         )

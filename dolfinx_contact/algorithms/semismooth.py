@@ -84,7 +84,7 @@ def solve_yielding(
 def _residual(
     contact: ReducedContact, a: Array, held: Array | None, k: Array
 ) -> tuple[Array, Array]:
-    """r - Pi(s) and s, r = S a - p."""
+    """What is left, r - Pi(s), and s; r = S a - p."""
     r = contact.forces(a)
     s = (r if held is None else held) - k[:, None] * a
     return r - contact.allowed(s), s

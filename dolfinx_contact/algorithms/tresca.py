@@ -16,6 +16,7 @@ differences (Irons and Tuck, Int. J. Numer. Methods Eng. 1, 1969). Convex proble
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
@@ -46,8 +47,7 @@ class TrescaFixedPoint(Algorithm):
         aitken: whether omega is taken from the differences.
         inner: what solves the convex problems: ``newton``, ``cg``, ``minimise``, ``interior-point``
             (on the whole body it is Newton's method).
-        on: ``points`` for the reduced problem, ``body`` for the whole finite element problem; None,
-            the default, for the points unless the problem has no reduced one.
+        on: ``body`` for the whole finite element problem, ``points`` for the reduced one.
     """
 
     name: ClassVar[str] = "tresca"
@@ -101,7 +101,9 @@ class Relaxation:
         total: adds up numbers over all ranks.
     """
 
-    def __init__(self, omega: float, *, aitken: bool, total=lambda v: v):  # type: ignore[no-untyped-def]
+    def __init__(
+        self, omega: float, *, aitken: bool, total: Callable[[Array], Array] = lambda v: v
+    ):
         self._omega, self._aitken, self._total = omega, aitken, total
         self._before: Array | None = None
 

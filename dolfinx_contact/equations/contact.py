@@ -181,6 +181,10 @@ class ContactEquations:
         v.destroy()
         return values
 
+    def jump_rate(self, s: ContactSurface, u: Array) -> Array:
+        """Jumps B u at the points of ``s`` of a change u of the local displacements. Collective."""
+        return self._jump(s, u, rate=True)
+
     def residual(self, x: PETSc.Vec, b: PETSc.Vec, statuses: Statuses | None = None) -> State:
         """H(x) into ``b``, and the state. Dirichlet data enter all rows linearly.
 

@@ -39,9 +39,7 @@ def check_reducible(eq: ContactEquations) -> None:
     alone = all(s.points.E is None for s in eq.surfaces)
     parts = [
         (r[: s.points.number].any(axis=1) & ~c[: s.points.number])
-        for s, r, c in zip(
-            eq.surfaces, eq.constraints.removed, eq.constraints.clamped, strict=True
-        )
+        for s, r, c in zip(eq.surfaces, eq.constraints.removed, eq.constraints.clamped, strict=True)
     ]
     guided = eq.comm.allreduce(int(any(part.any() for part in parts)))
     trace = np.concatenate([s.points.vertex_trace_dofs for s in eq.surfaces])
@@ -71,9 +69,7 @@ class Compliance:
     """
 
     @staged("ContactCondensation")
-    def __init__(
-        self, system: ParametricEquations, x: PETSc.Vec, solve: Callable[[Array], Array]
-    ):
+    def __init__(self, system: ParametricEquations, x: PETSc.Vec, solve: Callable[[Array], Array]):
         eq: ContactEquations = system.equations
         self.comm, self._equations, self._solve = eq.comm, eq, solve
         self._n, self._x, b = eq.owned_sizes[0], x.copy(), x.duplicate()
@@ -94,7 +90,7 @@ class Compliance:
         )
         held = np.diag(A) <= 1e-12 * size  # prescribed tangents, which no force moves
         A[held, held] = float(np.diag(A)[~held].mean())
-        S = np.linalg.inv(0.5 * (A + A.T))
+        S = np.asarray(np.linalg.inv(0.5 * (A + A.T)), dtype=np.float64)
         advance = self._everywhere([not s.law.needs_pressure for s in eq.surfaces])
         radii = points.friction
         r = points.gathered(np.concatenate([s.points.data.r for s in eq.surfaces]))

@@ -110,7 +110,7 @@ def _tangents(normals: Array) -> list[Array]:
         return [np.stack([-normals[:, 1], normals[:, 0]], axis=1)]
     away = np.eye(3)[np.abs(normals).argmin(axis=1)]
     first = np.cross(normals, away)
-    first /= np.linalg.norm(first, axis=1)[:, None]
+    first = np.asarray(first / np.linalg.norm(first, axis=1)[:, None], dtype=np.float64)
     return [first, np.cross(normals, first)]
 
 
