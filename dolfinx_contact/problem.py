@@ -26,7 +26,7 @@ from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact._options import ProblemOptions, check_options, in_database
 from dolfinx_contact._petsc import require_real, staged
 from dolfinx_contact._progress import SolveProgress
-from dolfinx_contact.algorithms import Algorithm
+from dolfinx_contact.algorithms import Algorithm, ReducedContact
 from dolfinx_contact.body.bulk import Bulk
 from dolfinx_contact.body.cells import check_cells
 from dolfinx_contact.equations.contact import ContactEquations
@@ -37,7 +37,7 @@ from dolfinx_contact.results.checks import warn_of_obstacles
 from dolfinx_contact.results.result import Result, collect
 from dolfinx_contact.results.tables import ContactTable, contact_table
 from dolfinx_contact.solvers.choice import LinearSolverChoice
-from dolfinx_contact.solvers.classical import algorithm_named, solve_by
+from dolfinx_contact.solvers.classical import algorithm_named, reduced_contact, solve_by
 from dolfinx_contact.solvers.history import Attempt, Step
 from dolfinx_contact.solvers.ladder import check_data, solve
 from dolfinx_contact.solvers.linear import LinearSolver
@@ -262,6 +262,23 @@ class ContactProblem:
         finally:
             said.end()
             x0.destroy()
+
+    def reduced(self) -> ReducedContact:
+        """The problem on its contact points alone, the same on every rank. Collective.
+
+        `algorithms` solve it: ``algorithms.GaussSeidel().run(problem.reduced())``.
+
+        Raises:
+            ValueError: on every rank, for a problem that has none: a body that is not linear or not
+                held by Dirichlet data, contact that is not at the nodes, other laws.
+        """
+        x = self.create_vector()
+        self.write(x)
+        try:
+            check_data(self.equations, x)
+            return reduced_contact(self.equations, self._linear, x)
+        finally:
+            x.destroy()
 
     def collect(
         self, x: PETSc.Vec, attempts: Sequence[Attempt], statuses: Statuses | None = None

@@ -16,7 +16,7 @@ OF_NUMBERS = (
     *("test_blocks", "test_surface", "test_results", "test_following", "test_parametric"),
     *("test_continuation", "test_linear_triangle", "test_ciarlet_geymonat", "test_rays"),
     *("test_solutions", "test_multigrid", "test_krylov", "test_record", "test_bad_input"),
-    *("test_law", "test_own_law", "test_pair", "test_mortar"),
+    *("test_law", "test_own_law", "test_pair", "test_mortar", "test_classical"),
 )
 
 

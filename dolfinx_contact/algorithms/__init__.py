@@ -12,6 +12,7 @@ from dolfinx_contact.algorithms.lemke import RayTermination, coulomb_by_lemke, l
 from dolfinx_contact.algorithms.penalty import Penalty
 from dolfinx_contact.algorithms.projected_cg import ProjectedGradient
 from dolfinx_contact.algorithms.reduced_contact import ReducedContact
+from dolfinx_contact.algorithms.semismooth import SemismoothNewton
 from dolfinx_contact.algorithms.tresca import TrescaFixedPoint
 from dolfinx_contact.algorithms.uzawa import Uzawa
 
@@ -26,6 +27,7 @@ __all__ = [
     "ProjectedGradient",
     "RayTermination",
     "ReducedContact",
+    "SemismoothNewton",
     "Trend",
     "TrescaFixedPoint",
     "Uzawa",

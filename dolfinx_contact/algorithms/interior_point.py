@@ -4,7 +4,7 @@ r"""Interior point: the mixed complementarity problem followed from the inside, 
 Signorini's and Coulomb's conditions are, with multipliers l and slacks s of friction,
 
     y = un >= 0 against rn >= 0,    s >= 0 against l >= 0,    at + sum_j l_j n_j = 0,
-    2D: s = F rn + g -+ rt, n = +-1;    3D: s = ((F rn + g)^2 - |rt|^2)/2, n = rt,
+    2D: s = b -+ rt, n = +-1;    3D: s = (b^2 - |rt|^2)/(2 b), n = rt/b;    b = F rn + g,
 
 smooth but for the complementarity conditions, with the forces r as unknowns and a = A r + c. Their
 products are not 0 but mu: the central path, which Newton's method follows while mu falls, with
@@ -32,6 +32,7 @@ _MOST = 100
 _PATIENCE = 4  # steps that may bring nothing
 _ROUND_OFF = 100.0  # times the tolerance, that round-off may leave
 _LONG = 0.3  # steps that need no other centring
+_LEAST = 1e-290
 _TINY = 1e-12  # of the largest friction bound: bounds that hold nothing
 _SHORTEST = 1e-10  # steps that lead nowhere
 
@@ -46,7 +47,7 @@ class InteriorPoint(Algorithm):
 
     name: ClassVar[str] = "interior-point"
     max_iterations: int = 200
-    boundary: float = 0.99
+    boundary: float = 0.9
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -75,7 +76,7 @@ def follow_centre(given: ReducedContact, tolerance: float) -> tuple[Array, int, 
         since, steps = since + 1, steps + 1
         if worst < least:
             best, least, since = a, worst, 0
-        if worst <= tolerance or since > _PATIENCE or not state.step(0.99):
+        if worst <= tolerance or since > _PATIENCE or not state.step(0.9):
             break
     # Near the boundary round-off ends it.
     return best, steps, least <= _ROUND_OFF * tolerance
@@ -134,8 +135,10 @@ class _Interior:
             outward = np.broadcast_to(np.array([[[1.0], [-1.0]]]), (len(rt), 2, 1))
             by_rn = np.broadcast_to(self._F[:, None], (len(rt), 2))
             return radius - outward[:, :, 0] * rt, outward, by_rn
-        slack = 0.5 * (radius**2 - np.sum(rt**2, axis=1, keepdims=True))
-        return slack, rt[:, None], self._F[:, None] * radius
+        inner = rt / np.maximum(radius, _LEAST)
+        square = np.sum(inner**2, axis=1, keepdims=True)
+        by_rn = 0.5 * self._F[:, None] * (1 + square)
+        return 0.5 * radius * (1 - square), inner[:, None], by_rn
 
     @property
     def _state(self) -> _Direction:
@@ -168,9 +171,11 @@ class _Interior:
         D = np.zeros((m, d, d))
         D[:, -1, -1] = self._y / self._r[:, -1]
         D[:, :-1, :-1] = np.einsum("ij,ijp,ijq->ipq", stiff, self._out, self._out)
-        if d == 3:
-            D[:, :-1, :-1] += self._l[:, :, None] * np.eye(2)
         D[:, :-1, -1] = -np.einsum("ij,ij,ijp->ip", stiff, self._by_rn, self._out)
+        if d == 3:
+            bent = self._l / np.maximum(self._radius, _LEAST)[:, None]
+            D[:, :-1, :-1] += bent[:, :, None] * np.eye(2)
+            D[:, :-1, -1] -= (bent * self._F[:, None]) * self._out[:, 0]
         J = self._A.reshape(m, d, m, d).copy()
         every = np.arange(m)
         J[every, :, every] += D
@@ -204,9 +209,11 @@ class _Interior:
             product_n = product_n - dy * dr[:, -1]
             product_t = product_t - dl * ds
             if r.shape[1] == 3:
-                slip = slip + dl * dr[:, :-1]
-                bent = (self._F * dr[:, -1]) ** 2 - np.sum(dr[:, :-1] ** 2, axis=1)
-                slack = slack + 0.5 * bent[:, None]
+                turned = dr[:, :-1] - self._out[:, 0] * (self._F * dr[:, -1])[:, None]
+                radius = np.maximum(self._radius, _LEAST)[:, None]
+                slip = slip + dl * turned / radius
+                bent = np.sum(turned**2, axis=1, keepdims=True)
+                slack = slack - 0.5 * bent / radius
         right = np.zeros_like(r)
         right[:, -1] = product_n / rn - gap
         right[:, :-1] = -slip - np.einsum(

@@ -24,14 +24,18 @@ from dolfinx_contact.algorithms.semismooth import solve_yielding
 __all__ = ["Extrapolation", "Penalty"]
 
 Array = npt.NDArray[np.float64]
+
+#: Solutions of which the order is taken.
+LEAST = 3
 _MOST = 4  # solutions that an extrapolation takes
 
 
 @dataclass(frozen=True)
 class Penalty(Algorithm):
-    """Penalisation with extrapolation; an iteration is a penalised problem.
+    """Penalisation with extrapolation; an iteration is an extrapolation, from three solutions on.
 
     Attributes:
+        max_iterations: penalised problems.
         stiffness: k_0 over the augmentation of Newton's method.
         accuracy: measure of the extrapolated solution at which the sequence ends; beside it the
             tolerance of the other algorithms is out of reach.
@@ -59,19 +63,21 @@ class Penalty(Algorithm):
         a, sequence = contact.displacements(r), Extrapolation()
         stops = iteration.stops(a, r)
         while not stops:
-            cold = iteration.trend.count == 0
+            cold = not sequence.states
             a, steps, solved = solve_yielding(contact, a, none, k, cold=cold)
             if not solved:
                 iteration.fails(f"contact that yields was not solved in {steps} steps")
                 return
             state = np.stack([a, contact.forces(a)])
             sequence.add(state)
+            k = 2.0 * k
+            if len(sequence.states) < LEAST:
+                continue
             limit = sequence.limit()
             penetration = float(np.maximum(-a[:, -1], 0.0).max())
             stops = iteration.stops(
                 limit[0], limit[1], order=sequence.order(), penetration=penetration, steps=steps
             )
-            k = 2.0 * k
 
 
 class Extrapolation:

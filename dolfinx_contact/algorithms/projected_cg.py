@@ -145,13 +145,13 @@ class GivenBound:
         """One step."""
         free, chopped = self._free, self._chopped
         if np.sum(chopped**2) > _BALANCE * np.sum(free**2):
-            self._expand(free + chopped)
+            self._expand()
             return
         d = self._direction
         Ad = self._times(d)
         curvature = float(np.sum(d * Ad))
         if not curvature > 0:
-            self._expand(free + chopped)
+            self._expand()
             return
         length = float(np.sum(self._gradient * d)) / curvature
         most = self._feasible(d)
@@ -164,11 +164,11 @@ class GivenBound:
         else:
             self._gradient = self._gradient - most * Ad
             self._split()
-            self._expand(self._free + self._chopped)
+            self._expand()
 
-    def _expand(self, gradient: Array) -> None:
-        """A step along the projected gradient, of a length at which the energy falls."""
-        self.r = self._projected(self.r - gradient / self._longest)
+    def _expand(self) -> None:
+        """A projected step along the gradient, of a length at which the energy falls."""
+        self.r = self._projected(self.r - self._gradient / self._longest)
         self._refresh()
 
     def _feasible(self, d: Array) -> float:

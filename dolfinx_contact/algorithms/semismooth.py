@@ -10,17 +10,44 @@ larger than all of the last ones (Grippo, Lampariello and Lucidi, SIAM J. Numer.
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact.algorithms.iteration import Algorithm, Iteration
 from dolfinx_contact.algorithms.reduced_contact import ReducedContact
 
-__all__ = ["solve_semismooth", "solve_yielding"]
+__all__ = ["SemismoothNewton", "solve_semismooth", "solve_yielding"]
 
 Array = npt.NDArray[np.float64]
 _REMEMBERED = 5
 _SHORTEST = 1e-3
+
+
+@dataclass(frozen=True)
+class SemismoothNewton(Algorithm):
+    """Semismooth Newton on the points, with the full steps of the whole problem's; a step each."""
+
+    name: ClassVar[str] = "semismooth-newton"
+    max_iterations: int = 40
+
+    def _iterate(self, contact: ReducedContact, r: Array, iteration: Iteration) -> None:
+        a, k = contact.displacements(r), contact.augmentation
+        while not iteration.stops(a, r):
+            # H of Newton's method: its forces are unknowns of their own.
+            s = r - k[:, None] * a
+            D, m, d = derivative(contact, s), contact.number, contact.dim
+            off = (r - contact.allowed(s)).reshape(-1)
+            spread = np.zeros((m, d, m, d))
+            spread[np.arange(m), :, np.arange(m)] = D
+            D = spread.reshape(m * d, m * d)
+            J = (np.eye(m * d) - D) @ contact.S + D * np.repeat(k, d)
+            rest = contact.forces(a).reshape(-1) - r.reshape(-1)
+            step = np.linalg.solve(J, off + (np.eye(m * d) - D) @ rest)
+            a = a - step.reshape(a.shape)
+            r = contact.forces(a)
 
 
 def solve_semismooth(

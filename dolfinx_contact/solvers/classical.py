@@ -20,7 +20,14 @@ from dolfinx import fem
 from dolfinx_contact._errors import on_root
 from dolfinx_contact._petsc import staged
 from dolfinx_contact._progress import SolveProgress
-from dolfinx_contact.algorithms import ALGORITHMS, Algorithm, Penalty, TrescaFixedPoint, Uzawa
+from dolfinx_contact.algorithms import (
+    ALGORITHMS,
+    Algorithm,
+    Penalty,
+    ReducedContact,
+    TrescaFixedPoint,
+    Uzawa,
+)
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.measures import Scales
 from dolfinx_contact.equations.parametric import ParametricEquations
@@ -31,7 +38,7 @@ from dolfinx_contact.solvers.history import Attempt, Step
 from dolfinx_contact.solvers.linear import LinearSolver
 from dolfinx_contact.solvers.on_body import OnBody
 
-__all__ = ["algorithm_named", "solve_by"]
+__all__ = ["algorithm_named", "reduced_contact", "solve_by"]
 
 logger = logging.getLogger(__name__)
 
@@ -122,6 +129,27 @@ def solve_by(
             [attempt],
         )
     return x, [attempt]
+
+
+def reduced_contact(
+    equations: ContactEquations, linear: Callable[[], LinearSolver], x: PETSc.Vec
+) -> ReducedContact:
+    """The reduced problem, the same on every rank. Collective.
+
+    Raises:
+        ValueError: on every rank, for a problem that has none.
+    """
+    check_reducible(equations)
+    body = BodySolver(equations, direct=True)
+    system = ParametricEquations(equations, fem.Constant(equations.V.mesh, 0.0), linear)
+    try:
+        body.update()
+        compliance = Compliance(system, x, body.columns)
+        compliance.destroy()
+    finally:
+        body.destroy()
+        system.destroy()
+    return compliance.contact
 
 
 def _require_held(eq: ContactEquations) -> None:

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact.algorithms import Penalty, Trend, TrescaFixedPoint, Uzawa
-from dolfinx_contact.algorithms.penalty import Extrapolation
+from dolfinx_contact.algorithms.penalty import LEAST, Extrapolation
 from dolfinx_contact.algorithms.tresca import Relaxation
 from dolfinx_contact.algorithms.uzawa import SHARE, STIFF
 from dolfinx_contact.equations.contact import ContactEquations
@@ -190,9 +190,11 @@ class OnBody:
                 if steps < 0:
                     return
                 sequence.add(x.array_r.copy())
+                factor, cold = 2.0 * factor, False
+                if len(sequence.states) < LEAST:
+                    continue
                 limit.array[:] = sequence.limit()
                 stops = self._stops(limit, b, order=sequence.order(), inner=steps)
-                factor, cold = 2.0 * factor, False
             limit.copy(x)
         finally:
             limit.destroy()
