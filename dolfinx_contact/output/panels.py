@@ -25,7 +25,6 @@ def draw_panels(
     names: Mapping[str, str],
     *,
     labels: tuple[str, str] = ("", ""),
-    marks: Mapping[str, tuple[float, float]] | None = None,
 ) -> Path:
     """Draw maps over the same axes; on this rank alone.
 
@@ -36,7 +35,6 @@ def draw_panels(
         panels: by title what holds in each cell, words (n, m).
         names: of the words, for the legend; their order gives the colours.
         labels: of the axes, TeX between dollars.
-        marks: points to mark in every panel, by their letters.
 
     Raises:
         OSError: with the path, if it cannot be written; it is then as it was.
@@ -63,12 +61,11 @@ def draw_panels(
     for axes, (title, cells) in zip(grid.flat, words.items(), strict=False):
         codes = np.vectorize(numbers.__getitem__)(cells)
         axes.pcolormesh(x, y, codes.T, shading="nearest", **look)
-        for letter, (at, height) in (marks or {}).items():
-            axes.plot(at, height, "ko", ms=4)
-            axes.annotate(letter, (at, height), (3, 3), textcoords="offset points")
         axes.set_title(title, fontsize="medium")
-    figure.supxlabel(labels[0])
-    figure.supylabel(labels[1])
+    for axes in grid[-1]:
+        axes.set_xlabel(labels[0])
+    for axes in grid[:, 0]:
+        axes.set_ylabel(labels[1])
     present = {word for cells in words.values() for word in cells.ravel().tolist()}
     handles = [
         Patch(facecolor=colours[word], edgecolor="0.4", label=name)
