@@ -28,6 +28,7 @@ from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact._options import ProblemOptions, check_options, in_database
 from dolfinx_contact._petsc import require_real, staged
 from dolfinx_contact._progress import SolveProgress
+from dolfinx_contact.algorithms import Algorithm, ReducedContact
 from dolfinx_contact.analysis.contact import uniqueness
 from dolfinx_contact.body.bulk import Bulk
 from dolfinx_contact.body.cells import check_cells
@@ -41,8 +42,9 @@ from dolfinx_contact.results.result import Result, collect
 from dolfinx_contact.results.tables import ContactTable, contact_table
 from dolfinx_contact.results.uniqueness import Uniqueness
 from dolfinx_contact.solvers.choice import LinearSolverChoice
+from dolfinx_contact.solvers.classical import algorithm_named, reduced_contact, solve_by
 from dolfinx_contact.solvers.history import Attempt, Step
-from dolfinx_contact.solvers.ladder import solve
+from dolfinx_contact.solvers.ladder import check_data, solve
 from dolfinx_contact.solvers.linear import LinearSolver
 
 __all__ = ["ContactProblem"]
@@ -216,6 +218,7 @@ class ContactProblem:
     def solve(
         self,
         *,
+        algorithm: str | Algorithm = "newton",
         monitor: Callable[[Step], None] | None = None,
         increments: int = 8,
         progress: bool | None = None,
@@ -223,7 +226,12 @@ class ContactProblem:
         """Solve from the present values of the Functions, which receive the solution. Collective.
 
         Args:
-            monitor: called with every Newton iterate, on every rank.
+            algorithm: ``newton``, with its fallbacks; or one of the classical algorithms by name,
+                ``tresca``, ``uzawa``, ``penalty``, ``sor``, ``gauss-seidel``,
+                ``projected-gradient``, ``lemke``, ``interior-point``, or with its options, as
+                ``algorithms.GaussSeidel(two_level=True)``. These have no fallback: what does not
+                converge fails, and says how.
+            monitor: called with every iterate, on every rank.
             increments: of the load in the strategy of increments, to begin with.
             progress: whether rank 0 says on the standard error stream where the solve is; by
                 default once it takes more than some seconds.
@@ -240,20 +248,27 @@ class ContactProblem:
             whole = isinstance(increments, int | np.integer) and not isinstance(increments, bool)
             if not whole or increments < 1:
                 raise ValueError(f"the number of increments must be 1 or more, got {increments!r}")
+            chosen = algorithm_named(algorithm)
             if progress not in (None, True, False):
                 raise ValueError(f"progress must be True, False or None, got {progress!r}")
-        same_everywhere(self.comm, increments=int(increments))
+        same_everywhere(self.comm, algorithm=chosen, increments=int(increments))
         said, x0 = SolveProgress(self.comm, progress), self.create_vector()
         self.write(x0)
         try:
-            x, attempts = solve(
-                self.equations,
-                self._linear,
-                x0,
-                monitor=monitor,
-                increments=int(increments),
-                progress=said,
-            )
+            if chosen is None:
+                x, attempts = solve(
+                    self.equations,
+                    self._linear,
+                    x0,
+                    monitor=monitor,
+                    increments=int(increments),
+                    progress=said,
+                )
+            else:
+                check_data(self.equations, x0)
+                x, attempts = solve_by(
+                    chosen, self.equations, self._linear, x0, monitor=monitor, progress=said
+                )
             with self.restored():
                 result = self.collect(x, attempts)
             result = replace(result, prove=self._proof_of(x))
@@ -279,6 +294,23 @@ class ContactProblem:
                 y.destroy()
 
         return prove
+
+    def reduced(self) -> ReducedContact:
+        """The problem on its contact points alone, the same on every rank. Collective.
+
+        `algorithms` solve it: ``algorithms.GaussSeidel().run(problem.reduced())``.
+
+        Raises:
+            ValueError: on every rank, for a problem that has none: a body that is not linear or not
+                held by Dirichlet data, contact that is not at the nodes, other laws.
+        """
+        x = self.create_vector()
+        self.write(x)
+        try:
+            check_data(self.equations, x)
+            return reduced_contact(self.equations, self._linear, x)
+        finally:
+            x.destroy()
 
     def collect(
         self, x: PETSc.Vec, attempts: Sequence[Attempt], statuses: Statuses | None = None

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import demo_greco_block
 import demo_hild_triangle
+import demo_which_solution
 import numpy as np
 import pytest
 
@@ -125,3 +126,23 @@ def test_a_demo_is_short(demo):
     assert 60 <= len(text.splitlines()) <= 120
     assert "# This demo illustrates how to:" in text
     assert not re.search(r"[a-z)]\._[a-z]", text)
+
+
+def test_which_solution(folder):
+    """Three solutions of the element: every one is some algorithm's, and what ends nowhere says so.
+
+    The free body is a solution: what begins with it stays. The corners of the grid of starts end in
+    two solutions at least, and Lemke's method in one whatever the start.
+    """
+    summary = demo_which_solution.main(["--n=2", "--grid=3", f"--output={folder}"])
+    element = summary["problems"]["element"]
+    assert set(element["solution"].values()) <= set("ok-")
+    assert all(element["converged"].values())
+    assert element["solution"]["newton"] == "o"
+    basins = element["basins"]
+    assert set(basins) == set(demo_which_solution.ALGORITHMS)
+    assert all(len(b) == 9 for b in basins.values())
+    assert len(set(basins["lemke"])) == 1
+    assert all(set(b) <= set("ok-cdn") for b in basins.values())
+    assert {word for b in basins.values() for word in b} >= {"o", "k"}
+    assert (folder / "basins_element.png").exists()

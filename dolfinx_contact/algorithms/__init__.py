@@ -1,6 +1,48 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Algorithms on the reduced problem: numpy arrays, contact points only."""
+"""Algorithms on the reduced problem: numpy arrays, contact points only.
 
+By name they solve contact problems: `ContactProblem.solve(algorithm=...)`.
+"""
+
+from dolfinx_contact.algorithms.complementarity import Lemke
+from dolfinx_contact.algorithms.gauss_seidel import GaussSeidel
+from dolfinx_contact.algorithms.interior_point import InteriorPoint
+from dolfinx_contact.algorithms.iteration import Algorithm, Outcome, Trend
 from dolfinx_contact.algorithms.lemke import RayTermination, coulomb_by_lemke, lemke
+from dolfinx_contact.algorithms.penalty import Penalty
+from dolfinx_contact.algorithms.projected_cg import ProjectedGradient
+from dolfinx_contact.algorithms.reduced_contact import ReducedContact
+from dolfinx_contact.algorithms.semismooth import SemismoothNewton
+from dolfinx_contact.algorithms.tresca import TrescaFixedPoint
+from dolfinx_contact.algorithms.uzawa import Uzawa
 
-__all__ = ["RayTermination", "coulomb_by_lemke", "lemke"]
+__all__ = [
+    "ALGORITHMS",
+    "Algorithm",
+    "GaussSeidel",
+    "InteriorPoint",
+    "Lemke",
+    "Outcome",
+    "Penalty",
+    "ProjectedGradient",
+    "RayTermination",
+    "ReducedContact",
+    "SemismoothNewton",
+    "Trend",
+    "TrescaFixedPoint",
+    "Uzawa",
+    "coulomb_by_lemke",
+    "lemke",
+]
+
+#: What stands for a name in `ContactProblem.solve`.
+ALGORITHMS: dict[str, Algorithm] = {
+    "tresca": TrescaFixedPoint(),
+    "uzawa": Uzawa(),
+    "penalty": Penalty(),
+    "sor": GaussSeidel(relaxation=1.5),
+    "gauss-seidel": GaussSeidel(),
+    "projected-gradient": ProjectedGradient(),
+    "lemke": Lemke(),
+    "interior-point": InteriorPoint(),
+}

@@ -112,13 +112,21 @@ def _violation(ut: Array, un: Array, rt: Array, rn: Array, friction: Array, boun
     return float(max(v.max(initial=0.0) for v in parts))
 
 
-def lemke(M: Array, q: Array, *, max_pivots: int | None = None) -> tuple[Array, int]:
+def lemke(
+    M: Array,
+    q: Array,
+    *,
+    max_pivots: int | None = None,
+    path: list[tuple[float, Array]] | None = None,
+) -> tuple[Array, int]:
     """Solve 0 <= q + M z against z >= 0 by Lemke's method with the lexicographic rule.
 
     Args:
         M: square matrix, (n, n).
         q: (n,).
         max_pivots: by default 50 n + 100.
+        path: receives the corners of the path, z_0 and z of each: a solution of the problem with
+            q + z_0 (1, ..., 1) in the place of q.
 
     Returns:
         z, and the number of pivots.
@@ -131,11 +139,15 @@ def lemke(M: Array, q: Array, *, max_pivots: int | None = None) -> tuple[Array, 
         return np.zeros(n), 0
     table = _Tableau(M, q)
     leaving = table.first()
+    if path is not None:
+        path.append(table.corner())
     for pivots in range(1, (50 * n + 100 if max_pivots is None else max_pivots) + 1):
         if leaving == table.artificial:
             return table.solution(), pivots
         entering = leaving + n if leaving < n else leaving - n
         leaving = table.enter(entering)
+        if path is not None:
+            path.append(table.corner())
     raise RayTermination(f"Lemke's method took more than {pivots} pivots")
 
 
@@ -225,6 +237,12 @@ class _Tableau:
         self.table = np.asfortranarray(solved[:, :-1], dtype=np.float64)
         self.values = np.asarray(solved[:, -1], dtype=np.float64).copy()
         self._since = 0
+
+    def corner(self) -> tuple[float, Array]:
+        """z_0 and z of the basis."""
+        values = np.zeros(2 * self.n + 1)
+        values[self.basic] = self.values
+        return float(values[self.artificial]), values[self.n : self.artificial]
 
     def solution(self) -> Array:
         """The unknowns z of the basis, solved from the data."""

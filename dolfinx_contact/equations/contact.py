@@ -180,6 +180,10 @@ class ContactEquations:
         v.destroy()
         return values
 
+    def as_possible(self, statuses: Statuses) -> Statuses:
+        """Guessed statuses, by others where what answers here does not have them."""
+        return statuses
+
     def residual(self, x: PETSc.Vec, b: PETSc.Vec, statuses: Statuses | None = None) -> State:
         """H(x) into ``b``, and the state. Dirichlet data enter all rows linearly.
 

@@ -44,7 +44,7 @@ def touching(eq: ContactEquations, load: float, state: State) -> Statuses:
         max(load * (eq.reach(s, state.u) + _rigid_reach(eq, s, state)), _TOUCHES * eq.body_size)
         for s in eq.surfaces
     ]
-    found = _within(eq, gaps, reaches)
+    found = eq.as_possible(_within(eq, gaps, reaches))
     if not eq.rigid.size or not eq.loose_motions(found):
         return found
     nearest = eq.rigid.nearest(gaps)

@@ -13,6 +13,7 @@ from dolfinx_contact.output.folder import output_folder, write_summary
 from dolfinx_contact.output.functionals import leftmost, rightmost, total
 from dolfinx_contact.output.hertz import Hertz
 from dolfinx_contact.output.journal import Journal, read_journal
+from dolfinx_contact.output.panels import draw_panels
 from dolfinx_contact.output.pictures import picture_of_body, picture_of_contact
 from dolfinx_contact.output.progress import Progress
 from dolfinx_contact.output.record import BranchRecord
@@ -35,6 +36,7 @@ __all__ = [
     "draw_convergence",
     "draw_curves",
     "draw_diagram",
+    "draw_panels",
     "draw_regions",
     "follow_with_journal",
     "journal_of",

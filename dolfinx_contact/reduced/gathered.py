@@ -26,13 +26,13 @@ class GatheredPoints:
     """All points that are not clamped, in the order of coordinates: the same on every rank.
 
     Args:
-        system: the contact problem, in 2D.
+        system: the contact problem.
 
     Attributes:
         number: of points, m.
         local: numbers of this rank's among all its points.
         mine: places of this rank's among all points.
-        frames: T of j = T (ut, un) and forces T (rt, rn) on the body (m, 2, 2).
+        frames: T of j = T (ut, un) and forces T (rt, rn) on the body (m, dim, dim).
         areas: (m,).
         friction: radii of the friction discs at unit pressure (m,); 0 without friction.
         bound: shear forces up to which Tresca's law holds points (m,); 0 for other laws.
@@ -48,7 +48,7 @@ class GatheredPoints:
         for number, s in enumerate(eq.surfaces):
             n = s.points.number
             held = eq.constraints.held[number][s.points.vertex_trace_dofs[:n]].any(axis=1)
-            at_rest = np.zeros((n, 2))
+            at_rest = np.zeros((n, eq.dim))
             answers, given = s.answers(at_rest, at_rest), isinstance(s.law, Tresca)
             slope = np.zeros(n) if given else answers.unit_bound
             bound = answers.bound * s.points.areas if given else np.zeros(n)
@@ -61,9 +61,7 @@ class GatheredPoints:
         # In the order of coordinates, so that neither numbering nor ranks matter.
         self._sorted = by_coordinates(everywhere[1], np.concatenate(self.comm.allgather(ids)))
         which, _, normals, areas, r, held, slope, bound = (v[self._sorted] for v in everywhere)
-        self.frames: Array = np.stack(
-            [np.stack([-normals[:, 1], normals[:, 0]], axis=1), -normals], axis=2
-        )
+        self.frames: Array = np.stack([*_tangents(normals), -normals], axis=2)
         self._which, self._r, self._held = which, r, held.astype(bool)
         self.number, self.normals, self.areas = len(normals), normals, areas
         self.friction, self.bound = (np.where(self._held, 0.0, v) for v in (slope, bound))
@@ -84,7 +82,7 @@ class GatheredPoints:
         return rank, int(self.comm.bcast(mine, root=rank))
 
     def laws(self, stiffness: float) -> PointLaws:
-        """The laws at the points. Collective.
+        """The laws at the points, in 2D. Collective.
 
         Args:
             stiffness: force by length in w.
@@ -108,6 +106,16 @@ class GatheredPoints:
                     known = LawAtPoints(law, 2, len(places), self.comm)
                     groups.append((places, known, data))
         return PointLaws(self.number, self.frames, stiffness / self.areas, groups)
+
+
+def _tangents(normals: Array) -> list[Array]:
+    """Unit tangents (m, dim): (-n_y, n_x) in 2D, two of a right angle in 3D."""
+    if normals.shape[1] == 2:
+        return [np.stack([-normals[:, 1], normals[:, 0]], axis=1)]
+    away = np.eye(3)[np.abs(normals).argmin(axis=1)]
+    first = np.cross(normals, away)
+    first = np.asarray(first / np.linalg.norm(first, axis=1)[:, None], dtype=np.float64)
+    return [first, np.cross(normals, first)]
 
 
 @dataclass(frozen=True)

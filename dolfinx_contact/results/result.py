@@ -87,12 +87,12 @@ class Result:
 
     @property
     def iterations(self) -> int:
-        """Newton iterations of all attempts."""
+        """Iterations of all attempts."""
         return sum(a.iterations for a in self.attempts)
 
     @property
     def history(self) -> list[Step]:
-        """Newton iterates of the attempt that converged."""
+        """Iterates of the attempt that converged."""
         return self.attempts[-1].steps
 
     @property

@@ -51,6 +51,8 @@ class Attempt:
         restless: per surface name, coordinates of points that changed status in the last step.
         limit: cost at which it gives up.
         evaluations: of the residual.
+        series: what else an algorithm reports, by name; one value an iterate where it says nothing
+            else.
     """
 
     strategy: str
@@ -60,6 +62,12 @@ class Attempt:
     restless: dict[str, list[list[float]]] = field(default_factory=dict)
     limit: float = math.inf
     evaluations: int = 0
+    series: dict[str, list[float]] = field(default_factory=dict)
+
+    def report(self, **values: float) -> None:
+        """Add values to the series."""
+        for name, value in values.items():
+            self.series.setdefault(name, []).append(float(value))
 
     @property
     def iterations(self) -> int:

@@ -49,7 +49,7 @@ from dolfinx_contact.solvers.pivoting import pivot
 from dolfinx_contact.solvers.reduced import solve_reduced
 from dolfinx_contact.solvers.states import inverted
 
-__all__ = ["solve"]
+__all__ = ["check_data", "solve"]
 
 logger = logging.getLogger(__name__)
 
@@ -88,7 +88,7 @@ def solve(
             negative friction field, a clamped node inside the obstacle).
         ConvergenceError: if no strategy converges.
     """
-    _check_data(equations, x0)
+    check_data(equations, x0)
     bring_together(equations, x0)
     attempts: list[Attempt] = []
     floating: FloatingBodyError | None = None
@@ -220,7 +220,7 @@ def _ladder(
     return ladder + [(name, with_automatic_r(rungs[name])) for name in order]
 
 
-def _check_data(eq: ContactEquations, x0: PETSc.Vec) -> None:
+def check_data(eq: ContactEquations, x0: PETSc.Vec) -> None:
     """Raise ``ValueError`` for data that no solver can work with. Collective."""
     same_everywhere(eq.comm, "data of the problem", Constants=_given_numbers(eq))
     eq.require_same_mesh()

@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The classical algorithms beside Newton's method: what converges, iterations, time over Newton's.
+
+The GRECO block, plane blocks and cubes, two bodies, and with ``--large`` a slab with 1 089 contact
+nodes; friction from 0.1 to 3, from zero. Prints a table, writes it as JSON, and draws the residual
+histories of one case.
+
+    python3 benchmarks/algorithms.py --output algorithms.json
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import logging
+import sys
+import time
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "demos"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+import demo_greco_block
+import demo_two_blocks
+from blocks import block
+
+from dolfinx import mesh
+
+from dolfinx_contact import ConvergenceError, output
+from dolfinx_contact.algorithms import GaussSeidel, Lemke, TrescaFixedPoint, Uzawa
+
+FRICTION = [0.1, 0.3, 0.6, 1.0, 2.0, 3.0]
+ALGORITHMS = {
+    "tresca": TrescaFixedPoint(),
+    "tresca, Aitken": TrescaFixedPoint(aitken=True),
+    "uzawa": Uzawa(on="points", max_iterations=10000),
+    "uzawa, augmented": Uzawa(augmented=True),
+    "penalty": "penalty",
+    "gauss-seidel": GaussSeidel(max_iterations=5000),
+    "sor": "sor",
+    "gauss-seidel, two levels": GaussSeidel(two_level=True, max_iterations=1000),
+    "cg": "projected-gradient",
+    "lemke": Lemke(),
+    "lemke, Klarbring": Lemke(form="klarbring"),
+    "interior-point": "interior-point",
+}
+LARGE = ["tresca, Aitken", "uzawa, augmented", "gauss-seidel", "interior-point"]
+
+
+def greco(comm):
+    return demo_greco_block.problem(demo_greco_block.arguments([]), comm)
+
+
+def two_bodies(comm):
+    return demo_two_blocks.problem(demo_two_blocks.arguments(["--n=8", "--static"]), comm)
+
+
+def slab(comm):
+    size, hexahedron = [[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]], mesh.CellType.hexahedron
+    return block(comm, domain=mesh.create_box(comm, size, [32, 32, 3], hexahedron))
+
+
+PROBLEMS = {
+    "greco 32": greco,
+    "block 8": lambda comm: block(comm, n=8, cell="quad"),
+    "block 16": lambda comm: block(comm, n=16, cell="quad"),
+    "two bodies": two_bodies,
+    "cube 4": lambda comm: block(comm, n=4, cell="hex"),
+    "cube 6": lambda comm: block(comm, n=6, cell="hex"),
+}
+
+
+def solve(problem, algorithm):
+    """Seconds, and what happened, from zero."""
+    zero = problem.create_vector()
+    problem.read(zero)
+    begun = time.perf_counter()
+    try:
+        result = problem.solve(algorithm=algorithm, progress=False)
+        found = {"converged": True, "reason": result.reason, "iterations": result.iterations}
+        attempt, tables = result.attempts[-1], result.tables
+    except ConvergenceError as error:
+        attempt, tables = error.attempts[-1], {}
+        found = {"converged": False, "reason": attempt.reason, "iterations": attempt.iterations}
+    found["seconds"] = time.perf_counter() - begun
+    found["residuals"] = [float(step.measures.worst) for step in attempt.steps]
+    forces = [t.force for t in tables.values()]
+    return found, np.concatenate(forces) if forces else None
+
+
+def run(name, make, algorithms, frictions, comm):
+    """Records of one problem."""
+    problem, records = make(comm), []
+    dim = problem.V.mesh.geometry.dim
+    for friction in frictions:
+        for s in problem.surfaces:
+            s.law.friction.value = friction
+        solve(problem, "newton")  # once untimed
+        newton, known = solve(problem, "newton")
+        records.append({"problem": name, "friction": friction, "algorithm": "newton"} | newton)
+        for title in algorithms:
+            if dim == 3 and title in ("lemke", "lemke, Klarbring", "cg"):
+                continue
+            found, forces = solve(problem, ALGORITHMS[title])
+            record = {"problem": name, "friction": friction, "algorithm": title} | found
+            record["newton_seconds"] = newton["seconds"]
+            record["time_ratio"] = found["seconds"] / newton["seconds"]
+            if forces is not None and known is not None:
+                record["off_newton"] = float(np.abs(forces - known).max() / np.abs(known).max())
+            records.append(record)
+            if comm.rank == 0:
+                print(shown(record), flush=True)
+    problem.destroy()
+    return records
+
+
+def shown(r):
+    ended = f"{r['off_newton']:.0e}" if "off_newton" in r else r["reason"]
+    cells = (r["problem"], f"{r['friction']:g}", r["algorithm"], r["iterations"])
+    return "| " + " | ".join(map(str, cells)) + f" | {r['time_ratio']:.1f} | {ended} |"
+
+
+def main() -> None:
+    """Run the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--output", default="algorithms.json")
+    parser.add_argument("--quick", action="store_true", help="friction 0.3 and 1 alone")
+    parser.add_argument("--large", action="store_true", help="the slab, with a few algorithms")
+    parser.add_argument("--only", help="the problem with this name")
+    args = parser.parse_args()
+    comm = MPI.COMM_WORLD
+    logging.getLogger("dolfinx_contact").setLevel(logging.ERROR)
+    frictions = [0.3, 1.0] if args.quick else FRICTION
+    if comm.rank == 0:
+        print("| problem | F | algorithm | iterations | time over Newton's | off Newton's forces |")
+        print("|---" * 6 + "|")
+    records = []
+    for name, make in PROBLEMS.items():
+        if args.only in (None, name) and not (args.large and args.only is None):
+            records += run(name, make, ALGORITHMS, frictions, comm)
+    if args.large:
+        records += run("slab 33 x 33", slab, LARGE, frictions, comm)
+    if comm.rank == 0:
+        file = Path(args.output)
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(json.dumps(records, indent=1) + "\n")
+        draw(records, file.with_suffix(".png"))
+
+
+def draw(records, file):
+    """Residual histories of the first problem at its smallest friction."""
+    case = (records[0]["problem"], sorted({r["friction"] for r in records})[0])
+    curves = {}
+    for r in records:
+        if (r["problem"], r["friction"]) == case and len(r["residuals"]) > 1:
+            residuals = np.maximum(r["residuals"], 1e-16)
+            curves[r["algorithm"]] = (np.arange(1, len(residuals) + 1), residuals)
+    look = dict(labels=("iteration + 1", "residual"), loglog=True)
+    output.draw_curves(file, curves, title=f"{case[0]}, F = {case[1]:g}", **look)
+
+
+if __name__ == "__main__":
+    main()

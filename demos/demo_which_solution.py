@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+# # Which solution? The algorithms where there are several
+#
+# This demo illustrates how to:
+#
+# - take a contact problem on its contact points alone (`ContactProblem.reduced`), as numpy arrays;
+# - run the classical algorithms on it from any start, and see in which solution each ends, or
+#   what else it does; and what each does at the critical friction coefficient.
+#
+# Two problems with three solutions: Hild's element with F = 3 under the traction (-2.4, -1) (its
+# corner A opens, sticks or slips to the left), and the triangle of `demo_linear_triangle.py` with
+# 64 contact nodes, F = 1.7, at gamma = 1 (the same three at A, all other nodes open).
+
+from mpi4py import MPI
+
+import numpy as np
+from demo_linear_triangle import linear_triangle
+
+from dolfinx_contact import algorithms, output
+from dolfinx_contact.command_line import ScriptParser, number
+from dolfinx_contact.laws.status import letters
+
+ALGORITHMS = {
+    "newton": algorithms.SemismoothNewton(),
+    "tresca": algorithms.TrescaFixedPoint(max_iterations=50),
+    "uzawa": algorithms.Uzawa(max_iterations=1000),
+    "penalty": algorithms.Penalty(),
+    "gauss-seidel": algorithms.GaussSeidel(max_iterations=200),
+    "cg": algorithms.ProjectedGradient(max_iterations=200),
+    "lemke": algorithms.Lemke(),
+    "interior-point": algorithms.InteriorPoint(max_iterations=60),
+}
+NAMES = {
+    **{"o": "A opens", "k": "A sticks", "-": "A slips to the left", "+": "A slips to the right"},
+    **{"c": "a cycle", "d": "diverges", "n": "does not converge"},
+}
+
+# ## Where an algorithm ends
+#
+# The status of A in the solution, or what else happened. Starts are contact forces (rt, rn) at A,
+# from a grid. Lemke's method knows no start.
+
+
+def end_of(algorithm, contact, start=None):
+    outcome = algorithm.run(contact, start=start)
+    if outcome.converged:
+        return str(letters(2)[contact.statuses(outcome.a, outcome.r)[0]]), outcome
+    kinds = {"cycle": "c", "diverges": "d", "not finite": "d"}
+    return next((k for word, k in kinds.items() if word in outcome.reason), "n"), outcome
+
+
+def basins(contact, size):
+    """Axes of a grid of starts, and by algorithm the word of each."""
+    largest = 3.0 * float(np.abs(contact.p[:2]).max())
+    rt, rn = np.linspace(-largest, largest, size), np.linspace(0.0, largest, size)
+    panels = {name: np.full((size, size), "n") for name in ALGORITHMS}
+    panels["lemke"][:] = end_of(ALGORITHMS["lemke"], contact)[0]
+    for name in set(ALGORITHMS) - {"lemke"}:
+        for i, j in np.ndindex(size, size):
+            start = np.zeros((contact.number, 2))
+            start[0] = rt[i], rn[j]
+            panels[name][i, j] = end_of(ALGORITHMS[name], contact, start)[0]
+    return (rt, rn), panels
+
+
+# ## The problems
+#
+# At F = (lambda + 3 mu)/(lambda + mu) = 2 the element has a continuum of solutions under the
+# traction (-2, -1): every slip between stick and separation. They are so small that every rank
+# solves them alone.
+
+
+def reduced(n, friction, load, lame):
+    system = linear_triangle(n, friction, load, lame, comm=MPI.COMM_SELF)
+    system.constant.value = 1.0
+    return system.problem.reduced()
+
+
+def main(argv=None):
+    parser = ScriptParser("Which solution?", output="output/which_solution", n=64)
+    parser.add_argument("--grid", type=number(int, least=2), default=24, help="starts on its edge")
+    args = parser.parse(argv)
+    comm = MPI.COMM_WORLD
+    folder, say = output.output_folder(comm, args.output), output.Report(comm)
+    problems = {
+        "element": (reduced(1, 3.0, (2.4, 1.0), (1.0, 1.0)), args.grid),
+        "critical": (reduced(1, 2.0, (2.0, 1.0), (1.0, 1.0)), 0),
+        "triangle": (reduced(args.n, 1.7, (26.0, 7.5), (100.0, 82.0)), args.grid // 4),
+    }
+    found = {}
+    for title, (contact, size) in problems.items():
+        ends = {name: end_of(algorithm, contact) for name, algorithm in ALGORITHMS.items()}
+        found[title] = {
+            "converged": {name: o.converged for name, (_, o) in ends.items()},
+            "iterations": {name: o.iterations for name, (_, o) in ends.items()},
+            "solution": {name: word for name, (word, _) in ends.items()},
+        }
+        for name, (word, o) in ends.items():
+            say(f"{title}, {name} from zero: {NAMES[word]} ({o.iterations}; {o.reason})")
+        if size:
+            axes, panels = basins(contact, size)
+            found[title]["basins"] = {k: "".join(cells.ravel()) for k, cells in panels.items()}
+            labels = ("$r_t$ of A at the start", "$r_n$ of A at the start")
+            if comm.rank == 0:
+                file = folder / f"basins_{title}.png"
+                output.draw_panels(file, *axes, panels, NAMES, labels=labels)
+    return output.write_summary(comm, folder, found["triangle"] | {"problems": found})
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""Friction as a linear complementarity problem, 0 <= w = q + M z against z >= 0, in two forms.
+
+Both have a = A r + c with the compliance A = S^-1, rn >= 0 against un >= 0, and friction in
+directions d_1..d_k of the tangent plane: +-t in 2D, where they are exact, and k of equal angles in
+3D, a polygon inside the disc with corners on the circle. It holds less than the disc by 1/k^2, and
+directions of slip are off by up to pi/k.
+
+**Copositive** (`lemke`): z = (rn, b_1..b_k, l), rt = sum_j b_j d_j, l the size of a slip,
+
+    un = A_nn rn + A_nt D b + c_n,   l + d_j.ut against b_j,   F rn + g - sum_j b_j against l.
+
+Lemke's method ends in a solution of it for every F, in 3D for the same reason as in 2D.
+
+**Klarbring** (after Klarbring, CMAME 58, 1986), in 2D: z = (rn, u+, f-) with slips ut = u+ - u- and
+what friction lacks of its bound on both sides, f+- = F rn + g +- rt,
+
+    un = (A_nn + A_nt F) rn - A_nt f- + c_n + A_nt g               against rn,
+    u- = u+ - (A_tn + A_tt F) rn + A_tt f- - c_t - A_tt g          against f-,
+    f+ = 2 F rn - f- + 2 g                                         against u+:
+
+three unknowns a point in place of four. Its matrix is copositive for small F only: beyond, Lemke's
+method may end in a ray though there is a solution.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact.algorithms.iteration import Algorithm, Iteration, check
+from dolfinx_contact.algorithms.lemke import RayTermination, lemke
+from dolfinx_contact.algorithms.reduced_contact import ReducedContact
+
+__all__ = ["Lemke", "copositive_form", "klarbring_form"]
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Lemke(Algorithm):
+    """Lemke's method; an iteration is the whole of it, and its pivots are reported.
+
+    Attributes:
+        max_iterations: pivots, over the unknowns of the complementarity problem.
+        form: ``copositive`` or ``klarbring``.
+        facets: of the friction polygon in 3D, where the solution is that of the polygon.
+    """
+
+    name: ClassVar[str] = "lemke"
+    max_iterations: int = 50
+    form: Literal["copositive", "klarbring"] = "copositive"
+    facets: int = 8
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check(self, form=self.form in ("copositive", "klarbring"), facets=self.facets >= 3)
+
+    def _iterate(self, contact: ReducedContact, r: Array, iteration: Iteration) -> None:
+        problem, stiffness, length = contact.scaled()
+        iteration.stops(contact.displacements(r), r, pivots=0)
+        if self.form == "klarbring" and contact.dim == 3:
+            iteration.fails("Klarbring's form is for the plane")
+            return
+        if self.form == "klarbring":
+            M, q = klarbring_form(problem)
+        else:
+            directions = tangents(problem.dim, self.facets)
+            M, q = copositive_form(problem, directions)
+        path: list[tuple[float, Array]] = []
+        try:
+            most = self.max_iterations * len(q)
+            z, pivots = lemke(M, q, max_pivots=most, path=path)
+        except RayTermination as error:
+            iteration.fails(str(error))
+            return
+        finally:
+            iteration.outcome.series["covering"] = [cover for cover, _ in path]
+        m = problem.number
+        if self.form == "klarbring":
+            rn, _, lacks = z.reshape(3, m)
+            rt = (problem.radius(rn) - lacks)[:, None]
+        else:
+            rn, parts = z[:m], z[m:-m].reshape(m, -1)
+            rt = parts @ directions
+        r = np.column_stack([rt, rn]) * stiffness * length
+        iteration.stops(contact.displacements(r), r, pivots=pivots)
+        found = iteration.outcome
+        if contact.dim == 3 and not found.converged and pivots:
+            iteration.fails(
+                f"the solution of a polygon of {self.facets} facets: off the disc by "
+                f"{found.measures[-1].worst:.1e}"
+            )
+
+
+def tangents(dim: int, facets: int) -> Array:
+    """Unit directions of friction (k, dim - 1)."""
+    if dim == 2:
+        return np.array([[1.0], [-1.0]])
+    angles = 2 * np.pi * np.arange(facets) / facets
+    return np.stack([np.cos(angles), np.sin(angles)], axis=1)
+
+
+def _parts(contact: ReducedContact) -> tuple[Array, Array, Array, Array]:
+    """A (m, dim, m, dim), and c in its normal and tangential parts; F as a diagonal matrix."""
+    m, d = contact.number, contact.dim
+    free = contact.free
+    return contact.A.reshape(m, d, m, d), free[:, -1], free[:, :-1], np.diag(contact.friction)
+
+
+def copositive_form(contact: ReducedContact, directions: Array) -> tuple[Array, Array]:
+    """M and q with z = (rn, b of point 1, b of point 2, ..., l); see the module."""
+    m, k = contact.number, len(directions)
+    A, cn, ct, F = _parts(contact)
+    ant = np.einsum("iap,jp->iaj", A[:, -1, :, :-1], directions).reshape(m, m * k)
+    att = np.einsum("jp,ipaq,lq->ijal", directions, A[:, :-1, :, :-1], directions)
+    ones = np.kron(np.eye(m), np.ones((k, 1)))
+    none = np.zeros((m, m))
+    M = np.block(
+        [
+            [A[:, -1, :, -1], ant, none],
+            [ant.T, att.reshape(m * k, m * k), ones],
+            [F, -ones.T, none],
+        ]
+    )
+    return M, np.concatenate([cn, (ct @ directions.T).reshape(-1), contact.bound])
+
+
+def klarbring_form(contact: ReducedContact) -> tuple[Array, Array]:
+    """M and q with z = (rn, u+, f-), in 2D; see the module."""
+    A, cn, ct, F = _parts(contact)
+    ann, ant, att = A[:, 1, :, 1], A[:, 1, :, 0], A[:, 0, :, 0]
+    atn, g, one = ant.T, contact.bound, np.eye(contact.number)
+    M = np.block(
+        [
+            [ann + ant @ F, 0 * one, -ant],
+            [2 * F, 0 * one, -one],
+            [-(atn + att @ F), one, att],
+        ]
+    )
+    return M, np.concatenate([cn + ant @ g, 2 * g, -ct[:, 0] - att @ g])

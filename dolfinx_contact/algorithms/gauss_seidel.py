@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""Nonsmooth Gauss-Seidel with over-relaxation and projection (SORP), point by point.
+
+A sweep goes through the contact points; each is solved exactly with its friction cone, its
+neighbours held, and what is free of it is over-relaxed,
+
+    a_i <- a_i + omega (a_i* - a_i),   S_ii a_i* = r_i* + p_i - sum_{j != i} S_ij a_j,
+
+while a stuck point stays at 0 and a closed one on the obstacle (Raous, Chabrand and Lebon, J. Mec.
+Theor. Appl. 7 suppl. 1, 1988; Jourdan, Alart and Jean, CMAME 155, 1998). Aitken's extrapolation
+takes a_k + (a_{k+1} - a_k)/(1 - lambda) with the ratio lambda of successive changes where that
+makes the residual smaller. As the smoother of a two-level scheme (`two_level`) the sweeps leave
+what is long to the coarse problem.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact.algorithms.iteration import Algorithm, Iteration, check
+from dolfinx_contact.algorithms.one_point import one_point
+from dolfinx_contact.algorithms.reduced_contact import ReducedContact
+from dolfinx_contact.algorithms.two_level import CoarseProblem
+
+__all__ = ["GaussSeidel", "Sweeps"]
+
+Array = npt.NDArray[np.float64]
+_FEW = 8  # points that need no coarser ones to begin with
+_START = 1e-3  # measure at which the coarse problem is left
+
+
+@dataclass(frozen=True)
+class GaussSeidel(Algorithm):
+    """Nonsmooth Gauss-Seidel; an iteration is a sweep.
+
+    Attributes:
+        relaxation: omega, between 0 and 2.
+        aitken: sweeps after which the next may be extrapolated; 0 for never.
+        two_level: whether a coarse problem follows every sweep.
+        coarsening: points to one coarse point, along one direction.
+    """
+
+    name: ClassVar[str] = "gauss-seidel"
+    max_iterations: int = 20000
+    relaxation: float = 1.0
+    aitken: int = 0
+    two_level: bool = False
+    coarsening: float = 2.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check(
+            self,
+            relaxation=0 < self.relaxation < 2,
+            aitken=self.aitken >= 0,
+            coarsening=self.coarsening > 1,
+        )
+
+    def _iterate(self, contact: ReducedContact, r: Array, iteration: Iteration) -> None:
+        sweeps = Sweeps(contact, self.relaxation)
+        coarse = CoarseProblem(contact, self.coarsening) if self.two_level else None
+        a = contact.displacements(r)
+        if coarse is not None and not r.any() and contact.number > _FEW:
+            start = self.run(coarse.contact, tolerance=_START)
+            a = coarse.prolonged(start.a)
+            iteration.outcome.series["coarse sweeps"] = [
+                start.iterations,
+                *start.series.get("coarse sweeps", []),
+            ]
+        changes: list[Array] = []
+        while not iteration.stops(a, contact.forces(a)):
+            before = a
+            a = sweeps(a)
+            if coarse is not None:
+                a = coarse.corrected(a, iteration.force, iteration.length)
+            if self.aitken:
+                changes = [*changes[-1:], a - before]
+                if (iteration.trend.count + 1) % self.aitken == 0 and len(changes) == 2:
+                    a, changes = self._extrapolated(a, changes, iteration), []
+
+    def _extrapolated(self, a: Array, changes: list[Array], iteration: Iteration) -> Array:
+        old, new = (c.reshape(-1) for c in changes)
+        ratio = float(new @ old) / (float(old @ old) or 1.0)
+        if not 0 < ratio < 1:
+            return a
+        further = a + changes[1] * ratio / (1 - ratio)
+        further[:, -1] = np.maximum(further[:, -1], 0.0)
+        forces = iteration.contact.forces
+        better = iteration.measure(further, forces(further)).worst
+        return further if better < iteration.measure(a, forces(a)).worst else a
+
+
+class Sweeps:
+    """Gauss-Seidel sweeps over the points of a problem, in their order.
+
+    Args:
+        contact: the problem.
+        relaxation: omega.
+    """
+
+    def __init__(self, contact: ReducedContact, relaxation: float):
+        self._contact, self._relaxation = contact, relaxation
+        m, d = contact.number, contact.dim
+        self._rows = np.ascontiguousarray(contact.S.reshape(m, d, m * d))
+        self._blocks = contact.blocks
+        self._points = [
+            one_point(contact.blocks[i], float(contact.friction[i]), float(contact.bound[i]))
+            for i in range(m)
+        ]
+
+    def __call__(self, a: Array) -> Array:
+        """The displacements (m, dim) after a sweep."""
+        d, omega = self._contact.dim, self._relaxation
+        x = a.reshape(-1).copy()
+        load = self._contact.p.reshape(-1, d)
+        for i, point in enumerate(self._points):
+            mine = x[d * i : d * i + d]
+            b = load[i] - self._rows[i] @ x + self._blocks[i] @ mine
+            found = np.array(point.solve(b))
+            if omega != 1.0:
+                relaxed = mine + omega * (found - mine)
+                if point.stuck:
+                    relaxed[:-1] = 0.0
+                relaxed[-1] = 0.0 if point.closed else max(relaxed[-1], 0.0)
+                found = relaxed
+            mine[:] = found
+        return x.reshape(a.shape)

@@ -1,0 +1,241 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""Interior point: the mixed complementarity problem followed from the inside, in 2D and 3D.
+
+Signorini's and Coulomb's conditions are, with multipliers l and slacks s of friction,
+
+    y = un >= 0 against rn >= 0,    s >= 0 against l >= 0,    at + sum_j l_j n_j = 0,
+    2D: s = b -+ rt, n = +-1;    3D: s = (b^2 - |rt|^2)/(2 b), n = rt/b;    b = F rn + g,
+
+smooth but for the complementarity conditions, with the forces r as unknowns and a = A r + c. Their
+products are not 0 but mu: the central path, which Newton's method follows while mu falls, with
+Mehrotra's predictor and corrector (SIAM J. Optim. 2, 1992) and steps that end before the boundary.
+With F = 0 (Tresca's problem) this is the convex primal-dual method, with its theory; with Coulomb's
+law there is none, and for large F the path may turn back, where the method fails and says so. Of a
+start it takes the pressures alone, and these made large enough.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact.algorithms.iteration import Algorithm, Iteration, check
+from dolfinx_contact.algorithms.reduced_contact import ReducedContact
+
+__all__ = ["InteriorPoint", "follow_centre"]
+
+Array = npt.NDArray[np.float64]
+_Direction: TypeAlias = tuple[Array, Array, Array, Array]  # of r, y, l, s
+_MOST = 100
+_PATIENCE = 4  # steps that may bring nothing
+_ROUND_OFF = 100.0  # times the tolerance, that round-off may leave
+_LONG = 0.3  # steps that need no other centring
+_LEAST = 1e-290
+_TINY = 1e-12  # of the largest friction bound: bounds that hold nothing
+_SHORTEST = 1e-10  # steps that lead nowhere
+
+
+@dataclass(frozen=True)
+class InteriorPoint(Algorithm):
+    """Interior point on the mixed complementarity problem; an iteration is a Newton step.
+
+    Attributes:
+        boundary: part of the way to the boundary that a step may take.
+    """
+
+    name: ClassVar[str] = "interior-point"
+    max_iterations: int = 200
+    boundary: float = 0.9
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check(self, boundary=0 < self.boundary < 1)
+
+    def _iterate(self, contact: ReducedContact, r: Array, iteration: Iteration) -> None:
+        state = _Interior(contact, r)
+        while not iteration.stops(state.a, state.r, gap=state.mu):
+            if not state.step(self.boundary):
+                iteration.fails(
+                    f"the central path turns back: steps of no length at a gap of {state.mu:.1e}"
+                )
+                return
+
+
+def follow_centre(given: ReducedContact, tolerance: float) -> tuple[Array, int, bool]:
+    """Displacements of a convex problem, the number of steps, and whether they suffice."""
+    state = _Interior(given, np.zeros((given.number, given.dim)))
+    force, length = given.force, given.length
+    best, least, since = state.a, np.inf, 0
+    steps = 0
+    while steps < _MOST:
+        a, r = state.a, state.r
+        force, length = max(force, float(np.abs(r).max())), max(length, float(np.abs(a).max()))
+        worst = given.measure(a, r, force, length).worst
+        since, steps = since + 1, steps + 1
+        if worst < least:
+            best, least, since = a, worst, 0
+        if worst <= tolerance or since > _PATIENCE or not state.step(0.9):
+            break
+    # Near the boundary round-off ends it.
+    return best, steps, least <= _ROUND_OFF * tolerance
+
+
+class _Interior:
+    """An interior point and the steps from it, in units in which stiffness and load are near 1."""
+
+    def __init__(self, contact: ReducedContact, r: Array):
+        problem, stiffness, self._length = contact.scaled()
+        self._force = stiffness * self._length
+        self._A, self._c = problem.A, problem.free
+        m, d = problem.number, problem.dim
+        self._F, self._g = problem.friction, problem.bound
+        #: Points that friction acts on.
+        self._grips = (self._F > 0) | (self._g > _TINY * self._g.max())
+        self._count = m + (2 if d == 2 else 1) * int(self._grips.sum())
+        rn = np.maximum(r[:, -1] / self._force, max(float(np.abs(problem.p).max()), 1e-3))
+        self._r = np.column_stack([np.zeros((m, d - 1)), rn])
+        # Against the slip, by half of what friction may do.
+        slip = self._displacement()[:, :-1]
+        size = np.maximum(np.linalg.norm(slip, axis=1), 1e-300)
+        self._r[:, :-1] = -(0.5 * self._grips * self._radius / size)[:, None] * slip
+        a = self._displacement()
+        self._y = np.maximum(a[:, -1], 0.1 * np.abs(a).max())
+        self._s = np.where(self._grips[:, None], self._slacks()[0], 1.0)
+        self._l = np.where(self._grips[:, None], float(self._y @ rn) / m / self._s, 0.0)
+
+    @property
+    def r(self) -> Array:
+        """Forces (m, dim)."""
+        return self._r * self._force
+
+    @property
+    def a(self) -> Array:
+        """Displacements there (m, dim)."""
+        return self._displacement() * self._length
+
+    @property
+    def mu(self) -> float:
+        """The mean of the products."""
+        products = self._y @ self._r[:, -1] + np.sum(self._l * self._s)
+        return float(products) / self._count
+
+    @property
+    def _radius(self) -> Array:
+        return np.asarray(self._F * self._r[:, -1] + self._g)
+
+    def _displacement(self) -> Array:
+        return np.asarray((self._A @ self._r.reshape(-1)).reshape(self._r.shape) + self._c)
+
+    def _slacks(self) -> tuple[Array, Array, Array]:
+        """Slacks of friction (m, k), less their derivatives by rt (m, k, d - 1), and by rn."""
+        rt, radius = self._r[:, :-1], self._radius[:, None]
+        if rt.shape[1] == 1:
+            outward = np.broadcast_to(np.array([[[1.0], [-1.0]]]), (len(rt), 2, 1))
+            by_rn = np.broadcast_to(self._F[:, None], (len(rt), 2))
+            return radius - outward[:, :, 0] * rt, outward, by_rn
+        inner = rt / np.maximum(radius, _LEAST)
+        square = np.sum(inner**2, axis=1, keepdims=True)
+        by_rn = 0.5 * self._F[:, None] * (1 + square)
+        return 0.5 * radius * (1 - square), inner[:, None], by_rn
+
+    @property
+    def _state(self) -> _Direction:
+        return self._r, self._y, self._l, self._s
+
+    def step(self, boundary: float) -> bool:
+        """A step of predictor and corrector; False if it has no length."""
+        self._linearise()
+        forecast = self._direction(0.0)
+        part = self._longest(forecast, 1.0)
+        best, length = forecast, 0.0
+        for centring, curved in ((max((1.0 - part) ** 2, 1e-4), True), (0.3, True), (0.8, False)):
+            direction = self._direction(centring, forecast if curved else None, part)
+            possible = self._longest(direction, boundary)
+            if possible > length:
+                best, length = direction, possible
+            if length > _LONG:
+                break
+        if not length > _SHORTEST:
+            return False
+        moved = (v + length * dv for v, dv in zip(self._state, best, strict=True))
+        self._r, self._y, self._l, self._s = moved
+        return True
+
+    def _linearise(self) -> None:
+        """Eliminate slacks and multipliers: (A + D) dr = ..., D of every point alone."""
+        m, d = self._r.shape
+        _, self._out, self._by_rn = self._slacks()
+        stiff = self._l / self._s
+        D = np.zeros((m, d, d))
+        D[:, -1, -1] = self._y / self._r[:, -1]
+        D[:, :-1, :-1] = np.einsum("ij,ijp,ijq->ipq", stiff, self._out, self._out)
+        D[:, :-1, -1] = -np.einsum("ij,ij,ijp->ip", stiff, self._by_rn, self._out)
+        if d == 3:
+            bent = self._l / np.maximum(self._radius, _LEAST)[:, None]
+            D[:, :-1, :-1] += bent[:, :, None] * np.eye(2)
+            D[:, :-1, -1] -= (bent * self._F[:, None]) * self._out[:, 0]
+        J = self._A.reshape(m, d, m, d).copy()
+        every = np.arange(m)
+        J[every, :, every] += D
+        square = J.reshape(m * d, m * d)
+        held = np.zeros((m, d), dtype=bool)
+        held[~self._grips, :-1] = True  # no shear without friction
+        self._held = held.reshape(-1)
+        square[self._held] = 0.0
+        square[self._held, self._held] = 1.0
+        self._J: Array = square
+
+    def _direction(
+        self, centring: float, forecast: _Direction | None = None, ahead: float = 1.0
+    ) -> _Direction:
+        """The Newton step towards a part of the products and of what is not yet feasible.
+
+        Args:
+            centring: the part.
+            forecast: a step whose second-order terms are taken out.
+            ahead: the part of it that was possible.
+        """
+        a, r, y, s = self._displacement(), self._r, self._y, self._s
+        multiplier = self._l
+        rn, part, aim = r[:, -1], 1.0 - centring, centring * self.mu
+        product_n, product_t = aim - y * rn, aim - multiplier * s
+        gap = part * (a[:, -1] - y)
+        slack = part * (self._slacks()[0] - s)
+        slip = part * (a[:, :-1] + np.einsum("ij,ijp->ip", multiplier, self._out))
+        if forecast is not None:
+            dr, dy, dl, ds = (ahead * v for v in forecast)
+            product_n = product_n - dy * dr[:, -1]
+            product_t = product_t - dl * ds
+            if r.shape[1] == 3:
+                turned = dr[:, :-1] - self._out[:, 0] * (self._F * dr[:, -1])[:, None]
+                radius = np.maximum(self._radius, _LEAST)[:, None]
+                slip = slip + dl * turned / radius
+                bent = np.sum(turned**2, axis=1, keepdims=True)
+                slack = slack - 0.5 * bent / radius
+        right = np.zeros_like(r)
+        right[:, -1] = product_n / rn - gap
+        right[:, :-1] = -slip - np.einsum(
+            "ij,ijp->ip", (product_t - multiplier * slack) / s, self._out
+        )
+        flat = right.reshape(-1)
+        flat[self._held] = 0.0
+        dr = np.where(self._held, 0.0, np.linalg.solve(self._J, flat)).reshape(r.shape)
+        da = (self._A @ dr.reshape(-1)).reshape(r.shape)
+        along = np.einsum("ijp,ip->ij", self._out, dr[:, :-1])
+        ds = self._by_rn * dr[:, -1:] - along + slack
+        dl = (product_t - multiplier * ds) / s
+        grips = self._grips[:, None]
+        return dr, da[:, -1] + gap, np.where(grips, dl, 0.0), np.where(grips, ds, 0.0)
+
+    def _longest(self, direction: _Direction, boundary: float) -> float:
+        """The step that takes this part of the way to the boundary, at most 1."""
+        dr, dy, dl, ds = direction
+        part, rn = 1.0, self._r[:, -1]
+        for v, dv in ((rn, dr[:, -1]), (self._y, dy), (self._l, dl), (self._s, ds)):
+            falls = dv < 0
+            if falls.any():
+                part = min(part, boundary * float(np.min(-v[falls] / dv[falls])))
+        return part

@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""One contact point alone, its neighbours held: the problem that Gauss-Seidel solves at each.
+
+S a = r + b with a stiffness S (dim, dim) of the point and b the load that is left for it. In 2D the
+statuses are tried one after the other, each a formula. In 3D a slip has rt = -mu at with mu >= 0:
+(St + mu) at = bt in the closed point, and mu |at| = F rn + g is one equation for mu, solved in the
+eigenvectors of St between 0 and a bound at which the point would stick.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import hypot, inf, sqrt
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = ["OnePoint", "one_point"]
+
+Array = npt.NDArray[np.float64]
+_ROUND_OFF = 1e-14
+_MOST = 200  # steps for a root
+
+
+def one_point(S: Array, friction: float, bound: float) -> OnePoint:
+    """The solver for a point with stiffness ``S``, (2, 2) or (3, 3)."""
+    return InPlane(S, friction, bound) if len(S) == 2 else InSpace(S, friction, bound)
+
+
+class OnePoint:
+    """Solves for one point again and again.
+
+    Attributes:
+        stuck: whether the last solution sticks; closed: whether its gap is closed.
+    """
+
+    stuck = False
+    closed = False
+
+    def solve(self, b: Array) -> tuple[float, ...]:
+        """The displacement (tangents, normal) under the load ``b`` (dim,)."""
+        raise NotImplementedError
+
+
+@dataclass
+class InPlane(OnePoint):
+    """A point in 2D; see the module."""
+
+    S: Array
+    friction: float
+    bound: float
+
+    def __post_init__(self) -> None:
+        self.tt, self.tn, self.nn = (float(self.S[i, j]) for i, j in ((0, 0), (0, 1), (1, 1)))
+        self.open_tt = self.tt - self.tn**2 / self.nn
+
+    def solve(self, b: Array) -> tuple[float, float]:
+        """The first of open, stick, slip to the right, slip to the left that holds."""
+        t, n = float(b[0]), float(b[1])
+        F, g = self.friction, self.bound
+        self.stuck, self.closed = False, False
+        left = t - self.tn * n / self.nn
+        ut = (abs(left) - g) / self.open_tt if abs(left) > g else 0.0
+        ut = -ut if left < 0 else ut
+        un = (n - self.tn * ut) / self.nn
+        if un >= 0:
+            self.stuck = g > 0 and ut == 0
+            return ut, un
+        self.closed = True
+        if n <= 0 and abs(t) <= g - F * n:
+            self.stuck = True
+            return 0.0, 0.0
+        best, least = (0.0, 0.0), inf
+        for sign in (1.0, -1.0):
+            stiffness = self.tt + sign * F * self.tn
+            if stiffness == 0:
+                continue
+            ut = (t + sign * (F * n - g)) / stiffness
+            rn = self.tn * ut - n
+            off = max(-sign * ut * self.tt, -rn, 0.0)
+            if off == 0:
+                return ut, 0.0
+            if off < least:
+                best, least = (ut, 0.0), off
+        return best
+
+
+class InSpace(OnePoint):
+    """A point in 3D; see the module."""
+
+    def __init__(self, S: Array, friction: float, bound: float):
+        self.friction, self.bound = friction, bound
+        self.nn = float(S[2, 2])
+        coupling = S[:2, 2]
+        self._coupling = float(coupling[0]), float(coupling[1])
+        self._closed = _Slip(S[:2, :2], coupling)
+        self._open = _Slip(S[:2, :2] - np.outer(coupling, coupling) / self.nn, np.zeros(2))
+
+    def solve(self, b: Array) -> tuple[float, float, float]:
+        """The first of open, stick and slip that holds."""
+        t, n = (float(b[0]), float(b[1])), float(b[2])
+        F, g = self.friction, self.bound
+        self.stuck, self.closed = False, False
+        c0, c1 = self._coupling
+        left = (t[0] - c0 * n / self.nn, t[1] - c1 * n / self.nn)
+        self.stuck = g > 0 and hypot(*left) <= g
+        x, y = (0.0, 0.0) if self.stuck else self._open.solve(left, 0.0, 0.0, g)
+        un = (n - c0 * x - c1 * y) / self.nn
+        if un >= 0:
+            return x, y, un
+        self.closed = True
+        self.stuck = n <= 0 and hypot(*t) <= g - F * n
+        x, y = (0.0, 0.0) if self.stuck else self._closed.solve(t, n, F, g)
+        return x, y, 0.0
+
+
+class _Slip:
+    """(S + mu) a = b with mu |a| = F (c.a - n) + g, in the eigenvectors of S (2, 2)."""
+
+    def __init__(self, S: Array, coupling: Array):
+        values, vectors = np.linalg.eigh(S)
+        turned = vectors.T @ coupling
+        self._values = float(values[0]), float(values[1])
+        self._first = float(vectors[0, 0]), float(vectors[0, 1])
+        self._second = float(vectors[1, 0]), float(vectors[1, 1])
+        self._coupling = float(turned[0]), float(turned[1])
+
+    def solve(self, b: tuple[float, float], n: float, F: float, g: float) -> tuple[float, float]:
+        """The slip under a load b; without a root that of mu = 0."""
+        (v00, v01), (v10, v11) = self._first, self._second
+        e0, e1 = self._values
+        c0, c1 = self._coupling
+        b0, b1 = v00 * b[0] + v10 * b[1], v01 * b[0] + v11 * b[1]
+        size = hypot(b0, b1)
+        low, high, mu = 0.0, inf, 0.0
+        x = y = 0.0
+        for _ in range(_MOST):
+            x, y = b0 / (e0 + mu), b1 / (e1 + mu)
+            slip = sqrt(x * x + y * y)
+            excess = mu * slip - F * (c0 * x + c1 * y - n) - g
+            if abs(excess) <= _ROUND_OFF * (size + abs(F * n) + g):
+                break
+            if excess > 0:
+                high = mu
+            else:
+                low = mu
+            if high == 0:
+                break  # no friction that could hold it back
+            dx, dy = -x / (e0 + mu), -y / (e1 + mu)
+            slope = slip + (mu * (x * dx + y * dy) / slip if slip > 0 else 0.0)
+            slope -= F * (c0 * dx + c1 * dy)
+            step = mu - excess / slope if slope > 0 else -1.0
+            if not low < step < high:
+                step = 0.5 * (low + high) if high < inf else 2.0 * low + e1
+            if step == mu:
+                break
+            mu = step
+        return v00 * x + v01 * y, v10 * x + v11 * y

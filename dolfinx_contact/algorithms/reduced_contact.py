@@ -1,0 +1,206 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""The reduced problem: equilibrium of the contact points alone, and the laws that hold there.
+
+With the stiffness S of a body condensed onto its m contact points, a point's displacement
+(ut, un) (one or two tangents, then the gap) and force (rt, rn) on the body,
+
+    S a = r + p,    0 <= un  against  rn >= 0,    |rt| <= F rn + g,    rt = -(F rn + g) ut/|ut|.
+
+F is Coulomb's coefficient, g a friction bound that is given in advance (Tresca). With augmentation
+k (stiffness of a point) the laws are rn = max(rn - k un, 0), rt = P(rt - k ut) with the projection
+P on the disc of radius F max(rn - k un, 0) + g (Alart and Curnier, CMAME 92, 1991); what is left of
+these equations is measured as Newton's method measures it (`equations.measures`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact.equations.measures import Measures
+from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK, WHERE_OPEN
+
+__all__ = ["ReducedContact", "project"]
+
+Array = npt.NDArray[np.float64]
+_TINY = 1e-300
+
+
+def project(s: Array, radius: Array) -> Array:
+    """Vectors (m, d) projected on discs (in 1D: intervals) of these radii (m,)."""
+    size = np.linalg.norm(s, axis=1)
+    return np.asarray(s * np.minimum(1.0, radius / np.maximum(size, _TINY))[:, None])
+
+
+@dataclass(frozen=True, eq=False)
+class ReducedContact:
+    """S a = r + p with Signorini's conditions and friction at m points, in 2D or 3D.
+
+    Args:
+        S: stiffness (dim m, dim m), ordered point by point, tangents before the normal; symmetric
+            and positive definite.
+        p: load (dim m,).
+        friction: coefficients F >= 0 (m,).
+        bound: friction bounds g >= 0 beside F rn, forces (m,); by default none.
+        augmentation: k (m,), force by length; by default from the diagonal of S.
+        force: that counts as 1 in measures, if no contact force is larger.
+        length: the same; by default the largest displacement that the load causes.
+        positions: of the points (m, any), for the two-level scheme.
+
+    Raises:
+        ValueError: for shapes that do not fit, numbers that are not finite, negative friction, or a
+            stiffness that is not positive definite.
+    """
+
+    S: Array
+    p: Array
+    friction: Array
+    bound: Array = field(default_factory=lambda: np.zeros(0))
+    augmentation: Array = field(default_factory=lambda: np.zeros(0))
+    force: float = 0.0
+    length: float = 0.0
+    positions: Array | None = None
+
+    def __post_init__(self) -> None:
+        m = len(self.friction)
+        fits = m > 0 and len(self.p) in (2 * m, 3 * m) and self.S.shape == (len(self.p),) * 2
+        if not fits:
+            raise ValueError(f"{m} points do not fit to a stiffness {np.shape(self.S)}")
+        put = object.__setattr__
+        put(self, "bound", self.bound if len(self.bound) else np.zeros(m))
+        if not all(np.isfinite(v).all() for v in (self.S, self.p, self.friction, self.bound)):
+            raise ValueError("stiffness, load or friction is not finite")
+        if (self.friction < 0).any() or (self.bound < 0).any():
+            raise ValueError("the friction must not be negative")
+        put(self, "S", 0.5 * (self.S + self.S.T))
+        try:
+            np.linalg.cholesky(self.S)
+        except np.linalg.LinAlgError:
+            raise ValueError("the reduced stiffness is not positive definite") from None
+        if not len(self.augmentation):
+            put(self, "augmentation", np.diag(self.S).reshape(m, -1).mean(axis=1))
+        put(self, "force", self.force or float(np.abs(self.p).max()) or 1.0)
+        free = float(np.abs(self.free).max()) or self.force / float(np.diag(self.S).mean())
+        put(self, "length", self.length or free)
+
+    @property
+    def number(self) -> int:
+        """Of points, m."""
+        return len(self.friction)
+
+    @property
+    def dim(self) -> int:
+        """2 or 3."""
+        return len(self.p) // self.number
+
+    @cached_property
+    def A(self) -> Array:
+        """The compliance, S^-1."""
+        inverse = np.linalg.inv(self.S)
+        return np.asarray(0.5 * (inverse + inverse.T))
+
+    @cached_property
+    def longest(self) -> float:
+        """The largest eigenvalue of the compliance."""
+        return float(1.0 / np.linalg.eigvalsh(self.S)[0])
+
+    @cached_property
+    def free(self) -> Array:
+        """Displacements without contact, (m, dim)."""
+        return np.asarray(np.linalg.solve(self.S, self.p).reshape(self.number, -1), np.float64)
+
+    @cached_property
+    def blocks(self) -> Array:
+        """Stiffness of every point alone (m, dim, dim)."""
+        m, d = self.number, self.dim
+        every = np.arange(m)
+        return np.asarray(self.S.reshape(m, d, m, d)[every, :, every])
+
+    def forces(self, a: Array) -> Array:
+        """The forces r = S a - p at displacements (m, dim)."""
+        return (self.S @ a.reshape(-1) - self.p).reshape(a.shape)
+
+    def displacements(self, r: Array) -> Array:
+        """The displacements S^-1 (r + p) under forces (m, dim)."""
+        return np.asarray((self.A @ r.reshape(-1)).reshape(r.shape) + self.free)
+
+    def given(self, bound: Array) -> ReducedContact:
+        """Tresca's problem: friction bounds given in advance (m,) and no others."""
+        found = object.__new__(ReducedContact)
+        found.__dict__.update(self.__dict__)
+        found.__dict__.update(friction=np.zeros(self.number), bound=bound)
+        return found
+
+    # -- the laws --------------------------------------------------------------------------------
+
+    def radius(self, rn: Array) -> Array:
+        """Radii of the friction discs at normal forces (m,)."""
+        return self.friction * np.maximum(rn, 0.0) + self.bound
+
+    def allowed(self, r: Array) -> Array:
+        """Forces (m, dim) projected: rn >= 0, and rt on the disc of that rn."""
+        rn = np.maximum(r[:, -1], 0.0)
+        return np.column_stack([project(r[:, :-1], self.radius(rn)), rn])
+
+    def answer(self, a: Array, r: Array, k: Array | None = None) -> Array:
+        """The forces that the laws answer to r - k a, (m, dim)."""
+        k = self.augmentation if k is None else k
+        return self.allowed(r - k[:, None] * a)
+
+    def closed(self, a: Array, r: Array) -> npt.NDArray[np.bool_]:
+        """Which points are closed (m,)."""
+        return np.asarray(r[:, -1] - self.augmentation * a[:, -1] >= 0)
+
+    def stuck(self, a: Array, r: Array) -> npt.NDArray[np.bool_]:
+        """Which points friction holds (m,)."""
+        s = np.linalg.norm(r[:, :-1] - self.augmentation[:, None] * a[:, :-1], axis=1)
+        pressure = r[:, -1] - self.augmentation * a[:, -1]
+        grips = (self.bound > 0) | ((self.friction > 0) & (pressure >= 0))
+        return np.asarray(grips & (s <= self.radius(pressure)))
+
+    def statuses(self, a: Array, r: Array) -> npt.NDArray[np.int8]:
+        """Numbers of the statuses (`laws.status`) of a state (m,)."""
+        closed, stuck = self.closed(a, r), self.stuck(a, r)
+        shear = r[:, 0] - self.augmentation * a[:, 0]
+        back = (shear > 0) & (self.dim == 2)
+        codes = np.where(stuck, STICK, np.where(back, MINUS, PLUS))
+        rubbing = np.where(self.bound > 0, codes + WHERE_OPEN, OPEN)
+        return np.where(closed, codes, rubbing).astype(np.int8)
+
+    def measure(self, a: Array, r: Array, force: float, length: float) -> Measures:
+        """What is left of the equations, over a force and a length."""
+        off, closed, stuck = r - self.answer(a, r), self.closed(a, r), self.stuck(a, r)
+        along, across = np.abs(off[:, -1]), np.linalg.norm(off[:, :-1], axis=1)
+        lengths = np.where(closed, along, 0.0), np.where(closed | stuck, across, 0.0)
+        sizes = np.where(closed, 0.0, along), np.where(stuck, 0.0, across)
+        balance = np.abs(self.forces(a) - r)
+        return Measures(
+            float(balance.max()) / force,
+            float(np.max(np.maximum(*lengths) / self.augmentation)) / length,
+            float(np.max(np.maximum(*sizes))) / force,
+        )
+
+    def energy(self, a: Array) -> float:
+        """The energy of Tresca's problem, a.S a/2 - p.a + sum g |ut|, for un >= 0."""
+        flat = a.reshape(-1)
+        rubbing = float(self.bound @ np.linalg.norm(a[:, :-1], axis=1))
+        return float(0.5 * flat @ (self.S @ flat) - self.p @ flat) + rubbing
+
+    def scaled(self) -> tuple[ReducedContact, float, float]:
+        """The problem with stiffnesses and loads near 1, and its units of stiffness and length."""
+        stiffness = float(np.diag(self.S).mean())
+        length = float(np.abs(self.free).max()) or 1.0
+        force = stiffness * length
+        changed = replace(
+            self,
+            S=np.asarray(self.S / stiffness, np.float64),
+            p=np.asarray(self.p / force, np.float64),
+            bound=np.asarray(self.bound / force, np.float64),
+            augmentation=np.asarray(self.augmentation / stiffness, np.float64),
+            force=self.force / force,
+            length=self.length / length,
+        )
+        return changed, stiffness, length

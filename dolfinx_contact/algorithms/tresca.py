@@ -1,0 +1,170 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""The fixed point of Tresca's problems: friction bounds S(g) = F rn(g), with rn those of bound g.
+
+Coulomb's friction is the fixed point of S (Haslinger, Math. Methods Appl. Sci. 5, 1983; Raous, CISM
+570, 2017, section 3c). Each g gives a convex problem with one solution. Bounds are relaxed,
+g <- g + omega (S(g) - g), by a given omega or by Aitken's, which is taken from the last two
+differences (Irons and Tuck, Int. J. Numer. Methods Eng. 1, 1969). Convex problems are solved
+
+- ``"newton"``: by the semismooth Newton method,
+- ``"cg"``: by projected conjugate gradients on the forces (`projected_cg`),
+- ``"minimise"``: by minimising a.S a/2 - p.a + sum g |ut| over un >= 0 with accelerated proximal
+  gradients that start again where the energy would grow (Beck and Teboulle, SIAM J. Imaging Sci.
+  2, 2009; O'Donoghue and Candes, Found. Comput. Math. 15, 2015): it falls at every step,
+- ``"interior-point"``: by a primal-dual interior point method (`interior_point`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact.algorithms.interior_point import follow_centre
+from dolfinx_contact.algorithms.iteration import Algorithm, Iteration, check
+from dolfinx_contact.algorithms.projected_cg import GivenBound
+from dolfinx_contact.algorithms.reduced_contact import ReducedContact
+from dolfinx_contact.algorithms.semismooth import solve_semismooth
+
+__all__ = ["Relaxation", "TrescaFixedPoint", "minimise"]
+
+Array = npt.NDArray[np.float64]
+Inner = Literal["newton", "cg", "minimise", "interior-point"]
+_INNER = ("newton", "cg", "minimise", "interior-point")
+_SHARE = 0.01  # of the tolerance, to which convex problems are solved
+_MOST = 20000  # steps in one
+
+
+@dataclass(frozen=True)
+class TrescaFixedPoint(Algorithm):
+    """The fixed point of Tresca's problems; an iteration is one of these.
+
+    Attributes:
+        relaxation: omega, between 0 and 2; with Aitken's that of the first step.
+        aitken: whether omega is taken from the differences.
+        inner: what solves the convex problems: ``newton``, ``cg``, ``minimise``, ``interior-point``
+            (on the whole body it is Newton's method).
+        on: ``body`` for the whole finite element problem, ``points`` for the reduced one.
+    """
+
+    name: ClassVar[str] = "tresca"
+    max_iterations: int = 200
+    relaxation: float = 1.0
+    aitken: bool = False
+    inner: Inner = "newton"
+    on: Literal["points", "body"] = "body"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check(
+            self,
+            relaxation=0 < self.relaxation < 2,
+            inner=self.inner in _INNER,
+            on=self.on in ("points", "body"),
+        )
+
+    def _iterate(self, contact: ReducedContact, r: Array, iteration: Iteration) -> None:
+        relaxed = Relaxation(self.relaxation, aitken=self.aitken)
+        g = contact.radius(r[:, -1])
+        a = contact.displacements(r)
+        steps = 0
+        tolerance = _SHARE * iteration.trend.tolerance
+        while not iteration.stops(a, r, inner=steps):
+            given = contact.given(g)
+            if self.inner == "newton":
+                a, steps, solved = solve_semismooth(given, a, tolerance=tolerance)
+            elif self.inner == "cg":
+                a, steps, solved = _by_gradients(given, r, tolerance)
+            elif self.inner == "minimise":
+                energies: list[float] = []
+                a, steps, solved = minimise(given, a, tolerance, energies)
+                iteration.outcome.series.setdefault("energy", []).extend(energies)
+            else:
+                a, steps, solved = follow_centre(given, tolerance)
+            r = contact.forces(a)
+            if not solved:
+                iteration.stops(a, r, inner=steps)
+                iteration.fails(f"a problem of Tresca was not solved in {steps} steps")
+                return
+            g = relaxed(g, contact.radius(r[:, -1]))
+
+
+class Relaxation:
+    """Relaxes a fixed point of bounds that are not negative.
+
+    Args:
+        omega: of every step, or of the first.
+        aitken: whether the others are Aitken's.
+        total: adds up numbers over all ranks.
+    """
+
+    def __init__(
+        self, omega: float, *, aitken: bool, total: Callable[[Array], Array] = lambda v: v
+    ):
+        self._omega, self._aitken, self._total = omega, aitken, total
+        self._before: Array | None = None
+
+    def __call__(self, g: Array, image: Array) -> Array:
+        """The next bounds, from bounds and what they lead to."""
+        off = image - g
+        if self._aitken and self._before is not None:
+            change = off - self._before
+            products = self._total(np.array([self._before @ change, change @ change]))
+            if products[1] > 0:
+                omega = -self._omega * float(products[0] / products[1])
+                self._omega = float(np.clip(omega, 0.05, 2.0))
+        self._before = off
+        return np.maximum(g + self._omega * off, 0.0)
+
+
+def _by_gradients(given: ReducedContact, r: Array, tolerance: float) -> tuple[Array, int, bool]:
+    """Displacements by projected conjugate gradients, steps, and whether they suffice."""
+    inner = GivenBound(given, given.bound, r)
+    least = tolerance * given.length
+    while inner.left > least and inner.products < _MOST:
+        inner.step()
+    return given.displacements(inner.r), inner.products, inner.left <= least
+
+
+def minimise(
+    given: ReducedContact, a: Array, tolerance: float, energies: list[float]
+) -> tuple[Array, int, bool]:
+    """Displacements at which the energy of Tresca's problem is least, from ``a`` (m, dim).
+
+    Args:
+        given: the problem.
+        a: start.
+        tolerance: of a step, over the largest displacement.
+        energies: receives those of all iterates, which fall.
+
+    Returns:
+        Displacements, the number of steps, and whether they suffice.
+    """
+    step = 1.0 / float(np.linalg.eigvalsh(given.S)[-1])
+    shrinkage = step * given.bound
+
+    def near(b: Array) -> Array:
+        """The proximal point of a gradient step."""
+        b = b - step * given.forces(b)
+        size = np.linalg.norm(b[:, :-1], axis=1)
+        kept = np.maximum(1.0 - shrinkage / np.maximum(size, 1e-300), 0.0)
+        return np.column_stack([kept[:, None] * b[:, :-1], np.maximum(b[:, -1], 0.0)])
+
+    a = np.column_stack([a[:, :-1], np.maximum(a[:, -1], 0.0)])
+    energies.append(given.energy(a))
+    y, speed = a, 1.0
+    for steps in range(1, _MOST + 1):
+        new = near(y)
+        if given.energy(new) > energies[-1]:
+            new, speed = near(a), 1.0  # without momentum it cannot grow but for round-off
+        energies.append(min(given.energy(new), energies[-1]))
+        faster = 0.5 * (1 + np.sqrt(1 + 4 * speed**2))
+        y = new + (speed - 1) / faster * (new - a)
+        moved = float(np.abs(near(new) - new).max())
+        a, speed = new, faster
+        if moved <= tolerance * max(given.length, float(np.abs(a).max())):
+            return a, steps, True
+    return a, _MOST, False

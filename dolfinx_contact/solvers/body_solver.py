@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Solves with the stiffness of the body alone, for algorithms that treat contact as a load.
+
+A direct factorisation, or conjugate gradients with a multigrid hierarchy; both are kept as long as
+the stiffness stays.
+"""
+
+from __future__ import annotations
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact._petsc import options_in_database
+from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.solvers.errors import LinearSolverError
+from dolfinx_contact.solvers.hierarchy import Hierarchy
+from dolfinx_contact.solvers.linear import Direct, reasons_of
+
+__all__ = ["BodySolver"]
+
+Array = npt.NDArray[np.float64]
+_EXACT = 1e-13  # relative residual of an iterative solve that counts as exact
+
+
+class BodySolver:
+    """K^-1 of a linear body with its Dirichlet rows. Collective, as all its methods are.
+
+    Args:
+        equations: the contact problem.
+        direct: whether to factorise.
+    """
+
+    def __init__(self, equations: ContactEquations, *, direct: bool):
+        self._equations, self.comm, self.direct = equations, equations.comm, direct
+        self._n = equations.owned_sizes[0]
+        self.fixed = np.flatnonzero(equations.fixed[: self._n])
+        self._assemblies = -1
+        self._ksp: PETSc.KSP | None = None
+        self._matrix: PETSc.Mat | None = None
+        self._hierarchy: Hierarchy | None = None
+        #: Solves so far, and Krylov iterations of these.
+        self.solves = self.krylov = 0
+
+    def update(self) -> None:
+        """Factorise, or build the hierarchy, if the stiffness has changed."""
+        eq = self._equations
+        K = eq.bulk.stiffness(eq.bulk.displacement.x.array.copy())
+        if self._assemblies == eq.bulk.assemblies:
+            return
+        self.destroy()
+        self._matrix = K.copy()
+        rows = (self.fixed + K.getOwnershipRange()[0]).astype(PETSc.IntType)
+        self._matrix.zeroRowsColumns(rows, diag=eq.stiffness_scale)
+        self._ksp = PETSc.KSP().create(self.comm)
+        self._ksp.setOperators(self._matrix)
+        prefix = eq.options.prefix + "body_"
+        self._ksp.setOptionsPrefix(prefix)
+        if self.direct:
+            defaults = dict(Direct.defaults)
+        else:
+            defaults = {"ksp_type": "cg", "ksp_max_it": 500, "ksp_norm_type": "unpreconditioned"}
+            symmetric = eq.bulk.energy is not None
+            self._hierarchy = Hierarchy(eq.V, eq.options.prefix, symmetric=symmetric)
+            pc = self._hierarchy.build(K, self.fixed.astype(np.int32), eq.stiffness_scale)
+            self._ksp.setPC(pc)
+        with options_in_database(prefix, defaults):
+            if self.direct:
+                self._ksp.setFromOptions()
+                self._ksp.setUp()
+            else:
+                self._ksp.setType(defaults["ksp_type"])
+                self._ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
+        if self.direct and self._ksp.getPC().getFailedReason() != PETSc.PC.FailedReason.NOERROR:
+            raise LinearSolverError("the stiffness of the body is singular: nothing holds it")
+        self._assemblies = eq.bulk.assemblies
+
+    def __call__(self, load: Array, *, tolerance: float = _EXACT) -> Array:
+        """The displacement (owned,) under a load; of Dirichlet rows the displacement they ask for.
+
+        Args:
+            load: owned rows.
+            tolerance: relative residual of an iterative solve.
+        """
+        assert self._ksp is not None
+        b, x = self._matrix.createVecs()  # type: ignore[union-attr]
+        b.array[:] = load
+        if not self.direct:
+            self._ksp.setTolerances(rtol=tolerance, max_it=500)
+        self._ksp.solve(b, x)
+        self.solves += 1
+        self.krylov += self._ksp.getIterationNumber()
+        if self._ksp.getConvergedReason() < 0:
+            raise LinearSolverError(f"the body was not solved ({reasons_of(self._ksp)})")
+        found = x.array_r.copy()
+        b.destroy(), x.destroy()
+        return found
+
+    def columns(self, loads: Array) -> Array:
+        """K^-1 of columns (owned, k)."""
+        if not self.direct or loads.shape[1] == 1:
+            return np.stack([self(load) for load in loads.T], axis=1)
+        assert self._ksp is not None
+        width = loads.shape[1]
+        rhs, out = (
+            PETSc.Mat().createDense(((self._n, None), (None, width)), comm=self.comm) for _ in "bx"
+        )
+        rhs.setUp(), out.setUp()
+        rhs.getDenseArray()[:] = loads
+        rhs.assemble(), out.assemble()
+        self._ksp.getPC().getFactorMatrix().matSolve(rhs, out)
+        found = out.getDenseArray(readonly=True).copy()
+        rhs.destroy(), out.destroy()
+        self.solves += width
+        return np.asarray(found)
+
+    def destroy(self) -> None:
+        """Free the PETSc objects."""
+        if self._hierarchy is not None:
+            self._hierarchy.release()
+        for thing in (self._ksp, self._matrix):
+            if thing is not None:
+                thing.destroy()
+        self._ksp = self._matrix = self._hierarchy = None
+        self._assemblies = -1

@@ -1,0 +1,202 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Contact problems by the classical algorithms: by name, with Newton's measure and history.
+
+Where an algorithm works on the contact points the body is condensed onto them once
+(`reduced.compliance`) and rank 0 runs it; Tresca's fixed point, Uzawa's method and penalisation
+work on the whole problem (`on_body`), unless told otherwise. Each begins with the tractions of the
+caller's Functions, and nothing of Newton's method is in what it finds.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import replace
+
+from petsc4py import PETSc
+
+from dolfinx import fem
+
+from dolfinx_contact._errors import on_root
+from dolfinx_contact._petsc import staged
+from dolfinx_contact._progress import SolveProgress
+from dolfinx_contact.algorithms import (
+    ALGORITHMS,
+    Algorithm,
+    Penalty,
+    ReducedContact,
+    TrescaFixedPoint,
+    Uzawa,
+)
+from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.measures import Scales
+from dolfinx_contact.equations.parametric import ParametricEquations
+from dolfinx_contact.reduced.compliance import Compliance, check_reducible
+from dolfinx_contact.solvers.body_solver import BodySolver
+from dolfinx_contact.solvers.errors import ConvergenceError, LinearSolverError
+from dolfinx_contact.solvers.history import Attempt, Step
+from dolfinx_contact.solvers.linear import LinearSolver
+from dolfinx_contact.solvers.on_body import OnBody
+
+__all__ = ["algorithm_named", "reduced_contact", "solve_by"]
+
+logger = logging.getLogger(__name__)
+
+_TOLERANCE = 1e-10
+_GATHERED = 10.0  # times the tolerance, that a solution of the points may leave in the body
+
+
+def algorithm_named(wanted: object) -> Algorithm | None:
+    """The algorithm of a name, or the one given; None for Newton's method.
+
+    Raises:
+        ValueError: for anything else.
+    """
+    if isinstance(wanted, Algorithm):
+        return wanted
+    if wanted == "newton":
+        return None
+    if not isinstance(wanted, str) or wanted not in ALGORITHMS:
+        names = ", ".join(("newton", *ALGORITHMS))
+        raise ValueError(f"unknown algorithm {wanted!r}; known: {names}")
+    return ALGORITHMS[wanted]
+
+
+@staged("ContactSolve")
+def solve_by(
+    algorithm: Algorithm,
+    equations: ContactEquations,
+    linear: Callable[[], LinearSolver],
+    x0: PETSc.Vec,
+    *,
+    monitor: Callable[[Step], None] | None,
+    progress: SolveProgress,
+) -> tuple[PETSc.Vec, list[Attempt]]:
+    """Solve a contact problem. Collective.
+
+    Args:
+        algorithm: with its options.
+        equations: the contact problem.
+        linear: gives its linear solver.
+        x0: start.
+        monitor: called with every iterate, on every rank.
+        progress: says where the solve is.
+
+    Returns:
+        A solution, and the one attempt that found it.
+
+    Raises:
+        ValueError: on every rank, for a problem that the algorithm is not for.
+        ConvergenceError: if it does not converge, with what it did in the attempt.
+    """
+    attempt = Attempt(algorithm.described())
+    progress.strategy = algorithm.name
+    x = x0.copy()
+
+    def tell(step: Step) -> None:
+        progress.clear()
+        if equations.comm.rank == 0:
+            logger.info("%s, %s", attempt.strategy, step)
+        if monitor is not None:
+            monitor(step)
+        progress.step(step)
+
+    tolerance = float(equations.options.value("snes_rtol") or _TOLERANCE)
+    whole = isinstance(algorithm, TrescaFixedPoint | Uzawa | Penalty) and algorithm.on == "body"
+    plain = isinstance(algorithm, Uzawa) and not algorithm.augmented
+    if not whole or plain:
+        _require_held(equations)
+    body = BodySolver(equations, direct=not whole or linear().name == "direct")
+    try:
+        if isinstance(algorithm, TrescaFixedPoint | Uzawa | Penalty) and algorithm.on == "body":
+            on_body = OnBody(equations, linear(), body, tolerance, tell, attempt)
+            attempt.converged = on_body.run(algorithm, x)
+        else:
+            _on_points(algorithm, equations, linear, body, x, attempt, tolerance)
+            for step in attempt.steps:
+                tell(step)
+    except LinearSolverError as error:
+        attempt.converged, attempt.reason = False, str(error)
+    finally:
+        body.destroy()
+    if not attempt.converged:
+        x.destroy()
+        worst = f", residual {attempt.steps[-1].measures.worst:.2g}" if attempt.steps else ""
+        raise ConvergenceError(
+            f"the contact problem was not solved:\n- {attempt.strategy}: {attempt.reason} "
+            f"({attempt.iterations} iterations{worst})\n"
+            "The displacement and the multipliers are as they were before the solve.",
+            [attempt],
+        )
+    return x, [attempt]
+
+
+def reduced_contact(
+    equations: ContactEquations, linear: Callable[[], LinearSolver], x: PETSc.Vec
+) -> ReducedContact:
+    """The reduced problem, the same on every rank. Collective.
+
+    Raises:
+        ValueError: on every rank, for a problem that has none.
+    """
+    check_reducible(equations)
+    body = BodySolver(equations, direct=True)
+    system = ParametricEquations(equations, fem.Constant(equations.V.mesh, 0.0), linear)
+    try:
+        body.update()
+        compliance = Compliance(system, x, body.columns)
+        compliance.destroy()
+    finally:
+        body.destroy()
+        system.destroy()
+    return compliance.contact
+
+
+def _require_held(eq: ContactEquations) -> None:
+    """Raise ``ValueError`` if the body cannot be at rest without contact."""
+    if not eq.bulk.linear or len(eq.loose.of_body):
+        raise ValueError(
+            "this algorithm needs a body that is linear and that Dirichlet data hold; take "
+            "Newton's method"
+        )
+
+
+def _on_points(
+    algorithm: Algorithm,
+    equations: ContactEquations,
+    linear: Callable[[], LinearSolver],
+    body: BodySolver,
+    x: PETSc.Vec,
+    attempt: Attempt,
+    tolerance: float,
+) -> None:
+    """Condense the body, solve on rank 0, and put what was found into ``x``."""
+    check_reducible(equations)
+    body.update()
+    system = ParametricEquations(equations, fem.Constant(equations.V.mesh, 0.0), linear)
+    compliance, b = Compliance(system, x, body.columns), x.duplicate()
+    try:
+        start = compliance.forces(x)
+        scales = Scales(equations)
+        scales.measure(equations.residual(x, b))
+        outcome = on_root(
+            equations.comm,
+            lambda: algorithm.run(compliance.contact, tolerance=tolerance, start=start),
+        )
+        attempt.steps += [Step(i, m, 0, 1.0) for i, m in enumerate(outcome.measures)]
+        attempt.series = outcome.series
+        attempt.converged, attempt.reason = outcome.converged, outcome.reason
+        compliance.expand(outcome.r, x)
+        if outcome.converged:
+            measures = scales.measure(equations.residual(x, b))
+            last = attempt.steps[-1]
+            accuracy = algorithm.accuracy if isinstance(algorithm, Penalty) else tolerance
+            if not measures.worst <= _GATHERED * accuracy:
+                attempt.converged = False
+                attempt.reason = (
+                    f"the points are in equilibrium, the body is not: {measures.worst:.1e}"
+                )
+            attempt.steps[-1] = replace(last, measures=measures)
+    finally:
+        for thing in (compliance, system, b):
+            thing.destroy()

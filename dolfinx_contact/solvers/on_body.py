@@ -1,0 +1,258 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Tresca's fixed point, Uzawa's method and penalisation on the whole finite element problem.
+
+The algorithms are those of `algorithms`, with equilibria of the body in the place of the reduced
+stiffness: Newton's method with the linear solver of the problem, or solves with the stiffness alone
+(`body_solver`). Iterates are states of the whole problem, measured as Newton's are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact.algorithms import Penalty, Trend, TrescaFixedPoint, Uzawa
+from dolfinx_contact.algorithms.penalty import LEAST, Extrapolation
+from dolfinx_contact.algorithms.tresca import Relaxation
+from dolfinx_contact.algorithms.uzawa import SHARE, STIFF
+from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.measures import Scales
+from dolfinx_contact.equations.state import State
+from dolfinx_contact.equations.substitute import GivenBounds, YieldingContact
+from dolfinx_contact.solvers.body_solver import BodySolver
+from dolfinx_contact.solvers.history import Attempt, Step
+from dolfinx_contact.solvers.linear import LinearSolver
+from dolfinx_contact.solvers.newton import Newton
+
+__all__ = ["OnBody"]
+
+Array = npt.NDArray[np.float64]
+_POWER = 30  # steps of the power method
+_ROUGH = 1e-2  # relative residual of its solves
+_INNER = 0.1  # of the tolerance, to which Newton's method solves the problems within
+_SOFTER = (1e-3, 1e-2, 1e-1)  # parts of a stiffness by which contact yields at first
+
+
+@dataclass
+class OnBody:
+    """An algorithm at work on a whole problem. Collective.
+
+    Attributes:
+        equations: the contact problem.
+        linear: its linear solver.
+        body: solves with the stiffness alone.
+        tolerance: of the measures.
+        monitor: called with every iterate.
+        attempt: what it reports.
+    """
+
+    equations: ContactEquations
+    linear: LinearSolver
+    body: BodySolver
+    tolerance: float
+    monitor: Callable[[Step], None]
+    attempt: Attempt
+    _trend: Trend = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._scales = Scales(self.equations)
+        self._state: State
+
+    def run(self, algorithm: TrescaFixedPoint | Uzawa | Penalty, x: PETSc.Vec) -> bool:
+        """Solve from ``x``, which is overwritten; whether it converged."""
+        most, self._start = algorithm.max_iterations, x.copy()
+        self._trend = Trend(most, self.tolerance, self.equations.comm.allreduce)
+        b = x.duplicate()
+        try:
+            if isinstance(algorithm, TrescaFixedPoint):
+                self._tresca(algorithm, x, b)
+            elif isinstance(algorithm, Penalty):
+                self._penalty(algorithm, x, b)
+            elif algorithm.augmented:
+                self._augmented(algorithm, x, b)
+            else:
+                self._uzawa(algorithm, x, b)
+        finally:
+            b.destroy(), self._start.destroy()
+        return self._trend.converged
+
+    def _stops(self, x: PETSc.Vec, b: PETSc.Vec, **series: float) -> bool:
+        """Show an iterate; the residual is in ``b``, the state in `_state`."""
+        self._state = self.equations.residual(x, b)
+        measures = self._scales.measure(self._state)
+        step = Step(len(self.attempt.steps), measures, 0, 1.0)
+        self.attempt.steps.append(step)
+        self.attempt.report(**series)
+        self.monitor(step)
+        stops = self._trend.stops(x.array_r, measures.worst)
+        self.attempt.reason = self._trend.reason
+        return stops
+
+    # -- Tresca ----------------------------------------------------------------------------------
+
+    def _tresca(self, algorithm: TrescaFixedPoint, x: PETSc.Vec, b: PETSc.Vec) -> None:
+        relaxed = Relaxation(
+            algorithm.relaxation, aitken=algorithm.aitken, total=self.equations.comm.allreduce
+        )
+        steps = 0
+        stops = self._stops(x, b, inner=steps)
+        bounds = self._bounds()
+        while not stops:
+            parts = np.split(bounds, self._ends)
+            steps = self._equilibrium(GivenBounds(self.equations, parts), x)
+            stops = self._stops(x, b, inner=steps)
+            if steps < 0:
+                self.attempt.reason = "a problem of Tresca was not solved"
+                return
+            bounds = relaxed(bounds, self._bounds())
+
+    def _bounds(self) -> Array:
+        """What friction may do at the pressures of the state, tractions of all surfaces (n,)."""
+        found = []
+        for s, state in zip(self.equations.surfaces, self._state.surfaces, strict=True):
+            pressure = np.maximum(-np.sum(state.traction * s.points.data.n, axis=1), 0.0)
+            slope = state.answers.unit_bound
+            found.append(slope * pressure if s.law.needs_pressure else slope)
+        return np.concatenate(found)
+
+    @property
+    def _ends(self) -> Array:
+        return np.cumsum([s.points.number for s in self.equations.surfaces])[:-1]
+
+    def _equilibrium(self, equations: ContactEquations, x: PETSc.Vec) -> int:
+        """Solve a problem within from ``x``; Newton steps, or -1 where it has no solution."""
+        start, steps = x.copy(), 0
+        try:
+            for search in ("none", "bt"):
+                attempt = Attempt(f"{self.attempt.strategy}, Newton's method within")
+                with Newton(equations, self.linear, search, None) as newton:
+                    newton.snes.setTolerances(rtol=_INNER * self.tolerance)
+                    solved = newton.run(x, attempt)
+                steps += attempt.iterations
+                if solved:
+                    return steps
+                start.copy(x)
+        finally:
+            start.destroy()
+        return -1
+
+    # -- contact that yields ---------------------------------------------------------------------
+
+    @contextmanager
+    def _yielding(self, factor: float) -> Iterator[None]:
+        """Contact that yields by this times the augmentation."""
+        eq = self.equations
+        before = [s.points.r.copy() for s in eq.surfaces]
+        try:
+            for s, r in zip(eq.surfaces, eq.automatic_r, strict=True):
+                s.points.set_augmentation(factor * r)
+            yield
+        finally:
+            for s, r in zip(eq.surfaces, before, strict=True):
+                s.points.set_augmentation(r)
+
+    def _yield(self, tractions: list[Array], factor: float, x: PETSc.Vec, *, cold: bool) -> int:
+        steps = 0
+        for part in (*(_SOFTER if cold else ()), 1.0):
+            with self._yielding(part * factor):
+                found = self._equilibrium(YieldingContact(self.equations, tractions), x)
+            steps = steps + found if found >= 0 else -1
+            if steps < 0:
+                self.attempt.reason = "contact that yields was not solved"
+                break
+        return steps
+
+    def _tractions(self) -> list[Array]:
+        return [s.traction for s in self._state.surfaces]
+
+    def _augmented(self, algorithm: Uzawa, x: PETSc.Vec, b: PETSc.Vec) -> None:
+        stops, cold = self._stops(x, b, inner=0), True
+        while not stops:
+            steps = self._yield(self._tractions(), algorithm.step * STIFF, x, cold=cold)
+            if steps < 0:
+                return
+            stops, cold = self._stops(x, b, inner=steps), False
+
+    def _penalty(self, algorithm: Penalty, x: PETSc.Vec, b: PETSc.Vec) -> None:
+        self._trend.tolerance = max(algorithm.accuracy, self.tolerance)
+        sequence = Extrapolation(self.equations.comm.allreduce)
+        stops, factor, cold = self._stops(x, b), algorithm.stiffness, True
+        none, limit = [np.zeros_like(t) for t in self._tractions()], x.copy()
+        try:
+            while not stops:
+                steps = self._yield(none, factor, x, cold=cold)
+                if steps < 0:
+                    return
+                sequence.add(x.array_r.copy())
+                factor, cold = 2.0 * factor, False
+                if len(sequence.states) < LEAST:
+                    continue
+                limit.array[:] = sequence.limit()
+                stops = self._stops(limit, b, order=sequence.order(), inner=steps)
+            limit.copy(x)
+        finally:
+            limit.destroy()
+
+    # -- Uzawa -----------------------------------------------------------------------------------
+
+    def _uzawa(self, algorithm: Uzawa, x: PETSc.Vec, b: PETSc.Vec) -> None:
+        eq, n = self.equations, self.equations.owned_sizes[0]
+        self.body.update()
+        rho = algorithm.step * SHARE * 2.0 / self._largest()
+        # At rest before the first look, as every later iterate.
+        eq.residual(x, b)
+        x.array[:n] -= self.body(b.array_r[:n])
+        exact = 0.1 * self.tolerance
+        while not self._stops(x, b):
+            # What remains of the last solve; it is none where that was exact.
+            self._raise(rho, x)
+            eq.residual(x, b)
+            x.array[:n] -= self.body(b.array_r[:n], tolerance=max(exact, 1e-4))
+
+    def _raise(self, rho: float, x: PETSc.Vec) -> None:
+        """Put the tractions that the laws answer with the augmentation ``rho`` into ``x``."""
+        eq, row = self.equations, self.equations.owned_sizes[0]
+        for i, (s, state) in enumerate(zip(eq.surfaces, self._state.surfaces, strict=True)):
+            data = replace(s.points.data, r=np.full(s.points.number, rho))
+            answers = s.law_at_points(state.jump, state.traction, data)
+            raised = answers.traction(answers.asked)
+            size = raised.size
+            removed = eq.constraints.removed[i].reshape(-1)[:size]
+            raised = np.where(removed, 0.0, raised.reshape(-1))
+            x.array[row : row + size] = raised / eq.units[i + 1]
+            row += size
+
+    def _largest(self) -> float:
+        """The largest eigenvalue of the compliance, jumps by tractions, by the power method."""
+        eq, n = self.equations, self.equations.owned_sizes[0]
+        # Pressure and shear in every direction, uneven.
+        t = [s.points.data.n + np.cos(s.positions / eq.body_size) for s in eq.surfaces]
+        value, nothing = 0.0, np.zeros(eq.rigid.size)
+        for _ in range(_POWER):
+            load = np.sum([s.points.forces(v) for s, v in zip(eq.surfaces, t, strict=True)], axis=0)
+            load[self.body.fixed] = 0.0
+            u = self.body(load, tolerance=_ROUGH)
+            v = eq.bulk.displacement
+            v.x.array[:n] = u
+            v.x.scatter_forward()
+            full = v.x.array.copy()
+            jumps = [eq.relative_jump(s, full, nothing, rate=True) for s in eq.surfaces]
+            weights = [s.points.areas[:, None] for s in eq.surfaces]
+            parts = zip(jumps, t, weights, strict=True)
+            products = np.array(
+                [[np.sum(w * j * v), np.sum(w * v * v), np.sum(w * j * j)] for j, v, w in parts]
+            )
+            along, before, after = eq.comm.allreduce(products.sum(axis=0))
+            new = float(along / before)
+            size = np.sqrt(after)
+            t = [j / size for j in jumps]
+            if abs(new - value) <= 1e-3 * new:
+                return new
+            value = new
+        return value

@@ -1,0 +1,369 @@
+"""The classical algorithms on reduced problems: random ones, closed forms, and what they report."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from dolfinx_contact.algorithms import (
+    ALGORITHMS,
+    GaussSeidel,
+    InteriorPoint,
+    Lemke,
+    Penalty,
+    ProjectedGradient,
+    ReducedContact,
+    Trend,
+    TrescaFixedPoint,
+    Uzawa,
+    lemke,
+)
+from dolfinx_contact.algorithms.complementarity import copositive_form, klarbring_form, tangents
+from dolfinx_contact.algorithms.semismooth import derivative
+
+EVERY = [
+    TrescaFixedPoint(),
+    TrescaFixedPoint(aitken=True),
+    TrescaFixedPoint(relaxation=0.7),
+    TrescaFixedPoint(inner="cg"),
+    TrescaFixedPoint(inner="minimise"),
+    TrescaFixedPoint(inner="interior-point"),
+    Uzawa(),
+    Uzawa(augmented=True),
+    GaussSeidel(),
+    GaussSeidel(relaxation=1.3),
+    GaussSeidel(aitken=5),
+    GaussSeidel(two_level=True),
+    ProjectedGradient(),
+    InteriorPoint(),
+]
+
+
+def random_contact(rng, dim, m=None, *, friction=0.4, bound=0.0):
+    """Friction so small that there is one solution."""
+    m = int(rng.integers(1, 7)) if m is None else m
+    G = rng.standard_normal((dim * m, dim * m))
+    S = G @ G.T / (dim * m) + np.eye(dim * m)
+    F = rng.uniform(0, friction, m) * (rng.random(m) < 0.9)
+    return ReducedContact(S, rng.standard_normal(dim * m), F, rng.uniform(0, bound, m))
+
+
+def violation(contact, a, r):
+    """Of equilibrium, Signorini's conditions and friction, written independently."""
+    force, length = max(np.abs(r).max(), contact.force), max(np.abs(a).max(), contact.length)
+    un, rn, ut, rt = a[:, -1], r[:, -1], a[:, :-1], r[:, :-1]
+    radius, slip = contact.friction * rn + contact.bound, np.linalg.norm(ut, axis=1)
+    return max(
+        np.abs(contact.S @ a.reshape(-1) - contact.p - r.reshape(-1)).max() / force,
+        (-un).max() / length,
+        (-rn).max() / force,
+        np.abs(un * rn).max() / (length * force),
+        (np.linalg.norm(rt, axis=1) - radius).max() / force,
+        np.abs(rt * slip[:, None] + radius[:, None] * ut).max() / (length * force),
+    )
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("algorithm", EVERY, ids=lambda a: a.described())
+def test_random_problems(algorithm, dim):
+    """Each ends in the solution, on its own."""
+    rng = np.random.default_rng(dim)
+    for bound in (0.0, 0.0, 0.5):
+        contact = random_contact(rng, dim, bound=bound)
+        outcome = algorithm.run(contact)
+        assert outcome.converged, outcome.reason
+        assert violation(contact, outcome.a, outcome.r) < 1e-8
+        assert outcome.residuals[-1] <= 1e-10
+
+
+@pytest.mark.parametrize("algorithm", EVERY, ids=lambda a: a.described())
+def test_units_do_not_matter(algorithm):
+    rng = np.random.default_rng(5)
+    contact = random_contact(rng, 2, 3)
+    other = ReducedContact(1e9 * contact.S, 1e6 * contact.p, contact.friction)
+    one, two = algorithm.run(contact), algorithm.run(other)
+    assert abs(one.iterations - two.iterations) <= 1
+    np.testing.assert_allclose(two.r, 1e6 * one.r, atol=1e6 * 1e-9 * np.abs(one.r).max())
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_penalty_extrapolates(dim):
+    """First order in the penetration; the extrapolation is far better than the last of them."""
+    contact = random_contact(np.random.default_rng(11), dim, 4)
+    exact = InteriorPoint().run(contact)
+    outcome = Penalty().run(contact)
+    assert outcome.converged
+    assert abs(outcome.series["order"][-1] - 1) < 0.1
+    off = np.abs(outcome.a - exact.a).max() / np.abs(exact.a).max()
+    assert off < 1e-4
+    assert off < 0.1 * outcome.series["penetration"][-1] / np.abs(exact.a).max()
+
+
+def test_energies_fall():
+    rng = np.random.default_rng(2)
+    for dim in (2, 3):
+        contact = random_contact(rng, dim, 5, friction=0.0, bound=0.3)
+        outcome = TrescaFixedPoint(inner="minimise").run(contact)
+        energies = np.array(outcome.series["energy"])
+        assert outcome.converged
+        assert len(energies) > 3
+        assert np.all(np.diff(energies) <= 1e-14 * np.abs(energies).max())
+        assert abs(energies[-1] - contact.energy(outcome.a)) < 1e-12
+        others = contact.energy(outcome.a + 1e-3 * np.array([*[1.0] * (dim - 1), 0.0]))
+        assert others > energies[-1]
+
+
+def test_the_regularised_law():
+    """The solution is off by as much as the length at which friction begins to give."""
+    contact = random_contact(np.random.default_rng(3), 2, 5, friction=0.3)
+    exact = InteriorPoint().run(contact)
+    off = []
+    for e in (1e-2, 1e-3, 1e-4):
+        outcome = ProjectedGradient(regularisation=e, max_iterations=2000).run(contact)
+        off.append(np.abs(outcome.a - exact.a).max() / contact.length)
+    assert all(0.03 < b / a < 0.3 for a, b in itertools.pairwise(off))
+    assert off[-1] < 1e-4 * 2
+
+
+def solutions_of_one_node(kt, k, kn, pt, pn, F):
+    """Closed form (Klarbring 1990, Hild 2002): (ut, un, rt, rn) of every status that holds."""
+    u = np.linalg.solve([[kt, k], [k, kn]], [pt, pn])
+    found = [(*u, 0.0, 0.0)] if u[1] >= 0 else []
+    if pn <= 0 and abs(pt) <= -F * pn:
+        found.append((0.0, 0.0, -pt, -pn))
+    for sign in (1, -1):
+        ut = (pt + sign * F * pn) / (kt + sign * F * k)
+        rn = k * ut - pn
+        if sign * ut > 0 and rn >= 0:
+            found.append((ut, 0.0, -sign * F * rn, rn))
+    return found
+
+
+NODE = np.array([[2.0, 1.0], [1.0, 2.0]])
+
+
+@pytest.mark.parametrize("algorithm", [*EVERY, Lemke()], ids=lambda a: a.described())
+def test_one_node_with_one_solution(algorithm):
+    for pt, pn in ((-0.4, -1.0), (-1.5, -1.0), (0.8, -1.0), (0.3, 0.5)):
+        contact = ReducedContact(NODE, np.array([pt, pn]), np.array([0.5]))
+        ((ut, un, rt, rn),) = solutions_of_one_node(2.0, 1.0, 2.0, pt, pn, 0.5)
+        outcome = algorithm.run(contact)
+        np.testing.assert_allclose(outcome.a[0], [ut, un], atol=1e-9)
+        np.testing.assert_allclose(outcome.r[0], [rt, rn], atol=1e-9)
+
+
+@pytest.mark.parametrize("algorithm", [*EVERY, Lemke()], ids=lambda a: a.described())
+def test_beyond_the_critical_friction_nothing_is_hidden(algorithm):
+    """F = 3: three solutions. What is called converged is one of them, else there is a reason."""
+    for g in (2.2, 2.5, 2.9, 4.0):
+        contact = ReducedContact(NODE, np.array([-g, -1.0]), np.array([3.0]))
+        known = solutions_of_one_node(2.0, 1.0, 2.0, -g, -1.0, 3.0)
+        outcome = algorithm.run(contact)
+        assert outcome.reason
+        if outcome.converged:
+            state = np.concatenate([outcome.a[0], outcome.r[0]])
+            assert min(np.abs(state - np.array(w)).max() for w in known) < 1e-8
+        else:
+            assert outcome.residuals[-1] > 1e-10
+
+
+def test_tresca_beyond_the_critical_friction():
+    """S(g) = F (g - 1 + ...) has a slope beyond 1 at the slip: the fixed point leaves it."""
+    contact = ReducedContact(NODE, np.array([-2.5, -1.0]), np.array([3.0]))
+    assert TrescaFixedPoint().run(contact).converged
+    slip = solutions_of_one_node(2.0, 1.0, 2.0, -2.5, -1.0, 3.0)[-1]
+    near = np.array([[slip[2], slip[3] * (1 + 1e-6)]])
+    away = TrescaFixedPoint().run(contact, start=near)
+    assert away.converged
+    assert np.abs(away.r[0] - slip[2:]).max() > 0.1
+
+
+# -- Lemke --------------------------------------------------------------------------------------
+
+
+def complementary(M, q, cover):
+    """All solutions z of q + cover + M z by enumeration of bases."""
+    n, found = len(q), []
+    for basis in itertools.product((False, True), repeat=n):
+        rows = np.flatnonzero(basis)
+        z = np.zeros(n)
+        sub = M[np.ix_(rows, rows)]
+        if len(rows):
+            if abs(np.linalg.det(sub)) < 1e-12:
+                continue
+            z[rows] = np.linalg.solve(sub, -(q + cover)[rows])
+        if z.min(initial=0) > -1e-10 and (q + cover + M @ z).min() > -1e-10:
+            found.append(z)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("form", "F", "load"),
+    [
+        *((copositive_form, 3.0, p) for p in ((-2.5, -1.0), (-1.2, -0.5), (-4, -1), (0.5, -1))),
+        *((klarbring_form, 0.5, p) for p in ((-0.4, -1.0), (-1.5, -1.0), (0.8, -1.0))),
+    ],
+)
+def test_the_path_on_one_node(form, F, load):
+    """Corners of Lemke's path are solutions of the shifted problem, and its end the node's."""
+    contact = ReducedContact(NODE, np.array(load), np.array([F]))
+    given = (contact, tangents(2, 2)) if form is copositive_form else (contact,)
+    M, q = form(*given)
+    path = []
+    z, pivots = lemke(M, q, path=path)
+    assert len(path) == pivots
+    assert path[0][0] == pytest.approx(-q.min())
+    assert path[-1][0] == 0
+    for cover, corner in path:
+        w = q + cover + M @ corner
+        assert min(w.min(), corner.min()) > -1e-12
+        assert np.abs(w * corner).max() < 1e-12
+    for (s, a), (t, b) in itertools.pairwise(path):  # on an edge one set of statuses holds
+        cover, middle = 0.5 * (s + t), 0.5 * (a + b)
+        known = complementary(M, q, cover)
+        assert not known or min(np.abs(middle - k).max() for k in known) < 1e-9
+    rn = z[0]
+    rt = z[1] - z[2] if form is copositive_form else F * rn - z[2]
+    known = solutions_of_one_node(2.0, 1.0, 2.0, *load, F)
+    assert min(np.abs(np.array([rt, rn]) - np.array(w[2:])).max() for w in known) < 1e-12
+
+
+def test_both_forms_of_lemke():
+    """Where friction is small; beyond, Klarbring's may end in a ray, the other does not."""
+    rng = np.random.default_rng(4)
+    for _ in range(20):
+        contact = random_contact(rng, 2)
+        one, two = Lemke().run(contact), Lemke(form="klarbring").run(contact)
+        assert one.converged
+        assert two.converged
+        np.testing.assert_allclose(one.r, two.r, atol=1e-9)
+    ends = []
+    for _ in range(60):
+        G = rng.standard_normal((12, 12))
+        S, F = G @ G.T + 0.05 * np.eye(12), rng.uniform(0, 5, 6)
+        contact = ReducedContact(S, rng.standard_normal(12), F)
+        assert Lemke().run(contact).converged
+        ends.append(Lemke(form="klarbring").run(contact).reason)
+    assert set(ends) > {"converged"}
+    assert all(e == "converged" or "ray" in e or "round-off" in e or "residual" in e for e in ends)
+
+
+@pytest.mark.parametrize("number", [60, pytest.param(1000, marks=pytest.mark.long)])
+def test_lemke_solves_everything(number):
+    """Friction up to 20, up to 12 points."""
+    rng = np.random.default_rng(7)
+    for _ in range(number):
+        contact = random_contact(rng, 2, int(rng.integers(1, 13)), friction=20.0)
+        outcome = Lemke().run(contact)
+        assert outcome.converged, outcome.reason
+        assert violation(contact, outcome.a, outcome.r) < 1e-10
+
+
+def test_friction_polygons():
+    """Inside the disc, and nearer to it the more facets there are: directions are off by 1/k."""
+    contact = random_contact(np.random.default_rng(12), 3, 5)
+    exact = InteriorPoint().run(contact)
+    off = []
+    for facets in (8, 16, 32):
+        outcome = Lemke(facets=facets).run(contact)
+        shear, rn = np.linalg.norm(outcome.r[:, :-1], axis=1), outcome.r[:, -1]
+        assert np.all(shear <= contact.friction * rn + 1e-12)
+        off.append(np.abs(outcome.r - exact.r).max() / np.abs(exact.r).max())
+    assert off[0] < 0.1
+    assert off[2] < 0.5 * off[0]
+
+
+# -- parts ---------------------------------------------------------------------------------------
+
+
+def test_two_levels_take_fewer_sweeps():
+    """On S of order 1 (a half-plane, discrete) with fronts between statuses."""
+    counts = {}
+    for n in (32, 128):
+        contact = half_plane(n)
+        counts[n] = GaussSeidel(two_level=True).run(contact)
+        assert counts[n].converged
+    alone = GaussSeidel().run(half_plane(128))
+    assert alone.converged
+    assert alone.iterations >= 10 * counts[128].iterations
+    assert counts[128].iterations < 1.75 * counts[32].iterations
+    np.testing.assert_allclose(alone.r, counts[128].r, atol=1e-7 * np.abs(alone.r).max())
+
+
+def half_plane(n):
+    """|d/dx| on a line by its symbol, pressed on its middle and dragged."""
+    x = (np.arange(n) + 0.5) / n
+    modes = np.sqrt(2 / n) * np.sin(np.pi * np.outer(np.arange(1, n + 1), x))
+    modes[-1] /= np.sqrt(2)
+    K = modes.T @ (np.arange(1, n + 1)[:, None] * modes)
+    S = np.kron(K, np.array([[1.0, 0.0], [0.0, 1.2]]))
+    p = np.zeros((n, 2))
+    p[:, 0] = -0.6 * np.sin(np.pi * x)
+    p[:, 1] = np.where(np.abs(x - 0.5) < 0.4, -2.0, 2.0) + np.cos(3 * np.pi * x)
+    friction = np.full(n, 0.4)
+    return ReducedContact(S, p.reshape(-1), friction, positions=x[:, None])
+
+
+def test_derivative_of_the_projection():
+    rng = np.random.default_rng(1)
+    for dim in (2, 3):
+        contact = random_contact(rng, dim, 6, bound=0.2)
+        s = rng.standard_normal((6, dim)) + 0.5
+        D, h = derivative(contact, s), 1e-6
+        for j in range(dim):
+            e = h * np.eye(dim)[j]
+            change = (contact.allowed(s + e) - contact.allowed(s - e)) / (2 * h)
+            np.testing.assert_allclose(D[:, :, j], change, atol=1e-8)
+
+
+def test_what_a_trend_sees():
+    trend = Trend(100, 1e-10)
+    points = itertools.cycle([np.array([0.0, 1.0]), np.array([1.0, 0.0]), np.array([1.0, 1.0])])
+    assert any(trend.stops(next(points), 1.0) for _ in range(20))
+    assert "a cycle of 3" in trend.reason
+    trend = Trend(100, 1e-10)
+    assert any(trend.stops(np.array([2.0**i]), 2.0**i) for i in range(60))
+    assert "diverges" in trend.reason
+    trend = Trend(100, 1e-10)
+    assert any(trend.stops(np.array([1.0 + 0.5**i]), 1.0) for i in range(80))
+    assert "stands still" in trend.reason
+    trend = Trend(7, 1e-10)
+    assert sum(not trend.stops(np.array([float(i)]), 1.0) for i in range(7)) == 7
+    assert trend.stops(np.array([9.0]), 1.0)
+    assert "no convergence in 7" in trend.reason
+    trend = Trend(7, 1e-10)
+    assert trend.stops(np.array([0.0]), np.nan)
+    assert "not finite" in trend.reason
+
+
+def test_options_are_checked():
+    for kind, bad in (
+        (GaussSeidel, {"relaxation": 2.0}),
+        (GaussSeidel, {"aitken": -1}),
+        (TrescaFixedPoint, {"inner": "magic"}),
+        (TrescaFixedPoint, {"on": "air"}),
+        (Uzawa, {"step": 0.0}),
+        (Penalty, {"accuracy": 2.0}),
+        (ProjectedGradient, {"reduction": 1.0}),
+        (Lemke, {"facets": 2}),
+        (Lemke, {"form": "other"}),
+        (InteriorPoint, {"boundary": 1.0}),
+        (InteriorPoint, {"max_iterations": 0}),
+    ):
+        with pytest.raises(ValueError, match=next(iter(bad))):
+            kind(**bad)
+    assert all(
+        ALGORITHMS[name].described().startswith(ALGORITHMS[name].name) for name in ALGORITHMS
+    )
+
+
+def test_data_that_are_refused():
+    good = (NODE, np.array([0.0, -1.0]), np.array([0.3]))
+    for S, p, F in (
+        (np.array([[1.0, 2.0], [2.0, 1.0]]), *good[1:]),
+        (NODE, np.array([np.nan, 0.0]), good[2]),
+        (NODE, good[1], np.array([-0.1])),
+        (np.eye(3), good[1], good[2]),
+    ):
+        with pytest.raises(ValueError, match=r"definite|finite|negative|fit"):
+            ReducedContact(S, p, F)

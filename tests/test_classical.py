@@ -1,0 +1,231 @@
+"""Contact problems solved by the classical algorithms, by name, beside Newton's method."""
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import demo_greco_block
+import numpy as np
+import pytest
+from blocks import block, facets
+
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    ConvergenceError,
+    Coulomb,
+    Frictionless,
+    HalfSpace,
+    Tresca,
+)
+from dolfinx_contact.algorithms import (
+    GaussSeidel,
+    InteriorPoint,
+    Lemke,
+    Penalty,
+    ProjectedGradient,
+    TrescaFixedPoint,
+    Uzawa,
+)
+from dolfinx_contact.materials import LinearElastic
+
+COMM = MPI.COMM_WORLD
+ON_POINTS = [
+    "sor",
+    "gauss-seidel",
+    "projected-gradient",
+    "lemke",
+    "interior-point",
+    TrescaFixedPoint(on="points"),
+    Uzawa(on="points", augmented=True),
+    GaussSeidel(two_level=True),
+]
+ON_BODY = ["tresca", TrescaFixedPoint(aitken=True), Uzawa(augmented=True)]
+
+
+def named(algorithm):
+    return algorithm if isinstance(algorithm, str) else algorithm.described()
+
+
+def greco(n):
+    return demo_greco_block.problem(demo_greco_block.arguments(["--n", str(n)]), COMM)
+
+
+def check(problem, algorithm, accuracy=1e-8):
+    """From zero the algorithm ends in Newton's solution; its result."""
+    x = problem.create_vector()
+    problem.read(x)
+    known = {k: t for k, t in problem.solve().tables.items()}
+    problem.read(x)
+    found = problem.solve(algorithm=algorithm)
+    for name, table in found.tables.items():
+        other = known[name]
+        force = np.abs(other.force).max()
+        length = max(np.abs(other.ut).max(), np.abs(other.un).max())
+        np.testing.assert_allclose(table.force, other.force, rtol=0, atol=accuracy * force)
+        np.testing.assert_allclose(table.ut, other.ut, rtol=0, atol=accuracy * max(length, 1e-3))
+        assert table.status == other.status
+    assert found.converged
+    assert found.imbalance < accuracy
+    assert len(found.attempts) == 1
+    return found
+
+
+@pytest.mark.parametrize("algorithm", [*ON_BODY, *ON_POINTS], ids=named)
+def test_in_the_plane(algorithm):
+    check(block(n=4, cell="quad"), algorithm)
+
+
+@pytest.mark.parametrize(
+    "algorithm",
+    ["gauss-seidel", "interior-point", TrescaFixedPoint(on="points"), *ON_BODY],
+    ids=named,
+)
+def test_in_space(algorithm):
+    check(block(n=3, cell="hex"), algorithm)
+
+
+def test_greco():
+    for algorithm in ("sor", "lemke", "interior-point", "tresca"):
+        check(greco(8), algorithm)
+
+
+def test_uzawa_without_augmentation():
+    """Every iteration is a solve with the stiffness alone; first order, and so many of them."""
+    PETSc.Options()["contact_snes_rtol"] = 1e-5
+    found = check(block(n=2, cell="quad"), "uzawa", 1e-3)
+    assert 50 < found.iterations < 1000
+
+
+@pytest.mark.chatty
+@pytest.mark.parametrize("kind", ["gamg", "hypre"])
+def test_uzawa_with_a_hierarchy(kind):
+    """The body by conjugate gradients with a hierarchy that is kept."""
+    options = PETSc.Options()
+    options["contact_linear_solver"], options["contact_amg_pc_type"] = "amg", kind
+    options["contact_snes_rtol"] = 1e-6
+    check(block(n=2, cell="hex"), "uzawa", 1e-4)
+    check(block(n=2, cell="hex"), Uzawa(augmented=True), 1e-4)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("on", ["points", "body"])
+def test_penalty(dim, on):
+    """Extrapolated to 1e-4 and better, at first order."""
+    found = check(block(n=3, cell="quad" if dim == 2 else "hex"), Penalty(on=on), 1e-4)
+    assert abs(found.attempts[0].series["order"][-1] - 1) < 0.1
+
+
+@pytest.mark.parametrize(
+    "law", [Frictionless(), Tresca(2.0), Coulomb(0.8)], ids=lambda law: type(law).__name__
+)
+@pytest.mark.parametrize("algorithm", ["tresca", "interior-point", "gauss-seidel"])
+def test_laws(law, algorithm):
+    check(block(n=3, cell="tri", law=law), algorithm)
+
+
+def test_a_symmetry_plane():
+    """A contact node whose tangential displacement is prescribed."""
+
+    def half_block():
+        domain = mesh.create_unit_square(COMM, 4, 4)
+        u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
+        V = u.function_space
+        side = fem.locate_dofs_topological(V.sub(0), 1, facets(domain, 0, 0.0))
+        top = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
+        bcs = [
+            fem.dirichletbc(np.array([0.0, -0.01]), top, V),
+            fem.dirichletbc(0.0, side, V.sub(0)),
+        ]
+        bottom, floor = facets(domain, 1, 0.0), HalfSpace((0.0, 0.0), (0.0, 1.0))
+        surface = ContactSurface(u, bottom, obstacle=floor, law=Coulomb(0.1))
+        energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
+        return ContactProblem(energy, u, [surface], bcs=bcs)
+
+    for algorithm in ("gauss-seidel", "interior-point", "lemke", "tresca"):
+        check(half_block(), algorithm)
+
+
+def test_a_tilted_plane_and_mixed_contact():
+    tilted = HalfSpace((0.5, 0.0), (0.03, 1))
+    problem = block(n=4, cell="tri", obstacle=tilted, method="mixed")
+    for algorithm in ("sor", "tresca", Uzawa(augmented=True)):
+        assert check(problem, algorithm).counts["open"] > 0
+
+
+def test_what_fails_is_told_and_leaves_the_functions():
+    """Too few sweeps, and a cycle of the fixed point at large friction, each as it is."""
+    problem = greco(8)
+    problem.u.x.array[:] = 1e-6
+    before = problem.u.x.array.copy()
+    with pytest.raises(ConvergenceError, match="no convergence in 3 iterations") as caught:
+        problem.solve(algorithm=GaussSeidel(max_iterations=3))
+    (attempt,) = caught.value.attempts
+    assert attempt.iterations == 3
+    assert len(attempt.steps) == 4
+    assert not attempt.converged
+    np.testing.assert_array_equal(problem.u.x.array, before)
+    problem.surfaces[0].law.friction.value = 20.0
+    with pytest.raises(ConvergenceError, match=r"cycle|diverge|no convergence|not solved"):
+        problem.solve(algorithm=TrescaFixedPoint(on="points", max_iterations=60))
+    np.testing.assert_array_equal(problem.u.x.array, before)
+
+
+def test_monitor_and_history():
+    seen = []
+    problem = block(n=3, cell="quad")
+    result = problem.solve(algorithm="gauss-seidel", monitor=seen.append)
+    assert [s.iteration for s in seen] == list(range(len(seen)))
+    assert seen == result.history
+    assert result.iterations == len(seen) - 1
+    assert result.reason == "gauss-seidel"
+
+
+def test_what_is_refused():
+    problem = block(n=2)
+    for wrong in ("magic", None, 3, GaussSeidel):
+        with pytest.raises(ValueError, match="unknown algorithm"):
+            problem.solve(algorithm=wrong)
+    with pytest.raises(ValueError, match="at the nodes"):
+        block(n=2, method="integral").solve(algorithm="lemke")
+    with pytest.raises(ConvergenceError, match="for the plane"):
+        block(n=2, cell="hex").solve(algorithm=Lemke(form="klarbring"))
+    if COMM.size > 1:
+        mine = GaussSeidel(relaxation=1.0 + 0.1 * COMM.rank)
+        with pytest.raises(ValueError, match="algorithm differs between ranks"):
+            problem.solve(algorithm=mine)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    "algorithm",
+    [*ON_POINTS, *ON_BODY, "uzawa", Lemke(form="klarbring"), Penalty()],
+    ids=named,
+)
+@pytest.mark.parametrize("case", ["block 8", "block 16", "greco 32", "cube 4", "cube 6"])
+def test_acceptance(algorithm, case):
+    """Newton's solution to 1e-8 from zero, extrapolated penalties to 1e-4."""
+    kind, n = case.split()
+    plane = kind != "cube"
+    lemke = named(algorithm).startswith("lemke") or isinstance(algorithm, ProjectedGradient)
+    if not plane and lemke:
+        pytest.skip("for the plane")
+    PETSc.Options()["contact_snes_rtol"] = 1e-11
+    made = greco(int(n)) if kind == "greco" else block(n=int(n), cell="quad" if plane else "hex")
+    check(made, algorithm, 1e-4 if isinstance(algorithm, Penalty) else 1e-8)
+
+
+@pytest.mark.long
+def test_two_levels_on_greco():
+    """Ten times fewer sweeps at 128 contact nodes, and counts that hardly grow from 32 to 256."""
+    counts = {n: greco(n).solve(algorithm=GaussSeidel(two_level=True)).iterations
+              for n in (32, 128, 256)}  # fmt: skip
+    alone = greco(128).solve(algorithm="gauss-seidel").iterations
+    assert alone >= 10 * counts[128]
+    assert max(counts.values()) < 1.5 * counts[32]
+
+
+def test_interior_point_takes_few_steps():
+    assert check(greco(8), InteriorPoint()).iterations < 30
