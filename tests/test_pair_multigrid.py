@@ -96,6 +96,7 @@ PROBLEMS = {
     "a gap": lambda o: pressed(stacked(2, "tri", 5, gap=0.02), o),
     "open": lambda o: pressed(stacked(2, "tri", 3, gap=0.2), o),
     "integral": lambda o: pressed(stacked(2, "tri", 4), o, degree=2),
+    "common parts": lambda o: pressed(unequal(6, 9, (-0.3, 1.45), (0.0, 1.0), "tri"), o, degree=2),
     "mixed": lambda o: pressed(stacked(2, "quad", 5), o, method="mixed"),
     "mortar": lambda o: pressed(unequal(6, 9, (-0.3, 1.45), (0.0, 1.0)), o),
     "mortar, tilted": lambda o: pressed(solids(4, 3, (-0.3, 1.45), (0.0, 1.0), "tet"), o),

@@ -209,7 +209,7 @@ class ContactPoints:
         if offset is not None:
             gap = np.sum(offset * normal, axis=1)
             self.aside = offset - gap[:, None] * normal
-        self.data = PointData(normal, gap, self._r_at_points(), _fields(mine))
+        self.data = PointData(normal, gap, self.from_vertices(self.r), _fields(mine))
 
     def rates(self, evaluators: tuple[Evaluator, PointEvaluator | None]) -> tuple[PointData, Array]:
         """Rates of data and of `aside` from the evaluators of rates. Collective."""
@@ -233,15 +233,16 @@ class ContactPoints:
     def set_augmentation(self, r: Array) -> None:
         """Set r at the local vertices."""
         self.r = np.asarray(r, dtype=np.float64).copy()
-        self.data = replace(self.data, r=self._r_at_points())
+        self.data = replace(self.data, r=self.from_vertices(self.r))
 
-    def _r_at_points(self) -> Array:
+    def from_vertices(self, values: Array) -> Array:
+        """Values at the points (n,) from those at the local vertices."""
         if self.method != "integral":
-            return self.r[: self.number]
-        values: Array = np.zeros(self.number)
-        corners = self.r[self.vertices.dofmap.list[self._gauss.cells]]
-        values[self._gauss.numbers] = np.einsum("gpv,gv->gp", self._hats, corners)
-        return values
+            return values[: self.number]
+        found: Array = np.zeros(self.number)
+        corners = values[self.vertices.dofmap.list[self._gauss.cells]]
+        found[self._gauss.numbers] = np.einsum("gpv,gv->gp", self._hats, corners)
+        return found
 
     @property
     def cells(self) -> npt.NDArray[np.int32]:

@@ -7,8 +7,9 @@ have to know: the hierarchy is built from
     K + B_c^T kappa B_c
 
 with the rows c of B at the closed points. The spring of a point is as stiff as the nodes that it
-joins, in series: kappa = 1 / sum_k b_k^2 / K_kk. Stiffer ones spoil the smoother; and what springs
-leave open is some compliance across one layer of cells, which the exact solve on the surface mends.
+joins, in series: kappa = 1 / sum_k b_k^2 / K_kk, times its share of the area of a node where there
+are more points than nodes. Stiffer ones spoil the smoother; and what springs leave open is some
+compliance across one layer of cells, which the exact solve on the surface mends.
 """
 
 from __future__ import annotations
@@ -50,7 +51,8 @@ def springs(
         stencils = s.points.stencils
         b, nodes = stencils.weights, stencils.nodes
         soft = at_global_places(equations.comm, compliance, nodes)
-        kappa = points[stencils.points] / np.einsum("gpk,gk->gp", b**2, soft)
+        share = points * s.points.areas / s.points.from_vertices(s.points.vertex_areas)
+        kappa = share[stencils.points] / np.einsum("gpk,gk->gp", b**2, soft)
         joined = np.einsum("gp,gpk,gpl->gkl", kappa, b, b, optimize=True)
         shape = (*joined.shape, dim)
         places = dim * nodes[..., None] + np.arange(dim)
