@@ -35,8 +35,7 @@ SEEN = dict(ut_A=leftmost("ut"), un_A=leftmost("un"), sum_rt=total("rt"), sum_rn
 
 # ## The body
 #
-# n * n congruent triangles, the lower left half of a square. The traction on AC is
-# preload - gamma load.
+# n * n congruent triangles, half of a square. The traction on AC is preload - gamma load.
 
 
 def linear_triangle(
