@@ -21,6 +21,7 @@ from dolfinx_contact import (
     ContactPair,
     ContactProblem,
     ContactSurface,
+    ConvergenceError,
     Coulomb,
     Frictionless,
     HalfSpace,
@@ -526,3 +527,26 @@ def test_where_an_arm_ends():
     one = mesh.meshtags(domain, 1, np.sort(crossing), np.full(len(crossing), 5, dtype=np.int32))
     with pytest.raises(ValueError, match="crossing crack needs a group for each arm"):
         crack(domain, [5], facet_tags=one)
+
+
+def test_a_block_that_slides_away():
+    """Sheared by more than friction holds it has no equilibrium, however small residuals get."""
+    both = stacked(3, "hex", 2)
+    u = displacement(both.mesh)
+    ds = ufl.Measure("ds", both.mesh, subdomain_data=both.facet_tags)(4)
+    x = ufl.SpatialCoordinate(both.mesh)
+    twist = 0.4 * ufl.as_vector((0.5 - x[1], x[0] - 0.5, 0.0))
+    pair = ContactPair(u, both, slave=3, master=2, law=Coulomb(0.3))
+    for shear, holds in ((1.0, True), (2.1, False)):
+        load = ufl.as_vector((-0.8 * shear, -0.6 * shear, -5.0)) + twist
+        bulk = MATERIAL.energy(u) * ufl.dx - ufl.dot(load, u) * ds
+        u.x.array[:] = 0.0
+        pair.multiplier.x.array[:] = 0.0
+        problem = ContactProblem(bulk, u, [pair], bcs=[held(u, both.facet_tags, 1, np.zeros(3))])
+        if holds:
+            force = problem.solve().resultants["contact"]
+            np.testing.assert_allclose(force, (0.8, 0.6, 5.0), rtol=1e-8)
+            continue
+        with pytest.raises(ConvergenceError):
+            problem.solve()
+        assert largest(u.x.array) == 0.0

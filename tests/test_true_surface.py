@@ -10,7 +10,14 @@ from test_pair import displacement, tagged
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact import ContactPair, ContactProblem, Frictionless, HalfSpace, Sphere
+from dolfinx_contact import (
+    ContactPair,
+    ContactProblem,
+    Frictionless,
+    HalfSpace,
+    RigidBody,
+    Sphere,
+)
 from dolfinx_contact.grids import create_grid
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.meshing import join
@@ -90,6 +97,8 @@ def test_bad_surfaces():
         assert len(set(COMM.allgather(str(info.value)))) == 1
 
     refused("the surface must be a HalfSpace, Sphere", surface=1.0)
+    still = RigidBody(small, about=(0, 0), held=["x", "y", "rz"])
+    refused("the surface must be a HalfSpace, Sphere", surface=still)
     refused("a given surface has a gap and a normal of its own", surface=small, gap=0.0)
     refused(r"the gap to the given surface is -0\.001; interference=True", surface=disc)
     wrong = HalfSpace((0.0, 0.0), (0.0, 1.0))

@@ -19,6 +19,7 @@ from dolfinx_contact.points.contact_points import Method
 from dolfinx_contact.points.elements import displacement_degree
 from dolfinx_contact.points.held_ends import held_in_place, in_place
 from dolfinx_contact.points.opposite import Opposite, OppositeFacets
+from dolfinx_contact.points.rigid_body import RigidBody
 from dolfinx_contact.points.surface import ContactSurface
 from dolfinx_contact.points.trace import exterior_facets
 
@@ -100,7 +101,9 @@ class ContactPair(ContactSurface):
             if master_facets is not None and (slave is not None or master is not None):
                 raise ValueError(f"{name}: facets by their indices have no tags slave and master")
             gap = _checked_gap(gap, name)
-            if surface is not None and not isinstance(surface, Obstacle):
+            if surface is not None and (
+                not isinstance(surface, Obstacle) or isinstance(surface, RigidBody)
+            ):
                 raise ValueError(
                     f"{name}: the surface must be a HalfSpace, Sphere, Cylinder, LevelSet"
                 )

@@ -47,7 +47,7 @@ from dolfinx_contact.solvers.increments import raise_load
 from dolfinx_contact.solvers.newton import Newton
 from dolfinx_contact.solvers.pivoting import pivot
 from dolfinx_contact.solvers.reduced import solve_reduced
-from dolfinx_contact.solvers.states import inverted
+from dolfinx_contact.solvers.states import gone, inverted
 
 __all__ = ["check_data", "solve"]
 
@@ -106,6 +106,8 @@ def solve(
         except FloatingBodyError as error:
             floated = floating is not None
             attempt.reason, floating = str(error), error
+        if attempt.converged and (reason := gone(equations, x)):
+            attempt.converged, attempt.reason = False, reason
         if attempt.converged:
             objection = inverted(equations, x)
             if not objection:
