@@ -27,7 +27,7 @@ from dolfinx_contact import (
     HalfSpace,
     output,
 )
-from dolfinx_contact.continuation import explore
+from dolfinx_contact.continuation import crossing, explore
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.meshing import crack, join, mesh_from_gmsh
 from dolfinx_contact.parametric import ParametricContact
@@ -550,3 +550,27 @@ def test_a_block_that_slides_away():
         with pytest.raises(ConvergenceError):
             problem.solve()
         assert largest(u.x.array) == 0.0
+
+
+def test_a_block_that_tips(monkeypatch):
+    """At no load all points of a face are at a kink: the pieces are too many for any integer."""
+    tried = []
+
+    def counted(*given):
+        tried.append(len(given[3]))
+        assert len(tried) < 5000
+        return rays(*given)
+
+    rays = crossing.outgoing_rays
+    monkeypatch.setattr(crossing, "outgoing_rays", counted)
+    both = stacked(3, "hex", 2)
+    u = displacement(both.mesh)
+    ds = ufl.Measure("ds", both.mesh, subdomain_data=both.facet_tags)(4)
+    rule = dict(method="integral", quadrature_degree=8)
+    pair = ContactPair(u, both, slave=3, master=2, law=Coulomb(2.3), **rule)
+    energy = MATERIAL.energy(u) * ufl.dx - ufl.dot(ufl.as_vector((-6.9, 1.2, -5.0)), u) * ds
+    bcs = [held(u, both.facet_tags, 1, np.zeros(3))]
+    with pytest.raises(ConvergenceError):
+        ContactProblem(energy, u, [pair], bcs=bcs).solve()
+    assert largest(u.x.array) == 0.0
+    assert max(tried) > 41  # 3^41 is beyond what 64 bits hold

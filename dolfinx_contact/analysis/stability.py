@@ -17,6 +17,7 @@ few, and what was not looked at is not decided.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
@@ -203,7 +204,7 @@ def _decided(g: _Gathered, most: int) -> Stability:
     """Look at the pieces, those in which all points at a border slip first."""
     border = np.flatnonzero(g.choices[:, 1] >= 0)
     ways = [g.choices[p][g.choices[p] >= 0][::-1] for p in border]
-    number = int(np.prod([len(w) for w in ways], dtype=float))
+    number = math.prod(len(w) for w in ways)
     growth, looked = 0.0, 0
     for chosen in product(*ways):
         if looked == most:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import itertools
 import logging
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -127,7 +128,7 @@ def cross(
     complete = False
     if len(kinks) > 1 or len(rays) != 1 or sign <= 0:
         statuses = [k.statuses for k in kinks]
-        if np.prod([len(s) for s in statuses]) <= _MOST_PIECES:
+        if math.prod(len(s) for s in statuses) <= _MOST_PIECES:
             complete = True
             for codes in itertools.product(*statuses):
                 if codes != natural:

@@ -7,7 +7,7 @@ where increments of s get stuck because it turns back.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 
 from petsc4py import PETSc
@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from dolfinx import fem
 
-from dolfinx_contact.continuation import BranchPoint, Follower, Piece, SpecialPoint, StepControl
+from dolfinx_contact.continuation import Follower, Piece, StepControl
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.equations.state import State
@@ -27,7 +27,6 @@ from dolfinx_contact.solvers.linear import LinearSolver
 __all__ = ["follow_load"]
 
 _MOST_STEPS = 400
-_MOST_FACTORISATIONS = 1000
 Array = npt.NDArray[np.float64]
 
 
@@ -99,14 +98,7 @@ def follow_load(
 def _follow(system: _Loaded, x: PETSc.Vec, attempt: Attempt, control: StepControl) -> bool:
     try:
         with Follower(system, control, gamma_scale=1.0) as follower:
-            solver = follower.bordered.solver
-
-            def stop(_point: BranchPoint, _special: Sequence[SpecialPoint]) -> str:
-                costly = solver.factorisations > _MOST_FACTORISATIONS
-                return f"{solver.factorisations} factorisations were not enough" if costly else ""
-
-            start = follower.start(x, 0.0)
-            branch = follower.run(start, (0.0, 1.0), max_steps=_MOST_STEPS, stop=stop)
+            branch = follower.run(follower.start(x, 0.0), (0.0, 1.0), max_steps=_MOST_STEPS)
             last = branch.points[-1]
             if last.gamma < 1.0:
                 attempt.reason = f"{branch.reason}, at {last.gamma:.4g} of the load"
