@@ -121,7 +121,7 @@ class ExactSteps:
         tolerance = _AT_BORDER * self._unit(y, point.piece)
         crossing = cross(self.corrector, y, point.piece, tangent, tolerance)
         onwards = crossing.onwards
-        if onwards is None:
+        if onwards is None or self._leads_nowhere(here, onwards):
             tried = "all pieces were tried" if crossing.complete else "too many pieces to try"
             self.dead_end = (
                 f"no way on was found from gamma = {here.gamma:.10g}, where {crossing.kinks} "
@@ -149,6 +149,15 @@ class ExactSteps:
         )
         new = BranchPoint(y, onwards.tangent, onwards.piece, here.gamma, s, here.corrections)
         return self.rescaled(new), special, h
+
+    def _leads_nowhere(self, here: BranchPoint, ray: Ray) -> bool:
+        """Whether ``ray`` is in the piece that was left after no step at all. Collective.
+
+        Where a piece is singular the way on need not be a tangent of its own.
+        """
+        same = bool(np.array_equal(here.piece.codes, ray.piece.codes))
+        same = self.bordered.comm.allreduce(same, op=min)
+        return same and here.step < self.control.minimum
 
     def _first_event(self, point: BranchPoint, y_high: PETSc.Vec) -> tuple[float, PETSc.Vec] | None:
         """Where the first event between ``point`` and ``y_high`` vanishes. Collective.
