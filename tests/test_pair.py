@@ -480,6 +480,9 @@ def test_bad_pairs():
         refused("the gap must be", u, both, gap=gap)
     refused(r"the given gap is -0\.1; interference=True", u, both, gap=-0.1)
     refused("interference is True or False", u, both, interference="no")
+    indices = both.facet_tags.find(3)
+    with pytest.raises(ValueError, match="by their indices need master_facets"):
+        ContactPair(u, indices, law=Frictionless())
     with pytest.raises(ValueError, match="a crack needs names or tags of groups"):
         crack(both, [])
     pairs = [

@@ -462,10 +462,10 @@ def test_loads_and_motions_in_increments(way, load):
     if not load:
         given["motion"]["rz"] = 0.01
     body = punch(**given)
-    problem = block(body)
+    problem = block(body, n=2)
     problem.solve()
     values, u = body.values, problem.u.x.array.copy()
-    problem = block(punch(**given))
+    problem = block(punch(**given), n=2)
     x = problem.create_vector()
     assert way(problem, x)
     problem.read(x)

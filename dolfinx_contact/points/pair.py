@@ -55,7 +55,8 @@ class ContactPair(ContactSurface):
         normal: direction from the slave to the master (dim,), along which faces are opposite to
             each other and gap and pressure act; by default the normals of the slave. Where both
             faces are curved, as those of two spheres, and flatten each other it is that of the
-            contact between, and the slave's are not; areas are those seen along it.
+            contact between, and the slave's are not; areas are those seen along it. Faces that do
+            not match need degree 1 for it.
         interference: whether the bodies may overlap, as in a press fit; else an overlap is an
             error.
         method: as for `ContactSurface`, and so the rest.
@@ -100,6 +101,8 @@ class ContactPair(ContactSurface):
                 raise ValueError(f"{name}: interference is True or False, got {interference!r}")
             if master_facets is not None and (slave is not None or master is not None):
                 raise ValueError(f"{name}: facets by their indices have no tags slave and master")
+            if master_facets is None and isinstance(facets, np.ndarray):
+                raise ValueError(f"{name}: facets of the slave by their indices need master_facets")
             gap = _checked_gap(gap, name)
             if surface is not None and (
                 not isinstance(surface, Obstacle) or isinstance(surface, RigidBody)

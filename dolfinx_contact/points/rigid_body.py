@@ -45,7 +45,8 @@ class RigidBody(Obstacle):
     numbers, scalar Constants or UFL of these, which may be changed later. Displacement and rotation
     are small; gap and normal are those of the shape where it is given.
 
-    Several contact surfaces may touch one rigid body.
+    Several contact surfaces may touch one rigid body. Problems with rigid bodies are solved by the
+    direct solver; there is no multigrid for them.
 
     Args:
         shape: any obstacle, where it is before it moves.
