@@ -219,12 +219,12 @@ def test_acceptance(algorithm, case):
 
 @pytest.mark.long
 def test_two_levels_on_greco():
-    """Ten times fewer sweeps at 128 contact nodes, and counts that hardly grow from 32 to 256."""
-    counts = {n: greco(n).solve(algorithm=GaussSeidel(two_level=True)).iterations
-              for n in (32, 128, 256)}  # fmt: skip
+    """Ten times fewer sweeps at 128 contact nodes, and counts that do not grow with them."""
+    two = GaussSeidel(two_level=True)
+    counts = {n: greco(n).solve(algorithm=two).iterations for n in (32, 64, 128, 256)}
     alone = greco(128).solve(algorithm="gauss-seidel").iterations
     assert alone >= 10 * counts[128]
-    assert max(counts.values()) < 1.5 * counts[32]
+    assert max(counts.values()) < 1.5 * min(counts.values())
 
 
 def test_interior_point_takes_few_steps():

@@ -10,7 +10,7 @@ while a stuck point stays at 0 and a closed one on the obstacle (Raous, Chabrand
 Theor. Appl. 7 suppl. 1, 1988; Jourdan, Alart and Jean, CMAME 155, 1998). Aitken's extrapolation
 takes a_k + (a_{k+1} - a_k)/(1 - lambda) with the ratio lambda of successive changes where that
 makes the residual smaller. As the smoother of a two-level scheme (`two_level`) the sweeps leave
-what is long to the coarse problem.
+what is long to the coarse problem, and go through its points first.
 """
 
 from __future__ import annotations
@@ -61,8 +61,8 @@ class GaussSeidel(Algorithm):
         )
 
     def _iterate(self, contact: ReducedContact, r: Array, iteration: Iteration) -> None:
-        sweeps = Sweeps(contact, self.relaxation)
         coarse = CoarseProblem(contact, self.coarsening) if self.two_level else None
+        sweeps = Sweeps(contact, self.relaxation, coarse.order if coarse else None)
         a = contact.displacements(r)
         if coarse is not None and not r.any() and contact.number > _FEW:
             start = self.run(coarse.contact, tolerance=_START)
@@ -95,15 +95,22 @@ class GaussSeidel(Algorithm):
 
 
 class Sweeps:
-    """Gauss-Seidel sweeps over the points of a problem, in their order.
+    """Gauss-Seidel sweeps over the points of a problem.
 
     Args:
         contact: the problem.
         relaxation: omega.
+        order: of the points (m,), by default their own.
     """
 
-    def __init__(self, contact: ReducedContact, relaxation: float):
+    def __init__(
+        self,
+        contact: ReducedContact,
+        relaxation: float,
+        order: npt.NDArray[np.int_] | None = None,
+    ):
         self._contact, self._relaxation = contact, relaxation
+        self._order = range(contact.number) if order is None else [int(i) for i in order]
         m, d = contact.number, contact.dim
         self._rows = np.ascontiguousarray(contact.S.reshape(m, d, m * d))
         self._blocks = contact.blocks
@@ -117,7 +124,8 @@ class Sweeps:
         d, omega = self._contact.dim, self._relaxation
         x = a.reshape(-1).copy()
         load = self._contact.p.reshape(-1, d)
-        for i, point in enumerate(self._points):
+        for i in self._order:
+            point = self._points[i]
             mine = x[d * i : d * i + d]
             b = load[i] - self._rows[i] @ x + self._blocks[i] @ mine
             found = np.array(point.solve(b))

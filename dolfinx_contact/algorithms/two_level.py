@@ -8,6 +8,11 @@ where the fine problem is held (truncation: Kornhuber, Numer. Math. 69, 1994; Gr
 J. Comput. Math. 27, 2009), the correction is a <- a - s P (P^T G' P)^+ P^T G, projected on un >= 0,
 with the first s of 1, 1/2, 1/4 at which the residual does not grow; else there is none.
 
+Sweeps in the order of the points carry errors along the surface and damp them there as one level
+does (on an operator of order 1 by 0.35): the longer the stretch of a status, the more sweeps. So
+they take the coarse points first, and last the others, which are left in equilibrium; what is
+between coarse points the hats then say nearly, and counts do not grow.
+
 Corrections of what is free do not move the borders between statuses, and sweeps move them by a
 point each. So the scheme begins where the contact problem of the coarse points ends: that of the
 hats, with P^T S P, P^T p and friction averaged, solved in the same way.
@@ -95,6 +100,12 @@ class CoarseProblem:
         x = np.arange(contact.number, dtype=float)[:, None] if x is None else x
         self._x, self._hats = x, hats(x, coarsening)
         self._P = np.kron(self._hats, np.eye(contact.dim))
+
+    @property
+    def order(self) -> npt.NDArray[np.int_]:
+        """The points, coarse ones first (m,)."""
+        first = self._hats.argmax(axis=0)
+        return np.concatenate([first, np.setdiff1d(np.arange(len(self._hats)), first)])
 
     @property
     def contact(self) -> ReducedContact:
