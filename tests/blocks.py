@@ -82,6 +82,23 @@ def block(
     )
 
 
+def half_block(comm=MPI.COMM_WORLD, n=4):
+    """A square pressed on a floor, one side a symmetry plane: a contact node moves up alone."""
+    domain = mesh.create_unit_square(comm, n, n)
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    side = fem.locate_dofs_topological(V.sub(0), 1, facets(domain, 0, 0.0))
+    top = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
+    bcs = [
+        fem.dirichletbc(np.array([0.0, -0.01]), top, V),
+        fem.dirichletbc(0.0, side, V.sub(0)),
+    ]
+    floor = HalfSpace((0.0, 0.0), (0.0, 1.0))
+    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.1))
+    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
+    return ContactProblem(energy, u, [surface], bcs=bcs)
+
+
 def same_tables(a, b, tolerance=1e-9):
     """Whether two contact tables agree, forces and lengths relative to their largest."""
     np.testing.assert_allclose(a.x, b.x, atol=1e-9)

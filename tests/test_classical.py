@@ -6,14 +6,15 @@ from petsc4py import PETSc
 import demo_greco_block
 import numpy as np
 import pytest
-from blocks import block, facets
+from blocks import block, half_block
+from test_pair import MATERIAL, displacement, held, largest, stacked
 
 import ufl
-from dolfinx import fem, mesh
+from dolfinx import fem
 
 from dolfinx_contact import (
+    ContactPair,
     ContactProblem,
-    ContactSurface,
     ConvergenceError,
     Coulomb,
     Frictionless,
@@ -29,7 +30,6 @@ from dolfinx_contact.algorithms import (
     TrescaFixedPoint,
     Uzawa,
 )
-from dolfinx_contact.materials import LinearElastic
 
 COMM = MPI.COMM_WORLD
 ON_POINTS = [
@@ -128,24 +128,33 @@ def test_laws(law, algorithm):
 
 def test_a_symmetry_plane():
     """A contact node whose tangential displacement is prescribed."""
-
-    def half_block():
-        domain = mesh.create_unit_square(COMM, 4, 4)
-        u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
-        V = u.function_space
-        side = fem.locate_dofs_topological(V.sub(0), 1, facets(domain, 0, 0.0))
-        top = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
-        bcs = [
-            fem.dirichletbc(np.array([0.0, -0.01]), top, V),
-            fem.dirichletbc(0.0, side, V.sub(0)),
-        ]
-        bottom, floor = facets(domain, 1, 0.0), HalfSpace((0.0, 0.0), (0.0, 1.0))
-        surface = ContactSurface(u, bottom, obstacle=floor, law=Coulomb(0.1))
-        energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
-        return ContactProblem(energy, u, [surface], bcs=bcs)
-
     for algorithm in ("gauss-seidel", "interior-point", "lemke", "tresca"):
         check(half_block(), algorithm)
+
+
+@pytest.mark.parametrize("algorithm", [Uzawa(augmented=True), Penalty(), "tresca"], ids=named)
+def test_a_body_that_slides_away(algorithm):
+    """Sheared by more than friction holds a block on another has no equilibrium.
+
+    Residuals relative to its nodal forces vanish all the same, after displacements of 1e11. The
+    fixed point meets it free in its first problem, that of no friction.
+    """
+    both = stacked(3, "hex", 2)
+    u = displacement(both.mesh)
+    shear, top = fem.Constant(both.mesh, 1.0), ufl.Measure("ds", subdomain_data=both.facet_tags)
+    load = ufl.as_vector((-0.8 * shear, -0.6 * shear, -5.0))
+    bulk = MATERIAL.energy(u) * ufl.dx - ufl.dot(load, u) * top(4, domain=both.mesh)
+    pair = ContactPair(u, both, slave=3, master=2, law=Coulomb(0.3))
+    problem = ContactProblem(bulk, u, [pair], bcs=[held(u, both.facet_tags, 1, np.zeros(3))])
+    if algorithm != "tresca":
+        check(problem, algorithm, 1e-4 if isinstance(algorithm, Penalty) else 1e-8)
+        problem.read(problem.create_vector())
+    shear.value = 2.1
+    said = "a rigid motion of the body is free" if algorithm == "tresca" else "the body goes away"
+    with pytest.raises(ConvergenceError, match=said) as caught:
+        problem.solve(algorithm=algorithm)
+    assert [a.strategy for a in caught.value.attempts] == [named(algorithm)]
+    assert largest(u.x.array) == 0.0
 
 
 def test_a_tilted_plane_and_mixed_contact():

@@ -6,7 +6,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from blocks import block, facets
+from blocks import block, facets, half_block
 
 import ufl
 from dolfinx import fem, mesh
@@ -129,26 +129,10 @@ def test_the_same_as_newton(law, cell, only_lemke, monkeypatch):
 
 def test_a_symmetry_plane(only_lemke, monkeypatch):
     """A contact node that may move along the normal alone."""
-
-    def half_block():
-        domain = mesh.create_unit_square(COMM, 4, 4)
-        u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
-        V = u.function_space
-        side = fem.locate_dofs_topological(V.sub(0), 1, facets(domain, 0, 0.0))
-        top = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
-        bcs = [
-            fem.dirichletbc(np.array([0.0, -0.01]), top, V),
-            fem.dirichletbc(0.0, side, V.sub(0)),
-        ]
-        bottom, floor = facets(domain, 1, 0.0), HalfSpace((0.0, 0.0), (0.0, 1.0))
-        surface = ContactSurface(u, bottom, obstacle=floor, law=Coulomb(0.1))
-        energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
-        return ContactProblem(energy, u, [surface], bcs=bcs).solve()
-
-    found = half_block()
+    found = half_block().solve()
     assert found.reason == "Lemke's method"
     monkeypatch.undo()
-    table, known = (r.tables["contact"] for r in (found, half_block()))
+    table, known = (r.tables["contact"] for r in (found, half_block().solve()))
     np.testing.assert_allclose(table.force, known.force, atol=1e-9 * np.abs(known.force).max())
 
 

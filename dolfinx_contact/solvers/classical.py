@@ -33,10 +33,15 @@ from dolfinx_contact.equations.measures import Scales
 from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.reduced.compliance import Compliance, check_reducible
 from dolfinx_contact.solvers.body_solver import BodySolver
-from dolfinx_contact.solvers.errors import ConvergenceError, LinearSolverError
+from dolfinx_contact.solvers.errors import (
+    ConvergenceError,
+    FloatingBodyError,
+    LinearSolverError,
+)
 from dolfinx_contact.solvers.history import Attempt, Step
 from dolfinx_contact.solvers.linear import LinearSolver
 from dolfinx_contact.solvers.on_body import OnBody
+from dolfinx_contact.solvers.states import gone
 
 __all__ = ["algorithm_named", "reduced_contact", "solve_by"]
 
@@ -87,9 +92,11 @@ def solve_by(
 
     Raises:
         ValueError: on every rank, for a problem that the algorithm is not for.
-        ConvergenceError: if it does not converge, with what it did in the attempt.
+        ConvergenceError: if it does not converge, with what it did in the attempt; a
+            `FloatingBodyError` where it meets a body that nothing holds.
     """
     attempt = Attempt(algorithm.described())
+    failure: type[ConvergenceError] = ConvergenceError
     progress.strategy = algorithm.name
     x = x0.copy()
 
@@ -102,27 +109,31 @@ def solve_by(
         progress.step(step)
 
     tolerance = float(equations.options.value("snes_rtol") or _TOLERANCE)
-    whole = isinstance(algorithm, TrescaFixedPoint | Uzawa | Penalty) and algorithm.on == "body"
-    plain = isinstance(algorithm, Uzawa) and not algorithm.augmented
-    if not whole or plain:
+    whole = algorithm if isinstance(algorithm, TrescaFixedPoint | Uzawa | Penalty) else None
+    if whole is not None and whole.on == "points":
+        whole = None
+    if whole is None or (isinstance(whole, Uzawa) and not whole.augmented):
         _require_held(equations)
-    body = BodySolver(equations, direct=not whole or linear().name == "direct")
+    body = BodySolver(equations, direct=whole is None or linear().name == "direct")
     try:
-        if isinstance(algorithm, TrescaFixedPoint | Uzawa | Penalty) and algorithm.on == "body":
+        if whole is not None:
             on_body = OnBody(equations, linear(), body, tolerance, tell, attempt)
-            attempt.converged = on_body.run(algorithm, x)
+            attempt.converged = on_body.run(whole, x)
         else:
             _on_points(algorithm, equations, linear, body, x, attempt, tolerance)
             for step in attempt.steps:
                 tell(step)
-    except LinearSolverError as error:
+    except (FloatingBodyError, LinearSolverError) as error:
         attempt.converged, attempt.reason = False, str(error)
+        failure = FloatingBodyError if isinstance(error, FloatingBodyError) else failure
     finally:
         body.destroy()
+    if attempt.converged and (reason := gone(equations, x)):
+        attempt.converged, attempt.reason = False, reason
     if not attempt.converged:
         x.destroy()
         worst = f", residual {attempt.steps[-1].measures.worst:.2g}" if attempt.steps else ""
-        raise ConvergenceError(
+        raise failure(
             f"the contact problem was not solved:\n- {attempt.strategy}: {attempt.reason} "
             f"({attempt.iterations} iterations{worst})\n"
             "The displacement and the multipliers are as they were before the solve.",
