@@ -8,27 +8,34 @@ Of the proofs what has to be trusted is in `checker.py` and what it imports (`ro
 from dolfinx_contact.analysis.certificate import Certificate
 from dolfinx_contact.analysis.checker import InvalidCertificate, Proved, check
 from dolfinx_contact.analysis.critical_friction import CriticalFriction, critical_friction
+from dolfinx_contact.analysis.event_curves import EventCurve, EventCurves, Meeting, Segment
 from dolfinx_contact.analysis.reduced_problem import ReducedProblem
 from dolfinx_contact.analysis.renard import Renard, renard_criterion
 from dolfinx_contact.analysis.solutions import ProvedSolution, ProvedSolutions, prove_solutions
 from dolfinx_contact.analysis.stability import Stability, stability_at_rest
 from dolfinx_contact.analysis.steady_sliding import Onset, SlidingModes, SteadySliding
+from dolfinx_contact.analysis.two_parameters import event_curves
 
 __all__ = [
     "Certificate",
     "CriticalFriction",
+    "EventCurve",
+    "EventCurves",
     "InvalidCertificate",
+    "Meeting",
     "Onset",
     "Proved",
     "ProvedSolution",
     "ProvedSolutions",
     "ReducedProblem",
     "Renard",
+    "Segment",
     "SlidingModes",
     "Stability",
     "SteadySliding",
     "check",
     "critical_friction",
+    "event_curves",
     "prove_solutions",
     "renard_criterion",
     "stability_at_rest",

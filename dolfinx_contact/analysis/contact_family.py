@@ -1,0 +1,355 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""Contact problems in the plane with two parameters, and where one point is at a border.
+
+At m contact points live w = (ut, un, rt, rn), with
+
+    S a - r = p + gamma q + mu v,        F = F_0 + mu F_1 >= 0
+
+and Coulomb's law at every point (`reduced_problem`). mu is the friction coefficient, or a second
+load. In a piece every point has a status; on a *border* one point is between two of them (open and
+slipping, with nothing but ut, or stuck and slipping, with nothing but rn) and loses one unknown.
+So for every mu the unknowns z of the points and gamma solve
+
+    [M B(mu), -q] (z, gamma) = p + mu v,
+
+a system of 2 m equations whose matrix is affine in mu: gamma is a rational function of mu, and so
+is every slack of an inequality. With G(mu) = G + t E at mu = c + t a function s(mu) (z, gamma) - b
+vanishes where
+
+    det (P_0 + t P_1) = det [[G + t E, h + t h'], [s + t s', b]] = 0,
+
+where 1/t is an eigenvalue of - P_0^{-1} P_1, if the function does not vanish at c. So all ends of
+a border are found, without steps.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = ["BORDERS", "FIRST_BORDER", "ContactFamily", "Frame"]
+
+Array = npt.NDArray[np.float64]
+Codes = npt.NDArray[np.int8]
+
+#: Between which two statuses a border is, by its code less `FIRST_BORDER`.
+BORDERS = ((0, 2), (0, 3), (1, 2), (1, 3))
+FIRST_BORDER = 4
+_REAL = 1e-6  # imaginary parts, relative, of what may be a real eigenvalue
+_SINGULAR = 1e13  # condition number from which on a matrix counts as singular
+_PARTS = (0.6180339887, 0.3819660113, 0.7320508076, 0.2679491924)  # of an interval
+_POLISH = 6  # steps of Newton's method
+
+_UT, _UN, _RT, _RN = np.eye(4)
+_NO = np.zeros(4)
+#: Of every status and border, the unknowns of its point: w = (B_0 + F B_1) z.
+_BASES: list[tuple[list[Array], list[Array]]] = [
+    ([_UT, _UN], [_NO, _NO]),
+    ([_RT, _RN], [_NO, _NO]),
+    ([_UT, _RN], [_NO, -_RT]),
+    ([_UT, _RN], [_NO, _RT]),
+    ([_UT], [_NO]),
+    ([_UT], [_NO]),
+    ([_RN], [-_RT]),
+    ([_RN], [_RT]),
+]
+#: Inequalities (C_0 + F C_1) w >= 0, each with the status beyond.
+_INSIDE: list[list[tuple[Array, Array, int]]] = [
+    [(_UN, _NO, 2)],
+    [(_RT, _RN, 2), (-_RT, _RN, 3)],
+    [(_UT, _NO, 1), (_RN, _NO, 0)],
+    [(-_UT, _NO, 1), (_RN, _NO, 0)],
+    [(_UT, _NO, 5)],
+    [(-_UT, _NO, 4)],
+    [(_RN, _NO, 0)],
+    [(_RN, _NO, 0)],
+]
+
+
+@dataclass(frozen=True, eq=False)
+class ContactFamily:
+    """Contact at m points, with two parameters; see the module.
+
+    Attributes:
+        S: stiffness (2 m, 2 m), ordered ut, un point by point.
+        p: load (2 m,).
+        q: its derivative by gamma (2 m,).
+        v: its derivative by mu (2 m,).
+        friction: coefficients at mu = 0 (m,).
+        friction_rate: their derivatives by mu (m,).
+    """
+
+    S: Array
+    p: Array
+    q: Array
+    v: Array
+    friction: Array
+    friction_rate: Array
+
+    @property
+    def points(self) -> int:
+        """Number m of contact points."""
+        return len(self.friction)
+
+    @cached_property
+    def frictionless(self) -> npt.NDArray[np.bool_]:
+        """Points that have no friction at any mu: closed, they have the code 2."""
+        return np.asarray((self.friction == 0) & (self.friction_rate == 0))
+
+    @cached_property
+    def size(self) -> float:
+        """A typical stiffness, by which displacements are compared with forces."""
+        return float(np.abs(np.diag(self.S)).mean())
+
+    def basis(self, i: int, code: int, mu: float) -> Array:
+        """B of a status or border at a point (4, unknowns)."""
+        F = self.friction[i] + mu * self.friction_rate[i]
+        constant, slope = _BASES[code]
+        return np.array(constant).T + F * np.array(slope).T
+
+    def inequalities(self, i: int, code: int) -> list[tuple[Array, Array, int]]:
+        """Of a status or border at a point: C_0, C_1 in C_0 + mu C_1, and the status beyond."""
+        if self.frictionless[i]:
+            return [(c, _NO, target) for c, _, target in _INSIDE[code] if c is _UN or c is _RN]
+        F, rate = self.friction[i], self.friction_rate[i]
+        return [(c + F * slope, rate * slope, target) for c, slope, target in _INSIDE[code]]
+
+    def columns(self, codes: Codes) -> tuple[Array, Array]:
+        """M B_0 and M B_1 of M (B_0 + mu B_1), (2 m, unknowns) each."""
+        parts = []
+        for mu in (0.0, 1.0):
+            every = []
+            for i, code in enumerate(codes):
+                B = self.basis(i, int(code), mu)
+                column = self.S[:, 2 * i : 2 * i + 2] @ B[:2]
+                column[2 * i : 2 * i + 2] -= B[2:]
+                every.append(column)
+            parts.append(np.concatenate(every, axis=1))
+        return parts[0], parts[1] - parts[0]
+
+    def state(self, codes: Codes, z: Array, mu: float) -> Array:
+        """W of the unknowns z of a piece or border (m, 4)."""
+        w, first = np.empty((self.points, 4)), 0
+        for i, code in enumerate(codes):
+            B = self.basis(i, int(code), mu)
+            w[i] = B @ z[first : first + B.shape[1]]
+            first += B.shape[1]
+        return w
+
+    def held(self, i: int, w: Array, mu: float, tolerance: float) -> list[int]:
+        """Statuses and borders that hold a point with the numbers w (4,)."""
+        units = np.array([self.size, self.size, 1.0, 1.0])
+        found = []
+        for code in range(FIRST_BORDER + len(BORDERS)):
+            if self.frictionless[i] and code not in (0, 2, 4):
+                continue
+            B = self.basis(i, code, mu) * units[:, None]
+            scaled = w * units
+            off = scaled - B @ np.linalg.lstsq(B, scaled, rcond=None)[0]
+            if np.abs(off).max() > tolerance:
+                continue
+            slacks = [(c + mu * d) / units @ scaled for c, d, _ in self.inequalities(i, code)]
+            lengths = [np.abs((c + mu * d) / units).max() for c, d, _ in self.inequalities(i, code)]
+            if all(s >= -tolerance * n for s, n in zip(slacks, lengths, strict=True)):
+                found.append(code)
+        return found
+
+
+class Frame:
+    """A border of a family: the functions of mu on it.
+
+    Args:
+        family: the problem.
+        codes: statuses of the points, of one of them a border (m,).
+    """
+
+    def __init__(self, family: ContactFamily, codes: Codes):
+        self.family, self.codes = family, codes
+        (self.point,) = (int(i) for i in np.flatnonzero(codes >= FIRST_BORDER))
+        self.pair = BORDERS[codes[self.point] - FIRST_BORDER]
+        A, E = family.columns(codes)
+        self._G = np.column_stack([A, -family.q])
+        self._E = np.column_stack([E, np.zeros(len(A))])
+        self._slacks = self._functions()
+
+    def _functions(self) -> tuple[Array, Array]:
+        """Rows s_0, s_1 of the slacks (s_0 + mu s_1) (z, gamma) (slacks, 2 m)."""
+        f, n, rows, first = self.family, len(self._G), [], 0
+        for i, code in enumerate(self.codes):
+            B_0 = f.basis(i, int(code), 0.0)
+            B_1, width = f.basis(i, int(code), 1.0) - B_0, B_0.shape[1]
+            for C_0, C_1, _ in f.inequalities(i, int(code)):
+                row = np.zeros((2, n))
+                # No inequality and basis of one status depend on the friction both.
+                row[0, first : first + width] = C_0 @ B_0
+                row[1, first : first + width] = C_0 @ B_1 + C_1 @ B_0
+                rows.append(row)
+            first += width
+        both = np.array(rows).reshape(-1, 2, n)
+        return both[:, 0], both[:, 1]
+
+    def solve(self, mu: float) -> Array | None:
+        """(z, gamma) at mu (2 m,); None where the matrix is singular."""
+        f = self.family
+        try:
+            y = np.asarray(np.linalg.solve(self._G + mu * self._E, f.p + mu * f.v), dtype=float)
+        except np.linalg.LinAlgError:
+            return None
+        return y if np.isfinite(y).all() else None
+
+    def gamma(self, mu: float) -> float:
+        """Gamma at mu; NaN where there is none."""
+        y = self.solve(mu)
+        return float("nan") if y is None else float(y[-1])
+
+    def state(self, mu: float) -> Array | None:
+        """W at mu (m, 4); None where the matrix is singular."""
+        y = self.solve(mu)
+        return None if y is None else self.family.state(self.codes, y[:-1], mu)
+
+    def slacks(self, mu: float) -> Array:
+        """All slacks at mu; NaN where the matrix is singular."""
+        y, (s_0, s_1) = self.solve(mu), self._slacks
+        return np.full(len(s_0), np.nan) if y is None else np.asarray((s_0 + mu * s_1) @ y)
+
+    def is_inside(self, mu: float) -> bool:
+        """Whether there is a state at mu that no inequality excludes."""
+        slacks = self.slacks(mu)
+        return bool(np.isfinite(slacks).all() and slacks.min(initial=np.inf) > 0)
+
+    # -- ends ------------------------------------------------------------------------------------
+
+    def ends(self, span: tuple[float, float], gammas: tuple[float, float]) -> Array:
+        """All mu of an interval at which the border may end, rising.
+
+        There a slack vanishes, gamma is at an end of its range, or the matrix is singular.
+
+        Args:
+            span: the interval of mu.
+            gammas: the range of gamma.
+        """
+        f, (s_0, s_1) = self.family, self._slacks
+        n = len(self._G)
+        unit = np.zeros((2, n))
+        unit[:, -1] = 1.0
+        rows = np.concatenate([s_0, unit]), np.concatenate([s_1, np.zeros((2, n))])
+        targets = np.concatenate([np.zeros(len(s_0)), gammas])
+        pencil = _Pencil.within(self._G, self._E, span)
+        if pencil is None:
+            return np.zeros(0)
+        found = pencil.singular(span)
+        for s, slope, target in zip(*rows, targets, strict=True):
+            roots = pencil.roots(f.p, f.v, s, slope, target, span)
+            found += [self._polished(mu, s, slope, target) for mu in roots]
+        inside = [mu for mu in found if span[0] < mu < span[1]]
+        return np.array(sorted(inside), dtype=float)
+
+    def _polished(self, mu: float, s_0: Array, s_1: Array, target: float) -> float:
+        """A root of a function by Newton's method; where that fails as it was."""
+        f, best, least = self.family, mu, np.inf
+        for _ in range(_POLISH):
+            y = self.solve(mu)
+            if y is None:
+                return best
+            value = float((s_0 + mu * s_1) @ y - target)
+            if not abs(value) < least:
+                return best
+            best, least = mu, abs(value)
+            dy = np.linalg.solve(self._G + mu * self._E, f.v - self._E @ y)
+            slope = float(s_1 @ y + (s_0 + mu * s_1) @ dy)
+            if value == 0 or slope == 0:
+                return best
+            mu -= value / slope
+        return best
+
+    # -- the pieces on either side ---------------------------------------------------------------
+
+    def piece(self, which: int) -> Codes:
+        """Statuses of the piece on one side, 0 or 1 (m,)."""
+        codes = self.codes.copy()
+        codes[self.point] = self.pair[which]
+        return codes
+
+    def turns(self, which: int, span: tuple[float, float]) -> Array:
+        """All mu of an interval at which the piece on one side is singular, rising."""
+        A, E = self.family.columns(self.piece(which))
+        pencil = _Pencil.within(A, E, span)
+        return np.array(sorted(pencil.singular(span)) if pencil is not None else [], dtype=float)
+
+    def sense(self, which: int, mu: float) -> float:
+        """Whether gamma grows (1) or falls (-1) into the piece on one side; 0 if neither."""
+        f, codes = self.family, self.piece(which)
+        A, E = f.columns(codes)
+        mine, other = int(codes[self.point]), self.pair[1 - which]
+        # An open point that closes slips, in the sense of its ut.
+        C_0, C_1 = next(
+            (constant, slope)
+            for constant, slope, beyond in f.inequalities(self.point, mine)
+            if beyond == other or mine == 0
+        )
+        try:
+            dz = np.asarray(np.linalg.solve(A + mu * E, f.q), dtype=float)
+        except np.linalg.LinAlgError:
+            return 0.0
+        dw = f.state(codes, dz, mu)[self.point]
+        return float(np.sign((C_0 + mu * C_1) @ dw))
+
+    def kind(self, mu: float) -> str:
+        """Whether solutions turn back here, as gamma varies: ``"fold"`` or ``"event"``."""
+        return "fold" if self.sense(0, mu) == self.sense(1, mu) else "event"
+
+
+class _Pencil:
+    """G + mu E about a center where it is regular; E has few columns that are not zero."""
+
+    def __init__(self, E: Array, inverse: Array, center: float):
+        self.E, self.inverse, self.center = E, inverse, center
+        self.columns = np.flatnonzero(np.abs(E).max(axis=0) > 0)
+        self._by = inverse @ E
+
+    @classmethod
+    def within(cls, G: Array, E: Array, span: tuple[float, float]) -> _Pencil | None:
+        """The pencil about some mu of an interval; None if it is singular everywhere there."""
+        for part in _PARTS:
+            center = span[0] + part * (span[1] - span[0])
+            A = G + center * E
+            unit = np.abs(A).max(axis=0)
+            if unit.min() > 0:
+                try:
+                    inverse = np.linalg.inv(A / unit)
+                except np.linalg.LinAlgError:
+                    continue
+                size = np.abs(A / unit).sum(axis=1).max() * np.abs(inverse).sum(axis=1).max()
+                if size < _SINGULAR:
+                    return cls(E, inverse / unit[:, None], center)
+        return None
+
+    def _shifts(self, X: Array, span: tuple[float, float]) -> list[float]:
+        """Mu in the interval for eigenvalues 1 / (mu - center) of a matrix."""
+        values = np.linalg.eigvals(X)
+        near = np.abs(values) * (span[1] - span[0]) >= 1
+        real = values[near & (np.abs(values.imag) <= _REAL * np.abs(values))].real
+        found = (self.center + 1.0 / float(x) for x in real)
+        return [mu for mu in found if span[0] < mu < span[1]]
+
+    def singular(self, span: tuple[float, float]) -> list[float]:
+        """Where in an interval the matrix is singular."""
+        return self._shifts(-self._by[np.ix_(self.columns, self.columns)], span)
+
+    def roots(
+        self, p: Array, v: Array, s: Array, slope: Array, target: float, span: tuple[float, float]
+    ) -> list[float]:
+        """Where in an interval (s + mu slope) y = target, with (G + mu E) y = p + mu v."""
+        y = self.inverse @ (p + self.center * v)
+        row = s + self.center * slope
+        value = float(row @ y - target)
+        if abs(value) <= 1e-13 * float(np.abs(row) @ np.abs(y) + abs(target)):
+            return []  # it vanishes everywhere
+        used = np.union1d(self.columns, np.flatnonzero(slope))
+        right = np.column_stack([self._by[:, used], self.inverse @ v])
+        last = (np.append(slope[used], 0.0) - row @ right) / -value
+        X = np.vstack([(right - np.outer(y, last))[used], last])
+        return self._shifts(-X, span)

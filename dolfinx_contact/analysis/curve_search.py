@@ -1,0 +1,301 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Following curves of folds and of events in two parameters to where they meet.
+
+On a border (`contact_family`) gamma is a function of mu on some intervals. An interval ends where
+another point comes to a border of its own, or the same one to its apex: there other borders meet
+at the same state. Within an interval a piece next to the border may be singular at some mu: there
+the piece holds a segment of solutions with one gamma, whose other end lies on another border, and
+on both borders folds become events or events folds. All these are found as roots of rational
+functions, and the curves are followed from one to the next.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact.analysis.contact_family import BORDERS, FIRST_BORDER, ContactFamily, Frame
+from dolfinx_contact.analysis.event_curves import EventCurve, EventCurves, Meeting, Segment
+
+__all__ = ["follow_events"]
+
+Array = npt.NDArray[np.float64]
+Codes = npt.NDArray[np.int8]
+
+_SAME = 1e-7  # of the size of a state, or of the range of mu
+_HELD = 1e-8  # of the size of a state, within which a point is at a border
+_MOST_CHOICES = 256  # borders that may meet at one state
+
+
+@dataclass(eq=False)
+class _Joint:
+    """A state and the segments that end there, with the side on which they lie."""
+
+    mu: float
+    gamma: float
+    singular: bool
+    complete: bool
+    ends: dict[int, int] = field(default_factory=dict)
+
+
+def follow_events(
+    family: ContactFamily,
+    starts: Sequence[tuple[Codes, float]],
+    mu_range: tuple[float, float],
+    gamma_range: tuple[float, float],
+    *,
+    folds_only: bool = True,
+) -> EventCurves:
+    """Follow the curves that pass through some borders, and those that they meet.
+
+    Args:
+        family: the problem with two parameters.
+        starts: statuses of borders (`Frame`) and the mu at which they are known.
+        mu_range: least and largest mu.
+        gamma_range: least and largest gamma.
+        folds_only: whether curves of folds alone are followed from a start, or a meeting, on.
+
+    Raises:
+        ValueError: if a start is no state of its border.
+    """
+    search = _Search(family, mu_range, gamma_range, folds_only)
+    for codes, mu in starts:
+        search.begin(np.asarray(codes, dtype=np.int8), mu)
+    search.run()
+    return search.result()
+
+
+class _Search:
+    def __init__(
+        self,
+        family: ContactFamily,
+        mus: tuple[float, float],
+        gammas: tuple[float, float],
+        folds_only: bool,
+    ):
+        self.family, self.mus, self.gammas = family, mus, gammas
+        self.folds_only = folds_only
+        self.near = _SAME * (mus[1] - mus[0])
+        self.segments: list[Segment] = []
+        self._numbers: dict[bytes, list[int]] = {}
+        self._waiting: list[int] = []
+        self._done: set[int] = set()
+        self._joints: dict[tuple[int, int], _Joint] = {}  # by segment and side
+        self.joints: list[_Joint] = []
+
+    # -- segments --------------------------------------------------------------------------------
+
+    def of(self, codes: Codes) -> list[int]:
+        """The segments of a border, by number."""
+        key = codes.tobytes()
+        if key not in self._numbers:
+            frame, new = Frame(self.family, codes), []
+            for low, high in self._intervals(frame):
+                turns = {t for which in (0, 1) for t in frame.turns(which, (low, high))}
+                cuts = [low, *sorted(turns), high]
+                for a, b in itertools.pairwise(cuts):
+                    new.append(len(self.segments))
+                    kind = frame.kind((a + b) / 2)
+                    self.segments.append(Segment(frame, float(a), float(b), kind))
+            self._numbers[key] = new
+        return self._numbers[key]
+
+    def _intervals(self, frame: Frame) -> list[tuple[float, float]]:
+        """Where the border holds states."""
+        cuts = [self.mus[0], *frame.ends(self.mus, self.gammas), self.mus[1]]
+        found: list[tuple[float, float]] = []
+        for a, b in itertools.pairwise(cuts):
+            middle = (a + b) / 2
+            low, high = self.gammas
+            if a < b and frame.is_inside(middle) and low < frame.gamma(middle) < high:
+                if found and found[-1][1] == a:
+                    found[-1] = found[-1][0], b
+                else:
+                    found.append((a, b))
+        return found
+
+    def begin(self, codes: Codes, mu: float) -> None:
+        numbers = [
+            n
+            for n in self.of(codes)
+            if self.segments[n].low - self.near <= mu <= self.segments[n].high + self.near
+        ]
+        if not numbers:
+            raise ValueError(f"there is no state at {mu:g} on the border that is to be followed")
+        self._add(numbers)
+
+    def _add(self, numbers: Sequence[int]) -> None:
+        for n in numbers:
+            if n not in self._done and (self.segments[n].kind == "fold" or not self.folds_only):
+                self._done.add(n)
+                self._waiting.append(n)
+
+    def run(self) -> None:
+        """Follow what is waiting, and what that meets."""
+        while self._waiting:
+            number = self._waiting.pop()
+            s = self.segments[number]
+            for side, mu in ((-1, s.low), (1, s.high)):
+                if (number, side) in self._joints:
+                    continue
+                joint = self._joint(s, mu)
+                if joint is None:
+                    continue
+                self.joints.append(joint)
+                for n, where in joint.ends.items():
+                    self._joints[n, where] = joint
+                self._add(list(joint.ends))
+
+    # -- meetings --------------------------------------------------------------------------------
+
+    def _joint(self, s: Segment, mu: float) -> _Joint | None:
+        """What is at the end of a segment; None at the ends of the ranges."""
+        if mu in self.mus:
+            return None
+        w, gamma = s.frame.state(mu), s.frame.gamma(mu)
+        if w is None or min(abs(gamma - g) for g in self.gammas) <= 1e-9 * np.ptp(self.gammas):
+            return None
+        singular = [
+            k
+            for k in (0, 1)
+            if np.min(abs(s.frame.turns(k, self.mus) - mu), initial=1e300) <= self.near * 1e-3
+        ]
+        joint = _Joint(mu, gamma, bool(singular), True)
+        borders = [(s.frame.codes, w)]
+        for which in singular:
+            borders += self._far_end(s.frame, which, mu, w)
+        if not singular:
+            choices = self._borders_at(w, mu)
+            joint.complete = choices is not None
+            borders += [(codes, w) for codes in choices or []]
+        for codes, state in borders:
+            joint.ends |= self._ends_at(codes, mu, state)
+        return joint
+
+    def _ends_at(self, codes: Codes, mu: float, w: Array) -> Iterator[tuple[int, int]]:
+        """Segments of a border that end at a state, and their sides: -1 is the lower end."""
+        for n in self.of(codes):
+            s = self.segments[n]
+            for side, end in ((-1, s.low), (1, s.high)):
+                if abs(end - mu) <= self.near and self._is_at(s.frame, end, w):
+                    yield n, side
+
+    def _is_at(self, frame: Frame, mu: float, w: Array) -> bool:
+        there = frame.state(mu)
+        if there is None:
+            return False
+        return bool(self._size(there - w) <= 10 * _SAME * self._size(w))
+
+    def _size(self, w: Array) -> float:
+        k = self.family.size
+        return float(max(k * np.abs(w[:, :2]).max(), np.abs(w[:, 2:]).max()))
+
+    def _borders_at(self, w: Array, mu: float) -> list[Codes] | None:
+        """All borders that may hold a state; None if these are too many."""
+        f, tolerance = self.family, _HELD * self._size(w)
+        held = [f.held(i, w[i], mu, tolerance) for i in range(f.points)]
+        whole = [[c for c in these if c < FIRST_BORDER] for these in held]
+        kinked = [i for i in range(f.points) if len(whole[i]) > 1]
+        codes = np.array([these[0] if these else -1 for these in whole], dtype=np.int8)
+        if (codes < 0).any():
+            return None
+        found = []
+        for i in kinked:
+            others = [k for k in kinked if k != i]
+            choices = [whole[k] for k in others]
+            if np.prod([len(c) for c in choices]) > _MOST_CHOICES:
+                return None
+            for border in (c for c in held[i] if c >= FIRST_BORDER):
+                for chosen in itertools.product(*choices):
+                    new = codes.copy()
+                    new[i], new[others] = border, chosen
+                    found.append(new)
+        return found
+
+    def _far_end(
+        self, frame: Frame, which: int, mu: float, w: Array
+    ) -> Iterator[tuple[Codes, Array]]:
+        """The border at the other end of the states that a singular piece holds."""
+        f, codes = self.family, frame.piece(which)
+        A, E = f.columns(codes)
+        kernel = np.linalg.svd(A + mu * E)[2][-1]
+        direction = f.state(codes, kernel, mu)
+        slack, rate, where = [], [], []
+        for i, code in enumerate(codes):
+            for C_0, C_1, beyond in f.inequalities(i, int(code)):
+                row = C_0 + mu * C_1
+                slack.append(float(row @ w[i]))
+                rate.append(float(row @ direction[i]))
+                where.append((i, beyond))
+        own = next(
+            k
+            for k, (i, beyond) in enumerate(where)
+            if i == frame.point and (beyond == frame.pair[1 - which] or codes[i] == 0)
+        )
+        sense = np.sign(rate[own])
+        lengths = [
+            -s / (sense * r) if k != own and sense * r < 0 else np.inf
+            for k, (s, r) in enumerate(zip(slack, rate, strict=True))
+        ]
+        k = int(np.argmin(lengths))
+        if not np.isfinite(lengths[k]):
+            return
+        i, beyond = where[k]
+        there = w + lengths[k] * sense * direction
+        if codes[i] == 0 and there[i, 0] < 0 and not f.frictionless[i]:
+            beyond = 3
+        pair = sorted((int(codes[i]), beyond))
+        codes[i] = FIRST_BORDER + BORDERS.index((pair[0], pair[1]))
+        yield codes, there
+
+    # -- curves ----------------------------------------------------------------------------------
+
+    def result(self) -> EventCurves:
+        """Segments that continue one another, as curves."""
+        after: dict[int, int] = {}
+        for joint in self.joints:
+            for left, right in self._pairs(joint):
+                after[left] = right
+        firsts = sorted(self._done - set(after.values()))
+        curves = []
+        for n in firsts:
+            chain = [n]
+            while chain[-1] in after:
+                chain.append(after[chain[-1]])
+            parts = tuple(self.segments[k] for k in chain)
+            curves.append(EventCurve(parts[0].kind, parts))
+        curves.sort(key=lambda c: (c.kind != "fold", c.span[0], c.at(sum(c.span) / 2)))
+        meetings = [
+            Meeting(
+                joint.mu,
+                joint.gamma,
+                tuple(self.segments[n] for n, side in joint.ends.items() if side == 1),
+                tuple(self.segments[n] for n, side in joint.ends.items() if side == -1),
+                joint.singular,
+                joint.complete,
+            )
+            for joint in self.joints
+        ]
+        return EventCurves(tuple(curves), tuple(sorted(meetings, key=lambda m: (m.mu, m.gamma))))
+
+    def _pairs(self, joint: _Joint) -> Iterator[tuple[int, int]]:
+        """Segments that continue one another through a meeting: the left and the right one."""
+        done = [(n, side) for n, side in joint.ends.items() if n in self._done]
+        left, right = ([n for n, side in done if side == s] for s in (1, -1))
+        folds = [[n for n in part if self.segments[n].kind == "fold"] for part in (left, right)]
+        if len(folds[0]) == len(folds[1]) == 1:
+            yield folds[0][0], folds[1][0]
+            left, right = (
+                [n for n in part if n not in folds[k]] for k, part in enumerate((left, right))
+            )
+        for n in left:
+            s = self.segments[n]
+            for other in right:
+                t = self.segments[other]
+                same = s.frame.point == t.frame.point and s.frame.pair == t.frame.pair
+                if same and s.kind == t.kind:
+                    yield n, other

@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Curves of folds and of events in two parameters: their records."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact.analysis.contact_family import Frame
+
+__all__ = ["EventCurve", "EventCurves", "Meeting", "Segment"]
+
+Array = npt.NDArray[np.float64]
+
+_LETTERS = "ok+-"
+
+
+@dataclass(frozen=True, eq=False)
+class Segment:
+    """A part of a curve with the same statuses.
+
+    Attributes:
+        frame: the border.
+        low: least mu.
+        high: largest mu.
+        kind: ``"fold"`` where gamma turns back, ``"event"`` where it goes on.
+    """
+
+    frame: Frame
+    low: float
+    high: float
+    kind: str
+
+    @property
+    def statuses(self) -> tuple[str, str]:
+        """Letters of the points on either side."""
+        sides = (self.frame.piece(which) for which in (0, 1))
+        before, after = ("".join(_LETTERS[c] for c in codes) for codes in sides)
+        return before, after
+
+
+@dataclass(frozen=True, eq=False)
+class Meeting:
+    """A state at which several segments end.
+
+    Attributes:
+        mu: parameter.
+        gamma: parameter.
+        left: segments of smaller mu.
+        right: segments of larger mu.
+        singular: whether it is a whole line of states, a singular piece, whose ends the segments
+            lie on; else it is one state, at which two points, or one in two ways, are at a border.
+        complete: False if so many points are at a border that they have not been followed.
+    """
+
+    mu: float
+    gamma: float
+    left: tuple[Segment, ...]
+    right: tuple[Segment, ...]
+    singular: bool
+    complete: bool = True
+
+    @property
+    def is_cusp(self) -> bool:
+        """Whether two curves of folds end here, on the same side."""
+        counts = sorted(sum(s.kind == "fold" for s in side) for side in (self.left, self.right))
+        return counts == [0, 2]
+
+
+@dataclass(frozen=True, eq=False)
+class EventCurve:
+    """Segments that continue one another, mu rising.
+
+    Attributes:
+        kind: of all of them.
+        segments: in order.
+    """
+
+    kind: str
+    segments: tuple[Segment, ...]
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """Least and largest mu."""
+        return self.segments[0].low, self.segments[-1].high
+
+    def at(self, mu: float) -> float:
+        """Gamma at mu; NaN outside of the span."""
+        for s in self.segments:
+            if s.low <= mu <= s.high:
+                return s.frame.gamma(mu)
+        return float("nan")
+
+    def statuses_at(self, mu: float) -> tuple[str, str]:
+        """Letters of the points on either side at mu.
+
+        Raises:
+            ValueError: outside of the span.
+        """
+        for s in self.segments:
+            if s.low <= mu <= s.high:
+                return s.statuses
+        raise ValueError(f"the curve does not reach {mu:g}: {self.span}")
+
+    def points(self, number: int = 8) -> Array:
+        """(mu, gamma) of points (n, 2), ``number`` steps a segment."""
+        first, _ = self.span
+        mus = [np.linspace(s.low, s.high, number + 1)[1:] for s in self.segments]
+        return np.array([(mu, self.at(mu)) for mu in (first, *np.concatenate(mus))])
+
+
+@dataclass(frozen=True, eq=False)
+class EventCurves:
+    """Curves in (mu, gamma) and where they meet.
+
+    Attributes:
+        curves: those of folds first, then by mu and gamma.
+        meetings: where segments end that were followed, by mu and gamma.
+    """
+
+    curves: tuple[EventCurve, ...]
+    meetings: tuple[Meeting, ...]
+
+    @property
+    def folds(self) -> tuple[EventCurve, ...]:
+        """Curves on which gamma turns back."""
+        return tuple(c for c in self.curves if c.kind == "fold")
+
+    @property
+    def cusps(self) -> tuple[tuple[float, float], ...]:
+        """(mu, gamma) at which two curves of folds end."""
+        return tuple((m.mu, m.gamma) for m in self.meetings if m.is_cusp)
+
+    def folds_at(self, mu: float) -> list[float]:
+        """Gamma of all folds at mu, falling."""
+        there = (c.at(mu) for c in self.folds)
+        return sorted((g for g in there if np.isfinite(g)), reverse=True)

@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Curves of folds and events of a contact problem with two parameters.
+
+The first parameter is that of the branches, the second a Constant: the friction coefficient or
+another load. The problem is condensed onto its contact points at three values of the second one,
+between which its data must be affine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx import fem
+
+from dolfinx_contact._errors import everywhere, on_root, require, same_everywhere
+from dolfinx_contact.analysis.contact import obstacle_to_proof
+from dolfinx_contact.analysis.contact_family import BORDERS, FIRST_BORDER, ContactFamily
+from dolfinx_contact.analysis.curve_search import follow_events
+from dolfinx_contact.analysis.event_curves import EventCurves
+from dolfinx_contact.continuation import Branch
+from dolfinx_contact.continuation.arguments import checked_range
+from dolfinx_contact.equations.parametric import ParametricEquations
+from dolfinx_contact.laws import Tresca
+from dolfinx_contact.reduced.condensed import CondensedContact, can_condense
+from dolfinx_contact.reduced.gathered import GatheredPoints
+
+__all__ = ["contact_family", "event_curves"]
+
+_AFFINE = 1e-9  # relative error of what counts as affine
+
+
+def contact_family(
+    system: ParametricEquations, other: fem.Constant, values: tuple[float, float]
+) -> ContactFamily:
+    """The problem on its contact points, with gamma and a second parameter. Collective.
+
+    Args:
+        system: the problem with gamma.
+        other: the second parameter mu, a scalar Constant.
+        values: two values of it, for which the friction must not be negative.
+
+    Raises:
+        ValueError: on every rank, if the problem is not that of a linear body in 2D with Coulomb
+            friction and contact at nodes, or its data are not affine in mu, or do not contain it.
+    """
+    with everywhere(system.comm, "two parameters"):
+        if not isinstance(other, fem.Constant) or other.ufl_shape != ():
+            raise ValueError("the second parameter must be a scalar Constant")
+        if other is system.constant:
+            raise ValueError("the second parameter must be another Constant than gamma")
+        low, high = checked_range(values, [])
+    same_everywhere(system.comm, values=(low, high))
+    found = [_condensed(system, other, mu) for mu in (low, high, (low + high) / 2)]
+    a, b, middle = found
+    slopes = [(y - x) / (high - low) for x, y in zip(a, b, strict=True)]
+    for number, (x, y, between) in enumerate(zip(a, b, middle, strict=True)):
+        size = max(float(np.abs(v).max(initial=0.0)) for v in (x, y, between))
+        affine = float(np.abs((x + y) / 2 - between).max(initial=0.0)) <= _AFFINE * size
+        held = number > 1 or float(np.abs(y - x).max(initial=0.0)) <= _AFFINE * size
+        require(
+            system.comm,
+            affine and held,
+            "the load and the friction must be affine in the second parameter, and the stiffness "
+            "and the rate of the first must not depend on it",
+        )
+    present = any(
+        float(np.abs(y - x).max(initial=0.0)) > 1e-14 * float(np.abs(y).max(initial=0.0))
+        for x, y in zip(a[2:], b[2:], strict=True)
+    )
+    require(system.comm, present, "the second parameter does not appear in the contact problem")
+    S, q, p, friction = a
+    _, _, v, rate = slopes
+    return ContactFamily(S, p - low * v, q, v, friction - low * rate, rate)
+
+
+def _condensed(
+    system: ParametricEquations, other: fem.Constant, mu: float
+) -> tuple[Any, Any, Any, Any]:
+    """S, q, p and the friction at one mu. Collective."""
+    before, nothing = other.value.copy(), system.create_vector()
+    other.value = mu
+    try:
+        with system.restored(always=True):
+            system.set(0.0)
+            for s in system.equations.surfaces:
+                s.update_geometry()
+                s.check_law(f" where the second parameter is {mu:g}")
+            fits = system.is_linear and can_condense(system)
+            fits = fits and not any(isinstance(s.law, Tresca) for s in system.equations.surfaces)
+            condensed = CondensedContact(system, nothing, 0.0, exact=True) if fits else None
+            obstacle = obstacle_to_proof(system.equations, condensed)
+            if condensed is not None:
+                affine = condensed.system
+                S = affine.matrix[:, :, :2].reshape(len(affine.load), -1).copy()
+                data = S, affine.rate.copy(), affine.load.copy(), condensed.friction.copy()
+                condensed.destroy()
+            require(system.comm, not obstacle, f"curves in two parameters: {obstacle}")
+            return data
+    finally:
+        other.value = before
+        nothing.destroy()
+
+
+def event_curves(
+    system: ParametricEquations,
+    other: fem.Constant,
+    branches: Sequence[Branch],
+    other_range: tuple[float, float],
+    gamma_range: tuple[float, float],
+    *,
+    folds_only: bool = True,
+) -> EventCurves:
+    """Curves of the folds and events of some branches in a second parameter, exact. Collective.
+
+    Args:
+        system: the problem with gamma, a `ParametricContact`.
+        other: the second parameter mu, a scalar Constant, at the value at which the branches were
+            followed.
+        branches: whose folds, or events, are followed.
+        other_range: least and largest mu.
+        gamma_range: least and largest gamma.
+        folds_only: whether curves of folds alone are followed.
+
+    Returns:
+        The curves that pass through events of the branches, and those that they meet.
+
+    Raises:
+        ValueError: see `contact_family`; or if mu is not in its range.
+    """
+    with everywhere(system.comm, "event curves"):
+        mu = float(np.asarray(getattr(other, "value", np.nan)).reshape(-1)[0])
+        low, high = checked_range(other_range, [mu])
+        gammas = checked_range(gamma_range, [])
+    same_everywhere(system.comm, mu=mu, gammas=gammas, folds_only=bool(folds_only))
+    family = contact_family(system, other, (low, high))
+    points = GatheredPoints(system)
+    starts = [(c, mu) for b in branches for c in _borders(points, b, folds_only=folds_only)]
+    return on_root(
+        system.comm,
+        lambda: follow_events(family, starts, (low, high), gammas, folds_only=folds_only),
+    )
+
+
+def _borders(
+    points: GatheredPoints, branch: Branch, *, folds_only: bool
+) -> list[npt.NDArray[np.int8]]:
+    """Statuses of the borders that a branch passes, one point at a time. Collective."""
+    found = []
+    for special in branch.folds if folds_only else branch.special:
+        before, after = (
+            points.gathered(branch.points[k].piece.codes)
+            for k in (special.index - 1, special.index)
+        )
+        changed = np.flatnonzero(before != after)
+        pairs = [tuple(sorted((int(before[i]), int(after[i])))) for i in changed]
+        if len(pairs) == 1 and pairs[0] in BORDERS:
+            codes = before.copy()
+            codes[changed] = FIRST_BORDER + BORDERS.index(pairs[0])
+            found.append(codes)
+    return found

@@ -1,0 +1,186 @@
+"""Curves of folds and events in two parameters, against closed forms, branches and enumeration."""
+
+import itertools
+
+from mpi4py import MPI
+
+import demo_followed_mesh
+import numpy as np
+import pytest
+from demo_hild_triangle import element
+
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact import ContactProblem, materials
+from dolfinx_contact.analysis import event_curves
+from dolfinx_contact.analysis.contact_family import ContactFamily, Frame
+from dolfinx_contact.analysis.curve_search import follow_events
+from dolfinx_contact.analysis.two_parameters import contact_family
+from dolfinx_contact.continuation import follow
+from dolfinx_contact.parametric import ParametricContact
+
+COMM = MPI.COMM_WORLD
+
+
+def branch_of(system, gamma_range=(0.0, 1.0)):
+    system.set_parameter(gamma_range[0])
+    system.problem.solve()
+    x = system.create_vector()
+    system.problem.write(x)
+    return follow(system, x, gamma_range[0], gamma_range=gamma_range)
+
+
+def friction_of(system):
+    (surface,) = system.problem.surfaces
+    return surface.law.friction
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e11])
+def test_one_element(unit):
+    """Stick ends at gamma = F, separation at gamma = kt / k, and they cross at F = kt / k."""
+    system = element((unit, unit), 3.0, 1.0, (-2.0 * unit, 0.0), (0.0, -2.0 * unit))
+    branch = branch_of(system, (0.0, 10.0))
+    F = friction_of(system)
+    curves = event_curves(system, F, [branch], (1.0, 4.0), (0.1, 10.0))
+    assert float(F.value) == 3.0
+    opened, stuck = curves.folds
+    assert opened.statuses_at(3.0) == ("o", "-")
+    assert stuck.statuses_at(3.0) == ("k", "-")
+    for mu in (2.1, 2.7, 3.9):
+        assert opened.at(mu) == pytest.approx(2.0, abs=1e-10)
+        assert stuck.at(mu) == pytest.approx(mu, abs=1e-10)
+        np.testing.assert_allclose(curves.folds_at(mu), [mu, 2.0], atol=1e-10)
+    (cusp,) = curves.cusps
+    np.testing.assert_allclose(cusp, (2.0, 2.0), atol=1e-10)
+    assert np.isnan(stuck.at(1.5))
+
+    both = event_curves(system, F, [branch], (1.0, 4.0), (0.1, 10.0), folds_only=False)
+    events = [c for c in both.curves if c.kind == "event"]
+    assert sorted(c.at(1.5) for c in events) == pytest.approx([1.5, 2.0], abs=1e-10)
+    assert len(both.folds) == 2
+
+
+def test_two_loads():
+    """One element under (-gamma, -mu): folds at gamma = F mu and gamma = kt / k mu."""
+    body = element((1.0, 1.0), 3.0, 1.0, (-2.0, 0.0), (0.0, 0.0)).problem
+    domain = body.V.mesh
+    gamma, mu = fem.Constant(domain, 0.0), fem.Constant(domain, 1.0)
+    side = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[0], 0))
+    tags = mesh.meshtags(domain, 1, np.sort(side), np.ones(len(side), dtype=np.int32))
+    ds = ufl.Measure("ds", domain, subdomain_data=tags)(1)
+    energy = materials.LinearElastic(1.0, 1.0).energy(body.u) * ufl.dx
+    energy += 2 * ufl.dot(ufl.as_vector([gamma, mu]), body.u) * ds
+    problem = ContactProblem(energy, body.u, body.surfaces, bcs=body.bcs)
+    system = ParametricContact(problem, gamma)
+    curves = event_curves(system, mu, [branch_of(system, (0.0, 10.0))], (0.5, 2.0), (0.1, 10.0))
+    for at in (0.6, 1.0, 1.9):
+        np.testing.assert_allclose(curves.folds_at(at), [3 * at, 2 * at], atol=1e-10)
+    assert curves.cusps == ()
+    assert [c.span for c in curves.folds] == [(0.5, 2.0)] * 2
+
+
+@pytest.fixture(scope="module")
+def vee():
+    args = demo_followed_mesh.arguments(["--size", "0.1"])
+    return demo_followed_mesh.system(args, COMM)
+
+
+def test_vee(vee):
+    """Folds of branches at other coefficients lie on the curves, with the same statuses."""
+    F = friction_of(vee)
+    F.value = 1.5
+    curves = event_curves(vee, F, [branch_of(vee)], (1.0, 1.6), (0.0, 1.0))
+    (cusp,) = curves.cusps
+    assert 1.1 < cusp[0] < 1.2
+    for mu in (cusp[0] + 1e-3, 1.3, 1.57):
+        F.value = mu
+        branch = branch_of(vee)
+        gammas = [s.gamma for s in branch.folds]
+        assert len(gammas) == 2
+        np.testing.assert_allclose(curves.folds_at(mu), sorted(gammas, reverse=True), atol=1e-10)
+        of_curves = {c.at(mu): set(c.statuses_at(mu)) for c in curves.folds}
+        for s in branch.folds:
+            pieces = (branch.points[k].piece for k in (s.index - 1, s.index))
+            nearest = min(of_curves, key=lambda gamma, s=s: abs(gamma - s.gamma))
+            assert of_curves[nearest] == {vee.letters(p) for p in pieces}
+    F.value = cusp[0] - 1e-3
+    assert branch_of(vee).folds == []
+
+
+def enumerated(family, mu, gammas):
+    """Codes and gamma of all borders with a state at mu, by trying all."""
+    found = {}
+    for i in range(family.points):
+        for codes in itertools.product(range(4), repeat=family.points):
+            for border in (4, 5, 6, 7):
+                new = np.array(codes, dtype=np.int8)
+                new[i] = border
+                frame = Frame(family, new)
+                if frame.is_inside(mu) and gammas[0] < frame.gamma(mu) < gammas[1]:
+                    found[new.tobytes()] = frame
+    return found
+
+
+def random_family(seed, m=2):
+    random = np.random.default_rng(seed)
+    R = random.standard_normal((2 * m, 2 * m))
+    S = R @ R.T + 0.3 * np.eye(2 * m)
+    p, q = random.standard_normal((2, 2 * m))
+    return ContactFamily(S, p, q, np.zeros(2 * m), np.zeros(m), np.ones(m))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_random_families(seed):
+    """At any coefficient the curves pass through all borders that enumeration finds.
+
+    Curves are followed from all borders at three coefficients; those that never pass these are not
+    looked for.
+    """
+    family, span, gammas = random_family(seed), (0.2, 4.0), (-20.0, 20.0)
+    starts = [
+        (np.frombuffer(key, dtype=np.int8), mu)
+        for mu in (0.5, 1.5, 3.5)
+        for key in enumerated(family, mu, gammas)
+    ]
+    curves = follow_events(family, starts, span, gammas, folds_only=False)
+    assert all(m.complete for m in curves.meetings)
+    for mu in (0.31, 1.07, 2.61, 3.93):
+        there = enumerated(family, mu, gammas)
+        passed = [s for c in curves.curves for s in c.segments if s.low <= mu <= s.high]
+        assert {s.frame.codes.tobytes() for s in passed} == set(there)
+        kinds = {s.frame.codes.tobytes(): s.kind for s in passed}
+        for key, frame in there.items():
+            # Solutions on either side of the border, by solving the pieces beside it.
+            gamma, h = frame.gamma(mu), 1e-7
+            sides = [
+                {sense for sense in (-1, 1) if holds(family, frame.piece(k), mu, gamma + sense * h)}
+                for k in (0, 1)
+            ]
+            assert kinds[key] == ("fold" if sides[0] == sides[1] else "event")
+
+
+def holds(family, codes, mu, gamma):
+    """Whether a piece holds a solution."""
+    A, E = family.columns(codes)
+    w = family.state(codes, np.linalg.solve(A + mu * E, family.p + gamma * family.q), mu)
+    slacks = [
+        (C_0 + mu * C_1) @ w[i]
+        for i, code in enumerate(codes)
+        for C_0, C_1, _ in family.inequalities(i, int(code))
+    ]
+    return min(slacks) > 0
+
+
+def test_what_is_refused(vee):
+    F = friction_of(vee)
+    with pytest.raises(ValueError, match="another Constant than gamma"):
+        contact_family(vee, vee.constant, (0.0, 1.0))
+    with pytest.raises(ValueError, match="scalar Constant"):
+        contact_family(vee, 1.5, (0.0, 1.0))
+    with pytest.raises(ValueError, match="does not appear"):
+        contact_family(vee, fem.Constant(vee.problem.V.mesh, 1.0), (0.0, 1.0))
+    with pytest.raises(ValueError, match="second parameter is -1"):
+        contact_family(vee, F, (-1.0, 1.0))
+    with pytest.raises(ValueError, match="range"):
+        event_curves(vee, F, [], (5.0, 6.0), (0.0, 1.0))
