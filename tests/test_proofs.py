@@ -25,7 +25,7 @@ from dolfinx_contact import (
 from dolfinx_contact.analysis import check
 from dolfinx_contact.analysis.contact import reduced_problem
 from dolfinx_contact.continuation import find_solutions
-from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.materials import LinearElastic, NeoHookean, lame
 from dolfinx_contact.parametric import ParametricContact
 
 COMM = MPI.COMM_WORLD
@@ -214,7 +214,7 @@ def test_data_that_have_changed():
 @pytest.mark.parametrize(
     ("make", "reason"),
     [
-        (partial(block, cell="hex", n=2), "linear bodies in 2D"),
+        (partial(block, material=NeoHookean(*lame(1000.0, 0.3))), "linear bodies"),
         (
             partial(block, law=demo_own_law.SlipWeakening(0.6, 0.3, 0.01)),
             "laws of Coulomb and Tresca",

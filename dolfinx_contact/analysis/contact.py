@@ -16,20 +16,25 @@ from dolfinx import fem
 from dolfinx_contact._errors import on_root
 from dolfinx_contact._progress import Line
 from dolfinx_contact.analysis.reduced_problem import ReducedProblem
+from dolfinx_contact.analysis.renard import criterion_at
 from dolfinx_contact.analysis.solutions import ProvedSolutions, prove_solutions
+from dolfinx_contact.analysis.theory import theory_of
 from dolfinx_contact.analysis.uniqueness import is_only
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.parametric import LinearSolver, ParametricEquations
+from dolfinx_contact.equations.state import State
 from dolfinx_contact.laws import Coulomb, Frictionless, Tresca
 from dolfinx_contact.reduced.condensed import CondensedContact, can_condense
 from dolfinx_contact.results.uniqueness import Uniqueness
 
-__all__ = ["obstacle_to_proof", "proved", "reduced_problem", "uniqueness"]
+__all__ = ["is_quick", "obstacle_to_proof", "proved", "reduced_problem", "uniqueness"]
 
 logger = logging.getLogger(__name__)
 
 _SOLVED = 1e-6  # relative residual up to which a state is a solution of the present data
 _PATIENCE = 3.0  # seconds before something is said
+_QUICK = 200_000  # solves times unknowns
+_MOST_POINTS = 300  # in 3D, for an eigenproblem that is not asked for
 
 
 def obstacle_to_proof(equations: ContactEquations, condensed: CondensedContact | None) -> str:
@@ -95,6 +100,16 @@ def _within_errors(condensed: CondensedContact, gamma: float) -> ReducedProblem 
         return None
 
 
+def is_quick(equations: ContactEquations) -> bool:
+    """Whether `uniqueness` takes some hundredths of a second. Not collective.
+
+    What it takes is a factorisation of the body, and a solve for every component of a point.
+    """
+    points = sum(s.number_everywhere for s in equations.surfaces)
+    work = equations.dim * points * sum(equations.global_sizes)
+    return equations.bulk.linear and work <= _QUICK
+
+
 def uniqueness(
     equations: ContactEquations,
     linear: Callable[[], LinearSolver],
@@ -107,21 +122,34 @@ def uniqueness(
         equations: of the problem.
         linear: gives its linear solver.
         x: the solution.
-        seconds: for a proof by branch and bound, where the certificate of one point fails.
+        seconds: for more than the certificate of one point: in 2D a proof by branch and bound, in
+            3D an eigenproblem of any size.
     """
-    if equations.dim != 2 or not equations.bulk.linear:
-        return Uniqueness("not proved", "proofs are for linear bodies in 2D")
+    if not equations.bulk.linear:
+        return Uniqueness("not proved", "proofs are for linear bodies")
     system = ParametricEquations(equations, fem.Constant(equations.V.mesh, 0.0), linear)
-    condensed: CondensedContact | None = None
     b = equations.create_vector()
     try:
         if not system.residual(x, 0.0, b, None) <= _SOLVED:
             return Uniqueness("not proved", "the data have changed since the problem was solved")
+        if equations.dim == 2:
+            return _in_plane(system, x, seconds)
+        return _in_space(equations, equations.residual(x, b), seconds)
+    finally:
+        b.destroy()
+        system.destroy()
+
+
+def _in_plane(system: ParametricEquations, x: PETSc.Vec, seconds: float) -> Uniqueness:
+    """By the certificate of one point. Collective."""
+    equations: ContactEquations = system.equations
+    condensed: CondensedContact | None = None
+    try:
         if can_condense(system, bounded=True):
-            condensed = CondensedContact(system, x, 0.0, exact=True, conic=can_condense(system))
+            condensed = CondensedContact(system, x, 0.0, exact=True, conic=False)
         obstacle = obstacle_to_proof(equations, condensed)
         if obstacle or condensed is None:
-            return Uniqueness("not proved", obstacle)
+            return _by_theory(equations, obstacle)
         codes = condensed.codes(system.piece_at(x, 0.0))
         problem = _within_errors(condensed, 0.0)
         if problem is None:
@@ -134,10 +162,34 @@ def uniqueness(
         condensed.expand(found.other[1], 0.0, other)
         letters = "".join("ok+-"[code] for code in found.other[0])
     finally:
-        b.destroy()
         if condensed is not None:
             condensed.destroy()
-        system.destroy()
     if equations.comm.rank == 0:
         logger.warning("the solution is not the only one: there is another, %s", letters)
     return Uniqueness("others exist", f"{found.reason}, with statuses {letters}", other)
+
+
+def _in_space(equations: ContactEquations, state: State, seconds: float) -> Uniqueness:
+    """By Renard's criterion, which needs the directions of slips and shears. Collective."""
+    laws = {type(s.law) for s in equations.surfaces}
+    fits = laws <= {Coulomb, Frictionless, Tresca} and all(
+        s.points.E is None and s.rigid_body is None for s in equations.surfaces
+    )
+    if not fits or Coulomb not in laws:
+        return _by_theory(equations, "proofs are for contact at nodes and the usual laws")
+    points = sum(s.number_everywhere for s in equations.surfaces)
+    if points > _MOST_POINTS and not seconds > 0:
+        return Uniqueness("not proved", f"more than {_MOST_POINTS} points: only where it is asked")
+    criterion = criterion_at(equations, state)
+    if not criterion.unique:
+        return Uniqueness("not proved", "Renard's criterion does not hold")
+    factor = criterion.factor
+    return Uniqueness("proved", f"Renard's criterion, up to {factor:.4g} times the friction")
+
+
+def _by_theory(equations: ContactEquations, obstacle: str) -> Uniqueness:
+    """By theorems, where certificates do not apply. Collective."""
+    theory = theory_of(equations)
+    if theory.exists and theory.unique:
+        return Uniqueness("proved", theory.reason)
+    return Uniqueness("not proved", obstacle)

@@ -46,7 +46,7 @@ from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.laws import Coulomb, Frictionless, Tresca
 
-__all__ = ["Renard", "renard_criterion"]
+__all__ = ["Renard", "criterion_at", "renard_criterion"]
 
 Array = npt.NDArray[np.float64]
 #: Directions of slip (n, dim) at positions (n, dim).
@@ -98,6 +98,17 @@ def renard_criterion(
     require_nodes(eq)
     require(eq.comm, eq.bulk.linear, "the criterion needs a bulk that is linear in u")
     state = problem.state()
+    return criterion_at(eq, state, directions=directions, dense=dense)
+
+
+def criterion_at(
+    eq: ContactEquations,
+    state: State,
+    *,
+    directions: Field | None = None,
+    dense: bool | None = None,
+) -> Renard:
+    """The criterion at a state of a problem in its scope; see `renard_criterion`. Collective."""
     slope = np.concatenate([_slope(eq, i, state) for i in range(len(eq.surfaces))])
     xi = _of_solution(eq, state, slope) if directions is None else _given(eq, directions)
     largest = float(eq.comm.allreduce(slope.max(initial=0.0), op=max))
@@ -112,7 +123,8 @@ def renard_criterion(
             factor = form.by_factorisation() if small else form.by_slepc()
         finally:
             form.destroy()
-    return Renard(factor, factor * largest if least == largest else None)
+    same = least >= (1 - _NOTHING) * largest
+    return Renard(factor, factor * largest if same else None)
 
 
 def _slope(eq: ContactEquations, number: int, state: State) -> Array:

@@ -2,8 +2,9 @@
 """Whether one solution of a reduced problem is the only one.
 
 The certificate of one point (`differences.py`) over all statuses costs some eigenvalue problems of
-the size of the reduced problem. Where the first of them bring no proof other solutions are looked
-for, then more effort is made, and, if there is time for it, a proof by branch and bound.
+the size of the reduced problem. Where they bring no proof another solution is looked for, from
+uniform statuses. If there is time for it more starts and more effort follow, and in the end a proof
+by branch and bound.
 """
 
 from __future__ import annotations
@@ -28,8 +29,8 @@ __all__ = ["OnePoint", "is_only"]
 Codes = npt.NDArray[np.int8]
 Array = npt.NDArray[np.float64]
 
-_TRIES = 16
-_QUICK, _EFFORT = 15, 80  # of the search for weights,
+_UNIFORM, _TRIES = 4, 16  # starts of the search for another solution,
+_QUICK, _EFFORT = 15, 80  # and effort of that for weights, by default and where there is time,
 _POINTS = 128  # up to so many points; then less, as eigenvalues cost the cube
 
 
@@ -56,18 +57,19 @@ def is_only(problem: ReducedProblem, codes: Codes, *, seconds: float = 0.0) -> O
     Args:
         problem: the reduced problem.
         codes: statuses of the solution (m,).
-        seconds: for a proof by branch and bound, if the certificate of one point fails.
+        seconds: for more effort and a proof by branch and bound, if the certificate of one point
+            fails.
     """
     scaled = problem.scaled
     piece = solve_piece(scaled, codes)
     inside = piece if piece is not None and piece.verdict != "outside" else None
     share = min(1.0, (_POINTS / problem.points) ** 3)
-    certificate = _of_one_point(problem, inside, max(8, int(share * _QUICK)))
-    other = (
-        None if certificate is not None else _another(scaled, codes, max(2, int(share * _TRIES)))
-    )
-    if certificate is None and other is None:
-        certificate = _of_one_point(problem, inside, max(8, int(share * _EFFORT)))
+    tries, effort = (_TRIES, _EFFORT) if seconds > 0 else (_UNIFORM, _QUICK)
+    certificate, other = _of_one_point(problem, inside, max(8, int(share * _QUICK))), None
+    if certificate is None:
+        other = _another(scaled, codes, max(2, int(share * tries)))
+    if certificate is None and other is None and effort > _QUICK:
+        certificate = _of_one_point(problem, inside, max(8, int(share * effort)))
     if certificate is not None:
         return OnePoint("proved", "the certificate of one point", None, certificate)
     if other is not None:

@@ -24,6 +24,7 @@ from dolfinx_contact.results.pairs import PairBalance, pair_balance
 from dolfinx_contact.results.penetration import Penetration, penetrations
 from dolfinx_contact.results.rigid import RigidBodyResult, rigid_body_results
 from dolfinx_contact.results.tables import ContactTable, contact_table, violation
+from dolfinx_contact.results.theory import Theory
 from dolfinx_contact.results.uniqueness import Uniqueness
 from dolfinx_contact.solvers.history import Attempt, Step
 
@@ -58,6 +59,8 @@ class Result:
         rigid_bodies: by name, how they move and what acts on them.
         prove: looks for a proof that there is no other solution, in so many seconds; see
             `uniqueness`.
+        theorems: finds what theorems say of the problem; see `theory`.
+        quick: whether `unique` takes some hundredths of a second; then `summary` has it.
     """
 
     tables: dict[str, ContactTable]
@@ -74,6 +77,8 @@ class Result:
     penetrations: dict[str, Penetration]
     rigid_bodies: dict[str, RigidBodyResult]
     prove: Callable[[float], Uniqueness] | None = field(default=None, repr=False, compare=False)
+    theorems: Callable[[], Theory] | None = field(default=None, repr=False, compare=False)
+    quick: bool = False
 
     @property
     def converged(self) -> bool:
@@ -116,13 +121,16 @@ class Result:
     def uniqueness(self, *, seconds: float = 0.0) -> Uniqueness:
         """Whether this is the only solution, with the data as they are now. Collective.
 
-        It is found when it is asked for. Of a linear body in 2D with contact at its nodes the body
-        is condensed onto these, which takes two solves for each, and the certificate of one point
-        is tried; without friction it holds but for round-off. Where it fails, and another solution
-        is found quickly, that comes with it, and a warning.
+        It is found when it is asked for, and kept. Of a linear body in 2D with contact at its nodes
+        the body is condensed onto these, which takes two solves for each, and the certificate of
+        one point is tried; without friction it holds but for round-off. Where it fails, and another
+        solution is found quickly, that comes with it, and a warning. In 3D up to some hundred
+        points there is Renard's criterion (`analysis.renard_criterion`), which is weaker, and
+        beyond these certificates, without Coulomb's friction, the theorems of `theory`.
 
         Args:
-            seconds: for a proof by branch and bound, where the certificate of one point fails.
+            seconds: for more effort and a proof by branch and bound in 2D, where the certificate of
+                one point fails; if it is positive there is no limit to the points in 3D.
 
         Raises:
             ValueError: if the result does not come from a solve.
@@ -136,8 +144,18 @@ class Result:
         """``"proved"``, ``"not proved"`` or ``"others exist"``; see `uniqueness`. Collective."""
         return self.uniqueness().verdict
 
+    def theory(self) -> Theory:
+        """What theorems say of the problem, with the data as they are now. Collective.
+
+        Raises:
+            ValueError: if the result does not come from a solve.
+        """
+        if self.theorems is None:
+            raise ValueError("theory is of results of ContactProblem.solve")
+        return self.theorems()
+
     def summary(self) -> dict[str, Any]:
-        """Scalars for `summary.json`."""
+        """Scalars for `summary.json`; `unique` is among them if it is `quick`. Collective."""
         tables = self.tables.values()
         rt = sum(t.rt.sum(axis=0) for t in tables)
         counts = self.counts
@@ -162,6 +180,7 @@ class Result:
             "min_det_F": self.min_det_F,
             **{f"penetration_{k}": p.largest for k, p in self.penetrations.items()},
             **self._rigid_summary(),
+            **({"unique": self.unique} if self.quick else {}),
         }
 
     def _rigid_summary(self) -> dict[str, Any]:

@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Which theorems apply to a contact problem: those whose hypotheses can be computed.
+
+With a stiffness K that is symmetric and positive definite where Dirichlet data do not hold the
+body, and the law node by node:
+
+- Without friction, and under a bound of the shear that is given (Tresca), solutions are those that
+  minimise a strictly convex energy: there is one (Lions and Stampacchia, Comm. Pure Appl. Math. 20,
+  1967; Duvaut and Lions, Les inequations en mecanique et en physique, 1972, chapter 3).
+- Under Coulomb's law there is one at least, whatever the coefficient: the bound that Tresca's
+  problem is given goes to the pressure of its solution continuously, and has a fixed point by
+  Brouwer's theorem (Haslinger, Math. Methods Appl. Sci. 5, 1983). Below a coefficient that depends
+  on the mesh it is the only one, which is no computable bound; that needs a certificate.
+
+The signs of the pivots of K decide, but for round-off.
+"""
+
+from __future__ import annotations
+
+from petsc4py import PETSc
+
+from dolfinx_contact._petsc import options_in_database
+from dolfinx_contact.analysis.held import with_dirichlet_rows
+from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.laws import Coulomb, Frictionless, Tresca
+from dolfinx_contact.results.theory import Theory
+
+__all__ = ["is_positive_definite", "theory_of"]
+
+#: 24: pivots that vanish are counted.
+_DEFAULTS = {
+    "pc_type": "cholesky",
+    "pc_factor_mat_solver_type": "mumps",
+    "mat_mumps_icntl_24": 1,
+}
+_SYMMETRIC = 1e-10  # of the largest entries, a difference that is none
+_NONE = "no computable theorem applies: "
+
+
+def theory_of(eq: ContactEquations) -> Theory:
+    """What theorems say of a contact problem with its data as they are now. Collective."""
+    rubs = _coefficients(eq)
+    for applies, what in (
+        (eq.bulk.linear, "the body is not linear"),
+        (rubs is not None, "the law is not Coulomb's, Tresca's or without friction"),
+        (all(s.points.E is None for s in eq.surfaces), "the law does not hold node by node"),
+        (eq.rigid.size == 0, "a rigid body moves"),
+        (len(eq.loose.of_body) == 0, "a body is not held by Dirichlet data"),
+    ):
+        if not applies:
+            return Theory(False, False, _NONE + what)
+    if not is_positive_definite(eq):
+        what = "the stiffness is not symmetric and positive definite"
+        return Theory(False, False, _NONE + what)
+    if not rubs:
+        return Theory(True, True, "one solution: that of least energy, which is strictly convex")
+    return Theory(True, False, "a solution for every coefficient of friction, maybe several")
+
+
+def _coefficients(eq: ContactEquations) -> bool | None:
+    """Whether a coefficient of friction is positive; None for other laws. Collective."""
+    if not all(type(s.law) in (Coulomb, Frictionless, Tresca) for s in eq.surfaces):
+        return None
+    x, b = eq.create_vector(), eq.create_vector()
+    state = eq.residual(x, b)
+    x.destroy(), b.destroy()
+    mine = any(
+        isinstance(s.law, Coulomb) and bool((known.answers.unit_bound > 0).any())
+        for s, known in zip(eq.surfaces, state.surfaces, strict=True)
+    )
+    return eq.comm.allreduce(int(mine)) > 0
+
+
+def is_positive_definite(eq: ContactEquations) -> bool:
+    """Whether K, with Dirichlet rows put in, is symmetric and positive definite. Collective."""
+    stiffness = eq.bulk.stiffness(eq.bulk.displacement.x.array.copy())
+    K = with_dirichlet_rows(stiffness, eq, eq.stiffness_scale)
+    symmetric = K.isSymmetric(_SYMMETRIC * K.norm(PETSc.NormType.NORM_INFINITY))
+    signs = (1, 0, 0)
+    if symmetric:
+        K.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        solver = PETSc.PC().create(eq.comm)
+        solver.setOptionsPrefix("analysis_")
+        solver.setOperators(K)
+        with options_in_database("analysis_", _DEFAULTS):
+            solver.setFromOptions()
+            solver.setUp()
+        failed = solver.getFailedReason() != PETSc.PC.FailedReason.NOERROR
+        signs = (1, 0, 0) if failed else solver.getFactorMatrix().getInertia()
+        solver.destroy()
+    K.destroy()
+    return signs[0] == 0 and signs[1] == 0

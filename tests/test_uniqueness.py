@@ -1,0 +1,127 @@
+"""What a result says of other solutions, against proofs of all, enumeration and theorems."""
+
+import json
+from pathlib import Path
+
+from mpi4py import MPI
+
+import demo_block
+import demo_greco_block
+import demo_linear_triangle
+import pytest
+from blocks import block
+
+import ufl
+from dolfinx import fem
+
+from dolfinx_contact import ContactProblem, Coulomb, Frictionless, Tresca
+from dolfinx_contact.analysis.theory import theory_of
+from dolfinx_contact.continuation import find_solutions
+from dolfinx_contact.materials import LinearElastic, NeoHookean, lame
+from dolfinx_contact.parametric import ParametricContact
+
+COMM = MPI.COMM_WORLD
+ORACLE = json.loads((Path(__file__).parent / "data" / "blocks.json").read_text())
+
+
+def oracle_block(case):
+    o = ORACLE[case]
+    given = dict(dim=o["dim"], n=o["n"], friction=o["F"], young=o["E"], poisson=o["nu"])
+    given |= dict(shift=o["top"][0], press=-o["top"][-1])
+    return demo_block.problem(demo_block.arguments([f"--{k}={v}" for k, v in given.items()]), COMM)
+
+
+def greco(n):
+    return demo_greco_block.problem(demo_greco_block.arguments(["--n", str(n)]), COMM)
+
+
+def all_solutions(problem):
+    """All solutions, with a proof that there are no others."""
+    system = ParametricContact(problem, fem.Constant(problem.V.mesh, 0.0))
+    found = find_solutions(system, [system.create_vector()], 0.0)
+    system.destroy()
+    return found
+
+
+@pytest.mark.parametrize(
+    "make",
+    [lambda: oracle_block("b2d_n8"), lambda: oracle_block("b2d_n16"), lambda: greco(32)],
+    ids=["block 8", "block 16", "greco"],
+)
+def test_the_only_solution(make):
+    """The certificate of one point and the proof of all solutions say the same."""
+    problem = make()
+    result = problem.solve()
+    x = problem.create_vector()
+    problem.write(x)
+    assert result.unique == "proved"
+    found = all_solutions(problem)
+    assert found.complete
+    (one,) = found.found
+    assert (one.x - x).norm() <= 1e-8 * x.norm()
+
+
+@pytest.mark.parametrize("case", ["b3d_n4", "b3d_n6"])
+def test_the_only_solution_in_space(case):
+    result = oracle_block(case).solve()
+    assert result.unique == "proved"
+    assert "Renard's criterion, up to 3." in result.uniqueness().reason
+
+
+def test_no_proof_in_space_beyond_the_criterion():
+    """All points slip; it would hold up to F = 0.9."""
+    result = block(n=4, cell="hex", law=Coulomb(1.5), top=(0.05, 0.0, -0.01)).solve()
+    assert result.unique == "not proved"
+    assert "does not hold" in result.uniqueness().reason
+
+
+def test_summary_says_so_where_it_is_cheap():
+    assert block(n=4).solve().summary()["unique"] == "proved"
+    assert "unique" not in block(n=64).solve().summary()
+
+
+@pytest.mark.parametrize(
+    ("kind", "law", "exists", "unique", "words"),
+    [
+        ({}, Frictionless(), True, True, "least energy"),
+        ({}, Tresca(2.0), True, True, "least energy"),
+        ({}, Coulomb(0.0), True, True, "least energy"),
+        ({"cell": "hex", "n": 2}, Tresca(2.0), True, True, "least energy"),
+        ({"cell": "hex", "n": 2}, Coulomb(3.0), True, False, "every coefficient"),
+        ({"method": "mixed"}, Coulomb(3.0), True, False, "every coefficient"),
+        ({"method": "integral"}, Frictionless(), False, False, "node by node"),
+        ({"material": NeoHookean(*lame(1e3, 0.3))}, Frictionless(), False, False, "not linear"),
+    ],
+)
+def test_theory(kind, law, exists, unique, words):
+    theory = block(law=law, **kind).solve().theory()
+    assert (theory.exists, theory.unique) == (exists, unique)
+    assert words in theory.reason
+
+
+@pytest.mark.parametrize("law", [Frictionless(), Tresca(2.0)])
+def test_theory_proves_in_space(law):
+    """No certificate, but a strictly convex energy."""
+    found = block(n=2, cell="hex", law=law).solve().uniqueness()
+    assert found.verdict == "proved"
+    assert "least energy" in found.reason
+
+
+@pytest.mark.parametrize(("soft", "unique"), [(0.0, True), (2e4, False)])
+def test_theory_looks_at_the_stiffness(soft, unique):
+    """On an anti-elastic bedding the energy is not convex any more."""
+    held = block(law=Frictionless())
+    u = held.u
+    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) - soft * ufl.dot(u, u)
+    problem = ContactProblem(energy * ufl.dx, u, held.surfaces, bcs=held.bcs)
+    theory = theory_of(problem.equations)
+    assert theory.unique == unique
+    assert unique or "positive definite" in theory.reason
+
+
+def test_no_theory_of_a_result_of_a_branch():
+    system = demo_linear_triangle.linear_triangle(4, 1.7)
+    x = system.create_vector()
+    result = system.result_at(find_solutions(system, [x], 1.0).points(system)[0])
+    with pytest.raises(ValueError, match="results of ContactProblem"):
+        result.theory()
