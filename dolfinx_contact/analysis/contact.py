@@ -33,7 +33,7 @@ logger = logging.getLogger(__name__)
 
 _SOLVED = 1e-6  # relative residual up to which a state is a solution of the present data
 _PATIENCE = 3.0  # seconds before something is said
-_QUICK = 200_000  # solves times unknowns
+_QUICK = 150_000  # solves times unknowns
 _MOST_POINTS = 300  # in 3D, for an eigenproblem that is not asked for
 
 

@@ -30,12 +30,12 @@ class Interval:
     value: Array
     away: Array
 
-    @property
+    @cached_property
     def low(self) -> Array:
         """Lower ends; a difference of two numbers is rounded to its nearest."""
         return np.asarray(self.value - self.away * (1 + gamma(4)) - gamma(0) * np.abs(self.value))
 
-    @property
+    @cached_property
     def high(self) -> Array:
         """Upper ends."""
         return np.asarray(self.value + self.away * (1 + gamma(4)) + gamma(0) * np.abs(self.value))

@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""What does it cost to ask whether a solution is the only one?
+
+`result.unique` after a solve from zero, over that solve and in milliseconds of processor time;
+every run makes its problem anew, warm, in turns, medians of three (`timing.py`). The solve does not
+include the set-up. Blocks
+are those of `demo_block.py`, the triangle that of `demo_linear_triangle.py`, at gamma = -1 (one
+solution) and 1 (three for 64 nodes), GRECO that of `demo_greco_block.py`.
+
+    python3 benchmarks/uniqueness_cost.py --output uniqueness.json
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from functools import partial
+from pathlib import Path
+
+from mpi4py import MPI
+
+from timing import Timer, in_turns, save
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "demos"))
+
+import demo_block
+import demo_greco_block
+import demo_linear_triangle
+
+
+def block(dim, n, comm):
+    return demo_block.problem(demo_block.arguments([f"--dim={dim}", f"--n={n}"]), comm)
+
+
+def greco(n, comm):
+    return demo_greco_block.problem(demo_greco_block.arguments([f"--n={n}"]), comm)
+
+
+def triangle(n, gamma, comm):
+    system = demo_linear_triangle.linear_triangle(n, 1.7, comm=comm)
+    system.set_parameter(gamma)
+    return system.problem
+
+
+CASES = {
+    **{f"block {n}": partial(block, 2, n) for n in (8, 16, 32, 64)},
+    **{f"cube {n}": partial(block, 3, n) for n in (4, 6, 8, 12)},
+    **{f"GRECO {n}": partial(greco, n) for n in (16, 32)},
+    **{f"triangle {n}, {g:+g}": partial(triangle, n, g) for n in (16, 64) for g in (-1.0, 1.0)},
+}
+
+
+def measured(make, comm):
+    """One solve and the question after it."""
+    problem, solve, unique = make(comm), Timer(comm), Timer(comm)
+    result = solve("solve", problem.solve)
+    verdict = unique("unique", lambda: result.unique)
+    record = {
+        "seconds": unique.processor,
+        "solve_seconds": solve.processor,
+        "verdict": verdict,
+        "points": sum(result.counts.values()),
+        "dofs": result.dofs,
+        "in_summary": result.quick,
+    }
+    problem.destroy()
+    return record
+
+
+def main(argv=None):
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--cases", nargs="+", choices=CASES, default=list(CASES))
+    parser.add_argument("--output")
+    args, comm = parser.parse_args(argv), MPI.COMM_WORLD
+    found = in_turns(comm, {name: partial(measured, CASES[name], comm) for name in args.cases})
+    for record in found.values():
+        record["ratio"] = record["seconds"] / record["solve_seconds"]
+    if comm.rank == 0:
+        print(
+            "| problem | points | unknowns | solve, ms | unique, ms | ratio | says | in summary |"
+        )
+        print("|" + 8 * "---|")
+        for name, r in found.items():
+            times = f"{1e3 * r['solve_seconds']:.0f} | {1e3 * r['seconds']:.0f} | {r['ratio']:.2f}"
+            asked = "yes" if r["in_summary"] else "no"
+            print(f"| {name} | {r['points']} | {r['dofs']} | {times} | {r['verdict']} | {asked} |")
+        if args.output:
+            save(args.output, found)
+    return found
+
+
+if __name__ == "__main__":
+    main()
