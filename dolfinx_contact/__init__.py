@@ -9,7 +9,14 @@ warn_of_namesake()
 
 from dolfinx_contact import materials, obstacles
 from dolfinx_contact._petsc import parse_arguments
-from dolfinx_contact.laws import Coulomb, Frictionless, NormalCompliance, Regularised, Tresca
+from dolfinx_contact.laws import (
+    Coulomb,
+    Frictionless,
+    NonlocalCoulomb,
+    NormalCompliance,
+    Regularised,
+    Tresca,
+)
 from dolfinx_contact.obstacles import Cylinder, HalfSpace, LevelSet, Sphere
 from dolfinx_contact.points.pair import ContactPair
 from dolfinx_contact.points.rigid_body import RigidBody
@@ -32,6 +39,7 @@ __all__ = [
     "Frictionless",
     "HalfSpace",
     "LevelSet",
+    "NonlocalCoulomb",
     "NormalCompliance",
     "Regularised",
     "Result",

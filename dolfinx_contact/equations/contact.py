@@ -165,7 +165,7 @@ class ContactEquations:
             removed = self.constraints.removed[i].reshape(-1)[: self.owned_sizes[i + 1]]
             multipliers = np.where(removed, 0.0, self.units[i + 1] * parts[i + 1])
             jump, traction = self.relative_jump(s, u, q), s.points.traction(multipliers)
-            answers = s.answers(jump, traction)
+            answers = s.answers(jump, traction, codes)
             found.append(
                 ContactState(jump, traction, answers.asked if codes is None else codes, answers)
             )
@@ -218,7 +218,7 @@ class ContactEquations:
             off = state.traction - state.answer
             if any_missing:
                 step = self.relative_jump(s, missing, missing_q, rate=True)
-                off -= np.einsum("nij,nj->ni", state.by_jump, step)
+                off -= state.along(step)
             rows.append(self._with_removed(i, s.points.rows(off), x))
         if self.rigid.size:
             pushed = self.comm.allreduce(pushed)
@@ -281,7 +281,7 @@ class ContactEquations:
             change = np.zeros_like(found.jump) if rate is None else -rate
             if moving:
                 step = self.relative_jump(s, dirichlet, motions, rate=True)
-                change -= np.einsum("nij,nj->ni", found.by_jump, step)
+                change -= found.along(step)
             parts.append(self._with_removed(i, s.points.rows(change), None))
         parts.append(self.rigid.here(-loads - self.stiffness_scale * motions))
         return np.concatenate(parts)

@@ -4,10 +4,10 @@ r"""The Jacobian of H: the stiffness of the body, and contact terms that statuse
     J = [ K  0 ] + S,    S = [ 0               -B^T W E        ]
         [ 0  0 ]             [ -E^T W D_j B     E^T W (I - D_t) E ]
 
-S has rows at the contact nodes and multipliers alone, and those of rigid bodies
-(`rigid_terms`). Rows and columns of Dirichlet dofs are empty;
-those of removed multipliers have a typical stiffness on the diagonal. Its pattern never changes, so
-that new statuses cost no more than new numbers.
+S has rows at the contact nodes and multipliers alone, and those of rigid bodies (`rigid_terms`);
+laws that see other points add entries between points (`spread_terms`). Rows and columns of
+Dirichlet dofs are empty; those of removed multipliers have a typical stiffness on the diagonal. Its
+pattern never changes, so that new statuses cost no more than new numbers.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ import numpy.typing as npt
 from dolfinx_contact._entries import Entries, matrix_of
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.rigid_terms import RigidTerms
+from dolfinx_contact.equations.spread_terms import SpreadTerms
 from dolfinx_contact.equations.state import ContactState, State
 from dolfinx_contact.points.surface import ContactSurface
 from dolfinx_contact.points.trace import at_global_places
@@ -100,7 +101,7 @@ class ContactTerms:
         mine = eq.rigid.here(rigid)
         prescribed = np.where(eq.rigid.here(eq.rigid.fixed), eq.stiffness_scale, 0.0)
         self._held = np.concatenate([np.full(len(held), eq.stiffness_scale), prescribed])
-        self._blocks: list[tuple[int, _Block | RigidTerms]] = []
+        self._blocks: list[tuple[int, _Block | RigidTerms | SpreadTerms]] = []
         rows, columns = [held, mine], [held, mine]
         for i, s in enumerate(eq.surfaces):
             stencils, areas = s.points.stencils, s.points.areas
@@ -113,13 +114,16 @@ class ContactTerms:
             )
             bodies = numbering.places(0, stencils.nodes)
             multipliers = numbering.places(i + 1, stencils.multiplier_nodes)
-            blocks: list[_Block | RigidTerms] = [
+            blocks: list[_Block | RigidTerms | SpreadTerms] = [
                 _Block(s, eq.units[i + 1], bodies, multipliers, coupling)
             ]
             if s.rigid_body is not None:
                 places = np.where(eq.rigid.fixed, -1, rigid)[eq.rigid.slice_of(s.rigid_body)]
                 at_points = eq.rigid.at_points(s)
                 blocks.append(RigidTerms(s, eq.units[i + 1], places, multipliers, at_points))
+            if s.law.spread is not None:
+                n = sum(eq.owned_sizes)
+                blocks.append(SpreadTerms(s, eq.units[i + 1], bodies, multipliers, n))
             for block in blocks:
                 row, column = block.entries()
                 rows.append(row)

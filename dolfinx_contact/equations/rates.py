@@ -125,7 +125,7 @@ class SurfaceRates:
         s = self._surface
         rates, aside = s.points.rates(self._evaluators)
         args = state.jump, state.traction, s.points.data, rates, state.statuses
-        return s.law_at_points.rate(*args) - np.einsum("nij,nj->ni", state.by_jump, aside)
+        return s.law_at_points.rate(*args) - state.along(aside)
 
 
 def dirichlet_rates(constraints: Any, driven: Sequence[Driven]) -> Array:

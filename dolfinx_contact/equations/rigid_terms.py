@@ -53,11 +53,12 @@ class RigidTerms:
         return rows, columns
 
     def values(self, state: ContactState) -> Array:
-        """The entries at a state."""
+        """The entries at a state. Collective."""
         stencils, areas = self.surface.points.stencils, self.surface.points.areas
         at = stencils.points
         weighted = areas[at][..., None] * stencils.multiplier_weights
         force = np.einsum("gpl,gpia->glia", weighted, self.at_points[at])
-        answers = np.einsum("nij,nja->nia", state.by_jump, self.at_points)
+        columns = range(self.at_points.shape[2])
+        answers = np.stack([state.along(self.at_points[:, :, a]) for a in columns], axis=2)
         jump = np.einsum("gpl,gpia->glia", weighted, answers[at])
         return np.concatenate([self.unit * force.reshape(-1), jump.reshape(-1)])

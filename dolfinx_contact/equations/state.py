@@ -50,6 +50,25 @@ class ContactState:
         """Its derivatives by the traction (n, dim, dim)."""
         return self.answers.by_traction(self.statuses)
 
+    @cached_property
+    def by_around(self) -> Array:
+        """Its derivatives by what the points around spread, of a law that is not local (n, dim)."""
+        return self.answers.by_around(self.statuses)
+
+    @property
+    def spread_by(self) -> tuple[Array, Array]:
+        """Derivatives of what points spread by jump and traction (n, dim)."""
+        assert self.answers.spreading is not None
+        return self.answers.spreading.by_jump, self.answers.spreading.by_traction
+
+    def along(self, step: Array) -> Array:
+        """The derivative of the answer along a step of the jumps, (n, dim) both. Collective."""
+        rate = np.einsum("nij,nj->ni", self.by_jump, step)
+        if self.answers.spreading is not None:
+            around = self.answers.spreading(np.sum(self.spread_by[0] * step, axis=1))
+            rate += self.by_around * around[:, None]
+        return rate
+
 
 @dataclass(frozen=True, eq=False)
 class State:

@@ -102,3 +102,8 @@ class _YieldingState(ContactState):
     def by_traction(self) -> Array:
         """Zero."""
         return np.zeros_like(self.by_jump)
+
+    @property
+    def spread_by(self) -> tuple[Array, Array]:
+        by_jump, by_traction = super().spread_by
+        return by_jump, np.zeros_like(by_traction)

@@ -5,7 +5,8 @@ from dolfinx_contact.laws.answers import Answers, PointData
 from dolfinx_contact.laws.compiled import LawAtPoints
 from dolfinx_contact.laws.compliant import NormalCompliance, Regularised
 from dolfinx_contact.laws.friction import Coulomb, FrictionLaw, Frictionless, Tresca
-from dolfinx_contact.laws.law import Border, ContactPoint, Law, StatusPiece
+from dolfinx_contact.laws.law import Border, ContactPoint, Kernel, Law, StatusPiece
+from dolfinx_contact.laws.spreading import NonlocalCoulomb
 from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK
 
 __all__ = [
@@ -19,8 +20,10 @@ __all__ = [
     "Coulomb",
     "FrictionLaw",
     "Frictionless",
+    "Kernel",
     "Law",
     "LawAtPoints",
+    "NonlocalCoulomb",
     "NormalCompliance",
     "PointData",
     "Regularised",

@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["Answers", "Borders", "Columns", "PointData"]
+__all__ = ["Answers", "Borders", "Columns", "PointData", "Spreading"]
 
 Array = npt.NDArray[np.float64]
 Codes = npt.NDArray[np.int8]
@@ -58,16 +58,34 @@ class Borders:
     target: Codes
 
 
+class Spreading(Protocol):
+    """How what points spread comes to those around them, of a law that is not local.
+
+    Attributes:
+        by_jump, by_traction: derivatives of what each point spreads (n, dim).
+    """
+
+    by_jump: Array
+    by_traction: Array
+
+    def __call__(self, values: Array) -> Array:
+        """N times values (n,) at the points of this rank. Collective."""
+
+
 class Answers:
     """The answers of a law to jumps and tractions at n points, for every status.
 
     Args:
         law: compiled.
         values: of its compiled expressions.
+        spreading: of a law that is not local.
+
+    Attributes:
+        spreading: as given; None if the law sees its point alone.
     """
 
-    def __init__(self, law: Columns, values: Array):
-        self._law, self._values = law, values
+    def __init__(self, law: Columns, values: Array, spreading: Spreading | None = None):
+        self._law, self._values, self.spreading = law, values, spreading
 
     def _of(self, codes: Codes, what: str, shape: tuple[int, ...]) -> Array:
         every = np.stack([self._values[:, k] for k in self._law.places[what]], axis=1)
@@ -151,6 +169,16 @@ class Answers:
     def by_traction(self, codes: Codes) -> Array:
         """Derivatives D_t of tau by the traction (n, dim, dim)."""
         return self._of(codes, "by_traction", (self._law.dim, self._law.dim))
+
+    def by_around(self, codes: Codes) -> Array:
+        """Derivatives D_s of tau by what the points around spread (n, dim)."""
+        return self._of(codes, "by_around", (self._law.dim,))
+
+    @property
+    def spreads(self) -> tuple[Array, Array, Array]:
+        """What closed points spread (n,), and its derivatives by jump and traction (n, dim)."""
+        q, by_jump, by_traction = (self._values[:, k] for k in self._law.places["spreads"])
+        return q[:, 0], by_jump, by_traction
 
     @property
     def bound(self) -> Array:

@@ -30,8 +30,10 @@ from dolfinx_contact._forms import compiled_expression
 from dolfinx_contact.laws.answers import Answers, Array, Codes, PointData
 from dolfinx_contact.laws.law import ContactPoint, Law, StatusPiece, checked_pieces
 
-__all__ = ["CompiledLaw", "LawAtPoints"]
+__all__ = ["AROUND", "CompiledLaw", "LawAtPoints"]
 
+#: Name of the field of a law that is not local: what the points around spread.
+AROUND = ".around"
 _FIRST_LABEL = 10**9  # beyond what UFL counts
 _CHUNK = 256  # points that are evaluated at once
 
@@ -45,7 +47,7 @@ class CompiledLaw:
         comm: of the ranks that compile together.
 
     Attributes:
-        names: of the fields of the law.
+        names: of the fields of the law, and `AROUND` if it is not local.
         codes: numbers of its statuses.
         rows: by number, the place among `codes`.
         places: columns of values, status by status.
@@ -54,7 +56,9 @@ class CompiledLaw:
     """
 
     def __init__(self, law: Law, dim: int, comm: MPI.Comm):
-        self.dim, self.names, self._comm = dim, list(law.given), comm
+        local = law.spread is None
+        self.dim, self._comm = dim, comm
+        self.names = [*law.given, *([] if local else [AROUND])]
         points = mesh.create_interval(MPI.COMM_SELF, _CHUNK, (0.0, 1.0))
         width = 3 * dim + 2 + len(self.names)
         element = basix.ufl.element("DG", "interval", 0, shape=(width,))
@@ -68,28 +72,40 @@ class CompiledLaw:
         self._fields = [_variable(self._w[3 * dim + 2 + i], 3 + i) for i in range(len(self.names))]
         gap, r = self._w[3 * dim], self._w[3 * dim + 1]
         point = ContactPoint(self._jump, self._traction, self._n, gap, r, dim)
-        point = replace(point, slid=ufl.sqrt(ufl.dot(point.u_t, point.u_t)))
+        around = None if local else self._fields[-1]
+        point = replace(point, slid=ufl.sqrt(ufl.dot(point.u_t, point.u_t)), around=around)
+        unit = point if local else replace(point, around=ufl.as_ufl(1.0))
         # What the user wrote comes first: compiling is collective.
         with everywhere(comm, f"the law {type(law).__name__}"):
-            mine = law.having(dict(zip(self.names, self._fields, strict=True)))
+            mine = law.having(dict(zip(law.given, self._fields, strict=False)))
             self._pieces = checked_pieces(mine.pieces(point), dim)
-            pressures = {"bound": point.p, "unit_bound": ufl.as_ufl(1.0)}
-            bounds = {name: mine.bound(point, p) for name, p in pressures.items()}
+            bounds = {
+                "bound": mine.bound(point, point.p),
+                "unit_bound": mine.bound(unit, ufl.as_ufl(1.0)),
+            }
+            self._spreads = None if local else ufl.as_ufl(mine.spreads(point))
         self.codes = tuple(self._pieces)
         self.rows: npt.NDArray[np.int64] = np.zeros(max(self.codes) + 1, dtype=np.int64)
         self.rows[list(self.codes)] = np.arange(len(self.codes))
         flat = _Flat()
-        self.places: dict[str, list[list[int]]] = {"answer": [], "by_jump": [], "by_traction": []}
+        known = "answer", "by_jump", "by_traction", "by_around"
+        self.places: dict[str, list[list[int]]] = {name: [] for name in known}
         self.borders: list[list[tuple[int, int | None, int]]] = []
         self.exists: list[int | None] = []
         for piece in self._pieces.values():
             self.places["answer"].append(flat.add(piece.answer))
             self.places["by_jump"].append(flat.add(ufl.diff(piece.answer, self._jump)))
             self.places["by_traction"].append(flat.add(ufl.diff(piece.answer, self._traction)))
+            if not local:
+                self.places["by_around"].append(flat.add(ufl.diff(piece.answer, around)))
             self.borders.append(_columns(flat, piece))
             self.exists.append(None if piece.exists is None else flat.add(_number(piece.exists))[0])
         for name, bound in bounds.items():
             self.places[name] = [] if bound is None else [flat.add(bound)]
+        q = self._spreads
+        if q is not None:
+            slopes = (ufl.diff(q, by) for by in (self._jump, self._traction))
+            self.places["spreads"] = [flat.add(e) for e in (q, *slopes)]
         self.values = flat.compiled(self._w, comm)
 
     @property
@@ -140,6 +156,14 @@ class CompiledLaw:
         ]
         return flat.compiled(self._w, self._comm), by_normal, by_field
 
+    @cached_property
+    def spread_sensitivities(self) -> _Values:
+        """Derivatives of what is spread by the normal, then by the fields of the law."""
+        flat = _Flat()
+        for by in (self._n, *self._fields[:-1]):
+            flat.add(ufl.diff(self._spreads, by))
+        return flat.compiled(self._w, self._comm)
+
     def evaluate(self, values: _Values, columns: Array) -> Array:
         """Values at points (n, width) where these are given (n, columns). Not collective."""
         n, given = len(columns), self._w.x.array.reshape(_CHUNK, -1)
@@ -184,8 +208,10 @@ class LawAtPoints:
         self.compiled = _compiled(law, dim, comm)
         self.codes = self.compiled.codes
 
-    def __call__(self, jump: Array, traction: Array, data: PointData) -> Answers:
-        """Evaluate at jumps and tractions (n, dim)."""
+    def __call__(
+        self, jump: Array, traction: Array, data: PointData, codes: Codes | None = None
+    ) -> Answers:
+        """Evaluate at jumps and tractions (n, dim), and statuses if they are held."""
         compiled = self.compiled
         return Answers(compiled, self._evaluate(compiled.values, jump, traction, data))
 
@@ -230,7 +256,7 @@ class LawAtPoints:
 
         rate = np.einsum("nij,nj->ni", chosen(by_normal, d, d), rates.n)
         # A gap is a jump along the normal, backwards.
-        by_jump = self(jump, traction, data).by_jump(codes)
+        by_jump = self(jump, traction, data, codes).by_jump(codes)
         rate -= np.einsum("nij,nj->ni", by_jump, rates.gap[:, None] * data.n)
         for name, places in zip(self.compiled.names, by_field, strict=True):
             rate += chosen(places, d) * rates.fields[name][:, None]

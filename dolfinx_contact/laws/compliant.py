@@ -26,7 +26,7 @@ import numpy as np
 import ufl
 
 from dolfinx_contact.laws.friction import FrictionLaw, Frictionless
-from dolfinx_contact.laws.law import Border, ContactPoint, Scalar, Sign, StatusPiece
+from dolfinx_contact.laws.law import Border, ContactPoint, Kernel, Scalar, Sign, StatusPiece
 from dolfinx_contact.laws.status import MINUS, PLUS, STICK
 
 __all__ = ["NormalCompliance", "Regularised"]
@@ -62,6 +62,13 @@ class _AroundFriction(FrictionLaw):
     @property
     def needs_pressure(self) -> bool:  # type: ignore[override]
         return self.friction.needs_pressure
+
+    @property
+    def spread(self) -> Kernel | None:
+        return self.friction.spread
+
+    def spreads(self, a: ContactPoint) -> Any | None:
+        return self.friction.spreads(a)
 
     def sign(self, field: str) -> Sign:
         if field.startswith(_INSIDE):
@@ -137,16 +144,22 @@ class NormalCompliance(_AroundFriction):
     def _number(self) -> Hashable:
         return float(self.exponent)
 
+    def spreads(self, a: ContactPoint) -> Any | None:
+        return super().spreads(self._soft(a))
+
     def pieces(self, a: ContactPoint) -> Mapping[int, StatusPiece]:
+        return super().pieces(self._soft(a))
+
+    def _soft(self, a: ContactPoint) -> ContactPoint:
+        """The point with the pressure and the shear of springs."""
         C, C_t, m = self.stiffness, self.tangential, float(self.exponent)
         shear = None if C_t is None else C_t / (C_t + a.r) * a.s
         if m == 1:
-            return super().pieces(replace(a, pressure=C / (C + a.r) * a.p, shear=shear))
+            return replace(a, pressure=C / (C + a.r) * a.p, shear=shear)
         size = ufl.conditional(ufl.ge(a.u_n, 0.0), a.u_n, -a.u_n)
         # Of u |u|^(m - 1) the slope at zero is to be zero.
         power = ufl.conditional(ufl.gt(size, _TINY), size, _TINY) ** (m - 1.0)
-        soft = replace(a, pressure=C * a.u_n * power, shear=shear, touches=a.r * a.u_n)
-        return super().pieces(soft)
+        return replace(a, pressure=C * a.u_n * power, shear=shear, touches=a.r * a.u_n)
 
 
 @dataclass(frozen=True)

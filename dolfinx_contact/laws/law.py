@@ -29,12 +29,35 @@ from dolfinx import fem, mesh
 from dolfinx_contact._agreement import refuse_other_mesh
 from dolfinx_contact.laws.status import MINUS, WHERE_OPEN
 
-__all__ = ["Border", "ContactPoint", "Law", "Scalar", "Sign", "StatusPiece", "checked_pieces"]
+__all__ = [
+    "Border",
+    "ContactPoint",
+    "Kernel",
+    "Law",
+    "Scalar",
+    "Sign",
+    "StatusPiece",
+    "checked_pieces",
+]
 
 #: Which numbers may be given.
 Sign: TypeAlias = Literal["any", "nonnegative", "positive"]
 #: A number, a `dolfinx.fem.Constant`, a `dolfinx.fem.Function` or any scalar UFL expression.
 Scalar: TypeAlias = Any
+
+
+class Kernel(NamedTuple):
+    """Over which points a point of a law that is not local spreads its pressure (`spreading`).
+
+    Attributes:
+        shape: name of the kernel.
+        radius: a length.
+        normalised: whether a constant pressure stays constant.
+    """
+
+    shape: str
+    radius: float
+    normalised: bool
 
 
 @dataclass(frozen=True)
@@ -53,6 +76,7 @@ class ContactPoint:
         pressure: of a compliant surface; None where contact is unilateral.
         shear: of a compliant surface before it slips, a vector; None where nothing moves then.
         touches: distance to the border of open points, a traction; None where that is p.
+        around: mean of what the points around spread (`Law.spreads`); None if the law is local.
     """
 
     jump: Any
@@ -65,6 +89,7 @@ class ContactPoint:
     pressure: Any = None
     shear: Any = None
     touches: Any = None
+    around: Any = None
 
     @property
     def t(self) -> Any:
@@ -159,6 +184,15 @@ class Law:
 
     def bound(self, a: ContactPoint, p: Any) -> Any | None:
         """UFL radius of the disc that holds the shear at pressure ``p``; None if there is none."""
+        return None
+
+    @property
+    def spread(self) -> Kernel | None:
+        """Over which points `spreads` is averaged; None, the default: the law is local."""
+        return None
+
+    def spreads(self, a: ContactPoint) -> Any | None:
+        """UFL pressure of a closed point that others see as ``around``; None if none do."""
         return None
 
     @property

@@ -89,6 +89,7 @@ def identity(system: ParametricContact) -> dict[str, Any]:
     for s in problem.surfaces:
         words += [_signature(e, domain) for e in _given(s)]
         words.append(s.law_at_points.compiled.signature)
+        words += [] if s.law.spread is None else [repr(s.law.spread)]
     for body in problem.rigid_bodies:
         words.append(f"{body.about.tolist()} {body.fixed.tolist()}")
         words += [_signature(e, domain) for e in body.expressions]

@@ -23,6 +23,7 @@ from dolfinx_contact.obstacles import Obstacle, gap_at
 from dolfinx_contact.points.contact_points import ContactPoints, Evaluator, Given, Method
 from dolfinx_contact.points.elements import check_elements, check_quadrature, displacement_degree
 from dolfinx_contact.points.evaluation import blocked_space
+from dolfinx_contact.points.neighbours import LawAmongPoints
 from dolfinx_contact.points.opposite import Opposite
 from dolfinx_contact.points.rigid_body import RigidBody
 from dolfinx_contact.points.trace import exterior_facets
@@ -148,7 +149,11 @@ class ContactSurface:
             obstacle.opposite,
         )
         number = self.points.number
-        self.law_at_points = LawAtPoints(self.law, self.dim, number, self.comm)
+        self.law_at_points = (
+            LawAtPoints(self.law, self.dim, number, self.comm)
+            if law.spread is None
+            else LawAmongPoints(self.law, self.points, name)
+        )
         self.multiplier = fem.Function(self.points.Q, name=f"{name}_traction")
         self.statuses: npt.NDArray[np.int8] = np.full(number, self.law_at_points.codes[0], np.int8)
         self._true_gaps: Evaluator | None = None
@@ -281,9 +286,17 @@ class ContactSurface:
 
     # -- what was found --------------------------------------------------------------------------
 
-    def answers(self, jump: Array, traction: Array) -> Answers:
-        """What the law answers at the points of this rank. Not collective."""
-        return self.law_at_points(jump, traction, self.points.data)
+    def answers(
+        self, jump: Array, traction: Array, codes: npt.NDArray[np.int8] | None = None
+    ) -> Answers:
+        """What the law answers at the points of this rank. Collective.
+
+        Args:
+            jump: (n, dim).
+            traction: (n, dim).
+            codes: statuses, if they are held.
+        """
+        return self.law_at_points(jump, traction, self.points.data, codes)
 
     def jump(self) -> Array:
         """Jump of the displacement at the contact points of this rank (n, dim). Collective."""
@@ -312,7 +325,7 @@ class ContactSurface:
         return self.points.traction(self.multiplier.x.array[:owned])
 
     def state_of(self, jump: Array, traction: Array) -> dict[str, Array]:
-        """What `state` says, at jumps and tractions. Not collective."""
+        """What `state` says, at jumps and tractions. Collective."""
         points = self.points
         n = points.data.n
         along, pressure = np.sum(jump * n, axis=1), -np.sum(traction * n, axis=1)

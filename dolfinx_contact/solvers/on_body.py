@@ -118,7 +118,8 @@ class OnBody:
         for s, state in zip(self.equations.surfaces, self._state.surfaces, strict=True):
             pressure = np.maximum(-np.sum(state.traction * s.points.data.n, axis=1), 0.0)
             slope = state.answers.unit_bound
-            found.append(slope * pressure if s.law.needs_pressure else slope)
+            bound = slope * pressure if s.law.needs_pressure else slope
+            found.append(bound if s.law.spread is None else state.answers.bound)
         return np.concatenate(found)
 
     @property

@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""Nonlocal friction: the bound at a point is that of the pressure around it.
+
+The shear is bounded by F times the pressure convolved on the surface with a smooth kernel omega of
+a small radius rho (Duvaut, C. R. Acad. Sci. Paris A 290, 1980; Oden and Pires, J. Appl. Mech. 50,
+1983, section 3; Demkowicz and Oden, Nonlinear Anal. 6, 1982),
+
+    |t_t|(x) <= F (N p)(x),   (N p)(x) = int omega(|x - y|/rho) p(y) dy / int omega(|x - y|/rho) dy,
+
+so that a constant pressure stays constant, also near the end of the surface. Without the divisor,
+which is then the integral over the whole plane (in 2D line), it is the convolution of the
+mathematical literature, which loses pressure there. As there, the bound acts where the surface is
+open too: next to what touches friction holds a point that does not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy.integrate import quad
+
+import ufl
+
+from dolfinx_contact.laws.friction import FrictionLaw
+from dolfinx_contact.laws.law import ContactPoint, Kernel, Scalar
+
+__all__ = ["KERNELS", "NonlocalCoulomb", "whole"]
+
+Array = npt.NDArray[np.float64]
+
+
+def _mollifier(x: Array) -> Array:
+    inside = np.minimum(np.asarray(x) ** 2, 1.0 - 1e-12)
+    return np.asarray(np.where(np.asarray(x) < 1.0, np.exp(1.0 - 1.0 / (1.0 - inside)), 0.0))
+
+
+def _biweight(x: Array) -> Array:
+    return np.maximum(1.0 - np.asarray(x) ** 2, 0.0) ** 2
+
+
+#: Of the distance over the radius, 0 from 1 on: exp(1 - 1/(1 - x^2)) and (1 - x^2)^2.
+KERNELS: dict[str, Callable[[Array], Array]] = {"mollifier": _mollifier, "biweight": _biweight}
+
+
+@cache
+def whole(shape: str, dim: int) -> float:
+    """The integral of a kernel of radius 1 over the line (``dim`` 2) or the plane (3)."""
+    omega = KERNELS[shape]
+    ring = (lambda x: 2.0) if dim == 2 else (lambda x: 2.0 * np.pi * x)
+    return float(quad(lambda x: float(omega(np.array(x))) * ring(x), 0.0, 1.0, epsabs=1e-14)[0])
+
+
+@dataclass(frozen=True)
+class NonlocalCoulomb(FrictionLaw):
+    """Coulomb friction whose bound is F times the pressure averaged over the points around.
+
+    Distances are those between points of the surface, in the reference configuration. A point that
+    Dirichlet data hold has no pressure of contact, and counts with none.
+
+    Attributes:
+        friction: coefficient F >= 0, a number, a Constant, a Function or a UFL expression.
+        radius: rho > 0 of the kernel, a length, a number.
+        kernel: ``"mollifier"``, exp(-1/(1 - x^2)), or ``"biweight"``, (1 - x^2)^2, of the distance
+            over the radius.
+        normalised: whether a constant pressure stays constant at the ends of the surface as well;
+            else the plain convolution.
+
+    Raises:
+        ValueError: for a radius that is no positive number, another kernel, or ``normalised`` that
+            is neither True nor False.
+    """
+
+    friction: Scalar
+    radius: float
+    kernel: str = "mollifier"
+    normalised: bool = True
+    needs_pressure = False
+    nonnegative = True
+
+    def __post_init__(self) -> None:
+        rho = self.radius
+        number = isinstance(rho, int | float | np.number) and not isinstance(rho, bool)
+        if not (number and np.isfinite(rho) and rho > 0):
+            raise ValueError(
+                f"the radius of NonlocalCoulomb must be a finite and positive number, got {rho!r}"
+            )
+        if self.kernel not in KERNELS:
+            raise ValueError(
+                f"the kernel of NonlocalCoulomb must be one of {', '.join(KERNELS)}, got "
+                f"{self.kernel!r}"
+            )
+        if not isinstance(self.normalised, bool):
+            raise ValueError(
+                f"normalised of NonlocalCoulomb must be True or False, got {self.normalised!r}"
+            )
+
+    @property
+    def name(self) -> str:
+        return f"NonlocalCoulomb({float(self.radius):g}, {self.kernel})"
+
+    @property
+    def given(self) -> dict[str, Scalar]:
+        return {"friction": self.friction}
+
+    @property
+    def spread(self) -> Kernel:
+        return Kernel(self.kernel, float(self.radius), self.normalised)
+
+    def spreads(self, a: ContactPoint) -> Any:
+        return a.p
+
+    def bound(self, a: ContactPoint, p: Any) -> Any:
+        return self.friction * a.around
+
+    def grips(self, a: ContactPoint) -> Any:
+        return ufl.And(ufl.gt(self.friction, 0.0), ufl.gt(a.around, 0.0))
