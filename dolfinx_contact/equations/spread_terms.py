@@ -64,6 +64,7 @@ class SpreadTerms:
         both = zip(pairs(bodies), (at, of), strict=True)
         self._right_entries = Entries(*(np.concatenate(pair) for pair in both))
         self._right = matrix_of(comm, (n, unknowns), self._right_entries)
+        self._number = 0
         self._first: PETSc.Mat | None = None
         self._product: PETSc.Mat | None = None
 
@@ -78,10 +79,13 @@ class SpreadTerms:
         indptr, columns, _ = self._product.getValuesCSR()
         first, last = self._product.getOwnershipRange()
         rows = np.repeat(np.arange(first, last, dtype=np.int64), np.diff(indptr))
+        self._number = len(rows)
         return rows, columns.astype(np.int64)
 
     def values(self, state: ContactState) -> Array:
-        """The entries at a state."""
+        """The entries at a state; none where another law, that is local, stands in."""
+        if state.answers.spreading is None:
+            return np.zeros(self._number)
         stencils, areas = self._surface.points.stencils, self._surface.points.areas
         at, e = stencils.points, stencils.multiplier_weights
         by_jump, by_traction = state.spread_by

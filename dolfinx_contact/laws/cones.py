@@ -27,7 +27,8 @@ _STATUSES = 4
 
 def is_polyhedral(law: LawAtPoints, data: PointData) -> bool:
     """Whether answers and borders are linear in jump, gap and traction at the points here."""
-    if max(law.codes) >= _STATUSES or not law.compiled.is_piecewise_linear:
+    local = law.law.spread is None
+    if not local or max(law.codes) >= _STATUSES or not law.compiled.is_piecewise_linear:
         return False
     at_rest = np.zeros((law.number, law.dim))
     found = law(at_rest, at_rest, replace(data, gap=np.zeros(law.number)))
