@@ -15,6 +15,7 @@
 
 from mpi4py import MPI
 
+import numpy as np
 from demo_linear_triangle import SEEN, linear_triangle
 
 from dolfinx import fem
@@ -71,6 +72,25 @@ def creeping(args, n, by, width):
     return system, x, true, ends
 
 
+# ## As others do it: from rest at a large eps, which falls step by step
+
+
+def from_above(system, widths):
+    for f in system.problem.fields:
+        f.x.array[:] = 0.0
+    rows = []
+    for width in widths:
+        system.set_parameter(width)
+        table = system.problem.solve().tables["contact"]
+        rows.append({
+            "eps": width,
+            "status": table.status,
+            "ut_A": float(table.along(table.ut)[0]),
+            "un_A": float(table.un[0]),
+        })  # fmt: skip
+    return rows
+
+
 # ## Follow it
 
 
@@ -88,27 +108,40 @@ def main(argv=None):
     (lost,), last = [s.gamma for s in branch.folds], journal.rows()[-1]
     say(f"two of them are lost in a fold at eps = {lost:.7g}; beyond it the branch goes back")
     say(f"to eps = {last['gamma']:.1e} with a slip of {last['ut_A']:.7g}")
+    falling = from_above(system, np.geomspace(3.0 * lost, 0.1 * args.width, 12).tolist())
+    reached = falling[-1]
+    say(f"from eps = {falling[0]['eps']:.2g} down to {reached['eps']:.1e} one arrives at A")
+    say(f"{reached['status'][0]}, slip {reached['ut_A']:.7g}, gap {reached['un_A']:.3g}")
     if comm.rank == 0:
-        seen = {"ut_A": "$u_t$ of A"}
-        output.draw_diagram(folder / "eps.png", journal, seen, names=["creep, then slip"], strips=0)
+        points = journal.columns()
+        fall = [[r[k] for r in falling] for k in ("eps", "ut_A")]
+        letters = {"o": "opens", "k": "sticks", "-": "slips"}
+        marks = {f"true: A {letters[r['status'][0]]}": ([0.0], [r["ut_A"]]) for r in rows}
+        curves = {"creep, then slip": (points["gamma"], points["ut_A"]), "from a large eps": fall}
+        labels = (r"$\varepsilon$", "$u_t$ of A")
+        output.draw_curves(folder / "eps.png", curves, marks=marks, labels=labels)
 
     # As F falls at a held eps: a fold, below which A only lifts off. The proof of uniqueness asks
     # for F < C eps^2 / |log h|: the fold neither falls like eps^2 nor with the mesh.
-    folds = {}
+    folds, bounds = {}, {}
     for n in (args.n // 2, args.n):
         for width in (args.width, 10 * args.width):
             system, x, _, _ = creeping(args, n, "F", width)
             reach = (0.1, 1.1 * args.friction)
             way = follow(system, x, args.friction, gamma_range=reach, increasing=False)
-            folds[f"n = {n}, eps = {width:g}"] = way.folds[0].gamma if way.folds else None
+            case = f"n = {n}, eps = {width:g}"
+            folds[case] = way.folds[0].gamma if way.folds else None
+            bounds[case] = width**2 / abs(np.log(1.0 / n))
     for case, F in folds.items():
-        say(f"{case}: the only solution up to F = {F}")
+        say(f"{case}: the only solution up to F = {F}; eps^2/|log h| = {bounds[case]:.3g}")
     return output.write_summary(comm, folder, {
         "true": rows,
         "lost_at": lost,
         "end_slip": last["ut_A"],
         "end_eps": last["gamma"],
+        "reached": reached,
         "critical_friction": folds,
+        "bound": bounds,
     })  # fmt: skip
 
 

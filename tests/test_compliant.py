@@ -195,6 +195,29 @@ def test_limits():
     )
 
 
+@pytest.mark.parametrize("shape", PHI)
+def test_forces_and_statuses_as_the_width_falls(shape):
+    """Forces of true friction at order 1; statuses but of points that creep by the width or more.
+
+    A stuck point whose shear is q times the bound creeps by phi^-1(q) eps, which is beyond eps,
+    and counts as a slip at any width, where q > phi(1): 1 of linear and polynomial.
+    """
+    block_ = dict(n=8, cell="quad", top=(0.02, -0.03), options={"snes_rtol": 1e-12})
+    true = block(**block_).solve().tables["contact"]
+    problem, errors = block(**block_, law=Regularised(Coulomb(0.3), 1e-2, shape)), []
+    widths = np.array([1e-2, 1e-4, 1e-6, 1e-7])
+    for width in widths:
+        problem.surfaces[0].law.width.value = width
+        t = problem.solve().tables["contact"]
+        errors.append(np.abs(t.force - true.force).max() / np.abs(true.force).max())
+    slopes = np.diff(np.log(errors)) / np.diff(np.log(widths))
+    assert slopes[-1] == pytest.approx(1.0, abs=0.05)
+    q = np.abs(true.along(true.rt)) / (0.3 * true.rn)
+    wrong = (true.letters == "k") & (q > PHI[shape](1.0))
+    assert ((t.letters != true.letters) == wrong).all()
+    assert wrong.any() == (shape in ("tanh", "sqrt"))
+
+
 @pytest.mark.parametrize("solver", ["direct", "amg"])
 def test_between_bodies(solver):
     """Two blocks of height 1 in a row with a spring of the interface, and friction as it is."""
@@ -267,12 +290,16 @@ def test_what_regularised_friction_loses(folder, shape):
     most = minimize_scalar(width, bounds=(0.01, 0.99), method="bounded", options={"xatol": 1e-12})
     assert summary["lost_at"] == pytest.approx(-most.fun, rel=1e-6)
     assert summary["end_slip"] == pytest.approx(slides["ut_A"], rel=1e-5)
+    # Who comes from a large eps arrives at the solution on which friction does not act.
+    opens = next(r for r in summary["true"] if r["status"][0] == "o")
+    assert summary["reached"]["status"] == opens["status"]
+    assert summary["reached"]["ut_A"] == pytest.approx(opens["ut_A"], rel=1e-8)
     # The bound of the theorem, eps^2/|log h|, falls by a hundred between these.
     friction = summary["critical_friction"]
     assert friction["n = 8, eps = 0.0001"] == pytest.approx(
         friction["n = 8, eps = 0.001"], rel=0.05
     )
-    assert all(F > 1 for F in friction.values())
+    assert all(1e5 * summary["bound"][case] < F for case, F in friction.items())
 
 
 def test_warning_and_bad_laws(caplog):
