@@ -1,5 +1,31 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What holds at one contact point: a law, written once in UFL."""
+r"""What holds at one contact point: a law, written once in UFL.
+
+All laws work in 2D and 3D, against obstacles and between bodies, with every discretisation, with
+direct solvers and multigrid, and along branches; some work with more:
+
+| law                           | needs                     | pivoting | proofs | points | bounds |
+|-------------------------------|---------------------------|----------|--------|--------|--------|
+| `Frictionless()`              |                           | 2D       | 2D     | yes    | yes    |
+| `Coulomb(F)`                  | F >= 0                    | 2D       | 2D     | yes    | yes    |
+| `Tresca(g)`                   | g >= 0                    | no       | 2D     | yes    | yes    |
+| `NonlocalCoulomb(F, rho)`     | F >= 0, number rho > 0    | no       | no     | no     | yes    |
+| `NormalCompliance(C, 1, law)` | C > 0                     | 2D       | no     | no     | no     |
+| `NormalCompliance(C, m, law)` | C > 0, number m > 1       | no       | no     | no     | no     |
+| `Regularised(law, eps)`       | eps > 0                   | no       | no     | no     | no     |
+
+- *pivoting*: the body is condensed onto its contact points, branches go from vertex to vertex, and
+  all pieces that meet are taken at once; for linear bodies with contact at the nodes, and of
+  compliant surfaces with frictionless contact or Coulomb's law inside.
+- *proofs*: of uniqueness, and that all solutions were found (`analysis`); for the same bodies.
+- *points*: `ContactProblem.reduced` and the classical algorithms that work on it.
+- *bounds*: Tresca's fixed point, which needs unilateral contact and a bound of the shear. Uzawa's
+  method and penalisation take any law, and say so where they do not converge.
+
+What is not called a number may be a Constant, a Function or UFL of these, and the parameter of
+a branch, which then goes by steps. A law of one's own has pivoting if what it answers is linear and
+all its borders meet at zero, in 2D; and *bounds* if it is a `FrictionLaw` with a `bound` alone.
+"""
 
 from dolfinx_contact.laws.answers import Answers, PointData
 from dolfinx_contact.laws.compiled import LawAtPoints

@@ -31,6 +31,7 @@ from dolfinx_contact.algorithms import (
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.measures import Scales
 from dolfinx_contact.equations.parametric import ParametricEquations
+from dolfinx_contact.laws import FrictionLaw, NormalCompliance, Regularised
 from dolfinx_contact.reduced.compliance import Compliance, check_reducible
 from dolfinx_contact.solvers.body_solver import BodySolver
 from dolfinx_contact.solvers.errors import (
@@ -114,6 +115,8 @@ def solve_by(
         whole = None
     if whole is None or (isinstance(whole, Uzawa) and not whole.augmented):
         _require_held(equations)
+    if isinstance(algorithm, TrescaFixedPoint):
+        _require_bounds(equations)
     body = BodySolver(equations, direct=whole is None or linear().name == "direct")
     try:
         if whole is not None:
@@ -170,6 +173,17 @@ def _require_held(eq: ContactEquations) -> None:
             "this algorithm needs a body that is linear and that Dirichlet data hold; take "
             "Newton's method"
         )
+
+
+def _require_bounds(eq: ContactEquations) -> None:
+    """Raise ``ValueError`` if a law is none of unilateral contact with a bound of the shear."""
+    for s in eq.surfaces:
+        soft = isinstance(s.law, NormalCompliance | Regularised)
+        if soft or not isinstance(s.law, FrictionLaw):
+            raise ValueError(
+                f"{s.name}: Tresca's fixed point needs unilateral contact and a bound of the shear "
+                f"as Coulomb's, not {s.law.name}; take Newton's method"
+            )
 
 
 def _on_points(
