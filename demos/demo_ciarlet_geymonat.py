@@ -12,7 +12,7 @@
 # floor, with friction on all of its bottom, and a dead traction -gamma (2, 0.12 (20 - x)) MPa acts
 # on both sides (the hyperelastic example of Ligursky and Renard). At gamma = 0 the undeformed block
 # grazes the floor: all bottom nodes are at a kink. From there three branches lead to gamma = 1, and
-# their mirror images to gamma = -1.
+# their mirror images to gamma = -1; a proof says that there are no others.
 
 import time
 
@@ -96,6 +96,7 @@ def main(argv=None):
     for title, s in zip(titles, found, strict=True):
         say(f"{title}, {s['status']}, left corner {s['ut_left']:.6g}, {s['un_left']:.6g}")
     summary = diagram.summary()
+    say(f"rays out of the degenerate point: {', '.join(summary['methods'])}")
     say(f"{sum(summary['points'])} points in {seconds:.1f} s; pictures in {folder}")
     gammas = [[p.gamma for p in diagram.branches[k].points] for k in order]
     summary |= {

@@ -23,13 +23,14 @@ from dolfinx import fem
 from dolfinx_contact._agreement import described, refuse_other_mesh
 from dolfinx_contact._compat import is_mesh_of, is_value_of
 from dolfinx_contact._errors import everywhere, on_root, require, same_everywhere
-from dolfinx_contact.analysis.contact import obstacle_to_proof, proved
+from dolfinx_contact.analysis.contact import obstacle_to_proof, proved, proved_rays
 from dolfinx_contact.continuation import BranchPoint, Piece
+from dolfinx_contact.continuation.affine import AffineSystem
 from dolfinx_contact.continuation.arguments import checked_gamma
-from dolfinx_contact.continuation.system import Condensed, Proof
+from dolfinx_contact.continuation.system import Condensed, Proof, RayProof
 from dolfinx_contact.equations.order import by_coordinates
 from dolfinx_contact.equations.parametric import ParametricEquations
-from dolfinx_contact.laws import status
+from dolfinx_contact.laws import Coulomb, Frictionless, status
 from dolfinx_contact.laws.status import OPEN
 from dolfinx_contact.points.surface import ContactSurface
 from dolfinx_contact.problem import ContactProblem
@@ -39,6 +40,7 @@ from dolfinx_contact.solvers.history import Attempt
 
 __all__ = ["ParametricContact"]
 
+_RAY_SECONDS = 10.0
 _MOST_PROVED = 128  # contact points up to which all solutions are proved by default
 
 
@@ -58,6 +60,10 @@ class ParametricContact(ParametricEquations):
             motion of a rigid body.
         driven: pairs of a Function used in a Dirichlet condition and the UFL expression of gamma
             (and position) that it is to have.
+
+    Attributes:
+        ray_seconds: for a proof that the rays out of a point are all, for each sense of gamma; 0
+            for none.
 
     Raises:
         ValueError: on every rank, if ``gamma`` is no scalar Constant of the mesh, something of
@@ -80,7 +86,7 @@ class ParametricContact(ParametricEquations):
             gamma=float(gamma.value),
             driven=[described(expression, problem.V.mesh) for _, expression in driven],
         )
-        self.problem = problem
+        self.problem, self.ray_seconds = problem, _RAY_SECONDS
         super().__init__(problem.equations, gamma, lambda: problem.linear_solver, driven=driven)
         self._condensed: CondensedContact | None = None
         self._condensed_from = 0  # mark of the data
@@ -164,6 +170,23 @@ class ParametricContact(ParametricEquations):
         if condensed.system.points > _MOST_PROVED or obstacle_to_proof(self.equations, condensed):
             return None
         return on_root(self.comm, lambda: proved(condensed, gamma, seconds))
+
+    def prove_rays(
+        self,
+        condensed: Condensed,
+        cone: AffineSystem,
+        known: Sequence[tuple[npt.NDArray[np.int8], float]],
+    ) -> RayProof | None:
+        """All rays of a tangent cone, with a proof (`analysis.rays`). Collective.
+
+        None for other laws than Coulomb's and none of friction, beyond 128 contact points, and
+        where `ray_seconds` is 0.
+        """
+        assert isinstance(condensed, CondensedContact)
+        known_laws = all(type(s.law) in (Coulomb, Frictionless) for s in self.equations.surfaces)
+        if not self.ray_seconds > 0 or not known_laws or condensed.system.points > _MOST_PROVED:
+            return None
+        return on_root(self.comm, lambda: proved_rays(condensed, cone, known, self.ray_seconds))
 
     # -- pieces ----------------------------------------------------------------------------------
 

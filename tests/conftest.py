@@ -21,7 +21,7 @@ OF_NUMBERS = (
     *("test_held_ends", "test_true_surface", "test_given_normals", "test_pair_demos"),
     *("test_rigid_body", "test_critical_friction", "test_renard", "test_hild_2005"),
     *("test_steady_sliding", "test_stability", "test_proofs", "test_classical"),
-    *("test_two_parameters", "test_uniqueness", "test_nonlocal"),
+    *("test_two_parameters", "test_uniqueness", "test_nonlocal", "test_proved_rays"),
 )
 
 

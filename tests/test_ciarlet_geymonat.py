@@ -44,6 +44,7 @@ def mirrored(end):
 
 def check(summary, length=1.0, force=1.0):
     assert summary["converged"], summary["reason"]
+    assert summary["complete"], summary["methods"]
     assert len(summary["bifurcation_gamma"]) == 1
     assert abs(summary["bifurcation_gamma"][0]) < 1e-8
     ends = [b if b["gamma"] > 0 else mirrored(b) for b in summary["branches"]]

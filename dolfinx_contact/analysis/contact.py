@@ -5,21 +5,24 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from petsc4py import PETSc
 
 import numpy as np
+import numpy.typing as npt
 
 from dolfinx import fem
 
 from dolfinx_contact._errors import on_root
 from dolfinx_contact._progress import Line
+from dolfinx_contact.analysis.rays import ProvedRays, apex_problem, prove_rays
 from dolfinx_contact.analysis.reduced_problem import ReducedProblem
 from dolfinx_contact.analysis.renard import criterion_at
 from dolfinx_contact.analysis.solutions import ProvedSolutions, prove_solutions
 from dolfinx_contact.analysis.theory import theory_of
 from dolfinx_contact.analysis.uniqueness import is_only
+from dolfinx_contact.continuation.affine import AffineSystem
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.parametric import LinearSolver, ParametricEquations
 from dolfinx_contact.equations.state import State
@@ -27,7 +30,16 @@ from dolfinx_contact.laws import Coulomb, Frictionless, Tresca
 from dolfinx_contact.reduced.condensed import CondensedContact, can_condense
 from dolfinx_contact.results.uniqueness import Uniqueness
 
-__all__ = ["is_quick", "obstacle_to_proof", "proved", "reduced_problem", "uniqueness"]
+__all__ = [
+    "is_quick",
+    "obstacle_to_proof",
+    "proved",
+    "proved_rays",
+    "reduced_problem",
+    "uniqueness",
+]
+
+Codes = npt.NDArray[np.int8]
 
 logger = logging.getLogger(__name__)
 
@@ -89,6 +101,33 @@ def proved(condensed: CondensedContact, gamma: float, seconds: float) -> ProvedS
         return prove_solutions(problem, seconds=seconds, progress=tell)
     finally:
         line.clear()
+
+
+def proved_rays(
+    condensed: CondensedContact,
+    cone: AffineSystem,
+    known: Sequence[tuple[Codes, float]],
+    seconds: float,
+) -> ProvedRays:
+    """All rays of a tangent cone, with a proof. For one rank alone.
+
+    Args:
+        condensed: at the state; of the laws of Coulomb or without friction.
+        cone: its tangent cone.
+        known: statuses (m,) and dgamma of rays.
+        seconds: for each sense of gamma.
+    """
+    system, (of_S, _) = condensed.system, condensed.errors(0.0)
+    S = system.matrix[:, :, :2].reshape(len(system.rate), -1)
+    off = condensed.rate_errors
+    try:
+        whole = ReducedProblem(S, system.rate, condensed.friction, None, of_S, off)
+        apex = apex_problem(whole, system, cone)
+    except ValueError as error:
+        return ProvedRays("open", (), f"not proved: {error}")
+    if isinstance(apex, str):
+        return ProvedRays("open", (), f"not proved: {apex}")
+    return prove_rays(apex, known, seconds=seconds)
 
 
 def _within_errors(condensed: CondensedContact, gamma: float) -> ReducedProblem | None:

@@ -14,6 +14,7 @@ import logging
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 from petsc4py import PETSc
@@ -182,7 +183,8 @@ def _by_tangent_cone(
     w, base = condensed.contract(x), b.vector()
     condensed.expand(w, gamma, x)
     b.join(x, gamma, base)
-    rays, found = [], outgoing(condensed.system.tangent_cone(w, 100 * tolerance))
+    cone, prove = condensed.system.tangent_cone(w, 100 * tolerance), b.system.prove_rays
+    rays, found = [], outgoing(cone, prove=partial(prove, condensed))
     for ray in found.rays:
         tangent = b.vector()
         condensed.expand(w + ray.direction, gamma + ray.rate, x)

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import logging
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 
 from petsc4py import PETSc
@@ -220,7 +221,8 @@ class Pivoting:
             rays = [AffineRay(p.codes, s * p.coefficients[1], s) for p, s in found]
         if len(found) != 1 or self._parity(before, ray, found[0][0], found[0][1]) <= 0:
             back = AffineRay(ray.codes, -ray.direction, -ray.rate)
-            ways = outgoing(affine.tangent_cone(w, tolerance), [back])
+            prove = partial(self.system.prove_rays, self.condensed)
+            ways = outgoing(affine.tangent_cone(w, tolerance), [back], prove=prove)
             rays = [r for r in ways.rays if not same_direction(r, back)]
             complete, method = ways.complete, ways.method
             if self.bordered.comm.rank == 0:

@@ -10,13 +10,14 @@ the tangent cone. Its solutions are rays. They are found
   branches without degenerate points, each of which comes in along one ray and goes out along
   another. They are followed by pivoting from the rays that are known, and from a state drawn at
   random, for which e is made; loads drawn anew connect rays in other pairs. What that does not
-  reach is not found, and nothing is proved.
+  reach is not found, and nothing is proved; but the system may have a proof of its own
+  (`System.prove_rays`).
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -24,6 +25,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact.continuation.affine import TOLERANCE, AffinePiece, AffineSystem, Array, Codes
+from dolfinx_contact.continuation.system import RayProof
 
 __all__ = [
     "MOST_PIECES",
@@ -35,6 +37,9 @@ __all__ = [
     "same_direction",
     "step",
 ]
+
+#: Looks for a proof of all rays of a cone, of which some are known.
+Prove = Callable[[AffineSystem, Sequence[tuple[Codes, float]]], RayProof | None]
 
 MOST_PIECES = 65536  # that are enumerated
 _CHUNK = 4096  # pieces looked at together
@@ -102,7 +107,12 @@ def number_of_pieces(cone: AffineSystem) -> float:
 
 
 def outgoing(
-    cone: AffineSystem, known: Sequence[AffineRay] = (), *, tries: int = 6, seed: int = 0
+    cone: AffineSystem,
+    known: Sequence[AffineRay] = (),
+    *,
+    tries: int = 6,
+    seed: int = 0,
+    prove: Prove | None = None,
 ) -> Rays:
     """All rays of a tangent cone, as far as they can be found.
 
@@ -111,6 +121,7 @@ def outgoing(
         known: rays that are known already.
         tries: number of unfoldings in a row that may bring nothing new.
         seed: of their loads.
+        prove: looks for a proof that there are no others than those that unfolding finds.
 
     Raises:
         ValueError: if a number of the system is not finite.
@@ -133,7 +144,18 @@ def outgoing(
             doubt += ", with continua between these"
         method = f"enumeration of {pieces:.0f} pieces{doubt}"
         return Rays(tuple(rays), not doubt, method, continua)
-    return _unfold(cone, known, choices, tries, seed)
+    unfolded = _unfold(cone, known, choices, tries, seed)
+    proof = None if prove is None else prove(cone, [(r.codes, r.rate) for r in unfolded.rays])
+    return unfolded if proof is None else _with_proof(cone, unfolded, proof)
+
+
+def _with_proof(cone: AffineSystem, unfolded: Rays, proof: RayProof) -> Rays:
+    """What unfolding and a proof found; if that is complete they are all."""
+    pieces = [(cone.piece(codes), rate) for codes, rate in proof.rays]
+    certain = [AffineRay(p.codes, p.at(rate), rate) for p, rate in pieces if p is not None]
+    complete = proof.verdict == "complete" and len(certain) == len(pieces)
+    rays = _distinct([*unfolded.rays, *certain])
+    return Rays(tuple(rays), complete, f"{unfolded.method}, {proof.method}")
 
 
 def _inside_of(

@@ -165,6 +165,21 @@ class System:
         """
         return None
 
+    def prove_rays(
+        self,
+        condensed: Condensed,
+        cone: AffineSystem,
+        known: Sequence[tuple[npt.NDArray[np.int8], float]],
+    ) -> RayProof | None:
+        """All rays of a tangent cone, with a proof; None, the default, without a way to one.
+
+        Args:
+            condensed: the points at the state whose cone it is.
+            cone: its tangent cone.
+            known: statuses (m,) and dgamma of rays that are known.
+        """
+        return None
+
     def put(self, x: PETSc.Vec, gamma: float, piece: Piece) -> None:
         """Show a state to the user, as the last one of a branch is; by default nowhere."""
 
@@ -202,6 +217,22 @@ class Proof(Protocol):
     @property
     def solutions(self) -> Sequence[FoundState]:
         """Those that are certain."""
+
+    @property
+    def method(self) -> str:
+        """How it was proved, human-readable."""
+
+
+class RayProof(Protocol):
+    """What is proved of the rays of a point."""
+
+    @property
+    def verdict(self) -> str:
+        """Whether there are no others: then "complete"."""
+
+    @property
+    def rays(self) -> Sequence[tuple[npt.NDArray[np.int8], float]]:
+        """Statuses (m,) and dgamma, 1 or -1, of those that are certain."""
 
     @property
     def method(self) -> str:

@@ -173,19 +173,31 @@ class CondensedContact:
 
     def errors(self, gamma: float) -> tuple[Array, Array]:
         """By how much S and p + gamma q may be off (2 m, 2 m), (2 m,); see the module."""
-        points, k, system = 2 * self._m, self.force_unit, self.system
+        points, system = 2 * self._m, self.system
         S = np.abs(system.matrix[:, :, :2].reshape(points, points))
+        of_S, rest, rate = self._errors
+        w, length = np.abs(self._w[:, :2]).reshape(-1), points * _ROUND_OFF
+        of_load = of_S @ w + length * (S @ w) + rest + abs(gamma - self._gamma) * rate
+        sums = np.abs(system.load) + abs(gamma) * np.abs(system.rate)
+        return of_S, of_load + 64 * _ROUND_OFF * sums
+
+    @property
+    def rate_errors(self) -> Array:
+        """By how much q may be off (2 m,)."""
+        return self._errors[2] + 64 * _ROUND_OFF * np.abs(self.system.rate)
+
+    @cached_property
+    def _errors(self) -> tuple[Array, Array, Array]:
+        """Of S, and what the factorisation leaves of the load at the state, and of its rate."""
+        points, k = 2 * self._m, self.force_unit
+        S = np.abs(self.system.matrix[:, :, :2].reshape(points, points))
         # Frames mix the components of a point, and are orthonormal to round-off.
         X, R = (
             np.repeat(np.linalg.norm(v.reshape(-1, 2), axis=1), 2)
             for v in (self._sizes_of_jumps, self._residuals_of_jumps)
         )
-        of_S = (np.outer(X, R) + np.outer(R, X)) / k + 64 * _ROUND_OFF * S
-        w, length = np.abs(self._w[:, :2]).reshape(-1), points * _ROUND_OFF
-        rest, rate = (X * r / k for r in self._residuals_of_loads)
-        of_load = of_S @ w + length * (S @ w) + rest + abs(gamma - self._gamma) * rate
-        sums = np.abs(system.load) + abs(gamma) * np.abs(system.rate)
-        return of_S, of_load + 64 * _ROUND_OFF * sums
+        rest, rate = (np.asarray(X * r / k) for r in self._residuals_of_loads)
+        return (np.outer(X, R) + np.outer(R, X)) / k + 64 * _ROUND_OFF * S, rest, rate
 
     # -- points ----------------------------------------------------------------------------------
 

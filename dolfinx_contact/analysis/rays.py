@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""All rays that lead out of a point at which contact points are at their apex, with a proof.
+
+At the apex ut, un and the forces vanish: there the tangent cone of a point is its law itself.
+Where every other point is open (dr = 0), stuck (da = 0) or pressed without friction (drt = dun = 0)
+inside its borders, what it contributes to S da - dr = dgamma q can be eliminated, since dr.da = 0:
+
+    S' = S_kk - S_ke S_ee^{-1} S_ek,    q' = q_k - S_ke S_ee^{-1} q_e
+
+for the components k of points at the apex and e of those that move freely. S' is positive definite
+as S is, so that the rays with dgamma = 1 and -1, normalised by that, are the solutions of the
+reduced problems with the loads q' and -q', of which `solutions.py` proves that they are all. With
+dgamma = 0 there are none: da.S' da = da.dr <= 0 at the apex.
+
+Of points that slip, or are at a border between two statuses, dr.da has any sign; nothing is proved.
+
+With Z near S_ee^{-1} S_ek and its residual R = S_ek - S_ee Z
+
+    S_ke S_ee^{-1} S_ek = S_ke Z + Z^T R + R^T S_ee^{-1} R,
+
+so that S_kk - S_ke Z is off by at most |Z^T R| + |R_i| |R_j| / lambda for the least eigenvalue
+lambda of S_ee, and q_k - Z^T q_e by |R_i| |q_e| / lambda.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact.analysis.reduced_problem import ReducedProblem
+from dolfinx_contact.analysis.rounding import gamma, least_eigenvalue, up
+from dolfinx_contact.analysis.solutions import prove_solutions
+from dolfinx_contact.continuation.affine import AffineSystem
+from dolfinx_contact.laws.status import OPEN, STICK
+
+__all__ = ["Apex", "ProvedRays", "apex_problem", "prove_rays"]
+
+Array = npt.NDArray[np.float64]
+Codes = npt.NDArray[np.int8]
+
+
+@dataclass(frozen=True, eq=False)
+class ProvedRays:
+    """What is proved of the rays of a point.
+
+    Attributes:
+        verdict: ``"complete"``, ``"degenerate"`` or ``"open"``, as of `ProvedSolutions`.
+        rays: statuses (m,) and dgamma, 1 or -1, of rays that are certain.
+        method: human-readable.
+    """
+
+    verdict: str
+    rays: tuple[tuple[Codes, float], ...]
+    method: str
+
+
+@dataclass(frozen=True, eq=False)
+class Apex:
+    """The problem of the points at their apex, everything else eliminated.
+
+    Attributes:
+        problem: with the load q'.
+        points: of the problem, among all (k,).
+        codes: statuses of the others (m,).
+    """
+
+    problem: ReducedProblem
+    points: npt.NDArray[np.int64]
+    codes: Codes
+
+
+def apex_problem(whole: ReducedProblem, system: AffineSystem, cone: AffineSystem) -> Apex | str:
+    """The reduced problem of the rays, or why there is none.
+
+    Args:
+        whole: S, and q as the load, of all points.
+        system: the points at a state.
+        cone: its tangent cone there.
+
+    Raises:
+        ValueError: if the problem is not positive definite beyond its errors.
+    """
+    m, friction = whole.points, whole.friction
+    same = (cone.inequalities == system.inequalities).all(axis=(1, 2, 3))
+    apex = same & (cone.allowed == system.allowed).all(axis=1)
+    codes = cone.allowed.argmax(axis=1).astype(np.int8)
+    held = cone.inequalities[np.arange(m), codes].any(axis=(1, 2))
+    slips = (codes != OPEN) & (codes != STICK) & (friction > 0)
+    other = ~apex & ((cone.allowed.sum(axis=1) != 1) | held | slips)
+    if other.any():
+        return f"{int(other.sum())} points slip, or are at a border between two statuses"
+    if not apex.any():
+        return "no point is at its apex"
+    moves = np.zeros((m, 2), dtype=bool)
+    moves[~apex & (codes != STICK), 0] = True
+    moves[~apex & (codes == OPEN), 1] = True
+    points = np.flatnonzero(apex)
+    k, e = np.flatnonzero(np.repeat(apex, 2)), np.flatnonzero(moves.reshape(-1))
+    return Apex(_eliminated(whole, k, e, friction[points]), points, codes)
+
+
+def _eliminated(
+    whole: ReducedProblem, k: npt.NDArray[np.intp], e: npt.NDArray[np.intp], friction: Array
+) -> ReducedProblem:
+    """S' and q' with their errors; see the module."""
+    S, dS, q, dq = whole.S, whole.dS, whole.p, whole.dp
+    kk, ek, ee = np.ix_(k, k), np.ix_(e, k), np.ix_(e, e)
+    n = len(e)
+    if n == 0:
+        return ReducedProblem(S[kk], q[k], friction, None, dS[kk], dq[k])
+    least = least_eigenvalue(S[ee], dS[ee])
+    if not least > 0:
+        raise ValueError("the stiffness of the points that move is not positive definite")
+    Z = np.linalg.solve(S[ee], S[ek])
+    size = np.abs(Z)
+    R = np.abs(S[ek] - S[ee] @ Z) + gamma(n) * (np.abs(S[ek]) + np.abs(S[ee]) @ size)
+    R = up(R + dS[ek] + dS[ee] @ size)
+    norms = np.sqrt(up((R**2).sum(axis=0)))
+    taken = np.abs(S[ek]).T @ size
+    off = dS[kk] + dS[ek].T @ size + size.T @ R + np.outer(norms, norms) / least
+    off = up(off + gamma(n + 2) * (np.abs(S[kk]) + taken))
+    reduced = S[kk] - S[ek].T @ Z
+    load = q[k] - Z.T @ q[e]
+    far = float(np.sqrt(up(((np.abs(q[e]) + dq[e]) ** 2).sum())))
+    off_load = dq[k] + size.T @ dq[e] + norms * far / least
+    off_load = up(off_load + gamma(n + 2) * (np.abs(q[k]) + size.T @ np.abs(q[e])))
+    return ReducedProblem(reduced, load, friction, None, off, off_load)
+
+
+def prove_rays(apex: Apex, known: Sequence[tuple[Codes, float]], *, seconds: float) -> ProvedRays:
+    """Prove that there are no other rays than some, or find them.
+
+    Args:
+        apex: the reduced problem.
+        known: statuses (m,) and dgamma of rays that are known; they shorten the search.
+        seconds: for each sense of gamma, after which it is left open.
+    """
+    given, rays, verdicts, methods = apex.problem, list[tuple[Codes, float]](), set(), list[str]()
+    for sense in (1.0, -1.0):
+        problem = ReducedProblem(given.S, sense * given.p, given.friction, None, given.dS, given.dp)
+        starts = [codes[apex.points] for codes, rate in known if rate == sense]
+        found = prove_solutions(problem, known=starts, seconds=seconds)
+        verdicts.add(found.verdict)
+        methods.append(f"{found.method} at dgamma = {sense:+g}")
+        for solution in found.solutions:
+            codes = apex.codes.copy()
+            codes[apex.points] = solution.codes
+            rays.append((codes, sense))
+    worst = next(v for v in ("open", "degenerate", "complete") if v in verdicts)
+    return ProvedRays(worst, tuple(rays), " and ".join(methods))
