@@ -1,5 +1,6 @@
 """Proofs about bodies: all solutions at one gamma, and whether a solution is the only one."""
 
+import time
 from functools import partial
 
 from mpi4py import MPI
@@ -82,6 +83,30 @@ def test_a_vee():
     solutions = found_at(system, 0.7)
     assert solutions.complete
     assert len(solutions.found) == 3
+
+
+#: The outline of the V-shaped body of Ligursky and Renard (Appl. Math. Comput. 2014): a vertical
+#: arm and one at 45 degrees, both 0.3 wide.
+ARMS = [(0, 0), (0.15 + 0.15 * 2**0.5, 0)]
+ARMS += [(0.15 + 0.8 / 2**0.5, 0.65 / 2**0.5), (0.15 + 0.5 / 2**0.5, 0.95 / 2**0.5)]
+ARMS += [(0.3, 0.15 + 0.15 * 2**0.5), (0.3, 0.8), (0, 0.8)]
+
+
+@serial
+@pytest.mark.parametrize(("gamma", "count"), [(0.38, 1), (0.4, 3)])
+def test_the_vee_of_the_literature(gamma, count, monkeypatch):
+    """Their data, F = 1.8, in 1 s; the mesh decides from which load on there are three."""
+    monkeypatch.setattr(demo_followed_mesh, "VEE", ARMS)
+    force = ("--body-force", "-5", "1", "-5", "-8")
+    args = demo_followed_mesh.arguments(["--size", "0.03", "--friction", "1.8", *force])
+    system = demo_followed_mesh.system(args, COMM)
+    start = time.process_time()
+    solutions = found_at(system, gamma)
+    assert time.process_time() - start < 1
+    assert solutions.complete
+    found = words(system, solutions)
+    rest = (len(found[0]) - 1) * "o"
+    assert found == ["-" + rest, "k" + rest, "o" + rest][-count:]
 
 
 def test_without_a_proof():
