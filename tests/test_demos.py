@@ -6,6 +6,7 @@ from pathlib import Path
 
 import demo_greco_block
 import demo_hild_triangle
+import demo_sliding_solution
 import demo_which_solution
 import numpy as np
 import pytest
@@ -147,3 +148,28 @@ def test_which_solution(folder):
     assert all(set(b) <= set("ok-cdn") for b in basins.values())
     assert {word for b in basins.values() for word in b} >= {"o", "k"}
     assert (folder / "basins_element.png").exists()
+
+
+def test_sliding_solution(folder):
+    """Beyond F = 3 Newton's method alone reaches the sliding solution, from starts around it."""
+    summary = demo_sliding_solution.main(["--n=2", "--grid=2", f"--output={folder}"])
+    element = summary["problems"]["element"]
+    assert element["critical"] == pytest.approx(3.0, rel=1e-12)
+    starts = np.array([0.3, 0.9])
+    beyond = {
+        "newton": ("--", "-k"),
+        **dict.fromkeys(("tresca", "uzawa", "cg"), ("ok", "ok")),
+        **dict.fromkeys(("penalty", "gauss-seidel", "lemke"), ("oo", "oo")),
+        "interior-point": ("kk", "kk"),
+    }
+    for name, words in element["words"].items():
+        pressures = np.array(element["pressures"][name])
+        assert words[:2] == ["--", "--"]
+        np.testing.assert_allclose(pressures[:2], 0.5, atol=1e-5 if name == "penalty" else 1e-8)
+        if name in ("newton", "tresca", "uzawa", "gauss-seidel"):  # no solution is left
+            np.testing.assert_allclose(pressures[2], starts, atol=1e-9)
+        assert np.all((pressures[2] > -1e-9) & (pressures[2] < 1 + 1e-9))
+        assert tuple(words[3:]) == beyond[name]
+    corner = demo_sliding_solution.corner(demo_sliding_solution.triangle(1.7, 64))
+    assert max(corner[:2]) == pytest.approx(1.6588005832, abs=1e-9)
+    assert (folder / "triangle.png").exists()

@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+# # Through the critical friction coefficient: who still reaches the sliding solution?
+#
+# This demo illustrates how to:
+#
+# - find the friction at which a node's solutions become three, from its reduced stiffness;
+# - see what each algorithm does below, at and above it, from a row of starts.
+#
+# V. Rey (C. R. Mecanique 354, 2026) compares algorithms on an example with several solutions for
+# F > 3, and not all reach its sliding one. Hild's triangle with nu = 0 has the same threshold,
+# 3 - 4 nu. The second problem is the triangle of `demo_linear_triangle.py` under its own load.
+
+from mpi4py import MPI
+
+import numpy as np
+from demo_which_solution import ALGORITHMS, NAMES, end_of, reduced
+
+from dolfinx_contact import algorithms, output
+from dolfinx_contact.command_line import ScriptParser, number
+
+PATIENT = ALGORITHMS | {
+    "tresca": algorithms.TrescaFixedPoint(max_iterations=1000),
+    "gauss-seidel": algorithms.GaussSeidel(max_iterations=1000),
+    "cg": algorithms.ProjectedGradient(max_iterations=3000),
+}
+
+# ## The node A
+#
+# With all other nodes open A has the stiffness [[kt, k], [k, kn]] and the load (-pt, -pn). It
+# sticks for F >= pt/pn, opens for kt/k <= pt/pn, and slides to the left where pt/pn lies between F
+# and kt/k. So F_c = kt/k; under a load with pt/pn > kt/k there are three solutions once F > pt/pn.
+
+
+def corner(contact):
+    """kt/k, pt/pn and pn of A, which comes first."""
+    S = np.linalg.inv(contact.A[:2, :2])
+    pt, pn = S @ contact.free[0]
+    return float(S[0, 0] / S[0, 1]), float(pt / pn), float(-pn)
+
+
+# ## Two problems
+#
+# The load on Hild's triangle follows the friction, pt/pn = (3 + F)/2: below F = 3 it slides, and
+# has no other solution; above, it has two more; at F = 3 all forces with rt = 3 rn, rn <= pn are
+# solutions.
+
+
+def element(friction, n):
+    return reduced(1, friction, (1.5 + friction / 2, 1.0), (0.0, 0.5))
+
+
+def triangle(friction, n):
+    return reduced(n, friction, (26.0, 7.5), (100.0, 82.0))
+
+
+# ## Where algorithms end
+#
+# Starts are forces of a sliding node, rn = s pn and rt = F rn. What comes out, on the element (its
+# sliding solution has s = 1/2):
+#
+# - Below F = 3 all end in the sliding solution; at F = 3, where s is free up to 1, iterations stay
+#   at the solution that they begin with.
+# - Above, Newton's method alone ends in it, from starts around it. From the fixed points of Tresca,
+#   Uzawa and projected gradients it drives away, by F/3 a step of Tresca's: they end open from
+#   smaller forces, stuck from larger ones. Penalisation, Gauss-Seidel and Lemke's method end open,
+#   the interior point stuck, whatever the start.
+#
+# On the triangle of 8 nodes the same, but for Gauss-Seidel, which is a fixed point there, and
+# Lemke's method, which ends stuck. Below F_c, where it opens, full Newton steps cycle (a solve of
+# the whole problem then goes on otherwise); at F_c the interior point does not converge.
+
+
+def sweep(problem, n, frictions, starts):
+    """By algorithm the words and the pressures rn/pn of the ends, (frictions, starts)."""
+    size = len(frictions), len(starts)
+    words = {name: np.full(size, "n") for name in PATIENT}
+    pressures = {name: np.full(size, np.nan) for name in PATIENT}
+    for i, friction in enumerate(frictions):
+        contact = problem(friction, n)
+        pn = corner(contact)[2]
+        for name, algorithm in PATIENT.items():
+            for j, s in enumerate(starts):
+                start = np.zeros((contact.number, 2))
+                start[0] = s * pn * np.array([friction, 1.0])
+                words[name][i, j], outcome = end_of(algorithm, contact, start)
+                pressures[name][i, j] = outcome.r[0, 1] / pn
+    return words, pressures
+
+
+def main(argv=None):
+    parser = ScriptParser("Through the critical friction", output="output/sliding_solution", n=8)
+    parser.add_argument("--grid", type=number(int, least=2), default=6, help="starts")
+    args = parser.parse(argv)
+    comm = MPI.COMM_WORLD
+    folder, say = output.output_folder(comm, args.output), output.Report(comm)
+    starts = (np.arange(args.grid) + 0.5) * 1.2 / args.grid
+    summary = {}
+    for problem in (element, triangle):
+        title, critical = problem.__name__, max(corner(problem(3.0, args.n))[:2])
+        frictions = np.round(critical * np.array([0.8, 0.9, 1.0, 1.1, 1.2]), 12)
+        words, pressures = sweep(problem, args.n, frictions, starts)
+        say(f"{title}: the critical friction is {critical:.10g}")
+        for name, cells in words.items():
+            rows = [f"{f:.3g} {''.join(row)}" for f, row in zip(frictions, cells, strict=True)]
+            say(f"  {name:>14}: " + "  ".join(rows))
+        if comm.rank == 0:
+            labels = ("$F$", "$r_n/p_n$ of A at the start")
+            file = folder / f"{title}.png"
+            output.draw_panels(file, frictions, starts, words, NAMES, labels=labels)
+        summary[title] = {
+            "critical": critical,
+            "frictions": frictions.tolist(),
+            "words": {name: ["".join(row) for row in cells] for name, cells in words.items()},
+            "pressures": {name: values.tolist() for name, values in pressures.items()},
+        }
+    return output.write_summary(comm, folder, summary["element"] | {"problems": summary})
+
+
+if __name__ == "__main__":
+    main()
