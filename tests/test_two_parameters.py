@@ -4,6 +4,7 @@ import itertools
 
 from mpi4py import MPI
 
+import demo_chart
 import demo_followed_mesh
 import numpy as np
 import pytest
@@ -13,9 +14,9 @@ import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact import ContactProblem, materials
-from dolfinx_contact.analysis import event_curves
-from dolfinx_contact.analysis.contact_family import ContactFamily, Frame
+from dolfinx_contact.analysis import count_solutions, event_curves
 from dolfinx_contact.analysis.curve_search import follow_events
+from dolfinx_contact.analysis.family import ContactFamily, Frame
 from dolfinx_contact.analysis.two_parameters import contact_family
 from dolfinx_contact.continuation import follow
 from dolfinx_contact.parametric import ParametricContact
@@ -42,7 +43,7 @@ def test_one_element(unit):
     system = element((unit, unit), 3.0, 1.0, (-2.0 * unit, 0.0), (0.0, -2.0 * unit))
     branch = branch_of(system, (0.0, 10.0))
     F = friction_of(system)
-    curves = event_curves(system, F, [branch], (1.0, 4.0), (0.1, 10.0))
+    curves = event_curves(system, F, [(3.0, branch)], (1.0, 4.0), (0.1, 10.0))
     assert float(F.value) == 3.0
     opened, stuck = curves.folds
     assert opened.statuses_at(3.0) == ("o", "-")
@@ -55,7 +56,7 @@ def test_one_element(unit):
     np.testing.assert_allclose(cusp, (2.0, 2.0), atol=1e-10)
     assert np.isnan(stuck.at(1.5))
 
-    both = event_curves(system, F, [branch], (1.0, 4.0), (0.1, 10.0), folds_only=False)
+    both = event_curves(system, F, [(3.0, branch)], (1.0, 4.0), (0.1, 10.0), folds_only=False)
     events = [c for c in both.curves if c.kind == "event"]
     assert sorted(c.at(1.5) for c in events) == pytest.approx([1.5, 2.0], abs=1e-10)
     assert len(both.folds) == 2
@@ -73,7 +74,8 @@ def test_two_loads():
     energy += 2 * ufl.dot(ufl.as_vector([gamma, mu]), body.u) * ds
     problem = ContactProblem(energy, body.u, body.surfaces, bcs=body.bcs)
     system = ParametricContact(problem, gamma)
-    curves = event_curves(system, mu, [branch_of(system, (0.0, 10.0))], (0.5, 2.0), (0.1, 10.0))
+    branches = [(1.0, branch_of(system, (0.0, 10.0)))]
+    curves = event_curves(system, mu, branches, (0.5, 2.0), (0.1, 10.0))
     for at in (0.6, 1.0, 1.9):
         np.testing.assert_allclose(curves.folds_at(at), [3 * at, 2 * at], atol=1e-10)
     assert curves.cusps == ()
@@ -90,7 +92,7 @@ def test_vee(vee):
     """Folds of branches at other coefficients lie on the curves, with the same statuses."""
     F = friction_of(vee)
     F.value = 1.5
-    curves = event_curves(vee, F, [branch_of(vee)], (1.0, 1.6), (0.0, 1.0))
+    curves = event_curves(vee, F, [(1.5, branch_of(vee))], (1.0, 1.6), (0.0, 1.0))
     (cusp,) = curves.cusps
     assert 1.1 < cusp[0] < 1.2
     for mu in (cusp[0] + 1e-3, 1.3, 1.57):
@@ -160,6 +162,43 @@ def test_random_families(seed):
             assert kinds[key] == ("fold" if sides[0] == sides[1] else "event")
 
 
+@pytest.mark.parametrize("seed", range(2))
+def test_chart_of_a_random_family(seed):
+    """Numbers of solutions as by solving all pieces; the chart is fine where they change."""
+    family, span, gammas = random_family(seed), (0.2, 4.0), (-8.0, 8.0)
+    chart = count_solutions(COMM, family, span, gammas, cells=(4, 4), depth=2)
+    assert chart.proved
+    areas = [np.ptp(c.mu) * np.ptp(c.gamma) for c in chart.cells]
+    assert sum(areas) == pytest.approx(np.ptp(span) * np.ptp(gammas))
+    for cell in chart.cells:
+        pieces = itertools.product(range(4), repeat=2)
+        inside = [p for p in pieces if holds(family, np.array(p, dtype=np.int8), *cell.middle)]
+        assert cell.solutions == tuple(sorted("".join("ok+-"[c] for c in p) for p in inside))
+    size = min(areas)
+    for a, b in itertools.combinations(chart.cells, 2):
+        touch = a.mu[0] <= b.mu[1] and b.mu[0] <= a.mu[1]
+        touch = touch and a.gamma[0] <= b.gamma[1] and b.gamma[0] <= a.gamma[1]
+        if touch and a.count != b.count:
+            assert min(np.ptp(a.mu) * np.ptp(a.gamma), np.ptp(b.mu) * np.ptp(b.gamma)) < 1.01 * size
+
+
+def test_demo_of_one_element(folder):
+    """Three solutions between gamma = 2 and gamma = F, else one; the two lines cross at F = 2."""
+    summary = demo_chart.main(["--at", "3", "2.5", "--cells=4", "--depth=1", f"--output={folder}"])
+    assert summary["folds_at"]["3"] == pytest.approx([3.0, 2.0], abs=1e-10)
+    assert summary["folds_at"]["2.5"] == pytest.approx([2.5, 2.0], abs=1e-10)
+    np.testing.assert_allclose(summary["cusps"], [[2.0, 2.0]], atol=1e-10)
+    for curve in summary["curves"]:
+        F, gamma = np.array(curve["points"]).T
+        line = F if gamma[-1] > 3 else 2.0
+        np.testing.assert_allclose(gamma, line, atol=1e-10)
+        assert curve["kind"] == "fold"
+    assert summary["proved"]
+    for F, gamma, count, _ in summary["cells"]:
+        assert count == (3 if 2 < gamma < F else 1)
+    assert (folder / "chart.png").stat().st_size > 10_000
+
+
 def holds(family, codes, mu, gamma):
     """Whether a piece holds a solution."""
     A, E = family.columns(codes)
@@ -183,4 +222,6 @@ def test_what_is_refused(vee):
     with pytest.raises(ValueError, match="second parameter is -1"):
         contact_family(vee, F, (-1.0, 1.0))
     with pytest.raises(ValueError, match="range"):
-        event_curves(vee, F, [], (5.0, 6.0), (0.0, 1.0))
+        event_curves(vee, F, [(4.0, branch_of(vee))], (5.0, 6.0), (0.0, 1.0))
+    with pytest.raises(ValueError, match="pairs"):
+        event_curves(vee, F, [(1.5, None)], (1.0, 2.0), (0.0, 1.0))

@@ -6,6 +6,7 @@ Of the proofs what has to be trusted is in `checker.py` and what it imports (`ro
 """
 
 from dolfinx_contact.analysis.certificate import Certificate
+from dolfinx_contact.analysis.charts import Chart, ChartCell, count_solutions
 from dolfinx_contact.analysis.checker import InvalidCertificate, Proved, check
 from dolfinx_contact.analysis.critical_friction import CriticalFriction, critical_friction
 from dolfinx_contact.analysis.event_curves import EventCurve, EventCurves, Meeting, Segment
@@ -14,10 +15,12 @@ from dolfinx_contact.analysis.renard import Renard, renard_criterion
 from dolfinx_contact.analysis.solutions import ProvedSolution, ProvedSolutions, prove_solutions
 from dolfinx_contact.analysis.stability import Stability, stability_at_rest
 from dolfinx_contact.analysis.steady_sliding import Onset, SlidingModes, SteadySliding
-from dolfinx_contact.analysis.two_parameters import event_curves
+from dolfinx_contact.analysis.two_parameters import contact_family, event_curves
 
 __all__ = [
     "Certificate",
+    "Chart",
+    "ChartCell",
     "CriticalFriction",
     "EventCurve",
     "EventCurves",
@@ -34,6 +37,8 @@ __all__ = [
     "Stability",
     "SteadySliding",
     "check",
+    "contact_family",
+    "count_solutions",
     "critical_friction",
     "event_curves",
     "prove_solutions",

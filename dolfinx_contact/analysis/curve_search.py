@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Following curves of folds and of events in two parameters to where they meet.
 
-On a border (`contact_family`) gamma is a function of mu on some intervals. An interval ends where
+On a border (`family`) gamma is a function of mu on some intervals. An interval ends where
 another point comes to a border of its own, or the same one to its apex: there other borders meet
 at the same state. Within an interval a piece next to the border may be singular at some mu: there
 the piece holds a segment of solutions with one gamma, whose other end lies on another border, and
@@ -18,8 +18,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.analysis.contact_family import BORDERS, FIRST_BORDER, ContactFamily, Frame
 from dolfinx_contact.analysis.event_curves import EventCurve, EventCurves, Meeting, Segment
+from dolfinx_contact.analysis.family import BORDERS, FIRST_BORDER, ContactFamily, Frame
 
 __all__ = ["follow_events"]
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.analysis.contact_family import Frame
+from dolfinx_contact.analysis.family import Frame
 
 __all__ = ["EventCurve", "EventCurves", "Meeting", "Segment"]
 

@@ -9,7 +9,6 @@ between which its data must be affine.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -18,9 +17,9 @@ from dolfinx import fem
 
 from dolfinx_contact._errors import everywhere, on_root, require, same_everywhere
 from dolfinx_contact.analysis.contact import obstacle_to_proof
-from dolfinx_contact.analysis.contact_family import BORDERS, FIRST_BORDER, ContactFamily
 from dolfinx_contact.analysis.curve_search import follow_events
 from dolfinx_contact.analysis.event_curves import EventCurves
+from dolfinx_contact.analysis.family import BORDERS, FIRST_BORDER, ContactFamily
 from dolfinx_contact.continuation import Branch
 from dolfinx_contact.continuation.arguments import checked_range
 from dolfinx_contact.equations.parametric import ParametricEquations
@@ -29,6 +28,8 @@ from dolfinx_contact.reduced.condensed import CondensedContact, can_condense
 from dolfinx_contact.reduced.gathered import GatheredPoints
 
 __all__ = ["contact_family", "event_curves"]
+
+Array = npt.NDArray[np.float64]
 
 _AFFINE = 1e-9  # relative error of what counts as affine
 
@@ -55,8 +56,8 @@ def contact_family(
         low, high = checked_range(values, [])
     same_everywhere(system.comm, values=(low, high))
     found = [_condensed(system, other, mu) for mu in (low, high, (low + high) / 2)]
-    a, b, middle = found
-    slopes = [(y - x) / (high - low) for x, y in zip(a, b, strict=True)]
+    (a, b, middle), errors_at = [data for data, _ in found], [errors for _, errors in found]
+    slopes = [np.asarray((y - x) / (high - low)) for x, y in zip(a, b, strict=True)]
     for number, (x, y, between) in enumerate(zip(a, b, middle, strict=True)):
         size = max(float(np.abs(v).max(initial=0.0)) for v in (x, y, between))
         affine = float(np.abs((x + y) / 2 - between).max(initial=0.0)) <= _AFFINE * size
@@ -74,13 +75,18 @@ def contact_family(
     require(system.comm, present, "the second parameter does not appear in the contact problem")
     S, q, p, friction = a
     _, _, v, rate = slopes
-    return ContactFamily(S, p - low * v, q, v, friction - low * rate, rate)
+    errors = [np.maximum(x, y) for x, y in zip(errors_at[0], errors_at[1], strict=True)]
+    # Between the two values the load is a mean of theirs.
+    errors[1] = errors[1] + 8 * np.finfo(float).eps * (np.abs(p) + np.abs(low * v))
+    at_zero = (np.asarray(x - low * slope) for x, slope in ((p, v), (friction, rate)))
+    p, friction = at_zero
+    return ContactFamily(S, p, q, v, friction, rate, *errors)
 
 
 def _condensed(
     system: ParametricEquations, other: fem.Constant, mu: float
-) -> tuple[Any, Any, Any, Any]:
-    """S, q, p and the friction at one mu. Collective."""
+) -> tuple[tuple[Array, ...], tuple[Array, ...]]:
+    """S, q, p and the friction at one mu, and errors of S, p and q. Collective."""
     before, nothing = other.value.copy(), system.create_vector()
     other.value = mu
     try:
@@ -97,9 +103,10 @@ def _condensed(
                 affine = condensed.system
                 S = affine.matrix[:, :, :2].reshape(len(affine.load), -1).copy()
                 data = S, affine.rate.copy(), affine.load.copy(), condensed.friction.copy()
+                (of_S, of_load), (_, at_one) = (condensed.errors(gamma) for gamma in (0.0, 1.0))
                 condensed.destroy()
-            require(system.comm, not obstacle, f"curves in two parameters: {obstacle}")
-            return data
+            require(system.comm, not obstacle, f"two parameters: {obstacle}")
+            return data, (of_S, of_load, at_one - of_load)
     finally:
         other.value = before
         nothing.destroy()
@@ -108,19 +115,18 @@ def _condensed(
 def event_curves(
     system: ParametricEquations,
     other: fem.Constant,
-    branches: Sequence[Branch],
+    branches: Sequence[tuple[float, Branch]],
     other_range: tuple[float, float],
     gamma_range: tuple[float, float],
     *,
     folds_only: bool = True,
 ) -> EventCurves:
-    """Curves of the folds and events of some branches in a second parameter, exact. Collective.
+    """Curves of the folds and events of branches in a second parameter, exact. Collective.
 
     Args:
         system: the problem with gamma, a `ParametricContact`.
-        other: the second parameter mu, a scalar Constant, at the value at which the branches were
-            followed.
-        branches: whose folds, or events, are followed.
+        other: the second parameter mu, a scalar Constant.
+        branches: values of mu, and branches that were followed there.
         other_range: least and largest mu.
         gamma_range: least and largest gamma.
         folds_only: whether curves of folds alone are followed.
@@ -129,16 +135,25 @@ def event_curves(
         The curves that pass through events of the branches, and those that they meet.
 
     Raises:
-        ValueError: see `contact_family`; or if mu is not in its range.
+        ValueError: on every rank; see `contact_family`; or if a branch is none, is of another
+            problem, or its mu is not in the range.
     """
     with everywhere(system.comm, "event curves"):
-        mu = float(np.asarray(getattr(other, "value", np.nan)).reshape(-1)[0])
-        low, high = checked_range(other_range, [mu])
+        pairs = [(float(mu), branch) for mu, branch in branches]
+        if not all(isinstance(branch, Branch) for _, branch in pairs):
+            raise ValueError("branches must be pairs of the second parameter and a Branch there")
+        low, high = checked_range(other_range, [mu for mu, _ in pairs])
         gammas = checked_range(gamma_range, [])
-    same_everywhere(system.comm, mu=mu, gammas=gammas, folds_only=bool(folds_only))
+    same_everywhere(
+        system.comm, mus=[mu for mu, _ in pairs], gammas=gammas, folds_only=bool(folds_only)
+    )
     family = contact_family(system, other, (low, high))
     points = GatheredPoints(system)
-    starts = [(c, mu) for b in branches for c in _borders(points, b, folds_only=folds_only)]
+    starts = [
+        (codes, mu)
+        for mu, branch in pairs
+        for codes in _borders(points, branch, folds_only=folds_only)
+    ]
     return on_root(
         system.comm,
         lambda: follow_events(family, starts, (low, high), gammas, folds_only=folds_only),

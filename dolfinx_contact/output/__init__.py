@@ -6,7 +6,7 @@ from dolfinx_contact._name import refuse_mixture
 
 refuse_mixture()  # asimov-contact's head, laid over ours, takes this folder for its own output.py
 
-from dolfinx_contact.output.curves import draw_convergence, draw_curves, draw_regions
+from dolfinx_contact.output.curves import draw_chart, draw_convergence, draw_curves, draw_regions
 from dolfinx_contact.output.diagrams import draw_diagram
 from dolfinx_contact.output.fields import STATUS_CODES, write_fields
 from dolfinx_contact.output.folder import output_folder, write_summary
@@ -33,6 +33,7 @@ __all__ = [
     "Journal",
     "Progress",
     "Report",
+    "draw_chart",
     "draw_convergence",
     "draw_curves",
     "draw_diagram",

@@ -12,9 +12,10 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact._optional import optional
+from dolfinx_contact.analysis import Chart, EventCurves
 from dolfinx_contact.output.disk import part_of
 
-__all__ = ["draw_convergence", "draw_curves", "draw_regions"]
+__all__ = ["draw_chart", "draw_convergence", "draw_curves", "draw_regions"]
 
 _FEW = 20  # points of a curve that are marked
 #: Abscissae and ordinates.
@@ -167,6 +168,59 @@ def draw_regions(
         if word in present
     ]
     figure.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False)
+    return _written(figure, file)
+
+
+def draw_chart(
+    file: str | os.PathLike[str],
+    chart: Chart,
+    curves: EventCurves | None = None,
+    *,
+    labels: tuple[str, str] = ("", ""),
+    title: str | None = None,
+) -> Path:
+    """Draw how many solutions there are over two parameters; on this rank alone.
+
+    Cells whose number is not proved are hatched. Curves of folds are drawn thick, of events thin,
+    and where two curves of folds end there is a dot.
+
+    Args:
+        file: the picture, of any kind that matplotlib writes.
+        chart: the numbers.
+        curves: of folds and events.
+        labels: of the axes, TeX between dollars.
+        title: above the picture.
+
+    Raises:
+        OSError: with the path, if it cannot be written; it is then as it was.
+    """
+    figure = _figure((6.4, 5.2))
+    from matplotlib.patches import Patch, Rectangle
+
+    axes = figure.subplots()
+    counts = sorted({c.count for c in chart.cells})
+    for c in chart.cells:
+        (left, right), (low, high) = c.mu, c.gamma
+        hatch = None if c.proved else "///"
+        look = dict(facecolor=_FILLS[c.count % len(_FILLS)], edgecolor="white", lw=0.3)
+        axes.add_patch(Rectangle((left, low), right - left, high - low, hatch=hatch, **look))
+    for curve in curves.curves if curves is not None else ():
+        width = 1.8 if curve.kind == "fold" else 0.7
+        axes.plot(*curve.points().T, color="black", lw=width)
+    if curves is not None and curves.cusps:
+        axes.plot(*np.array(curves.cusps).T, "o", color="black", ms=5)
+    for side, limits in (("mu", axes.set_xlim), ("gamma", axes.set_ylim)):
+        ends = [getattr(c, side) for c in chart.cells]
+        limits(min(a for a, _ in ends), max(b for _, b in ends))
+    axes.set(xlabel=labels[0], ylabel=labels[1])
+    axes.set_title(title or "", loc="left")
+    words = {n: f"{n} solution" + "s" * (n != 1) for n in counts}
+    handles = [
+        Patch(facecolor=_FILLS[n % len(_FILLS)], edgecolor="0.4", label=words[n]) for n in counts
+    ]
+    if not chart.proved:
+        handles.append(Patch(facecolor="white", edgecolor="0.4", hatch="///", label="not proved"))
+    figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
     return _written(figure, file)
 
 

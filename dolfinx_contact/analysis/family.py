@@ -30,6 +30,8 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact.analysis.reduced_problem import ReducedProblem
+
 __all__ = ["BORDERS", "FIRST_BORDER", "ContactFamily", "Frame"]
 
 Array = npt.NDArray[np.float64]
@@ -39,6 +41,7 @@ Codes = npt.NDArray[np.int8]
 BORDERS = ((0, 2), (0, 3), (1, 2), (1, 3))
 FIRST_BORDER = 4
 _REAL = 1e-6  # imaginary parts, relative, of what may be a real eigenvalue
+_ROUND_OFF = 2.0**-50  # of the sum of three products, more than enough
 _SINGULAR = 1e13  # condition number from which on a matrix counts as singular
 _PARTS = (0.6180339887, 0.3819660113, 0.7320508076, 0.2679491924)  # of an interval
 _POLISH = 6  # steps of Newton's method
@@ -80,6 +83,9 @@ class ContactFamily:
         v: its derivative by mu (2 m,).
         friction: coefficients at mu = 0 (m,).
         friction_rate: their derivatives by mu (m,).
+        S_error: by which entries of S may be off (2 m, 2 m); None: not at all.
+        p_error: the same of the load (2 m,).
+        q_error: how that grows with the size of gamma (2 m,).
     """
 
     S: Array
@@ -88,6 +94,9 @@ class ContactFamily:
     v: Array
     friction: Array
     friction_rate: Array
+    S_error: Array | None = None
+    p_error: Array | None = None
+    q_error: Array | None = None
 
     @property
     def points(self) -> int:
@@ -103,6 +112,20 @@ class ContactFamily:
     def size(self) -> float:
         """A typical stiffness, by which displacements are compared with forces."""
         return float(np.abs(np.diag(self.S)).mean())
+
+    def problem(self, mu: float, gamma: float) -> ReducedProblem:
+        """The problem at (mu, gamma), with what it may be off.
+
+        Raises:
+            ValueError: if S is not positive definite beyond its error.
+        """
+        parts = self.p, gamma * self.q, mu * self.v
+        p_error = _ROUND_OFF * np.sum(np.abs(parts), axis=0)
+        if self.p_error is not None and self.q_error is not None:
+            p_error = p_error + self.p_error + abs(gamma) * self.q_error
+        friction = self.friction + mu * self.friction_rate
+        p = np.asarray(np.sum(parts, axis=0))
+        return ReducedProblem(self.S, p, friction, None, self.S_error, np.asarray(p_error))
 
     def basis(self, i: int, code: int, mu: float) -> Array:
         """B of a status or border at a point (4, unknowns)."""

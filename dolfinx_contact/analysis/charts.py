@@ -1,0 +1,242 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Charts: how many solutions a contact problem has, over two parameters, cell by cell.
+
+In the middle of a cell all solutions are looked for, with a proof that there are no others
+(`solutions`). Cells that curves of folds pass are divided, and those beside which the number is
+another where no curve is known to pass. What is proved holds in the middles: that nothing changes
+within a cell is not.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact._errors import everywhere, same_everywhere
+from dolfinx_contact._progress import Line
+from dolfinx_contact.analysis.event_curves import EventCurves
+from dolfinx_contact.analysis.family import ContactFamily
+from dolfinx_contact.analysis.solutions import prove_solutions
+from dolfinx_contact.continuation.arguments import checked_range
+
+__all__ = ["Chart", "ChartCell", "count_solutions"]
+
+Array = npt.NDArray[np.float64]
+
+_PATIENCE = 3.0  # seconds before something is said
+
+
+@dataclass(frozen=True)
+class ChartCell:
+    """A cell of a chart.
+
+    Attributes:
+        mu: its ends.
+        gamma: its ends.
+        solutions: statuses of those in the middle, letters of the points, sorted.
+        proved: whether it is proved that there are no others.
+    """
+
+    mu: tuple[float, float]
+    gamma: tuple[float, float]
+    solutions: tuple[str, ...]
+    proved: bool
+
+    @property
+    def middle(self) -> tuple[float, float]:
+        """(mu, gamma) for which the solutions are known."""
+        return (self.mu[0] + self.mu[1]) / 2, (self.gamma[0] + self.gamma[1]) / 2
+
+    @property
+    def count(self) -> int:
+        """Number of solutions in the middle."""
+        return len(self.solutions)
+
+
+@dataclass(frozen=True, eq=False)
+class Chart:
+    """Numbers of solutions over two parameters.
+
+    Attributes:
+        cells: that fill the ranges, without overlap, by mu and gamma.
+    """
+
+    cells: tuple[ChartCell, ...]
+
+    @property
+    def proved(self) -> bool:
+        """Whether all numbers are proved."""
+        return all(c.proved for c in self.cells)
+
+    def at(self, mu: float, gamma: float) -> ChartCell:
+        """The cell that holds (mu, gamma).
+
+        Raises:
+            ValueError: outside of the chart.
+        """
+        for c in self.cells:
+            if c.mu[0] <= mu <= c.mu[1] and c.gamma[0] <= gamma <= c.gamma[1]:
+                return c
+        raise ValueError(f"({mu:g}, {gamma:g}) is outside of the chart")
+
+
+def count_solutions(
+    comm: MPI.Comm,
+    family: ContactFamily,
+    mu_range: tuple[float, float],
+    gamma_range: tuple[float, float],
+    *,
+    cells: tuple[int, int] = (6, 6),
+    depth: int = 2,
+    curves: EventCurves | None = None,
+    seconds: float = 20.0,
+) -> Chart:
+    """Count the solutions over two parameters, in cells that are the finer the closer to borders.
+
+    Collective; ranks share the cells.
+
+    Args:
+        comm: the ranks.
+        family: the problem with two parameters, the same on every rank.
+        mu_range: least and largest mu.
+        gamma_range: least and largest gamma.
+        cells: numbers of cells to begin with, by mu and by gamma.
+        depth: how often cells are divided by two.
+        curves: along whose folds cells are divided as well.
+        seconds: for the proof in a cell.
+
+    Raises:
+        ValueError: on every rank, if an argument does not fit or differs between ranks.
+    """
+    with everywhere(comm, "a chart"):
+        mus, gammas = checked_range(mu_range, []), checked_range(gamma_range, [])
+        numbers = (*cells, depth)
+        if len(numbers) != 3 or not all(isinstance(n, int | np.integer) for n in numbers):
+            raise ValueError("cells must be two whole numbers, and depth must be one")
+        if not (min(cells) >= 1 and depth >= 0 and seconds > 0):
+            raise ValueError("cells and seconds must be positive, and depth must not be negative")
+    same_everywhere(comm, mus=mus, gammas=gammas, cells=tuple(cells), depth=depth, seconds=seconds)
+    return _Counting(comm, family, (mus, gammas), (cells[0], cells[1]), depth, seconds).run(curves)
+
+
+@dataclass(frozen=True)
+class _Leaf:
+    """A cell by the finest ones: where these begin, how many they are along an edge, and what is
+    known of it: the statuses of solutions, and whether these are all.
+    """
+
+    i: int
+    j: int
+    size: int
+    codes: tuple[bytes, ...] = ()
+    proved: bool = False
+
+    def parts(self) -> list[_Leaf]:
+        """The four cells into which this one is divided, and that know what it knows."""
+        half = self.size // 2
+        return [
+            _Leaf(self.i + a * half, self.j + b * half, half, self.codes)
+            for a in (0, 1)
+            for b in (0, 1)
+        ]
+
+    def place(self, more: int = 0) -> tuple[slice, slice]:
+        """The finest cells, and ``more`` on every side."""
+        i, j = (slice(max(k - more, 0), k + self.size + more) for k in (self.i, self.j))
+        return i, j
+
+
+class _Counting:
+    def __init__(
+        self,
+        comm: MPI.Comm,
+        family: ContactFamily,
+        ranges: tuple[tuple[float, float], tuple[float, float]],
+        cells: tuple[int, int],
+        depth: int,
+        seconds: float,
+    ):
+        self.comm, self.family, self.ranges, self.seconds = comm, family, ranges, seconds
+        self.cells, self.depth = cells, depth
+        #: Of the finest cells, the solutions of the cell that they are in, by number.
+        self.raster: npt.NDArray[np.int64] = np.zeros([n * 2**depth for n in cells], dtype=int)
+        self.found: list[_Leaf] = []
+        self._line, self._begun = Line(comm), time.monotonic()
+
+    def run(self, curves: EventCurves | None) -> Chart:
+        """Count, and divide what is at a border."""
+        size, (across, along) = 2**self.depth, self.cells
+        whole = [_Leaf(i * size, j * size, size) for i in range(across) for j in range(along)]
+        self._count(whole)
+        passed = self._passed(curves)
+        while size > 1:
+            divided = self._at_border([leaf for leaf in self.found if leaf.size == size], passed)
+            self.found = [leaf for leaf in self.found if leaf not in divided]
+            self._count([part for leaf in divided for part in leaf.parts()])
+            size //= 2
+        self.found.sort(key=lambda leaf: (leaf.i, leaf.j))
+        return Chart(tuple(self._cell(leaf) for leaf in self.found))
+
+    def _count(self, leaves: Sequence[_Leaf]) -> None:
+        """Count the solutions in new cells, from what these know."""
+        mine = []
+        with everywhere(self.comm, "a chart"):
+            for number in range(self.comm.rank, len(leaves), self.comm.size):
+                if time.monotonic() - self._begun > _PATIENCE:
+                    self._line.update(f"solutions in cells: {number + 1} of {len(leaves)}")
+                leaf = leaves[number]
+                mu, gamma = ((a + b) / 2 for a, b in self._ends(leaf))
+                starts = [np.frombuffer(codes, dtype=np.int8) for codes in leaf.codes]
+                problem = self.family.problem(mu, gamma)
+                proof = prove_solutions(problem, known=starts, seconds=self.seconds)
+                codes = tuple(sorted(s.codes.tobytes() for s in proof.solutions))
+                mine.append(replace(leaf, codes=codes, proved=proof.verdict == "complete"))
+        self._line.clear()
+        for part in self.comm.allgather(mine):
+            for leaf in part:
+                self.found.append(leaf)
+                self.raster[leaf.place()] = len(leaf.codes)
+
+    def _ends(self, leaf: _Leaf) -> list[tuple[float, float]]:
+        """Ends of a cell, of mu and of gamma."""
+        found, places = [], (leaf.i, leaf.j)
+        for first, (low, high), number in zip(places, self.ranges, self.raster.shape, strict=True):
+            step = (high - low) / number
+            found.append((low + first * step, low + (first + leaf.size) * step))
+        return found
+
+    def _cell(self, leaf: _Leaf) -> ChartCell:
+        mu, gamma = self._ends(leaf)
+        words = ("".join("ok+-"[c] for c in np.frombuffer(s, np.int8)) for s in leaf.codes)
+        return ChartCell(mu, gamma, tuple(sorted(words)), leaf.proved)
+
+    def _at_border(self, level: Sequence[_Leaf], passed: npt.NDArray[np.bool_]) -> list[_Leaf]:
+        """Those cells that folds pass, and those whose number changes without a known fold."""
+        found = [leaf for leaf in level if passed[leaf.place()].any()]
+        explained = np.zeros_like(passed)
+        for leaf in found:
+            explained[leaf.place()] = True
+        for leaf in level:
+            other = self.raster[leaf.place(1)] != len(leaf.codes)
+            if leaf not in found and (other & ~explained[leaf.place(1)]).any():
+                found.append(leaf)
+        return found
+
+    def _passed(self, curves: EventCurves | None) -> npt.NDArray[np.bool_]:
+        """Which of the finest cells curves of folds pass."""
+        passed = np.zeros(self.raster.shape, dtype=bool)
+        (low, high), (least, most) = self.ranges
+        across = np.linspace(low, high, 8 * self.raster.shape[0] + 1)
+        for number, mu in enumerate(float(mu) for mu in across):
+            i = min(number // 8, len(passed) - 1)
+            for gamma in curves.folds_at(mu) if curves is not None else ():
+                j = int((gamma - least) / (most - least) * self.raster.shape[1])
+                if 0 <= j < self.raster.shape[1]:
+                    passed[i, j] = True
+        return passed
