@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Rigid foundations: where the body may not go.
 
-An obstacle gives, in UFL and at a point x of the contact surface in the reference configuration,
-the gap (the signed distance to the obstacle, positive outside) and the unit normal n from the body
-into the obstacle. The current gap of a point displaced by u is then ``gap - u.n``: exact for a flat
-obstacle and any displacement, and for a curved one correct to first order in u (small sliding).
+An obstacle gives, in UFL and at a point x, the gap (the signed distance to the obstacle, positive
+outside) and the unit normal n from the body into the obstacle. With those of a contact point in the
+reference configuration the current gap of a point displaced by u is ``gap - u.n``: exact for a flat
+obstacle and any displacement, and for a curved one correct to first order in u (small sliding). In
+large sliding both are those at the displaced point (`points.displaced`).
 """
 
 from __future__ import annotations
@@ -23,7 +24,15 @@ from ufl.algorithms.apply_derivatives import apply_derivatives
 
 from dolfinx_contact._agreement import refuse_other_mesh
 
-__all__ = ["Cylinder", "HalfSpace", "LevelSet", "Obstacle", "Sphere", "gap_at"]
+__all__ = [
+    "Cylinder",
+    "HalfSpace",
+    "LevelSet",
+    "Obstacle",
+    "Sphere",
+    "gap_at",
+    "known_displaced",
+]
 
 
 def _vector(domain: mesh.Mesh, value: Any, what: str) -> Any:
@@ -72,7 +81,7 @@ class Obstacle:
     """A rigid foundation, bound to a mesh by `on`.
 
     An obstacle of your own defines `at`, or `on` alone; then nothing is known of it at displaced
-    points, and whether the sliding is small is not checked.
+    points: sliding has to be small, which is not checked.
     """
 
     #: What moves with the displacement (`points.opposite.Opposite`); None where nothing does.
@@ -110,12 +119,17 @@ def gap_at(obstacle: Obstacle, domain: mesh.Mesh, x: Any) -> Any | None:
 
     That is so where a class has an `on` of its own and no `at` that goes with it.
     """
+    return obstacle.at(domain, x)[0] if known_displaced(obstacle) else None
+
+
+def known_displaced(obstacle: Obstacle) -> bool:
+    """Whether gap and normal are known at any point, not in the reference configuration alone."""
     for kind in type(obstacle).__mro__:
         if "at" in vars(kind) and kind is not Obstacle:
-            return obstacle.at(domain, x)[0]
+            return True
         if "on" in vars(kind):
-            return None
-    return None
+            return False
+    return False
 
 
 @dataclass(frozen=True)
@@ -206,7 +220,6 @@ class LevelSet(Obstacle):
         phi = self.phi(x)
         if not isinstance(phi, ufl.core.expr.Expr) or phi.ufl_shape != ():
             raise ValueError("the level set must return a scalar UFL expression")
-        refuse_other_mesh(phi, domain, "the level set")
         slope = ufl.diff(phi, x)
         if isinstance(apply_derivatives(apply_algebra_lowering(slope)), ufl.constantvalue.Zero):
             raise ValueError(
@@ -214,3 +227,8 @@ class LevelSet(Obstacle):
             )
         steepness = ufl.sqrt(ufl.dot(slope, slope))
         return phi / steepness, -slope / steepness
+
+    def on(self, domain: mesh.Mesh) -> tuple[Any, Any]:
+        gap, normal = super().on(domain)
+        refuse_other_mesh(gap, domain, "the level set")
+        return gap, normal

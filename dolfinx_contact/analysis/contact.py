@@ -164,7 +164,7 @@ def uniqueness(
         seconds: for more than the certificate of one point: in 2D a proof by branch and bound, in
             3D an eigenproblem of any size.
     """
-    if not equations.bulk.linear:
+    if not equations.linear:
         return Uniqueness("not proved", "proofs are for linear bodies")
     system = ParametricEquations(equations, fem.Constant(equations.V.mesh, 0.0), linear)
     b = equations.create_vector()

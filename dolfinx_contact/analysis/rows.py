@@ -96,10 +96,11 @@ def component_rows(eq: ContactEquations, places: npt.NDArray[np.intp], along: Ar
 
 
 def require_nodes(eq: ContactEquations) -> None:
-    """Raise ``ValueError`` if points are no multiplier nodes, or see others. Collective."""
+    """Raise ``ValueError`` if points are no nodes, see others, or normals move. Collective."""
     for s in eq.surfaces:
         still = s.rigid_body is None
         require(eq.comm, still, f"{s.name}: not with rigid bodies that have unknowns of their own")
+        require(eq.comm, s.displaced is None, f"{s.name}: this needs small sliding")
         fits = s.points.E is None
         require(eq.comm, fits, f"{s.name}: this needs nodal or mixed contact, not {s.method}")
         local = s.law.spread is None

@@ -144,7 +144,7 @@ class Constraints:
             turned = np.abs(s.points.vertex_normals - normals).max(axis=1, initial=0.0) > _TOLERANCE
             require(
                 s.comm,
-                not bool((touched & turned).any()),
+                s.displaced is not None or not bool((touched & turned).any()),
                 f"{s.name}: the obstacle has turned at a contact node with Dirichlet data since "
                 "the problem was made; make a new problem",
             )
@@ -152,10 +152,10 @@ class Constraints:
             if s.rigid_body is not None:
                 motion = np.where(s.rigid_body.fixed, s.rigid_body.numbers(), 0.0)
                 moved = s.relative(moved, motion)
-            jump = moved[s.points.vertex_trace_dofs]
-            normal = s.points.vertex_normals
+            gap, normal = s.at_vertices(moved[s.points.vertex_trace_dofs])
             closing = np.linalg.norm(np.where(fixed, 0.0, normal), axis=1) < _TOLERANCE
-            gap = s.points.vertex_gaps - np.sum(jump * normal, axis=1)
+            if s.displaced is not None:
+                closing = fixed.all(axis=1)
             worst = np.min(gap[closing], initial=np.inf)
             worst = s.comm.allreduce(worst, op=min)
             require(
@@ -201,6 +201,8 @@ def _removed(s: ContactSurface, held: npt.NDArray[np.bool_]) -> npt.NDArray[np.b
     fixed = held[s.points.trace_dofs]
     if s.degrees[0] != s.degrees[1]:
         fixed = fixed & _fixed_on_support(s, held)
+    if s.displaced is not None:  # the normal turns: what is held in part may carry in any direction
+        return np.repeat(np.all(fixed, axis=1)[:, None], s.dim, axis=1)
     normal = _node_normals(s)
     along_fixed = np.linalg.norm(np.where(fixed, normal, 0.0), axis=1)
     along_free = np.linalg.norm(np.where(fixed, 0.0, normal), axis=1)

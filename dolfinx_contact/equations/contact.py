@@ -77,6 +77,10 @@ class ContactEquations:
         self.dim = V.mesh.geometry.dim
         self.surfaces, self.bcs, self.options = list(surfaces), list(bcs), options
         check_overlap(self.surfaces)
+        for s in self.surfaces:
+            s.slide(linear=bulk.linear)
+        #: Whether H is linear in the displacement as long as no status changes.
+        self.linear = bulk.linear and all(s.displaced is None for s in self.surfaces)
         self.constraints = Constraints(V, self.surfaces, bcs)
         self.prescribed = PrescribedDisplacement(V, self.constraints)
         spaces = [V, *(s.Q for s in self.surfaces)]
@@ -165,10 +169,10 @@ class ContactEquations:
             removed = self.constraints.removed[i].reshape(-1)[: self.owned_sizes[i + 1]]
             multipliers = np.where(removed, 0.0, self.units[i + 1] * parts[i + 1])
             jump, traction = self.relative_jump(s, u, q), s.points.traction(multipliers)
-            answers = s.answers(jump, traction, codes)
-            found.append(
-                ContactState(jump, traction, answers.asked if codes is None else codes, answers)
-            )
+            data = s.data_at(jump)
+            answers = s.law_at_points(jump, traction, data, codes)
+            codes = answers.asked if codes is None else codes
+            found.append(ContactState(jump, traction, codes, answers, data))
         return found
 
     def relative_jump(self, s: ContactSurface, u: Array, q: Array, *, rate: bool = False) -> Array:
@@ -289,11 +293,12 @@ class ContactEquations:
     # -- statuses --------------------------------------------------------------------------------
 
     def gaps(self, s: ContactSurface, state: State) -> Array:
-        """Gap of the displacement at the points of ``s``, to first order, no averages."""
+        """Gap of the displacement at the points of ``s`` as the law has it, but no averages."""
         points, u, q = s.points, state.u, state.q
         if s.method != "mixed":
             jump = self.relative_jump(s, u, q)
-            return np.asarray(points.data.gap - np.sum(jump * points.data.n, axis=1))
+            data = s.data_at(jump)
+            return np.asarray(data.gap - np.sum(jump * data.n, axis=1))
         nodes = self.rigid.relative(s, u.reshape(-1, self.dim), q)
         at = (nodes - s.opposite(nodes))[points.trace_dofs[: points.number]]
         return np.asarray(points.gaps - np.sum(at * points.data.n, axis=1))

@@ -85,7 +85,7 @@ class LooseMotions:
         for i, (s, codes, jumps) in enumerate(
             zip(self._surfaces, statuses, self._jumps, strict=True)
         ):
-            n = s.points.data.n
+            n = s.points.data.n if state is None else state.surfaces[i].data.n
             normal = np.einsum("and,nd->an", jumps, n)
             along = jumps - normal[:, :, None] * n[None]
             grips = senses(codes) == STICK

@@ -101,8 +101,8 @@ def _row_measures(
         size = _largest(rows)
         return size / unit, size, _largest(found.traction) * _largest(area)
     rows = rows.reshape(-1, s.dim)
-    along = np.sum(rows * points.data.n, axis=1)
-    across = np.linalg.norm(rows - along[:, None] * points.data.n, axis=1)
+    along = np.sum(rows * found.data.n, axis=1)
+    across = np.linalg.norm(rows - along[:, None] * found.data.n, axis=1)
     touching, stuck = closed(found.statuses), senses(found.statuses) == STICK
     # The direction of a slip is known to the shear residual over r, a length as well. Friction may
     # hold an open point.

@@ -104,7 +104,7 @@ class ParametricEquations(System):
         self._num_points = self.comm.allreduce(int(self._offsets[-1]))
         #: Whether the body is linear in u and gamma enters the data linearly.
         self.is_linear = (
-            equations.bulk.linear
+            equations.linear
             and self.constant not in equations.bulk.jacobian_constants
             and rate.is_linear(equations.bulk.residual)
             and all(d.is_affine for d in self._driven)

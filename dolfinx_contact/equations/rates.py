@@ -102,7 +102,8 @@ class SurfaceRates:
     """Rate of the answer of the law of a surface whose obstacle or law depends on gamma."""
 
     def __init__(self, s: ContactSurface, rate: Rate):
-        self._surface, given = s, s.given
+        self._surface = s
+        given = s.given if s.displaced is None else s.displaced.given
         self.moves = depends_on(rate.gamma, given.gap, given.normal)
         self.law_changes = depends_on(rate.gamma, *given.fields.values())
         if not self.applies:
@@ -122,9 +123,12 @@ class SurfaceRates:
         """The rate at held unknowns (n, dim); None if gamma is not in it. Collective."""
         if not self.applies:
             return None
-        s = self._surface
+        s, data = self._surface, state.data
+        if s.displaced is not None:
+            rates = s.displaced.rates(self._evaluators[0], state.jump)
+            return s.law_at_points.rate(state.jump, state.traction, data, rates, state.statuses)
         rates, aside = s.points.rates(self._evaluators)
-        args = state.jump, state.traction, s.points.data, rates, state.statuses
+        args = state.jump, state.traction, data, rates, state.statuses
         return s.law_at_points.rate(*args) - state.along(aside)
 
 

@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.laws import Answers
+from dolfinx_contact.laws import Answers, PointData
 
 __all__ = ["ContactState", "State", "Statuses", "differs"]
 
@@ -28,12 +28,14 @@ class ContactState:
         traction: t on the body (n, dim).
         statuses: by which the law was taken (n,).
         answers: of the law to jump and traction.
+        data: what the law was given, normals and gaps there.
     """
 
     jump: Array
     traction: Array
     statuses: npt.NDArray[np.int8]
     answers: Answers
+    data: PointData
 
     @cached_property
     def answer(self) -> Array:

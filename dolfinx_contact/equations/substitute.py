@@ -8,6 +8,7 @@ the law answers to tractions that are held in the place of those that it answers
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cached_property
 
 from petsc4py import PETSc
@@ -17,7 +18,7 @@ import numpy.typing as npt
 
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.state import ContactState, Statuses
-from dolfinx_contact.laws import Answers, LawAtPoints, PointData, Tresca
+from dolfinx_contact.laws import Answers, LawAtPoints, Tresca
 from dolfinx_contact.laws.status import OPEN, PLUS, WHERE_OPEN
 
 __all__ = ["GivenBounds", "YieldingContact"]
@@ -30,14 +31,14 @@ class _Substitute(ContactEquations):
 
     Args:
         equations: the other.
-        answers: to jumps and tractions (n, dim) at the points of a surface, by its number.
+        answers: to a state of a surface, by its number.
         kind: of the states.
     """
 
     def __init__(
         self,
         equations: ContactEquations,
-        answers: Callable[[int, Array, Array], Answers],
+        answers: Callable[[int, ContactState], Answers],
         kind: type[ContactState],
     ):
         self.__dict__.update(equations.__dict__)
@@ -48,9 +49,9 @@ class _Substitute(ContactEquations):
     ) -> list[ContactState]:
         found = []
         for i, state in enumerate(super()._contact(x, u, q, statuses)):
-            answers = self._answers(i, state.jump, state.traction)
+            answers = self._answers(i, state)
             codes = answers.asked if statuses is None else statuses[i]
-            found.append(self._kind(state.jump, state.traction, codes, answers))
+            found.append(self._kind(state.jump, state.traction, codes, answers, state.data))
         return found
 
 
@@ -67,10 +68,9 @@ class GivenBounds(_Substitute):
             LawAtPoints(Tresca(0.0), s.dim, s.points.number, s.comm) for s in equations.surfaces
         ]
 
-        def answers(i: int, jump: Array, traction: Array) -> Answers:
-            data = equations.surfaces[i].points.data
-            given = PointData(data.n, data.gap, data.r, {"threshold": bounds[i]})
-            return laws[i](jump, traction, given)
+        def answers(i: int, state: ContactState) -> Answers:
+            given = replace(state.data, fields={"threshold": bounds[i]})
+            return laws[i](state.jump, state.traction, given)
 
         super().__init__(equations, answers, ContactState)
 
@@ -88,9 +88,9 @@ class YieldingContact(_Substitute):
     """
 
     def __init__(self, equations: ContactEquations, tractions: list[Array]):
-        def answers(i: int, jump: Array, _traction: Array) -> Answers:
-            s = equations.surfaces[i]
-            return s.law_at_points(jump, tractions[i], s.points.data)
+        def answers(i: int, state: ContactState) -> Answers:
+            law = equations.surfaces[i].law_at_points
+            return law(state.jump, tractions[i], state.data)
 
         super().__init__(equations, answers, _YieldingState)
 

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
@@ -37,12 +37,16 @@ class PointData:
         gap: initial gaps (n,).
         r: augmentation parameters (n,).
         fields: of the law, by name (n,).
+        turn: derivatives of the normals by the jump (n, dim, dim); None where they stay.
+        slope: derivatives of the gaps by the jump (n, dim), where normals turn.
     """
 
     n: Array
     gap: Array
     r: Array
     fields: Mapping[str, Array]
+    turn: Array | None = None
+    slope: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -79,13 +83,22 @@ class Answers:
         law: compiled.
         values: of its compiled expressions.
         spreading: of a law that is not local.
+        turning: what normals and gaps that follow the jump add to the derivatives of the traction
+            by the jump (n, dim, dim), by statuses; None where they stay.
 
     Attributes:
         spreading: as given; None if the law sees its point alone.
     """
 
-    def __init__(self, law: Columns, values: Array, spreading: Spreading | None = None):
-        self._law, self._values, self.spreading = law, values, spreading
+    def __init__(
+        self,
+        law: Columns,
+        values: Array,
+        spreading: Spreading | None = None,
+        turning: Callable[[Codes], Array] | None = None,
+    ):
+        self._law, self._values = law, values
+        self.spreading, self._turning = spreading, turning
 
     def _of(self, codes: Codes, what: str, shape: tuple[int, ...]) -> Array:
         every = np.stack([self._values[:, k] for k in self._law.places[what]], axis=1)
@@ -163,8 +176,9 @@ class Answers:
         return self._of(codes, "answer", (self._law.dim,))
 
     def by_jump(self, codes: Codes) -> Array:
-        """Derivatives D_j of tau by the jump (n, dim, dim)."""
-        return self._of(codes, "by_jump", (self._law.dim, self._law.dim))
+        """Derivatives D_j of tau by the jump, which normals may follow (n, dim, dim)."""
+        held = self._of(codes, "by_jump", (self._law.dim, self._law.dim))
+        return held if self._turning is None else held + self._turning(codes)
 
     def by_traction(self, codes: Codes) -> Array:
         """Derivatives D_t of tau by the traction (n, dim, dim)."""

@@ -212,8 +212,15 @@ class LawAtPoints:
         self, jump: Array, traction: Array, data: PointData, codes: Codes | None = None
     ) -> Answers:
         """Evaluate at jumps and tractions (n, dim), and statuses if they are held."""
-        compiled = self.compiled
-        return Answers(compiled, self._evaluate(compiled.values, jump, traction, data))
+        turn, slope, values = data.turn, data.slope, self.compiled.values
+        found = self._evaluate(values, jump, traction, data)
+        if turn is None or slope is None:
+            return Answers(self.compiled, found)
+
+        def turning(codes: Codes) -> Array:
+            return self._by_given(jump, traction, data, codes, turn, slope[:, None])[0]
+
+        return Answers(self.compiled, found, turning=turning)
 
     def _evaluate(self, values: _Values, jump: Array, traction: Array, data: PointData) -> Array:
         fields = [data.fields[name][:, None] for name in self.compiled.names]
@@ -246,21 +253,41 @@ class LawAtPoints:
             rates: of normals, gaps and fields; those of r are not looked at.
             codes: statuses.
         """
+        normal, gap = rates.n[:, :, None], rates.gap[:, None, None]
+        rate, by_field = self._by_given(jump, traction, data, codes, normal, gap)
+        for name, slope in by_field.items():
+            rate[:, :, 0] += slope * rates.fields[name][:, None]
+        return rate[:, :, 0]
+
+    def _by_given(
+        self, jump: Array, traction: Array, data: PointData, codes: Codes, normal: Array, gap: Array
+    ) -> tuple[Array, dict[str, Array]]:
+        """Derivatives of the answers by what normals and gaps depend on, and by the fields.
+
+        Args:
+            jump: (n, dim).
+            traction: (n, dim).
+            data: of the points.
+            codes: statuses.
+            normal: derivatives of the normals by k numbers (n, dim, k).
+            gap: of the gaps (n, 1, k).
+
+        Returns:
+            Derivatives by the k numbers (n, dim, k), and by each field (n, dim).
+        """
         compiled, by_normal, by_field = self.compiled.sensitivities
         values = self._evaluate(compiled, jump, traction, data)
-        d, mine = self.dim, np.arange(len(codes))
+        mine, d = np.arange(len(codes)), self.dim
 
         def chosen(places: list[list[int]], *shape: int) -> Array:
             every = np.stack([values[:, k] for k in places], axis=1)
             return every[mine, self.compiled.rows[codes]].reshape(-1, *shape)
 
-        rate = np.einsum("nij,nj->ni", chosen(by_normal, d, d), rates.n)
+        held = self(jump, traction, replace(data, turn=None), codes).by_jump(codes)
         # A gap is a jump along the normal, backwards.
-        by_jump = self(jump, traction, data, codes).by_jump(codes)
-        rate -= np.einsum("nij,nj->ni", by_jump, rates.gap[:, None] * data.n)
-        for name, places in zip(self.compiled.names, by_field, strict=True):
-            rate += chosen(places, d) * rates.fields[name][:, None]
-        return rate
+        found = chosen(by_normal, d, d) @ normal - (held @ data.n[:, :, None]) * gap
+        names = zip(self.compiled.names, by_field, strict=True)
+        return found, {name: chosen(places, d) for name, places in names}
 
 
 def _variable(e: Any, number: int) -> Any:

@@ -145,18 +145,17 @@ def picture_of_contact(
     same_everywhere(problem.comm, surface=s.name)
     fields = contact_fields(problem, s)
     pressure, status = fields["pressure"].x.array, fields["status"].x.array
-    n = s.points.vertex_normals
+    at_vertices = s.vertex_state()
+    normal = at_vertices["n"]
     traction = fields["traction"].x.array.reshape(-1, s.dim)
     # What supports hold is not contact; and where nothing is pressed round-off would be all to see.
     carries = (status != STATUS_CODES["d"]) & _is_seen(problem, s, traction)
     values = {
         "pressure": np.where(carries, pressure, 0.0),
         "status": status,
-        "shear": np.where(
-            carries[:, None], traction + pressure[:, None] * s.points.vertex_normals, 0.0
-        ),
-        "bound": s.vertex_state()["bound"],
-        "n": n,
+        "shear": np.where(carries[:, None], traction + pressure[:, None] * normal, 0.0),
+        "bound": at_vertices["bound"],
+        "n": s.points.vertex_normals,
     }
     cells = s.points.vertices.dofmap.list[: s.submesh.mesh.topology.index_map(s.dim - 1).size_local]
     seen = gather_cells(s.comm, s.points.vertices, cells, values)
@@ -212,8 +211,11 @@ def patch(s: ContactSurface) -> Arrays:
     """A contact surface and its obstacle, which may move as well."""
     points = s.points
     u, x = (v[points.vertex_trace_dofs] for v in (s.u.x.array.reshape(-1, s.dim), s.node_positions))
-    n, body = points.vertex_normals, s.rigid_body
-    floor = x + points.vertex_gaps[:, None] * n
+    body, gap, n = s.rigid_body, points.vertex_gaps, points.vertex_normals
+    if s.displaced is not None:
+        x = x + (u if body is None else u - body.field(x, body.values))
+        gap, n = s.displaced.at_vertices(x - s.node_positions[points.vertex_trace_dofs])
+    floor = x + gap[:, None] * n
     moved = np.zeros_like(floor) if body is None else body.field(floor, body.values)
     values = {"u": u, "n": n, "floor": floor, "moved": moved, "ids": points.vertex_ids}
     cells = s.points.vertices.dofmap.list[: s.submesh.mesh.topology.index_map(s.dim - 1).size_local]

@@ -34,7 +34,7 @@ from dolfinx_contact._forms import compiled_form
 from dolfinx_contact.laws import PointData
 from dolfinx_contact.points.evaluation import PointEvaluator, blocked_space, point_space
 from dolfinx_contact.points.gauss import CommonPoints, GaussPoints
-from dolfinx_contact.points.given import Given
+from dolfinx_contact.points.given import Given, fields_of
 from dolfinx_contact.points.held_ends import shared
 from dolfinx_contact.points.ids import point_ids
 from dolfinx_contact.points.opposite import Opposite
@@ -209,7 +209,7 @@ class ContactPoints:
         if offset is not None:
             gap = np.sum(offset * normal, axis=1)
             self.aside = offset - gap[:, None] * normal
-        self.data = PointData(normal, gap, self.from_vertices(self.r), _fields(mine))
+        self.data = PointData(normal, gap, self.from_vertices(self.r), fields_of(mine))
 
     def rates(self, evaluators: tuple[Evaluator, PointEvaluator | None]) -> tuple[PointData, Array]:
         """Rates of data and of `aside` from the evaluators of rates. Collective."""
@@ -222,7 +222,7 @@ class ContactPoints:
             now = self.data.gap[:, None] * n + self.aside
             gap = np.sum(offset * n + now * normal, axis=1)
             aside = offset - gap[:, None] * n - self.data.gap[:, None] * normal
-        return PointData(normal, gap, np.zeros(self.number), _fields(values)), aside
+        return PointData(normal, gap, np.zeros(self.number), fields_of(values)), aside
 
     def _averaged(self, average: PointEvaluator | None, offset: Array) -> Array | None:
         """Averages of an offset that is known at the points (n, dim), if any are taken."""
@@ -414,7 +414,3 @@ class ContactPoints:
         for A in (self.B, self.E, self._shared):
             if A is not None:
                 A.destroy()
-
-
-def _fields(values: Mapping[str, Array]) -> dict[str, Array]:
-    return {name[1:]: v for name, v in values.items() if name.startswith(":")}

@@ -17,7 +17,7 @@ from dolfinx_contact._compat import interpolation_points
 from dolfinx_contact._forms import compiled_expression
 from dolfinx_contact.obstacles import Obstacle
 
-__all__ = ["Given", "at_nodes"]
+__all__ = ["Given", "at_nodes", "fields_of"]
 
 Array = npt.NDArray[np.float64]
 
@@ -46,6 +46,11 @@ class Given:
         """Everything by name; the fields of the law with a colon before theirs."""
         fields = {f":{name}": e for name, e in self.fields.items()}
         return {"gap": self.gap, "normal": self.normal, **fields}
+
+
+def fields_of(values: Mapping[str, Array]) -> dict[str, Array]:
+    """The fields of the law among values by the names of `Given.at_points`."""
+    return {name[1:]: v for name, v in values.items() if name.startswith(":")}
 
 
 def at_nodes(W: fem.FunctionSpace, surface: Obstacle) -> tuple[Array, Array]:

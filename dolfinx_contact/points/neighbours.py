@@ -9,6 +9,7 @@ surface than lies around its own points.
 from __future__ import annotations
 
 import logging
+from dataclasses import replace
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -181,5 +182,4 @@ class LawAmongPoints(LawAtPoints):
 
 
 def _with(data: PointData, around: Array) -> PointData:
-    fields = {**data.fields, AROUND: around}
-    return PointData(data.n, data.gap, data.r, fields)
+    return replace(data, fields={**data.fields, AROUND: around})

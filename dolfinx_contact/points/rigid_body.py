@@ -129,12 +129,14 @@ class RigidBody(Obstacle):
 
     @property
     def flat(self) -> bool:
-        return bool(self.shape.flat and self.fixed[self.dim :].all() and not self._turns)
+        return bool(self.shape.flat and not self.turns)
 
     @property
-    def _turns(self) -> bool:
+    def turns(self) -> bool:
+        """Whether it may turn."""
         given = self.expressions[self.dim :]
-        return not all(isinstance(e, ufl.constantvalue.Zero) for e in given)
+        held = all(isinstance(e, ufl.constantvalue.Zero) for e in given)
+        return not (held and self.fixed[self.dim :].all())
 
     def at(self, domain: mesh.Mesh, x: Any) -> tuple[Any, Any]:
         self._check(domain)

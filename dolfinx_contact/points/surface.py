@@ -16,17 +16,24 @@ from ufl.algorithms.analysis import extract_constants
 from dolfinx_contact._agreement import described, refuse_displacement, refuse_other_mesh
 from dolfinx_contact._compat import create_facet_submesh
 from dolfinx_contact._errors import everywhere, require, same_everywhere
-from dolfinx_contact.laws import Answers, Law, LawAtPoints
+from dolfinx_contact.laws import Law, LawAtPoints, PointData
 from dolfinx_contact.laws.status import MINUS, PLUS, closed, senses
 from dolfinx_contact.meshing import GmshMesh, tagged_facets
-from dolfinx_contact.obstacles import Obstacle, gap_at
-from dolfinx_contact.points.contact_points import ContactPoints, Evaluator, Given, Method
+from dolfinx_contact.obstacles import Obstacle
+from dolfinx_contact.points.contact_points import ContactPoints, Given, Method
+from dolfinx_contact.points.displaced import (
+    DisplacedPoints,
+    Sliding,
+    check_sliding,
+    displaced_points,
+)
 from dolfinx_contact.points.elements import check_elements, check_quadrature, displacement_degree
 from dolfinx_contact.points.evaluation import blocked_space
 from dolfinx_contact.points.neighbours import LawAmongPoints
 from dolfinx_contact.points.opposite import Opposite
 from dolfinx_contact.points.rigid_body import RigidBody
 from dolfinx_contact.points.trace import exterior_facets
+from dolfinx_contact.points.true_gaps import TrueGaps
 
 __all__ = ["ContactSurface"]
 
@@ -49,6 +56,9 @@ class ContactSurface:
         multiplier_degree: 1 or 2; 1 is stable with both displacement degrees.
         quadrature_degree: of the Gauss points of the integral method, by default twice the degree
             of the displacement.
+        sliding: ``"large"`` for gap and normal of a curved obstacle at the displaced points,
+            ``"small"`` for those of the reference configuration (`points.displaced`); by default
+            large for bodies that are not linear.
         name: used in messages and tables.
 
     Attributes:
@@ -57,6 +67,7 @@ class ContactSurface:
         law: the law with its numbers as Constants, which may be changed between solves.
         points: the contact points of this rank, and the operators that lead to them.
         law_at_points: the law, compiled.
+        displaced: gap and normal at displaced points; None where they stay.
 
     Raises:
         ValueError: on every rank, if the facets or elements do not fit, something is of another
@@ -74,6 +85,7 @@ class ContactSurface:
         method: Method | None = None,
         multiplier_degree: int = 1,
         quadrature_degree: int | None = None,
+        sliding: Sliding | None = None,
         name: str = "contact",
     ):
         if not isinstance(u, fem.Function):
@@ -84,6 +96,7 @@ class ContactSurface:
         with everywhere(self.comm, "a contact surface"):
             if not isinstance(name, str) or not name:
                 raise ValueError(f"the name of a contact surface must be a word, got {name!r}")
+            check_sliding(name, sliding)
             degree = displacement_degree(u)
             self.method: Method = method or ("nodal" if degree == 1 else "integral")
             self.degrees = (degree, multiplier_degree)
@@ -130,6 +143,7 @@ class ContactSurface:
             method=self.method,
             multiplier_degree=int(multiplier_degree),
             quadrature_degree=int(rule_degree),
+            sliding=sliding,
             law=described_law,
             obstacle=lambda: f"{type(obstacle).__name__} {described(self.gap, domain)}",
             normal=lambda: described(self.normal, domain),
@@ -156,7 +170,10 @@ class ContactSurface:
         )
         self.multiplier = fem.Function(self.points.Q, name=f"{name}_traction")
         self.statuses: npt.NDArray[np.int8] = np.full(number, self.law_at_points.codes[0], np.int8)
-        self._true_gaps: Evaluator | None = None
+        self.sliding = sliding
+        self.displaced: DisplacedPoints | None = None
+        #: Distances to the obstacle of the contact points where they are now, or None.
+        self.true_gaps = TrueGaps(u, self.points, obstacle)
         self._numbers = [c for e in self.given.all for c in extract_constants(e)]
         self._mark = self._marked()
 
@@ -201,12 +218,21 @@ class ContactSurface:
             words = "negative" if sign == "nonnegative" else "not positive:"
             require(self.comm, good, f"{self.name}: {words} {what}")
         at_rest = np.zeros_like(self.points.data.n)
-        radius = self.answers(at_rest, at_rest).unit_bound
+        radius = self.law_at_points(at_rest, at_rest, self.points.data).unit_bound
         message = f"{self.name}: the law {self.law.name} has a negative radius{where}"
         require(self.comm, not bool((radius < -1e-14).any()), message)
 
     def hold(self, fixed: npt.NDArray[np.bool_]) -> None:
         """Take notice of the local nodes x dim that Dirichlet data fix. Collective."""
+
+    def slide(self, *, linear: bool) -> None:
+        """Take notice of whether the body is linear, by which sliding is small. Collective.
+
+        Raises:
+            ValueError: if sliding cannot be large where it has to.
+        """
+        given = self.points, self.domain, self.obstacle, self.law_at_points, self.sliding
+        self.displaced = displaced_points(*given, linear=linear, name=self.name)
 
     # -- nodes and points ------------------------------------------------------------------------
 
@@ -286,17 +312,9 @@ class ContactSurface:
 
     # -- what was found --------------------------------------------------------------------------
 
-    def answers(
-        self, jump: Array, traction: Array, codes: npt.NDArray[np.int8] | None = None
-    ) -> Answers:
-        """What the law answers at the points of this rank. Collective.
-
-        Args:
-            jump: (n, dim).
-            traction: (n, dim).
-            codes: statuses, if they are held.
-        """
-        return self.law_at_points(jump, traction, self.points.data, codes)
+    def data_at(self, jump: Array) -> PointData:
+        """What the law is given at the points of this rank where jumps lead them. Collective."""
+        return self.points.data if self.displaced is None else self.displaced.data(jump)
 
     def jump(self) -> Array:
         """Jump of the displacement at the contact points of this rank (n, dim). Collective."""
@@ -318,35 +336,34 @@ class ContactSurface:
         (n, dim), ``n`` normal (n, dim), ``traction`` on the body (n, dim), ``pressure``, ``shear``
         (n, dim), ``bound`` radius of the friction disc.
         """
-        return self.state_of(self.jump(), self._traction())
+        jump = self.jump()
+        return self.state_of(jump, self._traction(), self.data_at(jump))
 
     def _traction(self) -> Array:
         owned = self.Q.dofmap.index_map.size_local * self.dim
         return self.points.traction(self.multiplier.x.array[:owned])
 
-    def state_of(self, jump: Array, traction: Array) -> dict[str, Array]:
-        """What `state` says, at jumps and tractions. Collective."""
-        points = self.points
-        n = points.data.n
+    def state_of(self, jump: Array, traction: Array, data: PointData) -> dict[str, Array]:
+        """What `state` says, at jumps, tractions and `data_at` them. Not collective."""
+        points, n = self.points, data.n
         along, pressure = np.sum(jump * n, axis=1), -np.sum(traction * n, axis=1)
         return {
             "x": points.positions,
             "area": points.areas,
-            "un": points.data.gap - along,
+            "un": data.gap - along,
             "ut": jump - along[:, None] * n,
             "n": n,
             "traction": traction,
             "pressure": pressure,
             "shear": traction + pressure[:, None] * n,
-            "bound": self._bound(jump, traction),
+            "bound": self._bound(jump, traction, data),
         }
 
-    def _bound(self, jump: Array, traction: Array) -> Array:
+    def _bound(self, jump: Array, traction: Array, data: PointData) -> Array:
         """Radius of the friction disc (n,); 0 where nothing grips."""
-        bound = self.answers(jump, traction).bound
+        bound = self.law_at_points(jump, traction, data).bound
         if not self.law.needs_pressure:
             return np.maximum(bound, 0.0)
-        data = self.points.data
         u_n = np.sum(jump * data.n, axis=1) - data.gap
         p = -(np.sum(traction * data.n, axis=1) - data.r * u_n)
         return np.where(p > 0, bound, 0.0)
@@ -354,11 +371,11 @@ class ContactSurface:
     def vertex_state(self) -> dict[str, Array]:
         """What is known at the local vertices (owned, then ghosts), for pictures. Collective.
 
-        Keys ``un``, ``ut``, ``traction``, ``pressure``, ``shear``, ``bound`` as in `state`, and
-        ``open``, ``slip``: how much of the area around a vertex has that status (0 or 1 where the
-        vertices are the points).
+        Keys ``un``, ``ut``, ``n``, ``traction``, ``pressure``, ``shear``, ``bound`` as in `state`,
+        and ``open``, ``slip``: how much of the area around a vertex has that status (0 or 1 where
+        the vertices are the points).
         """
-        points, kept = self.points, ("un", "ut", "traction", "pressure", "shear", "bound")
+        points, kept = self.points, ("un", "ut", "n", "traction", "pressure", "shear", "bound")
         state = self.state()
         friction = senses(self.statuses)
         slips = closed(self.statuses) & ((friction == PLUS) | (friction == MINUS))
@@ -367,20 +384,32 @@ class ContactSurface:
         if self.method != "integral":
             return {**found, **{k: points.with_ghosts(state[k]) for k in kept}}
         # Of Functions the values at the vertices, not the means around them.
-        n, gap = points.vertex_normals, points.vertex_gaps
         u = self._relative_now(self.u.x.array.reshape(-1, self.dim))
         u = (u - self.opposite(u))[points.vertex_trace_dofs]
+        gap, n = self.at_vertices(u)
         traction, along = self._multiplier_at_vertices(), np.sum(u * n, axis=1)
         pressure = -np.sum(traction * n, axis=1)
         return {
             **found,
-            "un": gap - along,
+            "un": gap,
             "ut": u - along[:, None] * n,
+            "n": n,
             "traction": traction,
             "pressure": pressure,
             "shear": traction + pressure[:, None] * n,
             "bound": points.at_vertices(state["bound"]),
         }
+
+    def at_vertices(self, jump: Array) -> tuple[Array, Array]:
+        """Gaps (n,) and normals (n, dim) at the local vertices where jumps lead them. Collective.
+
+        Args:
+            jump: at the local vertices (n, dim).
+        """
+        if self.displaced is not None:
+            return self.displaced.at_vertices(jump)
+        normal = self.points.vertex_normals
+        return self.points.vertex_gaps - np.sum(jump * normal, axis=1), normal
 
     def _multiplier_at_vertices(self) -> Array:
         if self.degrees[1] == 1:
@@ -392,25 +421,5 @@ class ContactSurface:
 
     def friction_slope(self) -> Array:
         """Radius of the friction disc at unit pressure at the contact points. Collective."""
-        return self.answers(self.jump(), self._traction()).unit_bound
-
-    def true_gaps(self) -> Array | None:
-        """Distance to the obstacle of the contact points where they are now. Collective.
-
-        Returns:
-            One value a point, negative inside; None if the obstacle does not say (`obstacles`).
-        """
-        if self._true_gaps is None:
-            x = ufl.SpatialCoordinate(self.domain) + self.u
-            body = self.rigid_body
-            gap = (
-                gap_at(self.obstacle, self.domain, x)
-                if body is None
-                else body.gap_of(self.domain, x)
-            )
-            if gap is None:
-                return None
-            self._true_gaps = self.points.evaluator({"gap": gap})
-        if self.rigid_body is not None:
-            self.rigid_body.place()
-        return self._true_gaps()["gap"][: self.points.number]
+        jump = self.jump()
+        return self.law_at_points(jump, self._traction(), self.data_at(jump)).unit_bound

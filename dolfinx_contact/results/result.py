@@ -15,7 +15,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._errors import require
 from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.normals import without_normal
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.laws import status
 from dolfinx_contact.results.balance import balance, support_at_nodes
@@ -197,8 +199,13 @@ def collect(eq: ContactEquations, state: State, attempts: Sequence[Attempt]) -> 
         eq: the contact problem.
         state: the solution, with reactions.
         attempts: the strategies that were tried; the last one found it.
+
+    Raises:
+        ValueError: on every rank, if a point touches an obstacle where that has no normal.
     """
     assert state.reactions is not None
+    lost = without_normal(eq, state)
+    require(eq.comm, not lost, lost)
     comm, supports = eq.comm, support_at_nodes(eq, state)
     tables = {
         s.name: contact_table(eq, number, state, supports) for number, s in enumerate(eq.surfaces)

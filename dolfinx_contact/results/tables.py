@@ -127,7 +127,7 @@ def contact_table(
     """
     s, found = eq.surfaces[number], state.surfaces[number]
     clamped, removed = eq.constraints.clamped[number], eq.constraints.removed[number]
-    known, n = s.state_of(found.jump, found.traction), s.points.number
+    known, n = s.state_of(found.jump, found.traction, found.data), s.points.number
     area, normal, traction = known["area"], known["n"], known["traction"]
     letters, bound = _letters(s, found, known), known["bound"] * area
     support = np.zeros_like(traction)
@@ -173,7 +173,7 @@ def violation(eq: ContactEquations, state: State, force: float, length: float) -
     for number, (s, found) in enumerate(zip(eq.surfaces, state.surfaces, strict=True)):
         points = s.points
         r = np.asarray(force / (length * points.areas), dtype=np.float64)
-        answers = s.law_at_points(found.jump, found.traction, replace(points.data, r=r))
+        answers = s.law_at_points(found.jump, found.traction, replace(found.data, r=r))
         off = (found.traction - answers.traction(answers.asked)) * points.areas[:, None]
         if s.method != "integral":
             off[eq.constraints.removed[number][: points.number]] = 0.0

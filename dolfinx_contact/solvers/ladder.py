@@ -38,6 +38,7 @@ from dolfinx_contact._errors import require, same_everywhere
 from dolfinx_contact._petsc import staged
 from dolfinx_contact._progress import SolveProgress
 from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.normals import without_normal
 from dolfinx_contact.equations.touching import bring_together
 from dolfinx_contact.solvers.choice import LinearSolverChoice
 from dolfinx_contact.solvers.errors import ConvergenceError, FloatingBodyError
@@ -215,7 +216,7 @@ def _ladder(
         "load following": by_following,
     }
     order = list(rungs)
-    if not eq.bulk.linear:
+    if not eq.linear:
         order = [_INCREMENTS, "line search", "pivoting", "load following"]
     elif eq.dim == 3:
         order.remove("Lemke's method")
@@ -234,6 +235,8 @@ def check_data(eq: ContactEquations, x0: PETSc.Vec) -> None:
         normals = bool(np.isfinite(points.vertex_normals).all())
         message = f"{s.name}: the gap or normal of the obstacle is not finite"
         require(eq.comm, gaps and normals, message)
+    lost = without_normal(eq, eq.contact(x0))
+    require(eq.comm, not lost, lost)
     values = eq.constraints.values()
     prescribed = bool(np.isfinite(values[eq.constraints.fixed]).all())
     require(eq.comm, prescribed, "a Dirichlet value is not finite")

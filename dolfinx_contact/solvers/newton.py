@@ -23,6 +23,7 @@ from dolfinx_contact._petsc import as_raised, logged, options_in_database
 from dolfinx_contact._settling import ROUNDS, settle
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.measures import Measures, Scales
+from dolfinx_contact.equations.normals import without_normal
 from dolfinx_contact.equations.state import State, Statuses, differs
 from dolfinx_contact.equations.touching import touching
 from dolfinx_contact.solvers.errors import FloatingBodyError, LinearSolverError
@@ -222,7 +223,7 @@ class Newton:
                 if self.monitor is not None:
                     self.monitor(step)
         if not np.isfinite(measures.worst):
-            self.attempt.reason = "the residual is not finite"
+            self.attempt.reason = without_normal(eq, self.state) or "the residual is not finite"
             return int(_STOPPED)
         if measures.worst <= tolerance:
             # A solution that a rigid motion may carry away is no answer either.
@@ -317,7 +318,8 @@ class Newton:
         if reason == reasons.DIVERGED_MAX_IT:
             return f"no convergence in {self.snes.getIterationNumber()} iterations{because}"
         if reason == _NOT_A_NUMBER:
-            return "the residual is not a number"
+            lost = without_normal(self.equations, self.state)
+            return lost or "the residual is not a number"
         return names.get(reason, str(reason))
 
 

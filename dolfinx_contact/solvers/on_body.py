@@ -116,7 +116,7 @@ class OnBody:
         """What friction may do at the pressures of the state, tractions of all surfaces (n,)."""
         found = []
         for s, state in zip(self.equations.surfaces, self._state.surfaces, strict=True):
-            pressure = np.maximum(-np.sum(state.traction * s.points.data.n, axis=1), 0.0)
+            pressure = np.maximum(-np.sum(state.traction * state.data.n, axis=1), 0.0)
             slope = state.answers.unit_bound
             bound = slope * pressure if s.law.needs_pressure else slope
             found.append(bound if s.law.spread is None else state.answers.bound)
@@ -220,7 +220,7 @@ class OnBody:
         """Put the tractions that the laws answer with the augmentation ``rho`` into ``x``."""
         eq, row = self.equations, self.equations.owned_sizes[0]
         for i, (s, state) in enumerate(zip(eq.surfaces, self._state.surfaces, strict=True)):
-            data = replace(s.points.data, r=np.full(s.points.number, rho))
+            data = replace(state.data, r=np.full(s.points.number, rho))
             answers = s.law_at_points(state.jump, state.traction, data)
             raised = answers.traction(answers.asked)
             size = raised.size

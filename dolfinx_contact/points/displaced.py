@@ -1,0 +1,168 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""Curved obstacles in large displacement: gap and normal where the contact points are now.
+
+A contact point X with the jump j is at x = X + j. There the obstacle has the gap g(x) and the
+normal n(x), and the penetration of the law is u_n = -g(x). The law takes it as j.n - gap (`laws`),
+and so is given
+
+    gap = g(x) + j.n,    d gap / dj = dg/dx + n + (dn/dx)^T j,    d n / dj = dn/dx,
+
+in which dg/dx = -n where g is a distance, and dn/dx is then minus the Hessian of the distance
+(Wriggers, Computational Contact Mechanics, 2006, section 4.1). On a plane this is the gap of the
+reference configuration, for every jump. The tangential jump is j - (j.n) n at the present normal:
+of a point that has gone around a curve that is no slip, which is why friction is refused.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact._compat import facet_integration_entities, merge_entity_maps
+from dolfinx_contact._errors import require
+from dolfinx_contact.laws import LawAtPoints, PointData
+from dolfinx_contact.laws.status import STICK
+from dolfinx_contact.obstacles import Obstacle, known_displaced
+from dolfinx_contact.points.contact_points import ContactPoints, Evaluator, Given
+from dolfinx_contact.points.evaluation import PointEvaluator, blocked_space
+from dolfinx_contact.points.given import fields_of
+from dolfinx_contact.points.rigid_body import RigidBody
+from dolfinx_contact.points.trace import owned_exterior
+
+__all__ = ["DisplacedPoints", "Sliding", "check_sliding", "displaced_points"]
+
+Array = npt.NDArray[np.float64]
+#: How far points are expected to slide: small beside the curvature of the obstacle, or any way.
+Sliding: TypeAlias = Literal["small", "large"]
+
+
+def check_sliding(name: str, sliding: Any) -> None:
+    """Raise ``ValueError`` if that is no `Sliding`. Not collective."""
+    if sliding not in ("small", "large", None):
+        raise ValueError(f"{name}: sliding must be 'small', 'large' or None, got {sliding!r}")
+
+
+def displaced_points(
+    points: ContactPoints,
+    domain: mesh.Mesh,
+    obstacle: Obstacle,
+    law: LawAtPoints,
+    sliding: Sliding | None,
+    *,
+    linear: bool,
+    name: str,
+) -> DisplacedPoints | None:
+    """What follows the displacement of a surface; None if gap and normal stay. Collective.
+
+    Nothing of a plane follows: its gap is exact as it is. Nor, by default, of obstacles that linear
+    bodies touch, of rigid bodies that turn, whose motions are small, and of obstacles that are
+    known in the reference configuration alone.
+
+    Args:
+        points: of the surface.
+        domain: mesh of the body.
+        obstacle: that it may touch.
+        law: at the points.
+        sliding: as the user wants it; None for the default.
+        linear: whether the body is linear.
+        name: of the surface.
+
+    Raises:
+        ValueError: if large sliding is not possible there.
+    """
+    body = obstacle if isinstance(obstacle, RigidBody) else None
+    known = known_displaced(obstacle if body is None else body.shape)
+    turns = body is not None and body.turns
+    if obstacle.flat or sliding == "small":
+        return None
+    if sliding is None and (linear or turns or not known):
+        return None
+    for good, why in (
+        (obstacle.opposite is None, "between bodies sliding is small"),
+        (known, "the obstacle is known in the reference configuration alone: it needs a method at"),
+        (not turns, "the rotation of the rigid body is small; hold it"),
+        (points.method != "mixed", "gaps of mixed contact are averages around nodes; take another"),
+        (
+            STICK not in law.codes,
+            "there is no friction yet. The slip of a point is the way that it has gone along a "
+            "normal that has turned meanwhile, and needs to be summed up in increments. Take "
+            "Frictionless() or a HalfSpace",
+        ),
+    ):
+        message = f"{name}: in large sliding on a curved obstacle {why}, or sliding='small'"
+        require(points.comm, good, message)
+    return DisplacedPoints(points, domain, obstacle)
+
+
+class DisplacedPoints:
+    """What an obstacle is at displaced contact points. Collective, as all its methods are.
+
+    Args:
+        points: nodes or Gauss points.
+        obstacle: known at displaced points (`obstacles.Obstacle.at`).
+
+    Attributes:
+        given: gap and normal at the displaced points in UFL, and the fields of the law, which are
+            those of the reference configuration.
+    """
+
+    def __init__(self, points: ContactPoints, domain: mesh.Mesh, obstacle: Obstacle):
+        self._points, self._domain, self._obstacle = points, domain, obstacle
+        self._jump = fem.Function(blocked_space(points.space, points.dim))
+        x = ufl.variable(ufl.SpatialCoordinate(self._domain) + self._jump)
+        gap, normal = obstacle.at(self._domain, x)
+        self.given = Given(gap, normal, points.given.fields)
+        slopes = {"by_gap": ufl.diff(gap, x), "by_normal": ufl.diff(normal, x)}
+        self._evaluate = points.evaluator({"gap": gap, "normal": normal, **slopes})
+        self._at_vertices: tuple[fem.Function, Evaluator] | None = None
+
+    def _place(self, jump: Array) -> None:
+        """Let the points be where these jumps (n, dim) bring them."""
+        self._jump.x.array[:] = self._points.with_ghosts(jump).reshape(-1)
+
+    def data(self, jump: Array) -> PointData:
+        """What the law is given at jumps (n, dim), and how that changes with them."""
+        self._place(jump)
+        found = {name: v[: self._points.number] for name, v in self._evaluate().items()}
+        normal, turn, plain = found["normal"], found["by_normal"], self._points.data
+        along = np.sum(jump * normal, axis=1)
+        slope = found["by_gap"] + normal + np.einsum("nij,ni->nj", turn, jump)
+        return PointData(normal, found["gap"] + along, plain.r, plain.fields, turn, slope)
+
+    def rates(self, evaluate: Evaluator, jump: Array) -> PointData:
+        """Rates of what the law is given at held jumps (n, dim), from the evaluator of rates."""
+        self._place(jump)
+        values = {name: v[: self._points.number] for name, v in evaluate().items()}
+        normal = values["normal"]
+        gap = values["gap"] + np.sum(jump * normal, axis=1)
+        return PointData(normal, gap, np.zeros(self._points.number), fields_of(values))
+
+    def at_vertices(self, jump: Array) -> tuple[Array, Array]:
+        """Gaps (n,) and normals (n, dim) at the local vertices.
+
+        Args:
+            jump: at the local vertices (n, dim).
+        """
+        if self._at_vertices is None:
+            nodal = self._points.space is self._points.vertices
+            self._at_vertices = (self._jump, self._evaluate) if nodal else self._vertices()
+        moved, evaluate = self._at_vertices
+        moved.x.array[:] = jump.reshape(-1)
+        values = evaluate()
+        return values["gap"], values["normal"]
+
+    def _vertices(self) -> tuple[fem.Function, PointEvaluator]:
+        W, submesh, domain = self._points.vertices, self._points.submesh, self._domain
+        entities = facet_integration_entities(domain, owned_exterior(domain, submesh.parent_facets))
+        ds = ufl.Measure("ds", domain, subdomain_data=[(1, entities)])
+        rule = {"quadrature_rule": "vertex", "quadrature_degree": 1}
+        moved = fem.Function(blocked_space(W, self._points.dim))
+        at = self._obstacle.at(domain, ufl.SpatialCoordinate(domain) + moved)
+        expressions: dict[str, Any] = dict(zip(("gap", "normal"), at, strict=True))
+        maps = merge_entity_maps([submesh])
+        return moved, PointEvaluator(W, ds(1, metadata=rule), expressions, maps)
