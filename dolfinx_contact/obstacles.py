@@ -21,6 +21,7 @@ import ufl
 from dolfinx import fem, mesh
 from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 from ufl.algorithms.apply_derivatives import apply_derivatives
+from ufl.corealg.traversal import traverse_unique_terminals
 
 from dolfinx_contact._agreement import refuse_other_mesh
 
@@ -63,6 +64,14 @@ def _direction(domain: mesh.Mesh, value: Any, what: str) -> Any:
             vector.value = vector.value / length
             return vector
     return vector / ufl.sqrt(ufl.dot(vector, vector))
+
+
+def _is_uniform(value: Any) -> bool:
+    """Whether numbers, Constants or UFL have the same value at every point."""
+    if not isinstance(value, ufl.core.expr.Expr):
+        return True
+    varies = ufl.classes.GeometricQuantity | ufl.classes.Coefficient
+    return not any(isinstance(part, varies) for part in traverse_unique_terminals(value))
 
 
 def _radius(domain: mesh.Mesh, value: Any) -> Any:
@@ -146,9 +155,8 @@ class HalfSpace(Obstacle):
 
     @property
     def flat(self) -> bool:
-        given = (self.point, self.normal)
-        return type(self).at is HalfSpace.at and not any(
-            isinstance(v, ufl.core.expr.Expr) and not isinstance(v, fem.Constant) for v in given
+        return (
+            type(self).at is HalfSpace.at and _is_uniform(self.point) and _is_uniform(self.normal)
         )
 
     def at(self, domain: mesh.Mesh, x: Any) -> tuple[Any, Any]:
