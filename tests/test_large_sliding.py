@@ -20,13 +20,17 @@ from dolfinx_contact import (
     HalfSpace,
     LevelSet,
     NormalCompliance,
+    RigidBody,
     Sphere,
     materials,
 )
+from dolfinx_contact.continuation import follow
 from dolfinx_contact.equations.jacobian import Jacobian
 from dolfinx_contact.laws.status import closed
+from dolfinx_contact.parametric import ParametricContact
 
 COMM = MPI.COMM_WORLD
+DX = ufl.dx(metadata={"quadrature_degree": 2})  # assembly would take most of the time
 RUBBER = materials.NeoHookean(*materials.lame(1000.0, 0.3))
 STEEL = materials.LinearElastic.from_young(1000.0, 0.3)
 
@@ -44,7 +48,7 @@ def block(obstacle, *, cell="quad", n=4, top=None, law=None, material=RUBBER, de
     moved = np.array(top if top is not None else [*[0.0] * (dim - 1), -0.1])
     held = fem.locate_dofs_topological(V, dim - 1, facets(domain, dim - 1, 1.0))
     bcs = [fem.dirichletbc(moved, held, V)]
-    energy = material.energy(u) * ufl.dx
+    energy = material.energy(u) * DX
     return ContactProblem(energy, u, [surface], bcs=bcs, petsc_options=options)
 
 
@@ -67,7 +71,7 @@ def strip(n=4, push=-0.4, cell=mesh.CellType.quadrilateral, solid=False, **given
     )
     moved = np.array([*[0.0] * (dim - 1), push])
     bcs = [fem.dirichletbc(moved, fem.locate_dofs_topological(V, dim - 1, ends), V)]
-    return ContactProblem(RUBBER.energy(u) * ufl.dx, u, [surface], bcs=bcs)
+    return ContactProblem(RUBBER.energy(u) * DX, u, [surface], bcs=bcs)
 
 
 def places(problem):
@@ -122,6 +126,21 @@ OBSTACLES = {
 }
 
 
+def shaken(problem, size, seed):
+    """Unknowns of some size, the same on any number of ranks."""
+    units, x = problem.equations.units, problem.create_vector()
+    for f, unit in zip(problem.fields, units, strict=False):
+
+        def waves(x, unit=unit, n=f.function_space.dofmap.index_map_bs):
+            phase = 12.99 * x[0] + 78.23 * x[1] + 37.72 * x[2] + seed
+            return unit * size * np.array([np.sin(43.76 * (phase + i)) for i in range(n)])
+
+        f.interpolate(waves)
+        f.x.scatter_forward()
+    problem.write(x)
+    return x
+
+
 @pytest.mark.parametrize(
     ("obstacle", "cell", "law", "given"),
     [
@@ -138,10 +157,7 @@ OBSTACLES = {
 def test_jacobian_by_taylor(obstacle, cell, law, given):
     """|H(x + h d) - H(x) - h J d| falls like h^2 with the statuses held, far from small slopes."""
     problem = block(OBSTACLES[obstacle], cell=cell, n=2, law=law, **given)
-    x, d = problem.create_vector(), problem.create_vector()
-    random = np.random.default_rng(1 + COMM.rank)
-    x.array[:] = random.uniform(-0.1, 0.1, len(x.array))
-    d.array[:] = 0.02 * random.standard_normal(len(d.array))
+    x, d = shaken(problem, 0.1, 1.0), shaken(problem, 0.02, 2.0)
     fixed = problem.equations.fixed[: problem.equations.owned_sizes[0]]
     prescribed = problem.equations.constraints.values().reshape(-1)[: len(fixed)]
     x.array[: len(fixed)][fixed], d.array[: len(fixed)][fixed] = prescribed[fixed], 0.0
@@ -218,3 +234,195 @@ def test_which_sliding():
 def test_refused(given, message):
     with pytest.raises(ValueError, match=message):
         block(Sphere((0.4, -3.0), 3.0), **given)
+
+
+def orbiting(cell, n, angle, press=0.08):
+    """A block pressed on a cylinder, and then led around it by its top: the parameter is the part.
+
+    Nothing but the frame changes on the way, so that what is pressed is the solution everywhere.
+    """
+    domain = box(COMM, n, cell)
+    dim = domain.geometry.dim
+    V = fem.functionspace(domain, ("Lagrange", 1, (dim,)))
+    u, moved, gamma = fem.Function(V), fem.Function(V), fem.Constant(domain, 0.0)
+    centre, last = np.array([0.4, *[0.5] * (dim - 2), -1.0]), dim - 1
+    obstacle = Sphere(centre, 1.0) if dim == 2 else Cylinder(centre, (0.0, 1.0, 0.0), 1.0)
+    bottom = facets(domain, last, 0.0)
+    surface = ContactSurface(u, bottom, obstacle=obstacle, law=Frictionless())
+    x = ufl.SpatialCoordinate(domain)
+    a, b = x[0] - centre[0], x[last] - press - centre[last]
+    c, s = ufl.cos(angle * gamma), ufl.sin(angle * gamma)
+    way = [c * a + s * b - x[0] + centre[0], *[0.0 * a] * (dim - 2), c * b - s * a - x[last] - 1.0]
+    held = fem.dirichletbc(moved, fem.locate_dofs_topological(V, last, facets(domain, last, 1.0)))
+    problem = ContactProblem(RUBBER.energy(u) * DX, u, [surface], bcs=[held])
+    return ParametricContact(problem, gamma, driven=[(moved, ufl.as_vector(way))])
+
+
+@pytest.mark.parametrize(("cell", "n"), [("quad", 6), ("hex", 3)])
+def test_led_around_a_cylinder(cell, n):
+    """By far more than the contact is long, by Newton's method and along the branch."""
+    angle, system = 1.2, orbiting(cell, n, 1.2)
+    problem, (s,) = system.problem, system.problem.surfaces
+    system.set_parameter(0.0)
+    first = problem.solve().tables["contact"]
+    length = first.area[first.rn > 0].sum()
+    assert 0 < length < angle
+    turn = np.eye(s.dim)
+    places = np.ix_([0, -1], [0, -1])
+    turn[places] = [[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]]
+
+    def agrees(table):
+        size = np.abs(first.force).max()
+        np.testing.assert_allclose(table.force, first.force @ turn.T, rtol=0, atol=1e-8 * size)
+        np.testing.assert_allclose(table.n, first.n @ turn.T, rtol=0, atol=1e-8)
+        np.testing.assert_allclose(table.un, first.un, rtol=0, atol=1e-9)
+
+    x = system.create_vector()
+    problem.write(x)
+    branch = follow(system, x, 0.0, gamma_range=(0.0, 1.0))
+    assert branch.points[-1].gamma == 1.0
+    result = system.result_at(branch.points[-1])
+    assert result.kkt_violation < 1e-9
+    agrees(result.tables["contact"])
+    # Back to the start, and there in one solve.
+    problem.read(x)
+    system.set_parameter(1.0)
+    result = problem.solve()
+    assert quadratic(result.history)
+    agrees(result.tables["contact"])
+
+
+def powered(power):
+    """A disc by a power of its distance, whose gradient vanishes on the disc for 2 and more."""
+    return LevelSet(lambda x: (ufl.sqrt((x[0] - 0.4) ** 2 + (x[1] + 1.0) ** 2) - 1.0) ** power)
+
+
+def test_a_gradient_that_vanishes():
+    """Where a point touches, where one is at the start, and where the normal has no end."""
+    result = block(powered(1)).solve()
+    assert result.kkt_violation < 1e-9
+    pole = LevelSet(lambda x: ufl.dot(x, x) - 1.0)
+    for obstacle, place in (
+        (powered(3), r"\(-?0\.\d+, -0\.0\d+\)"),
+        (pole, r"\(0, 0\)"),
+        (Sphere((0.5, 0.0), 0.5), r"\(0\.25, 0\)"),
+    ):
+        problem = block(obstacle)
+        with pytest.raises(ValueError, match=f"no normal at a contact point that is at {place}"):
+            problem.solve()
+        assert not problem.u.x.array.any()
+
+
+def ellipse(domain, centre, angle):
+    """An ellipse about a centre that has turned by an angle; both may be UFL of Constants."""
+
+    def phi(x):
+        c, s = ufl.cos(angle), ufl.sin(angle)
+        a, b = x[0] - centre[0], x[1] - centre[1]
+        return (c * a + s * b) ** 2 / 4 + (c * b - s * a) ** 2 - 1.0
+
+    return LevelSet(phi)
+
+
+@pytest.mark.parametrize("method", ["nodal", "integral"])
+@pytest.mark.parametrize("law", [Frictionless(), NormalCompliance(50.0, 1.5)])
+def test_derivative_by_the_motion_of_an_obstacle(method, law):
+    """dH/dgamma of an ellipse that moves and turns, by central differences, the statuses held."""
+    domain = box(COMM, 3, "tri")
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u, gamma = fem.Function(V), fem.Constant(domain, 0.3)
+    obstacle = ellipse(domain, (0.4 + 0.3 * gamma, gamma**2 - 1.05), gamma)
+    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=obstacle, law=law, method=method)
+    held = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
+    bcs = [fem.dirichletbc(np.zeros(2), held, V)]
+    problem = ContactProblem(RUBBER.energy(u) * DX, u, [surface], bcs=bcs)
+    system = ParametricContact(problem, gamma)
+    assert not system.is_linear
+    x, (b, c, d) = shaken(problem, 0.05, 1.0), (problem.create_vector() for _ in range(3))
+    piece = system.piece_at(x, 0.3)
+    assert len(set("".join(COMM.allgather(str(piece.codes))))) > 3
+    system.parameter_derivative(x, 0.3, c, piece)
+    assert c.norm() > 0
+    errors = []
+    for h in (2e-3, 1e-3):
+        system.residual(x, 0.3 + h, b, piece)
+        system.residual(x, 0.3 - h, d, piece)
+        b.axpy(-1.0, d)
+        b.scale(1 / (2 * h))
+        b.axpy(-1.0, c)
+        errors.append(b.norm() / c.norm())
+    assert errors[1] < 1e-3
+    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.05)
+
+
+def test_an_obstacle_that_comes_and_turns():
+    """An ellipse moved and turned under a block held still is a block moved over one that waits."""
+    domain = box(COMM, 6, "quad")
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u, gamma = fem.Function(V), fem.Constant(domain, 0.0)
+    obstacle = ellipse(domain, (0.2 + 0.5 * gamma, 0.15 * gamma - 1.1), 0.8 * gamma)
+    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=obstacle, law=Frictionless())
+    held = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
+    bcs = [fem.dirichletbc(np.zeros(2), held, V)]
+    problem = ContactProblem(RUBBER.energy(u) * DX, u, [surface], bcs=bcs)
+    system = ParametricContact(problem, gamma)
+    problem.solve()
+    x = system.create_vector()
+    problem.write(x)
+    branch = follow(system, x, 0.0, gamma_range=(0.0, 1.0))
+    assert branch.points[-1].gamma == 1.0
+    found = system.result_at(branch.points[-1])
+    assert found.kkt_violation < 1e-9
+    assert found.counts["open"] < 7
+    # The same by a solve at the end, and by another obstacle that stands where this one has come.
+    still = block(ellipse(domain, (0.7, -0.95), 0.8), n=6, top=[0.0, 0.0])
+    for p in (problem, still):
+        solved = p.solve().tables["contact"]
+        size = np.abs(solved.force).max()
+        assert size > 0
+        force = found.tables["contact"].force
+        np.testing.assert_allclose(force, solved.force, rtol=0, atol=1e-8 * size)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_rigid_body(dim):
+    """An indenter under a force, as it is and as an obstacle that stands where it has come."""
+    about = np.array([0.3, *[0.5] * (dim - 2), 1.5])
+    names = ("x", "y", "rz") if dim == 2 else ("x", "y", "z", "rx", "ry", "rz")
+    up = names[dim - 1]
+    others = [c for c in names if c not in (up, "x")]
+
+    def problem(obstacle, sliding=None):
+        domain = box(COMM, 5 if dim == 2 else 3, "quad" if dim == 2 else "hex")
+        V = fem.functionspace(domain, ("Lagrange", 1, (dim,)))
+        u, top = fem.Function(V), facets(domain, dim - 1, 1.0)
+        surface = ContactSurface(u, top, obstacle=obstacle, law=Frictionless(), sliding=sliding)
+        held = fem.locate_dofs_topological(V, dim - 1, facets(domain, dim - 1, 0.0))
+        bcs = [fem.dirichletbc(np.zeros(dim), held, V)]
+        return ContactProblem(RUBBER.energy(u) * DX, u, [surface], bcs=bcs)
+
+    body = RigidBody(
+        Sphere(about, 0.5), about=about, load={up: -60.0}, motion={"x": 0.2}, held=others
+    )
+    pressed = problem(body)
+    result = pressed.solve()
+    assert pressed.surfaces[0].displaced is not None
+    assert quadratic(result.history)
+    assert result.kkt_violation < 1e-9
+    assert result.misfit < 1e-9 * 0.5
+    found = result.rigid_bodies["rigid body"]
+    assert found.force[-1] == pytest.approx(60.0, rel=1e-9)
+    still = problem(Sphere(about + found.displacement, 0.5)).solve()
+    a, b = (r.tables["contact"] for r in (result, still))
+    np.testing.assert_allclose(a.force, b.force, rtol=0, atol=1e-8 * np.abs(b.force).max())
+    # The rotation of a rigid body is small by assumption: then sliding is small as well.
+    turning = RigidBody(
+        Sphere(about, 0.5),
+        about=about,
+        load={up: -60.0},
+        free=others[-1:],
+        held=["x", *others[:-1]],
+    )
+    assert problem(turning).surfaces[0].displaced is None
+    with pytest.raises(ValueError, match="rotation of the rigid body is small"):
+        problem(turning, "large")

@@ -30,7 +30,8 @@ def without_normal(eq: ContactEquations, state: State) -> str:
         if places:
             where = ", ".join(f"{c * eq.body_size:.6g}" for c in places[0])
             return (
-                f"{s.name}: the obstacle has no normal where a contact point is, at ({where}): the "
-                "gradient of a level set vanishes there, or it is the centre of a sphere"
+                f"{s.name}: the obstacle has no normal at a contact point that is at ({where}) or "
+                "next to it: the gradient of a level set vanishes there, or it is the centre of a "
+                "sphere"
             )
     return ""

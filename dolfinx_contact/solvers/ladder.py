@@ -230,13 +230,14 @@ def check_data(eq: ContactEquations, x0: PETSc.Vec) -> None:
     for s in eq.surfaces:
         s.update_geometry()
         s.check_law()
+    lost = without_normal(eq, eq.contact(x0))
+    require(eq.comm, not lost, lost)
+    for s in eq.surfaces:
         points = s.points
         gaps = bool(np.isfinite(points.vertex_gaps).all())
         normals = bool(np.isfinite(points.vertex_normals).all())
         message = f"{s.name}: the gap or normal of the obstacle is not finite"
         require(eq.comm, gaps and normals, message)
-    lost = without_normal(eq, eq.contact(x0))
-    require(eq.comm, not lost, lost)
     values = eq.constraints.values()
     prescribed = bool(np.isfinite(values[eq.constraints.fixed]).all())
     require(eq.comm, prescribed, "a Dirichlet value is not finite")
