@@ -119,15 +119,9 @@ class ContactSurface:
             for what, e in [("obstacle", self.gap), *(("law", e) for e in given.values())]:
                 refuse_other_mesh(e, domain, f"{name}: the {what}")
             #: Functions of the user in law and obstacle.
-            self._data = sorted(
-                {
-                    f
-                    for e in (*given.values(), self.gap, self.normal)
-                    for f in ufl.algorithms.extract_coefficients(e)
-                    if f is not u
-                },
-                key=lambda f: f.count(),
-            )
+            every = (*given.values(), self.gap, self.normal)
+            read = {f for e in every for f in ufl.algorithms.extract_coefficients(e)}
+            self._data = sorted(read - {u}, key=lambda f: f.count())
         same_everywhere(self.comm, name=name)
 
         def described_law() -> str:
@@ -344,7 +338,7 @@ class ContactSurface:
         return self.points.traction(self.multiplier.x.array[:owned])
 
     def state_of(self, jump: Array, traction: Array, data: PointData) -> dict[str, Array]:
-        """What `state` says, at jumps, tractions and `data_at` them. Not collective."""
+        """What `state` says, at jumps, tractions and `data_at` them. Collective."""
         points, n = self.points, data.n
         along, pressure = np.sum(jump * n, axis=1), -np.sum(traction * n, axis=1)
         return {
