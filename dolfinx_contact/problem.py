@@ -223,6 +223,7 @@ class ContactProblem:
         monitor: Callable[[Step], None] | None = None,
         increments: int = 8,
         progress: bool | None = None,
+        expected: Sequence[Statuses] = (),
     ) -> Result:
         """Solve from the present values of the Functions, which receive the solution. Collective.
 
@@ -236,6 +237,8 @@ class ContactProblem:
             increments: of the load in the strategy of increments, to begin with.
             progress: whether rank 0 says on the standard error stream where the solve is; by
                 default once it takes more than some seconds.
+            expected: statuses, surface by surface, the likeliest first: Newton's method begins with
+                the state that has them, and after all of them with the Functions.
 
         Returns:
             Statuses, resultants, residual histories and the KKT violation.
@@ -252,7 +255,14 @@ class ContactProblem:
             chosen = algorithm_named(algorithm)
             if progress not in (None, True, False):
                 raise ValueError(f"progress must be True, False or None, got {progress!r}")
-        same_everywhere(self.comm, algorithm=chosen, increments=int(increments))
+        same_everywhere(
+            self.comm,
+            algorithm=chosen,
+            increments=int(increments),
+            expected_statuses=len(expected),
+        )
+        fits = all(_fit(self.surfaces, statuses) for statuses in expected)
+        require(self.comm, fits, "the expected statuses are not those of these contact points")
         said, x0 = SolveProgress(self.comm, progress), self.create_vector()
         self.write(x0)
         try:
@@ -264,6 +274,7 @@ class ContactProblem:
                     monitor=monitor,
                     increments=int(increments),
                     progress=said,
+                    expected=expected,
                 )
             else:
                 check_data(self.equations, x0)
@@ -327,6 +338,14 @@ class ContactProblem:
         """Free matrices and solvers."""
         self._linear.destroy()
         self.equations.bulk.destroy()
+
+
+def _fit(surfaces: Sequence[ContactSurface], statuses: Statuses) -> bool:
+    """Whether statuses are some of these contact points. Not collective."""
+    return len(statuses) == len(surfaces) and all(
+        np.shape(codes) == (s.points.number,) and np.isin(codes, s.law_at_points.codes).all()
+        for s, codes in zip(surfaces, statuses, strict=True)
+    )
 
 
 def _lists(surfaces: Any, bcs: Any) -> tuple[list[ContactSurface], list[fem.DirichletBC]]:

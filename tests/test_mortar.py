@@ -167,7 +167,7 @@ def test_two_blocks_of_different_meshes(folder, ratio):
     off = []
     for n in (8, 16):
         runs = [
-            demo_two_blocks.main(["--n", str(n), "--ratio", str(r), "--output", str(folder)])
+            demo_two_blocks.main(["--static", f"--n={n}", f"--ratio={r}", f"--output={folder}"])
             for r in (1, ratio)
         ]
         off.append(max(abs(runs[1][k] / runs[0][k] - 1) for k in ("sum_rn", "sum_rt_x")))

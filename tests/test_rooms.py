@@ -19,6 +19,7 @@ FLOORS = [
     ("results",),
     ("analysis",),
     ("problem", "parametric", "nested", "command_line"),
+    ("evolution",),
     ("output",),
 ]
 

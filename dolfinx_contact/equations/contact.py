@@ -10,7 +10,8 @@ rows multiplied by a typical stiffness. Every unknown of the PETSc vectors is a 
 are divided by a typical stiffness per area. So neither norms of H nor the matrix depend on the
 user's units.
 
-Nothing is kept between two evaluations: statuses are arguments, and what was found is returned.
+Nothing is kept between two evaluations: statuses are arguments, what was found is returned, and
+what surfaces remember of earlier states is frozen (`points.memory`).
 """
 
 from __future__ import annotations
@@ -37,6 +38,7 @@ from dolfinx_contact.equations.prescribed import PrescribedDisplacement
 from dolfinx_contact.equations.rigid_bodies import RigidBodies
 from dolfinx_contact.equations.state import ContactState, State, Statuses
 from dolfinx_contact.laws.status import closed
+from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.points.surface import ContactSurface
 
 __all__ = ["ContactEquations"]
@@ -176,11 +178,14 @@ class ContactEquations:
         return found
 
     def relative_jump(self, s: ContactSurface, u: Array, q: Array, *, rate: bool = False) -> Array:
-        """B u at the points of ``s``, seen from what they touch: j, or its rate. Collective."""
+        """B u at the points of ``s``, seen from what they touch: j, or its rate. Collective.
+
+        Of j that part is left out which the memory of the surface has (`points.memory`).
+        """
         v = s.points.B.createVecRight()
         nodes = u[: self.owned_sizes[0]].reshape(-1, self.dim)
         v.array[:] = self.rigid.relative(s, nodes, q).reshape(-1)
-        values = s.points.product(v) if rate else s.points.jump(v)
+        values = s.points.product(v) if rate else s.points.jump(v) - s.reference
         v.destroy()
         return values
 
@@ -334,6 +339,30 @@ class ContactEquations:
             self.rigid.start = None
 
     # -- data ------------------------------------------------------------------------------------
+
+    @property
+    def memory(self) -> tuple[Memory | None, ...]:
+        """What the surfaces remember; None of one under the static law."""
+        return tuple(s.memory for s in self.surfaces)
+
+    def remember(self, memory: Sequence[Memory | None]) -> None:
+        """Give the surfaces other memories. Collective.
+
+        Raises:
+            ValueError: on every rank, if they are not of these surfaces.
+        """
+        mine = len(memory) == len(self.surfaces) and all(
+            m is None or m.jump.shape == (s.points.number, s.dim)
+            for s, m in zip(self.surfaces, memory, strict=True)
+        )
+        require(self.comm, mine, "the memory is that of other contact surfaces or another mesh")
+        for s, m in zip(self.surfaces, memory, strict=True):
+            s.memory = m
+
+    def advanced(self, state: State) -> tuple[Memory, ...]:
+        """The memory that a step leaves whose end this state is. Not collective."""
+        found = zip(self.surfaces, state.surfaces, strict=True)
+        return tuple(Memory(at.jump + s.reference) for s, at in found)
 
     @contextmanager
     def automatic_augmentation(self) -> Iterator[None]:

@@ -16,12 +16,12 @@ import numpy.typing as npt
 import dolfinx.fem.petsc
 import ufl
 from dolfinx import fem
-from ufl.algorithms.analysis import extract_constants
 
 from dolfinx_contact._compat import dirichlet_value, is_value_of
 from dolfinx_contact._forms import compiled_form
 from dolfinx_contact.continuation import Events, Piece, Preconditioner, System
 from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.given_data import given_data
 from dolfinx_contact.equations.measures import Scales
 from dolfinx_contact.equations.rates import (
     Driven,
@@ -116,19 +116,13 @@ class ParametricEquations(System):
 
     def _given(self) -> list[Any]:
         """What the user may change between two calls: Functions and Constants but gamma's own."""
-        eq = self.equations
-        found = [*eq.bulk.residual.coefficients(), *extract_constants(eq.bulk.residual)]
-        for s in eq.surfaces:
-            for e in s.given.all:
-                found += [*ufl.algorithms.extract_coefficients(e), *extract_constants(e)]
-        for body in eq.rigid.bodies:
-            for e in body.expressions:
-                found += extract_constants(e)
-        driven = [d.function for d in self._driven]
-        found += [
-            dirichlet_value(bc) for bc in eq.bcs if not any(is_value_of(f, bc) for f in driven)
+        driven = [
+            dirichlet_value(bc)
+            for bc in self.equations.bcs
+            if any(is_value_of(d.function, bc) for d in self._driven)
         ]
-        ours = (eq.bulk.displacement, self.constant)
+        ours = (*driven, self.constant)
+        found = given_data(self.equations)
         return [f for f in found if not any(f is other for other in ours)]
 
     def data_mark(self) -> int:
@@ -137,6 +131,9 @@ class ParametricEquations(System):
         for f in self._data:
             values = f.x.array if hasattr(f, "x") else np.asarray(f.value)
             mark = zlib.crc32(np.ascontiguousarray(values), mark)
+        for memory in self.equations.memory:
+            if memory is not None:
+                mark = zlib.crc32(memory.jump, mark)
         return mark
 
     def set(self, gamma: float) -> None:

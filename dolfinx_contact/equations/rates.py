@@ -128,6 +128,8 @@ class SurfaceRates:
             rates = s.displaced.rates(self._evaluators[0], state.jump)
             return s.law_at_points.rate(state.jump, state.traction, data, rates, state.statuses)
         rates, aside = s.points.rates(self._evaluators)
+        if s.memory is not None:
+            aside = aside + s.memory.reference_rate(data.n, rates.n)
         args = state.jump, state.traction, data, rates, state.statuses
         return s.law_at_points.rate(*args) - state.along(aside)
 

@@ -8,6 +8,7 @@ refuse_mixture()  # asimov-contact's head, laid over ours, takes this folder for
 
 from dolfinx_contact.output.curves import draw_chart, draw_convergence, draw_curves, draw_regions
 from dolfinx_contact.output.diagrams import draw_diagram
+from dolfinx_contact.output.evolution import EvolutionSeries
 from dolfinx_contact.output.fields import STATUS_CODES, write_fields
 from dolfinx_contact.output.folder import output_folder, write_summary
 from dolfinx_contact.output.functionals import leftmost, rightmost, total
@@ -29,6 +30,7 @@ from dolfinx_contact.output.vibration import write_vibration
 __all__ = [
     "STATUS_CODES",
     "BranchRecord",
+    "EvolutionSeries",
     "Hertz",
     "Journal",
     "Progress",

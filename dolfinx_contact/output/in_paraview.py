@@ -50,13 +50,17 @@ RANGES: dict[str, tuple[float, float]] = {}  # of the colours of what is shown
 
 
 def found(folder: str) -> list[tuple[str, dict[str, str]]]:
-    """Files of every group (a state, "", or a branch) by what they show, the latest group last."""
+    """Files of every group, by what they show, the latest group last.
+
+    A group is a state (""), a branch or an evolution.
+    """
     groups: dict[str, dict[str, str]] = {}
     for name in sorted(os.listdir(folder)):
         stem, kind = os.path.splitext(name)
         if kind not in (".bp", ".vtu", ".pvd"):
             continue
         prefix = stem[:12] if stem.startswith("branch_") else ""
+        prefix = "evolution_" if stem.startswith("evolution_") else prefix
         part = stem[len(prefix) :]
         if part in ("body", "body_stress") or part.startswith("contact"):
             files, path = groups.setdefault(prefix, {}), os.path.join(folder, name)

@@ -29,6 +29,7 @@ from dolfinx_contact.points.displaced import (
 )
 from dolfinx_contact.points.elements import check_elements, check_quadrature, displacement_degree
 from dolfinx_contact.points.evaluation import blocked_space
+from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.points.neighbours import LawAmongPoints
 from dolfinx_contact.points.opposite import Opposite
 from dolfinx_contact.points.rigid_body import RigidBody
@@ -68,6 +69,7 @@ class ContactSurface:
         points: the contact points of this rank, and the operators that lead to them.
         law_at_points: the law, compiled.
         displaced: gap and normal at displaced points; None where they stay.
+        memory: of the last accepted step of an evolution; None, the default: the static law.
 
     Raises:
         ValueError: on every rank, if the facets or elements do not fit, something is of another
@@ -166,6 +168,7 @@ class ContactSurface:
         self.statuses: npt.NDArray[np.int8] = np.full(number, self.law_at_points.codes[0], np.int8)
         self.sliding = sliding
         self.displaced: DisplacedPoints | None = None
+        self.memory: Memory | None = None
         #: Distances to the obstacle of the contact points where they are now, or None.
         self.true_gaps = TrueGaps(u, self.points, obstacle)
         self._numbers = [c for e in self.given.all for c in extract_constants(e)]
@@ -310,6 +313,12 @@ class ContactSurface:
         """What the law is given at the points of this rank where jumps lead them. Collective."""
         return self.points.data if self.displaced is None else self.displaced.data(jump)
 
+    @property
+    def reference(self) -> Array:
+        """What laws do not see of jumps: those along the surface that memory has (n, dim)."""
+        n, memory = self.points.data.n, self.memory if self.displaced is None else None
+        return np.zeros_like(n) if memory is None else memory.reference(n)
+
     def jump(self) -> Array:
         """Jump of the displacement at the contact points of this rank (n, dim). Collective."""
         u = self.points.B.createVecRight()
@@ -327,10 +336,11 @@ class ContactSurface:
         """What is known at the contact points of this rank. Collective.
 
         Keys: ``x`` position (n, dim), ``area``, ``un`` gap, ``ut`` tangential displacement
-        (n, dim), ``n`` normal (n, dim), ``traction`` on the body (n, dim), ``pressure``, ``shear``
-        (n, dim), ``bound`` radius of the friction disc.
+        (n, dim), ``increment`` that since the last accepted step, ``n`` normal (n, dim),
+        ``traction`` on the body (n, dim), ``pressure``, ``shear`` (n, dim), ``bound`` radius of the
+        friction disc.
         """
-        jump = self.jump()
+        jump = self.jump() - self.reference
         return self.state_of(jump, self._traction(), self.data_at(jump))
 
     def _traction(self) -> Array:
@@ -338,14 +348,15 @@ class ContactSurface:
         return self.points.traction(self.multiplier.x.array[:owned])
 
     def state_of(self, jump: Array, traction: Array, data: PointData) -> dict[str, Array]:
-        """What `state` says, at jumps, tractions and `data_at` them. Collective."""
+        """What `state` says, at jumps as laws see them, tractions and `data_at`. Collective."""
         points, n = self.points, data.n
         along, pressure = np.sum(jump * n, axis=1), -np.sum(traction * n, axis=1)
         return {
             "x": points.positions,
             "area": points.areas,
             "un": data.gap - along,
-            "ut": jump - along[:, None] * n,
+            "ut": jump - along[:, None] * n + self.reference,
+            "increment": jump - along[:, None] * n,
             "n": n,
             "traction": traction,
             "pressure": pressure,
@@ -415,5 +426,5 @@ class ContactSurface:
 
     def friction_slope(self) -> Array:
         """Radius of the friction disc at unit pressure at the contact points. Collective."""
-        jump = self.jump()
+        jump = self.jump() - self.reference
         return self.law_at_points(jump, self._traction(), self.data_at(jump)).unit_bound

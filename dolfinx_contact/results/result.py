@@ -46,7 +46,8 @@ class Result:
         tables: contact points by surface name.
         attempts: strategies tried; the last one converged.
         energies: ``bulk`` (the energy that the user gave, load potential included, if it was one)
-            and ``friction``, the work -rt.ut of friction at contact points.
+            and ``friction``, the work -rt.ut that friction dissipates at contact points; in a step
+            of an evolution, by the increment of ut.
         kkt_violation: worst violation of the contact law, relative.
         dofs: number of unknowns, multipliers included.
         support: resultant of the reactions of all Dirichlet data on the body (dim,).
@@ -212,7 +213,7 @@ def collect(eq: ContactEquations, state: State, attempts: Sequence[Attempt]) -> 
     }
     energy = eq.bulk.energy_at(state.u)
     energies = {} if energy is None else {"bulk": energy}
-    energies["friction"] = float(-sum(np.sum(t.rt * t.ut) for t in tables.values()))
+    energies["friction"] = float(-sum(np.sum(t.rt * t.increment) for t in tables.values()))
     force = max(
         max(float(np.max(np.abs(t.force), initial=0.0)) for t in tables.values()),
         comm.allreduce(float(np.max(np.abs(state.reactions), initial=0.0)), op=max),

@@ -42,6 +42,7 @@ class ContactTable:
         area: area (length in 2D) of each point.
         un: gap.
         ut: tangential displacement (n, dim).
+        increment: that since the last accepted step of an evolution (n, dim); else the same.
         n: normals (n, dim).
         force: contact force on the body (n, dim), 0 where Dirichlet data clamp the point.
         pressure: contact pressure.
@@ -59,6 +60,7 @@ class ContactTable:
     area: npt.NDArray[np.float64]
     un: npt.NDArray[np.float64]
     ut: npt.NDArray[np.float64]
+    increment: npt.NDArray[np.float64]
     n: npt.NDArray[np.float64]
     force: npt.NDArray[np.float64]
     pressure: npt.NDArray[np.float64]
@@ -139,7 +141,7 @@ def contact_table(
         support = forces_at_vertices(eq.V, s.submesh, trace, supports)[:n]
         guided = (removed[:n].sum(axis=1) == s.dim - 1) & ~held
         bound = np.where(guided, 0.0, bound)
-        moved = _letters_of_motion(known["ut"], normal, 1e-12 * eq.body_size)
+        moved = _letters_of_motion(known["increment"], normal, 1e-12 * eq.body_size)
         letters = np.where(guided & (letters != "o"), moved, letters)
     pressure = -np.sum(traction * normal, axis=1) + 0.0
     columns = {
@@ -147,6 +149,7 @@ def contact_table(
         "area": area,
         "un": known["un"] + 0.0,
         "ut": known["ut"],
+        "increment": known["increment"],
         "n": normal,
         "force": traction * area[:, None],
         "pressure": pressure,
@@ -194,7 +197,8 @@ def _letters(
     if s.dim == 3:
         return letters
     free = touching & ~found.answers.may_be(STICK)
-    along = known["ut"][:, 1] * known["n"][:, 0] - known["ut"][:, 0] * known["n"][:, 1]
+    moved, n = known["increment"], known["n"]
+    along = moved[:, 1] * n[:, 0] - moved[:, 0] * n[:, 1]
     return np.where(free, np.where(along < 0, "-", "+"), letters)
 
 

@@ -2,7 +2,10 @@
 """Solving a contact problem: Newton's method, and what is tried when full steps fail.
 
 Full steps converge in a few iterations from nearly everywhere, but they can cycle between statuses.
-The strategies, cheap ones first and each from the caller's state:
+Where the caller expects statuses, as those of the step before, H is solved with these held first,
+and Newton's method goes on from there: at the start of a step of an evolution every point that
+slips is at the border of stick, and its own state does not tell. The strategies, cheap ones first
+and each from the caller's state:
 
 1. full Newton steps;
 2. full steps with the automatic augmentation parameter, if the caller forced another;
@@ -25,7 +28,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from petsc4py import PETSc
@@ -39,6 +42,7 @@ from dolfinx_contact._petsc import staged
 from dolfinx_contact._progress import SolveProgress
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.normals import without_normal
+from dolfinx_contact.equations.state import Statuses
 from dolfinx_contact.equations.touching import bring_together
 from dolfinx_contact.solvers.choice import LinearSolverChoice
 from dolfinx_contact.solvers.errors import ConvergenceError, FloatingBodyError
@@ -54,6 +58,7 @@ __all__ = ["check_data", "solve"]
 
 logger = logging.getLogger(__name__)
 
+_EXPECTED = "expected statuses"
 _INCREMENTS = "load increments"
 #: Cost at which a strategy gives up, in Newton steps.
 _LIMITS = {"pivoting": 500.0, "line search": 80.0, _INCREMENTS: 400.0}
@@ -70,6 +75,7 @@ def solve(
     monitor: Callable[[Step], None] | None,
     increments: int,
     progress: SolveProgress,
+    expected: Sequence[Statuses] = (),
 ) -> tuple[PETSc.Vec, list[Attempt]]:
     """Solve a contact problem. Collective.
 
@@ -80,6 +86,7 @@ def solve(
         monitor: called with every Newton iterate, on every rank.
         increments: of the load in the strategy of increments, to begin with.
         progress: says where the solve is.
+        expected: statuses, the likeliest first.
 
     Returns:
         A solution, and the strategies that were tried, of which the last one found it.
@@ -94,7 +101,7 @@ def solve(
     attempts: list[Attempt] = []
     floating: FloatingBodyError | None = None
     x, turned, objection, way = x0.duplicate(), x0.duplicate(), "", ""
-    for strategy, run in _ladder(equations, linear, increments):
+    for strategy, run in _ladder(equations, linear, increments, expected):
         if objection and strategy != _INCREMENTS:
             continue
         attempt = Attempt(strategy, limit=_LIMITS.get(strategy, math.inf))
@@ -120,6 +127,8 @@ def solve(
         progress.clear()
         if equations.comm.rank == 0 and floated:  # said once, it is known
             logger.info("%s failed: a rigid motion is free there too", strategy)
+        elif equations.comm.rank == 0 and strategy == _EXPECTED:  # no more than a start
+            logger.info("%s failed: %s", strategy, attempt.reason)
         elif equations.comm.rank == 0:
             logger.warning("%s failed: %s", strategy, attempt.reason)
     if objection:
@@ -157,7 +166,10 @@ _Run = Callable[[PETSc.Vec, Attempt, Callable[[Step], None] | None], bool]
 
 
 def _ladder(
-    eq: ContactEquations, linear: LinearSolverChoice, increments: int
+    eq: ContactEquations,
+    linear: LinearSolverChoice,
+    increments: int,
+    expected: Sequence[Statuses],
 ) -> list[tuple[str, _Run]]:
     """Strategies in the order in which they are tried."""
 
@@ -205,7 +217,21 @@ def _ladder(
                 return False
             return solve_reduced(eq, linear, x, attempt) and solver.run(x, attempt)
 
-    ladder: list[tuple[str, _Run]] = [("full steps", newton("none"))]
+    def by_statuses(statuses: Statuses) -> _Run:
+        def run(x: PETSc.Vec, attempt: Attempt, monitor: Any) -> bool:
+            start = x.copy()
+            with Newton(eq, linear(), "none", monitor) as solver:
+                solver.held = statuses
+                if not solver.run(x, attempt):
+                    start.copy(x)
+                solver.held = None
+                start.destroy()
+                return solver.run(x, attempt)
+
+        return run
+
+    ladder = [(_EXPECTED, by_statuses(statuses)) for statuses in expected]
+    ladder.append(("full steps", newton("none")))
     if eq.forced_r is not None and not weak:
         ladder.append(("full steps with the automatic r", with_automatic_r(newton("none"))))
     rungs = {

@@ -1,0 +1,7 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Evolutions: contact problems with a memory, step by step in time."""
+
+from dolfinx_contact.evolution.history import EvolutionStep, History, NoContinuation
+from dolfinx_contact.evolution.quasi_static import QuasiStatic
+
+__all__ = ["EvolutionStep", "History", "NoContinuation", "QuasiStatic"]

@@ -1,0 +1,151 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""The energy account of an evolution: what loads and supports put in, and where it is.
+
+Over a step from n to n+1, with dead loads f, reactions S of Dirichlet data, forces P on rigid
+bodies and contact pressures p over areas W,
+
+    external work  (f_n + f_n+1)/2 . du + (S_n + S_n+1)/2 . du - (P_n + P_n+1)/2 . dq
+                   - sum W (p_n + p_n+1)/2 dg      (obstacles that move: g is the initial gap)
+    dissipated     - sum W t_n+1 . (increment of the jump along the surface)
+    stored         the energy of the body without the potential of its loads, and what compliant
+                   surfaces hold, sum W (p_n + p_n+1)/2 . (increment of the penetration)
+
+The residue is external less stored less dissipated, all since the start. What is left in a step is
+of second order in it: friction is taken at the end of the step, and contact may open or close
+within. So the residue of a run falls with the first power of its steps where friction changes
+smoothly, and a residue that does not fall is a jump of the state, whose energy goes into motion.
+
+Loads are what the rows of the undeformed body have, R(0) = -f: of a body that is stressed where it
+is undeformed, or has loads that follow it, the rest counts as stored. Of a problem that is given by
+a residual the stored energy is summed up from the forces, with the trapezoidal rule, which is exact
+where the body is linear.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.state import State
+
+__all__ = ["Energies", "Forces", "forces_at"]
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Energies:
+    """Energies since the start of an evolution.
+
+    Attributes:
+        external: work of loads, supports, rigid bodies and obstacles.
+        stored: by which the energy of the body and of compliant surfaces has grown.
+        dissipated: by friction.
+    """
+
+    external: float = 0.0
+    stored: float = 0.0
+    dissipated: float = 0.0
+
+    @property
+    def residue(self) -> float:
+        """What of the external work is neither stored nor dissipated."""
+        return self.external - self.stored - self.dissipated
+
+    def advanced(self, before: Forces, after: Forces, dissipated: float) -> Energies:
+        """The account after a step. Collective.
+
+        Args:
+            before: at its start.
+            after: at its end.
+            dissipated: in it.
+        """
+        du, dq = after.u - before.u, after.q - before.q
+        outer = np.dot(before.outer + after.outer, du) / 2
+        inner = np.dot(before.inner + after.inner, du) / 2
+        pressed = 0.0
+        for p, q in zip(before.surfaces, after.surfaces, strict=True):
+            force = (p.force + q.force) / 2
+            outer -= np.dot(force, q.gap - p.gap)
+            if q.compliant:
+                pressed -= np.dot(force, q.un - p.un)
+        comm = after.equations.comm
+        outer, inner, pressed = (comm.allreduce(float(v)) for v in (outer, inner, pressed))
+        outer -= float(np.dot(before.pushes + after.pushes, dq)) / 2
+        if before.energy is not None and after.energy is not None:
+            inner = after.energy - before.energy
+        return Energies(
+            self.external + outer, self.stored + inner + pressed, self.dissipated + dissipated
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceForces:
+    """A contact surface at a state: forces of pressure (n,), initial gaps, gaps."""
+
+    force: Array
+    gap: Array
+    un: Array
+    compliant: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Forces:
+    """All forces at a state, and what they work on.
+
+    Attributes:
+        equations: of the contact problem.
+        u, q: displacement (owned) and unknowns of the rigid bodies.
+        outer: on the body, of loads and supports (owned).
+        inner: of the body itself (owned).
+        pushes: contact forces on the rigid bodies.
+        energy: of the body without its loads; None if it is not known.
+        surfaces: contact, surface by surface.
+    """
+
+    equations: ContactEquations
+    u: Array
+    q: Array
+    outer: Array
+    inner: Array
+    pushes: Array
+    energy: float | None
+    surfaces: tuple[SurfaceForces, ...]
+
+
+def forces_at(eq: ContactEquations, state: State) -> Forces:
+    """The forces at a state that has its reactions. Collective."""
+    assert state.reactions is not None
+    assert state.pushes is not None
+    n = eq.owned_sizes[0]
+    u, rows = state.u[:n].copy(), _rows(eq, state.u)
+    load = -_rows(eq, np.zeros_like(state.u))
+    energy = eq.bulk.energy_at(state.u)
+    if energy is not None:
+        energy += float(eq.comm.allreduce(float(np.dot(load, u))))
+    surfaces = []
+    for s, found in zip(eq.surfaces, state.surfaces, strict=True):
+        data = s.points.data
+        pressure = -np.sum(found.traction * data.n, axis=1)
+        un = data.gap - np.sum(found.jump * data.n, axis=1)
+        force = s.points.areas * pressure
+        surfaces.append(SurfaceForces(force, data.gap.copy(), un, s.law.compliant))
+    return Forces(
+        eq,
+        u,
+        state.q.copy(),
+        load + np.where(eq.fixed[:n], state.reactions, 0.0),
+        rows + load,
+        state.pushes.copy(),
+        energy,
+        tuple(surfaces),
+    )
+
+
+def _rows(eq: ContactEquations, u: Array) -> Array:
+    """Owned rows of the body alone. Collective."""
+    rows = eq.bulk.affine_residual(u)
+    return np.array(eq.bulk.residual_at(u) if rows is None else rows)

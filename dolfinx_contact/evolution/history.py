@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""What an evolution leaves: its accepted steps, and how it ended."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from dolfinx_contact.evolution.energy import Energies
+from dolfinx_contact.results.result import Result
+
+__all__ = ["EvolutionStep", "History", "NoContinuation"]
+
+
+@dataclass(frozen=True)
+class EvolutionStep:
+    """An accepted step.
+
+    Attributes:
+        number: from 1.
+        start: time at its start.
+        time: at its end.
+        result: tables, resultants and checks of its end.
+        energies: since the start of the evolution.
+        rejected: steps that were tried from the same state and not accepted.
+        jump: whether the state jumps in it: its end is a solution under the load of its end, which
+            memory does not lead to. What happens in between is no quasi-static evolution.
+    """
+
+    number: int
+    start: float
+    time: float
+    result: Result
+    energies: Energies
+    rejected: int = 0
+    jump: bool = False
+
+    @property
+    def status(self) -> str:
+        """Letters of all contact points, surface by surface, in the order of their tables."""
+        return "".join(t.status for t in self.result.tables.values())
+
+    def row(self) -> dict[str, Any]:
+        """Scalars of a table of steps."""
+        forces = {
+            f"{name}_{axis}": float(v)
+            for name, force in self.result.resultants.items()
+            for axis, v in zip("xyz", force, strict=False)
+        }
+        counts = self.result.counts
+        return {
+            "step": self.number,
+            "time": self.time,
+            "length": self.time - self.start,
+            **{k: counts[k] for k in ("open", "stick", "slip", "clamped")},
+            **forces,
+            "external": self.energies.external,
+            "stored": self.energies.stored,
+            "dissipated": self.energies.dissipated,
+            "residue": self.energies.residue,
+            "newton_iterations": self.result.iterations,
+            "strategy": self.result.reason,
+            "rejected": self.rejected,
+            "jump": self.jump,
+        }
+
+
+@dataclass
+class History:
+    """An evolution as far as it went.
+
+    Attributes:
+        start: time at which it began.
+        steps: accepted ones.
+        reason: why it ended, in words.
+        complete: whether it reached the last of the times that were asked for.
+    """
+
+    start: float
+    steps: list[EvolutionStep] = field(default_factory=list)
+    reason: str = "not ended"
+    complete: bool = False
+
+    @property
+    def time(self) -> float:
+        """At the last accepted state."""
+        return self.steps[-1].time if self.steps else self.start
+
+    @property
+    def energies(self) -> Energies:
+        """At the last accepted state."""
+        return self.steps[-1].energies if self.steps else Energies()
+
+    def at(self, time: float) -> EvolutionStep:
+        """The step that ends at a time.
+
+        Raises:
+            KeyError: if none does.
+        """
+        for step in self.steps:
+            if step.time == time:
+                return step
+        raise KeyError(f"no step ends at {time!r}")
+
+    def rows(self) -> list[dict[str, Any]]:
+        """The table of steps, for `output.write_rows`."""
+        return [step.row() for step in self.steps]
+
+
+class NoContinuation(RuntimeError):
+    """No solution continues an evolution; the problem is at the last accepted state.
+
+    Attributes:
+        history: the evolution up to there.
+    """
+
+    def __init__(self, message: str, history: History):
+        super().__init__(message)
+        self.history = history

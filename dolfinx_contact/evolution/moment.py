@@ -1,0 +1,177 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Accepted states of an evolution, and one step from one of them.
+
+A `Moment` is all that the next step needs, and it is frozen: steps that are tried and rejected
+leave nothing behind but what `Stepper.put` overwrites, bit by bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact._errors import everywhere
+from dolfinx_contact.equations.given_data import GivenData
+from dolfinx_contact.equations.state import Statuses
+from dolfinx_contact.evolution.energy import Energies, Forces, forces_at
+from dolfinx_contact.points.memory import Memory
+from dolfinx_contact.problem import ContactProblem
+from dolfinx_contact.results.result import Result
+
+__all__ = ["Moment", "Stepper", "Taken", "change"]
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """A state of an evolution, with what it remembers.
+
+    Attributes:
+        time: of it.
+        fields: values of displacement and multipliers, ghosts included.
+        motions: of the rigid bodies.
+        statuses: of the contact points; None where none are known, as before the first step.
+        shown: statuses that stand in the surfaces.
+        memory: of the surfaces, for the step that begins here.
+        data: Functions and Constants of the user.
+        unknowns: all of them as lengths (owned).
+        forces: at the state.
+        energies: since the start.
+    """
+
+    time: float
+    fields: tuple[Array, ...]
+    motions: tuple[Array, ...]
+    statuses: Statuses | None
+    shown: Statuses
+    memory: tuple[Memory | None, ...]
+    data: GivenData
+    unknowns: Array
+    forces: Forces
+    energies: Energies
+
+
+@dataclass(frozen=True, eq=False)
+class Taken:
+    """A step that was taken: where it ended, and the result there."""
+
+    before: Moment
+    after: Moment
+    result: Result
+
+
+def change(a: Moment, b: Moment) -> float:
+    """How much the state changes from one to the other, a length. Collective."""
+    comm, d = a.forces.equations.comm, b.unknowns - a.unknowns
+    return float(np.sqrt(comm.allreduce(float(np.dot(d, d)))))
+
+
+class Stepper:
+    """Takes steps of a problem from moments.
+
+    Args:
+        problem: whose Functions follow what is taken or put.
+        load: puts the data of a time into Functions and Constants.
+        progress: of the solves, as in `ContactProblem.solve`.
+    """
+
+    def __init__(
+        self, problem: ContactProblem, load: Callable[[float], object], progress: bool | None
+    ):
+        self.problem, self._load, self._progress = problem, load, progress
+
+    def start(self, time: float) -> Moment:
+        """The state in the Functions, from which everything slips that will. Collective."""
+        eq, data = self.problem.equations, GivenData(self.problem.equations)
+        try:
+            self._set(time)
+            eq.remember([None] * len(eq.surfaces))
+            state = self.problem.state()
+        except BaseException:
+            data.restore()
+            raise
+        return self._moment(time, None, eq.advanced(state), forces_at(eq, state), Energies())
+
+    def put(self, moment: Moment) -> None:
+        """Put a moment into Functions, statuses, rigid bodies, data and memory, bit by bit.
+
+        Collective.
+        """
+        problem = self.problem
+        for f, values in zip(problem.fields, moment.fields, strict=True):
+            f.x.array[:] = values
+        for body, motion in zip(problem.rigid_bodies, moment.motions, strict=True):
+            body.values = motion.copy()
+        for s, codes in zip(problem.surfaces, moment.shown, strict=True):
+            s.statuses = codes.copy()
+        problem.equations.remember(moment.memory)
+        moment.data.restore()
+
+    def show(self, taken: Taken) -> None:
+        """Put the end of a step into the problem, with the memory of the step. Collective."""
+        self.put(taken.after)
+        self.problem.equations.remember(taken.before.memory)
+
+    def take(self, moment: Moment, time: float, *, end: Moment | None = None) -> Taken:
+        """Step from a moment to a time; the problem is left there, with the memory of the step.
+
+        Collective.
+
+        Args:
+            moment: where the step begins.
+            time: at its end.
+            end: another state, whose statuses may be those of the end.
+
+        Raises:
+            ConvergenceError: if nothing solves the step. The problem is then at the moment, as it
+                is after any other error.
+        """
+        problem, eq = self.problem, self.problem.equations
+        self.put(moment)
+        try:
+            self._set(time)
+            known = [m.statuses for m in (moment, end) if m is not None]
+            expected = [statuses for statuses in known if statuses is not None]
+            result = problem.solve(expected=expected, progress=self._progress)
+            state = problem.state()
+            forces = forces_at(eq, state)
+            energies = moment.energies.advanced(moment.forces, forces, result.energies["friction"])
+        except BaseException:
+            self.put(moment)
+            raise
+        after = self._moment(time, state.statuses, eq.advanced(state), forces, energies)
+        return Taken(moment, after, result)
+
+    def _set(self, time: float) -> None:
+        with everywhere(self.problem.comm, f"the load at the time {time:g}"):
+            self._load(time)
+
+    def _moment(
+        self,
+        time: float,
+        statuses: Statuses | None,
+        memory: tuple[Memory | None, ...],
+        forces: Forces,
+        energies: Energies,
+    ) -> Moment:
+        problem = self.problem
+        x = problem.create_vector()
+        problem.write(x)
+        unknowns = x.array_r.copy()
+        x.destroy()
+        return Moment(
+            time,
+            tuple(f.x.array.copy() for f in problem.fields),
+            tuple(body.values.copy() for body in problem.rigid_bodies),
+            statuses,
+            [s.statuses.copy() for s in problem.surfaces],
+            memory,
+            GivenData(problem.equations),
+            unknowns,
+            forces,
+            energies,
+        )

@@ -1,0 +1,318 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""Quasi-static evolution with friction: equilibrium at every time, friction against slip rates.
+
+Implicit steps: the state at t_n+1 is a solution of the contact problem whose law sees the slip
+since t_n (`points.memory`). At a step's start every point that slips is at the border of stick, so
+that a solve begins with the statuses of the step before; if that fails the ladder of the static
+problem follows (`solvers.ladder`), whose last strategies follow the load from t_n to t_n+1 with the
+memory of t_n. Rate-independent friction does not know the time: it orders the loads.
+
+A step that no strategy solves is tried with a quarter of the length, down to a least one. A step in
+which the state changes much faster than in the one before is looked at more closely, by halves
+(`jumps`): where the change does not shrink with the step no solution continues the evolution, and
+what was found is beyond a jump. Times that the user asks for are hit exactly.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import time as clock
+from collections.abc import Callable, Sequence
+from typing import Literal, TypeAlias, get_args
+
+from mpi4py import MPI
+
+import numpy as np
+
+from dolfinx_contact._errors import everywhere, same_everywhere
+from dolfinx_contact._progress import Line
+from dolfinx_contact.evolution.history import EvolutionStep, History, NoContinuation
+from dolfinx_contact.evolution.jumps import find_jump, where_it_changes
+from dolfinx_contact.evolution.moment import Moment, Stepper, Taken, change
+from dolfinx_contact.problem import ContactProblem
+from dolfinx_contact.solvers import ConvergenceError
+
+__all__ = ["AtJump", "QuasiStatic"]
+
+#: What to do where no solution continues the evolution.
+AtJump: TypeAlias = Literal["raise", "stop", "jump"]
+#: Told of every accepted step, or asked whether to accept it, on every rank.
+Observer: TypeAlias = Callable[[EvolutionStep], object]
+
+_HALVINGS = 20  # of the whole time, to the least step
+_PATIENCE = 3.0  # seconds before progress is said by itself
+
+
+class QuasiStatic:
+    """The quasi-static evolution of a contact problem under a load that depends on time.
+
+    It begins with the state in the problem's Functions: points slip from where they are there.
+    Functions, statuses, data and memory of the problem follow the accepted steps. The memory stays
+    in the surfaces afterwards, for a branch within the next step, say; ``surface.memory = None``
+    makes the law static again.
+
+    Args:
+        problem: the contact problem.
+        load: called with a time, on every rank, sets Constants and Functions of the problem's data
+            to what they are then. It is called again for times that were tried before, and keeps
+            nothing of what it saw.
+
+    Raises:
+        ValueError: on every rank, if arguments do not fit.
+
+    Example:
+        ::
+
+            def load(t):
+                top.value[:] = 0.01 * t, -0.01
+
+            evolution = QuasiStatic(problem, load)
+            history = evolution.run(np.linspace(0.0, 1.0, 11))
+            print(history.steps[-1].status, history.energies.dissipated)
+    """
+
+    def __init__(self, problem: ContactProblem, load: Callable[[float], object]):
+        if not isinstance(problem, ContactProblem):
+            raise ValueError(f"a ContactProblem is needed, got {type(problem).__name__}")
+        with everywhere(problem.comm, "an evolution"):
+            if not callable(load):
+                raise ValueError(f"the load must be a function of the time, got {load!r}")
+        self.problem, self.load = problem, load
+        self._moment: Moment | None = None
+
+    def run(
+        self,
+        times: Sequence[float],
+        *,
+        longest: float = math.inf,
+        shortest: float | None = None,
+        at_jump: AtJump = "raise",
+        sudden: float = 2.0,
+        accept: Callable[[EvolutionStep], bool] | None = None,
+        observer: Observer | None = None,
+        progress: bool | None = None,
+    ) -> History:
+        """Go through times. Collective.
+
+        Args:
+            times: increasing. The first is that of the state in the Functions or, in a later run,
+                of the last accepted state; every other is the end of a step.
+            longest: no step is longer.
+            shortest: no step is shorter, unless two times are; by default the whole time halved
+                twenty times.
+            at_jump: where no solution continues the evolution, "raise" `NoContinuation`, "stop"
+                with the reason in the history, or "jump" to the solution that was found under the
+                load a moment later, which is labelled so. If none was found a "jump" raises.
+            sudden: times the rate at which the state changed in the step before, beyond which a
+                step is looked at for a jump; ``inf`` for never. That takes some steps more, which
+                are not kept if there is none. A jump that is smaller passes for a step.
+            accept: asked of every step, on every rank; one that is not accepted is tried again with
+                half the length, and is accepted at the shortest length.
+            observer: told of every accepted step while its end stands in the problem.
+            progress: whether rank 0 says on the standard error stream where it is; by default once
+                it takes more than some seconds.
+
+        Returns:
+            The accepted steps of this run.
+
+        Raises:
+            NoContinuation: see ``at_jump``; the problem is at the last accepted state.
+            ValueError: on every rank, for arguments that do not fit, or data of which none can be
+                solved with; what ``load``, ``accept`` or ``observer`` raises on any rank.
+        """
+        comm = self.problem.comm
+        with everywhere(comm, "the times of an evolution"):
+            given = _checked_times(times, self._moment)
+            span = given[-1] - given[0]
+            least = span / 2**_HALVINGS if shortest is None else float(shortest)
+            if not (math.isfinite(least) and least > 0 and longest >= least):
+                raise ValueError(
+                    f"steps must have 0 < shortest <= longest, got {shortest} and {longest}"
+                )
+            if at_jump not in get_args(AtJump):
+                raise ValueError(f"at_jump is {at_jump!r}: known are {get_args(AtJump)}")
+            if not sudden >= 1:
+                raise ValueError(f"sudden must be 1 or more, got {sudden}")
+        same_everywhere(comm, times=given, longest=longest, shortest=shortest, at_jump=at_jump)
+        stepper = Stepper(self.problem, self.load, False if progress is False else None)
+        moment = self._moment or stepper.start(given[0])
+        said = _Said(comm, progress, given)
+        run = _Run(stepper, moment, longest, least, sudden, accept, observer, said)
+        try:
+            for end in given[1:]:
+                run.to(end, at_jump)
+            run.history.reason, run.history.complete = "the last time is reached", True
+        except _Ended as ended:
+            run.history.reason = str(ended)
+            if at_jump != "stop":
+                raise NoContinuation(str(ended), run.history) from ended.__cause__
+        finally:
+            self._moment = run.moment
+            stepper.put(run.moment)
+            said.end(run.history)
+        return run.history
+
+
+class _Ended(Exception):
+    """No solution continues the evolution."""
+
+
+class _Run:
+    """A run: where it is, and what it has accepted."""
+
+    def __init__(
+        self,
+        stepper: Stepper,
+        moment: Moment,
+        longest: float,
+        shortest: float,
+        sudden: float,
+        accept: Callable[[EvolutionStep], bool] | None,
+        observer: Observer | None,
+        said: _Said,
+    ):
+        self.moment, self.history = moment, History(moment.time)
+        self._stepper, self._longest, self._shortest = stepper, longest, shortest
+        self._sudden, self._said = sudden, said
+        self._accepts, self._observer = accept, observer
+        self._length, self._rejected = longest, 0
+        self._rate: float | None = None  # of the last step
+
+    def to(self, end: float, at_jump: AtJump) -> None:
+        """Go on to a time."""
+        while self.moment.time < end:
+            aim = _aim(self.moment.time, end, self._length)
+            try:
+                taken = self._stepper.take(self.moment, aim)
+            except ConvergenceError as error:
+                self._shorten(aim, error)
+                continue
+            path = self._jump(taken)
+            if path is not None:
+                for before in path[:-1]:
+                    self._accept(before)
+                self._jump_over(path[-1], at_jump)
+            elif self._wanted(taken):
+                self._accept(taken)
+            else:
+                self._shorten(aim)
+
+    def _jump(self, taken: Taken) -> list[Taken] | None:
+        """The steps up to a jump in a step that changes the state suddenly; None if none does."""
+        rate = _rate(taken)
+        if self._rate is None or rate <= self._sudden * self._rate:
+            return None
+        return find_jump(self._stepper, taken, self._shortest)
+
+    def _jump_over(self, taken: Taken, at_jump: AtJump) -> None:
+        a, b = taken.before, taken.after
+        if at_jump == "jump":
+            self._accept(taken, jump=True)
+            return
+        raise _Ended(
+            f"no solution continues the evolution beyond the time {a.time:.10g}; in the next one, "
+            f"found at {b.time:.10g}, {where_it_changes(self._stepper, a, b)}"
+        )
+
+    def _shorten(self, aim: float, error: ConvergenceError | None = None) -> None:
+        """Try half the step next time, or a quarter if there was an error; end if too short."""
+        length, part = aim - self.moment.time, 2 if error is None else 4
+        if length / part < self._shortest:
+            raise _Ended(
+                f"no solution was found beyond the time {self.moment.time:.10g}, in a step of "
+                f"{length:.2g}: {error}"
+            ) from error
+        self._length, self._rejected = length / part, self._rejected + 1
+
+    def _step(self, taken: Taken, jump: bool) -> EvolutionStep:
+        return EvolutionStep(
+            len(self.history.steps) + 1,
+            taken.before.time,
+            taken.after.time,
+            taken.result,
+            taken.after.energies,
+            self._rejected,
+            jump,
+        )
+
+    def _wanted(self, taken: Taken) -> bool:
+        """Whether the user accepts a step that could be shorter. Collective."""
+        comm = self._stepper.problem.comm
+        shorter = (taken.after.time - taken.before.time) / 2 >= self._shortest
+        if not (shorter and comm.allreduce(int(self._accepts is not None))):
+            return True
+        self._stepper.show(taken)
+        wanted = True
+        with everywhere(comm, "accept"):
+            if self._accepts is not None:
+                wanted = bool(self._accepts(self._step(taken, False)))
+        # All that were asked must want it.
+        return not comm.allreduce(int(not wanted))
+
+    def _accept(self, taken: Taken, *, jump: bool = False) -> None:
+        comm, step = self._stepper.problem.comm, self._step(taken, jump)
+        self.history.steps.append(step)
+        self.moment = taken.after
+        if not jump:
+            self._rate = _rate(taken)
+        self._rejected, self._length = 0, min(2 * self._length, self._longest)
+        if comm.allreduce(int(self._observer is not None)):
+            self._stepper.show(taken)
+            with everywhere(comm, "the observer"):
+                if self._observer is not None:
+                    self._observer(step)
+        self._stepper.put(taken.after)
+        self._said.step(step)
+
+
+def _rate(taken: Taken) -> float:
+    """Of the state in a step. Collective."""
+    return change(taken.before, taken.after) / (taken.after.time - taken.before.time)
+
+
+def _aim(start: float, end: float, length: float) -> float:
+    """The end of the next of equal steps to a time that are no longer than a length."""
+    steps = math.ceil((end - start) / length * (1 - 1e-12))
+    return end if steps <= 1 else start + (end - start) / steps
+
+
+def _checked_times(times: Sequence[float], moment: Moment | None) -> list[float]:
+    """The times as numbers, or ``ValueError``. Not collective."""
+    found = [float(t) for t in np.asarray(times, dtype=np.float64).reshape(-1)]
+    if len(found) < 2 or not all(math.isfinite(t) for t in found):
+        raise ValueError(f"two or more finite times are needed, the first of them now: {times!r}")
+    for a, b in itertools.pairwise(found):
+        if not b > a:
+            raise ValueError(f"times must increase, got {b!r} after {a!r}")
+    if moment is not None and found[0] != moment.time:
+        raise ValueError(f"the evolution is at the time {moment.time!r}, not {found[0]!r}")
+    return found
+
+
+class _Said:
+    """The line of progress: time, step, statuses, and the time that is left by the clock."""
+
+    def __init__(self, comm: MPI.Comm, wanted: bool | None, times: Sequence[float]):
+        self._line, self._start, self._span = Line(comm), clock.monotonic(), (times[0], times[-1])
+        self._silent = wanted is False or comm.rank > 0
+        self._after, self._shown = 0.0 if wanted else _PATIENCE, False
+
+    def step(self, step: EvolutionStep) -> None:
+        passed, (a, b) = clock.monotonic() - self._start, self._span
+        if self._silent or passed < self._after:
+            return
+        self._shown = True
+        counts = ", ".join(f"{n} {k}" for k, n in step.result.counts.items() if n)
+        left = passed * (b - step.time) / (step.time - a)
+        if step.jump:
+            self._line.write(f"evolution: the state jumps at the time {step.start:.10g}")
+        self._line.update(
+            f"evolution: time {step.time:.6g} of {b:.6g}  step {step.number}, of "
+            f"{step.time - step.start:.2g}  {counts}  {passed:.0f} s, about {left:.0f} s left"
+        )
+
+    def end(self, history: History) -> None:
+        self._line.clear()
+        if self._shown:
+            self._line.write(f"evolution: {len(history.steps)} steps, {history.reason}")

@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""An evolution on the disk: its states for ParaView, and a table of its steps."""
+
+from __future__ import annotations
+
+import os
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dolfinx import fem
+
+from dolfinx_contact.output.disk import aside
+from dolfinx_contact.output.fields import faces
+from dolfinx_contact.output.folder import output_folder
+from dolfinx_contact.output.script import write_script
+from dolfinx_contact.output.table import write_rows
+from dolfinx_contact.output.writers import Format, Series, checked_format, see_room, series
+
+if TYPE_CHECKING:
+    from dolfinx_contact.evolution.history import EvolutionStep
+    from dolfinx_contact.problem import ContactProblem
+
+__all__ = ["EvolutionSeries"]
+
+
+class EvolutionSeries:
+    """An observer of `QuasiStatic.run` that writes the accepted steps. Collective, as a context.
+
+    ``evolution_body.bp`` holds the displacement, ``evolution_contact.bp`` (or
+    ``evolution_contact_NAME.bp``) the fields of a contact surface, ``..._opposite.bp`` those of the
+    master of a pair, over the time of the evolution; ``steps.csv`` is the table of steps. With
+    ``format="vtk"`` it is ``evolution_body.pvd`` and a folder of ``.vtu``, ... ``paraview.py``
+    beside them shows them. Files of before are replaced when the context ends, also if the
+    evolution ended in an error: then by the steps up to there.
+
+    Args:
+        folder: where to, made if need be.
+        problem: whose evolution it is.
+        every: so many steps are written; the table has all of them.
+        format: "vtx" (``.bp``) or "vtk" (``.pvd``); by default as in `write_fields`.
+
+    Attributes:
+        files: their names, once the context has ended.
+
+    Raises:
+        OSError: on every rank, with the path and the reason, if the folder cannot be written to,
+            or has no room.
+        ValueError: on every rank, if the format cannot be written or arguments differ.
+
+    Example:
+        ::
+
+            with output.EvolutionSeries("output/path", problem) as series:
+                history = evolution.run(times, observer=series)
+    """
+
+    def __init__(
+        self,
+        folder: str | os.PathLike[str],
+        problem: ContactProblem,
+        *,
+        every: int = 1,
+        format: Format = None,
+    ):
+        self._problem, self._comm = problem, problem.comm
+        if every < 1:
+            raise ValueError(f"every must be 1 or more, got {every}")
+        self._every, self._format = every, checked_format(self._comm, format)
+        self._folder = output_folder(self._comm, folder)
+        self._faces = faces(problem)
+        self._shown: list[list[fem.Function]] = []
+        self._opened: list[Series] = []
+        self._steps: list[EvolutionStep] = []
+        self.files: list[Path] = []
+
+    def __enter__(self) -> EvolutionSeries:
+        self._stack = ExitStack()
+        self._part = self._stack.enter_context(aside(self._comm, self._folder, "evolution"))
+        return self
+
+    def __call__(self, step: EvolutionStep) -> None:
+        self._steps.append(step)
+        if (len(self._steps) - 1) % self._every:
+            return
+        fields = [[self._problem.u], *(list(f.fields().values()) for f in self._faces)]
+        first = not self._shown
+        self._shown = self._shown or fields
+        if self._format == "vtx":
+            see_room(self._comm, self._folder / "evolution_body", self._shown)
+        if first:
+            stems = ["body", *(f.stem for f in self._faces)]
+            comms = [self._comm, *(f.comm for f in self._faces)]
+            self._opened = [
+                series(comm, self._part / f"evolution_{stem}", shown, self._format, single=False)
+                for comm, stem, shown in zip(comms, stems, self._shown, strict=True)
+            ]
+        for shown, now, each in zip(self._shown, fields, self._opened, strict=True):
+            for f, g in zip(shown, now, strict=True):
+                f.x.array[:] = g.x.array
+            each.write(step.time)
+
+    def __exit__(self, *_: object) -> None:
+        with self._stack:
+            for each in self._opened:
+                each.close()
+            if self._steps:
+                write_rows(self._comm, self._part / "steps.csv", [s.row() for s in self._steps])
+                write_script(self._comm, self._part, self._folder)
+        self.files = [self._folder / each.file.name for each in self._opened]

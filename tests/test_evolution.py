@@ -1,0 +1,353 @@
+"""Quasi-static evolutions: friction with a memory."""
+
+import json
+import math
+from pathlib import Path
+
+from mpi4py import MPI
+
+import demo_two_blocks
+import numpy as np
+import pytest
+from blocks import box, facets, same_tables
+from demo_hild_triangle import element
+
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, LevelSet
+from dolfinx_contact.continuation import follow
+from dolfinx_contact.evolution import NoContinuation, QuasiStatic
+from dolfinx_contact.materials import LinearElastic, NeoHookean, lame
+from dolfinx_contact.parametric import ParametricContact
+from dolfinx_contact.points.memory import Memory
+
+COMM = MPI.COMM_WORLD
+DATA = Path(__file__).parent / "data"
+BLOCKS = json.loads((DATA / "two_blocks.json").read_text())
+PATHS = json.loads((DATA / "two_blocks_path.json").read_text())
+
+
+def dragged(cell="quad", n=4, *, method=None, degree=1, obstacle=None, energy=None, r=None):
+    """A block on a floor, friction 0.3, and the Function by which its top moves."""
+    domain = box(COMM, n, cell)
+    dim = domain.geometry.dim
+    V = fem.functionspace(domain, ("Lagrange", degree, (dim,)))
+    u, top = fem.Function(V), fem.Function(V)
+    held = fem.locate_dofs_topological(V, dim - 1, facets(domain, dim - 1, 1.0))
+    surface = ContactSurface(
+        u,
+        facets(domain, dim - 1, 0.0),
+        obstacle=obstacle(domain) if obstacle else HalfSpace(np.zeros(dim), np.eye(dim)[-1]),
+        law=Coulomb(0.3),
+        method=method,
+    )
+    density = (energy or LinearElastic.from_young(1000.0, 0.3)).energy(u)
+    bcs = [fem.dirichletbc(top, held)]
+    return ContactProblem(density * ufl.dx, u, [surface], bcs=bcs, r=r), top
+
+
+def put(top, motion):
+    top.x.array[:] = np.tile(motion, len(top.x.array) // len(motion))
+
+
+def cycle(top):
+    """A load: down in the first unit of time, then to the right and back in two each."""
+
+    def load(t):
+        motion = np.zeros(top.function_space.mesh.geometry.dim)
+        motion[0] = 0.012 * np.interp(t, [1, 3, 5], [0, 1, -1])
+        motion[-1] = -0.01 * min(t, 1.0)
+        put(top, motion)
+
+    return load
+
+
+@pytest.mark.parametrize("case", ["two_n8", "rigid_n8"])
+def test_the_path_of_two_blocks(case):
+    """Step by step as another code has it, which condenses both bodies onto their jumps."""
+    given, path = BLOCKS[case], PATHS[case]
+    words = ["--n", given["n"], "--friction", given["F"], "--upper", given["E1"], given["nu1"]]
+    lower = ["--lower", given["E2"], given["nu2"]]
+    words += ["--rigid-floor"] if given["rigid_floor"] else lower
+    both, top = demo_two_blocks.held_by_its_top(
+        demo_two_blocks.arguments([str(w) for w in words]), COMM
+    )
+    motions = demo_two_blocks.path()
+    np.testing.assert_allclose(motions, [[s["ux"], s["uy"]] for s in path], rtol=0, atol=1e-15)
+    history = demo_two_blocks.along_the_path(both, top, None)
+    assert history.complete
+    assert [s.status for s in history.steps] == [s["status"] for s in path]
+    force = max(max(s["rn"]) for s in path)
+    for step, wanted in zip(history.steps, path, strict=True):
+        table = step.result.tables["contact"]
+        found = {"rn": table.rn, "un": table.un}
+        found |= {"rt": table.along(table.rt), "ut": table.along(table.ut)}
+        for key, scale in {"rn": force, "rt": force, "ut": 0.01, "un": 0.01}.items():
+            np.testing.assert_allclose(found[key], wanted[key], rtol=0, atol=1e-9 * scale)
+        off = step.energies.dissipated - wanted["dissipation"]
+        assert abs(off) < 1e-9 * path[-1]["dissipation"]
+
+
+@pytest.mark.parametrize(
+    ("cell", "given"),
+    [
+        ("tri", {}),
+        ("quad", {"method": "mixed"}),
+        ("tri", {"degree": 2}),
+        ("hex", {"n": 2}),
+        ("tet", {"n": 2, "method": "mixed"}),
+        ("tet", {"n": 2, "method": "integral"}),
+    ],
+)
+def test_what_has_slid_as_a_whole(cell, given):
+    """A body that was moved along the floor is where the law of the step begins."""
+    away = np.array([0.3, *([-0.2] if cell in ("tet", "hex") else []), 0.0])
+    way = np.array([0.006, *([0.001] if cell in ("tet", "hex") else []), -0.01])
+    tables, displacements = [], []
+    for start in (np.zeros_like(away), away):
+        problem, top = dragged(cell, **given)
+        (surface,) = problem.surfaces
+        problem.equations.remember([Memory(np.tile(start, (surface.points.number, 1)))])
+        put(top, start + way)
+        put(problem.u, start)
+        result = problem.solve()
+        assert result.counts["slip"] > 0
+        tables.append(result.tables["contact"])
+        put(top, start)
+        displacements.append(problem.u.x.array - top.x.array)
+    force = np.abs(tables[0].force).max()
+    np.testing.assert_allclose(tables[0].force, tables[1].force, rtol=0, atol=1e-9 * force)
+    np.testing.assert_allclose(*displacements, rtol=0, atol=1e-10)
+    assert tables[0].status == tables[1].status
+    np.testing.assert_allclose(tables[1].ut - tables[0].ut, np.tile(away, (len(tables[0].ut), 1)))
+    np.testing.assert_allclose(tables[1].increment, tables[0].ut, rtol=0, atol=1e-10)
+
+
+def test_a_branch_within_a_step():
+    """Followed from the state before, where all that slips is at a border, it ends as the step."""
+    problem, top = dragged()
+    history = QuasiStatic(problem, cycle(top)).run([0.0, 1.0, 2.2, 2.4])
+    assert history.steps[-1].result.counts["slip"] > 0
+    x, gamma = problem.create_vector(), fem.Constant(problem.V.mesh, 0.0)
+    problem.write(x)
+    x0, y0 = COMM.bcast(top.x.array[:2].tolist())
+    way = ufl.as_vector([x0 + 0.005 * gamma, y0 + 0.0 * gamma])
+    system = ParametricContact(problem, gamma, driven=[(top, way)])
+    branch = follow(system, x, 0.0, gamma_range=(0.0, 1.0), max_steps=100)
+    assert branch.points[-1].gamma == 1.0
+    found = system.result_at(branch.points[-1]).tables["contact"]
+    system.set_parameter(1.0)
+    same_tables(found, problem.solve().tables["contact"], 1e-8)
+    assert found.status != history.steps[-1].status
+
+
+@pytest.mark.parametrize("method", ["nodal", "mixed"])
+def test_rate_of_a_step_while_the_floor_turns(method):
+    """The derivative of H by a parameter that turns normals, by differences."""
+    angles = []
+
+    def floor(domain):
+        angle = fem.Constant(domain, 0.0)
+        angles.append(angle)
+        return LevelSet(lambda x: x[1] * ufl.cos(angle) + x[0] * ufl.sin(angle))
+
+    problem, top = dragged(method=method, obstacle=floor)
+    system = ParametricContact(problem, angles[0])
+    moved = np.random.default_rng(1).normal(size=(problem.surfaces[0].points.number, 2))
+    problem.equations.remember([Memory(0.01 * moved)])
+    put(top, (0.01, -0.01))
+    problem.solve()
+    x, c, low, high = (system.create_vector() for _ in range(4))
+    problem.write(x)
+    piece, step = system.piece_at(x, 0.0), 1e-6
+    system.parameter_derivative(x, 0.0, c, piece)
+    system.residual(x, -step, low, piece)
+    system.residual(x, step, high, piece)
+    high.axpy(-1.0, low)
+    high.scale(0.5 / step)
+    high.axpy(-1.0, c)
+    assert 0 < high.norm() < 1e-7 * c.norm()
+
+
+@pytest.mark.chatty
+def test_rejected_steps_leave_nothing():
+    """As the run that takes the accepted times at once, bit by bit."""
+    runs, known, times = [], set(), [0.0, 1.0, 3.0, 5.0]
+
+    def accept(step):
+        new = step.time not in known
+        known.add(step.time)
+        return not (new and step.time - step.start > 0.2)
+
+    for asked in (accept, None):
+        problem, top = dragged()
+        history = QuasiStatic(problem, cycle(top)).run(times, accept=asked)
+        times = [0.0, *(s.time for s in history.steps)]
+        memory = problem.equations.memory[0].jump
+        runs.append((history, [*(f.x.array for f in problem.fields), top.x.array, memory]))
+    (rejecting, first), (other, second) = runs
+    assert {1.0, 3.0, 5.0} <= set(times)
+    assert sum(s.rejected for s in rejecting.steps) > 3 > sum(s.rejected for s in other.steps) == 0
+    for a, b in zip(first, second, strict=True):
+        np.testing.assert_array_equal(a, b)
+    assert [s.energies for s in rejecting.steps] == [s.energies for s in other.steps]
+
+
+@pytest.mark.chatty
+def test_energy():
+    """What is neither stored nor dissipated falls with the steps."""
+    residues = []
+    for n in (4, 8, 16):
+        problem, top = dragged()
+        history = QuasiStatic(problem, cycle(top)).run(np.linspace(0.0, 3.0, 3 * n + 1))
+        e = history.energies
+        assert e.dissipated > 0.01 * e.stored > 0
+        residues.append(abs(e.residue) / e.dissipated)
+        assert e.stored == pytest.approx(history.steps[-1].result.energies["bulk"])
+    assert residues[2] < 0.6 * residues[1] < 0.6 * 0.6 * residues[0] < 0.05
+
+
+def klarbring():
+    """The node with kt = kn = 2, k = 1 and friction 3, under (-g, -1); its Constant g."""
+    system = element((1.0, 1.0), 3.0, 1.0, (-2.0, 0.0), (0.0, -2.0))
+    return system.problem, system.constant
+
+
+@pytest.mark.parametrize("at_jump", ["raise", "stop", "jump"])
+def test_where_nothing_continues(at_jump):
+    """Klarbring: stick until g = 3, where the next solution is open, at (-5/3, 1/3)."""
+    problem, g = klarbring()
+
+    def load(t):
+        g.value = t
+
+    evolution = QuasiStatic(problem, load)
+    times = [0.0, 0.5, 1.0, 1.5, 2.5, 3.5, 4.0]
+    if at_jump == "raise":
+        with pytest.raises(NoContinuation, match=r"no solution continues .* 3; .* k to o") as e:
+            evolution.run(times)
+        history = e.value.history
+    else:
+        history = evolution.run(times, at_jump=at_jump)
+    held = [s for s in history.steps if not s.jump and s.time <= 3]
+    assert held[-1].time == pytest.approx(3.0, abs=1e-5)
+    assert all(s.result.counts["stick"] == 1 for s in held)
+    if at_jump != "jump":
+        assert not history.complete
+        assert "no solution continues" in history.reason
+        assert g.value == held[-1].time == history.time
+        (table,) = history.steps[-1].result.tables.values()
+        (at,) = np.flatnonzero(table.letters != "d")
+        np.testing.assert_allclose(table.force[at], (history.time, 1.0), rtol=1e-9)
+        return
+    (jump,) = (s for s in history.steps if s.jump)
+    assert history.complete
+    assert history.time == 4.0
+    (table,) = jump.result.tables.values()
+    (at,) = np.flatnonzero(table.letters == "o")
+    found = (table.along(table.ut)[at], table.un[at])
+    np.testing.assert_allclose(found, (-5 / 3, 1 / 3), atol=1e-4)
+    # The energy that is left over would be that of a motion.
+    assert jump.energies.residue > 0.1
+
+
+def test_sudden_but_no_jump():
+    """What comes fast but with the load is no jump, and takes no other steps."""
+    problem, top = dragged()
+    problem.surfaces[0].law.friction.value = 0.02  # little holds, and then nothing
+    sticky = QuasiStatic(problem, cycle(top)).run([0.0, 1.0, 1.001, 1.5, 3.0], sudden=1.0)
+    assert [s.time for s in sticky.steps] == [1.0, 1.001, 1.5, 3.0]
+
+
+@pytest.mark.chatty
+def test_where_no_step_is_solved():
+    """A block that forces pull: at the bound of friction it goes away, which is said in time."""
+    domain = box(COMM, 2, "quad")
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u, pull = fem.Function(V), fem.Constant(domain, 0.0)
+    floor = HalfSpace((0, 0), (0, 1))
+    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.3))
+    above = np.sort(facets(domain, 1, 1.0))
+    top = mesh.meshtags(domain, 1, above, np.full(len(above), 1, dtype=np.int32))
+    load = ufl.dot(ufl.as_vector([pull, -10.0]), u) * ufl.ds(subdomain_data=top)(1)
+    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx - load
+    problem = ContactProblem(energy, u, [surface])
+
+    def loaded(t):
+        pull.value = 10 * t
+
+    with pytest.raises(NoContinuation, match=r"no solution was found beyond the time 0.2[57]"):
+        QuasiStatic(problem, loaded).run([0.0, 0.2, 0.4], shortest=0.03)
+    (table,) = problem.solve().tables.values()
+    assert abs(table.rt.sum()) == pytest.approx(pull.value)
+
+
+def test_large_deformation():
+    """A neo-Hookean block: the same loop in either units, energies in balance."""
+    rows = []
+    for unit in (1.0, 1e-9):  # of stress
+        rubber = NeoHookean(*(unit * c for c in lame(1000.0, 0.3)))
+        problem, top = dragged(n=3, energy=rubber)
+        history = QuasiStatic(problem, cycle(top)).run(np.linspace(0.0, 5.0, 21))
+        e = history.energies
+        assert abs(e.residue) < 0.05 * e.dissipated
+        rows.append(([s.status for s in history.steps], e.dissipated / unit))
+    assert rows[0][0] == rows[1][0]
+    assert rows[1][1] == pytest.approx(rows[0][1], rel=1e-6)
+
+
+def test_bad_input():
+    problem, top = dragged(n=2)
+    evolution = QuasiStatic(problem, cycle(top))
+    for times in ([0.0], [0.0, math.nan], [0.0, 1.0, 1.0], [0.0, 1.0, 0.5], ["a", "b"], None):
+        with pytest.raises(ValueError, match=r"times|convert"):
+            evolution.run(times)
+    for given in (
+        {"shortest": 0.0},
+        {"shortest": math.nan},
+        {"longest": 0.0},
+        {"longest": math.nan},
+        {"at_jump": "ignore"},
+        {"sudden": 0.5},
+        {"sudden": math.nan},
+    ):
+        with pytest.raises(ValueError, match="|".join(given)):
+            evolution.run([0.0, 1.0], **given)
+    with pytest.raises(ValueError, match="a ContactProblem is needed"):
+        QuasiStatic(None, cycle(top))
+    with pytest.raises(ValueError, match="a function of the time"):
+        QuasiStatic(problem, 1.0)
+    history = evolution.run([0.0, 1.0])
+    with pytest.raises(ValueError, match=r"the evolution is at the time 1\.0"):
+        evolution.run([0.0, 2.0])
+    assert evolution.run([1.0, 1.5]).complete
+    assert history.at(1.0).number == 1
+    other, _ = dragged(n=3)
+    with pytest.raises(ValueError, match="another mesh"):
+        other.equations.remember(problem.equations.memory)
+    with pytest.raises(ValueError, match="another mesh"):
+        other.equations.remember([])
+    with pytest.raises(ValueError, match="expected statuses"):
+        other.solve(expected=[[s.statuses for s in problem.surfaces]])
+
+
+def test_a_load_that_fails_on_one_rank():
+    """Its error is raised on all, and the evolution is where it was."""
+    problem, top = dragged(n=2)
+    load = cycle(top)
+
+    def failing(t):
+        load(t)
+        if t > 1 and COMM.rank == COMM.size - 1:
+            raise RuntimeError("no load")
+
+    evolution = QuasiStatic(problem, failing)
+    evolution.run([0.0, 1.0])
+    before = [f.x.array.copy() for f in (*problem.fields, top)]
+    memory = problem.equations.memory
+    with pytest.raises(RuntimeError, match="no load"):
+        evolution.run([1.0, 2.0])
+    for values, f in zip(before, (*problem.fields, top), strict=True):
+        np.testing.assert_array_equal(values, f.x.array)
+    assert problem.equations.memory == memory
