@@ -55,7 +55,7 @@ def greco(comm):
 
 
 def two_bodies(comm):
-    return demo_two_blocks.problem(demo_two_blocks.arguments(["--n=8", "--static"]), comm)
+    return demo_two_blocks.problem(demo_two_blocks.arguments(["--n=8"]), comm)[0]
 
 
 def slab(comm):

@@ -271,7 +271,7 @@ def test_between_bodies(options):
 
 
 def two_blocks(options):
-    return demo_two_blocks.problem(demo_two_blocks.arguments(options), COMM)
+    return demo_two_blocks.problem(demo_two_blocks.arguments(options), COMM)[0]
 
 
 def test_two_similar_bodies():

@@ -70,12 +70,8 @@ def test_the_path_of_two_blocks(case):
     words = ["--n", given["n"], "--friction", given["F"], "--upper", given["E1"], given["nu1"]]
     lower = ["--lower", given["E2"], given["nu2"]]
     words += ["--rigid-floor"] if given["rigid_floor"] else lower
-    both, top = demo_two_blocks.held_by_its_top(
-        demo_two_blocks.arguments([str(w) for w in words]), COMM
-    )
-    motions = demo_two_blocks.path()
-    np.testing.assert_allclose(motions, [[s["ux"], s["uy"]] for s in path], rtol=0, atol=1e-15)
-    history = demo_two_blocks.along_the_path(both, top, None)
+    both, top = demo_two_blocks.problem(demo_two_blocks.arguments([str(w) for w in words]), COMM)
+    history = demo_two_blocks.along_the_path(both, top)
     assert history.complete
     assert [s.status for s in history.steps] == [s["status"] for s in path]
     force = max(max(s["rn"]) for s in path)

@@ -1,0 +1,60 @@
+"""The demos of evolutions, against closed forms."""
+
+import demo_bar
+import demo_two_blocks
+import numpy as np
+import pytest
+
+from dolfinx_contact import output
+
+NAMES = ("slip_length", "end_displacement", "dissipation")
+
+
+@pytest.fixture
+def no_pictures(monkeypatch):
+    for name in ("picture_of_body", "picture_of_contact"):
+        monkeypatch.setattr(output, name, lambda *_, **__: None)
+
+
+def bar(folder, n, thin, steps):
+    """Errors of the bar over its closed forms."""
+    words = [f"--n={n}", f"--thin={thin}", f"--steps={steps}", f"--output={folder}"]
+    summary = demo_bar.main(words)
+    curve, closed = np.array(summary["curve"]), np.array(summary["closed_form"])
+    np.testing.assert_array_equal(curve[:, 1], closed[:, 1])
+    np.testing.assert_allclose(
+        curve[:, 0], closed[:, 0], rtol=0, atol=2 / thin * closed[:, 0].max()
+    )
+    # The loop closes: what was loaded first is remembered.
+    assert curve[-1, 0] == pytest.approx(curve[steps, 0], rel=1e-3)
+    return [abs(summary[name] / summary[f"{name}_closed_form"] - 1) for name in NAMES]
+
+
+def test_the_bar_on_a_floor(folder):
+    """To first order in the thickness over the slip length."""
+    coarse, fine = (bar(folder / str(n), n, n // 2, 2) for n in (40, 80))
+    for a, b in zip(coarse[:2], fine[:2], strict=True):
+        assert b < 0.6 * a
+    assert max(coarse) < 0.05
+    assert (folder / "80" / "steps.csv").read_text().count("\n") == 11
+
+
+@pytest.mark.long
+def test_the_bar_to_one_percent(folder):
+    assert max(bar(folder, 200, 100, 10)) < 0.01
+
+
+def test_two_blocks(folder, no_pictures):
+    """Other nodes below cost as much friction, to some percent; what is written is there."""
+    spent = []
+    for ratio in (1, 2):
+        words = ["--n=4", f"--ratio={ratio}", f"--output={folder}"]
+        steps = demo_two_blocks.main(words)["steps"]
+        assert len(steps) == 37
+        assert steps[-1]["status"] == "ooooo"
+        spent.append(steps[-1]["dissipation"])
+    assert spent[1] == pytest.approx(spent[0], rel=0.05)
+    rows = (folder / "steps.csv").read_text().splitlines()
+    assert len(rows) == 38
+    assert rows[0].startswith("step,time,length,open,stick,slip")
+    assert len(list(folder.glob("evolution_contact*"))) == 2
