@@ -6,6 +6,7 @@ from pathlib import Path
 
 from mpi4py import MPI
 
+import demo_own_law
 import demo_two_blocks
 import numpy as np
 import pytest
@@ -314,6 +315,14 @@ def test_bad_input():
         QuasiStatic(None, cycle(top))
     with pytest.raises(ValueError, match="a function of the time"):
         QuasiStatic(problem, 1.0)
+    domain = box(COMM, 2, "quad")
+    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
+    weakening = demo_own_law.SlipWeakening(0.6, 0.3, 0.01)
+    floor = HalfSpace((0, 0), (0, 1))
+    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=weakening)
+    energy = LinearElastic.from_young(1.0, 0.3).energy(u) * ufl.dx
+    with pytest.raises(ValueError, match="no memory yet"):
+        QuasiStatic(ContactProblem(energy, u, [surface]), cycle(top))
     history = evolution.run([0.0, 1.0])
     with pytest.raises(ValueError, match=r"the evolution is at the time 1\.0"):
         evolution.run([0.0, 2.0])

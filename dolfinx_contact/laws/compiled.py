@@ -53,6 +53,7 @@ class CompiledLaw:
         places: columns of values, status by status.
         borders: columns of distance and condition, and target, of every border of every status.
         exists: column of the condition of every status.
+        knows_slip: whether the friction disc depends on the distance slipped.
     """
 
     def __init__(self, law: Law, dim: int, comm: MPI.Comm):
@@ -84,6 +85,8 @@ class CompiledLaw:
                 "unit_bound": mine.bound(unit, ufl.as_ufl(1.0)),
             }
             self._spreads = None if local else ufl.as_ufl(mine.spreads(point))
+            further = mine.bound(replace(point, slid=2.0 * point.slid), point.p)
+            self.knows_slip: bool = further != bounds["bound"]
         self.codes = tuple(self._pieces)
         self.rows: npt.NDArray[np.int64] = np.zeros(max(self.codes) + 1, dtype=np.int64)
         self.rows[list(self.codes)] = np.arange(len(self.codes))
