@@ -5,6 +5,7 @@ import math
 from pathlib import Path
 
 from mpi4py import MPI
+from petsc4py import PETSc
 
 import demo_own_law
 import demo_two_blocks
@@ -16,7 +17,14 @@ from demo_hild_triangle import element
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, LevelSet
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    HalfSpace,
+    LevelSet,
+    RigidBody,
+)
 from dolfinx_contact.continuation import follow
 from dolfinx_contact.evolution import NoContinuation, QuasiStatic
 from dolfinx_contact.materials import LinearElastic, NeoHookean, lame
@@ -203,6 +211,54 @@ def test_energy():
         residues.append(abs(e.residue) / e.dissipated)
         assert e.stored == pytest.approx(history.steps[-1].result.energies["bulk"])
     assert residues[2] < 0.6 * residues[1] < 0.6 * 0.6 * residues[0] < 0.05
+
+
+def test_a_floor_that_moves():
+    """The floor under a held block, as the block over a floor at rest: work and forces too."""
+    histories = []
+    for moving in (False, True):
+        motion = []
+
+        def floor(domain, motion=motion):
+            motion += [fem.Constant(domain, 0.0), fem.Constant(domain, 0.0)]
+            given = {"x": motion[0], "y": motion[1]}
+            return RigidBody(HalfSpace((0, 0), (0, 1)), about=(0, 0), motion=given, held=["rz"])
+
+        problem, top = dragged(obstacle=floor)
+        load = cycle(top)
+
+        def moved(t, top=top, load=load, motion=motion, moving=moving):
+            load(t)
+            if moving:
+                for c, v in zip(motion, COMM.bcast(top.x.array[:2].tolist()), strict=True):
+                    c.value = -v
+                put(top, (0.0, 0.0))
+
+        histories.append(QuasiStatic(problem, moved).run([0.0, 1.0, 2.0, 3.0, 4.0, 5.0]))
+    for a, b in zip(histories[0].steps, histories[1].steps, strict=True):
+        (one,), (other,) = a.result.tables.values(), b.result.tables.values()
+        same_tables(one, other)
+        assert a.status == b.status
+        for name in ("external", "stored", "dissipated"):
+            found = getattr(b.energies, name)
+            assert found == pytest.approx(getattr(a.energies, name), rel=1e-8, abs=1e-12)
+    assert histories[0].energies.dissipated > 0
+
+
+@pytest.mark.chatty
+@pytest.mark.parametrize("cell", ["quad", "hex"])
+def test_multigrid(cell):
+    """The same steps as by factorising."""
+    options, histories = PETSc.Options(), []
+    for solver in ("direct", "amg"):
+        options["contact_linear_solver"], options["contact_snes_rtol"] = solver, 1e-11
+        problem, top = dragged(cell, 8 if cell == "quad" else 4)
+        assert problem.linear_solver.name == solver
+        histories.append(QuasiStatic(problem, cycle(top)).run([0.0, 1.0, 3.0, 4.0, 5.0]))
+    for a, b in zip(histories[0].steps, histories[1].steps, strict=True):
+        same_tables(*(s.result.tables["contact"] for s in (a, b)), 1e-8)
+        assert a.status == b.status
+    assert histories[0].steps[-1].result.counts["slip"] > 0
 
 
 def klarbring():
