@@ -5,6 +5,7 @@ from itertools import pairwise
 from mpi4py import MPI
 from petsc4py import PETSc
 
+import demo_around_a_cylinder
 import numpy as np
 import pytest
 from blocks import box, facets
@@ -24,6 +25,7 @@ from dolfinx_contact import (
     RigidBody,
     Sphere,
     materials,
+    output,
 )
 from dolfinx_contact.algorithms import Penalty, Uzawa
 from dolfinx_contact.analysis.stability import stability_at_rest
@@ -496,3 +498,19 @@ def test_what_is_written(folder, method):
     for draw in (picture_of_body, picture_of_contact):
         file = draw(folder / "picture.png", problem)
         assert COMM.rank > 0 or file.stat().st_size > 1000
+
+
+def test_demo(folder, monkeypatch):
+    """The pressure of a ring to second order, and no change of it on the way around."""
+    monkeypatch.setattr(output, "picture_of_body", lambda *_, **__: None)
+    errors = []
+    for n, steps in ((2, 5), (4, 10)):
+        words = [f"--n={n}", f"--steps={steps}", f"--output={folder / str(n)}"]
+        summary = demo_around_a_cylinder.main(words)
+        assert summary["way"] > 1.2 * summary["contact_length"] > 2.0
+        assert summary["pressure_drift"] < 1e-8
+        assert summary["kkt_violation"] < 1e-9
+        assert summary["misfit"] < 1e-9
+        errors.append(summary["pressure"] / summary["pressure_closed_form"] - 1)
+    assert abs(errors[1]) < 2e-3
+    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.2)
