@@ -1,0 +1,54 @@
+"""Stronger friction with fewer solutions, against stiffnesses made by hand."""
+
+from mpi4py import MPI
+
+import demo_more_friction as demo
+import numpy as np
+import pytest
+from test_certificates import enumerated
+
+serial = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="numpy alone, the same on every rank")
+
+
+def by_hand():
+    """S and p of the two triangles in plane strain, E = 1, nu = 0.3."""
+    lmbda, mu = 0.3 / (1.3 * 0.4), 0.5 / 1.3
+    D = np.array([[lmbda + 2 * mu, lmbda, 0], [lmbda, lmbda + 2 * mu, 0], [0, 0, mu]])
+    corners, K = np.array([(0, 0), (1, 0), *demo.MOVED]), np.zeros((8, 8))
+    for cell in ([0, 1, 2], [1, 3, 2]):
+        whole = np.column_stack([np.ones(3), corners[cell]])
+        slopes, B = np.linalg.inv(whole)[1:], np.zeros((3, 6))
+        B[0, 0::2], B[1, 1::2] = slopes
+        B[2, 0::2], B[2, 1::2] = slopes[::-1]
+        rows = (2 * np.array(cell)[:, None] + [0, 1]).reshape(-1)
+        K[np.ix_(rows, rows)] += 0.5 * np.linalg.det(whole) * B.T @ D @ B
+    return K[:4, :4], -K[:4, 4:] @ np.concatenate(list(demo.MOVED.values()))
+
+
+def test_folds(folder):
+    """The branch turns back at F = 7 and at F = 1.78, and ends alone."""
+    summary = demo.main(["--output", str(folder)])
+    assert summary["fold_frictions"] == pytest.approx([7.0, 1.7812751263], rel=1e-9)
+    assert [len(words) for words in summary["solutions"].values()] == [1, 3, 1]
+    assert list(summary["solutions"].values())[1] == ["--", "k-", "o-"]
+    assert (folder / "branch.png").stat().st_size > 10_000
+
+
+@serial
+def test_numbers_on_either_side_of_the_folds():
+    """By the enumeration of 16 pieces, one part in 10^7 below and above."""
+    S, p = by_hand()
+    for fold, below, above in ((1.7812751263, 1, 3), (7.0, 3, 1)):
+        for side, count in ((-1e-7, below), (1e-7, above)):
+            found, _ = enumerated(S, 1e4 * p, np.full(2, fold * (1 + side)))
+            assert len(found) == count
+
+
+@serial
+def test_a_continuum_and_then_less():
+    """Hild's element at pt = -(kt/k) |pn|: one solution, infinitely many at kt/k, then two."""
+    S, p = np.array([[2.0, 1.0], [1.0, 2.0]]), np.array([-2.0, -1.0])
+    assert enumerated(S, p, np.array([1.5]))[0] == [(0,), (3,)]  # one state, grazing: two words
+    found, near = enumerated(S, p, np.array([3.0]))
+    assert near
+    assert found == [(0,), (1,), (3,)]  # stick, and the grazing state
