@@ -2,8 +2,8 @@
 """The classical algorithms beside Newton's method: what converges, iterations, time over Newton's.
 
 The GRECO block, plane blocks and cubes, two bodies, and with ``--large`` a slab with 1 089 contact
-nodes; friction from 0.1 to 3, from zero. Prints a table, writes it as JSON, and draws the residual
-histories of one case.
+nodes; friction from 0.1 to 3, from zero. Prints a table, writes it as JSON, draws the residual
+histories of one case, and a map of what each algorithm does where: problems over friction.
 
     python3 benchmarks/algorithms.py --output algorithms.json
 """
@@ -39,7 +39,7 @@ ALGORITHMS = {
     "uzawa": Uzawa(on="points", max_iterations=10000),
     "uzawa, augmented": Uzawa(augmented=True),
     "penalty": "penalty",
-    "gauss-seidel": GaussSeidel(max_iterations=5000),
+    "gauss-seidel": GaussSeidel(max_iterations=1500),
     "sor": "sor",
     "gauss-seidel, two levels": GaussSeidel(two_level=True, max_iterations=1000),
     "cg": "projected-gradient",
@@ -47,7 +47,24 @@ ALGORITHMS = {
     "lemke, Klarbring": Lemke(form="klarbring"),
     "interior-point": "interior-point",
 }
-LARGE = ["tresca, Aitken", "uzawa, augmented", "gauss-seidel", "interior-point"]
+LARGE = [
+    "tresca, Aitken",
+    "uzawa, augmented",
+    "gauss-seidel",
+    "gauss-seidel, two levels",
+    "interior-point",
+]
+#: What an algorithm does, as it is: words of the map.
+ENDS = {
+    "same": "Newton's solution",
+    "other": "another solution, or Newton's method has none",
+    "rough": "the solution, to 1e-4",
+    "cycle": "a cycle",
+    "diverges": "diverges, or stands still",
+    "fails": "a problem within, or a ray",
+    "many": "not in so many iterations",
+    "none": "not for 3D, or not asked",
+}
 
 
 def greco(comm):
@@ -117,6 +134,21 @@ def run(name, make, algorithms, frictions, comm):
     return records
 
 
+def end_of(r):
+    """The word of a record in `ENDS`."""
+    if r["converged"]:
+        off = r.get("off_newton", np.inf)
+        return "same" if off < 1e-7 else "rough" if off < 1e-4 else "other"
+    words = {
+        "cycle": "cycle",
+        "diverges": "diverges",
+        "stands still": "diverges",
+        "not finite": "diverges",
+        "no convergence": "many",
+    }
+    return next((end for word, end in words.items() if word in r["reason"]), "fails")
+
+
 def shown(r):
     ended = f"{r['off_newton']:.0e}" if "off_newton" in r else r["reason"]
     cells = (r["problem"], f"{r['friction']:g}", r["algorithm"], r["iterations"])
@@ -130,10 +162,11 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="friction 0.3 and 1 alone")
     parser.add_argument("--large", action="store_true", help="the slab, with a few algorithms")
     parser.add_argument("--only", help="the problem with this name")
+    parser.add_argument("--friction", nargs="+", type=float, help="coefficients")
     args = parser.parse_args()
     comm = MPI.COMM_WORLD
     logging.getLogger("dolfinx_contact").setLevel(logging.ERROR)
-    frictions = [0.3, 1.0] if args.quick else FRICTION
+    frictions = args.friction or ([0.3, 1.0] if args.quick else FRICTION)
     if comm.rank == 0:
         print("| problem | F | algorithm | iterations | time over Newton's | off Newton's forces |")
         print("|---" * 6 + "|")
@@ -147,10 +180,11 @@ def main() -> None:
         file = Path(args.output)
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(json.dumps(records, indent=1) + "\n")
-        draw(records, file.with_suffix(".png"))
+        draw_histories(records, file.with_suffix(".png"))
+        draw_ends(records, file.with_name(file.stem + "_ends.png"))
 
 
-def draw(records, file):
+def draw_histories(records, file):
     """Residual histories of the first problem at its smallest friction."""
     case = (records[0]["problem"], sorted({r["friction"] for r in records})[0])
     curves = {}
@@ -160,6 +194,22 @@ def draw(records, file):
             curves[r["algorithm"]] = (np.arange(1, len(residuals) + 1), residuals)
     look = dict(labels=("iteration + 1", "residual"), loglog=True)
     output.draw_curves(file, curves, title=f"{case[0]}, F = {case[1]:g}", **look)
+
+
+def draw_ends(records, file):
+    """A panel an algorithm: where each problem ends, over friction."""
+    records = [r for r in records if r["algorithm"] != "newton"]
+    frictions = sorted({r["friction"] for r in records})
+    problems = list(dict.fromkeys(r["problem"] for r in records))
+    size = len(frictions), len(problems)
+    panels = {r["algorithm"]: np.full(size, "none", "U8") for r in records}
+    for r in records:
+        cell = frictions.index(r["friction"]), problems.index(r["problem"])
+        panels[r["algorithm"]][cell] = end_of(r)
+    numbered = ", ".join(f"{i} {name}" for i, name in enumerate(problems))
+    axes = np.arange(len(frictions)), np.arange(len(problems))
+    named = ", ".join(f"{f:g}" for f in frictions)
+    output.draw_panels(file, *axes, panels, ENDS, labels=(f"F = {named}", numbered))
 
 
 if __name__ == "__main__":

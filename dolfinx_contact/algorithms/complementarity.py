@@ -4,7 +4,7 @@ r"""Friction as a linear complementarity problem, 0 <= w = q + M z against z >= 
 Both have a = A r + c with the compliance A = S^-1, rn >= 0 against un >= 0, and friction in
 directions d_1..d_k of the tangent plane: +-t in 2D, where they are exact, and k of equal angles in
 3D, a polygon inside the disc with corners on the circle. It holds less than the disc by 1/k^2, and
-directions of slip are off by up to pi/k.
+directions of slip are off by up to pi/k, which forces are off by as well: first order in 1/k.
 
 **Copositive** (`lemke`): z = (rn, b_1..b_k, l), rt = sum_j b_j d_j, l the size of a slip,
 
