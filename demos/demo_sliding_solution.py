@@ -93,7 +93,7 @@ def main(argv=None):
     args = parser.parse(argv)
     comm = MPI.COMM_WORLD
     folder, say = output.output_folder(comm, args.output), output.Report(comm)
-    starts = (np.arange(args.grid) + 0.5) * 1.2 / args.grid
+    starts = (np.arange(args.grid) + 0.5) * 1.1 / args.grid  # none is the solution
     summary = {}
     for problem in (element, triangle):
         title, critical = problem.__name__, max(corner(problem(3.0, args.n))[:2])
