@@ -93,6 +93,9 @@ class _AroundFriction(FrictionLaw):
     def grips(self, a: ContactPoint) -> Any | None:
         return self.friction.grips(a)
 
+    def holds(self, a: ContactPoint) -> Any | None:
+        return self.friction.holds(a)
+
     def shears(self, a: ContactPoint) -> Mapping[int, StatusPiece]:
         return self.friction.shears(a)
 

@@ -45,6 +45,13 @@ class FrictionLaw(Law):
         """
         return None
 
+    def holds(self, a: ContactPoint) -> Any | None:
+        """UFL condition under which the point can stick, by default that of `grips`.
+
+        It may depend on what the points around spread: where nothing presses nothing is held.
+        """
+        return self.grips(a)
+
     def shears(self, a: ContactPoint) -> Mapping[int, StatusPiece]:
         """Of closed points what friction answers, status by status, and where the status ends."""
 
@@ -52,7 +59,7 @@ class FrictionLaw(Law):
             return self.bound(replace(a, slid=slid), a.p)
 
         in_ = _in_plane if a.dim == 2 else _in_space
-        return in_(a, radius, self.grips(a))
+        return in_(a, radius, self.grips(a), self.holds(a))
 
     def entered(self, a: ContactPoint) -> Mapping[int, Any]:
         """Statuses that an open point takes that closes, and UFL conditions; None for always."""
@@ -104,28 +111,28 @@ class _Slip:
         return ufl.conditional(self._forward, excess, self._back) if self._knows else excess
 
 
-def _in_plane(a: ContactPoint, radius: Radius, grips: Any) -> dict[int, StatusPiece]:
+def _in_plane(a: ContactPoint, radius: Radius, grips: Any, holds: Any) -> dict[int, StatusPiece]:
     """Friction at a point in 2D; a slip with u_t > 0 has s.t < 0."""
     s, u = ufl.dot(a.s, a.t), ufl.dot(a.u_t, a.t)
     right, left = _Slip(a, radius, u), _Slip(a, radius, -u)
     b, c = right.radius, left.radius
     return {
-        STICK: StatusPiece(s * a.t, [Border(c - s, MINUS), Border(b + s, PLUS)], grips),
+        STICK: StatusPiece(s * a.t, [Border(c - s, MINUS), Border(b + s, PLUS)], holds),
         MINUS: StatusPiece(c * a.t, [Border(left.border(s - c), STICK)], grips),
         PLUS: StatusPiece(-b * a.t, [Border(right.border(-s - b), STICK, grips)]),
     }
 
 
-def _in_space(a: ContactPoint, radius: Radius, grips: Any) -> dict[int, StatusPiece]:
+def _in_space(a: ContactPoint, radius: Radius, grips: Any, holds: Any) -> dict[int, StatusPiece]:
     """Friction at a point in 3D."""
     size = ufl.sqrt(ufl.dot(a.s, a.s))
     along = ufl.conditional(ufl.gt(size, 0.0), -ufl.dot(a.u_t, a.s) / size, 0.0)
     slip = _Slip(a, radius, along)
     b = slip.radius
-    acts = ufl.gt(size, 0.0) if grips is None else grips
+    acts = ufl.gt(size, 0.0) if holds is None else holds
     slides = ufl.as_vector([ufl.conditional(acts, b * a.s[i] / size, 0.0) for i in range(3)])
     return {
-        STICK: StatusPiece(a.s, [Border(b - size, PLUS)], grips),
+        STICK: StatusPiece(a.s, [Border(b - size, PLUS)], holds),
         PLUS: StatusPiece(slides, [Border(slip.border(size - b), STICK, grips)]),
     }
 

@@ -118,4 +118,7 @@ class NonlocalCoulomb(FrictionLaw):
         return self.friction * a.around
 
     def grips(self, a: ContactPoint) -> Any:
-        return ufl.And(ufl.gt(self.friction, 0.0), ufl.gt(a.around, 0.0))
+        return ufl.gt(self.friction, 0.0)
+
+    def holds(self, a: ContactPoint) -> Any:
+        return ufl.And(self.grips(a), ufl.gt(a.around, 0.0))

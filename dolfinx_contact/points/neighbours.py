@@ -103,11 +103,11 @@ class Neighbours:
 
     def _warn_of_size(self) -> None:
         """Warn of a radius below the mean size of the facets. Collective."""
-        topology, comm = self._points.submesh.mesh.topology, self._points.comm
+        sub, comm = self._points.submesh.mesh, self._points.comm
         area = comm.allreduce(float(self._points.areas.sum()))
-        cells = topology.index_map(topology.dim).size_global
-        share = basix.cell.volume(basix.CellType[topology.cell_name()])
-        size = (area / cells / share) ** (1.0 / topology.dim)
+        cells = sub.topology.index_map(sub.topology.dim).size_global
+        share = basix.cell.volume(sub.basix_cell())
+        size = (area / cells / share) ** (1.0 / sub.topology.dim)
         if self._kernel.radius < (1 - 1e-9) * size and comm.rank == 0:
             logger.warning(
                 "%s: the radius of nonlocal friction, %.3g, is below the mesh size, %.3g: points "
