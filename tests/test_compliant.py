@@ -292,7 +292,7 @@ def test_what_regularised_friction_loses(folder, shape):
     assert summary["end_slip"] == pytest.approx(slides["ut_A"], rel=1e-5)
     # Who comes from a large eps arrives at the solution on which friction does not act.
     opens = next(r for r in summary["true"] if r["status"][0] == "o")
-    assert summary["reached"]["status"] == opens["status"]
+    assert summary["reached"]["status"].strip("d") == opens["status"]
     assert summary["reached"]["ut_A"] == pytest.approx(opens["ut_A"], rel=1e-8)
     # The bound of the theorem, eps^2/|log h|, falls by a hundred between these.
     friction = summary["critical_friction"]
