@@ -202,7 +202,7 @@ def test_forces_and_statuses_as_the_width_falls(shape):
     A stuck point whose shear is q times the bound creeps by phi^-1(q) eps, which is beyond eps,
     and counts as a slip at any width, where q > phi(1): 1 of linear and polynomial.
     """
-    block_ = dict(n=8, cell="quad", top=(0.02, -0.03), options={"snes_rtol": 1e-12})
+    block_ = dict(n=6, cell="quad", top=(0.02, -0.03), options={"snes_rtol": 1e-12})
     true = block(**block_).solve().tables["contact"]
     problem, errors = block(**block_, law=Regularised(Coulomb(0.3), 1e-2, shape)), []
     widths = np.array([1e-2, 1e-4, 1e-6, 1e-7])
