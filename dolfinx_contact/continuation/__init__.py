@@ -4,6 +4,7 @@
 from dolfinx_contact.continuation.batch import Locate
 from dolfinx_contact.continuation.branch import Branch, BranchPoint, Change, Ray, SpecialPoint
 from dolfinx_contact.continuation.diagram import Diagram, Edge, Node, explore
+from dolfinx_contact.continuation.extended import SpecialCurve, follow_special
 from dolfinx_contact.continuation.follow import Follower, Route, follow, follower_for
 from dolfinx_contact.continuation.observer import Observer, Observers, Stepping, Task
 from dolfinx_contact.continuation.parameters import Kinks, StepControl
@@ -40,6 +41,7 @@ __all__ = [
     "Route",
     "Solution",
     "Solutions",
+    "SpecialCurve",
     "SpecialPoint",
     "StepControl",
     "Stepping",
@@ -48,6 +50,7 @@ __all__ = [
     "explore",
     "find_solutions",
     "follow",
+    "follow_special",
     "follower_for",
     "points_at",
 ]
