@@ -1,0 +1,80 @@
+"""Oblique fibres: beyond the friction that a half-plane holds, meshes do not agree any more."""
+
+from mpi4py import MPI
+
+import demo_anisotropic as demo
+import numpy as np
+import pytest
+
+from dolfinx_contact.analysis import critical_friction
+
+COMM = MPI.COMM_WORLD
+serial = pytest.mark.skipif(COMM.size > 1, reason="the same on every number of ranks, and long")
+
+
+@pytest.mark.parametrize(("fibres", "degrees"), [(0.0, 0.0), (20.0, 0.0), (20.0, 90.0)])
+def test_a_material_that_is_symmetric_holds_any_friction(fibres, degrees):
+    assert demo.threshold(demo.elasticity(fibres, degrees)) == np.inf
+
+
+def test_mirrored_fibres_hold_slip_to_the_left():
+    assert demo.threshold(demo.elasticity(20.0, -45.0)) == np.inf
+
+
+def test_threshold():
+    """Against waves on a thick layer: minus the ratio of its compliances, by Fourier in x."""
+    C = demo.elasticity(20.0, 45.0)
+    Q, R, T = C[:, 0, :, 0], C[:, 0, :, 1], C[:, 1, :, 1]
+    n, height = 4000, 12.0  # linear elements in y, k = 1; half a wave is 3.1
+    h = height / n
+    mass, slope = h / 6 * np.array([[2, 1], [1, 2]]), np.array([[1, -1], [-1, 1]]) / h
+    mixed = np.array([[-0.5, 0.5], [-0.5, 0.5]])  # N_a N_b'
+    # Of u exp(i x): strains i u in x, u' in y.
+    cell = np.kron(mass, Q) + np.kron(slope, T) - 1j * np.kron(mixed, R)
+    cell = cell + 1j * np.kron(mixed.T, R.T)
+    after = np.zeros((2, 2), complex)  # stiffness of what lies above, held on top: infinite
+    after[:] = np.diag([1e12, 1e12])
+    for _ in range(n):
+        A, B, D = cell[:2, :2], cell[:2, 2:], cell[2:, 2:] + after
+        after = A - B @ np.linalg.solve(D, cell[2:, :2])
+    compliance = np.linalg.inv(after).real
+    found = demo.threshold(C)
+    assert found == pytest.approx(-compliance[1, 1] / compliance[1, 0], rel=1e-4)
+
+
+@serial
+def test_critical_coefficients_come_down_to_it():
+    """Slips of both signs: without end beyond F*, and none below."""
+    found = []
+    for n in (8, 16, 32):
+        others = critical_friction(demo.body(n, 1.0, 20.0, 45.0)).others
+        found.append(min(z.real for z in others if abs(z.imag) < 1e-9 and z.real > 0))
+    limit = demo.threshold(demo.elasticity(20.0, 45.0))
+    assert found[0] > found[1] > found[2] > limit
+    # The distance is about halved by every refinement.
+    assert found[2] - limit < 0.6 * (found[1] - limit) < 0.36 * (found[0] - limit)
+
+
+def rows(folder, *more):
+    summary = demo.main(["--output", str(folder), *more])
+    return summary["rows"]
+
+
+@serial
+@pytest.mark.long
+def test_finer_meshes_have_more_solutions(folder):
+    below, beyond = rows(folder)
+    assert below["negative"] == [1, 1, 1]
+    assert below["solutions"] == [[3, True], [3, True]]
+    first, second, third = beyond["negative"]
+    assert third >= 2 * second >= 4 * first
+    assert beyond["solutions"] == [[3, True], [5, True]]
+    assert "--------" in beyond["statuses"][1]
+    assert (folder / "states.png").stat().st_size > 10_000
+
+
+def test_isotropic_bodies_do_not(folder):
+    cells = ("4", "5") if COMM.size == 1 else ("4",)
+    (row,) = rows(folder, "--fibres", "0", "--frictions", "5", "--n", *cells, "--fine", "8", "16")
+    assert row["negative"] == [1, 1]
+    assert row["solutions"] == [[3, True]] * len(cells)
