@@ -75,6 +75,16 @@ def test_no_proof_in_space_beyond_the_criterion():
     assert "does not hold" in result.uniqueness().reason
 
 
+def test_no_proof_in_space_of_a_body_that_gives_way():
+    """On an anti-elastic bedding, where the criterion means nothing."""
+    held = block(n=2, cell="hex")
+    energy = LinearElastic.from_young(1000.0, 0.3).energy(held.u) - 500 * ufl.dot(held.u, held.u)
+    problem = ContactProblem(energy * ufl.dx, held.u, held.surfaces, bcs=held.bcs)
+    found = problem.solve().uniqueness()
+    assert found.verdict == "not proved"
+    assert "positive definite" in found.reason
+
+
 def test_summary_says_so_where_it_is_cheap():
     assert block(n=4).solve().summary()["unique"] == "proved"
     assert "unique" not in block(n=64).solve().summary()
