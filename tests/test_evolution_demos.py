@@ -1,6 +1,7 @@
 """The demos of evolutions, against closed forms."""
 
 import demo_bar
+import demo_mindlin
 import demo_two_blocks
 import numpy as np
 import pytest
@@ -58,3 +59,25 @@ def test_two_blocks(folder, no_pictures):
     assert len(rows) == 38
     assert rows[0].startswith("step,time,length,open,stick,slip")
     assert len(list(folder.glob("evolution_contact*"))) == 2
+
+
+def mindlin(folder, n, steps):
+    """Errors of the shear over mu p0, after checks of the stick radius."""
+    summary = demo_mindlin.main([f"--n={n}", f"--steps={steps}", f"--output={folder}"])
+    found = [summary[way] for way in ("loading", "unloading")]
+    for way in found:
+        cell = 0.68 / n
+        assert way["stick_radius"] == pytest.approx(way["stick_radius_closed_form"], abs=cell)
+        assert way["worst_error"] < 0.02
+    return [way["l2_error"] for way in found]
+
+
+def test_mindlin(folder):
+    """Cattaneo and Mindlin, there and back, to 2 % of mu p0."""
+    assert max(mindlin(folder, 20, 2)) < 0.02
+
+
+@pytest.mark.long
+def test_mindlin_converges(folder):
+    coarse, fine = mindlin(folder / "10", 10, 4), mindlin(folder / "20", 20, 8)
+    assert max(fine) < 0.5 * max(coarse)
