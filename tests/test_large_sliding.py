@@ -36,6 +36,7 @@ from dolfinx_contact.output import picture_of_body, picture_of_contact, write_co
 from dolfinx_contact.output.fields import contact_fields
 from dolfinx_contact.output.pictures import patch
 from dolfinx_contact.parametric import ParametricContact
+from dolfinx_contact.points.vertex_state import vertex_state
 
 COMM = MPI.COMM_WORLD
 DX = ufl.dx(metadata={"quadrature_degree": 2})  # assembly would take most of the time
@@ -474,7 +475,7 @@ def test_what_is_written(folder, method):
     problem = strip(n=4, method=method)
     result = problem.solve()
     (s,), table = problem.surfaces, result.tables["contact"]
-    state, u = s.vertex_state(), problem.u.x.array.reshape(-1, 2)[s.points.vertex_trace_dofs]
+    state, u = vertex_state(s), problem.u.x.array.reshape(-1, 2)[s.points.vertex_trace_dofs]
     x = s.node_positions[s.points.vertex_trace_dofs] + u
     arm = x - np.array([0.0, -0.4])
     length = np.linalg.norm(arm, axis=1)

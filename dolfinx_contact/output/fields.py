@@ -41,6 +41,7 @@ from dolfinx_contact.output.master import MasterFace
 from dolfinx_contact.output.script import write_script
 from dolfinx_contact.output.writers import Format, checked_format, see_room, series
 from dolfinx_contact.points.evaluation import vertex_function
+from dolfinx_contact.points.vertex_state import vertex_state
 
 if TYPE_CHECKING:
     from dolfinx_contact.points.surface import ContactSurface
@@ -215,7 +216,7 @@ def contact_fields(problem: ContactProblem, surface: ContactSurface) -> dict[str
         ``slip``, a vector, ``status``, a number of `STATUS_CODES`, and ``support``, the reaction of
         Dirichlet data on the body over the area of a vertex.
     """
-    s, state = surface, surface.vertex_state()
+    s, state = surface, vertex_state(surface)
     shares = np.stack([state["open"], 1 - state["open"] - state["slip"], state["slip"]])
     status = np.argmax(np.round(shares, 9), axis=0).astype(float)
     clamped = _at_vertices(s, problem.equations.constraints.clamped[problem.surfaces.index(s)])

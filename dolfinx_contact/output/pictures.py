@@ -37,6 +37,7 @@ from dolfinx_contact.output.folder import agreed_path
 from dolfinx_contact.output.gathering import Arrays, gather_cells
 from dolfinx_contact.output.master import MasterFace
 from dolfinx_contact.points.trace import facet_closures
+from dolfinx_contact.points.vertex_state import vertex_state
 
 if TYPE_CHECKING:
     from dolfinx_contact.points.surface import ContactSurface
@@ -145,7 +146,7 @@ def picture_of_contact(
     same_everywhere(problem.comm, surface=s.name)
     fields = contact_fields(problem, s)
     pressure, status = fields["pressure"].x.array, fields["status"].x.array
-    at_vertices = s.vertex_state()
+    at_vertices = vertex_state(s)
     normal = at_vertices["n"]
     traction = fields["traction"].x.array.reshape(-1, s.dim)
     # What supports hold is not contact; and where nothing is pressed round-off would be all to see.

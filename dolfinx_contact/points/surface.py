@@ -17,7 +17,6 @@ from dolfinx_contact._agreement import described, refuse_displacement, refuse_ot
 from dolfinx_contact._compat import create_facet_submesh
 from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact.laws import Law, LawAtPoints, PointData
-from dolfinx_contact.laws.status import MINUS, PLUS, closed, senses
 from dolfinx_contact.meshing import GmshMesh, tagged_facets
 from dolfinx_contact.obstacles import Obstacle
 from dolfinx_contact.points.contact_points import ContactPoints, Given, Method
@@ -28,7 +27,6 @@ from dolfinx_contact.points.displaced import (
     displaced_points,
 )
 from dolfinx_contact.points.elements import check_elements, check_quadrature, displacement_degree
-from dolfinx_contact.points.evaluation import blocked_space
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.points.neighbours import LawAmongPoints
 from dolfinx_contact.points.opposite import Opposite
@@ -323,12 +321,13 @@ class ContactSurface:
         """Jump of the displacement at the contact points of this rank (n, dim). Collective."""
         u = self.points.B.createVecRight()
         nodes = self.u.x.array[: u.getLocalSize()].reshape(-1, self.dim)
-        u.array[:] = self._relative_now(nodes).reshape(-1)
+        u.array[:] = self.relative_now(nodes).reshape(-1)
         jump = self.points.jump(u)
         u.destroy()
         return jump
 
-    def _relative_now(self, u: Array) -> Array:
+    def relative_now(self, u: Array) -> Array:
+        """Displacements (n, dim) seen from the rigid body where it is, if there is one."""
         body = self.rigid_body
         return u if body is None else self.relative(u, body.values)
 
@@ -373,38 +372,6 @@ class ContactSurface:
         p = -(np.sum(traction * data.n, axis=1) - data.r * u_n)
         return np.where(p > 0, bound, 0.0)
 
-    def vertex_state(self) -> dict[str, Array]:
-        """What is known at the local vertices (owned, then ghosts), for pictures. Collective.
-
-        Keys ``un``, ``ut``, ``n``, ``traction``, ``pressure``, ``shear``, ``bound`` as in `state`,
-        and ``open``, ``slip``: how much of the area around a vertex has that status (0 or 1 where
-        the vertices are the points).
-        """
-        points, kept = self.points, ("un", "ut", "n", "traction", "pressure", "shear", "bound")
-        state = self.state()
-        friction = senses(self.statuses)
-        slips = closed(self.statuses) & ((friction == PLUS) | (friction == MINUS))
-        shares = {"open": ~closed(self.statuses), "slip": slips}
-        found = {k: points.at_vertices(v.astype(float)) for k, v in shares.items()}
-        if self.method != "integral":
-            return {**found, **{k: points.with_ghosts(state[k]) for k in kept}}
-        # Of Functions the values at the vertices, not the means around them.
-        u = self._relative_now(self.u.x.array.reshape(-1, self.dim))
-        u = (u - self.opposite(u))[points.vertex_trace_dofs]
-        gap, n = self.at_vertices(u)
-        traction, along = self._multiplier_at_vertices(), np.sum(u * n, axis=1)
-        pressure = -np.sum(traction * n, axis=1)
-        return {
-            **found,
-            "un": gap,
-            "ut": u - along[:, None] * n,
-            "n": n,
-            "traction": traction,
-            "pressure": pressure,
-            "shear": traction + pressure[:, None] * n,
-            "bound": points.at_vertices(state["bound"]),
-        }
-
     def at_vertices(self, jump: Array) -> tuple[Array, Array]:
         """Gaps (n,) and normals (n, dim) at the local vertices where jumps lead them. Collective.
 
@@ -415,14 +382,6 @@ class ContactSurface:
             return self.displaced.at_vertices(jump)
         normal = self.points.vertex_normals
         return self.points.vertex_gaps - np.sum(jump * normal, axis=1), normal
-
-    def _multiplier_at_vertices(self) -> Array:
-        if self.degrees[1] == 1:
-            return self.multiplier.x.array.reshape(-1, self.dim)
-        f = fem.Function(blocked_space(self.points.vertices, self.dim))
-        f.interpolate(self.multiplier)
-        f.x.scatter_forward()
-        return f.x.array.reshape(-1, self.dim)
 
     def friction_slope(self) -> Array:
         """Radius of the friction disc at unit pressure at the contact points. Collective."""

@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""What is known of contact at the vertices of a surface, for fields and pictures."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx import fem
+
+from dolfinx_contact.laws.status import MINUS, PLUS, closed, senses
+from dolfinx_contact.points.evaluation import blocked_space
+from dolfinx_contact.points.surface import ContactSurface
+
+__all__ = ["vertex_state"]
+
+Array = npt.NDArray[np.float64]
+
+
+def vertex_state(s: ContactSurface) -> dict[str, Array]:
+    """What is known at the local vertices (owned, then ghosts), for pictures. Collective.
+
+    Keys ``un``, ``ut``, ``n``, ``traction``, ``pressure``, ``shear``, ``bound`` as in
+    `ContactSurface.state`, and ``open``, ``slip``: how much of the area around a vertex has that
+    status (0 or 1 where the vertices are the points).
+    """
+    points, kept = s.points, ("un", "ut", "n", "traction", "pressure", "shear", "bound")
+    state = s.state()
+    friction = senses(s.statuses)
+    slips = closed(s.statuses) & ((friction == PLUS) | (friction == MINUS))
+    shares = {"open": ~closed(s.statuses), "slip": slips}
+    found = {k: points.at_vertices(v.astype(float)) for k, v in shares.items()}
+    if s.method != "integral":
+        return {**found, **{k: points.with_ghosts(state[k]) for k in kept}}
+    # Of Functions the values at the vertices, not the means around them.
+    u = s.relative_now(s.u.x.array.reshape(-1, s.dim))
+    u = (u - s.opposite(u))[points.vertex_trace_dofs]
+    gap, n = s.at_vertices(u)
+    traction, along = _multiplier_at_vertices(s), np.sum(u * n, axis=1)
+    pressure = -np.sum(traction * n, axis=1)
+    return {
+        **found,
+        "un": gap,
+        "ut": u - along[:, None] * n,
+        "n": n,
+        "traction": traction,
+        "pressure": pressure,
+        "shear": traction + pressure[:, None] * n,
+        "bound": points.at_vertices(state["bound"]),
+    }
+
+
+def _multiplier_at_vertices(s: ContactSurface) -> Array:
+    if s.degrees[1] == 1:
+        return s.multiplier.x.array.reshape(-1, s.dim)
+    f = fem.Function(blocked_space(s.points.vertices, s.dim))
+    f.interpolate(s.multiplier)
+    f.x.scatter_forward()
+    return f.x.array.reshape(-1, s.dim)
