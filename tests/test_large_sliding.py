@@ -496,16 +496,17 @@ def test_what_is_written(folder, method):
         rows = np.genfromtxt(file, delimiter=",", names=True, dtype=None, encoding=None)
         np.testing.assert_allclose(rows["un"], table.un, atol=1e-12)
         np.testing.assert_allclose(rows["rn"], table.rn, atol=1e-9 * table.rn.max())
-    for draw in (picture_of_body, picture_of_contact):
-        file = draw(folder / "picture.png", problem)
-        assert COMM.rank > 0 or file.stat().st_size > 1000
+    if method == "nodal":
+        for draw in (picture_of_body, picture_of_contact):
+            file = draw(folder / "picture.png", problem)
+            assert COMM.rank > 0 or file.stat().st_size > 1000
 
 
 def test_demo(folder, monkeypatch):
     """The pressure of a ring to second order, and no change of it on the way around."""
     monkeypatch.setattr(output, "picture_of_body", lambda *_, **__: None)
     errors = []
-    for n, steps in ((2, 5), (4, 10)):
+    for n, steps in ((2, 5), (3, 7)):
         words = [f"--n={n}", f"--steps={steps}", f"--output={folder / str(n)}"]
         summary = demo_around_a_cylinder.main(words)
         assert summary["way"] > 1.2 * summary["contact_length"] > 2.0
@@ -513,5 +514,5 @@ def test_demo(folder, monkeypatch):
         assert summary["kkt_violation"] < 1e-9
         assert summary["misfit"] < 1e-9
         errors.append(summary["pressure"] / summary["pressure_closed_form"] - 1)
-    assert abs(errors[1]) < 2e-3
-    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.2)
+    assert abs(errors[1]) < 3e-3
+    assert errors[0] / errors[1] == pytest.approx(9 / 4, rel=0.2)

@@ -10,7 +10,8 @@ and so is given
 in which dg/dx = -n where g is a distance, and dn/dx is then minus the Hessian of the distance
 (Wriggers, Computational Contact Mechanics, 2006, section 4.1). On a plane this is the gap of the
 reference configuration, for every jump. The tangential jump is j - (j.n) n at the present normal:
-of a point that has gone around a curve that is no slip, which is why friction is refused.
+of a point that has gone around a curve that is no slip, which is why friction is refused. Functions
+of the user in an obstacle are taken where the body was.
 """
 
 from __future__ import annotations
