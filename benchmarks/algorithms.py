@@ -3,7 +3,7 @@
 
 The GRECO block, plane blocks and cubes, two bodies, and with ``--large`` a slab with 1 089 contact
 nodes; friction from 0.1 to 3, from zero. Prints a table, writes it as JSON, draws the residual
-histories of one case, and a map of what each algorithm does where: problems over friction.
+histories of one case, and the iterations of one problem over friction.
 
     python3 benchmarks/algorithms.py --output algorithms.json
 """
@@ -54,17 +54,6 @@ LARGE = [
     "gauss-seidel, two levels",
     "interior-point",
 ]
-#: What an algorithm does, as it is: words of the map.
-ENDS = {
-    "same": "Newton's solution",
-    "other": "another solution, or Newton's method has none",
-    "rough": "the solution, to 1e-4",
-    "cycle": "a cycle",
-    "diverges": "diverges, or stands still",
-    "fails": "a problem within, or a ray",
-    "many": "not in so many iterations",
-    "none": "not for 3D, or not asked",
-}
 
 
 def greco(comm):
@@ -85,6 +74,7 @@ PROBLEMS = {
     "block 8": lambda comm: block(comm, n=8, cell="quad"),
     "block 16": lambda comm: block(comm, n=16, cell="quad"),
     "two bodies": two_bodies,
+    "dragged 16": lambda comm: block(comm, n=16, cell="quad", top=(0.03, -0.01)),
     "cube 4": lambda comm: block(comm, n=4, cell="hex"),
     "cube 6": lambda comm: block(comm, n=6, cell="hex"),
 }
@@ -134,21 +124,6 @@ def run(name, make, algorithms, frictions, comm):
     return records
 
 
-def end_of(r):
-    """The word of a record in `ENDS`."""
-    if r["converged"]:
-        off = r.get("off_newton", np.inf)
-        return "same" if off < 1e-7 else "rough" if off < 1e-4 else "other"
-    words = {
-        "cycle": "cycle",
-        "diverges": "diverges",
-        "stands still": "diverges",
-        "not finite": "diverges",
-        "no convergence": "many",
-    }
-    return next((end for word, end in words.items() if word in r["reason"]), "fails")
-
-
 def shown(r):
     ended = f"{r['off_newton']:.0e}" if "off_newton" in r else r["reason"]
     cells = (r["problem"], f"{r['friction']:g}", r["algorithm"], r["iterations"])
@@ -181,8 +156,7 @@ def main() -> None:
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(json.dumps(records, indent=1) + "\n")
         draw_histories(records, file.with_suffix(".png"))
-        if len(frictions) > 1 and len({r["problem"] for r in records}) > 1:
-            draw_ends(records, file.with_name(file.stem + "_ends.png"))
+        draw_iterations(records, file.with_name(file.stem + "_iterations.png"))
 
 
 def draw_histories(records, file):
@@ -197,20 +171,24 @@ def draw_histories(records, file):
     output.draw_curves(file, curves, title=f"{case[0]}, F = {case[1]:g}", **look)
 
 
-def draw_ends(records, file):
-    """A panel an algorithm: where each problem ends, over friction."""
-    records = [r for r in records if r["algorithm"] != "newton"]
-    frictions = sorted({r["friction"] for r in records})
-    problems = list(dict.fromkeys(r["problem"] for r in records))
-    size = len(frictions), len(problems)
-    panels = {r["algorithm"]: np.full(size, "none", "U8") for r in records}
-    for r in records:
-        cell = frictions.index(r["friction"]), problems.index(r["problem"])
-        panels[r["algorithm"]][cell] = end_of(r)
-    numbered = ", ".join(f"{i} {name}" for i, name in enumerate(problems))
-    axes = np.arange(len(frictions)), np.arange(len(problems))
-    named = ", ".join(f"{f:g}" for f in frictions)
-    output.draw_panels(file, *axes, panels, ENDS, labels=(f"F = {named}", numbered))
+def draw_iterations(records, file):
+    """Iterations of the first problem over friction, and those after which there was no end."""
+    records = [r for r in records if r["problem"] == records[0]["problem"]]
+    parts = {
+        converged: {
+            name: tuple(np.array([(r["friction"], r["iterations"] + 1) for r in found]).T)
+            for name in dict.fromkeys(r["algorithm"] for r in records)
+            if (
+                found := [
+                    r for r in records if (r["algorithm"], r["converged"]) == (name, converged)
+                ]
+            )
+        }
+        for converged in (True, False)
+    }
+    failed = {f"{name}, not converged": curve for name, curve in parts[False].items()}
+    look = dict(labels=("$F$", "iterations + 1"), title=records[0]["problem"], loglog=True)
+    output.draw_curves(file, parts[True], marks=failed, **look)
 
 
 if __name__ == "__main__":

@@ -191,6 +191,16 @@ def test_a_tilted_plane_and_mixed_contact():
         assert check(problem, algorithm).counts["open"] > 0
 
 
+@pytest.mark.parametrize("on", ["body", "points"])
+def test_a_fixed_point_that_seems_to_stand_still(on):
+    """Two bounds in a row let all points stick, in the same state; the third opens some."""
+    problem = block(n=8, cell="quad", law=Coulomb(3.0), top=(0.03, -0.01))
+    found = check(problem, TrescaFixedPoint(aitken=True, on=on))
+    assert found.tables["contact"].status == "oookkkkkk"
+    residuals = [step.measures.worst for step in found.history]
+    assert residuals[2] == pytest.approx(residuals[3], rel=1e-9)
+
+
 def test_what_fails_is_told_and_leaves_the_functions():
     """Too few sweeps, and a cycle of the fixed point at large friction, each as it is."""
     problem = greco(8)

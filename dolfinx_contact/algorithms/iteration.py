@@ -152,12 +152,13 @@ class Iteration:
             self.length = max(self.length, float(np.abs(a).max()))
         return self.contact.measure(a, r, self.force, self.length)
 
-    def stops(self, a: Array, r: Array, **series: float) -> bool:
+    def stops(self, a: Array, r: Array, given: Array | None = None, **series: float) -> bool:
         """Whether the algorithm is to stop at this iterate.
 
         Args:
             a: displacements (m, dim).
             r: forces (m, dim).
+            given: forces (m,) that it was found with, if the next depends on them as well.
             series: what else there is to report of it.
         """
         measures = self.measure(a, r)
@@ -168,7 +169,9 @@ class Iteration:
             found.series.setdefault(name, []).append(float(value))
         if self.monitor is not None:
             self.monitor(measures)
-        state = np.concatenate([a / self.length, r / self.force], axis=1)
+        columns = [a / self.length, r / self.force]
+        columns += [] if given is None else [given[:, None] / self.force]
+        state = np.concatenate(columns, axis=1)
         stops = self.trend.stops(state, measures.worst)
         found.converged, found.reason = self.trend.converged, self.trend.reason
         return stops

@@ -72,7 +72,7 @@ class TrescaFixedPoint(Algorithm):
         a = contact.displacements(r)
         steps = 0
         tolerance = _SHARE * iteration.trend.tolerance
-        while not iteration.stops(a, r, inner=steps):
+        while not iteration.stops(a, r, g, inner=steps):
             given = contact.given(g)
             if self.inner == "newton":
                 a, steps, solved = solve_semismooth(given, a, tolerance=tolerance)
@@ -86,7 +86,7 @@ class TrescaFixedPoint(Algorithm):
                 a, steps, solved = follow_centre(given, tolerance)
             r = contact.forces(a)
             if not solved:
-                iteration.stops(a, r, inner=steps)
+                iteration.stops(a, r, g, inner=steps)
                 iteration.fails(f"a problem of Tresca was not solved in {steps} steps")
                 return
             g = relaxed(g, contact.radius(r[:, -1]))

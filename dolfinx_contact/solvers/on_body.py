@@ -82,15 +82,22 @@ class OnBody:
             b.destroy(), self._start.destroy()
         return self._trend.converged
 
-    def _stops(self, x: PETSc.Vec, b: PETSc.Vec, **series: float) -> bool:
-        """Show an iterate; the residual is in ``b``, the state in `_state`."""
+    def _stops(
+        self, x: PETSc.Vec, b: PETSc.Vec, given: list[Array] | None = None, **series: float
+    ) -> bool:
+        """Show an iterate; the residual is in ``b``, the state in `_state`.
+
+        ``given`` are tractions that it was found with, by surface, if the next depends on them.
+        """
         self._state = self.equations.residual(x, b)
         measures = self._scales.measure(self._state)
         step = Step(len(self.attempt.steps), measures, 0, 1.0)
         self.attempt.steps.append(step)
         self.attempt.report(**series)
         self.monitor(step)
-        stops = self._trend.stops(x.array_r, measures.worst)
+        units = self.equations.units[1:]
+        parts = [g / unit for g, unit in zip(given or [], units, strict=False)]
+        stops = self._trend.stops(np.concatenate([x.array_r, *parts]), measures.worst)
         self.attempt.reason = self._trend.reason
         return stops
 
@@ -100,13 +107,13 @@ class OnBody:
         relaxed = Relaxation(
             algorithm.relaxation, aitken=algorithm.aitken, total=self.equations.comm.allreduce
         )
-        steps = 0
-        stops = self._stops(x, b, inner=steps)
+        none: list[Array] = [np.zeros(s.points.number) for s in self.equations.surfaces]
+        stops = self._stops(x, b, none, inner=0)
         bounds = self._bounds()
         while not stops:
             parts = np.split(bounds, self._ends)
             steps = self._equilibrium(GivenBounds(self.equations, parts), x)
-            stops = self._stops(x, b, inner=steps)
+            stops = self._stops(x, b, parts, inner=steps)
             if steps < 0:
                 self.attempt.reason = "a problem of Tresca was not solved"
                 return
