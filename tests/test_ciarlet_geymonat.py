@@ -59,7 +59,7 @@ def check(summary, length=1.0, force=1.0):
 
 
 @pytest.mark.parametrize(
-    "r", [None, pytest.param(0.3, marks=serial), pytest.param(300.0, marks=serial)]
+    "r", [None, *(pytest.param(r, marks=[serial, pytest.mark.long]) for r in (0.3, 300.0))]
 )
 def test_six_branches(folder, r):
     """With the automatic augmentation parameter (about E / L, 4) and 10 and 100 times off."""

@@ -56,7 +56,7 @@ def test_every_solution_satisfies_the_contact_law():
             assert result.tables["contact"].status == followed.letters(point.piece)
 
 
-@pytest.mark.parametrize("factor", [0.1, 10.0])
+@pytest.mark.parametrize("factor", [pytest.param(0.1, marks=pytest.mark.long), 10.0])
 def test_steps_do_not_matter(reference, folder, factor):
     summary, _ = reference
     with varied(step_factor=factor):

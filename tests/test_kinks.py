@@ -191,7 +191,7 @@ def test_reuse_of_a_factorisation_changes_nothing():
     assert Factorised.__init__.__kwdefaults__["reuse"] is None
 
 
-@pytest.mark.chatty
+@pytest.mark.long
 def test_3d_branch(folder):
     """The foot on all ranks and on one: the same steps; the last solution is one of H."""
     options = ["--n", "3", "--output", str(folder)]

@@ -116,7 +116,8 @@ def test_thresholds_of_discretisations(method, threshold, monkeypatch):
 
 
 @serial
-@pytest.mark.parametrize("route", ["pivoting", pytest.param("steps", marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("route", ["pivoting", "steps"])
 def test_units_numbering_and_augmentation(folder, route):
     """Lengths times 1e3, stiffness and load times 1e9, another numbering, r times 0.1 to 100.
 
@@ -144,6 +145,7 @@ def test_units_numbering_and_augmentation(folder, route):
 
 
 @serial
+@pytest.mark.long
 def test_steps_and_pivoting_find_the_same(folder):
     """Both routes, steps ten times longer and shorter: the same solutions."""
     plain = ("--n", "16", "--friction", "1.8")

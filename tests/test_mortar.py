@@ -161,7 +161,7 @@ def test_more_elements_converge_to_one_body(slave, master, ratio):
     assert errors[2] < 0.5 * errors[1] < 0.25 * errors[0]
 
 
-@pytest.mark.parametrize("ratio", [2, 3])
+@pytest.mark.parametrize("ratio", [pytest.param(2, marks=pytest.mark.long), 3])
 def test_two_blocks_of_different_meshes(folder, ratio):
     """Resultants near those of matching meshes, and the finer the nearer."""
     off = []

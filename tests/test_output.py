@@ -399,7 +399,7 @@ def drawn(file):
 @pytest.mark.parametrize(
     ("cell", "degree"),
     [
-        pytest.param("tri", 1, marks=pytest.mark.chatty),
+        pytest.param("tri", 1, marks=pytest.mark.long),
         pytest.param("quad", 2, marks=pytest.mark.long),
         ("hex", 1),
         pytest.param("tet", 2, marks=pytest.mark.long),

@@ -504,7 +504,7 @@ def alive(pid):
 
 
 @serial
-@pytest.mark.parametrize("kills", [3, pytest.param(10, marks=pytest.mark.long)])
+@pytest.mark.parametrize("kills", [2, pytest.param(10, marks=pytest.mark.long)])
 def test_killed_at_random_moments(whole, folder, kills):
     """Every session on another number of ranks; each is killed, but for the last."""
     random.seed(3)

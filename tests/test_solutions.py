@@ -59,7 +59,7 @@ def test_gould():
     assert not solutions.complete
 
 
-@pytest.mark.parametrize("deflation", [False, pytest.param(True, marks=serial)])
+@pytest.mark.parametrize("deflation", [False, pytest.param(True, marks=[serial, pytest.mark.long])])
 def test_one_element(deflation):
     """Hild's element between its folds: open, stick and slip, by enumeration and by deflation."""
     system = demo_linear_triangle.linear_triangle(
