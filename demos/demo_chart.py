@@ -5,7 +5,8 @@
 #
 # - follow the folds of branches as the friction coefficient F varies too: curves in (F, gamma),
 #   with the statuses along them, and the points at which they meet and end;
-# - count the solutions between them, with proofs, in a chart whose cells are fine at the borders.
+# - count the solutions between them, with proofs, in a chart whose cells are fine at the borders;
+#   cells whose proof takes longer than `--seconds` are hatched.
 #
 # Without a mesh the body is Hild's triangle (see `demo_hild_triangle.py`) with lambda = mu = 1, of
 # which one node moves, under the nodal force (-gamma, -1). Its folds lie at gamma = F, where stick
@@ -36,8 +37,9 @@ def arguments(argv=None):
     parser.add_argument("--friction", **span, help="least and largest coefficient")
     coefficients = dict(type=number(above=0), nargs="*", default=[])
     parser.add_argument("--at", **coefficients, help="list the folds at these coefficients")
-    parser.add_argument("--cells", type=number(int, above=0), default=6, help="along an edge")
+    parser.add_argument("--cells", type=number(int, above=0), default=5, help="along an edge")
     parser.add_argument("--depth", type=number(int, least=0), default=2, help="of their division")
+    parser.add_argument("--seconds", type=number(above=0), default=1.0, help="for a proof")
     args = parser.parse(argv)
     if not args.friction[0] < args.friction[1]:
         parser.error("--friction needs F0 < F1")
@@ -95,8 +97,8 @@ def main(argv=None):
 
     # ## Count between the curves
     family = contact_family(system, friction, span)
-    grid = dict(cells=(args.cells, args.cells), depth=args.depth, curves=curves)
-    chart = count_solutions(system.comm, family, span, gammas, **grid)
+    grid = dict(cells=(args.cells, args.cells), depth=args.depth, seconds=args.seconds)
+    chart = count_solutions(system.comm, family, span, gammas, curves=curves, **grid)
     if comm.rank == 0:
         labels = dict(labels=("friction coefficient F", r"load $\gamma$"))
         output.draw_chart(folder / "chart.png", chart, curves, **labels)

@@ -162,6 +162,19 @@ def test_random_families(seed):
             assert kinds[key] == ("fold" if sides[0] == sides[1] else "event")
 
 
+def test_curves_of_folds_that_cross():
+    """Where they do two borders of all that enumeration finds have one gamma."""
+    family, span, gammas = random_family(20), (3.0, 4.0), (-20.0, 20.0)
+    starts = [(np.frombuffer(key, np.int8), 3.9) for key in enumerated(family, 3.9, gammas)]
+    curves = follow_events(family, starts, span, gammas)
+    ((mu, gamma),) = curves.crossings
+    there = enumerated(family, mu, gammas).values()
+    folds = [f for f in there if f.kind(mu) == "fold" and abs(f.gamma(mu) - gamma) < 1e-10]
+    assert len(folds) == 2
+    before, after = (np.subtract(*(f.gamma(mu + h) for f in folds)) for h in (-1e-3, 1e-3))
+    assert before * after < 0
+
+
 @pytest.mark.parametrize("seed", range(2))
 def test_chart_of_a_random_family(seed):
     """Numbers of solutions as by solving all pieces; the chart is fine where they change."""

@@ -39,7 +39,7 @@ class ChartCell:
     Attributes:
         mu: its ends.
         gamma: its ends.
-        solutions: statuses of those in the middle, letters of the points, sorted.
+        solutions: statuses of those found in the middle, letters of the points, sorted.
         proved: whether it is proved that there are no others.
     """
 
@@ -55,7 +55,7 @@ class ChartCell:
 
     @property
     def count(self) -> int:
-        """Number of solutions in the middle."""
+        """Number of solutions in the middle; if it is not proved, at least so many."""
         return len(self.solutions)
 
 

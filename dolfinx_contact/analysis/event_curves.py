@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 import numpy.typing as npt
@@ -133,7 +134,33 @@ class EventCurves:
         """(mu, gamma) at which two curves of folds end."""
         return tuple((m.mu, m.gamma) for m in self.meetings if m.is_cusp)
 
+    @property
+    def crossings(self) -> tuple[tuple[float, float], ...]:
+        """(mu, gamma) at which two curves of folds cross, of different states, by mu.
+
+        Curves that cross twice between two of the points at which they are compared, sixteen a
+        segment, are taken not to cross there.
+        """
+        found = []
+        for a, b in combinations(self.folds, 2):
+            low, high = max(a.span[0], b.span[0]), min(a.span[1], b.span[1])
+            mus = np.unique(np.concatenate([c.points(16)[:, 0] for c in (a, b)]))
+            mus = mus[(low < mus) & (mus < high)]
+            apart = np.array([a.at(mu) - b.at(mu) for mu in mus])
+            for k in np.flatnonzero(apart[:-1] * apart[1:] < 0):
+                mu = _crossing(a, b, mus[k], mus[k + 1])
+                found.append((mu, a.at(mu)))
+        return tuple(sorted(found))
+
     def folds_at(self, mu: float) -> list[float]:
         """Gamma of all folds at mu, falling."""
         there = (c.at(mu) for c in self.folds)
         return sorted((g for g in there if np.isfinite(g)), reverse=True)
+
+
+def _crossing(a: EventCurve, b: EventCurve, low: float, high: float) -> float:
+    """The mu between two others at which curves cross, to round-off, by bisection."""
+    above = a.at(low) > b.at(low)
+    while low < (middle := (low + high) / 2) < high:
+        low, high = (middle, high) if (a.at(middle) > b.at(middle)) == above else (low, middle)
+    return float(middle)

@@ -181,8 +181,8 @@ def draw_chart(
 ) -> Path:
     """Draw how many solutions there are over two parameters; on this rank alone.
 
-    Cells whose number is not proved are hatched. Curves of folds are drawn thick, of events thin,
-    and where two curves of folds end there is a dot.
+    Cells whose number is not proved are hatched: there are at least so many. Curves of folds are
+    drawn thick, of events thin, and where two curves of folds end there is a dot.
 
     Args:
         file: the picture, of any kind that matplotlib writes.
@@ -206,7 +206,7 @@ def draw_chart(
         axes.add_patch(Rectangle((left, low), right - left, high - low, hatch=hatch, **look))
     for curve in curves.curves if curves is not None else ():
         width = 1.8 if curve.kind == "fold" else 0.7
-        axes.plot(*curve.points().T, color="black", lw=width)
+        axes.plot(*curve.points(32).T, color="black", lw=width)
     if curves is not None and curves.cusps:
         axes.plot(*np.array(curves.cusps).T, "o", color="black", ms=5)
     for side, limits in (("mu", axes.set_xlim), ("gamma", axes.set_ylim)):
@@ -219,7 +219,7 @@ def draw_chart(
         Patch(facecolor=_FILLS[n % len(_FILLS)], edgecolor="0.4", label=words[n]) for n in counts
     ]
     if not chart.proved:
-        handles.append(Patch(facecolor="white", edgecolor="0.4", hatch="///", label="not proved"))
+        handles.append(Patch(facecolor="white", edgecolor="0.4", hatch="///", label="at least"))
     figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
     return _written(figure, file)
 
