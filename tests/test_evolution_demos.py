@@ -31,6 +31,7 @@ def bar(folder, n, thin, steps):
     return [abs(summary[name] / summary[f"{name}_closed_form"] - 1) for name in NAMES]
 
 
+@pytest.mark.chatty
 def test_the_bar_on_a_floor(folder):
     """To first order in the thickness over the slip length."""
     coarse, fine = (bar(folder / str(n), n, n // 2, 2) for n in (40, 80))
@@ -45,6 +46,7 @@ def test_the_bar_to_one_percent(folder):
     assert max(bar(folder, 200, 100, 10)) < 0.01
 
 
+@pytest.mark.chatty
 def test_two_blocks(folder, no_pictures):
     """Other nodes below cost as much friction, to some percent; what is written is there."""
     spent = []
