@@ -61,7 +61,6 @@ def measured(make, comm):
         "verdict": verdict,
         "points": sum(result.counts.values()),
         "dofs": result.dofs,
-        "in_summary": result.quick,
     }
     problem.destroy()
     return record
@@ -76,14 +75,11 @@ def main(argv=None):
     for record in found.values():
         record["ratio"] = record["seconds"] / record["solve_seconds"]
     if comm.rank == 0:
-        print(
-            "| problem | points | unknowns | solve, ms | unique, ms | ratio | says | in summary |"
-        )
-        print("|" + 8 * "---|")
+        print("| problem | points | unknowns | solve, ms | unique, ms | ratio | says |")
+        print("|" + 7 * "---|")
         for name, r in found.items():
             times = f"{1e3 * r['solve_seconds']:.0f} | {1e3 * r['seconds']:.0f} | {r['ratio']:.2f}"
-            asked = "yes" if r["in_summary"] else "no"
-            print(f"| {name} | {r['points']} | {r['dofs']} | {times} | {r['verdict']} | {asked} |")
+            print(f"| {name} | {r['points']} | {r['dofs']} | {times} | {r['verdict']} |")
         if args.output:
             save(args.output, found)
     return found

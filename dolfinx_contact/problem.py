@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from functools import cache, partial
+from functools import partial
 from typing import Any
 
 from petsc4py import PETSc
@@ -29,7 +29,7 @@ from dolfinx_contact._options import ProblemOptions, check_options, in_database
 from dolfinx_contact._petsc import require_real, staged
 from dolfinx_contact._progress import SolveProgress
 from dolfinx_contact.algorithms import Algorithm, ReducedContact
-from dolfinx_contact.analysis.contact import is_quick, uniqueness
+from dolfinx_contact.analysis.contact import uniqueness
 from dolfinx_contact.analysis.theory import theory_of
 from dolfinx_contact.body.bulk import Bulk
 from dolfinx_contact.body.cells import check_cells
@@ -283,8 +283,8 @@ class ContactProblem:
                 )
             with self.restored():
                 result = self.collect(x, attempts)
-            theorems, quick = partial(theory_of, self.equations), is_quick(self.equations)
-            result = replace(result, prove=self._proof_of(x), theorems=theorems, quick=quick)
+            theorems = partial(theory_of, self.equations)
+            result = replace(result, prove=self._proof_of(x), theorems=theorems)
             x.destroy()
             said.end(result.iterations)
             return result
@@ -293,10 +293,9 @@ class ContactProblem:
             x0.destroy()
 
     def _proof_of(self, x: PETSc.Vec) -> Callable[[float], Uniqueness]:
-        """What looks for a proof that the solution is the only one; each answer is kept."""
+        """What looks for a proof that the solution is the only one."""
         values = x.array_r.copy()
 
-        @cache
         def prove(seconds: float) -> Uniqueness:
             y = self.create_vector()
             y.array[:] = values

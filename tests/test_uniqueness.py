@@ -85,9 +85,13 @@ def test_no_proof_in_space_of_a_body_that_gives_way():
     assert "positive definite" in found.reason
 
 
-def test_summary_says_so_where_it_is_cheap():
-    assert block(n=4).solve().summary()["unique"] == "proved"
-    assert "unique" not in block(n=64).solve().summary()
+def test_summary_says_so_where_it_was_asked():
+    """It does not ask: that takes all ranks, and a summary may be wanted on one."""
+    result = block(n=4).solve()
+    if COMM.rank == 0:
+        assert "unique" not in result.summary()
+    assert result.unique == "proved"
+    assert result.summary()["unique"] == "proved"
 
 
 @pytest.mark.parametrize(

@@ -31,7 +31,6 @@ from dolfinx_contact.reduced.condensed import CondensedContact, can_condense
 from dolfinx_contact.results.uniqueness import Uniqueness
 
 __all__ = [
-    "is_quick",
     "obstacle_to_proof",
     "proved",
     "proved_rays",
@@ -45,7 +44,6 @@ logger = logging.getLogger(__name__)
 
 _SOLVED = 1e-6  # relative residual up to which a state is a solution of the present data
 _PATIENCE = 3.0  # seconds before something is said
-_QUICK = 150_000  # solves times unknowns
 _MOST_POINTS = 300  # in 3D, for an eigenproblem that is not asked for
 
 
@@ -137,16 +135,6 @@ def _within_errors(condensed: CondensedContact, gamma: float) -> ReducedProblem 
     except ValueError as error:
         logger.info("nothing can be proved: %s", error)
         return None
-
-
-def is_quick(equations: ContactEquations) -> bool:
-    """Whether `uniqueness` takes some hundredths of a second. Not collective.
-
-    What it takes is a factorisation of the body, and a solve for every component of a point.
-    """
-    points = sum(s.number_everywhere for s in equations.surfaces)
-    work = equations.dim * points * sum(equations.global_sizes)
-    return equations.bulk.linear and work <= _QUICK
 
 
 def uniqueness(

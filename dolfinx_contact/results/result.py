@@ -63,7 +63,6 @@ class Result:
         prove: looks for a proof that there is no other solution, in so many seconds; see
             `uniqueness`.
         theorems: finds what theorems say of the problem; see `theory`.
-        quick: whether `unique` takes some hundredths of a second; then `summary` has it.
     """
 
     tables: dict[str, ContactTable]
@@ -81,7 +80,7 @@ class Result:
     rigid_bodies: dict[str, RigidBodyResult]
     prove: Callable[[float], Uniqueness] | None = field(default=None, repr=False, compare=False)
     theorems: Callable[[], Theory] | None = field(default=None, repr=False, compare=False)
-    quick: bool = False
+    _proofs: dict[float, Uniqueness] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def converged(self) -> bool:
@@ -140,7 +139,9 @@ class Result:
         """
         if self.prove is None:
             raise ValueError("uniqueness is looked at for results of ContactProblem.solve")
-        return self.prove(seconds)
+        if seconds not in self._proofs:
+            self._proofs[seconds] = self.prove(seconds)
+        return self._proofs[seconds]
 
     @property
     def unique(self) -> str:
@@ -158,7 +159,7 @@ class Result:
         return self.theorems()
 
     def summary(self) -> dict[str, Any]:
-        """Scalars for `summary.json`; `unique` is among them if it is `quick`. Collective."""
+        """Scalars for `summary.json`; `unique` is among them if it was asked for before."""
         tables = self.tables.values()
         rt = sum(t.rt.sum(axis=0) for t in tables)
         counts = self.counts
@@ -183,8 +184,11 @@ class Result:
             "min_det_F": self.min_det_F,
             **{f"penetration_{k}": p.largest for k, p in self.penetrations.items()},
             **self._rigid_summary(),
-            **({"unique": self.unique} if self.quick else {}),
+            **self._proof_summary(),
         }
+
+    def _proof_summary(self) -> dict[str, Any]:
+        return {"unique": self._proofs[max(self._proofs)].verdict} if self._proofs else {}
 
     def _rigid_summary(self) -> dict[str, Any]:
         bodies = {name: body.summary() for name, body in self.rigid_bodies.items()}
