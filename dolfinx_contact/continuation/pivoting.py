@@ -202,8 +202,15 @@ class Pivoting:
         return new
 
     def _moved(self, w: Array, gamma: float, length: float, ray: AffineRay) -> Array:
+        """The state at ``gamma``: that of the piece, so that nothing adds up over the steps.
+
+        A piece that is nearly singular does not know it as well as the segment does.
+        """
         piece = self._piece(ray.codes) if ray.rate != 0 else None
-        return w + length * ray.direction if piece is None else piece.at(gamma)
+        moved = w + length * ray.direction
+        exact = moved if piece is None else piece.at(gamma)
+        off = np.abs(exact - moved).max(initial=0.0)
+        return exact if off <= TOLERANCE * self._unit else moved
 
     def _cross(
         self, w: Array, gamma: float, ray: AffineRay, length: float

@@ -128,6 +128,8 @@ def outgoing(
     """
     cone.require_finite()
     choices = [np.flatnonzero(a) for a in cone.allowed]
+    if not all(len(c) for c in choices):
+        return Rays(tuple(known), False, "no enumeration: a point is in no cone, for round-off")
     pieces = number_of_pieces(cone)
     if pieces <= MOST_PIECES:
         wide: list[Codes] = []
