@@ -4,6 +4,7 @@ import logging
 
 from mpi4py import MPI
 
+import demo_only_solution
 import demo_regularised
 import numpy as np
 import pytest
@@ -294,7 +295,13 @@ def test_what_regularised_friction_loses(folder, shape):
     opens = next(r for r in summary["true"] if r["status"][0] == "o")
     assert summary["reached"]["status"].strip("d") == opens["status"]
     assert summary["reached"]["ut_A"] == pytest.approx(opens["ut_A"], rel=1e-8)
-    # The bound of the theorem, eps^2/|log h|, falls by a hundred between these.
+
+
+@pytest.mark.long
+def test_up_to_where_regularised_friction_has_one_solution(folder):
+    """The bound of the theorem, eps^2/|log h|, falls by a hundred between these widths."""
+    words = ["--n", "8", "--friction", "2.5", "--output", folder]
+    summary = demo_only_solution.main([*map(str, words)])
     friction = summary["critical_friction"]
     assert friction["n = 8, eps = 0.0001"] == pytest.approx(
         friction["n = 8, eps = 0.001"], rel=0.05
