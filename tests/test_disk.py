@@ -35,7 +35,8 @@ from dolfinx_contact.output import (
     write_series,
     write_summary,
 )
-from dolfinx_contact.output.journal import FILE_NAME, JournalFile
+from dolfinx_contact.output.journal import Journal
+from dolfinx_contact.output.lines import FILE_NAME, JournalFile
 
 COMM = MPI.COMM_WORLD
 TREE = Path(__file__).resolve().parents[1]
@@ -332,7 +333,7 @@ def here(tmp_path):
 
     def opened():
         new = not (tmp_path / FILE_NAME).exists()
-        return JournalFile(tmp_path, new=new)
+        return JournalFile(tmp_path, Journal, new=new)
 
     file = opened()
     file.append({"type": "header", "format": 1})

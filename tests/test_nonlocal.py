@@ -306,7 +306,7 @@ def test_a_branch():
     x = system.create_vector()
     problem.write(x)
     other = block(**options, domain=domain, law=NonlocalCoulomb(gamma, 0.31))
-    assert identity(ParametricContact(other, gamma))["forms"] != identity(system)["forms"]
+    assert identity(other)["forms"] != identity(system.problem)["forms"]
     branch = follow(system, x, 0.6, gamma_range=(0.3, 0.6), increasing=False)
     assert branch.reason == "gamma reached the end of its range"
     assert any(s.changes for s in branch.special)

@@ -27,6 +27,7 @@ from dolfinx_contact.continuation import (
 )
 from dolfinx_contact.output import (
     BranchRecord,
+    Journal,
     Progress,
     diagrams,
     draw_diagram,
@@ -35,7 +36,7 @@ from dolfinx_contact.output import (
     write_series,
 )
 from dolfinx_contact.output.identity import mesh_hash
-from dolfinx_contact.output.journal import FILE_NAME, JournalFile, parse
+from dolfinx_contact.output.lines import FILE_NAME, JournalFile, parse
 
 COMM = MPI.COMM_WORLD
 TREE = Path(__file__).resolve().parents[1]
@@ -132,7 +133,7 @@ def test_numbers_survive(folder):
     """All digits, and numbers that are not finite."""
     values = {"pi": np.pi, "tiny": 5e-324, "nan": float("nan"), "many": [float("inf"), -np.inf]}
     if COMM.rank == 0:
-        file = JournalFile(folder, new=True)
+        file = JournalFile(folder, Journal, new=True)
         file.append({"type": "header", "format": 1, **values, "text": 'a "crc": "} é\n'})
         file.close()
         header = read_journal(folder).header
@@ -149,7 +150,7 @@ def test_a_torn_last_line_is_dropped(whole):
     lines = data.splitlines(keepends=True)
     start = len(b"".join(lines[:8]))
     for length in range(start, start + len(lines[8]) + 1):
-        journal = parse(data[:length])
+        journal = parse(data[:length], Journal)
         complete = 8 + (length == start + len(lines[8]))
         assert len(journal.branches[0].points) == complete - 3
         assert journal.torn == (start < length < start + len(lines[8]))
@@ -171,7 +172,7 @@ def test_a_damaged_line_is_an_error(whole, folder):
     system, functionals = moved_block(COMM)
     for name, content in damaged.items():
         with pytest.raises(ValueError, match=r"line \d+ of the journal is damaged"):
-            parse(b"".join(content))
+            parse(b"".join(content), Journal)
         path = folder / name.replace(" ", "_")
         if COMM.rank == 0:
             path.mkdir()

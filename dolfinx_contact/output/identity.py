@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What a contact problem with a parameter is known by, on any number of ranks.
+"""What a contact problem is known by, on any number of ranks.
 
 Mesh, elements, contact surfaces, forms and the numbers in them. So a run is not resumed with the
 journal of another problem.
@@ -8,7 +8,7 @@ journal of another problem.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
@@ -23,8 +23,8 @@ from ufl.algorithms.analysis import extract_constants
 from dolfinx_contact._compat import geometry_dofmap
 
 if TYPE_CHECKING:
-    from dolfinx_contact.parametric import ParametricContact
     from dolfinx_contact.points.surface import ContactSurface
+    from dolfinx_contact.problem import ContactProblem
 
 __all__ = ["difference", "identity", "mesh_hash"]
 
@@ -81,9 +81,13 @@ def _mix(rows: npt.NDArray[np.uint64], seed: int) -> npt.NDArray[np.uint64]:
     return h
 
 
-def identity(system: ParametricContact) -> dict[str, Any]:
-    """What the problem is known by, in words and numbers for the journal. Collective."""
-    problem = system.problem
+def identity(problem: ContactProblem, *, but: Sequence[Any] = ()) -> dict[str, Any]:
+    """What the problem is known by, in words and numbers for the journal. Collective.
+
+    Args:
+        problem: the problem.
+        but: Constants whose values vary.
+    """
     eq, domain = problem.equations, problem.V.mesh
     words = [eq.bulk.residual.signature()]
     for s in problem.surfaces:
@@ -94,7 +98,7 @@ def identity(system: ParametricContact) -> dict[str, Any]:
         words.append(f"{body.about.tolist()} {body.fixed.tolist()}")
         words += [_signature(e, domain) for e in body.expressions]
     fixed = eq.fixed[: eq.owned_sizes[0]]
-    x = system.create_vector()
+    x = problem.create_vector()
     unknowns = int(x.getSize())
     x.destroy()
     return {
@@ -108,7 +112,7 @@ def identity(system: ParametricContact) -> dict[str, Any]:
         "fixed": problem.comm.allreduce(int(fixed.sum())),
         "ufl": ufl.__version__,
         "forms": hashlib.sha256("".join(words).encode()).hexdigest()[:32],
-        "numbers": _numbers(system),
+        "numbers": _numbers(problem, but),
     }
 
 
@@ -125,13 +129,12 @@ def _given(s: ContactSurface) -> list[Any]:
     return list(s.given.all)
 
 
-def _numbers(system: ParametricContact) -> list[float]:
-    """Values of the Constants in the problem: materials, loads, friction; not gamma."""
-    problem = system.problem
+def _numbers(problem: ContactProblem, but: Sequence[Any]) -> list[float]:
+    """Values of the Constants in the problem: materials, loads, friction."""
     expressions = [e for s in problem.surfaces for e in _given(s)]
     expressions += [e for body in problem.rigid_bodies for e in body.expressions]
     values: list[float] = []
-    seen: list[Any] = [system.constant]
+    seen: list[Any] = list(but)
     for e in (problem.equations.bulk.residual, *expressions):
         for c in extract_constants(e):
             if not any(c is other for other in seen):

@@ -30,11 +30,11 @@ Functional: TypeAlias = "ufl.Form | Callable[[ContactProblem], float]"
 _SAME = 1e-12  # relative: what sums over the ranks may differ by
 
 
-def places(system: ParametricContact) -> dict[str, list[list[float]]]:
+def places(problem: ContactProblem) -> dict[str, list[list[float]]]:
     """Coordinates of the contact points by surface, in the order of `letters`. Collective."""
     found = {}
-    for s in system.problem.surfaces:
-        x, ids = (np.concatenate(system.comm.allgather(v)) for v in (s.positions, s.points.ids))
+    for s in problem.surfaces:
+        x, ids = (np.concatenate(problem.comm.allgather(v)) for v in (s.positions, s.points.ids))
         found[s.name] = x[by_coordinates(x, ids)].tolist()
     return found
 
@@ -75,7 +75,7 @@ def _places(system: ParametricContact, changes: Sequence[Change]) -> list[dict[s
 
 
 def compiled(
-    system: ParametricContact, functionals: Mapping[str, Functional]
+    problem: ContactProblem, functionals: Mapping[str, Functional]
 ) -> dict[str, Callable[[], float]]:
     """Functions that evaluate the functionals at the problem's Functions. Collective.
 
@@ -83,12 +83,12 @@ def compiled(
         ValueError: on every rank, if a functional is neither a scalar form nor a function, has the
             name of a column, or the functionals differ between ranks, in their order too.
     """
-    with everywhere(system.comm, "the functionals"):
+    with everywhere(problem.comm, "the functionals"):
         _check_names(functionals)
-        kinds = {name: _kind(system, name, f) for name, f in functionals.items()}
-    same_everywhere(system.comm, functionals=list(kinds))
-    same_everywhere(system.comm, functionals=kinds)
-    return {name: _evaluator(system, name, f) for name, f in functionals.items()}
+        kinds = {name: _kind(problem, name, f) for name, f in functionals.items()}
+    same_everywhere(problem.comm, functionals=list(kinds))
+    same_everywhere(problem.comm, functionals=kinds)
+    return {name: _evaluator(problem, name, f) for name, f in functionals.items()}
 
 
 def _check_names(functionals: Mapping[str, Functional]) -> None:
@@ -98,19 +98,19 @@ def _check_names(functionals: Mapping[str, Functional]) -> None:
         raise ValueError(f"functionals must not have the names of columns: {', '.join(clash)}")
 
 
-def _kind(system: ParametricContact, name: str, f: Functional) -> str:
+def _kind(problem: ContactProblem, name: str, f: Functional) -> str:
     """What a functional says, the same on ranks that mean the same."""
     if isinstance(f, ufl.Form):
         if f.arguments():
             raise ValueError(f"the functional {name!r} must be a scalar form")
-        return says(f, system.problem.V.mesh)
+        return says(f, problem.V.mesh)
     if not callable(f):
         raise ValueError(f"the functional {name!r} is neither a UFL form nor a function")
     return "a function"
 
 
-def _evaluator(system: ParametricContact, name: str, f: Functional) -> Callable[[], float]:
-    problem, comm = system.problem, system.comm
+def _evaluator(problem: ContactProblem, name: str, f: Functional) -> Callable[[], float]:
+    comm = problem.comm
     if isinstance(f, ufl.Form):
         maps = merge_entity_maps([s.submesh for s in problem.surfaces])
         form = fem.form(f, entity_maps=maps)

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import logging
 import os
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
@@ -21,7 +20,7 @@ from petsc4py import PETSc
 
 import numpy as np
 
-from dolfinx_contact._errors import on_root, require, same_everywhere
+from dolfinx_contact._errors import require, same_everywhere
 from dolfinx_contact.continuation import (
     Branch,
     BranchPoint,
@@ -36,12 +35,11 @@ from dolfinx_contact.continuation import (
 )
 from dolfinx_contact.continuation.branch import Stop
 from dolfinx_contact.laws import status
-from dolfinx_contact.output.checkpoints import Checkpoints, joined, last_entry
-from dolfinx_contact.output.folder import agreed_path, output_folder
-from dolfinx_contact.output.identity import difference, identity
-from dolfinx_contact.output.journal import FORMAT, Journal, JournalBranch, JournalFile
-from dolfinx_contact.output.lock import end_with_launcher
-from dolfinx_contact.output.points import Functional, compiled, described, places
+from dolfinx_contact.output.checkpoints import joined, last_entry
+from dolfinx_contact.output.identity import identity
+from dolfinx_contact.output.journal import Journal, JournalBranch
+from dolfinx_contact.output.points import Functional, compiled, described
+from dolfinx_contact.output.problem_record import ProblemRecord
 
 if TYPE_CHECKING:
     from dolfinx_contact.parametric import ParametricContact
@@ -53,7 +51,7 @@ logger = logging.getLogger(__name__)
 _COINCIDE = 1e-8  # of the range of gamma, and of the length of x that counts as 1
 
 
-class BranchRecord(Observer):
+class BranchRecord(ProblemRecord[Journal], Observer):
     """Records branches of a contact problem in a folder. Collective.
 
     While it is open no other process can record there. Ranks that ``mpirun`` has started end with
@@ -104,73 +102,24 @@ class BranchRecord(Observer):
         whole = isinstance(every, int | np.integer) and every >= 1
         require(comm, whole, f"fields must be kept at every 1 or more points, got {every!r}")
         same_everywhere(comm, every=int(every), resume=bool(resume))
-        self.system, self.comm, self.every = system, comm, every
-        self._functionals = compiled(system, functionals or {})
-        known = agreed_path(comm, folder, "folder")
-        self.folder = known if resume else output_folder(comm, known)
-        self._file: JournalFile | None = None
+        self.system, self.every = system, every
+        self._functionals = compiled(system.problem, functionals or {})
+        super().__init__(folder, system.problem, Journal, resume=resume)
         self._x, self._mx = system.create_vector(), system.create_vector()
         self._last: tuple[BranchPoint, Stepping] | None = None
         self._starts = False
-        end_with_launcher()
-        self.journal = on_root(comm, lambda: self._open(new=not resume))
         try:
-            self._identify()
-            self._checkpoints = Checkpoints(self.folder / "checkpoints", system.problem)
+            known = identity(system.problem, but=[system.constant])
+            self._begin(known, functionals=list(self._functionals))
         except Exception:
             self.close()
             raise
 
-    def _open(self, *, new: bool) -> Journal:
-        self._file = JournalFile(self.folder, new=new)
-        return self._file.journal
-
-    def _identify(self) -> None:
-        """Compare the header with the problem, or write it."""
-        from dolfinx_contact import __version__
-
-        names, problem = list(self._functionals), identity(self.system)
-        recorded = self.journal.header
-        if recorded:
-            differs = difference(recorded["problem"], problem)
-            if not differs and recorded["functionals"] != names:
-                differs = f"other functionals ({', '.join(recorded['functionals'])})"
-            message = f"the journal in {self.folder} is that of another problem: {differs}"
-            require(self.comm, not differs, message)
-            if recorded["package"] != __version__ and self.comm.rank == 0:
-                logger.warning("recorded by %s, resumed by %s", recorded["package"], __version__)
-        on_root(self.comm, lambda: self._file.drop_torn_line() if self._file else None)
-        if not recorded:
-            header = {"package": __version__, "functionals": names, "problem": problem}
-            header["points"] = places(self.system)
-            self._append({"type": "header", "format": FORMAT, **header})
-            self.journal.header = header
-        session = {"time": time.time(), "ranks": self.comm.size, "package": __version__}
-        self._append({"type": "session", **session})
-        self.journal.sessions.append(session)
-
-    def _append(self, entry: Mapping[str, Any]) -> None:
-        """Write a line of the journal; a checkpoint that it cannot name is removed. Collective."""
-        try:
-            on_root(self.comm, lambda: self._file.append(entry) if self._file else None)
-        except OSError:
-            if "checkpoint" in entry:
-                self._checkpoints.remove(entry["checkpoint"])
-            raise
-
     def close(self) -> None:
         """Close the journal; the record can then be resumed."""
-        if self._file is not None:
-            self._file.close()
-            self._file = None
+        super().close()
         for v in (self._x, self._mx):
             v.destroy()
-
-    def __enter__(self) -> BranchRecord:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     # -- Observer --------------------------------------------------------------------------------
 

@@ -11,7 +11,8 @@ import numpy as np
 from dolfinx_contact._errors import everywhere, same_everywhere
 from dolfinx_contact.continuation import Branch, SpecialPoint
 from dolfinx_contact.laws import status
-from dolfinx_contact.output.journal import FORMAT, Journal, JournalBranch
+from dolfinx_contact.output.journal import Journal, JournalBranch
+from dolfinx_contact.output.lines import FORMAT
 from dolfinx_contact.output.points import Functional, compiled, described, places
 
 if TYPE_CHECKING:
@@ -53,8 +54,8 @@ def journal_of(
         if not all(isinstance(b, Branch) for b in branches):
             raise ValueError("branches must be Branches, as `follow` and `explore` return them")
     same_everywhere(system.comm, points_of_the_branches=[len(b.points) for b in branches])
-    values = compiled(system, functionals or {})
-    header = {"functionals": list(values), "points": places(system), "format": FORMAT}
+    values = compiled(system.problem, functionals or {})
+    header = {"functionals": list(values), "points": places(system.problem), "format": FORMAT}
     journal = Journal(header=header)
     x, mx = system.create_vector(), system.create_vector()
     with system.restored(always=True):

@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""What records of one contact problem in a folder share: the journal, its lock, and checkpoints."""
+
+from __future__ import annotations
+
+import logging
+import os
+import time
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
+
+from dolfinx_contact._errors import on_root, require
+from dolfinx_contact.output.checkpoints import Checkpoints
+from dolfinx_contact.output.folder import agreed_path, output_folder
+from dolfinx_contact.output.identity import difference
+from dolfinx_contact.output.lines import FORMAT, JournalFile, Lines
+from dolfinx_contact.output.lock import end_with_launcher
+from dolfinx_contact.output.points import places
+
+if TYPE_CHECKING:
+    from dolfinx_contact.problem import ContactProblem
+
+__all__ = ["ProblemRecord"]
+
+logger = logging.getLogger(__name__)
+
+J = TypeVar("J", bound=Lines)
+R = TypeVar("R", bound="ProblemRecord[Any]")
+
+
+class ProblemRecord(Generic[J]):
+    """A folder with a journal, locked, and checkpoints of one contact problem. Collective.
+
+    While it is open no other process can record there. Ranks that ``mpirun`` has started end with
+    it from then on, also when it is killed.
+
+    Args:
+        folder: of the record, made if need be.
+        problem: what it is of.
+        kind: of the journal.
+        resume: whether to go on with a record that exists. Else there must be none.
+
+    Attributes:
+        journal: what has been recorded, on every rank.
+
+    Raises:
+        OSError: on every rank, if the folder cannot be written to, another process records there,
+            there is a record and it is not to be resumed, or the other way round.
+        ValueError: on every rank, if the journal is damaged or one of something else.
+    """
+
+    def __init__(
+        self,
+        folder: str | os.PathLike[str],
+        problem: ContactProblem,
+        kind: type[J],
+        *,
+        resume: bool,
+    ):
+        self.problem, self.comm = problem, problem.comm
+        known = agreed_path(self.comm, folder, "folder")
+        self.folder = known if resume else output_folder(self.comm, known)
+        self._file: JournalFile[J] | None = None
+        end_with_launcher()
+        self.journal: J = on_root(self.comm, lambda: self._open(kind, new=not resume))
+
+    def _open(self, kind: type[J], *, new: bool) -> J:
+        self._file = JournalFile(self.folder, kind, new=new)
+        return self._file.journal
+
+    def _begin(self, problem: Mapping[str, Any], **more: Any) -> None:
+        """Compare the header with the problem, or write it; begin a session. Collective.
+
+        Args:
+            problem: what it is known by (`identity`).
+            more: words of the header, by name, that must be the same.
+
+        Raises:
+            ValueError: on every rank, if the journal is that of another problem. Nothing has been
+                written then.
+        """
+        from dolfinx_contact import __version__
+
+        recorded = self.journal.header
+        if recorded:
+            differs = difference(recorded["problem"], problem)
+            for name, value in more.items():
+                if not differs and recorded[name] != value:
+                    differs = f"other {name} ({', '.join(recorded[name])})"
+            message = f"the journal in {self.folder} is that of another problem: {differs}"
+            require(self.comm, not differs, message)
+            if recorded["package"] != __version__ and self.comm.rank == 0:
+                logger.warning("recorded by %s, resumed by %s", recorded["package"], __version__)
+        on_root(self.comm, lambda: self._file.drop_torn_line() if self._file else None)
+        if not recorded:
+            header = {"package": __version__, "of": self.journal.kind, **more, "problem": problem}
+            header["points"] = places(self.problem)
+            self._append({"type": "header", "format": FORMAT, **header})
+            self.journal.header = header
+        session = {"time": time.time(), "ranks": self.comm.size, "package": __version__}
+        self._append({"type": "session", **session})
+        self.journal.sessions.append(session)
+        self._checkpoints = Checkpoints(self.folder / "checkpoints", self.problem)
+
+    def _append(self, entry: Mapping[str, Any]) -> None:
+        """Write a line of the journal; a checkpoint that it cannot name is removed. Collective."""
+        try:
+            on_root(self.comm, lambda: self._file.append(entry) if self._file else None)
+        except OSError:
+            if "checkpoint" in entry:
+                self._checkpoints.remove(entry["checkpoint"])
+            raise
+
+    def close(self) -> None:
+        """Close the journal; the record can then be resumed."""
+        if self._file is not None:
+            self._file.close()
+            self._file = None
+
+    def __enter__(self: R) -> R:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
