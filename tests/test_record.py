@@ -3,11 +3,7 @@
 import io
 import os
 import random
-import signal
-import subprocess
-import tempfile
 import time
-from pathlib import Path
 
 from mpi4py import MPI
 
@@ -15,6 +11,7 @@ import numpy as np
 import pytest
 import recorded_run
 from blocks import box
+from killing import kill, launch
 from recorded_run import moved_block, record
 
 from dolfinx_contact.continuation import (
@@ -39,7 +36,6 @@ from dolfinx_contact.output.identity import mesh_hash
 from dolfinx_contact.output.lines import FILE_NAME, JournalFile, parse
 
 COMM = MPI.COMM_WORLD
-TREE = Path(__file__).resolve().parents[1]
 serial = pytest.mark.skipif(COMM.size > 1, reason="starts processes of its own")
 NUMBERS = ("gamma", "step", "norm", "volume", "force")
 
@@ -457,53 +453,6 @@ def test_a_mesh_has_one_hash():
 # -- kills -----------------------------------------------------------------------------------------
 
 
-def launch(ranks, *arguments):
-    """Start the recorded run on its own ranks, without what this process has from its launcher."""
-    taken = ("OMPI_", "PRTE_", "PMIX_", "PETSC_OPTIONS")
-    clean = {k: v for k, v in os.environ.items() if not k.startswith(taken)}
-    program = ["python3", str(TREE / "tests/recorded_run.py"), *map(str, arguments)]
-    command = program if ranks == 1 else ["mpirun", "-n", str(ranks), *program]
-    # A killed mpirun leaves its folder, in whose way a later one of the same number would be.
-    own = tempfile.mkdtemp(prefix="ranks-")
-    return subprocess.Popen(
-        [TREE / "docker/run", *command],
-        env=clean | {"DOLFINX_CONTACT_ENV": "direct", "TMPDIR": own},
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
-
-
-def family(pid):
-    """A process and its descendants."""
-    try:
-        threads = list(Path(f"/proc/{pid}/task").iterdir())
-        children = " ".join((t / "children").read_text() for t in threads)
-    except OSError:
-        return [pid]
-    return [pid, *(q for child in children.split() for q in family(int(child)))]
-
-
-def kill(process):
-    """SIGKILL for a process and all that it has started, and wait until they are gone."""
-    pids = family(process.pid)
-    for pid in pids:
-        try:
-            os.kill(pid, signal.SIGKILL)
-        except ProcessLookupError:
-            continue
-    process.wait()
-    for pid in pids:
-        while alive(pid):
-            time.sleep(0.005)
-
-
-def alive(pid):
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
-    except OSError:
-        return False
-
-
 @serial
 @pytest.mark.parametrize("kills", [2, pytest.param(10, marks=pytest.mark.long)])
 def test_killed_at_random_moments(whole, folder, kills):
@@ -513,7 +462,9 @@ def test_killed_at_random_moments(whole, folder, kills):
     moments = [0.05 + 0.9 / kills * (i + random.uniform(0.0, 0.8)) for i in range(kills)]
     recorded = []
     for session, moment in enumerate(moments):
-        process = launch(1 + session % 3, folder, *(["--resume"] if session else []))
+        process = launch(
+            1 + session % 3, "recorded_run.py", folder, *(["--resume"] if session else [])
+        )
         # Time passes between a look at the file and the kill: any moment of a step may be hit.
         delay = random.uniform(0.0, 0.03)
         while (path.stat().st_size if path.exists() else 0) < moment * total:
@@ -524,7 +475,7 @@ def test_killed_at_random_moments(whole, folder, kills):
         time.sleep(delay)
         kill(process)
         recorded.append(read_journal(folder).columns())
-    process = launch(2, folder, "--resume")
+    process = launch(2, "recorded_run.py", folder, "--resume")
     assert process.wait(timeout=300) == 0, (folder / "said.0").read_text()
     journal = read_journal(folder)
     require_same(journal, whole[2])
@@ -548,7 +499,7 @@ def test_errors_reach_every_rank(whole, folder, ranks):
         ([*lines[:5], *lines[6:]], 0.3, "line 6 of the journal is damaged"),
     ]:
         (folder / FILE_NAME).write_bytes(b"".join(content))
-        process = launch(ranks, folder, "--resume", "--friction", friction)
+        process = launch(ranks, "recorded_run.py", folder, "--resume", "--friction", friction)
         assert process.wait(timeout=300) == 3
         said = {(folder / f"said.{rank}").read_text() for rank in range(ranks)}
         assert len(said) == 1

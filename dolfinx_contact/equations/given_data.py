@@ -15,7 +15,7 @@ from ufl.algorithms.analysis import extract_constants
 from dolfinx_contact._compat import dirichlet_value
 from dolfinx_contact.equations.contact import ContactEquations
 
-__all__ = ["GivenData", "given_data"]
+__all__ = ["GivenData", "given_data", "numbers_of"]
 
 
 def given_data(eq: ContactEquations) -> list[Any]:
@@ -48,6 +48,25 @@ class GivenData:
         """Put the values back, bit by bit. Not collective."""
         for f, values in self._values:
             _values(f)[...] = values
+
+
+def numbers_of(eq: ContactEquations) -> list[list[float]]:
+    """What the data are known by, on any number of ranks. Collective.
+
+    Returns:
+        The values of every Constant; mean and root of the mean square of every Function.
+    """
+    found: list[list[float]] = []
+    for f in given_data(eq):
+        if not hasattr(f, "x"):
+            found.append([float(v) for v in np.real(np.ravel(f.value))])
+            continue
+        V = f.function_space
+        owned = f.x.array[: V.dofmap.index_map.size_local * V.dofmap.index_map_bs]
+        sums = [float(len(owned)), float(np.sum(owned)), float(np.sum(owned**2))]
+        n, total, squares = eq.comm.allreduce(np.array(sums))
+        found.append([float(total / n), float(np.sqrt(squares / n))])
+    return found
 
 
 def _values(f: fem.Function | fem.Constant) -> npt.NDArray[np.float64]:

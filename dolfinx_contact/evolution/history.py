@@ -71,12 +71,14 @@ class History:
 
     Attributes:
         start: time at which it began.
+        before: energies until then.
         steps: accepted ones.
         reason: why it ended, in words.
         complete: whether it reached the last of the times that were asked for.
     """
 
     start: float
+    before: Energies = field(default_factory=Energies)
     steps: list[EvolutionStep] = field(default_factory=list)
     reason: str = "not ended"
     complete: bool = False
@@ -89,7 +91,7 @@ class History:
     @property
     def energies(self) -> Energies:
         """At the last accepted state."""
-        return self.steps[-1].energies if self.steps else Energies()
+        return self.steps[-1].energies if self.steps else self.before
 
     def at(self, time: float) -> EvolutionStep:
         """The step that ends at a time.

@@ -7,7 +7,7 @@ leave nothing behind but what `Stepper.put` overwrites, bit by bit.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -95,6 +95,28 @@ class Stepper:
             data.restore()
             raise
         return self._moment(time, None, eq.advanced(state), forces_at(eq, state), Energies())
+
+    def recalled(
+        self, time: float, memory: Sequence[Memory | None], energies: Energies, *, first: bool
+    ) -> Moment:
+        """A moment of before, of which the state stands in the problem. Collective.
+
+        Args:
+            time: of it.
+            memory: that it left.
+            energies: since the start.
+            first: whether it is the start, whose statuses are not known.
+        """
+        eq, data = self.problem.equations, GivenData(self.problem.equations)
+        try:
+            self._set(time)
+            eq.remember(memory)
+            state = self.problem.state()
+        except BaseException:
+            data.restore()
+            raise
+        known = None if first else state.statuses
+        return self._moment(time, known, tuple(memory), forces_at(eq, state), energies)
 
     def put(self, moment: Moment) -> None:
         """Put a moment into Functions, statuses, rigid bodies, data and memory, bit by bit.

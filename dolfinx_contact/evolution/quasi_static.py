@@ -19,7 +19,7 @@ import itertools
 import math
 import time as clock
 from collections.abc import Callable, Sequence
-from typing import Literal, TypeAlias, get_args
+from typing import TypeAlias, get_args
 
 from mpi4py import MPI
 
@@ -27,16 +27,17 @@ import numpy as np
 
 from dolfinx_contact._errors import everywhere, same_everywhere
 from dolfinx_contact._progress import Line
+from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.evolution.history import EvolutionStep, History, NoContinuation
 from dolfinx_contact.evolution.jumps import find_jump, where_it_changes
 from dolfinx_contact.evolution.moment import Moment, Stepper, Taken, change
+from dolfinx_contact.evolution.standing import AtJump, Recorder, Standing, Task
+from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.solvers import ConvergenceError
 
-__all__ = ["AtJump", "QuasiStatic"]
+__all__ = ["QuasiStatic"]
 
-#: What to do where no solution continues the evolution.
-AtJump: TypeAlias = Literal["raise", "stop", "jump"]
 #: Told of every accepted step, or asked whether to accept it, on every rank.
 Observer: TypeAlias = Callable[[EvolutionStep], object]
 
@@ -97,6 +98,7 @@ class QuasiStatic:
         sudden: float = 2.0,
         accept: Callable[[EvolutionStep], bool] | None = None,
         observer: Observer | None = None,
+        record: Recorder | None = None,
         progress: bool | None = None,
     ) -> History:
         """Go through times. Collective.
@@ -116,6 +118,8 @@ class QuasiStatic:
             accept: asked of every step, on every rank; one that is not accepted is tried again with
                 half the length, and is accepted at the shortest length.
             observer: told of every accepted step while its end stands in the problem.
+            record: keeps every accepted step before the observer is told of it, as
+                `output.EvolutionRecord` does.
             progress: whether rank 0 says on the standard error stream where it is; by default once
                 it takes more than some seconds.
 
@@ -126,6 +130,7 @@ class QuasiStatic:
             NoContinuation: see ``at_jump``; the problem is at the last accepted state.
             ValueError: on every rank, for arguments that do not fit, or data of which none can be
                 solved with; what ``load``, ``accept`` or ``observer`` raises on any rank.
+            OSError: on every rank, if a step cannot be recorded.
         """
         comm = self.problem.comm
         with everywhere(comm, "the times of an evolution"):
@@ -141,23 +146,88 @@ class QuasiStatic:
             if not sudden >= 1:
                 raise ValueError(f"sudden must be 1 or more, got {sudden}")
         same_everywhere(comm, times=given, longest=longest, shortest=shortest, at_jump=at_jump)
-        stepper = Stepper(self.problem, self.load, False if progress is False else None)
-        moment = self._moment or stepper.start(given[0])
-        said = _Said(comm, progress, given)
-        run = _Run(stepper, moment, longest, least, sudden, accept, observer, said)
+        same_everywhere(comm, a_record=record is not None)
+        task = Task(tuple(given), float(longest), least, at_jump, float(sudden))
+        stepper = self._stepper(progress)
+        standing = Standing(self._moment or stepper.start(given[0]), task.longest)
+        if record is not None:
+            stepper.put(standing.moment)
+            record.begin(task, standing)
+        return self._go(stepper, task, standing, accept, observer, record, progress)
+
+    def go_on(
+        self,
+        task: Task,
+        standing: Standing,
+        *,
+        accept: Callable[[EvolutionStep], bool] | None = None,
+        observer: Observer | None = None,
+        record: Recorder | None = None,
+        progress: bool | None = None,
+    ) -> History:
+        """Go on with a run from where it stood, as a record does. Collective.
+
+        Args:
+            task: what was asked of the run.
+            standing: where it stood.
+            accept: see `run`, as for what follows, the errors and the result.
+            observer: told of the steps from there on.
+            record: keeps them.
+            progress: whether to say where it is.
+        """
+        stepper = self._stepper(progress)
+        return self._go(stepper, task, standing, accept, observer, record, progress)
+
+    def put(self, moment: Moment) -> None:
+        """Put the evolution at a state of it, from which the next `run` goes on. Collective."""
+        self._moment = moment
+        self._stepper(None).put(moment)
+
+    def recalled(
+        self, time: float, memory: Sequence[Memory | None], energies: Energies, *, first: bool
+    ) -> Moment:
+        """The state that stands in Functions, statuses and rigid bodies, as one of it. Collective.
+
+        Args:
+            time: of the state.
+            memory: that it left.
+            energies: since the start.
+            first: whether it is the start of the evolution, whose statuses are not known.
+        """
+        return self._stepper(None).recalled(time, memory, energies, first=first)
+
+    def _stepper(self, progress: bool | None) -> Stepper:
+        return Stepper(self.problem, self.load, False if progress is False else None)
+
+    def _go(
+        self,
+        stepper: Stepper,
+        task: Task,
+        standing: Standing,
+        accept: Callable[[EvolutionStep], bool] | None,
+        observer: Observer | None,
+        record: Recorder | None,
+        progress: bool | None,
+    ) -> History:
+        """A run from where it stands to its end. Collective."""
+        said = _Said(self.problem.comm, progress, (standing.moment.time, task.times[-1]))
+        run = _Run(stepper, task, standing, accept, observer, record, said)
+        history, failure = run.history, None
         try:
-            for end in given[1:]:
-                run.to(end, at_jump)
-            run.history.reason, run.history.complete = "the last time is reached", True
+            for end in task.times[1:]:
+                run.to(end)
+            history.reason, history.complete = "the last time is reached", True
         except _Ended as ended:
-            run.history.reason = str(ended)
-            if at_jump != "stop":
-                raise NoContinuation(str(ended), run.history) from ended.__cause__
+            history.reason, failure = str(ended), ended
         finally:
             self._moment = run.moment
             stepper.put(run.moment)
-            said.end(run.history)
-        return run.history
+            said.end(history)
+        if record is not None:
+            record.end(history)
+        if failure is not None and task.at_jump != "stop":
+            raise NoContinuation(history.reason, history) from failure.__cause__
+        return history
 
 
 class _Ended(Exception):
@@ -170,22 +240,21 @@ class _Run:
     def __init__(
         self,
         stepper: Stepper,
-        moment: Moment,
-        longest: float,
-        shortest: float,
-        sudden: float,
+        task: Task,
+        standing: Standing,
         accept: Callable[[EvolutionStep], bool] | None,
         observer: Observer | None,
+        record: Recorder | None,
         said: _Said,
     ):
-        self.moment, self.history = moment, History(moment.time)
-        self._stepper, self._longest, self._shortest = stepper, longest, shortest
-        self._sudden, self._said = sudden, said
-        self._accepts, self._observer = accept, observer
-        self._length, self._rejected = longest, 0
-        self._rate: float | None = None  # of the last step
+        self.moment = standing.moment
+        self.history = History(self.moment.time, self.moment.energies)
+        self._stepper, self._task, self._said = stepper, task, said
+        self._accepts, self._observer, self._record = accept, observer, record
+        self._length, self._rejected = standing.length, 0
+        self._rate, self._before = standing.rate, standing.number
 
-    def to(self, end: float, at_jump: AtJump) -> None:
+    def to(self, end: float) -> None:
         """Go on to a time."""
         while self.moment.time < end:
             aim = _aim(self.moment.time, end, self._length)
@@ -197,8 +266,8 @@ class _Run:
             path = self._jump(taken)
             if path is not None:
                 for before in path[:-1]:
-                    self._accept(before)
-                self._jump_over(path[-1], at_jump)
+                    self._accept(before, settled=False)
+                self._jump_over(path[-1])
             elif self._wanted(taken):
                 self._accept(taken)
             else:
@@ -207,13 +276,13 @@ class _Run:
     def _jump(self, taken: Taken) -> list[Taken] | None:
         """The steps up to a jump in a step that changes the state suddenly; None if none does."""
         rate = _rate(taken)
-        if self._rate is None or rate <= self._sudden * self._rate:
+        if self._rate is None or rate <= self._task.sudden * self._rate:
             return None
-        return find_jump(self._stepper, taken, self._shortest)
+        return find_jump(self._stepper, taken, self._task.shortest)
 
-    def _jump_over(self, taken: Taken, at_jump: AtJump) -> None:
+    def _jump_over(self, taken: Taken) -> None:
         a, b = taken.before, taken.after
-        if at_jump == "jump":
+        if self._task.at_jump == "jump":
             self._accept(taken, jump=True)
             return
         raise _Ended(
@@ -224,7 +293,7 @@ class _Run:
     def _shorten(self, aim: float, error: ConvergenceError | None = None) -> None:
         """Try half the step next time, or a quarter if there was an error; end if too short."""
         length, part = aim - self.moment.time, 2 if error is None else 4
-        if length / part < self._shortest:
+        if length / part < self._task.shortest:
             raise _Ended(
                 f"no solution was found beyond the time {self.moment.time:.10g}, in a step of "
                 f"{length:.2g}: {error}"
@@ -233,7 +302,7 @@ class _Run:
 
     def _step(self, taken: Taken, jump: bool) -> EvolutionStep:
         return EvolutionStep(
-            len(self.history.steps) + 1,
+            self._before + len(self.history.steps) + 1,
             taken.before.time,
             taken.after.time,
             taken.result,
@@ -245,7 +314,7 @@ class _Run:
     def _wanted(self, taken: Taken) -> bool:
         """Whether the user accepts a step that could be shorter. Collective."""
         comm = self._stepper.problem.comm
-        shorter = (taken.after.time - taken.before.time) / 2 >= self._shortest
+        shorter = (taken.after.time - taken.before.time) / 2 >= self._task.shortest
         if not (shorter and comm.allreduce(int(self._accepts is not None))):
             return True
         self._stepper.show(taken)
@@ -256,13 +325,17 @@ class _Run:
         # All that were asked must want it.
         return not comm.allreduce(int(not wanted))
 
-    def _accept(self, taken: Taken, *, jump: bool = False) -> None:
+    def _accept(self, taken: Taken, *, jump: bool = False, settled: bool = True) -> None:
         comm, step = self._stepper.problem.comm, self._step(taken, jump)
         self.history.steps.append(step)
         self.moment = taken.after
         if not jump:
             self._rate = _rate(taken)
-        self._rejected, self._length = 0, min(2 * self._length, self._longest)
+        self._rejected, self._length = 0, min(2 * self._length, self._task.longest)
+        if self._record is not None:
+            standing = Standing(taken.after, self._length, self._rate, step.number, settled)
+            self._stepper.put(taken.after)
+            self._record.step(step, standing)
         if comm.allreduce(int(self._observer is not None)):
             self._stepper.show(taken)
             with everywhere(comm, "the observer"):

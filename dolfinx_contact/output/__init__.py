@@ -9,6 +9,8 @@ refuse_mixture()  # asimov-contact's head, laid over ours, takes this folder for
 from dolfinx_contact.output.curves import draw_chart, draw_convergence, draw_curves, draw_regions
 from dolfinx_contact.output.diagrams import draw_diagram
 from dolfinx_contact.output.evolution import EvolutionSeries
+from dolfinx_contact.output.evolution_journal import EvolutionJournal, read_evolution
+from dolfinx_contact.output.evolution_record import EvolutionRecord
 from dolfinx_contact.output.fields import STATUS_CODES, write_fields
 from dolfinx_contact.output.folder import output_folder, write_summary
 from dolfinx_contact.output.functionals import leftmost, rightmost, total
@@ -30,6 +32,8 @@ from dolfinx_contact.output.vibration import write_vibration
 __all__ = [
     "STATUS_CODES",
     "BranchRecord",
+    "EvolutionJournal",
+    "EvolutionRecord",
     "EvolutionSeries",
     "Hertz",
     "Journal",
@@ -48,6 +52,7 @@ __all__ = [
     "picture_of_body",
     "picture_of_contact",
     "picture_of_states",
+    "read_evolution",
     "read_journal",
     "resume",
     "rightmost",

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Fields of a branch point on the disk, to be read on any number of ranks.
+"""Fields of a branch point or a step on the disk, to be read on any number of ranks.
 
 The unknowns of a point and its tangent are written by adios4dolfinx, cell by cell of the mesh as it
 was given to DOLFINx. It writes no Functions of submeshes: those of a contact surface are put into a
@@ -13,8 +13,9 @@ import json
 import os
 import shutil
 import zlib
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from petsc4py import PETSc
 
@@ -25,7 +26,7 @@ from dolfinx import fem, la
 
 from dolfinx_contact._compat import read_checkpoint, write_checkpoint
 from dolfinx_contact._errors import on_root
-from dolfinx_contact.output.disk import reserve, sync_folder
+from dolfinx_contact.output.disk import os_error, reserve, sync_folder
 from dolfinx_contact.output.writers import disk_errors
 from dolfinx_contact.points.trace import trace_dofs
 
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
 __all__ = ["Checkpoints", "joined", "last_entry"]
 
 _RIGID = "rigid_bodies.json"  # displacements and rotations of all, by vector
+_ARRAYS = "arrays.npz"
 
 
 class Checkpoints:
@@ -56,10 +58,16 @@ class Checkpoints:
             self._whole.append(fem.Function(W))
             self._nodes.append(nodes)
 
-    def write(self, name: str, vectors: dict[str, PETSc.Vec]) -> str:
+    def write(
+        self,
+        name: str,
+        vectors: dict[str, PETSc.Vec],
+        arrays: Mapping[str, npt.NDArray[Any]] | None = None,
+    ) -> str:
         """Keep ``vectors`` of unknowns under ``name``; a check sum of the files. Collective.
 
-        The last of them stays in the problem's Functions. Returns when all is on the disk.
+        The last of them stays in the problem's Functions, and ``arrays`` are those of rank 0.
+        Returns when all is on the disk.
 
         Raises:
             OSError: on every rank, with the path, if they cannot be written; nothing is left then.
@@ -67,7 +75,7 @@ class Checkpoints:
         part, final = self.folder / f".{name}.part", self.folder / name
         on_root(self.comm, lambda: shutil.rmtree(part) if part.exists() else None)
         try:
-            return self._write(part, final, vectors)
+            return self._write(part, final, vectors, arrays or {})
         except BaseException:
             if self.comm.rank == 0:
                 shutil.rmtree(part, ignore_errors=True)
@@ -78,7 +86,13 @@ class Checkpoints:
         if self.comm.rank == 0:
             shutil.rmtree(self.folder / name, ignore_errors=True)
 
-    def _write(self, part: Path, final: Path, vectors: dict[str, PETSc.Vec]) -> str:
+    def _write(
+        self,
+        part: Path,
+        final: Path,
+        vectors: dict[str, PETSc.Vec],
+        arrays: Mapping[str, npt.NDArray[Any]],
+    ) -> str:
         kept = [self._whole[i] or f for i, f in enumerate(self.problem.fields)]
         motions: dict[str, list[list[float]]] = {}
         reserve(self.comm, final, len(vectors) * sum(_size(f) for f in kept))
@@ -92,6 +106,11 @@ class Checkpoints:
                 write_checkpoint(part, functions)
 
         def finish() -> str:
+            if arrays:
+                try:
+                    np.savez(part / _ARRAYS, **arrays)  # type: ignore[arg-type]
+                except OSError as error:
+                    raise os_error(error, final) from None
             if self.problem.rigid_bodies:
                 (part / _RIGID).write_text(json.dumps(motions))
             total = _check_sum(part, sync=True)
@@ -133,6 +152,15 @@ class Checkpoints:
             for body, values in zip(bodies, motions.get(prefix, []), strict=True):
                 body.values = np.array(values)
             self.problem.write(x)
+
+    def arrays(self, name: str) -> dict[str, npt.NDArray[Any]]:
+        """The arrays kept under ``name``, which has been read, on every rank. Collective."""
+
+        def load() -> dict[str, npt.NDArray[Any]]:
+            with np.load(self.folder / name / _ARRAYS) as found:
+                return dict(found)
+
+        return on_root(self.comm, load)
 
     def _on_the_body(self, i: int, f: fem.Function) -> fem.Function:
         """Field ``i`` as a Function on the mesh of the body; 0 away from its surface."""

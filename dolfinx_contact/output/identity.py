@@ -35,11 +35,19 @@ def mesh_hash(domain: mesh.Mesh) -> str:
     """A hash of cells, nodes and coordinates, in the numbering of the input. Collective.
 
     It depends neither on the number of ranks nor on how cells and nodes are numbered there.
+
+    Raises:
+        ValueError: on every rank, if the cells of the mesh have no numbers, as in a submesh.
     """
+    try:
+        original = domain.topology.original_cell_index
+    except RuntimeError as error:
+        message = "a record needs a mesh whose cells have numbers of the input, not a submesh"
+        raise ValueError(message) from error
     n = domain.topology.index_map(domain.topology.dim).size_local
     cells = geometry_dofmap(domain)[:n]
     columns = [
-        domain.topology.original_cell_index[:n, None],
+        original[:n, None],
         np.asarray(domain.geometry.input_global_indices)[cells],
         # Adding zero makes -0.0 the same as 0.0.
         (domain.geometry.x[cells].reshape(n, -1) + 0.0).view(np.int64),

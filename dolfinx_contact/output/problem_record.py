@@ -68,19 +68,16 @@ class ProblemRecord(Generic[J]):
         self._file = JournalFile(self.folder, kind, new=new)
         return self._file.journal
 
-    def _begin(self, problem: Mapping[str, Any], **more: Any) -> None:
-        """Compare the header with the problem, or write it; begin a session. Collective.
+    def _require_same(self, problem: Mapping[str, Any], **more: Any) -> None:
+        """Compare the header with the problem, if there is one. Collective.
 
         Args:
             problem: what it is known by (`identity`).
             more: words of the header, by name, that must be the same.
 
         Raises:
-            ValueError: on every rank, if the journal is that of another problem. Nothing has been
-                written then.
+            ValueError: on every rank, if the journal is that of another problem.
         """
-        from dolfinx_contact import __version__
-
         recorded = self.journal.header
         if recorded:
             differs = difference(recorded["problem"], problem)
@@ -89,8 +86,15 @@ class ProblemRecord(Generic[J]):
                     differs = f"other {name} ({', '.join(recorded[name])})"
             message = f"the journal in {self.folder} is that of another problem: {differs}"
             require(self.comm, not differs, message)
-            if recorded["package"] != __version__ and self.comm.rank == 0:
-                logger.warning("recorded by %s, resumed by %s", recorded["package"], __version__)
+
+    def _begin(self, problem: Mapping[str, Any], **more: Any) -> None:
+        """Write the header, if there is none, and begin a session. Collective."""
+        from dolfinx_contact import __version__
+
+        recorded = self.journal.header
+        known = recorded.get("package", __version__)
+        if known != __version__ and self.comm.rank == 0:
+            logger.warning("recorded by %s, resumed by %s", known, __version__)
         on_root(self.comm, lambda: self._file.drop_torn_line() if self._file else None)
         if not recorded:
             header = {"package": __version__, "of": self.journal.kind, **more, "problem": problem}

@@ -110,6 +110,7 @@ class BranchRecord(ProblemRecord[Journal], Observer):
         self._starts = False
         try:
             known = identity(system.problem, but=[system.constant])
+            self._require_same(known, functionals=list(self._functionals))
             self._begin(known, functionals=list(self._functionals))
         except Exception:
             self.close()

@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Arrays at the contact points of a problem, taken from and brought to any number of ranks.
+
+A surface has them in the order of its table: by place, and points at one place (the sides of a
+crack) by their nodes in the mesh as it was given to DOLFINx.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact.equations.order import by_coordinates
+from dolfinx_contact.points.memory import Memory
+
+if TYPE_CHECKING:
+    from dolfinx_contact.evolution.moment import Moment
+    from dolfinx_contact.points.surface import ContactSurface
+    from dolfinx_contact.problem import ContactProblem
+
+__all__ = ["AtPoints"]
+
+Arrays = dict[str, npt.NDArray[Any]]
+
+
+class AtPoints:
+    """Statuses and memory of the points of all surfaces. Collective.
+
+    Args:
+        problem: whose surfaces have them.
+    """
+
+    def __init__(self, problem: ContactProblem):
+        self._surfaces = [_Order(s) for s in problem.surfaces]
+
+    def gathered(self, moment: Moment) -> Arrays:
+        """What the points of all ranks have at a moment, by name, on every rank. Collective."""
+        found: Arrays = {}
+        every = zip(self._surfaces, moment.shown, moment.memory, strict=True)
+        for i, (surface, codes, memory) in enumerate(every):
+            found[f"{i}.statuses"] = surface.gathered(codes)
+            for name, values in _arrays(memory).items():
+                found[f"{i}.memory.{name}"] = surface.gathered(values)
+        return found
+
+    def statuses(self, found: Mapping[str, npt.NDArray[Any]]) -> list[npt.NDArray[np.int8]]:
+        """The statuses of the points of this rank, surface by surface."""
+        return [s.mine(found[f"{i}.statuses"]) for i, s in enumerate(self._surfaces)]
+
+    def memory(self, found: Mapping[str, npt.NDArray[Any]]) -> tuple[Memory | None, ...]:
+        """The memory of the points of this rank, surface by surface."""
+        memories: list[Memory | None] = []
+        for i, surface in enumerate(self._surfaces):
+            start = f"{i}.memory."
+            names = [name for name in found if name.startswith(start)]
+            arrays = {name.removeprefix(start): surface.mine(found[name]) for name in names}
+            memories.append(Memory(**arrays) if arrays else None)
+        return tuple(memories)
+
+
+class _Order:
+    """Where the points of this rank are among those of all."""
+
+    def __init__(self, s: ContactSurface):
+        self._comm = s.comm
+        x, ids = (np.concatenate(s.comm.allgather(v)) for v in (s.positions, s.points.ids))
+        self._order = by_coordinates(x, ids)
+        first = sum(s.comm.allgather(s.points.number)[: s.comm.rank])
+        self._mine = slice(first, first + s.points.number)
+
+    def gathered(self, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+        """The values of all points, in order. Collective."""
+        return np.concatenate(self._comm.allgather(values))[self._order]
+
+    def mine(self, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+        """The values of the points of this rank, of those of all in order. Not collective."""
+        placed = np.empty_like(values)
+        placed[self._order] = values
+        return placed[self._mine].copy()
+
+
+def _arrays(memory: Memory | None) -> Arrays:
+    """All arrays of a memory, whichever it has."""
+    if memory is None:
+        return {}
+    known = {f.name: getattr(memory, f.name) for f in fields(memory)}
+    return {name: values for name, values in known.items() if values is not None}

@@ -1,0 +1,102 @@
+"""An evolution with a record: python3 recorded_evolution.py FOLDER [--resume] ..."""
+
+import argparse
+import sys
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+from blocks import box, facets
+
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact import ContactPair, ContactProblem, Coulomb
+from dolfinx_contact.evolution import QuasiStatic
+from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.meshing import crack
+from dolfinx_contact.output import EvolutionRecord
+
+#: Down in the first unit of time, then to the right, to the left, and up.
+TIMES = np.array([0.0, 1.0, 3.0, 6.0, 7.0])
+LONGEST = 0.5
+
+
+def motion(time, way=0.012):
+    """Of the top, at a time."""
+    across, up = (0.0, 0.0, way, -way, -0.3 * way), (0.0, -0.01, -0.01, -0.01, -0.002)
+    return np.array([np.interp(time, TIMES, values) for values in (across, up)])
+
+
+def pair(comm, friction=0.25, way=0.012, n=4):
+    """Two elastic blocks, one on the other."""
+    import demo_two_blocks
+
+    words = ["--n", str(n), "--friction", str(friction)]
+    both, top = demo_two_blocks.problem(demo_two_blocks.arguments(words), comm)
+
+    def load(time):
+        top.value = motion(time, way)
+
+    return QuasiStatic(both, load)
+
+
+def cracked(comm, friction=0.25, way=0.012, n=4):
+    """A block with a crack from its left side to its middle, and the rest of it whole."""
+    domain = box(comm, n, "tri")
+    domain.topology.create_entities(1)
+    inside = mesh.locate_entities(domain, 1, lambda x: np.isclose(x[1], 0.5) & (x[0] < 0.75 + 1e-9))
+    every = [inside, facets(domain, 1, 0.0), facets(domain, 1, 1.0)]
+    values = np.repeat(np.array([5, 1, 4], dtype=np.int32), [len(f) for f in every])
+    order = np.argsort(np.concatenate(every))
+    tags = mesh.meshtags(domain, 1, np.concatenate(every)[order], values[order])
+    body = crack(domain, [5], facet_tags=tags)
+    V = fem.functionspace(body.mesh, ("Lagrange", 1, (2,)))
+    u, top = fem.Function(V), fem.Function(V)
+    lower, upper = (fem.locate_dofs_topological(V, 1, body.facet_tags.find(tag)) for tag in (1, 4))
+    bcs = [fem.dirichletbc(np.zeros(2), lower, V), fem.dirichletbc(top, upper)]
+    sides = ContactPair(u, body, slave=5, master="5_opposite", law=Coulomb(friction))
+    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
+    problem = ContactProblem(energy, u, [sides], bcs=bcs)
+
+    def load(time):
+        top.x.array[:] = np.tile(motion(time, way), len(top.x.array) // 2)
+
+    return QuasiStatic(problem, load)
+
+
+CASES = {"pair": pair, "crack": cracked}
+
+
+def record(evolution, folder, observer=None, longest=LONGEST):
+    """Run it with a record in a new folder."""
+    with EvolutionRecord(folder, evolution) as kept:
+        return evolution.run(TIMES, longest=longest, record=kept, observer=observer)
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--resume", action="store_true")
+    parser.add_argument("--case", choices=CASES, default="pair")
+    parser.add_argument("--friction", type=float, default=0.25)
+    parser.add_argument("--longest", type=float, default=LONGEST)
+    args = parser.parse_args()
+    evolution = CASES[args.case](MPI.COMM_WORLD, args.friction)
+    try:
+        if args.resume:
+            with EvolutionRecord(args.folder, evolution, resume=True) as kept:
+                said = kept.go_on().reason
+        else:
+            said = record(evolution, args.folder, longest=args.longest).reason
+    except (OSError, ValueError) as error:
+        said = f"{type(error).__name__}: {error}"
+    # A file for every rank: lines of several ranks may mix on one stream.
+    (args.folder / f"said.{MPI.COMM_WORLD.rank}").write_text(said)
+    sys.exit(0 if said == "the last time is reached" else 3)
+
+
+if __name__ == "__main__":
+    sys.path.insert(0, str(Path(__file__).parents[1] / "demos"))
+    main()

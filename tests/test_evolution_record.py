@@ -1,0 +1,337 @@
+"""The record of evolutions: the journal, and runs that are interrupted or killed and resumed."""
+
+import random
+import time
+from contextlib import suppress
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from blocks import block, box, facets, same_tables
+from killing import kill, launch
+from recorded_evolution import CASES, LONGEST, TIMES, cracked, pair, record
+from test_evolution import dragged, put
+
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, RigidBody
+from dolfinx_contact.evolution import QuasiStatic
+from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.output import BranchRecord, EvolutionRecord, read_evolution
+from dolfinx_contact.output.lines import FILE_NAME
+from dolfinx_contact.parametric import ParametricContact
+
+COMM = MPI.COMM_WORLD
+serial = pytest.mark.skipif(COMM.size > 1, reason="starts processes of its own")
+NUMBERS = ("time", "length", "external", "stored", "dissipated")
+
+
+def require_same(folder, other, tolerance=1e-10):
+    """The same states, in the journals and in what was kept of the points."""
+    a, b = (read_evolution(path) for path in (folder, other))
+    assert [s["status"] for s in a.states] == [s["status"] for s in b.states]
+    rows = a.rows(), b.rows()
+    for name in rows[0][0]:
+        found, wanted = (np.array([row[name] for row in each]) for each in rows)
+        if wanted.dtype.kind != "f":
+            if name not in ("newton_iterations", "strategy"):
+                np.testing.assert_array_equal(found, wanted, err_msg=name)
+            continue
+        energy = name in ("external", "stored", "dissipated", "residue")
+        scale = max(r["external"] for r in rows[1]) if energy else np.abs(wanted).max(initial=0)
+        np.testing.assert_allclose(found, wanted, rtol=0, atol=tolerance * scale, err_msg=name)
+    size = max(s["norm"] for s in b.states)
+    for s, t in zip(a.states, b.states, strict=True):
+        assert abs(s["norm"] - t["norm"]) <= tolerance * size
+        files = [p / "checkpoints" / s["checkpoint"] / "arrays.npz" for p in (folder, other)]
+        with np.load(files[0]) as found, np.load(files[1]) as wanted:
+            assert sorted(found) == sorted(wanted)
+            for name in found:
+                length = np.abs(wanted[name]).max(initial=0.0)
+                atol = tolerance * length if "memory" in name else 0
+                np.testing.assert_allclose(found[name], wanted[name], rtol=0, atol=atol)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """Runs that nothing ends, on all ranks of the test; made when they are asked for."""
+    made = {}
+
+    def get(case, longest=LONGEST):
+        if (case, longest) not in made:
+            folder = COMM.bcast(tmp_path_factory.mktemp(case) if COMM.rank == 0 else None)
+            assert record(CASES[case](COMM), folder, longest=longest).complete
+            made[case, longest] = folder
+        return made[case, longest]
+
+    return get
+
+
+class Stop(Exception):
+    """What an observer raises."""
+
+
+def stopping(number):
+    def observer(step):
+        if step.number == number:
+            raise Stop
+
+    return observer
+
+
+def test_the_journal_says_what_was_run(folder):
+    evolution = pair(COMM)
+    history = record(evolution, folder)
+    journal = read_evolution(folder)
+    assert journal.rows() == [s.row() | {"status": s.status} for s in history.steps]
+    assert [s["time"] for s in journal.states] == [0.0, *(s.time for s in history.steps)]
+    assert (journal.runs[0].reason, journal.runs[0].complete) == ("the last time is reached", True)
+    assert journal.runs[0].task["times"] == TIMES.tolist()
+    np.testing.assert_allclose(journal.places["contact"], [(x, 0) for x in np.arange(5) / 4])
+    letters = set("".join(s["status"] for s in journal.states))
+    assert {"o", "k", "+", "-"} <= letters
+    # A step that is shown is the step that was.
+    with EvolutionRecord(folder, evolution, resume=True) as kept:
+        at = history.at(3.0)
+        kept.show(history.steps.index(at) + 1)
+        found = evolution.problem.table(evolution.problem.surfaces[0])
+        same_tables(found, at.result.tables["contact"], 1e-12)
+        np.testing.assert_allclose(
+            found.increment, at.result.tables["contact"].increment, atol=1e-14
+        )
+        again = kept.go_on()
+        assert (again.reason, again.steps) == ("the last time is reached", [])
+        assert again.energies == history.energies
+        # A second run of the same record.
+        evolution.load = lambda time: None
+        evolution.run([7.0, 8.0], record=kept)
+    assert [r.after for r in read_evolution(folder).runs] == [0, len(history.steps)]
+
+
+@pytest.mark.parametrize("case", ["crack", "pair"])
+def test_an_interrupted_run_resumes(case, whole, folder):
+    """By an observer; then between the files of a step and its line, and in a line."""
+    with pytest.raises(Stop):
+        record(CASES[case](COMM), folder, observer=stopping(5))
+    assert len(read_evolution(folder).states) == 6
+    seen = []
+    with EvolutionRecord(folder, CASES[case](COMM), resume=True) as kept, pytest.raises(Stop):
+        kept.go_on(observer=lambda step: (seen.append(step.number), stopping(8)(step)))
+    assert seen == [6, 7, 8]
+    path = folder / FILE_NAME
+    if COMM.rank == 0:
+        data = path.read_bytes()
+        path.write_bytes(data[: data.rindex(b'{"type": "state"') + 50])
+        (folder / "checkpoints/.state_000008.part").mkdir()
+    COMM.barrier()
+    assert read_evolution(folder).torn
+    with EvolutionRecord(folder, CASES[case](COMM), resume=True) as kept:
+        assert kept.go_on().complete
+    require_same(folder, whole(case))
+
+
+def test_a_damaged_checkpoint_is_passed_over(whole, folder):
+    with pytest.raises(Stop):
+        record(pair(COMM), folder, observer=stopping(6))
+    if COMM.rank == 0:
+        (folder / "checkpoints/state_000006/arrays.npz").write_bytes(b"nothing")
+    COMM.barrier()
+    seen = []
+    with EvolutionRecord(folder, pair(COMM), resume=True) as kept, pytest.raises(Stop):
+        kept.go_on(observer=lambda step: (seen.append(step.number), stopping(8)(step)))
+    assert seen == [6, 7, 8]
+    found, wanted = (read_evolution(path).rows() for path in (folder, whole("pair")))
+    for name in NUMBERS:
+        values = ([row[name] for row in rows[:8]] for rows in (found, wanted))
+        np.testing.assert_allclose(*values, rtol=1e-10, atol=1e-12)
+
+
+def test_what_is_refused(whole, folder):
+    """Records of other problems and loads, damaged ones, and those that would be overwritten."""
+    known, before = whole("pair"), (whole("pair") / FILE_NAME).read_bytes()
+    for other, message in [
+        (cracked(COMM), "another mesh"),
+        (pair(COMM, n=6), "another mesh"),
+        (pair(COMM, friction=0.26), "other loads, materials or friction"),
+        (pair(COMM, way=0.013), "other loads, materials or friction"),
+    ]:
+        with pytest.raises(ValueError, match=f"that of another problem: {message}"):
+            EvolutionRecord(known, other, resume=True)
+    evolution = pair(COMM)
+    with pytest.raises(FileExistsError, match="nothing is overwritten"):
+        EvolutionRecord(known, evolution)
+    with pytest.raises(FileNotFoundError, match="there is no journal"):
+        EvolutionRecord(folder / "nowhere", evolution, resume=True)
+    with pytest.raises(ValueError, match="a QuasiStatic is needed, got ContactProblem"):
+        EvolutionRecord(folder, evolution.problem)
+    assert (known / FILE_NAME).read_bytes() == before
+    lines = before.splitlines(keepends=True)
+    if COMM.rank == 0:
+        (folder / FILE_NAME).write_bytes(b"".join([*lines[:5], *lines[6:]]))
+    COMM.barrier()
+    with pytest.raises(ValueError, match="line 6 of the journal is damaged: state 3 follows"):
+        EvolutionRecord(folder, evolution, resume=True)
+    problem, _ = dragged()
+    system = ParametricContact(problem, problem.surfaces[0].law.friction)
+    with pytest.raises(ValueError, match="the journal of an evolution, not of branches"):
+        BranchRecord(known, system, resume=True)
+
+
+def test_a_submesh_is_refused(folder):
+    """Its cells have no numbers by which they could be found again."""
+    square = box(COMM, 2, "tri")
+    half = mesh.locate_entities(square, 2, lambda x: x[1] < 0.5 + 1e-9)
+    problem = block(
+        domain=mesh.create_submesh(square, 2, half)[0], where=lambda d: facets(d, 1, 0.0)
+    )
+    with pytest.raises(ValueError, match="a record needs a mesh whose cells have numbers"):
+        EvolutionRecord(folder, QuasiStatic(problem, lambda t: None))
+    COMM.barrier()
+    assert not (folder / FILE_NAME).exists()
+
+
+def test_a_run_begins_where_the_record_ends(whole, folder):
+    with EvolutionRecord(folder, pair(COMM)) as kept, pytest.raises(ValueError, match="no run is"):
+        kept.go_on()
+    with pytest.raises(Stop):
+        record(pair(COMM), folder / "run", observer=stopping(2))
+    evolution = pair(COMM)
+    with EvolutionRecord(folder / "run", evolution, resume=True) as kept:
+        with pytest.raises(ValueError, match="not at the end of the record"):
+            evolution.run(TIMES, record=kept)
+        with pytest.raises(ValueError, match="steps 0 to 2 are recorded, not 3"):
+            kept.show(3)
+
+
+def klarbring():
+    """The node with kt = kn = 2, k = 1 and friction 3, under (-t, -1): no stick beyond t = 3."""
+    domain = mesh.create_unit_square(COMM, 1, 1, diagonal=mesh.DiagonalType.left)
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u, pull = fem.Function(V), fem.Constant(domain, (0.0, 0.0))
+    tags = mesh.meshtags(domain, 1, facets(domain, 0, 0.0), 1)
+    side = ufl.Measure("ds", domain, subdomain_data=tags)(1)
+    energy = LinearElastic(1.0, 1.0).energy(u) * ufl.dx - ufl.dot(pull, u) * side
+    held = fem.locate_dofs_geometrical(V, lambda x: x[0] + x[1] > 0.9)
+    floor = HalfSpace((0, 0), (0, 1))
+    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(3.0))
+    bcs = [fem.dirichletbc(np.zeros(2), held, V)]
+
+    def load(t):
+        pull.value[:] = -2.0 * t, -2.0
+
+    return QuasiStatic(ContactProblem(energy, u, [surface], bcs=bcs), load)
+
+
+@pytest.mark.chatty
+@pytest.mark.parametrize("at_jump", ["jump", pytest.param("stop", marks=pytest.mark.long)])
+def test_steps_up_to_a_jump(at_jump, folder):
+    """Ended in the midst of the steps that were found with a jump: they are found once more."""
+
+    times, given = [0.0, 1.5, 2.5, 3.6, 4.0], {"at_jump": at_jump, "shortest": 0.01}
+    with EvolutionRecord(folder / "whole", klarbring()) as kept:
+        history = kept.evolution.run(times, record=kept, **given)
+    journal = read_evolution(folder / "whole")
+    between = [i for i, s in enumerate(journal.states[1:], 1) if not s["settled"]]
+    assert len(between) > 2
+    assert history.steps[between[-1] - 1].time == pytest.approx(3.0, abs=0.02)
+    stop = stopping(between[1])
+    with EvolutionRecord(folder / "parts", klarbring()) as kept, pytest.raises(Stop):
+        kept.evolution.run(times, record=kept, observer=stop, **given)
+    assert len(read_evolution(folder / "parts").states) == between[1] + 1
+    seen = []
+    with EvolutionRecord(folder / "parts", klarbring(), resume=True) as kept:
+        again = kept.go_on(observer=lambda step: seen.append(step.number))
+    assert seen[0] == between[0]
+    assert (again.reason, again.complete) == (history.reason, history.complete)
+    assert [r["jump"] for r in journal.rows()].count(True) == (at_jump == "jump")
+    require_same(folder / "parts", folder / "whole")
+
+
+def test_a_rigid_body_and_three_dimensions(folder):
+    """A floor that is pressed against a block by a force, free to move and tilt; small steps."""
+
+    def evolution():
+        def floor(domain):
+            return RigidBody(
+                HalfSpace((0, 0, 0), (0, 0, 1)),
+                about=(0.4, 0.5, 0),
+                load={"z": 8.0},
+                free=["rx", "ry"],
+                held=["x", "y", "rz"],
+            )
+
+        problem, top = dragged("hex", 2, obstacle=floor)
+        return QuasiStatic(problem, lambda t: put(top, (0.004 * t, 0.002 * t**2, 0.0)))
+
+    for name, stop in (("whole", 99), ("parts", 2)):
+        path = evolution()
+        with EvolutionRecord(folder / name, path) as kept, suppress(Stop):
+            path.run([0.0, 1.0, 2.0], longest=0.5, record=kept, observer=stopping(stop))
+    path = evolution()
+    with EvolutionRecord(folder / "parts", path, resume=True) as kept:
+        assert kept.go_on().complete
+    assert "s" in read_evolution(folder / "whole").states[-1]["status"]
+    require_same(folder / "parts", folder / "whole")
+
+
+# -- kills -----------------------------------------------------------------------------------------
+
+
+@serial
+@pytest.mark.parametrize(
+    ("case", "kills"),
+    [
+        ("crack", 1),
+        *(pytest.param(case, 20, marks=pytest.mark.long) for case in ("crack", "pair")),
+    ],
+)
+def test_killed_at_random_moments(case, kills, whole, folder):
+    """Every session on another number of ranks; each is killed, but for the last."""
+    random.seed(5)
+    longest = LONGEST if kills == 1 else 0.05
+    path, known = folder / FILE_NAME, whole(case, longest)
+    total = (known / FILE_NAME).stat().st_size
+    moments = [0.1 + 0.8 / kills * (i + random.uniform(0.0, 0.8)) for i in range(kills)]
+    recorded = []
+    for session, moment in enumerate(moments):
+        more = ["--resume"] if session else ["--longest", longest]
+        process = launch(1 + session % 3, "recorded_evolution.py", folder, "--case", case, *more)
+        # Time passes between a look at the file and the kill: any moment of a step may be hit.
+        delay = random.uniform(0.0, 0.05)
+        while (path.stat().st_size if path.exists() else 0) < moment * total:
+            if process.poll() is not None:  # the last steps may be written between two looks
+                assert process.returncode == 0, (folder / "said.0").read_text()
+                break
+            time.sleep(0.002)
+        time.sleep(delay)
+        kill(process)
+        recorded.append(read_evolution(folder).rows())
+    process = launch(2, "recorded_evolution.py", folder, "--case", case, "--resume")
+    assert process.wait(timeout=300) == 0, (folder / "said.0").read_text()
+    require_same(folder, known)
+    journal = read_evolution(folder)
+    assert [s["ranks"] for s in journal.sessions] == [*(1 + i % 3 for i in range(kills)), 2]
+    # Nothing recorded was lost or written anew.
+    for rows in recorded:
+        assert rows == journal.rows()[: len(rows)]
+    lengths = [len(rows) for rows in recorded]
+    assert sorted(set(lengths)) == lengths
+    assert len(journal.rows()) > lengths[-1]
+
+
+@serial
+@pytest.mark.long
+@pytest.mark.parametrize("ranks", [2, 3])
+def test_errors_reach_every_rank(ranks, whole, folder):
+    """The journal of another problem, on several ranks: one message, no hang."""
+    content = (whole("pair") / FILE_NAME).read_bytes()
+    (folder / FILE_NAME).write_bytes(content)
+    options = ("--resume", "--friction", 0.4)
+    process = launch(ranks, "recorded_evolution.py", folder, *options)
+    assert process.wait(timeout=300) == 3
+    said = {(folder / f"said.{rank}").read_text() for rank in range(ranks)}
+    assert len(said) == 1
+    assert "that of another problem: other loads, materials or friction" in said.pop()
+    assert (folder / FILE_NAME).read_bytes() == content
