@@ -10,6 +10,7 @@ warn_of_namesake()
 from dolfinx_contact import materials, obstacles
 from dolfinx_contact._petsc import parse_arguments
 from dolfinx_contact.laws import (
+    RCCM,
     Coulomb,
     Frictionless,
     NonlocalCoulomb,
@@ -29,6 +30,7 @@ from dolfinx_contact.solvers import ConvergenceError
 __version__ = "0.1.0"
 
 __all__ = [
+    "RCCM",
     "ContactPair",
     "ContactProblem",
     "ContactSurface",

@@ -15,7 +15,7 @@ from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.reduced.condensed import can_condense
 
 COMM = MPI.COMM_WORLD
-NUMBERS = {"F": 0.3, "g": 3.0, "rho": 0.5, "C": 3e4, "m": 1.5, "eps": 1e-3}
+NUMBERS = {"F": 0.3, "g": 3.0, "rho": 0.5, "C": 3e4, "m": 1.5, "eps": 1e-3, "K": 300.0, "w": 0.03}
 LINES = dolfinx_contact.laws.__doc__.splitlines()
 ROWS = [[c.strip() for c in line.strip("|").split("|")] for line in LINES if line.startswith("| `")]
 HEAD = next(line for line in LINES if line.startswith("| law"))

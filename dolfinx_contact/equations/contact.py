@@ -352,7 +352,11 @@ class ContactEquations:
             ValueError: on every rank, if they are not of these surfaces.
         """
         mine = len(memory) == len(self.surfaces) and all(
-            m is None or m.jump.shape == (s.points.number, s.dim)
+            m is None
+            or (
+                m.jump.shape == (s.points.number, s.dim)
+                and all(len(v) == s.points.number for v in m.fields.values())
+            )
             for s, m in zip(self.surfaces, memory, strict=True)
         )
         require(self.comm, mine, "the memory is that of other contact surfaces or another mesh")
@@ -362,7 +366,13 @@ class ContactEquations:
     def advanced(self, state: State) -> tuple[Memory, ...]:
         """The memory that a step leaves whose end this state is. Not collective."""
         found = zip(self.surfaces, state.surfaces, strict=True)
-        return tuple(Memory(at.jump + s.reference) for s, at in found)
+        return tuple(
+            Memory(
+                at.jump + s.reference,
+                {name: at.answers.bond(f"after.{name}") for name in s.law.remembers},
+            )
+            for s, at in found
+        )
 
     @contextmanager
     def automatic_augmentation(self) -> Iterator[None]:

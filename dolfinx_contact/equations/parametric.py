@@ -133,7 +133,8 @@ class ParametricEquations(System):
             mark = zlib.crc32(np.ascontiguousarray(values), mark)
         for memory in self.equations.memory:
             if memory is not None:
-                mark = zlib.crc32(memory.jump, mark)
+                for values in (memory.jump, *memory.fields.values(), np.array(memory.step)):
+                    mark = zlib.crc32(values, mark)
         return mark
 
     def set(self, gamma: float) -> None:

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -130,6 +130,8 @@ class SurfaceRates:
         rates, aside = s.points.rates(self._evaluators)
         if s.memory is not None:
             aside = aside + s.memory.reference_rate(data.n, rates.n)
+            given = {k: v for k, v in rates.fields.items() if k not in s.memory.fields}
+            rates = replace(rates, fields=given)
         args = state.jump, state.traction, data, rates, state.statuses
         return s.law_at_points.rate(*args) - state.along(aside)
 

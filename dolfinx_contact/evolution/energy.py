@@ -6,14 +6,17 @@ bodies and contact pressures p over areas W,
 
     external work  (f_n + f_n+1)/2 . du + (S_n + S_n+1)/2 . du - (P_n + P_n+1)/2 . dq
                    - sum W (p_n + p_n+1)/2 dg      (obstacles that move: g is the initial gap)
-    dissipated     - sum W t_n+1 . (increment of the jump along the surface)
-    stored         the energy of the body without the potential of its loads, and what compliant
-                   surfaces hold, sum W (p_n + p_n+1)/2 . (increment of the penetration)
+    dissipated     - sum W t_n+1 . (increment of the jump along the surface), without adhesion
+    damage         what breaking bonds has cost (`laws.Bond.spent`)
+    stored         the energy of the body without the potential of its loads, that of bonds, and
+                   what compliant surfaces hold, sum W (p_n + p_n+1)/2 . (increment of the
+                   penetration)
 
-The residue is external less stored less dissipated, all since the start. What is left in a step is
-of second order in it: friction is taken at the end of the step, and contact may open or close
-within. So the residue of a run falls with the first power of its steps where friction changes
-smoothly, and a residue that does not fall is a jump of the state, whose energy goes into motion.
+The residue is external less stored less dissipated less damage, all since the start. What is left
+in a step is of second order in it: friction is taken at the end of the step, and contact may open
+or close within. So the residue of a run falls with the first power of its steps where friction
+changes smoothly, and a residue that does not fall is a jump of the state, whose energy goes into
+motion.
 
 Loads are what the rows of the undeformed body have, R(0) = -f: of a body that is stressed where it
 is undeformed, or has loads that follow it, the rest counts as stored. Of a problem that is given by
@@ -44,16 +47,18 @@ class Energies:
         external: work of loads, supports, rigid bodies and obstacles.
         stored: by which the energy of the body and of compliant surfaces has grown.
         dissipated: by friction.
+        damage: dissipated by bonds that break.
     """
 
     external: float = 0.0
     stored: float = 0.0
     dissipated: float = 0.0
+    damage: float = 0.0
 
     @property
     def residue(self) -> float:
         """What of the external work is neither stored nor dissipated."""
-        return self.external - self.stored - self.dissipated
+        return self.external - self.stored - self.dissipated - self.damage
 
     def advanced(self, before: Forces, after: Forces, dissipated: float) -> Energies:
         """The account after a step. Collective.
@@ -66,30 +71,43 @@ class Energies:
         du, dq = after.u - before.u, after.q - before.q
         outer = np.dot(before.outer + after.outer, du) / 2
         inner = np.dot(before.inner + after.inner, du) / 2
-        pressed = 0.0
+        pressed = spent = 0.0
         for p, q in zip(before.surfaces, after.surfaces, strict=True):
             force = (p.force + q.force) / 2
             outer -= np.dot(force, q.gap - p.gap)
+            pressed += float(np.sum(q.bonds - p.bonds))
+            spent += float(np.sum(q.spent))
             if q.compliant:
                 pressed -= np.dot(force, q.un - p.un)
         comm = after.equations.comm
-        outer, inner, pressed = (comm.allreduce(float(v)) for v in (outer, inner, pressed))
+        sums = (comm.allreduce(float(v)) for v in (outer, inner, pressed, spent))
+        outer, inner, pressed, spent = sums
         outer -= float(np.dot(before.pushes + after.pushes, dq)) / 2
         if before.energy is not None and after.energy is not None:
             inner = after.energy - before.energy
         return Energies(
-            self.external + outer, self.stored + inner + pressed, self.dissipated + dissipated
+            self.external + outer,
+            self.stored + inner + pressed,
+            self.dissipated + dissipated,
+            self.damage + spent,
         )
 
 
 @dataclass(frozen=True, eq=False)
 class SurfaceForces:
-    """A contact surface at a state: forces of pressure (n,), initial gaps, gaps."""
+    """A contact surface at a state: forces of pressure (n,), initial gaps, gaps, energies.
+
+    Attributes:
+        bonds: energies that bonds hold (n,).
+        spent: energies that bonds have lost since the state before (n,).
+    """
 
     force: Array
     gap: Array
     un: Array
     compliant: bool
+    bonds: Array
+    spent: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +150,10 @@ def forces_at(eq: ContactEquations, state: State) -> Forces:
         pressure = -np.sum(found.traction * data.n, axis=1)
         un = data.gap - np.sum(found.jump * data.n, axis=1)
         force = s.points.areas * pressure
-        surfaces.append(SurfaceForces(force, data.gap.copy(), un, s.law.compliant))
+        none = np.zeros_like(force), np.zeros_like(force)
+        names = ("stored", "spent") if s.law.remembers else ()
+        bonds = [s.points.areas * found.answers.bond(name) for name in names] or none
+        surfaces.append(SurfaceForces(force, data.gap.copy(), un, s.law.compliant, *bonds))
     return Forces(
         eq,
         u,

@@ -6,6 +6,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.results.result import Result
 
@@ -57,11 +59,22 @@ class EvolutionStep:
             "external": self.energies.external,
             "stored": self.energies.stored,
             "dissipated": self.energies.dissipated,
+            "damage": self.energies.damage,
+            **self._bonds(),
             "residue": self.energies.residue,
             "newton_iterations": self.result.iterations,
             "strategy": self.result.reason,
             "rejected": self.rejected,
             "jump": self.jump,
+        }
+
+    def _bonds(self) -> dict[str, float]:
+        """Mean intensity of adhesion by surface, over the areas."""
+        tables = self.result.tables.items()
+        return {
+            f"beta_{name}": float(np.dot(t.beta, t.area) / t.area.sum())
+            for name, t in tables
+            if t.beta is not None
         }
 
 

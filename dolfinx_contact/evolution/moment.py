@@ -136,7 +136,7 @@ class Stepper:
     def show(self, taken: Taken) -> None:
         """Put the end of a step into the problem, with the memory of the step. Collective."""
         self.put(taken.after)
-        self.problem.equations.remember(taken.before.memory)
+        self._remember(taken.before, taken.after.time)
 
     def take(self, moment: Moment, time: float, *, end: Moment | None = None) -> Taken:
         """Step from a moment to a time; the problem is left there, with the memory of the step.
@@ -155,6 +155,7 @@ class Stepper:
         problem, eq = self.problem, self.problem.equations
         self.put(moment)
         try:
+            self._remember(moment, time)
             self._set(time)
             known = [m.statuses for m in (moment, end) if m is not None]
             expected = [statuses for statuses in known if statuses is not None]
@@ -167,6 +168,12 @@ class Stepper:
             raise
         after = self._moment(time, state.statuses, eq.advanced(state), forces, energies)
         return Taken(moment, after, result)
+
+    def _remember(self, moment: Moment, time: float) -> None:
+        """Let the surfaces remember a moment at a later time. Collective."""
+        step = time - moment.time
+        later = [None if m is None else m.later(step) for m in moment.memory]
+        self.problem.equations.remember(later)
 
     def _set(self, time: float) -> None:
         with everywhere(self.problem.comm, f"the load at the time {time:g}"):

@@ -13,6 +13,7 @@ direct solvers and multigrid, and along branches; some work with more:
 | `NormalCompliance(C, 1, law)` | C > 0                     | 2D       | no     | no     | no     |
 | `NormalCompliance(C, m, law)` | C > 0, number m > 1       | no       | no     | no     | no     |
 | `Regularised(law, eps)`       | eps > 0                   | no       | no     | no     | no     |
+| `RCCM(K, K, w, F)`            | K, F >= 0, w > 0          | no       | no     | no     | no     |
 
 - *pivoting*: the body is condensed onto its contact points, branches go from vertex to vertex, and
   all pieces that meet are taken at once; for linear bodies with contact at the nodes, and of
@@ -27,11 +28,12 @@ a branch, which then goes by steps. A law of one's own has pivoting if what it a
 all its borders meet at zero, in 2D; and *bounds* if it is a `FrictionLaw` with a `bound` alone.
 """
 
+from dolfinx_contact.laws.adhesion import RCCM
 from dolfinx_contact.laws.answers import Answers, PointData
 from dolfinx_contact.laws.compiled import LawAtPoints
 from dolfinx_contact.laws.compliant import NormalCompliance, Regularised
 from dolfinx_contact.laws.friction import Coulomb, FrictionLaw, Frictionless, Tresca
-from dolfinx_contact.laws.law import Border, ContactPoint, Kernel, Law, StatusPiece
+from dolfinx_contact.laws.law import Bond, Border, ContactPoint, Kernel, Law, StatusPiece
 from dolfinx_contact.laws.spreading import NonlocalCoulomb
 from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK
 
@@ -39,8 +41,10 @@ __all__ = [
     "MINUS",
     "OPEN",
     "PLUS",
+    "RCCM",
     "STICK",
     "Answers",
+    "Bond",
     "Border",
     "ContactPoint",
     "Coulomb",

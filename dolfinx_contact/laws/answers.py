@@ -194,6 +194,11 @@ class Answers:
         q, by_jump, by_traction = (self._values[:, k] for k in self._law.places["spreads"])
         return q[:, 0], by_jump, by_traction
 
+    def bond(self, name: str) -> Array:
+        """Of a law with a memory: "traction" (n, dim), "stored", "spent", "after.NAME" (n,)."""
+        found = np.asarray(self._values[:, self._law.places[f"bond.{name}"][0]])
+        return found if name == "traction" else found[:, 0]
+
     @property
     def bound(self) -> Array:
         """Radii of the friction disc at the augmented pressure (n,); NaN if the law has none."""

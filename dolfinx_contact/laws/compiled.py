@@ -30,7 +30,7 @@ from dolfinx_contact._forms import compiled_expression
 from dolfinx_contact.laws.answers import Answers, Array, Codes, PointData
 from dolfinx_contact.laws.law import ContactPoint, Law, StatusPiece, checked_pieces
 
-__all__ = ["AROUND", "CompiledLaw", "LawAtPoints"]
+__all__ = ["AROUND", "CompiledLaw", "LawAtPoints", "from_memory"]
 
 #: Name of the field of a law that is not local: what the points around spread.
 AROUND = ".around"
@@ -47,7 +47,8 @@ class CompiledLaw:
         comm: of the ranks that compile together.
 
     Attributes:
-        names: of the fields of the law, and `AROUND` if it is not local.
+        names: of the fields of the law, what memory gives beside them (`from_memory`), and
+            `AROUND` if it is not local.
         codes: numbers of its statuses.
         rows: by number, the place among `codes`.
         places: columns of values, status by status.
@@ -59,7 +60,8 @@ class CompiledLaw:
     def __init__(self, law: Law, dim: int, comm: MPI.Comm):
         local = law.spread is None
         self.dim, self._comm = dim, comm
-        self.names = [*law.given, *([] if local else [AROUND])]
+        memory = from_memory(dim) if law.remembers else []
+        self.names = [*law.given, *memory, *([] if local else [AROUND])]
         points = mesh.create_interval(MPI.COMM_SELF, _CHUNK, (0.0, 1.0))
         width = 3 * dim + 2 + len(self.names)
         element = basix.ufl.element("DG", "interval", 0, shape=(width,))
@@ -75,6 +77,9 @@ class CompiledLaw:
         point = ContactPoint(self._jump, self._traction, self._n, gap, r, dim)
         around = None if local else self._fields[-1]
         point = replace(point, slid=ufl.sqrt(ufl.dot(point.u_t, point.u_t)), around=around)
+        if memory:
+            *before, step = self._fields[len(law.given) :][: dim + 1]
+            point = replace(point, before=ufl.as_vector(before), step=step)
         unit = point if local else replace(point, around=ufl.as_ufl(1.0))
         # What the user wrote comes first: compiling is collective.
         with everywhere(comm, f"the law {type(law).__name__}"):
@@ -84,9 +89,12 @@ class CompiledLaw:
                 "bound": mine.bound(point, point.p),
                 "unit_bound": mine.bound(unit, ufl.as_ufl(1.0)),
             }
+            bond = mine.bond(point)
             self._spreads = None if local else ufl.as_ufl(mine.spreads(point))
-            further = mine.bound(replace(point, slid=2.0 * point.slid), point.p)
-            self.knows_slip: bool = further != bounds["bound"]
+            marked = _variable(point.slid, 3 + len(self.names))
+            bound = mine.bound(replace(point, slid=marked), point.p)
+            nodes = () if bound is None else unique_pre_traversal(ufl.as_ufl(bound))
+            self.knows_slip: bool = any(node == marked for node in nodes)
         self.codes = tuple(self._pieces)
         self.rows: npt.NDArray[np.int64] = np.zeros(max(self.codes) + 1, dtype=np.int64)
         self.rows[list(self.codes)] = np.arange(len(self.codes))
@@ -105,6 +113,10 @@ class CompiledLaw:
             self.exists.append(None if piece.exists is None else flat.add(_number(piece.exists))[0])
         for name, bound in bounds.items():
             self.places[name] = [] if bound is None else [flat.add(bound)]
+        if bond is not None:
+            parts = {"traction": bond.traction, "stored": bond.stored, "spent": bond.spent}
+            parts |= {f"after.{name}": e for name, e in bond.after.items()}
+            self.places |= {f"bond.{name}": [flat.add(e)] for name, e in parts.items()}
         q = self._spreads
         if q is not None:
             slopes = (ufl.diff(q, by) for by in (self._jump, self._traction))
@@ -259,7 +271,8 @@ class LawAtPoints:
         normal, gap = rates.n[:, :, None], rates.gap[:, None, None]
         rate, by_field = self._by_given(jump, traction, data, codes, normal, gap)
         for name, slope in by_field.items():
-            rate[:, :, 0] += slope * rates.fields[name][:, None]
+            if name in rates.fields:  # what memory has does not change
+                rate[:, :, 0] += slope * rates.fields[name][:, None]
         return rate[:, :, 0]
 
     def _by_given(
@@ -291,6 +304,11 @@ class LawAtPoints:
         found = chosen(by_normal, d, d) @ normal - (held @ data.n[:, :, None]) * gap
         names = zip(self.compiled.names, by_field, strict=True)
         return found, {name: chosen(places, d) for name, places in names}
+
+
+def from_memory(dim: int) -> list[str]:
+    """Names of what memory gives a law beside its fields: the jump before, and the time since."""
+    return [*(f".before_{i}" for i in range(dim)), ".step"]
 
 
 def _variable(e: Any, number: int) -> Any:

@@ -27,9 +27,10 @@ import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact._agreement import refuse_other_mesh
-from dolfinx_contact.laws.status import MINUS, WHERE_OPEN
+from dolfinx_contact.laws.status import DAMAGING, MINUS, WHERE_OPEN
 
 __all__ = [
+    "Bond",
     "Border",
     "ContactPoint",
     "Kernel",
@@ -38,10 +39,11 @@ __all__ = [
     "Sign",
     "StatusPiece",
     "checked_pieces",
+    "obeys",
 ]
 
 #: Which numbers may be given.
-Sign: TypeAlias = Literal["any", "nonnegative", "positive"]
+Sign: TypeAlias = Literal["any", "nonnegative", "positive", "fraction"]
 #: A number, a `dolfinx.fem.Constant`, a `dolfinx.fem.Function` or any scalar UFL expression.
 Scalar: TypeAlias = Any
 
@@ -77,6 +79,9 @@ class ContactPoint:
         shear: of a compliant surface before it slips, a vector; None where nothing moves then.
         touches: distance to the border of open points, a traction; None where that is p.
         around: mean of what the points around spread (`Law.spreads`); None if the law is local.
+        before: jump of the last accepted state of an evolution, a vector, of which ``jump`` has the
+            normal part alone; None if the law remembers nothing.
+        step: time since that state, negative under the static law; None likewise.
     """
 
     jump: Any
@@ -90,6 +95,8 @@ class ContactPoint:
     shear: Any = None
     touches: Any = None
     around: Any = None
+    before: Any = None
+    step: Any = None
 
     @property
     def t(self) -> Any:
@@ -124,6 +131,22 @@ class ContactPoint:
         if self.shear is not None:
             return self.shear
         return self.traction - ufl.dot(self.traction, self.n) * self.n - self.r * self.u_t
+
+
+class Bond(NamedTuple):
+    """What a law with a memory makes of a state beside its answer.
+
+    Attributes:
+        after: UFL by the names in `Law.remembers`: their values once the state is accepted.
+        traction: UFL, the part of the answer that is adhesion, a vector.
+        stored: UFL energy per area.
+        spent: UFL energy per area that damage has dissipated since the last accepted state.
+    """
+
+    after: Mapping[str, Any]
+    traction: Any
+    stored: Any
+    spent: Any
 
 
 class Border(NamedTuple):
@@ -172,6 +195,8 @@ class Law:
     nonnegative: bool = False
     #: Whether what is touched gives way, so that points penetrate.
     compliant: bool = False
+    #: Fields that are those of the start of an evolution; then memory has them (`bond`).
+    remembers: tuple[str, ...] = ()
 
     def pieces(self, a: ContactPoint) -> Mapping[int, StatusPiece]:
         """What the law answers, by the numbers of statuses (`laws.status`).
@@ -184,6 +209,10 @@ class Law:
 
     def bound(self, a: ContactPoint, p: Any) -> Any | None:
         """UFL radius of the disc that holds the shear at pressure ``p``; None if there is none."""
+        return None
+
+    def bond(self, a: ContactPoint) -> Bond | None:
+        """What becomes of the fields that the law `remembers`; None if it remembers nothing."""
         return None
 
     @property
@@ -241,6 +270,17 @@ class Law:
         )
 
 
+def obeys(sign: Sign, values: Any, slack: float = 1e-14) -> Any:
+    """Which numbers are as they must be, but for round-off."""
+    v = np.asarray(values)
+    return {
+        "any": np.ones(v.shape, dtype=bool),
+        "nonnegative": v >= -slack,
+        "positive": v > 0,
+        "fraction": (v >= -slack) & (v <= 1 + slack),
+    }[sign]
+
+
 def _settings(kind: type) -> tuple[tuple[str, str], ...]:
     """What a class holds beside its fields and methods, which a law may look at as well."""
     found = {
@@ -258,7 +298,8 @@ def checked_pieces(pieces: Any, dim: int) -> dict[int, StatusPiece]:
         raise ValueError(f"pieces must return a dictionary of StatusPieces, got {pieces!r}")
     for code, piece in pieces.items():
         where = f"status {code!r}"
-        known = isinstance(code, int | np.integer) and 0 <= code <= MINUS + WHERE_OPEN
+        known = isinstance(code, int | np.integer) and 0 <= code < 2 * DAMAGING
+        known = known and code % DAMAGING <= MINUS + WHERE_OPEN
         if not known:
             raise ValueError(f"{where} is none of laws.status: OPEN, STICK, PLUS, MINUS, ...")
         if not isinstance(piece, StatusPiece):
@@ -287,9 +328,8 @@ def _shape(e: Any) -> tuple[int, ...] | None:
 def _as_coefficient(domain: mesh.Mesh, value: Scalar, what: str, sign: Sign) -> Scalar:
     """``value`` as UFL: numbers become Constants, which may be changed later."""
     if isinstance(value, int | float | np.floating | np.integer) and not isinstance(value, bool):
-        least = {"any": True, "nonnegative": value >= 0, "positive": value > 0}
-        if not (np.isfinite(value) and least[sign]):
-            kind = "finite" if sign == "any" else f"finite and {sign}"
+        if not (np.isfinite(value) and bool(obeys(sign, value, 0.0))):
+            kind = {"any": "finite", "fraction": "between 0 and 1"}.get(sign, f"finite and {sign}")
             raise ValueError(f"{what} must be {kind}, got {value}")
         return fem.Constant(domain, float(value))
     if not isinstance(value, ufl.core.expr.Expr) or value.ufl_shape != ():

@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 __all__ = [
     "COLOURS",
+    "DAMAGING",
     "KINDS",
     "MINUS",
     "NAMES",
@@ -26,14 +27,17 @@ __all__ = [
     "count",
     "letters",
     "senses",
+    "without_damage",
 ]
 
 #: Without contact and friction; stick; slip with u_t > 0 (in 3D: slip); slip with u_t < 0.
 OPEN, STICK, PLUS, MINUS = range(4)
 #: Added to the number of a closed status: friction as there, at an open point.
 WHERE_OPEN = 3
+#: Added to the number of any status: a bond is losing its strength there.
+DAMAGING = 8
 
-_LETTERS = {2: "ok+-KPM", 3: "oks KS "}
+_LETTERS = {2: "ok+-KPM aqrl    ", 3: "oks KS  aqc     "}
 
 #: Human-readable, of every letter; ``d`` is held by Dirichlet data.
 NAMES = {
@@ -47,6 +51,11 @@ NAMES = {
     "M": "open, rubbing, $u_t < 0$",
     "S": "open, rubbing",
     "d": "clamped",
+    "a": "open, damaging",
+    "q": "stick, damaging",
+    "r": "slip, $u_t > 0$, damaging",
+    "l": "slip, $u_t < 0$, damaging",
+    "c": "slip, damaging",
 }
 COLOURS = {
     "o": "#dfe4ea",
@@ -59,9 +68,14 @@ COLOURS = {
     "M": "#f5d999",
     "S": "#f5d999",
     "d": "#555555",
+    "a": "#f0c9dd",
+    "q": "#CC79A7",
+    "r": "#8f5573",
+    "l": "#b3688f",
+    "c": "#b3688f",
 }
 #: Letters of what tables count.
-KINDS = {"open": "oKPMS", "stick": "k", "slip": "+-s", "clamped": "d"}
+KINDS = {"open": "oKPMSa", "stick": "kq", "slip": "+-srlc", "clamped": "d"}
 
 
 def letters(dim: int) -> npt.NDArray[np.str_]:
@@ -76,9 +90,16 @@ def count(word: str) -> dict[str, int]:
 
 def closed(codes: npt.NDArray[np.int8]) -> npt.NDArray[np.bool_]:
     """Which statuses are closed."""
-    return (codes > OPEN) & (codes <= WHERE_OPEN)
+    contact = without_damage(codes)
+    return (contact > OPEN) & (contact <= WHERE_OPEN)
 
 
 def senses(codes: npt.NDArray[np.int8]) -> npt.NDArray[np.int8]:
     """What friction does whether the point is open or not: `OPEN` (nothing), stick, slips."""
-    return np.where(codes > WHERE_OPEN, codes - WHERE_OPEN, codes).astype(np.int8)
+    contact = without_damage(codes)
+    return np.where(contact > WHERE_OPEN, contact - WHERE_OPEN, contact).astype(np.int8)
+
+
+def without_damage(codes: npt.NDArray[np.int8]) -> npt.NDArray[np.int8]:
+    """What contact and friction do, whatever happens to a bond."""
+    return np.where(codes >= DAMAGING, codes - DAMAGING, codes).astype(np.int8)

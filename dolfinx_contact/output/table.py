@@ -18,12 +18,14 @@ import numpy.typing as npt
 from dolfinx_contact.output.disk import write_text
 from dolfinx_contact.results.tables import ContactTable
 
-__all__ = ["COLUMNS", "write_contact_table", "write_rows"]
+__all__ = ["ADHESION", "COLUMNS", "write_contact_table", "write_rows"]
 
 COLUMNS = [
     *("surface", "x", "y", "z", "un", "ut", "ut_x", "ut_y", "ut_z", "rn", "rt", "rt_x", "rt_y"),
     *("rt_z", "pressure", "shear", "status", "support_x", "support_y", "support_z"),
 ]
+#: Columns that follow where a law has adhesion.
+ADHESION = ["rn_adh", "rt_adh", "beta", "bond"]
 
 
 def _padded(vectors: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
@@ -40,16 +42,22 @@ def write_contact_table(
 ) -> None:
     """Write ``folder/contact.csv``, a row a contact point, surface by surface. Collective.
 
+    Where a law has adhesion `ADHESION` follows: its part of ``rn`` and ``rt``, its intensity, and
+    the letter of the bond; surfaces without it have blanks there.
+
     Forces, pressure and shear are those of contact; what Dirichlet data do to the body at a contact
     node is in the last columns.
 
     Raises:
         OSError: on every rank, with the path, if it cannot be written; it is then as it was.
     """
+    known = list(tables)
+    adhesive = any(t.beta is not None for t in known)
 
     def text() -> str:
-        lines = [",".join(COLUMNS)]
-        for t in tables:
+        lines = [",".join([*COLUMNS, *(ADHESION if adhesive else [])])]
+        for t in known:
+            bonds = _bonds(t) if adhesive else [[]] * len(t.letters)
             numbers = np.column_stack(
                 [
                     _padded(t.x),
@@ -65,11 +73,19 @@ def write_contact_table(
             )
             support = _padded(t.support)
             for i, letter in enumerate(t.letters):
-                row = [t.name, *_written(numbers[i]), str(letter), *_written(support[i])]
+                row = [t.name, *_written(numbers[i]), str(letter), *_written(support[i]), *bonds[i]]
                 lines.append(",".join(row))
         return "\n".join(lines) + "\n"
 
     write_text(comm, Path(folder) / "contact.csv", text)
+
+
+def _bonds(t: ContactTable) -> list[list[str]]:
+    """The columns of adhesion, point by point."""
+    if t.beta is None or t.adhesion is None or t.bond is None:
+        return [[""] * len(ADHESION)] * len(t.letters)
+    numbers = np.column_stack([t.rn_adh, t.along(t.rt - t.friction), t.beta])
+    return [[*_written(numbers[i]), str(letter)] for i, letter in enumerate(t.bond)]
 
 
 def write_rows(

@@ -12,18 +12,23 @@ n is the normal of now, and j the motion relative to what is touched, so that a 
 moves is subtracted.
 
 A memory is frozen: H reads it, nothing in a solve writes it. Accepting a step makes a new one,
-rejecting a step keeps the old one. Laws with more to remember (the intensity of an adhesion) have
-their arrays here.
+rejecting a step keeps the old one. Fields that a law remembers (the intensity of an adhesion) are
+here as well, and such a law sees the whole of j_n, and the time since: friction acts on increments,
+adhesion on total jumps.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["Memory"]
+from dolfinx_contact.laws import Law, PointData
+from dolfinx_contact.laws.compiled import from_memory
+
+__all__ = ["Memory", "with_memory"]
 
 Array = npt.NDArray[np.float64]
 
@@ -34,14 +39,22 @@ class Memory:
 
     Attributes:
         jump: j_n, the total jump at the last accepted state (n, dim), a length. Read-only.
+        fields: of the law, as they were there (n,), by name. Read-only.
+        step: time from that state to the one that is looked at.
     """
 
     jump: Array
+    fields: Mapping[str, Array] = field(default_factory=dict)
+    step: float = 0.0
 
     def __post_init__(self) -> None:
-        jump = np.array(self.jump, dtype=np.float64)
-        jump.flags.writeable = False
-        object.__setattr__(self, "jump", jump)
+        object.__setattr__(self, "jump", _frozen(self.jump))
+        fields = {name: _frozen(values) for name, values in self.fields.items()}
+        object.__setattr__(self, "fields", fields)
+
+    def later(self, step: float) -> Memory:
+        """The same memory, looked at from a time later by ``step``."""
+        return replace(self, step=step)
 
     def reference(self, n: Array) -> Array:
         """The part of j_n along the surface whose normals are ``n`` (n, dim)."""
@@ -51,3 +64,20 @@ class Memory:
         """The rate of `reference` while the normals ``n`` turn at a rate (n, dim)."""
         along, turning = (np.sum(self.jump * v, axis=1)[:, None] for v in (n, rate))
         return np.asarray(-turning * n - along * rate)
+
+
+def with_memory(law: Law, memory: Memory | None, data: PointData) -> PointData:
+    """What a law that remembers is given at points; without a memory it is the static law."""
+    if not law.remembers:
+        return data
+    n, dim = data.n.shape
+    known = Memory(np.zeros((n, dim)), step=-1.0) if memory is None else memory
+    columns = [*known.jump.T, np.full(n, known.step)]
+    added = dict(zip(from_memory(dim), columns, strict=True))
+    return replace(data, fields={**data.fields, **known.fields, **added})
+
+
+def _frozen(values: Array) -> Array:
+    found = np.array(values, dtype=np.float64)
+    found.flags.writeable = False
+    return found

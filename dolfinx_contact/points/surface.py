@@ -17,6 +17,7 @@ from dolfinx_contact._agreement import described, refuse_displacement, refuse_ot
 from dolfinx_contact._compat import create_facet_submesh
 from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact.laws import Law, LawAtPoints, PointData
+from dolfinx_contact.laws.law import obeys
 from dolfinx_contact.meshing import GmshMesh, tagged_facets
 from dolfinx_contact.obstacles import Obstacle
 from dolfinx_contact.points.contact_points import ContactPoints, Given, Method
@@ -27,7 +28,7 @@ from dolfinx_contact.points.displaced import (
     displaced_points,
 )
 from dolfinx_contact.points.elements import check_elements, check_quadrature, displacement_degree
-from dolfinx_contact.points.memory import Memory
+from dolfinx_contact.points.memory import Memory, with_memory
 from dolfinx_contact.points.neighbours import LawAmongPoints
 from dolfinx_contact.points.opposite import Opposite
 from dolfinx_contact.points.rigid_body import RigidBody
@@ -209,11 +210,12 @@ class ContactSurface:
             what = f"{name} of {self.law.name}{where}"
             require(self.comm, bool(np.isfinite(values).all()), f"{self.name}: NaN in the {what}")
             sign = self.law.sign(name)
-            good = sign == "any" or bool((values > (-1e-14 if sign == "nonnegative" else 0)).all())
-            words = "negative" if sign == "nonnegative" else "not positive:"
-            require(self.comm, good, f"{self.name}: {words} {what}")
+            words = {"positive": "not positive:", "fraction": "not between 0 and 1:"}
+            good = bool(obeys(sign, values).all())
+            require(self.comm, good, f"{self.name}: {words.get(sign, 'negative')} {what}")
         at_rest = np.zeros_like(self.points.data.n)
-        radius = self.law_at_points(at_rest, at_rest, self.points.data).unit_bound
+        data = with_memory(self.law, self.memory, self.points.data)
+        radius = self.law_at_points(at_rest, at_rest, data).unit_bound
         message = f"{self.name}: the law {self.law.name} has a negative radius{where}"
         require(self.comm, not bool((radius < -1e-14).any()), message)
 
@@ -309,7 +311,8 @@ class ContactSurface:
 
     def data_at(self, jump: Array) -> PointData:
         """What the law is given at the points of this rank where jumps lead them. Collective."""
-        return self.points.data if self.displaced is None else self.displaced.data(jump)
+        data = self.points.data if self.displaced is None else self.displaced.data(jump)
+        return with_memory(self.law, self.memory, data)
 
     @property
     def reference(self) -> Array:
@@ -371,6 +374,11 @@ class ContactSurface:
         u_n = np.sum(jump * data.n, axis=1) - data.gap
         p = -(np.sum(traction * data.n, axis=1) - data.r * u_n)
         return np.where(p > 0, bound, 0.0)
+
+    def bond(self, name: str) -> Array:
+        """What `Answers.bond` has at the points, of a law that remembers. Collective."""
+        jump = self.jump() - self.reference
+        return self.law_at_points(jump, self._traction(), self.data_at(jump)).bond(name)
 
     def at_vertices(self, jump: Array) -> tuple[Array, Array]:
         """Gaps (n,) and normals (n, dim) at the local vertices where jumps lead them. Collective.

@@ -217,7 +217,7 @@ def collect(eq: ContactEquations, state: State, attempts: Sequence[Attempt]) -> 
     }
     energy = eq.bulk.energy_at(state.u)
     energies = {} if energy is None else {"bulk": energy}
-    energies["friction"] = float(-sum(np.sum(t.rt * t.increment) for t in tables.values()))
+    energies["friction"] = float(-sum(np.sum(t.friction * t.increment) for t in tables.values()))
     force = max(
         max(float(np.max(np.abs(t.force), initial=0.0)) for t in tables.values()),
         comm.allreduce(float(np.max(np.abs(state.reactions), initial=0.0)), op=max),

@@ -22,11 +22,13 @@ from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.order import by_coordinates
 from dolfinx_contact.equations.state import ContactState, State
 from dolfinx_contact.laws import status
-from dolfinx_contact.laws.status import STICK, closed
+from dolfinx_contact.laws.status import DAMAGING, STICK, closed, without_damage
 from dolfinx_contact.points.surface import ContactSurface
 from dolfinx_contact.results.balance import forces_at_vertices
 
 __all__ = ["ContactTable", "contact_table", "violation"]
+
+_BROKEN = 1e-6  # intensity of adhesion below which a bond is broken
 
 
 @dataclass(frozen=True)
@@ -52,6 +54,10 @@ class ContactTable:
         support: reaction of Dirichlet data on the body at the node (n, dim), 0 in the components
             that none fix; zeros in the integral method, whose points are no nodes. A node that two
             surfaces share has it in the tables of both.
+        beta: intensity of adhesion, 1 intact, 0 broken; None of a law that has none.
+        adhesion: the part of ``force`` that is adhesion (n, dim); None likewise.
+        bond: one letter a point: i where the bond is as it was before the step, d where it lost
+            strength in it, b where it is broken, beta below 1e-6; None likewise.
     """
 
     name: str
@@ -68,6 +74,9 @@ class ContactTable:
     letters: npt.NDArray[np.str_]
     bound: npt.NDArray[np.float64]
     support: npt.NDArray[np.float64]
+    beta: npt.NDArray[np.float64] | None = None
+    adhesion: npt.NDArray[np.float64] | None = None
+    bond: npt.NDArray[np.str_] | None = None
 
     @property
     def rn(self) -> npt.NDArray[np.float64]:
@@ -78,6 +87,20 @@ class ContactTable:
     def rt(self) -> npt.NDArray[np.float64]:
         """Tangential forces (n, dim)."""
         return self.force + self.rn[:, None] * self.n
+
+    @property
+    def rn_adh(self) -> npt.NDArray[np.float64]:
+        """Normal forces of adhesion, negative where it pulls."""
+        if self.adhesion is None:
+            return np.zeros_like(self.un)
+        return -np.sum(self.adhesion * self.n, axis=1) + 0.0
+
+    @property
+    def friction(self) -> npt.NDArray[np.float64]:
+        """Tangential forces without adhesion (n, dim)."""
+        if self.adhesion is None:
+            return self.rt
+        return np.asarray(self.rt - self.adhesion - self.rn_adh[:, None] * self.n)
 
     @property
     def status(self) -> str:
@@ -158,6 +181,12 @@ def contact_table(
         "bound": bound,
         "support": support,
     }
+    if s.law.remembers:
+        beta = found.answers.bond("after.beta")
+        held = np.where(found.statuses >= DAMAGING, "d", "i")
+        columns["beta"], columns["bond"] = beta, np.where(beta < _BROKEN, "b", held)
+        force = found.answers.bond("traction") * area[:, None]
+        columns["adhesion"] = np.where((letters == "d")[:, None], 0.0, force)
     columns["ids"] = s.points.ids
     gathered = {k: np.concatenate(s.comm.allgather(v)) for k, v in columns.items()}
     order = by_coordinates(gathered["x"], gathered.pop("ids"))
@@ -193,7 +222,7 @@ def _letters(
 ) -> npt.NDArray[np.str_]:
     """Letters of the statuses; where nothing grips a closed point the sense of its motion."""
     touching = closed(found.statuses)
-    letters = np.where(touching, status.letters(s.dim)[found.statuses], "o")
+    letters = np.where(touching, status.letters(s.dim)[without_damage(found.statuses)], "o")
     if s.dim == 3:
         return letters
     free = touching & ~found.answers.may_be(STICK)

@@ -1,0 +1,349 @@
+"""Adhesion that damage weakens (RCCM), against closed forms."""
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from blocks import block, box, facets, same_tables
+from demo_linear_triangle import linear_triangle
+from test_law import randomise, remainders
+from test_pair import displacement, held, stacked
+
+import ufl
+from dolfinx import fem
+
+from dolfinx_contact import RCCM, ContactPair, ContactProblem, ContactSurface, HalfSpace, output
+from dolfinx_contact.continuation import follow
+from dolfinx_contact.evolution import QuasiStatic
+from dolfinx_contact.laws.status import DAMAGING
+from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.output.fields import contact_fields
+from dolfinx_contact.points.memory import Memory
+
+COMM = MPI.COMM_WORLD
+C, W = 100.0, 1.0
+U0 = np.sqrt(W / C)
+TIGHT = {"snes_rtol": 1e-13}
+
+
+def bonded(cell="quad", n=2, *, law, method=None, degree=1, young=1000.0, pair=False, comm=COMM):
+    """A block on a floor or on another block, nu = 0, and the Function by which its top moves."""
+    dim = 2 if cell in ("tri", "quad") else 3
+    energy = LinearElastic.from_young(young, 0.0).energy
+    if pair:
+        both = stacked(dim, cell, n)
+        domain, tags = both.mesh, both.facet_tags
+        u = displacement(domain)
+        surface = ContactPair(u, tags, slave=3, master=2, law=law)
+        below = [held(u, tags, 1, np.zeros(dim))]
+        above = tags.find(4)
+    else:
+        domain, below = box(comm, n, cell), []
+        u = displacement(domain, degree)
+        floor = HalfSpace(np.zeros(dim), np.eye(dim)[-1])
+        given = {"obstacle": floor, "law": law, "method": method}
+        surface = ContactSurface(u, facets(domain, dim - 1, 0.0), **given)
+        above = facets(domain, dim - 1, 1.0)
+    V = u.function_space
+    top = fem.Function(V)
+    bcs = [fem.dirichletbc(top, fem.locate_dofs_topological(V, dim - 1, above)), *below]
+    return ContactProblem(energy(u) * ufl.dx, u, [surface], bcs=bcs, petsc_options=TIGHT), top
+
+
+def put(top, motion):
+    top.x.array[:] = np.tile(motion, len(top.x.array) // len(motion))
+
+
+def along(top, *corners):
+    """A load from corner to corner, one in each unit of time."""
+    x = np.array([np.zeros_like(corners[0]), *corners], dtype=float)
+    return lambda t: put(top, [np.interp(t, np.arange(len(x)), v) for v in x.T])
+
+
+def weakest(table, before):
+    """Intensity at the jumps of a table without viscosity, from that before."""
+    energy = C * (np.maximum(table.un, 0.0) ** 2 + np.sum(table.ut**2, axis=1))
+    return np.minimum(before, W / np.maximum(energy, 1e-30))
+
+
+@pytest.mark.parametrize(
+    ("cell", "given"),
+    [
+        ("tri", {}),
+        ("quad", {"method": "mixed"}),
+        ("quad", {"method": "integral", "degree": 2}),
+        ("quad", {"pair": True}),
+        ("hex", {}),
+        ("tet", {"method": "integral"}),
+        ("tet", {"pair": True, "n": 1}),
+    ],
+)
+def test_closed_form_at_every_point(cell, given):
+    """Pressed, dragged, lifted and let down: intensity, adhesion and friction from the jumps."""
+    problem, top = bonded(cell, law=RCCM(C, C, W, 0.4), **given)
+    aside = [0.0] if cell in ("hex", "tet") else []
+    corners = (0.0, *aside, -0.02), (0.2, *aside, -0.02), (0.1, *aside, 0.3), (0.1, *aside, -0.01)
+    history = QuasiStatic(problem, along(top, *corners)).run(np.linspace(0.0, 4.0, 33))
+    before, seen = 1.0, set()
+    for step in history.steps:
+        t = step.result.tables["contact"]
+        assert step.result.kkt_violation < 1e-8 or given.get("method") == "integral"
+        np.testing.assert_allclose(t.beta, weakest(t, before), rtol=1e-8)
+        # What damages goes on to; what does not keeps its strength bit by bit.
+        np.testing.assert_array_equal((t.beta != before) & (t.bond != "d"), False)
+        opening = np.maximum(t.un, 0.0)
+        pull = (t.beta**2 * C * t.area)[:, None] * (opening[:, None] * t.n - t.ut)
+        np.testing.assert_allclose(t.adhesion, pull, rtol=0, atol=1e-8 * np.abs(pull).max() + 1e-9)
+        seen |= {*t.bond, *t.status}
+        before = t.beta
+        if given.get("method") == "integral":
+            continue
+        bound = 0.4 * (1 - t.beta) * np.maximum(t.rn, 0.0)
+        friction = np.linalg.norm(t.friction, axis=1)
+        size = 1e-7 * (np.abs(t.force).max() + C * U0)
+        assert (friction <= bound + size).all()
+        slips = np.isin(t.letters, list("+-s"))
+        np.testing.assert_allclose(friction[slips], bound[slips], rtol=0, atol=size)
+        assert (np.sum(t.friction * t.increment, axis=1)[slips] <= 1e-12).all()
+    assert {"i", "d", "o"} < seen
+    assert seen & set("+s")
+    assert before.max() < 0.5
+
+
+@pytest.mark.parametrize(("cell", "pair"), [("quad", False), ("hex", False), ("tri", True)])
+def test_opening(cell, pair):
+    """R = C u, peak at u0, then w^2/(C u^3); the secant back; work up to 6 u0."""
+    problem, top = bonded(cell, law=RCCM(C, C, W), young=1e4, pair=pair)
+    aside = [0.0] * (1 if cell != "hex" else 2)
+    load = along(top, (*aside, 6.1 * U0), (*aside, 3 * U0), (*aside, -0.01))
+    history = QuasiStatic(problem, load).run([*np.linspace(0.0, 1.0, 25), 1.5, 2.0, 3.0])
+    way, peak = [], 0.0
+    for step in history.steps:
+        t = step.result.tables["contact"]
+        u, pull = t.un.mean() / U0, -t.pressure / np.sqrt(W * C)
+        np.testing.assert_allclose(t.un / U0, u, atol=1e-9)
+        if step.time <= 1.0:
+            assert abs(step.energies.residue) < 0.05 * W
+            np.testing.assert_allclose(pull, min(u, u**-3), rtol=1e-8)
+            bonds = step.energies.stored - step.result.energies["bulk"]
+            work = u**2 / 2 if u <= 1 else 1 - 1 / (2 * u**2)
+            assert bonds + step.energies.damage == pytest.approx(W * work, rel=1e-8)
+            assert step.energies.damage == pytest.approx(W * (1 - t.beta[0]), rel=1e-8, abs=1e-12)
+            end, peak = u, max(peak, pull.max())
+        elif t.un.max() > 1e-9:
+            np.testing.assert_allclose(pull, u * end**-4, rtol=1e-8)
+        way.append(u)
+    assert 6 < end < 6.2
+    assert 0.9 < peak <= 1
+    # Pressed, a bond does nothing, however strong it is.
+    np.testing.assert_allclose(t.adhesion, 0.0, atol=1e-9)
+    assert t.rn.min() > 0
+
+
+def test_residue_falls_with_the_steps():
+    residues = []
+    for n in (10, 20):
+        problem, top = bonded(n=1, law=RCCM(C, C, W), young=1e4)
+        history = QuasiStatic(problem, along(top, (0.0, 4 * U0))).run(np.linspace(0.0, 1.0, n + 1))
+        residues.append(abs(history.energies.residue))
+    assert residues[1] < 0.5 * residues[0] < 0.05 * W
+
+
+@pytest.mark.parametrize(
+    ("speed", "wanted"),
+    [
+        (1.0, (0.7811538113, 0.4048318120, 0.1218560409)),
+        (0.01, (0.4471181641, 0.2506289459, 0.1111935685)),
+    ],
+)
+def test_viscosity(speed, wanted):
+    """b |beta'| = (w - C u^2 beta)^- at u = V t, to first order in the step; the body gives way."""
+    errors, young, b = [], 1e4, speed * W
+    for n in (8, 16, 32):
+        problem, top = bonded("quad", 1, law=RCCM(C, C, W, viscosity=b), young=young)
+        times, beta = np.linspace(0.0, 3.0, 3 * n + 1), [1.0]
+        for u in U0 * times[1:]:
+            beta.append(min(beta[-1], (b * beta[-1] + W / n) / (b + C * u**2 / n)))
+
+        def load(t, beta=beta, times=times, top=top):
+            pull = np.interp(t, times, beta) ** 2 * C * U0 * t
+            put(top, (0.0, U0 * t + pull / young))
+
+        history = QuasiStatic(problem, load).run(times)
+        tables = [s.result.tables["contact"] for s in history.steps]
+        for t, time, wanted_beta in zip(tables, times[1:], beta[1:], strict=True):
+            np.testing.assert_allclose(t.un, U0 * time, rtol=1e-9)
+            np.testing.assert_allclose(t.beta, wanted_beta, rtol=1e-8)
+        found = np.array([tables[i * n // 2 - 1].beta[0] for i in (3, 4, 6)])
+        errors.append(np.abs(found - wanted).max())
+        # What viscosity costs is b beta'^2 on top of w.
+        assert history.energies.damage > W * (1 - found[-1])
+    assert errors[-1] < 0.01
+    if speed == 1.0:
+        np.testing.assert_allclose(np.log2(errors[:-1]) - np.log2(errors[1:]), 1.0, atol=0.1)
+
+
+@pytest.mark.parametrize(("cell", "method"), [("quad", None), ("tet", None), ("tri", "integral")])
+@pytest.mark.parametrize("viscosity", [0.0, 0.3])
+def test_jacobian_by_taylor(cell, method, viscosity):
+    """With a memory, friction, and points of all statuses, which are held."""
+    problem = block(n=2, cell=cell, method=method, law=RCCM(3e4, 2e4, 0.4, 0.3, viscosity))
+    x = randomise(problem, 1, 0.01, 10.0)
+    (surface,) = problem.surfaces
+    rng = np.random.default_rng(COMM.rank)
+    n = surface.points.number
+    memory = Memory(rng.normal(0, 0.002, (n, surface.dim)), {"beta": rng.uniform(0.3, 1, n)}, 0.1)
+    problem.equations.remember([memory])
+    sizes = remainders(problem, x, 2)
+    codes = np.concatenate(COMM.allgather(problem.equations.contact(x).statuses[0]))
+    assert (codes >= DAMAGING).any()
+    assert sizes[0] > 1e-9
+    np.testing.assert_allclose(np.log2(sizes[:-1] / sizes[1:]), 2.0, atol=0.35)
+
+
+def test_rejected_steps_leave_nothing():
+    """As the run that takes the accepted times at once, bit by bit."""
+    runs, times = [], [0.0, 1.0, 2.0, 3.0]
+    for wanted in (0.2, 1.0):
+        problem, top = bonded(law=RCCM(C, C, W, 0.3, viscosity=0.1))
+        load = along(top, (0.0, -0.01), (0.2, -0.01), (0.3, 0.2))
+        evolution = QuasiStatic(problem, load)
+        history = evolution.run(times, accept=lambda s, w=wanted: s.time - s.start < 1.5 * w)
+        times = [0.0, *(s.time for s in history.steps)]
+        (memory,) = problem.equations.memory
+        runs.append((history, [*(f.x.array for f in problem.fields), *memory.fields.values()]))
+    (rejecting, first), (other, second) = runs
+    assert sum(s.rejected for s in rejecting.steps) > 0 == sum(s.rejected for s in other.steps)
+    for a, b in zip(first, second, strict=True):
+        np.testing.assert_array_equal(a, b)
+    assert [s.energies for s in rejecting.steps] == [s.energies for s in other.steps]
+    assert history.energies.damage > 0
+    beta = memory.fields["beta"]
+    with pytest.raises(ValueError, match="read-only"):
+        memory.fields["beta"][:] = 1.0
+    # The memory of the end is what stands: looking at the state again changes nothing.
+    np.testing.assert_allclose(problem.surfaces[0].bond("after.beta"), beta, rtol=1e-14)
+
+
+@pytest.mark.parametrize("cell", ["tri", "tet"])
+def test_as_on_one_rank(cell):
+    tables = []
+    for comm in (COMM, MPI.COMM_SELF):
+        problem, top = bonded(cell, law=RCCM(C, C, W, 0.3, viscosity=0.02), comm=comm)
+        aside = [0.05] if cell == "tet" else []
+        load = along(top, (0.0, *aside, -0.01), (0.2, *aside, -0.01), (0.3, *aside, 0.1))
+        history = QuasiStatic(problem, load).run(np.linspace(0.0, 3.0, 13))
+        tables.append([s.result.tables["contact"] for s in history.steps])
+    for a, b in zip(*tables, strict=True):
+        same_tables(a, b, 1e-8)
+        np.testing.assert_allclose(a.beta, b.beta, rtol=1e-8)
+        assert "".join(a.bond) == "".join(b.bond)
+
+
+def drawn_node(stiffness):
+    """One node that a load gamma pulls off the floor, bonded by a stiffness."""
+    law = RCCM(stiffness, 0.0, W)
+    return linear_triangle(
+        1, None, (0.0, -1.0), (1.0, 1.0), 1.0, law=lambda _: law, comm=MPI.COMM_SELF
+    )
+
+
+def gap_of_node(system):
+    (table,) = system.problem.solve().tables.values()
+    return float(table.un[table.letters != "d"][0])
+
+
+@pytest.mark.parametrize("k", [1.0, 0.3])
+def test_snap_back(k):
+    """Drawn by a spring of k C: the peak, where damage begins, and a smooth fold (k < 3)."""
+    gaps = []
+    for stiffness in (0.0, 1.0):
+        system = drawn_node(stiffness)
+        system.set_parameter(1e-3)
+        gaps.append(gap_of_node(system))
+    free, spring = gaps[0] / 1e-3, gaps[1] / (gaps[0] - gaps[1])
+    stiffness = spring / k
+    u0, system = np.sqrt(W / stiffness), drawn_node(stiffness)
+    system.set_parameter(0.0)
+    system.problem.solve()
+    x = system.create_vector()
+    system.problem.write(x)
+    branch = follow(system, x, 0.0, gamma_range=(0.0, 8 * u0 / free), max_steps=300)
+    folds = branch.folds
+    wanted = [1 + 1 / k, 4 / 3 * (3 / k) ** 0.25]
+    np.testing.assert_allclose([s.gamma * free / u0 for s in folds], wanted, rtol=1e-6)
+    assert [s.smooth for s in folds] == [False, True]
+    (change,) = folds[0].changes
+    assert (change.before, change.after) == (0, DAMAGING)
+    end = branch.points[-1]
+    system.set_parameter(end.gamma)
+    assert end.gamma * free == pytest.approx(8 * u0)
+    u = gap_of_node(system) / u0
+    assert u + k**-1 * u**-3 == pytest.approx(8.0, rel=1e-8)
+
+
+def test_what_is_written(folder):
+    """Intensity and letters of bonds in tables, steps and fields; units do not matter."""
+    seen = []
+    for unit in (1.0, 1e6):  # of stress
+        law = RCCM(unit * C, unit * C, unit * W, 0.3)
+        problem, top = bonded(law=law, young=1e3 * unit)
+        evolution = QuasiStatic(problem, along(top, (0.05, -0.01), (0.1, 0.3)))
+        with output.EvolutionSeries(folder, problem, format="vtk") as series:
+            history = evolution.run([0.0, 0.5, 1.0, 2.0], observer=series)
+        rows = (folder / "steps.csv").read_text().splitlines()
+        t = history.steps[-1].result.tables["contact"]
+        seen.append([s.result.tables["contact"].beta for s in history.steps])
+        names = rows[0].split(",")
+        assert float(rows[-1].split(",")[names.index("beta_contact")]) == pytest.approx(
+            np.dot(t.beta, t.area) / t.area.sum()
+        )
+        assert float(rows[-1].split(",")[names.index("damage")]) > 0
+        assert set(t.bond) == {"d"}
+        output.write_contact_table(COMM, folder, [t])
+        lines = [line.split(",") for line in (folder / "contact.csv").read_text().splitlines()]
+        assert lines[0][-4:] == ["rn_adh", "rt_adh", "beta", "bond"]
+        assert lines[1][-1] == "d"
+        assert float(lines[1][-2]) == t.beta[0]
+        assert float(lines[1][-4]) == pytest.approx(float(lines[1][lines[0].index("rn")]))
+        f = contact_fields(problem, problem.surfaces[0])["beta"]
+        assert f.x.array.min() >= t.beta.min() * (1 - 1e-9)
+        assert f.x.array.max() <= t.beta.max() * (1 + 1e-9)
+    np.testing.assert_allclose(*seen, rtol=1e-9)
+    broken = block(law=RCCM(C, C, W, beta=1e-7), top=(0.0, 0.01)).solve().tables["contact"]
+    assert set(broken.bond) == {"b"}
+
+
+def test_a_field_of_bonds():
+    """Bonded on the right half alone; a static solve begins with that."""
+    domain = box(COMM, 4, "quad")
+    x = ufl.SpatialCoordinate(domain)
+    beta = ufl.conditional(ufl.gt(x[0], 0.4), 0.8, 0.0)
+    t = block(domain=domain, law=RCCM(C, C, W, beta=beta), top=(0.0, 0.01)).solve()
+    t = t.tables["contact"]
+    np.testing.assert_allclose(t.beta, np.where(t.x[:, 0] > 0.4, 0.8, 0.0), atol=1e-14)
+    np.testing.assert_allclose(t.pressure, -C * t.beta**2 * t.un, rtol=1e-8, atol=1e-12)
+
+
+def test_bad_input():
+    for wrong, message in [
+        ({"beta": 1.1}, "beta of RCCM must be between 0 and 1, got 1.1"),
+        ({"beta": -0.1}, "beta of RCCM must be between 0 and 1"),
+        ({"beta": np.nan}, "beta of RCCM must be between 0 and 1"),
+        ({"work": 0.0}, "work of RCCM must be finite and positive"),
+        ({"work": -1.0}, "work of RCCM must be finite and positive"),
+        ({"normal": -1.0}, "normal of RCCM must be finite and nonnegative"),
+        ({"tangential": -1.0}, "tangential of RCCM must be finite and nonnegative"),
+        ({"viscosity": -1.0}, "viscosity of RCCM must be finite and nonnegative"),
+        ({"friction": np.inf}, "friction of RCCM must be finite and nonnegative"),
+    ]:
+        with pytest.raises(ValueError, match=message):
+            block(law=RCCM(**{"normal": C, "tangential": C, "work": W, **wrong}))
+    problem = block(law=RCCM(C, C, W))
+    (surface,) = problem.surfaces
+    surface.law.beta.value = 1.5
+    with pytest.raises(ValueError, match="contact: not between 0 and 1: beta of RCCM"):
+        problem.solve()
+    jump = np.zeros((surface.points.number, 2))
+    with pytest.raises(ValueError, match="memory is that of other contact surfaces"):
+        problem.equations.remember([Memory(jump, {"beta": np.ones(surface.points.number + 1)})])
