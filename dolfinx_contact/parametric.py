@@ -36,6 +36,7 @@ from dolfinx_contact.points.surface import ContactSurface
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.reduced.condensed import CondensedContact, can_condense
 from dolfinx_contact.results.result import Result
+from dolfinx_contact.results.uniqueness import checked_seconds
 from dolfinx_contact.solvers.history import Attempt
 
 __all__ = ["ParametricContact"]
@@ -184,9 +185,10 @@ class ParametricContact(ParametricEquations):
         """
         assert isinstance(condensed, CondensedContact)
         known_laws = all(type(s.law) in (Coulomb, Frictionless) for s in self.equations.surfaces)
-        if not self.ray_seconds > 0 or not known_laws or condensed.system.points > _MOST_PROVED:
+        seconds = checked_seconds(self.comm, self.ray_seconds)
+        if seconds == 0 or not known_laws or condensed.system.points > _MOST_PROVED:
             return None
-        return on_root(self.comm, lambda: proved_rays(condensed, cone, known, self.ray_seconds))
+        return on_root(self.comm, lambda: proved_rays(condensed, cone, known, seconds))
 
     # -- pieces ----------------------------------------------------------------------------------
 

@@ -6,8 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 from petsc4py import PETSc
 
@@ -41,7 +40,8 @@ from dolfinx_contact.results.balance import forces_at_vertices, support_at_nodes
 from dolfinx_contact.results.checks import warn_of_obstacles
 from dolfinx_contact.results.result import Result, collect
 from dolfinx_contact.results.tables import ContactTable, contact_table
-from dolfinx_contact.results.uniqueness import Uniqueness
+from dolfinx_contact.results.theory import Theory
+from dolfinx_contact.results.uniqueness import OTHER_DATA, Uniqueness, checked_seconds
 from dolfinx_contact.solvers.choice import LinearSolverChoice
 from dolfinx_contact.solvers.classical import algorithm_named, reduced_contact, solve_by
 from dolfinx_contact.solvers.history import Attempt, Step
@@ -49,6 +49,9 @@ from dolfinx_contact.solvers.ladder import check_data, solve
 from dolfinx_contact.solvers.linear import LinearSolver
 
 __all__ = ["ContactProblem"]
+
+
+Answer = TypeVar("Answer")
 
 
 class ContactProblem:
@@ -283,8 +286,8 @@ class ContactProblem:
                 )
             with self.restored():
                 result = self.collect(x, attempts)
-            theorems = partial(theory_of, self.equations)
-            result = replace(result, prove=self._proof_of(x), theorems=theorems)
+            prove, theorems = self._answers_at(x)
+            result = replace(result, prove=prove, theorems=theorems)
             x.destroy()
             said.end(result.iterations)
             return result
@@ -292,19 +295,34 @@ class ContactProblem:
             said.end()
             x0.destroy()
 
-    def _proof_of(self, x: PETSc.Vec) -> Callable[[float], Uniqueness]:
-        """What looks for a proof that the solution is the only one."""
-        values = x.array_r.copy()
+    def _answers_at(
+        self, x: PETSc.Vec
+    ) -> tuple[Callable[[float], Uniqueness], Callable[[], Theory]]:
+        """What a result may be asked of the problem as it was solved, its memory included."""
+        eq, values, memory = self.equations, x.array_r.copy(), self.equations.memory
+        known: dict[float, Uniqueness] = {}
 
-        def prove(seconds: float) -> Uniqueness:
-            y = self.create_vector()
+        def as_solved(ask: Callable[[PETSc.Vec], Answer]) -> Answer:
+            y, now = self.create_vector(), eq.memory
             y.array[:] = values
+            eq.remember(memory)
             try:
-                return uniqueness(self.equations, self._linear, y, seconds)
+                check_data(eq, y)
+                return ask(y)
             finally:
+                eq.remember(now)
                 y.destroy()
 
-        return prove
+        def prove(seconds: float) -> Uniqueness:
+            seconds = checked_seconds(self.comm, seconds)
+            if seconds in known:
+                return known[seconds]
+            found = as_solved(lambda y: uniqueness(eq, self._linear, y, seconds))
+            if found.reason != OTHER_DATA:
+                known[seconds] = found
+            return found
+
+        return prove, lambda: as_solved(lambda _: theory_of(eq))
 
     def reduced(self) -> ReducedContact:
         """The problem on its contact points alone, the same on every rank. Collective.

@@ -1,6 +1,8 @@
 """Quasi-static evolutions: friction with a memory."""
 
+import itertools
 import json
+import logging
 import math
 from pathlib import Path
 
@@ -21,9 +23,11 @@ from dolfinx_contact import (
     ContactProblem,
     ContactSurface,
     Coulomb,
+    Frictionless,
     HalfSpace,
     LevelSet,
     RigidBody,
+    Sphere,
     output,
 )
 from dolfinx_contact.continuation import follow
@@ -38,7 +42,9 @@ BLOCKS = json.loads((DATA / "two_blocks.json").read_text())
 PATHS = json.loads((DATA / "two_blocks_path.json").read_text())
 
 
-def dragged(cell="quad", n=4, *, method=None, degree=1, obstacle=None, energy=None, r=None):
+def dragged(
+    cell="quad", n=4, *, method=None, degree=1, obstacle=None, energy=None, r=None, law=None
+):
     """A block on a floor, friction 0.3, and the Function by which its top moves."""
     domain = box(COMM, n, cell)
     dim = domain.geometry.dim
@@ -49,7 +55,7 @@ def dragged(cell="quad", n=4, *, method=None, degree=1, obstacle=None, energy=No
         u,
         facets(domain, dim - 1, 0.0),
         obstacle=obstacle(domain) if obstacle else HalfSpace(np.zeros(dim), np.eye(dim)[-1]),
-        law=Coulomb(0.3),
+        law=law(domain) if law else Coulomb(0.3),
         method=method,
     )
     density = (energy or LinearElastic.from_young(1000.0, 0.3)).energy(u)
@@ -227,6 +233,82 @@ def test_energy():
     assert residues[2] < 0.6 * residues[1] < 0.6 * 0.6 * residues[0] < 0.05
 
 
+@pytest.mark.chatty
+@pytest.mark.parametrize("sliding", ["small", "large"])
+def test_work_of_a_disc_that_moves(sliding):
+    """Along and into the face of a strip: all of its work is stored but what steps leave."""
+    residues = []
+    for n in (5, 40):
+        domain = mesh.create_rectangle(MPI.COMM_SELF, [(0, -0.5), (2, 0)], [12, 3])
+        u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
+        centre = fem.Constant(domain, (0.7, 0.75))
+        disc, top = Sphere(centre, 0.8), facets(domain, 1, 0.0)
+        surface = ContactSurface(u, top, obstacle=disc, law=Frictionless(), sliding=sliding)
+        dofs = fem.locate_dofs_topological(u.function_space, 1, facets(domain, 1, -0.5))
+        bcs = [fem.dirichletbc(np.zeros(2), dofs, u.function_space)]
+        energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
+        problem = ContactProblem(energy, u, [surface], bcs=bcs)
+
+        def load(t, centre=centre):
+            centre.value[:] = 0.7 + 0.5 * t, 0.75 - 0.05 * np.sin(3 * t)
+
+        problem.solve()
+        history = QuasiStatic(problem, load).run(np.linspace(0.0, 1.0, n + 1))
+        residues.append(abs(history.energies.residue) / history.energies.stored)
+    assert residues[1] < 0.005 < 0.1 < residues[0]
+
+
+def test_a_start_that_is_no_solution(caplog):
+    problem, top = dragged(n=2)
+    problem.u.x.array[:] = 0.1
+    with caplog.at_level(logging.WARNING):
+        QuasiStatic(problem, cycle(top)).run([0.5, 1.0])
+    if COMM.rank == 0:
+        assert "the start of the evolution is no solution" in caplog.text
+
+
+def test_several_runs_are_as_one():
+    """Each knows how fast the state changed before, and takes data that were changed between."""
+    problem, g = klarbring()
+
+    def load(t):
+        g.value = t
+
+    evolution, times = QuasiStatic(problem, load), [0.0, 0.5, 1.0, 1.5, 2.5, 3.5]
+    for ends in itertools.pairwise(times[:-1]):
+        evolution.run(ends)
+    with pytest.raises(NoContinuation, match="no solution continues"):
+        evolution.run(times[-2:])
+    friction = []
+
+    def law(domain):
+        friction.append(fem.Constant(domain, 0.3))
+        return Coulomb(friction[0])
+
+    problem, top = dragged(law=law)
+    evolution = QuasiStatic(problem, cycle(top))
+    evolution.run([0.0, 1.0, 2.0])
+    friction[0].value = 0.1
+    last = evolution.run([2.0, 2.5]).steps[-1].result
+    assert friction[0].value == 0.1
+    (table,) = last.tables.values()
+    slips = np.isin(table.letters, ["+", "-"])
+    assert slips.any()
+    np.testing.assert_allclose(np.abs(table.along(table.rt))[slips], 0.1 * table.rn[slips])
+
+
+def test_a_proof_is_of_the_step_that_was_taken():
+    """Asked later, the memory is that of the step; the data of an earlier one are gone."""
+    problem, top = dragged()
+    memory = []
+    run = QuasiStatic(problem, cycle(top)).run
+    history = run([0.0, 1.0, 2.0], observer=lambda _: memory.append(problem.equations.memory))
+    before = problem.equations.memory
+    assert [s.result.unique for s in history.steps] == ["not proved", "proved"]
+    assert "data have changed" in history.steps[0].result.uniqueness().reason
+    assert problem.equations.memory == before
+
+
 def test_a_floor_that_moves():
     """The floor under a held block, as the block over a floor at rest: work and forces too."""
     histories = []
@@ -374,7 +456,12 @@ def test_bad_input():
     for times in ([0.0], [0.0, math.nan], [0.0, 1.0, 1.0], [0.0, 1.0, 0.5], ["a", "b"], None):
         with pytest.raises(ValueError, match=r"times|convert"):
             evolution.run(times)
+    ranks = COMM.rank if COMM.size > 1 else math.nan
     for given in (
+        {"sudden": 1.0 + ranks},
+        {"accept": 3},
+        {"observer": "x"},
+        {"accept": lambda _: None},
         {"shortest": 0.0},
         {"shortest": math.nan},
         {"longest": 0.0},

@@ -28,7 +28,7 @@ from dolfinx_contact.equations.parametric import LinearSolver, ParametricEquatio
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.laws import Coulomb, Frictionless, Tresca
 from dolfinx_contact.reduced.condensed import CondensedContact, can_condense
-from dolfinx_contact.results.uniqueness import Uniqueness
+from dolfinx_contact.results.uniqueness import OTHER_DATA, Uniqueness
 
 __all__ = [
     "obstacle_to_proof",
@@ -158,7 +158,7 @@ def uniqueness(
     b = equations.create_vector()
     try:
         if not system.residual(x, 0.0, b, None) <= _SOLVED:
-            return Uniqueness("not proved", "the data have changed since the problem was solved")
+            return Uniqueness("not proved", OTHER_DATA)
         if equations.dim == 2:
             return _in_plane(system, x, seconds)
         return _in_space(equations, equations.residual(x, b), seconds)

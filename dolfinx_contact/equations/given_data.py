@@ -44,6 +44,10 @@ class GivenData:
     def __init__(self, eq: ContactEquations):
         self._values = [(f, _values(f).copy()) for f in given_data(eq)]
 
+    def stands(self) -> bool:
+        """Whether all values are those still, on this rank. Not collective."""
+        return all(np.array_equal(_values(f), values) for f, values in self._values)
+
     def restore(self) -> None:
         """Put the values back, bit by bit. Not collective."""
         for f, values in self._values:

@@ -5,7 +5,8 @@ Over a step from n to n+1, with dead loads f, reactions S of Dirichlet data, for
 bodies and contact pressures p over areas W,
 
     external work  (f_n + f_n+1)/2 . du + (S_n + S_n+1)/2 . du - (P_n + P_n+1)/2 . dq
-                   - sum W (p_n + p_n+1)/2 dg      (obstacles that move: g is the initial gap)
+                   - sum W (p_n + p_n+1)/2 (d u_N + (n_n + n_n+1)/2 . dj)
+                   (obstacles that move: by how much the gap u_N changes where points j stay)
     dissipated     - sum W t_n+1 . (increment of the jump along the surface), without adhesion
     damage         what breaking bonds has cost (`laws.Bond.spent`)
     stored         the energy of the body without the potential of its loads, that of bonds, and
@@ -74,7 +75,8 @@ class Energies:
         pressed = spent = 0.0
         for p, q in zip(before.surfaces, after.surfaces, strict=True):
             force = (p.force + q.force) / 2
-            outer -= np.dot(force, q.gap - p.gap)
+            moved = np.sum((p.n + q.n) / 2 * (q.jump - p.jump), axis=1)
+            outer -= np.dot(force, q.un - p.un + moved)
             pressed += float(np.sum(q.bonds - p.bonds))
             spent += float(np.sum(q.spent))
             if q.compliant:
@@ -95,7 +97,7 @@ class Energies:
 
 @dataclass(frozen=True, eq=False)
 class SurfaceForces:
-    """A contact surface at a state: forces of pressure (n,), initial gaps, gaps, energies.
+    """A contact surface at a state: forces of pressure, gaps (n,), normals, total jumps (n, dim).
 
     Attributes:
         bonds: energies that bonds hold (n,).
@@ -103,8 +105,9 @@ class SurfaceForces:
     """
 
     force: Array
-    gap: Array
     un: Array
+    n: Array
+    jump: Array
     compliant: bool
     bonds: Array
     spent: Array
@@ -146,14 +149,15 @@ def forces_at(eq: ContactEquations, state: State) -> Forces:
         energy += float(eq.comm.allreduce(float(np.dot(load, u))))
     surfaces = []
     for s, found in zip(eq.surfaces, state.surfaces, strict=True):
-        data = s.points.data
-        pressure = -np.sum(found.traction * data.n, axis=1)
-        un = data.gap - np.sum(found.jump * data.n, axis=1)
+        normal = found.data.n.copy()
+        pressure = -np.sum(found.traction * normal, axis=1)
+        un = found.data.gap - np.sum(found.jump * normal, axis=1)
         force = s.points.areas * pressure
         none = np.zeros_like(force), np.zeros_like(force)
         names = ("stored", "spent") if s.law.remembers else ()
         bonds = [s.points.areas * found.answers.bond(name) for name in names] or none
-        surfaces.append(SurfaceForces(force, data.gap.copy(), un, s.law.compliant, *bonds))
+        jump = found.jump + s.reference
+        surfaces.append(SurfaceForces(force, un, normal, jump, s.law.compliant, *bonds))
     return Forces(
         eq,
         u,

@@ -7,6 +7,7 @@ leave nothing behind but what `Stepper.put` overwrites, bit by bit.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -15,6 +16,7 @@ import numpy.typing as npt
 
 from dolfinx_contact._errors import everywhere
 from dolfinx_contact.equations.given_data import GivenData
+from dolfinx_contact.equations.measures import Scales
 from dolfinx_contact.equations.state import Statuses
 from dolfinx_contact.evolution.energy import Energies, Forces, forces_at
 from dolfinx_contact.points.memory import Memory
@@ -23,7 +25,10 @@ from dolfinx_contact.results.result import Result
 
 __all__ = ["Moment", "Stepper", "Taken", "change"]
 
+logger = logging.getLogger(__name__)
+
 Array = npt.NDArray[np.float64]
+_SOLVED = 1e-6  # residual of a start that is a solution
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +99,14 @@ class Stepper:
         except BaseException:
             data.restore()
             raise
+        residual = Scales(eq).measure(state).worst
+        if residual > _SOLVED and eq.comm.rank == 0:
+            logger.warning(
+                "the start of the evolution is no solution under the load at the time %g (residual "
+                "%.1e): its energies mean nothing; solve() first",
+                time,
+                residual,
+            )
         return self._moment(time, None, eq.advanced(state), forces_at(eq, state), Energies())
 
     def recalled(

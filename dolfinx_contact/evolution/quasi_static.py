@@ -19,6 +19,7 @@ import itertools
 import math
 import time as clock
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import TypeAlias, get_args
 
 from mpi4py import MPI
@@ -27,6 +28,7 @@ import numpy as np
 
 from dolfinx_contact._errors import everywhere, same_everywhere
 from dolfinx_contact._progress import Line
+from dolfinx_contact.equations.given_data import GivenData
 from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.evolution.history import EvolutionStep, History, NoContinuation
 from dolfinx_contact.evolution.jumps import find_jump, where_it_changes
@@ -48,7 +50,10 @@ _PATIENCE = 3.0  # seconds before progress is said by itself
 class QuasiStatic:
     """The quasi-static evolution of a contact problem under a load that depends on time.
 
-    It begins with the state in the problem's Functions: points slip from where they are there.
+    It begins with the state in the problem's Functions, a solution under the load at the first
+    time: points slip from where they are there. A surface drags what touches it only where it is
+    another body or a `RigidBody`; of an obstacle that moves by Constants friction sees the motion
+    along the normal alone.
     Functions, statuses, data and memory of the problem follow the accepted steps. The memory stays
     in the surfaces afterwards, for a branch within the next step, say; ``surface.memory = None``
     makes the law static again.
@@ -87,6 +92,7 @@ class QuasiStatic:
                     )
         self.problem, self.load = problem, load
         self._moment: Moment | None = None
+        self._rate: float | None = None
 
     def run(
         self,
@@ -138,18 +144,25 @@ class QuasiStatic:
             span = given[-1] - given[0]
             least = span / 2**_HALVINGS if shortest is None else float(shortest)
             if not (math.isfinite(least) and least > 0 and longest >= least):
-                raise ValueError(
-                    f"steps must have 0 < shortest <= longest, got {shortest} and {longest}"
-                )
+                raise ValueError(f"steps must have 0 < shortest <= longest, got {least}, {longest}")
             if at_jump not in get_args(AtJump):
                 raise ValueError(f"at_jump is {at_jump!r}: known are {get_args(AtJump)}")
             if not sudden >= 1:
                 raise ValueError(f"sudden must be 1 or more, got {sudden}")
+            for name, call in (("accept", accept), ("observer", observer)):
+                if call is not None and not callable(call):
+                    raise ValueError(f"{name} must be a function of a step, got {call!r}")
         same_everywhere(comm, times=given, longest=longest, shortest=shortest, at_jump=at_jump)
-        same_everywhere(comm, a_record=record is not None)
+        same_everywhere(comm, sudden=float(sudden), a_record=record is not None)
         task = Task(tuple(given), float(longest), least, at_jump, float(sudden))
         stepper = self._stepper(progress)
-        standing = Standing(self._moment or stepper.start(given[0]), task.longest)
+        moment = self._moment
+        if moment is None:
+            moment = stepper.start(given[0])
+        elif not comm.allreduce(int(moment.data.stands()), op=MPI.MIN):
+            # Data that were changed between two runs are those of the next.
+            moment = replace(moment, data=GivenData(self.problem.equations))
+        standing = Standing(moment, task.longest, self._rate)
         if record is not None:
             stepper.put(standing.moment)
             record.begin(task, standing)
@@ -220,7 +233,7 @@ class QuasiStatic:
         except _Ended as ended:
             history.reason, failure = str(ended), ended
         finally:
-            self._moment = run.moment
+            self._moment, self._rate = run.moment, run.rate
             stepper.put(run.moment)
             said.end(history)
         if record is not None:
@@ -252,7 +265,7 @@ class _Run:
         self._stepper, self._task, self._said = stepper, task, said
         self._accepts, self._observer, self._record = accept, observer, record
         self._length, self._rejected = standing.length, 0
-        self._rate, self._before = standing.rate, standing.number
+        self.rate, self._before = standing.rate, standing.number
 
     def to(self, end: float) -> None:
         """Go on to a time."""
@@ -276,7 +289,7 @@ class _Run:
     def _jump(self, taken: Taken) -> list[Taken] | None:
         """The steps up to a jump in a step that changes the state suddenly; None if none does."""
         rate = _rate(taken)
-        if self._rate is None or rate <= self._task.sudden * self._rate:
+        if self.rate is None or rate <= self._task.sudden * self.rate:
             return None
         return find_jump(self._stepper, taken, self._task.shortest)
 
@@ -321,7 +334,10 @@ class _Run:
         wanted = True
         with everywhere(comm, "accept"):
             if self._accepts is not None:
-                wanted = bool(self._accepts(self._step(taken, False)))
+                answer = self._accepts(self._step(taken, False))
+                if not isinstance(answer, bool | np.bool_):
+                    raise ValueError(f"accept must answer True or False, got {answer!r}")
+                wanted = bool(answer)
         # All that were asked must want it.
         return not comm.allreduce(int(not wanted))
 
@@ -330,10 +346,10 @@ class _Run:
         self.history.steps.append(step)
         self.moment = taken.after
         if not jump:
-            self._rate = _rate(taken)
+            self.rate = _rate(taken)
         self._rejected, self._length = 0, min(2 * self._length, self._task.longest)
         if self._record is not None:
-            standing = Standing(taken.after, self._length, self._rate, step.number, settled)
+            standing = Standing(taken.after, self._length, self.rate, step.number, settled)
             self._stepper.put(taken.after)
             self._record.step(step, standing)
         if comm.allreduce(int(self._observer is not None)):

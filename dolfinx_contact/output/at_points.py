@@ -8,7 +8,6 @@ crack) by their nodes in the mesh as it was given to DOLFINx.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -58,7 +57,8 @@ class AtPoints:
             start = f"{i}.memory."
             names = [name for name in found if name.startswith(start)]
             arrays = {name.removeprefix(start): surface.mine(found[name]) for name in names}
-            memories.append(Memory(**arrays) if arrays else None)
+            jump = arrays.pop("jump", None)
+            memories.append(None if jump is None else Memory(jump, arrays))
         return tuple(memories)
 
 
@@ -85,7 +85,4 @@ class _Order:
 
 def _arrays(memory: Memory | None) -> Arrays:
     """All arrays of a memory, whichever it has."""
-    if memory is None:
-        return {}
-    known = {f.name: getattr(memory, f.name) for f in fields(memory)}
-    return {name: values for name, values in known.items() if values is not None}
+    return {} if memory is None else {"jump": memory.jump, **memory.fields}

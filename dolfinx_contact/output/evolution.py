@@ -8,8 +8,11 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from dolfinx import fem
 
+from dolfinx_contact._errors import everywhere, same_everywhere
 from dolfinx_contact.output.disk import aside
 from dolfinx_contact.output.fields import faces
 from dolfinx_contact.output.folder import output_folder
@@ -64,8 +67,10 @@ class EvolutionSeries:
         format: Format = None,
     ):
         self._problem, self._comm = problem, problem.comm
-        if every < 1:
-            raise ValueError(f"every must be 1 or more, got {every}")
+        with everywhere(problem.comm, "a series"):
+            if not isinstance(every, int | np.integer) or isinstance(every, bool) or every < 1:
+                raise ValueError(f"every must be a number of steps, got {every!r}")
+        same_everywhere(problem.comm, every=int(every))
         self._every, self._format = every, checked_format(self._comm, format)
         self._folder = output_folder(self._comm, folder)
         self._faces = faces(problem)

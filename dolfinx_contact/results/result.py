@@ -121,27 +121,28 @@ class Result:
         return max((v for v in self.misfits.values() if v is not None), default=None)
 
     def uniqueness(self, *, seconds: float = 0.0) -> Uniqueness:
-        """Whether this is the only solution, with the data as they are now. Collective.
+        """Whether this is the only solution of the problem that was solved. Collective.
 
-        It is found when it is asked for, and kept. Of a linear body in 2D with contact at its nodes
-        the body is condensed onto these, which takes two solves for each, and the certificate of
-        one point is tried; without friction it holds but for round-off. Where it fails, and another
-        solution is found quickly, that comes with it, and a warning. In 3D up to some hundred
-        points there is Renard's criterion (`analysis.renard_criterion`), which is weaker, and
-        beyond these certificates, without Coulomb's friction, the theorems of `theory`.
+        It is found when it is asked for, and kept; if data have changed by then it is "not proved".
+        Of a linear body in 2D with contact at its nodes the body is condensed onto these, which
+        takes two solves for each, and the certificate of one point is tried; without friction it
+        holds but for round-off. Where it fails, and another solution is found quickly, that comes
+        with it, and a warning. In 3D up to some hundred points there is Renard's criterion
+        (`analysis.renard_criterion`), which is weaker, and beyond these certificates, without
+        Coulomb's friction, the theorems of `theory`.
 
         Args:
             seconds: for more effort and a proof by branch and bound in 2D, where the certificate of
                 one point fails; if it is positive there is no limit to the points in 3D.
 
         Raises:
-            ValueError: if the result does not come from a solve.
+            ValueError: on every rank, if the result does not come from a solve, seconds are no
+                number or differ between ranks, or there are data by now that none can solve with.
         """
         if self.prove is None:
             raise ValueError("uniqueness is looked at for results of ContactProblem.solve")
-        if seconds not in self._proofs:
-            self._proofs[seconds] = self.prove(seconds)
-        return self._proofs[seconds]
+        found = self._proofs[seconds] = self.prove(seconds)
+        return found
 
     @property
     def unique(self) -> str:

@@ -3,12 +3,20 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from numbers import Real
 from typing import Literal
 
+from mpi4py import MPI
 from petsc4py import PETSc
 
-__all__ = ["Uniqueness"]
+from dolfinx_contact._errors import everywhere, same_everywhere
+
+__all__ = ["OTHER_DATA", "Uniqueness", "checked_seconds"]
+
+#: Why nothing is said of a problem with data of which the solution is none.
+OTHER_DATA = "the data have changed since the problem was solved"
 
 
 @dataclass(frozen=True)
@@ -25,3 +33,13 @@ class Uniqueness:
     verdict: Literal["proved", "not proved", "others exist"]
     reason: str
     other: PETSc.Vec | None = None
+
+
+def checked_seconds(comm: MPI.Comm, seconds: float) -> float:
+    """The seconds for a proof as a number, or ``ValueError`` on every rank. Collective."""
+    with everywhere(comm, "seconds"):
+        number = isinstance(seconds, Real) and not isinstance(seconds, bool)
+        if not number or math.isnan(seconds) or seconds < 0:
+            raise ValueError(f"seconds for a proof must not be negative, got {seconds!r}")
+    same_everywhere(comm, seconds=float(seconds))
+    return float(seconds)
