@@ -143,7 +143,7 @@ def test_opening(cell, pair):
 def test_residue_falls_with_the_steps():
     residues = []
     for n in (10, 20):
-        problem, top = bonded(n=1, law=RCCM(C, C, W), young=1e4)
+        problem, top = bonded(n=1, law=RCCM(C, C, W), young=1e4, comm=MPI.COMM_SELF)
         history = QuasiStatic(problem, along(top, (0.0, 4 * U0))).run(np.linspace(0.0, 1.0, n + 1))
         residues.append(abs(history.energies.residue))
     assert residues[1] < 0.5 * residues[0] < 0.05 * W
@@ -160,7 +160,8 @@ def test_viscosity(speed, wanted):
     """b |beta'| = (w - C u^2 beta)^- at u = V t, to first order in the step; the body gives way."""
     errors, young, b = [], 1e4, speed * W
     for n in (8, 16, 32):
-        problem, top = bonded("quad", 1, law=RCCM(C, C, W, viscosity=b), young=young)
+        law = RCCM(C, C, W, viscosity=b)
+        problem, top = bonded("quad", 1, law=law, young=young, comm=MPI.COMM_SELF)
         times, beta = np.linspace(0.0, 3.0, 3 * n + 1), [1.0]
         for u in U0 * times[1:]:
             beta.append(min(beta[-1], (b * beta[-1] + W / n) / (b + C * u**2 / n)))
