@@ -1,5 +1,6 @@
 """The demos of evolutions, against closed forms."""
 
+import demo_adhesion
 import demo_bar
 import demo_mindlin
 import demo_two_blocks
@@ -83,3 +84,23 @@ def test_mindlin(folder):
 def test_mindlin_converges(folder):
     coarse, fine = mindlin(folder / "10", 10, 4), mindlin(folder / "20", 20, 8)
     assert max(fine) < 0.5 * max(coarse)
+
+
+@pytest.mark.chatty
+def test_adhesion(folder):
+    """A bond opened to 6 u0, without viscosity and with; the folds of its snap-back."""
+    words = ["--steps=2", f"--output={folder}"]
+    summary = demo_adhesion.main([*words, "--spring=1"])
+    for ratio, beta in summary["beta_at"].items():
+        assert beta == pytest.approx(float(ratio) ** -2, rel=1e-8)
+    assert summary["work"] == pytest.approx(71 / 72, rel=1e-8)
+    assert (summary["peak"], summary["peak_at"]) == pytest.approx((1.0, 1.0), rel=1e-8)
+    kink, smooth = summary["folds"]
+    assert (kink["u_tot"], kink["u"]) == pytest.approx((2.0, 1.0), rel=1e-6)
+    u = 3**0.25
+    assert (smooth["u_tot"], smooth["u"]) == pytest.approx((4 * u / 3, u), rel=1e-6)
+    assert (kink["kind"], smooth["kind"]) == ("kink", "smooth")
+    slow = demo_adhesion.main(["--steps=8", f"--output={folder}", "--viscosity=1"])
+    assert slow["beta_at"]["2"] == pytest.approx(0.4048318120, rel=0.02)
+    assert slow["peak"] == pytest.approx(1.107952, rel=0.03)
+    assert (folder / "pull.png").exists()
