@@ -13,6 +13,7 @@ import ufl
 from dolfinx import fem
 
 from dolfinx_contact import RCCM, ContactPair, ContactProblem, ContactSurface, HalfSpace, output
+from dolfinx_contact.analysis import stability_at_rest
 from dolfinx_contact.continuation import follow
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.laws.status import DAMAGING
@@ -159,7 +160,7 @@ def test_residue_falls_with_the_steps():
 def test_viscosity(speed, wanted):
     """b |beta'| = (w - C u^2 beta)^- at u = V t, to first order in the step; the body gives way."""
     errors, young, b = [], 1e4, speed * W
-    for n in (8, 16, 32):
+    for n in (8, 16, 32) if speed == 1.0 else (16,):
         law = RCCM(C, C, W, viscosity=b)
         problem, top = bonded("quad", 1, law=law, young=young, comm=MPI.COMM_SELF)
         times, beta = np.linspace(0.0, 3.0, 3 * n + 1), [1.0]
@@ -342,6 +343,9 @@ def test_bad_input():
             block(law=RCCM(**{"normal": C, "tangential": C, "work": W, **wrong}))
     problem = block(law=RCCM(C, C, W))
     (surface,) = problem.surfaces
+    problem.solve()
+    with pytest.raises(ValueError, match="needs a law without adhesion, not RCCM"):
+        stability_at_rest(problem, density=1.0)
     surface.law.beta.value = 1.5
     with pytest.raises(ValueError, match="contact: not between 0 and 1: beta of RCCM"):
         problem.solve()

@@ -96,7 +96,10 @@ def component_rows(eq: ContactEquations, places: npt.NDArray[np.intp], along: Ar
 
 
 def require_nodes(eq: ContactEquations) -> None:
-    """Raise ``ValueError`` if points are no nodes, see others, or normals move. Collective."""
+    """Raise ``ValueError`` if points are no nodes, see others, stick together, or normals move.
+
+    Collective.
+    """
     for s in eq.surfaces:
         still = s.rigid_body is None
         require(eq.comm, still, f"{s.name}: not with rigid bodies that have unknowns of their own")
@@ -105,6 +108,8 @@ def require_nodes(eq: ContactEquations) -> None:
         require(eq.comm, fits, f"{s.name}: this needs nodal or mixed contact, not {s.method}")
         local = s.law.spread is None
         require(eq.comm, local, f"{s.name}: this needs a local law, not {s.law.name}")
+        free = not s.law.remembers
+        require(eq.comm, free, f"{s.name}: this needs a law without adhesion, not {s.law.name}")
 
 
 def stacked(blocks: Sequence[PETSc.Mat]) -> PETSc.Mat:
