@@ -4,7 +4,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from blocks import block, box, facets, same_tables
+from blocks import block, box, facets
 from demo_linear_triangle import linear_triangle
 from test_law import randomise, remainders
 from test_pair import displacement, held, stacked
@@ -204,7 +204,7 @@ def test_jacobian_by_taylor(cell, method, viscosity):
 
 
 def test_rejected_steps_leave_nothing():
-    """As the run that takes the accepted times at once, bit by bit."""
+    """As the run that takes the accepted times at once; on one rank bit by bit."""
     runs, times = [], [0.0, 1.0, 2.0, 3.0]
     for wanted in (0.2, 1.0):
         problem, top = bonded(law=RCCM(C, C, W, 0.3, viscosity=0.1))
@@ -217,8 +217,10 @@ def test_rejected_steps_leave_nothing():
     (rejecting, first), (other, second) = runs
     assert sum(s.rejected for s in rejecting.steps) > 0 == sum(s.rejected for s in other.steps)
     for a, b in zip(first, second, strict=True):
-        np.testing.assert_array_equal(a, b)
-    assert [s.energies for s in rejecting.steps] == [s.energies for s in other.steps]
+        tolerance = 0.0 if COMM.size == 1 else 1e-10  # else sums come in any order
+        np.testing.assert_allclose(a, b, rtol=tolerance, atol=tolerance)
+    for a, b in zip(rejecting.steps, other.steps, strict=True):
+        assert a.energies.damage == pytest.approx(b.energies.damage, rel=tolerance, abs=tolerance)
     assert history.energies.damage > 0
     beta = memory.fields["beta"]
     with pytest.raises(ValueError, match="read-only"):
@@ -237,7 +239,10 @@ def test_as_on_one_rank(cell):
         history = QuasiStatic(problem, load).run(np.linspace(0.0, 3.0, 13))
         tables.append([s.result.tables["contact"] for s in history.steps])
     for a, b in zip(*tables, strict=True):
-        same_tables(a, b, 1e-8)
+        np.testing.assert_allclose(a.x, b.x, atol=1e-12)
+        np.testing.assert_allclose(a.force, b.force, rtol=0, atol=1e-8)
+        np.testing.assert_allclose(a.un, b.un, rtol=0, atol=1e-10)
+        np.testing.assert_allclose(a.ut, b.ut, rtol=0, atol=1e-10)
         np.testing.assert_allclose(a.beta, b.beta, rtol=1e-8)
         assert "".join(a.bond) == "".join(b.bond)
 
@@ -309,8 +314,8 @@ def test_what_is_written(folder):
         assert float(lines[1][-2]) == t.beta[0]
         assert float(lines[1][-4]) == pytest.approx(float(lines[1][lines[0].index("rn")]))
         f = contact_fields(problem, problem.surfaces[0])["beta"]
-        assert f.x.array.min() >= t.beta.min() * (1 - 1e-9)
-        assert f.x.array.max() <= t.beta.max() * (1 + 1e-9)
+        assert (f.x.array >= t.beta.min() * (1 - 1e-9)).all()
+        assert (f.x.array <= t.beta.max() * (1 + 1e-9)).all()
     np.testing.assert_allclose(*seen, rtol=1e-9)
     broken = block(law=RCCM(C, C, W, beta=1e-7), top=(0.0, 0.01)).solve().tables["contact"]
     assert set(broken.bond) == {"b"}
