@@ -23,12 +23,12 @@ demo:
 	$(RUN) mpirun -n 2 python3 demos/demo_dragged_body.py --output "$$OUTPUT/dragged_body"
 
 test: lint
-	$(RUN) $(PYTEST) --numprocesses 2 --dist loadfile
+	$(RUN) $(PYTEST) --numprocesses 2 --dist worksteal
 	$(RUN) mpirun -n 2 $(PYTEST)
 	$(RUN) mpirun -n 3 $(PYTEST)
 
 test-long:
-	$(RUN) $(PYTEST) --long --numprocesses 2 --dist loadfile
+	$(RUN) $(PYTEST) --long --numprocesses 2 --dist worksteal
 	$(RUN) mpirun -n 2 $(PYTEST) --long
 	$(MAKE) test-paraview
 
