@@ -371,7 +371,7 @@ def test_where_nothing_continues(folder, at_jump):
     def load(t):
         g.value = t
 
-    evolution = QuasiStatic(problem, load)
+    evolution, folder = QuasiStatic(problem, load), folder / str(COMM.rank)  # the node of each rank
     times = [0.0, 0.5, 1.0, 1.5, 2.5, 3.5, 4.0]
     if at_jump == "raise":
         told = pytest.raises(NoContinuation, match=r"no solution continues .* 3; .* k to o")

@@ -70,7 +70,8 @@ def follow_vee(solver, kinks, *options):
     return branch, letters, signs
 
 
-@pytest.mark.parametrize("kinks", ["exact", pytest.param("batched", marks=pytest.mark.chatty)])
+@pytest.mark.chatty
+@pytest.mark.parametrize("kinks", ["exact", "batched"])
 def test_vee(kinks):
     """Two nonsmooth folds, between which the determinant of H_x has the other sign."""
     branch, letters, signs = follow_vee("amg", kinks)
