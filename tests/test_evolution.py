@@ -472,6 +472,9 @@ def test_bad_input():
     ):
         with pytest.raises(ValueError, match="|".join(given)):
             evolution.run([0.0, 1.0], **given)
+    for every in (0, 1.5, True, "2", *([1 + COMM.rank] if COMM.size > 1 else [])):
+        with pytest.raises(ValueError, match="every"):
+            output.EvolutionSeries("unwritten", problem, every=every)
     with pytest.raises(ValueError, match="a ContactProblem is needed"):
         QuasiStatic(None, cycle(top))
     with pytest.raises(ValueError, match="a function of the time"):

@@ -8,6 +8,7 @@ from mpi4py import MPI
 import demo_block
 import demo_greco_block
 import demo_linear_triangle
+import numpy as np
 import pytest
 from blocks import block
 
@@ -139,3 +140,27 @@ def test_no_theory_of_a_result_of_a_branch():
     result = system.result_at(find_solutions(system, [x], 1.0).points(system)[0])
     with pytest.raises(ValueError, match="results of ContactProblem"):
         result.theory()
+
+
+@pytest.mark.parametrize("value", [np.nan, -1.0])
+def test_nothing_is_proved_of_bad_friction(value):
+    friction = []
+
+    def law(domain):
+        friction.append(fem.Constant(domain, 0.3))
+        return Coulomb(friction[0])
+
+    result = demo_linear_triangle.linear_triangle(2, 0.3, law=law).problem.solve()
+    friction[0].value = value
+    for ask in (result.theory, result.uniqueness):
+        with pytest.raises(ValueError, match="friction"):
+            ask()
+
+
+def test_seconds_that_are_none():
+    result = block(n=2).solve()
+    assert result.uniqueness(seconds=1.0).verdict == "proved"
+    ranks = [1.0 + COMM.rank] if COMM.size > 1 else []
+    for seconds in (np.nan, -1.0, True, "a", None, *ranks):
+        with pytest.raises(ValueError, match="seconds"):
+            result.uniqueness(seconds=seconds)
