@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from copy import copy
 from dataclasses import replace
 from typing import Any, TypeVar
 
@@ -32,6 +33,7 @@ from dolfinx_contact.analysis.contact import uniqueness
 from dolfinx_contact.analysis.theory import theory_of
 from dolfinx_contact.body.bulk import Bulk
 from dolfinx_contact.body.cells import check_cells
+from dolfinx_contact.body.moving import MovingBody
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.state import State, Statuses
 from dolfinx_contact.points.rigid_body import RigidBody
@@ -132,6 +134,18 @@ class ContactProblem:
         self.equations = ContactEquations(body, self.V, self.surfaces, self.bcs, r=r, options=given)
         self._linear = LinearSolverChoice(self.equations)
         warn_of_obstacles(self.equations)
+
+    def moving(self, body: MovingBody) -> ContactProblem:
+        """The contact problem of a step of time, on the same Functions and surfaces. Collective.
+
+        It has a linear solver of its own.
+        """
+        moving, eq = copy(self), self.equations
+        moving.equations = ContactEquations(
+            body, self.V, self.surfaces, self.bcs, r=eq.forced_r, options=eq.options
+        )
+        moving._linear = LinearSolverChoice(moving.equations)
+        return moving
 
     # -- Functions and vectors -------------------------------------------------------------------
 

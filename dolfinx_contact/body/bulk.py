@@ -50,6 +50,9 @@ class Bulk:
         ValueError: if ``form`` is neither an energy nor a residual of ``u``.
     """
 
+    #: Whether motions are resisted by mass.
+    has_mass = False
+
     def __init__(self, form: ufl.Form, u: fem.Function):
         self._V, self.comm = u.function_space, u.function_space.mesh.comm
         _require_bulk(form, u)

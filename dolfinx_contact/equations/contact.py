@@ -31,6 +31,7 @@ from dolfinx_contact._errors import require
 from dolfinx_contact._options import ProblemOptions
 from dolfinx_contact._petsc import logged
 from dolfinx_contact.body.bulk import Bulk
+from dolfinx_contact.body.moving import MovingBody
 from dolfinx_contact.equations.augmentation import automatic_augmentation
 from dolfinx_contact.equations.constraints import Constraints, check_overlap
 from dolfinx_contact.equations.loose import LooseMotions
@@ -67,7 +68,7 @@ class ContactEquations:
 
     def __init__(
         self,
-        bulk: Bulk,
+        bulk: Bulk | MovingBody,
         V: fem.FunctionSpace,
         surfaces: Sequence[ContactSurface],
         bcs: Sequence[fem.DirichletBC],
@@ -106,7 +107,8 @@ class ContactEquations:
             s.points.set_augmentation(automatic if r is None else np.full_like(automatic, r))
             self.units.append(self.stiffness_scale / s.mean_vertex_area)
         self.units.append(1.0)
-        self.loose = LooseMotions(K, V, self.surfaces, self.constraints.fixed, self.rigid)
+        moves = None if bulk.has_mass else K
+        self.loose = LooseMotions(moves, V, self.surfaces, self.constraints.fixed, self.rigid)
         if not bulk.linear:
             bulk.destroy()
 
@@ -150,13 +152,13 @@ class ContactEquations:
             x: unknowns.
             statuses: by which the laws are taken; by default those that the state asks for.
         """
-        self._refresh()
+        self.refresh()
         u, q = self.displacement(x), self.motions(x)
         with logged("ContactStatus"):
             return State(u, q, self._contact(x, u, q, statuses))
 
-    def _refresh(self) -> None:
-        """Evaluate anew what is given on surfaces where the user has changed it."""
+    def refresh(self) -> None:
+        """Evaluate anew what is given on surfaces where the user has changed it. Collective."""
         changed = np.array([s.has_changed for s in self.surfaces], dtype=np.int32)
         for s, other in zip(self.surfaces, self.comm.allreduce(changed), strict=True):
             if other:
@@ -201,7 +203,7 @@ class ContactEquations:
             b: receives H(x).
             statuses: by which the laws are taken; by default those that the state asks for.
         """
-        self._refresh()
+        self.refresh()
         u, q, n = self.displacement(x), self.motions(x), self.owned_sizes[0]
         with logged("ContactStatus"):
             contact = self._contact(x, u, q, statuses)

@@ -27,7 +27,7 @@ class LooseMotions:
     """Motions that neither stiffness nor prescribed data resist, and which of them statuses hold.
 
     Args:
-        K: stiffness of the body without Dirichlet rows.
+        K: stiffness of the body without Dirichlet rows; None if its mass resists all motions.
         V: displacement space.
         surfaces: where contact may hold.
         fixed: local nodes x dim, components that Dirichlet data fix.
@@ -39,14 +39,15 @@ class LooseMotions:
 
     def __init__(
         self,
-        K: PETSc.Mat,
+        K: PETSc.Mat | None,
         V: fem.FunctionSpace,
         surfaces: Sequence[ContactSurface],
         fixed: npt.NDArray[np.bool_],
         bodies: RigidBodies,
     ):
         self._V, self._surfaces, self._bodies = V, list(surfaces), bodies
-        self.of_body = rigid.free_motions(K, V, fixed)
+        none = np.zeros((0, *fixed.shape))
+        self.of_body = none if K is None else rigid.free_motions(K, V, fixed)
         self._free = np.flatnonzero(~bodies.fixed)
         #: Jumps at the points by each motion (motions, n, dim), those of the rigid bodies last.
         self._jumps = [

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cached_property
 
@@ -31,6 +31,8 @@ class PrescribedDisplacement:
     def __init__(self, V: fem.FunctionSpace, constraints: Constraints):
         self._V, self._constraints, self.part = V, constraints, 1.0
         self._start: npt.NDArray[np.float64] | None = None
+        #: What the unknowns are where the displacement is what is prescribed, if they are not it.
+        self.unknowns: Callable[[npt.NDArray[np.float64]], npt.NDArray[np.float64]] | None = None
 
     @cached_property
     def _components(
@@ -63,6 +65,8 @@ class PrescribedDisplacement:
     def values(self) -> npt.NDArray[np.float64]:
         """What is prescribed at the local nodes x dim, 0 where the displacement is free."""
         values = self._constraints.values(fill=0.0)
+        if self.unknowns is not None:
+            values = self.unknowns(values.reshape(-1)).reshape(values.shape)
         if self._start is not None:
             values = self._start + self.part * (values - self._start)
         return np.where(self._constraints.fixed, values, 0.0)

@@ -2,6 +2,7 @@
 """Evolutions: contact problems with a memory, step by step in time."""
 
 from dolfinx_contact.evolution.history import EvolutionStep, History, NoContinuation
+from dolfinx_contact.evolution.nscd import NSCD
 from dolfinx_contact.evolution.quasi_static import QuasiStatic
 
-__all__ = ["EvolutionStep", "History", "NoContinuation", "QuasiStatic"]
+__all__ = ["NSCD", "EvolutionStep", "History", "NoContinuation", "QuasiStatic"]

@@ -27,7 +27,7 @@ where the body is linear.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -60,6 +60,10 @@ class Energies:
     def residue(self) -> float:
         """What of the external work is neither stored nor dissipated."""
         return self.external - self.stored - self.dissipated - self.damage
+
+    def row(self) -> dict[str, float]:
+        """By name, with the residue, for a table of steps."""
+        return asdict(self) | {"residue": self.residue}
 
     def advanced(self, before: Forces, after: Forces, dissipated: float) -> Energies:
         """The account after a step. Collective.

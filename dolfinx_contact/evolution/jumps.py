@@ -33,8 +33,9 @@ def find_jump(stepper: Stepper, step: Taken, least: float) -> list[Taken] | None
         None if the change of state is spread over the step.
     """
     path: list[Taken] = []
-    whole = change(step.before, step.after)
-    while change(step.before, step.after) > _SPREAD * whole:
+    comm = stepper.problem.comm
+    whole = change(comm, step.before, step.after)
+    while change(comm, step.before, step.after) > _SPREAD * whole:
         a, b = step.before.time, step.after.time
         middle = 0.5 * (a + b)
         if b - a <= least or not a < middle < b:
@@ -42,7 +43,7 @@ def find_jump(stepper: Stepper, step: Taken, least: float) -> list[Taken] | None
         try:
             first = stepper.take(step.before, middle, end=step.after)
             # The one half in which more happens.
-            if 2 * change(first.before, first.after) < change(step.before, step.after):
+            if 2 * change(comm, first.before, first.after) < change(comm, step.before, step.after):
                 second = stepper.take(first.after, b, end=step.after)
                 path.append(first)
                 step = second

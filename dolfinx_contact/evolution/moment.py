@@ -9,7 +9,10 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import Any
+
+from mpi4py import MPI
 
 import numpy as np
 import numpy.typing as npt
@@ -23,7 +26,7 @@ from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.results.result import Result
 
-__all__ = ["Moment", "Stepper", "Taken", "change"]
+__all__ = ["AtRest", "Moment", "Stepper", "Taken", "change", "extended"]
 
 logger = logging.getLogger(__name__)
 
@@ -44,7 +47,6 @@ class Moment:
         memory: of the surfaces, for the step that begins here.
         data: Functions and Constants of the user.
         unknowns: all of them as lengths (owned).
-        forces: at the state.
         energies: since the start.
     """
 
@@ -56,8 +58,18 @@ class Moment:
     memory: tuple[Memory | None, ...]
     data: GivenData
     unknowns: Array
-    forces: Forces
     energies: Energies
+
+
+@dataclass(frozen=True, eq=False)
+class AtRest(Moment):
+    """A state of equilibrium.
+
+    Attributes:
+        forces: at the state.
+    """
+
+    forces: Forces
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,9 +81,9 @@ class Taken:
     result: Result
 
 
-def change(a: Moment, b: Moment) -> float:
+def change(comm: MPI.Comm, a: Moment, b: Moment) -> float:
     """How much the state changes from one to the other, a length. Collective."""
-    comm, d = a.forces.equations.comm, b.unknowns - a.unknowns
+    d = b.unknowns - a.unknowns
     return float(np.sqrt(comm.allreduce(float(np.dot(d, d)))))
 
 
@@ -107,7 +119,8 @@ class Stepper:
                 time,
                 residual,
             )
-        return self._moment(time, None, eq.advanced(state), forces_at(eq, state), Energies())
+        moment = self._moment(time, None, eq.advanced(state), Energies())
+        return self._at_rest(moment, forces_at(eq, state))
 
     def recalled(
         self, time: float, memory: Sequence[Memory | None], energies: Energies, *, first: bool
@@ -129,7 +142,8 @@ class Stepper:
             data.restore()
             raise
         known = None if first else state.statuses
-        return self._moment(time, known, tuple(memory), forces_at(eq, state), energies)
+        moment = self._moment(time, known, tuple(memory), energies)
+        return self._at_rest(moment, forces_at(eq, state))
 
     def put(self, moment: Moment) -> None:
         """Put a moment into Functions, statuses, rigid bodies, data and memory, bit by bit.
@@ -165,6 +179,7 @@ class Stepper:
             ConvergenceError: if nothing solves the step. The problem is then at the moment, as it
                 is after any other error.
         """
+        assert isinstance(moment, AtRest)
         problem, eq = self.problem, self.problem.equations
         self.put(moment)
         try:
@@ -179,8 +194,8 @@ class Stepper:
         except BaseException:
             self.put(moment)
             raise
-        after = self._moment(time, state.statuses, eq.advanced(state), forces, energies)
-        return Taken(moment, after, result)
+        after = self._moment(time, state.statuses, eq.advanced(state), energies)
+        return Taken(moment, self._at_rest(after, forces), result)
 
     def _remember(self, moment: Moment, time: float) -> None:
         """Let the surfaces remember a moment at a later time. Collective."""
@@ -197,9 +212,9 @@ class Stepper:
         time: float,
         statuses: Statuses | None,
         memory: tuple[Memory | None, ...],
-        forces: Forces,
         energies: Energies,
     ) -> Moment:
+        """What stands in the problem, as a moment. Collective."""
         problem = self.problem
         x = problem.create_vector()
         problem.write(x)
@@ -214,6 +229,13 @@ class Stepper:
             memory,
             GivenData(problem.equations),
             unknowns,
-            forces,
             energies,
         )
+
+    def _at_rest(self, moment: Moment, forces: Forces) -> AtRest:
+        return AtRest(**extended(moment), forces=forces)
+
+
+def extended(moment: Moment) -> dict[str, Any]:
+    """All that a moment has, by name, for one that has more."""
+    return {f.name: getattr(moment, f.name) for f in fields(Moment)}

@@ -17,13 +17,14 @@ AtJump: TypeAlias = Literal["raise", "stop", "jump"]
 
 @dataclass(frozen=True)
 class Task:
-    """What was asked of a run; see `QuasiStatic.run`."""
+    """What was asked of a run; see `QuasiStatic.run`, and `NSCD.run` for ``locate``."""
 
     times: tuple[float, ...]
     longest: float
     shortest: float
     at_jump: AtJump
     sudden: float
+    locate: bool = False
 
 
 @dataclass(frozen=True, eq=False)

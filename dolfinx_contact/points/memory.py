@@ -41,16 +41,20 @@ class Memory:
         jump: j_n, the total jump at the last accepted state (n, dim), a length. Read-only.
         fields: of the law, as they were there (n,), by name. Read-only.
         step: time from that state to the one that is looked at.
+        gap: what stands for the gap in the law (n,), where it is about velocities; None elsewhere.
     """
 
     jump: Array
     fields: Mapping[str, Array] = field(default_factory=dict)
     step: float = 0.0
+    gap: Array | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "jump", _frozen(self.jump))
         fields = {name: _frozen(values) for name, values in self.fields.items()}
         object.__setattr__(self, "fields", fields)
+        if self.gap is not None:
+            object.__setattr__(self, "gap", _frozen(self.gap))
 
     def later(self, step: float) -> Memory:
         """The same memory, looked at from a time later by ``step``."""
@@ -67,7 +71,9 @@ class Memory:
 
 
 def with_memory(law: Law, memory: Memory | None, data: PointData) -> PointData:
-    """What a law that remembers is given at points; without a memory it is the static law."""
+    """What a law is given at points by a memory; without one it is the static law."""
+    if memory is not None and memory.gap is not None:
+        data = replace(data, gap=memory.gap)
     if not law.remembers:
         return data
     n, dim = data.n.shape

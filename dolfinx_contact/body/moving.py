@@ -1,0 +1,257 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""A body with mass in a step of time: what stands for its residual in the contact problem.
+
+The equation of motion as one of measures (seed of NSCD: Jean and Moreau, CISM Lectures 302, 1987)
+
+    M (v_1 - v_0) = integral of (F - R(u) - C v) dt + integral of the contact forces,
+    u_1 = u_0 + integral of v dt
+
+over a step from t_0 to t_1 = t_0 + h: the first integral by the theta method,
+h (theta f_1 + (1 - theta) f_0), the second one by it or by Euler's implicit method; contact forces
+by their mean over the step, which is what multipliers are. The unknown is the displacement w that
+the law of contact sees,
+
+    theta            w = u_1 = u_0 + h ((1 - theta) v_0 + theta v_1)
+    theta-euler      w = u_1 = u_0 + h v_1
+    modified-theta   w = u_1 + h (1 - theta) v_1,  u_1 as in theta
+
+so that v_1 = (w - w_0)/(a h) with w_0 known, a = theta in the first and 1 in the others, and
+u_1 = w - k h v_1 with k = 1 - theta in the last, 0 in the others. Divided by h,
+
+    M (v_1 - v_0)/h + theta (R(u_1) + C v_1) + (1 - theta) (R(u_0) + C v_0) = contact forces.
+
+R contains the loads, those of t_1 in R(u_1) and those of t_0 in R(u_0).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx import fem
+
+from dolfinx_contact._petsc import half_of
+from dolfinx_contact.body.bulk import Bulk
+
+__all__ = ["MovingBody", "Scheme", "TimeStep"]
+
+Array = npt.NDArray[np.float64]
+#: How the two integrals of the equation of motion are approximated.
+Scheme: TypeAlias = Literal["theta", "theta-euler", "modified-theta"]
+
+
+@dataclass(frozen=True)
+class TimeStep:
+    """A step of time by one of the schemes.
+
+    Attributes:
+        length: h.
+        theta: weight of the end of the step.
+        scheme: of the integrals.
+    """
+
+    length: float
+    theta: float
+    scheme: Scheme
+
+    @property
+    def gain(self) -> float:
+        """The factor a in w - w_0 = a h v_1."""
+        return self.theta if self.scheme == "theta" else 1.0
+
+    @property
+    def _ahead(self) -> float:
+        return 1.0 - self.theta if self.scheme == "modified-theta" else 0.0
+
+    @property
+    def share(self) -> float:
+        """The derivative of u_1 by w."""
+        return 1.0 - self._ahead / self.gain
+
+    @property
+    def rate(self) -> float:
+        """The derivative of v_1 by w."""
+        return 1.0 / (self.gain * self.length)
+
+    def origin(self, u: Array, v: Array) -> Array:
+        """w_0, at displacements and velocities of the start."""
+        if self.scheme == "theta-euler":
+            return u.copy()
+        return np.asarray(u + self.length * (1.0 - self.theta) * v)
+
+    def velocity(self, w: Array, w0: Array) -> Array:
+        """v_1."""
+        return np.asarray(self.rate * (w - w0))
+
+    def displacement(self, w: Array, w0: Array) -> Array:
+        """u_1."""
+        return np.asarray(w0 + self.share * (w - w0))
+
+    def seen(self, u: Array, w0: Array) -> Array:
+        """The w of which u is u_1."""
+        return np.asarray(w0 + (u - w0) / self.share)
+
+
+class MovingBody:
+    """A body in a step of time, with the face of a `Bulk` whose displacement is w.
+
+    Args:
+        body: without inertia.
+        mass: M, on the displacement.
+        damping: C likewise; None for none.
+        step: of time, to begin with.
+
+    Attributes:
+        body: as given.
+        mass, damping: as given.
+        step: of time.
+        linear, energy, residual, displacement, jacobian_constants, assemblies, seconds: as those of
+            a `Bulk`; ``residual`` is the form without inertia, for the data in it.
+    """
+
+    has_mass = True
+
+    def __init__(self, body: Bulk, mass: PETSc.Mat, damping: PETSc.Mat | None, step: TimeStep):
+        self.body, self.mass, self.damping, self.comm = body, mass, damping, body.comm
+        self.linear, self.energy, self.residual = body.linear, body.energy, body.residual
+        self.displacement, self.residual_form = body.displacement, body.residual_form
+        self.jacobian_constants = body.jacobian_constants
+        self.seconds, self.assemblies = (0.0, 0.0), 0
+        self._owned = mass.getLocalSize()[0]
+        self.step = step
+        zeros = np.zeros_like(body.displacement.x.array)
+        self._origin, self._given = zeros, zeros[: self._owned]
+        self._K: PETSc.Mat | None = None
+        self._half: PETSc.Mat | None = None
+        self._of: tuple[int, TimeStep] | None = None
+        self._symmetric = damping is None or damping.isSymmetric(tol=1e-12)
+
+    def begin(self, step: TimeStep, u: Array, v: Array, rows: Array) -> None:
+        """Begin a step. Collective.
+
+        Args:
+            step: of time.
+            u: displacement at its start, all local values.
+            v: velocity there, likewise.
+            rows: R(u) + C v there (owned).
+        """
+        self.step, self._origin = step, step.origin(u, v)
+        before = self.times(self.mass, v) / step.length
+        self._given = (1.0 - step.theta) * rows - before
+
+    @property
+    def origin(self) -> Array:
+        """w_0 (local)."""
+        return self._origin
+
+    def times(self, matrix: PETSc.Mat, values: Array) -> Array:
+        """Owned entries of a matrix times local values. Collective."""
+        x, y = matrix.createVecs()
+        x.array[:] = values[: self._owned]
+        matrix.mult(x, y)
+        product = y.array_r.copy()
+        x.destroy(), y.destroy()
+        return product
+
+    def _rows(self, w: Array, inner: Array) -> Array:
+        """The rows, of those of the body without inertia. Collective."""
+        v = self.step.velocity(w, self._origin)
+        rows = self.step.theta * inner + self.times(self.mass, v) / self.step.length
+        if self.damping is not None:
+            rows += self.step.theta * self.times(self.damping, v)
+        return np.asarray(rows + self._given)
+
+    def forces(self, u: Array, v: Array) -> Array:
+        """R(u) + C v with the loads as they are now (owned). Collective."""
+        inner = self.body.affine_residual(u)
+        inner = self.body.residual_at(u) if inner is None else inner
+        return inner if self.damping is None else inner + self.times(self.damping, v)
+
+    # -- the face of a Bulk ----------------------------------------------------------------------
+
+    def energy_at(self, w: Array) -> float | None:
+        """The energy that the user gave at u_1; None if it was a residual. Collective."""
+        return self.body.energy_at(self.step.displacement(w, self._origin))
+
+    def residual_at(self, w: Array) -> Array:
+        """Owned rows, those of the body by assembly. Collective."""
+        return self._rows(w, self.body.residual_at(self.step.displacement(w, self._origin)))
+
+    def affine_residual(self, w: Array) -> Array | None:
+        """Owned rows if the stiffness is at hand, as `Bulk.affine_residual`. Collective."""
+        inner = self.body.affine_residual(self.step.displacement(w, self._origin))
+        return None if inner is None else self._rows(w, inner)
+
+    def local_rows(self, w: Array) -> Array:
+        """Rows (n, dim) whose sum over all ranks is that of all. Collective."""
+        rows = self.affine_residual(w)
+        rows = self.residual_at(w) if rows is None else rows
+        return rows.reshape(-1, self.displacement.function_space.dofmap.index_map_bs)
+
+    def assembled(self, form: fem.Form, w: Array) -> Array:
+        """Owned rows of the derivative of R by a parameter, which stands in a form. Collective."""
+        u = self.step.displacement(w, self._origin)
+        return np.asarray(self.step.theta * self.body.assembled(form, u))
+
+    def lifting(self, w: Array, bcs: Sequence[fem.DirichletBC], start: Array) -> Array:
+        """The stiffness times (g - start), as `Bulk.lifting`. Collective."""
+        step = start.copy()
+        for bc in bcs:
+            bc.set(step)
+        return self.times(self.stiffness(w), step - start)
+
+    def stiffness(self, w: Array) -> PETSc.Mat:
+        """Derivative of the rows at ``w``, without Dirichlet rows, as `Bulk` has. Collective."""
+        step = self.step
+        K = self.body.stiffness(step.displacement(w, self._origin))
+        of = self.body.assemblies, step
+        if self._K is not None and of == self._of:
+            return self._K
+        if self._K is None:
+            self._K = K.copy()
+            structure = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
+        else:
+            self._K.zeroEntries()
+            structure = PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN
+            self._K.axpy(1.0, K, structure)
+        self._K.scale(step.theta * step.share)
+        self._K.axpy(step.rate / step.length, self.mass, structure)
+        if self.damping is not None:
+            self._K.axpy(step.theta * step.rate, self.damping, structure)
+        self._forget_half()
+        self._of, self.assemblies, self.seconds = of, self.assemblies + 1, self.body.seconds
+        return self._K
+
+    @property
+    def for_products(self) -> PETSc.Mat:
+        """The stiffness assembled last, by half where it stays and is symmetric. Collective."""
+        assert self._K is not None
+        if not self.linear or self.energy is None or not self._symmetric:
+            return self._K
+        if self._half is None:
+            self._half = half_of(self._K)
+        return self._half
+
+    def product(self, w: Array) -> Array | None:
+        """The stiffness times ``w``, as `Bulk.product`. Collective."""
+        if self.body.product(w) is None:
+            return None
+        return self.times(self.stiffness(w), w)
+
+    def _forget_half(self) -> None:
+        if self._half is not None:
+            self._half.destroy()
+            self._half = None
+
+    def destroy(self) -> None:
+        """Free the matrices that are made here."""
+        self._forget_half()
+        if self._K is not None:
+            self._K.destroy()
+            self._K = self._of = None

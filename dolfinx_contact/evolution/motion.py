@@ -1,0 +1,266 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""Steps of a body in motion: what a state has beyond displacement and forces, and how one follows.
+
+What contact does in a step is seen at the displacement w of `body.moving`. Friction acts on
+h a (B v_1 - v_obstacle), the motion along the surface since w_0.
+
+position
+    Signorini's law is about the gap at w.
+velocity
+    A point whose gap forecast for the middle of the step, un_0 + h/2 un'_0, is open answers
+    nothing. At the others the law is about un'_1 + e un'_0, e the coefficient of restitution
+    (Moreau 1988; Jean, CMAME 177, 1999), put into a gap of w.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx import fem
+
+from dolfinx_contact._errors import require
+from dolfinx_contact.body.moving import MovingBody, Scheme, TimeStep
+from dolfinx_contact.equations.given_data import GivenData
+from dolfinx_contact.equations.state import State, Statuses
+from dolfinx_contact.evolution.energy import Energies
+from dolfinx_contact.evolution.moment import Moment, Stepper, Taken, extended
+from dolfinx_contact.evolution.motion_energy import Motion, MotionEnergies, account, motion_at
+from dolfinx_contact.laws.status import PLUS, STICK, closed
+from dolfinx_contact.points.memory import Memory
+from dolfinx_contact.problem import ContactProblem
+from dolfinx_contact.results.balance import support_at_nodes
+from dolfinx_contact.results.result import Result
+from dolfinx_contact.results.tables import contact_table
+
+__all__ = ["Level", "Method", "MotionMoment", "MotionStepper"]
+
+Array = npt.NDArray[np.float64]
+#: What Signorini's law is about.
+Level: TypeAlias = Literal["position", "velocity"]
+
+_FAR = 1e6  # of the size of the body, a gap that is never closed
+_PENETRATION = 1e-9  # of the size of the body, a gap that counts as closed
+
+
+@dataclass(frozen=True)
+class Method:
+    """How a body in motion is stepped.
+
+    Attributes:
+        scheme: of the equation of motion.
+        theta: weight of the end of a step.
+        level: of Signorini's law.
+        restitution: coefficient e, at the velocity level.
+    """
+
+    scheme: Scheme
+    theta: float
+    level: Level
+    restitution: float
+
+
+@dataclass(frozen=True, eq=False)
+class MotionMoment(Moment):
+    """A state of a body in motion.
+
+    Attributes:
+        motion: displacement, velocity and what goes with them.
+    """
+
+    motion: Motion
+
+
+class MotionStepper(Stepper):
+    """Takes steps of a body in motion.
+
+    Args:
+        problem: of a step of time, which its body is in.
+        velocity: Function that follows what is taken or put.
+        load: puts the data of a time into Functions and Constants.
+        method: of the steps.
+        progress: of the solves.
+    """
+
+    def __init__(
+        self,
+        problem: ContactProblem,
+        velocity: fem.Function,
+        load: Callable[[float], object],
+        method: Method,
+        progress: bool | None,
+    ):
+        super().__init__(problem, load, progress)
+        body = problem.equations.bulk
+        assert isinstance(body, MovingBody)
+        self._body, self._velocity, self._method = body, velocity, method
+
+    def start(self, time: float) -> Moment:
+        """The state in the Functions. Collective.
+
+        Raises:
+            ValueError: on every rank, if a point is within an obstacle.
+        """
+        eq, data = self.problem.equations, GivenData(self.problem.equations)
+        try:
+            self._set(time)
+            eq.remember([None] * len(eq.surfaces))
+            state = self._contact()
+            self._require_no_penetration(state)
+        except BaseException:
+            data.restore()
+            raise
+        motion = self._motion(state)
+        energies = MotionEnergies(kinetic=motion.kinetic, at_start=motion.kinetic)
+        return self._moving(self._moment(time, None, eq.advanced(state), energies), motion)
+
+    def recalled(
+        self, time: float, memory: Sequence[Memory | None], energies: Energies, *, first: bool
+    ) -> Moment:
+        eq, data = self.problem.equations, GivenData(self.problem.equations)
+        try:
+            self._set(time)
+            eq.remember(memory)
+            state = self._contact()
+        except BaseException:
+            data.restore()
+            raise
+        known = None if first else state.statuses
+        return self._moving(self._moment(time, known, tuple(memory), energies), self._motion(state))
+
+    def put(self, moment: Moment) -> None:
+        super().put(moment)
+        assert isinstance(moment, MotionMoment)
+        self._velocity.x.array[:] = moment.motion.v
+
+    def take(self, moment: Moment, time: float, *, end: Moment | None = None) -> Taken:
+        """Step from a moment to a time; see `Stepper.take`. Collective."""
+        assert isinstance(moment, MotionMoment)
+        problem, eq, body, a = self.problem, self.problem.equations, self._body, moment.motion
+        step = TimeStep(time - moment.time, self._method.theta, self._method.scheme)
+        self.put(moment)
+        try:
+            self._set(time)
+            eq.refresh()
+            body.begin(step, a.u, a.v, a.rows)
+            eq.prescribed.unknowns = lambda values: step.seen(values, body.origin)
+            motion = np.where(eq.rigid.fixed, eq.prescribed_motions() - eq.rigid.given, 0.0)
+            eq.remember(self._seen(moment, step, motion))
+            problem.u.x.array[:] = body.origin + step.gain * step.length * a.v
+            expected = self._expected(moment, motion)
+            result = problem.solve(expected=expected, progress=self._progress)
+            state = problem.state()
+            u, v = (f(state.u, body.origin) for f in (step.displacement, step.velocity))
+            problem.u.x.array[:], self._velocity.x.array[:] = u, v
+            found = [s.answers for s in state.surfaces]
+            later = [None if m is None else m.later(step.length) for m in moment.memory]
+            eq.remember(later)
+            shown = self._at(state, u)
+            b = motion_at(eq, shown, u, v)
+            assert isinstance(moment.energies, MotionEnergies)
+            energies = account(moment.energies, eq, state, a, b, motion)
+            lost = energies.dissipated - moment.energies.dissipated
+            result = self._shown(result, shown, lost)
+            memory = tuple(
+                Memory(at.jump + s.reference, {k: y.bond(f"after.{k}") for k in s.law.remembers})
+                for s, at, y in zip(eq.surfaces, shown.surfaces, found, strict=True)
+            )
+        except BaseException:
+            self.put(moment)
+            raise
+        finally:
+            eq.prescribed.unknowns = None
+        after = self._moment(time, state.statuses, memory, energies)
+        return Taken(moment, self._moving(after, b), result)
+
+    # -- what contact sees -----------------------------------------------------------------------
+
+    def _seen(self, moment: MotionMoment, step: TimeStep, motion: Array) -> list[Memory]:
+        """What the laws see of the start of a step. Collective.
+
+        Args:
+            moment: at the start.
+            step: of time.
+            motion: by which the unknowns of the rigid bodies change in it.
+        """
+        eq, a = self.problem.equations, moment.motion
+        eq.remember([None] * len(eq.surfaces))
+        q, found = eq.rigid.given + (1.0 - step.gain) * motion, []
+        for i, (s, memory) in enumerate(zip(eq.surfaces, moment.memory, strict=True)):
+            jump, gap = eq.relative_jump(s, self._body.origin, q), None
+            if self._method.level == "velocity":
+                moved = eq.relative_jump(s, step.length * a.v, motion, rate=True)
+                n, risen = s.points.data.n, s.points.data.gap - a.gaps[i]
+                opening = risen - np.sum(moved * n, axis=1)  # h un'_0
+                back = self._method.restitution * step.gain * opening
+                closes = np.sum(jump * n, axis=1) + step.gain * risen + back
+                active = a.un[i] + 0.5 * opening <= 0
+                gap = np.where(active, closes, closes + _FAR * eq.body_size)
+            fields = {} if memory is None else memory.fields
+            found.append(Memory(jump, fields, step.length, gap))
+        return found
+
+    def _expected(self, moment: Moment, motion: Array) -> list[Statuses]:
+        """Statuses of the start, and closed what free flight closes. Collective."""
+        if moment.statuses is None:
+            return []
+        eq, found = self.problem.equations, []
+        u, q = self.problem.u.x.array, eq.rigid.given + motion
+        for s, codes in zip(eq.surfaces, moment.statuses, strict=True):
+            jump = eq.relative_jump(s, u, q)
+            data = s.data_at(jump)
+            within = data.gap < np.sum(jump * data.n, axis=1)
+            touches = STICK if STICK in s.law_at_points.codes else PLUS
+            found.append(np.where(within & ~closed(codes), touches, codes).astype(np.int8))
+        return [found]
+
+    def _at(self, state: State, u: Array) -> State:
+        """The contact of a step's end at its displacement, as tables show it. Collective."""
+        eq, surfaces = self.problem.equations, []
+        for s, found in zip(eq.surfaces, state.surfaces, strict=True):
+            jump = eq.relative_jump(s, u, state.q)
+            surfaces.append(replace(found, jump=jump, data=s.data_at(jump)))
+        return replace(state, u=u, surfaces=surfaces)
+
+    def _shown(self, result: Result, shown: State, lost: float) -> Result:
+        """A result with the tables of the step's end, and what friction has dissipated in it."""
+        eq = self.problem.equations
+        supports = support_at_nodes(eq, shown)
+        tables = {s.name: contact_table(eq, i, shown, supports) for i, s in enumerate(eq.surfaces)}
+        return replace(result, tables=tables, energies=result.energies | {"friction": lost})
+
+    # -- moments ---------------------------------------------------------------------------------
+
+    def _contact(self) -> State:
+        """What touches in the state that stands in the problem. Collective."""
+        problem = self.problem
+        x = problem.create_vector()
+        problem.write(x)
+        state = problem.equations.contact(x, [s.statuses for s in problem.surfaces])
+        x.destroy()
+        return state
+
+    def _motion(self, state: State) -> Motion:
+        u, v = (f.x.array.copy() for f in (self.problem.u, self._velocity))
+        return motion_at(self.problem.equations, state, u, v)
+
+    def _moving(self, moment: Moment, motion: Motion) -> MotionMoment:
+        return MotionMoment(**extended(moment), motion=motion)
+
+    def _require_no_penetration(self, state: State) -> None:
+        """Refuse a start within an obstacle. Collective."""
+        eq = self.problem.equations
+        for s, found in zip(eq.surfaces, state.surfaces, strict=True):
+            if s.law.compliant:
+                continue
+            un = found.data.gap - np.sum(found.jump * found.data.n, axis=1)
+            least = eq.comm.allreduce(float(np.min(un, initial=np.inf)), op=min)
+            require(
+                eq.comm,
+                least >= -_PENETRATION * eq.body_size,
+                f"{s.name}: at the start points are within the obstacle, by up to {-least:.3g}",
+            )

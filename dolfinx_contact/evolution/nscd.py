@@ -1,0 +1,330 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""Nonsmooth contact dynamics: bodies with mass, impacts, and Coulomb's friction.
+
+The equation of motion is one of measures, in which impacts are impulses, and its unknowns are
+velocities and impulses (Jean and Moreau). Steps are implicit, by the schemes of `body.moving` and
+the levels of `motion`; each is a contact problem of its own, solved as a static one.
+
+Which combination: a node with mass that hits is stopped at once, and what it had comes back as an
+oscillation of its force. Without mass at the nodes that may touch, theta = 1/2 and the gap in
+Signorini's law, which is the default, the energy of a linear body is kept and the force follows the
+waves. With mass there theta = 1/2 makes the force alternate from step to step, and larger theta, or
+theta-Euler, dissipate. At the velocity level a node without mass has no velocity to reflect.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any, get_args
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+import dolfinx.fem.petsc
+import ufl
+from dolfinx import fem
+
+from dolfinx_contact._agreement import described, refuse_other_mesh
+from dolfinx_contact._errors import everywhere, same_everywhere
+from dolfinx_contact._forms import compiled_form
+from dolfinx_contact.body.inertia import Mass, mass_matrix
+from dolfinx_contact.body.moving import MovingBody, Scheme, TimeStep
+from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.evolution.history import EvolutionStep, History
+from dolfinx_contact.evolution.motion import Level, Method, MotionStepper
+from dolfinx_contact.evolution.motion_energy import MotionEnergies
+from dolfinx_contact.evolution.run import Evolution, Observer
+from dolfinx_contact.evolution.standing import Recorder
+from dolfinx_contact.problem import ContactProblem
+
+__all__ = ["NSCD"]
+
+
+class NSCD(Evolution):
+    """The motion of a body with contact and friction, by nonsmooth contact dynamics.
+
+    It begins with the displacement and statuses in the problem's Functions, at the first time, and
+    with `velocity`. These follow the accepted steps, as do data and memory of the problem. The
+    multipliers are means over the step: impulses over areas and the length of the step.
+    Dirichlet data prescribe the displacement at the ends of steps; what they prescribe should begin
+    with the velocity that the body has there.
+
+    Args:
+        problem: the contact problem, with loads and Dirichlet data, without inertia.
+        density: mass per volume (per area in 2D, of unit thickness): a number, Constant, Function
+            or UFL expression of the coordinates.
+        dt: length of a step, a time.
+        load: called with a time, on every rank, sets Constants and Functions of the problem's data
+            to what they are then; by default they stay.
+        velocity: at the first time, a Function of the displacement's space; by default at rest.
+        scheme: ``"theta"``, ``"theta-euler"`` or ``"modified-theta"`` (`body.moving`).
+        theta: weight of the end of a step, 1/2 to 1.
+        level: ``"position"``, Signorini's law of the gap, or ``"velocity"``, Moreau's law of impact
+            of velocities, under which points come to rest within the obstacle by up to a step's
+            way (`motion`).
+        mass: ``"consistent"``, ``"lumped"`` or ``"redistributed"``, without mass at the nodes that
+            may touch (`body.inertia`).
+        damping: forces linear in ``velocity``, a UFL form in a test function, as of a viscoelastic
+            body; or a pair (a, b) for Rayleigh's a M + b K, a per time, b a time. K is that of the
+            undeformed body, M consistent.
+        restitution: coefficient e, 0 to 1, at the velocity level.
+
+    Attributes:
+        velocity: as given, or made; a Function.
+        problem: of a step of time, on the Functions and surfaces of that given.
+
+    Raises:
+        ValueError: on every rank, if arguments do not fit or cannot work together.
+
+    Example:
+        ::
+
+            motion = NSCD(problem, density=1.0, dt=0.01, velocity=velocity)
+            history = motion.run([0.0, 2.0])
+            print(history.energies.kinetic, history.energies.dissipated)
+    """
+
+    account = MotionEnergies
+
+    def __init__(
+        self,
+        problem: ContactProblem,
+        density: Any,
+        *,
+        dt: float,
+        load: Callable[[float], object] | None = None,
+        velocity: fem.Function | None = None,
+        scheme: Scheme = "theta",
+        theta: float = 0.5,
+        level: Level = "position",
+        mass: Mass = "redistributed",
+        damping: ufl.Form | tuple[float, float] | None = None,
+        restitution: float = 0.0,
+    ):
+        if not isinstance(problem, ContactProblem):
+            raise ValueError(f"a ContactProblem is needed, got {type(problem).__name__}")
+        comm, V = problem.comm, problem.V
+        with everywhere(comm, "a motion"):
+            self._dt = _positive("dt", dt)
+            method = _method(scheme, theta, level, mass, restitution)
+            _check_problem(problem, level)
+            if velocity is not None and getattr(velocity, "function_space", None) != V:
+                raise ValueError("velocity must be a Function of the displacement's space")
+            refuse_other_mesh(ufl.as_ufl(density), V.mesh, "the density")
+            if isinstance(density, int | float) and not (math.isfinite(density) and density > 0):
+                raise ValueError(f"the density must be positive, got {density!r}")
+        same_everywhere(comm, scheme=scheme, level=level, mass=mass, dt=self._dt)
+        same_everywhere(comm, theta=method.theta, restitution=method.restitution)
+        same_everywhere(comm, density=lambda: described(ufl.as_ufl(density), V.mesh))
+        self.velocity = fem.Function(V, name="velocity") if velocity is None else velocity
+        self._method = method
+        M = mass_matrix(V, density, mass, _touching(problem.equations))
+        C = _damping(problem, self.velocity, density, damping)
+        step = TimeStep(self._dt, method.theta, method.scheme)
+        body = problem.equations.bulk
+        if isinstance(body, MovingBody):
+            body = body.body
+        super().__init__(problem.moving(MovingBody(body, M, C, step)), load or _constant)
+        #: What the motion is known by, beside the problem.
+        self.described = {
+            "density": described(ufl.as_ufl(density), V.mesh),
+            "scheme": scheme,
+            "theta": method.theta,
+            "level": level,
+            "mass": mass,
+            "restitution": method.restitution,
+        }
+
+    def run(
+        self,
+        times: Sequence[float],
+        *,
+        locate: float | None = None,
+        accept: Callable[[EvolutionStep], bool] | None = None,
+        observer: Observer | None = None,
+        record: Recorder | None = None,
+        progress: bool | None = None,
+    ) -> History:
+        """Go through times. Collective.
+
+        Args:
+            times: increasing. The first is that of the state in the Functions or, in a later run,
+                of the last accepted state; every other is the end of a step. Between two there are
+                equal steps no longer than dt.
+            locate: a time, to which begins of contact are located: steps in which a point closes
+                are tried again with half the length as long as that is no shorter.
+            accept: asked of every step, on every rank; one that is not accepted is tried again with
+                half the length, down to ``locate`` or dt halved twenty times.
+            observer: told of every accepted step while its end stands in the problem.
+            record: keeps every accepted step before the observer is told of it, as
+                `output.EvolutionRecord` does.
+            progress: whether rank 0 says on the standard error stream where it is; by default once
+                it takes more than some seconds.
+
+        Returns:
+            The accepted steps of this run. The forces of their tables are means over the step,
+            gaps and displacements those of its end.
+
+        Raises:
+            NoContinuation: if a step is not solved, however short; the problem is at the last
+                accepted state.
+            ValueError: on every rank, for arguments that do not fit, a point that is within an
+                obstacle at the start, or data of which none can be solved with; what ``load``,
+                ``accept`` or ``observer`` raises on any rank.
+            OSError: on every rank, if a step cannot be recorded.
+        """
+        comm = self.problem.comm
+        least = self._dt / 2**_HALVINGS
+        with everywhere(comm, "the times of a motion"):
+            if locate is not None:
+                least = _positive("locate", locate)
+                if least > self._dt:
+                    raise ValueError(f"locate must be no longer than dt, got {locate!r}")
+        same_everywhere(comm, locate=least)
+        return self._through(
+            times,
+            longest=self._dt,
+            shortest=least,
+            locate=locate is not None,
+            accept=accept,
+            observer=observer,
+            record=record,
+            progress=progress,
+        )
+
+    def _stepper(self, progress: bool | None) -> MotionStepper:
+        wanted = False if progress is False else None
+        return MotionStepper(self.problem, self.velocity, self.load, self._method, wanted)
+
+
+_HALVINGS = 20  # of dt, to the least step
+
+
+def _constant(_: float) -> None:
+    """A load that stays."""
+
+
+def _positive(name: str, value: Any) -> float:
+    """A length of time, or ``ValueError``."""
+    number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
+    if not (number and math.isfinite(value) and value > 0):
+        raise ValueError(f"{name} must be a positive time, got {value!r}")
+    return float(value)
+
+
+def _method(scheme: Any, theta: Any, level: Any, mass: Any, restitution: Any) -> Method:
+    """What was asked for, or ``ValueError`` if it cannot work."""
+    for name, value, known in (
+        ("scheme", scheme, get_args(Scheme)),
+        ("level", level, get_args(Level)),
+        ("mass", mass, get_args(Mass)),
+    ):
+        if value not in known:
+            raise ValueError(f"{name} is {value!r}: known are {', '.join(map(repr, known))}")
+    for name, value, low in (("theta", theta, 0.5), ("restitution", restitution, 0.0)):
+        number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
+        if not (number and low <= value <= 1.0):
+            raise ValueError(f"{name} must be between {low:g} and 1, got {value!r}")
+    if level == "position" and restitution > 0:
+        raise ValueError(
+            "a coefficient of restitution is about velocities, level='velocity': at the level of "
+            "positions what is elastic alone throws a body back"
+        )
+    if level == "velocity" and mass == "redistributed":
+        raise ValueError(
+            "at the level of velocities a node needs mass: one without has no velocity to reflect, "
+            "and the energy grows without bound; take mass='lumped' or 'consistent'"
+        )
+    return Method(scheme, float(theta), level, float(restitution))
+
+
+def _check_problem(problem: ContactProblem, level: Level) -> None:
+    """Raise ``ValueError`` for what a motion cannot have. Not collective."""
+    eq = problem.equations
+    if not eq.rigid.fixed.all():
+        raise ValueError("a rigid body has no mass here: prescribe all of its motion")
+    if level == "position":
+        return
+    for s in problem.surfaces:
+        for what, wrong in (
+            ("a compliant law", s.law.compliant),
+            ("adhesion", s.law.remembers),
+            ("large sliding on a curved obstacle", s.displaced is not None),
+        ):
+            if wrong:
+                raise ValueError(f"{s.name}: {what} is about positions; take level='position'")
+
+
+def _touching(eq: ContactEquations) -> npt.NDArray[np.bool_]:
+    """Owned dofs of nodes that may touch, of either body. Collective."""
+    marks = np.zeros(eq.owned_sizes[0])
+    for s in eq.surfaces:
+        B = s.points.B
+        weights = B.copy()
+        indptr, indices, values = weights.getValuesCSR()
+        weights.setValuesCSR(indptr, indices, np.abs(values))
+        weights.assemble()
+        ones, sums = weights.createVecLeft(), weights.createVecRight()
+        ones.set(1.0)
+        weights.multTranspose(ones, sums)
+        marks += sums.array_r
+        for thing in (weights, ones, sums):
+            thing.destroy()
+    nodes = marks.reshape(-1, eq.dim).sum(axis=1) > 0
+    return np.repeat(nodes, eq.dim)
+
+
+def _damping(
+    problem: ContactProblem,
+    velocity: fem.Function,
+    density: Any,
+    damping: ufl.Form | tuple[float, float] | None,
+) -> PETSc.Mat | None:
+    """The matrix C. Collective.
+
+    Raises:
+        ValueError: on every rank, if that is neither a pair nor a form linear in the velocity.
+    """
+    if damping is None:
+        return None
+    V, body = problem.V, problem.equations.bulk
+    with everywhere(problem.comm, "damping"):
+        if isinstance(damping, ufl.Form):
+            form = _damping_form(V, velocity, damping)
+        else:
+            a, b = _rayleigh(damping)
+    if isinstance(damping, ufl.Form):
+        C = dolfinx.fem.petsc.assemble_matrix(compiled_form(form))
+        C.assemble()
+        return C
+    C = body.stiffness(np.zeros_like(velocity.x.array)).copy()
+    C.scale(b)
+    M = mass_matrix(V, density, "consistent", np.zeros(C.getLocalSize()[0], dtype=bool))
+    C.axpy(a, M, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+    M.destroy()
+    return C
+
+
+def _damping_form(V: fem.FunctionSpace, velocity: fem.Function, form: ufl.Form) -> ufl.Form:
+    arguments = form.arguments()
+    if len(arguments) != 1 or arguments[0].ufl_function_space() != V:
+        raise ValueError("damping must have one test function of the displacement's space")
+    if velocity not in form.coefficients():
+        raise ValueError("damping must be a form in the Function that is given as velocity")
+    C = ufl.derivative(form, velocity, ufl.TrialFunction(V))
+    if velocity in ufl.algorithms.expand_derivatives(C).coefficients():
+        raise ValueError("damping must be linear in the velocity")
+    return C
+
+
+def _rayleigh(damping: Any) -> tuple[float, float]:
+    try:
+        a, b = (float(value) for value in damping)
+    except (TypeError, ValueError):
+        raise ValueError(f"damping must be a form or a pair of numbers, got {damping!r}") from None
+    if not (math.isfinite(a) and math.isfinite(b) and min(a, b) >= 0):
+        raise ValueError(f"the factors of damping must not be negative, got {damping!r}")
+    return a, b

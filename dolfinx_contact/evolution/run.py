@@ -1,0 +1,369 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Runs of evolutions through times.
+
+A step that no strategy solves is tried with a quarter of the length, down to a least one. A step in
+which the state changes much faster than in the one before is looked at more closely, by halves
+(`jumps`): where the change does not shrink with the step no solution continues the evolution, and
+what was found is beyond a jump. Times that the user asks for are hit exactly.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import time as clock
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import TypeAlias, get_args
+
+from mpi4py import MPI
+
+import numpy as np
+
+from dolfinx_contact._errors import everywhere, same_everywhere
+from dolfinx_contact._progress import Line
+from dolfinx_contact.equations.given_data import GivenData
+from dolfinx_contact.evolution.energy import Energies
+from dolfinx_contact.evolution.history import EvolutionStep, History, NoContinuation
+from dolfinx_contact.evolution.jumps import find_jump, where_it_changes
+from dolfinx_contact.evolution.moment import Moment, Stepper, Taken, change
+from dolfinx_contact.evolution.standing import AtJump, Recorder, Standing, Task
+from dolfinx_contact.laws.status import closed
+from dolfinx_contact.points.memory import Memory
+from dolfinx_contact.problem import ContactProblem
+from dolfinx_contact.solvers import ConvergenceError
+
+__all__ = ["Evolution", "Observer"]
+
+#: Told of every accepted step, or asked whether to accept it, on every rank.
+Observer: TypeAlias = Callable[[EvolutionStep], object]
+
+_HALVINGS = 20  # of the whole time, to the least step
+_PATIENCE = 3.0  # seconds before progress is said by itself
+
+
+class Evolution:
+    """A contact problem in time: runs through times, step by step, which a `Stepper` takes.
+
+    Args:
+        problem: the contact problem.
+        load: called with a time, on every rank, sets Constants and Functions of the problem's data
+            to what they are then.
+
+    Raises:
+        ValueError: on every rank, if arguments do not fit.
+    """
+
+    def __init__(self, problem: ContactProblem, load: Callable[[float], object]):
+        if not isinstance(problem, ContactProblem):
+            raise ValueError(f"a ContactProblem is needed, got {type(problem).__name__}")
+        with everywhere(problem.comm, "an evolution"):
+            if not callable(load):
+                raise ValueError(f"the load must be a function of the time, got {load!r}")
+            for s in problem.surfaces:
+                if s.law_at_points.compiled.knows_slip:
+                    raise ValueError(
+                        f"{s.name}: friction of the law {s.law.name} depends on the distance "
+                        "slipped (a.slid), of which an evolution has no memory yet"
+                    )
+        self.problem, self.load = problem, load
+        self._moment: Moment | None = None
+        self._rate: float | None = None
+
+    def _through(
+        self,
+        times: Sequence[float],
+        *,
+        longest: float = math.inf,
+        shortest: float | None = None,
+        at_jump: AtJump = "raise",
+        sudden: float = math.inf,
+        locate: bool = False,
+        accept: Callable[[EvolutionStep], bool] | None = None,
+        observer: Observer | None = None,
+        record: Recorder | None = None,
+        progress: bool | None = None,
+    ) -> History:
+        """Go through times; see `QuasiStatic.run`. Collective."""
+        comm = self.problem.comm
+        with everywhere(comm, "the times of an evolution"):
+            given = _checked_times(times, self._moment)
+            span = given[-1] - given[0]
+            least = span / 2**_HALVINGS if shortest is None else float(shortest)
+            if not (math.isfinite(least) and least > 0 and longest >= least):
+                raise ValueError(f"steps must have 0 < shortest <= longest, got {least}, {longest}")
+            if at_jump not in get_args(AtJump):
+                raise ValueError(f"at_jump is {at_jump!r}: known are {get_args(AtJump)}")
+            if not sudden >= 1:
+                raise ValueError(f"sudden must be 1 or more, got {sudden}")
+            for name, call in (("accept", accept), ("observer", observer)):
+                if call is not None and not callable(call):
+                    raise ValueError(f"{name} must be a function of a step, got {call!r}")
+        same_everywhere(comm, times=given, longest=longest, shortest=shortest, at_jump=at_jump)
+        same_everywhere(comm, sudden=float(sudden), a_record=record is not None)
+        task = Task(tuple(given), float(longest), least, at_jump, float(sudden), locate)
+        stepper = self._stepper(progress)
+        moment = self._moment
+        if moment is None:
+            moment = stepper.start(given[0])
+        elif not comm.allreduce(int(moment.data.stands()), op=MPI.MIN):
+            # Data that were changed between two runs are those of the next.
+            moment = replace(moment, data=GivenData(self.problem.equations))
+        standing = Standing(moment, task.longest, self._rate)
+        if record is not None:
+            stepper.put(standing.moment)
+            record.begin(task, standing)
+        return self._go(stepper, task, standing, accept, observer, record, progress)
+
+    def go_on(
+        self,
+        task: Task,
+        standing: Standing,
+        *,
+        accept: Callable[[EvolutionStep], bool] | None = None,
+        observer: Observer | None = None,
+        record: Recorder | None = None,
+        progress: bool | None = None,
+    ) -> History:
+        """Go on with a run from where it stood, as a record does. Collective.
+
+        Args:
+            task: what was asked of the run.
+            standing: where it stood.
+            accept: as in the run, as for what follows, the errors and the result.
+            observer: told of the steps from there on.
+            record: keeps them.
+            progress: whether to say where it is.
+        """
+        stepper = self._stepper(progress)
+        return self._go(stepper, task, standing, accept, observer, record, progress)
+
+    def put(self, moment: Moment) -> None:
+        """Put the evolution at a state of it, from which the next `run` goes on. Collective."""
+        self._moment = moment
+        self._stepper(None).put(moment)
+
+    def recalled(
+        self, time: float, memory: Sequence[Memory | None], energies: Energies, *, first: bool
+    ) -> Moment:
+        """The state that stands in Functions, statuses and rigid bodies, as one of it. Collective.
+
+        Args:
+            time: of the state.
+            memory: that it left.
+            energies: since the start.
+            first: whether it is the start of the evolution, whose statuses are not known.
+        """
+        return self._stepper(None).recalled(time, memory, energies, first=first)
+
+    def _stepper(self, progress: bool | None) -> Stepper:
+        return Stepper(self.problem, self.load, False if progress is False else None)
+
+    def _go(
+        self,
+        stepper: Stepper,
+        task: Task,
+        standing: Standing,
+        accept: Callable[[EvolutionStep], bool] | None,
+        observer: Observer | None,
+        record: Recorder | None,
+        progress: bool | None,
+    ) -> History:
+        """A run from where it stands to its end. Collective."""
+        said = _Said(self.problem.comm, progress, (standing.moment.time, task.times[-1]))
+        run = _Run(stepper, task, standing, accept, observer, record, said)
+        history, failure = run.history, None
+        try:
+            for end in task.times[1:]:
+                run.to(end)
+            history.reason, history.complete = "the last time is reached", True
+        except _Ended as ended:
+            history.reason, failure = str(ended), ended
+        finally:
+            self._moment, self._rate = run.moment, run.rate
+            stepper.put(run.moment)
+            said.end(history)
+        if record is not None:
+            record.end(history)
+        if failure is not None and task.at_jump != "stop":
+            raise NoContinuation(history.reason, history) from failure.__cause__
+        return history
+
+
+class _Ended(Exception):
+    """No solution continues the evolution."""
+
+
+class _Run:
+    """A run: where it is, and what it has accepted."""
+
+    def __init__(
+        self,
+        stepper: Stepper,
+        task: Task,
+        standing: Standing,
+        accept: Callable[[EvolutionStep], bool] | None,
+        observer: Observer | None,
+        record: Recorder | None,
+        said: _Said,
+    ):
+        self.moment = standing.moment
+        self.history = History(self.moment.time, self.moment.energies)
+        self._stepper, self._task, self._said = stepper, task, said
+        self._accepts, self._observer, self._record = accept, observer, record
+        self._length, self._rejected = standing.length, 0
+        self.rate, self._before = standing.rate, standing.number
+
+    def to(self, end: float) -> None:
+        """Go on to a time."""
+        while self.moment.time < end:
+            aim = _aim(self.moment.time, end, self._length)
+            try:
+                taken = self._stepper.take(self.moment, aim)
+            except ConvergenceError as error:
+                self._shorten(aim, error)
+                continue
+            path = self._jump(taken)
+            if path is not None:
+                for before in path[:-1]:
+                    self._accept(before, settled=False)
+                self._jump_over(path[-1])
+            elif self._wanted(taken):
+                self._accept(taken)
+            else:
+                self._shorten(aim)
+
+    def _jump(self, taken: Taken) -> list[Taken] | None:
+        """The steps up to a jump in a step that changes the state suddenly; None if none does."""
+        rate = _rate(self._stepper.problem.comm, taken)
+        if self.rate is None or rate <= self._task.sudden * self.rate:
+            return None
+        return find_jump(self._stepper, taken, self._task.shortest)
+
+    def _jump_over(self, taken: Taken) -> None:
+        a, b = taken.before, taken.after
+        if self._task.at_jump == "jump":
+            self._accept(taken, jump=True)
+            return
+        raise _Ended(
+            f"no solution continues the evolution beyond the time {a.time:.10g}; in the next one, "
+            f"found at {b.time:.10g}, {where_it_changes(self._stepper, a, b)}"
+        )
+
+    def _shorten(self, aim: float, error: ConvergenceError | None = None) -> None:
+        """Try half the step next time, or a quarter if there was an error; end if too short."""
+        length, part = aim - self.moment.time, 2 if error is None else 4
+        if length / part < self._task.shortest:
+            raise _Ended(
+                f"no solution was found beyond the time {self.moment.time:.10g}, in a step of "
+                f"{length:.2g}: {error}"
+            ) from error
+        self._length, self._rejected = length / part, self._rejected + 1
+
+    def _step(self, taken: Taken, jump: bool) -> EvolutionStep:
+        return EvolutionStep(
+            self._before + len(self.history.steps) + 1,
+            taken.before.time,
+            taken.after.time,
+            taken.result,
+            taken.after.energies,
+            self._rejected,
+            jump,
+        )
+
+    def _wanted(self, taken: Taken) -> bool:
+        """Whether the user accepts a step that could be shorter. Collective."""
+        comm = self._stepper.problem.comm
+        shorter = (taken.after.time - taken.before.time) / 2 >= self._task.shortest
+        if shorter and self._task.locate and _closes(comm, taken):
+            return False
+        if not (shorter and comm.allreduce(int(self._accepts is not None))):
+            return True
+        self._stepper.show(taken)
+        wanted = True
+        with everywhere(comm, "accept"):
+            if self._accepts is not None:
+                answer = self._accepts(self._step(taken, False))
+                if not isinstance(answer, bool | np.bool_):
+                    raise ValueError(f"accept must answer True or False, got {answer!r}")
+                wanted = bool(answer)
+        # All that were asked must want it.
+        return not comm.allreduce(int(not wanted))
+
+    def _accept(self, taken: Taken, *, jump: bool = False, settled: bool = True) -> None:
+        comm, step = self._stepper.problem.comm, self._step(taken, jump)
+        self.history.steps.append(step)
+        self.moment = taken.after
+        if not jump:
+            self.rate = _rate(self._stepper.problem.comm, taken)
+        self._rejected, self._length = 0, min(2 * self._length, self._task.longest)
+        if self._record is not None:
+            standing = Standing(taken.after, self._length, self.rate, step.number, settled)
+            self._stepper.put(taken.after)
+            self._record.step(step, standing)
+        if comm.allreduce(int(self._observer is not None)):
+            self._stepper.show(taken)
+            with everywhere(comm, "the observer"):
+                if self._observer is not None:
+                    self._observer(step)
+        self._stepper.put(taken.after)
+        self._said.step(step)
+
+
+def _closes(comm: MPI.Comm, taken: Taken) -> bool:
+    """Whether a point closes in a step. Collective."""
+    a, b = taken.before.shown, taken.after.shown
+    mine = any(bool((closed(y) & ~closed(x)).any()) for x, y in zip(a, b, strict=True))
+    return bool(comm.allreduce(int(mine)))
+
+
+def _rate(comm: MPI.Comm, taken: Taken) -> float:
+    """Of the state in a step. Collective."""
+    return change(comm, taken.before, taken.after) / (taken.after.time - taken.before.time)
+
+
+def _aim(start: float, end: float, length: float) -> float:
+    """The end of the next of equal steps to a time that are no longer than a length."""
+    steps = math.ceil((end - start) / length * (1 - 1e-12))
+    return end if steps <= 1 else start + (end - start) / steps
+
+
+def _checked_times(times: Sequence[float], moment: Moment | None) -> list[float]:
+    """The times as numbers, or ``ValueError``. Not collective."""
+    found = [float(t) for t in np.asarray(times, dtype=np.float64).reshape(-1)]
+    if len(found) < 2 or not all(math.isfinite(t) for t in found):
+        raise ValueError(f"two or more finite times are needed, the first of them now: {times!r}")
+    for a, b in itertools.pairwise(found):
+        if not b > a:
+            raise ValueError(f"times must increase, got {b!r} after {a!r}")
+    if moment is not None and found[0] != moment.time:
+        raise ValueError(f"the evolution is at the time {moment.time!r}, not {found[0]!r}")
+    return found
+
+
+class _Said:
+    """The line of progress: time, step, statuses, and the time that is left by the clock."""
+
+    def __init__(self, comm: MPI.Comm, wanted: bool | None, times: Sequence[float]):
+        self._line, self._start, self._span = Line(comm), clock.monotonic(), (times[0], times[-1])
+        self._silent = wanted is False or comm.rank > 0
+        self._after, self._shown = 0.0 if wanted else _PATIENCE, False
+
+    def step(self, step: EvolutionStep) -> None:
+        passed, (a, b) = clock.monotonic() - self._start, self._span
+        if self._silent or passed < self._after:
+            return
+        self._shown = True
+        counts = ", ".join(f"{n} {k}" for k, n in step.result.counts.items() if n)
+        left = passed * (b - step.time) / (step.time - a)
+        if step.jump:
+            self._line.write(f"evolution: the state jumps at the time {step.start:.10g}")
+        self._line.update(
+            f"evolution: time {step.time:.6g} of {b:.6g}  step {step.number}, of "
+            f"{step.time - step.start:.2g}  {counts}  {passed:.0f} s, about {left:.0f} s left"
+        )
+
+    def end(self, history: History) -> None:
+        self._line.clear()
+        if self._shown:
+            self._line.write(f"evolution: {len(history.steps)} steps, {history.reason}")
