@@ -128,15 +128,10 @@ class NSCD(Evolution):
         if isinstance(body, MovingBody):
             body = body.body
         super().__init__(problem.moving(MovingBody(body, M, C, step)), load or _constant)
-        #: What the motion is known by, beside the problem.
-        self.described = {
-            "density": described(ufl.as_ufl(density), V.mesh),
-            "scheme": scheme,
-            "theta": method.theta,
-            "level": level,
-            "mass": mass,
-            "restitution": method.restitution,
-        }
+        self.kept = {"velocity": self.velocity}
+        words = (f"scheme {scheme}", f"theta {method.theta!r}", f"level {level}", f"mass {mass}")
+        restores = f"restitution {method.restitution!r}"
+        self.method = (f"density {described(ufl.as_ufl(density), V.mesh)}", *words, restores)
 
     def run(
         self,

@@ -12,13 +12,15 @@ from __future__ import annotations
 import itertools
 import math
 import time as clock
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TypeAlias, get_args
 
 from mpi4py import MPI
 
 import numpy as np
+
+from dolfinx import fem
 
 from dolfinx_contact._errors import everywhere, same_everywhere
 from dolfinx_contact._progress import Line
@@ -50,9 +52,18 @@ class Evolution:
         load: called with a time, on every rank, sets Constants and Functions of the problem's data
             to what they are then.
 
+    Attributes:
+        account: what its energies are.
+        method: what it is known by beside the problem, in words.
+        kept: Functions that a state has beside those of the problem, by name.
+
     Raises:
         ValueError: on every rank, if arguments do not fit.
     """
+
+    account: type[Energies] = Energies
+    method: Sequence[str] = ()
+    kept: Mapping[str, fem.Function] = {}
 
     def __init__(self, problem: ContactProblem, load: Callable[[float], object]):
         if not isinstance(problem, ContactProblem):

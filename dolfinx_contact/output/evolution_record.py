@@ -16,13 +16,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from typing import Any
 
+from petsc4py import PETSc
+
 import numpy as np
 
 from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact.equations.given_data import GivenData, given_data, numbers_of
-from dolfinx_contact.evolution import EvolutionStep, History, QuasiStatic
-from dolfinx_contact.evolution.energy import Energies
+from dolfinx_contact.evolution import EvolutionStep, History
 from dolfinx_contact.evolution.moment import Moment
+from dolfinx_contact.evolution.run import Evolution
 from dolfinx_contact.evolution.standing import Standing, Task
 from dolfinx_contact.output.at_points import AtPoints
 from dolfinx_contact.output.evolution_journal import EvolutionJournal, EvolutionRun
@@ -73,10 +75,10 @@ class EvolutionRecord(ProblemRecord[EvolutionJournal]):
     """
 
     def __init__(
-        self, folder: str | os.PathLike[str], evolution: QuasiStatic, *, resume: bool = False
+        self, folder: str | os.PathLike[str], evolution: Evolution, *, resume: bool = False
     ):
-        if not isinstance(evolution, QuasiStatic):
-            raise ValueError(f"a QuasiStatic is needed, got {type(evolution).__name__}")
+        if not isinstance(evolution, Evolution):
+            raise ValueError(f"a QuasiStatic or NSCD is needed, got {type(evolution).__name__}")
         problem = evolution.problem
         same_everywhere(problem.comm, resume=bool(resume))
         super().__init__(folder, problem, EvolutionJournal, resume=resume)
@@ -87,10 +89,11 @@ class EvolutionRecord(ProblemRecord[EvolutionJournal]):
         try:
             # The values of all data are compared state by state.
             known = identity(problem, but=given_data(problem.equations))
-            self._require_same(known)
+            method = list(evolution.method)
+            self._require_same(known, method=method)
             if self.journal.states:
                 self._require_load(self.journal.states[-1])
-            self._begin(known)
+            self._begin(known, method=method)
         except Exception:
             self.close()
             raise
@@ -173,14 +176,22 @@ class EvolutionRecord(ProblemRecord[EvolutionJournal]):
     ) -> None:
         """Put a state on the disk, which stands in the problem. Collective."""
         entry = {"index": index} | self._entry(moment, letters or self._letters()) | dict(more)
-        name, x = f"state_{index:06d}", self.problem.create_vector()
-        self.problem.write(x)
-        check_sum = self._checkpoints.write(name, {"x": x}, self._points.gathered(moment))
-        x.destroy()
+        name, vectors = f"state_{index:06d}", self._vectors()
+        n = self.problem.equations.owned_sizes[0]
+        for key, f in self.evolution.kept.items():
+            vectors[key].array[:n] = f.x.array[:n]
+        self.problem.write(vectors["x"])
+        check_sum = self._checkpoints.write(name, vectors, self._points.gathered(moment))
+        for x in vectors.values():
+            x.destroy()
         entry |= {"checkpoint": name, "sum": check_sum}
         self._append({"type": "state", **entry})
         self.journal.states.append(entry)
         self._index, self._last = index, moment
+
+    def _vectors(self) -> dict[str, PETSc.Vec]:
+        """For what a state has, the unknowns last. Collective."""
+        return {name: self.problem.create_vector() for name in (*self.evolution.kept, "x")}
 
     def _entry(self, moment: Moment, letters: str) -> dict[str, Any]:
         """What the journal says of every state. Collective."""
@@ -285,12 +296,17 @@ class EvolutionRecord(ProblemRecord[EvolutionJournal]):
             ValueError: on every rank, if it is damaged, or of another load.
         """
         problem, state = self.problem, self.journal.states[index]
-        x = problem.create_vector()
-        self._checkpoints.read(state["checkpoint"], state["sum"], {"x": x})
+        vectors, n = self._vectors(), problem.equations.owned_sizes[0]
+        self._checkpoints.read(state["checkpoint"], state["sum"], vectors)
         found = self._checkpoints.arrays(state["checkpoint"])
-        problem.put(x, self._points.statuses(found))
-        x.destroy()
-        memory, energies = self._points.memory(found), Energies(**state["energies"])
+        problem.put(vectors["x"], self._points.statuses(found))
+        for key, f in self.evolution.kept.items():
+            f.x.array[:n] = vectors[key].array_r[:n]
+            f.x.scatter_forward()
+        for x in vectors.values():
+            x.destroy()
+        memory = self._points.memory(found)
+        energies = self.evolution.account(**state["energies"])
         moment = self.evolution.recalled(state["time"], memory, energies, first=index == 0)
         self._require_data(state["data"], numbers_of(problem.equations), state["time"])
         return moment

@@ -82,8 +82,9 @@ class ProblemRecord(Generic[J]):
         if recorded:
             differs = difference(recorded["problem"], problem)
             for name, value in more.items():
-                if not differs and recorded[name] != value:
-                    differs = f"other {name} ({', '.join(recorded[name])})"
+                words = recorded.get(name, [])  # what is new has no words in older records
+                if not differs and words != value:
+                    differs = f"other {name} ({', '.join(words)})"
             message = f"the journal in {self.folder} is that of another problem: {differs}"
             require(self.comm, not differs, message)
 
