@@ -2,6 +2,7 @@
 
 import argparse
 import sys
+from functools import partial
 from pathlib import Path
 
 from mpi4py import MPI
@@ -13,7 +14,7 @@ import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact import ContactPair, ContactProblem, Coulomb
-from dolfinx_contact.evolution import QuasiStatic
+from dolfinx_contact.evolution import NSCD, QuasiStatic
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.meshing import crack
 from dolfinx_contact.output import EvolutionRecord
@@ -66,13 +67,21 @@ def cracked(comm, friction=0.25, way=0.012, n=4):
     return QuasiStatic(problem, load)
 
 
-CASES = {"pair": pair, "crack": cracked}
+def moving(comm, friction=0.25, dt=0.25):
+    """The two blocks with mass, in steps that are too long to follow their waves."""
+    quasi_static = pair(comm, friction)
+    return NSCD(quasi_static.problem, 1.0, dt=dt, load=quasi_static.load)
+
+
+CASES = {"pair": pair, "crack": cracked, "motion": moving}
+CASES["fine motion"] = partial(moving, dt=0.05)
 
 
 def record(evolution, folder, observer=None, longest=LONGEST):
     """Run it with a record in a new folder."""
+    steps = {"longest": longest} if isinstance(evolution, QuasiStatic) else {}
     with EvolutionRecord(folder, evolution) as kept:
-        return evolution.run(TIMES, longest=longest, record=kept, observer=observer)
+        return evolution.run(TIMES, record=kept, observer=observer, **steps)
 
 
 def main():

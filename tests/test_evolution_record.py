@@ -25,6 +25,7 @@ from dolfinx_contact.parametric import ParametricContact
 
 COMM = MPI.COMM_WORLD
 serial = pytest.mark.skipif(COMM.size > 1, reason="starts processes of its own")
+ENERGIES = ("external", "stored", "dissipated", "residue", "kinetic", "contact")
 NUMBERS = ("time", "length", "external", "stored", "dissipated")
 
 
@@ -39,7 +40,7 @@ def require_same(folder, other, tolerance=1e-10):
             if name not in ("newton_iterations", "strategy"):
                 np.testing.assert_array_equal(found, wanted, err_msg=name)
             continue
-        energy = name in ("external", "stored", "dissipated", "residue")
+        energy = name in ENERGIES
         scale = max(r["external"] for r in rows[1]) if energy else np.abs(wanted).max(initial=0)
         np.testing.assert_allclose(found, wanted, rtol=0, atol=tolerance * scale, err_msg=name)
     norm = max(s["norm"] for s in b.states)
@@ -116,7 +117,7 @@ def test_the_journal_says_what_was_run(folder):
     assert [r.after for r in read_evolution(folder).runs] == [0, len(history.steps)]
 
 
-@pytest.mark.parametrize("case", ["crack", "pair"])
+@pytest.mark.parametrize("case", ["crack", "pair", "motion"])
 def test_an_interrupted_run_resumes(case, whole, folder):
     """By an observer; then between the files of a step and its line, and in a line."""
     with pytest.raises(Stop):
@@ -290,7 +291,10 @@ def test_a_rigid_body_and_three_dimensions(folder):
     ("case", "kills"),
     [
         ("crack", 1),
-        *(pytest.param(case, 20, marks=pytest.mark.long) for case in ("crack", "pair")),
+        *(
+            pytest.param(case, 20, marks=pytest.mark.long)
+            for case in ("crack", "pair", "fine motion")
+        ),
     ],
 )
 def test_killed_at_random_moments(case, kills, whole, folder):
