@@ -205,6 +205,11 @@ class Bulk:
         """Owned entries of the residual at zero displacement. Collective."""
         return self.residual_at(np.zeros_like(self.displacement.x.array))
 
+    @property
+    def stiffness_mark(self) -> int:
+        """A checksum, on this rank, of all that the stiffness depends on but the displacement."""
+        return self._mark([d for d in self._data if d is not self.displacement])
+
     def _mark(self, data: list[Any]) -> int:
         """A checksum of the values of ``data`` and of the mesh, on this rank."""
         mark = zlib.crc32(np.ascontiguousarray(self._V.mesh.geometry.x))

@@ -25,6 +25,7 @@ R contains the loads, those of t_1 in R(u_1) and those of t_0 in R(u_0).
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
@@ -243,6 +244,11 @@ class MovingBody:
         if self.body.product(w) is None:
             return None
         return self.times(self.stiffness(w), w)
+
+    @property
+    def stiffness_mark(self) -> int:
+        """A checksum, on this rank, of all that the stiffness depends on but the displacement."""
+        return zlib.crc32(repr(self.step).encode(), self.body.stiffness_mark)
 
     def _forget_half(self) -> None:
         if self._half is not None:

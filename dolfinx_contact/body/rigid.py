@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
@@ -12,7 +13,15 @@ from scipy.sparse.csgraph import connected_components
 
 from dolfinx import fem, la
 
-__all__ = ["combine", "describe", "free_motions", "loose", "parts", "rigid_motions"]
+__all__ = [
+    "bounding_box",
+    "combine",
+    "describe",
+    "free_motions",
+    "loose",
+    "parts",
+    "rigid_motions",
+]
 
 _NAMES = {
     2: ("translation x", "translation y", "rotation"),
@@ -72,8 +81,7 @@ def rigid_motions(V: fem.FunctionSpace) -> npt.NDArray[np.float64]:
     for p in range(number):
         inside = part == p
         here = x[inside]
-        low = comm.allreduce(here.min(axis=0, initial=np.inf), op=np.minimum)
-        high = comm.allreduce(here.max(axis=0, initial=-np.inf), op=np.maximum)
+        low, high = bounding_box(comm, here)
         here = (here - (low + high) / 2) / np.linalg.norm(high - low)
         for i in range(dim):
             modes[p, i, inside, i] = 1.0
@@ -81,6 +89,14 @@ def rigid_motions(V: fem.FunctionSpace) -> npt.NDArray[np.float64]:
             modes[p, dim + k, inside, i] = -here[:, j]
             modes[p, dim + k, inside, j] = here[:, i]
     return modes.reshape(number * modes.shape[1], len(x), dim)
+
+
+def bounding_box(
+    comm: MPI.Comm, x: npt.NDArray[np.float64]
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """The lowest and the highest coordinates of points (n, dim) of all ranks. Collective."""
+    low = comm.allreduce(x.min(axis=0, initial=np.inf), op=np.minimum)
+    return low, comm.allreduce(x.max(axis=0, initial=-np.inf), op=np.maximum)
 
 
 def free_motions(

@@ -32,6 +32,7 @@ from dolfinx_contact._options import ProblemOptions
 from dolfinx_contact._petsc import logged
 from dolfinx_contact.body.bulk import Bulk
 from dolfinx_contact.body.moving import MovingBody
+from dolfinx_contact.body.rigid import bounding_box
 from dolfinx_contact.equations.augmentation import automatic_augmentation
 from dolfinx_contact.equations.constraints import Constraints, check_overlap
 from dolfinx_contact.equations.loose import LooseMotions
@@ -45,6 +46,7 @@ from dolfinx_contact.points.surface import ContactSurface
 __all__ = ["ContactEquations"]
 
 Array = npt.NDArray[np.float64]
+_MUCH = 10.0  # times the stiffness, beyond which scales are taken anew
 
 
 class ContactEquations:
@@ -61,7 +63,7 @@ class ContactEquations:
     Attributes:
         owned_sizes: numbers of unknowns of this rank, the displacement first, rigid bodies last.
         units: what the unknowns of each field are multiplied by.
-        stiffness_scale: typical stiffness, of the Dirichlet rows.
+        stiffness_scale: typical stiffness, of the Dirichlet rows; see `follow_stiffness`.
         body_size: diagonal of the bounding box of the body.
         rigid: the rigid bodies that surfaces touch.
     """
@@ -89,28 +91,47 @@ class ContactEquations:
         spaces = [V, *(s.Q for s in self.surfaces)]
         sizes = [(W.dofmap.index_map, W.dofmap.index_map_bs) for W in spaces]
         self.fixed = self.constraints.fixed.reshape(-1)
-        x = V.mesh.geometry.x
-        low = self.comm.allreduce(x.min(axis=0, initial=np.inf), op=np.minimum)
-        high = self.comm.allreduce(x.max(axis=0, initial=-np.inf), op=np.maximum)
+        low, high = bounding_box(self.comm, V.mesh.geometry.x)
         self.body_size: float = float(np.linalg.norm(high - low))
         self.rigid = RigidBodies(V, self.surfaces, self.body_size)
         self.owned_sizes = [*(m.size_local * bs for m, bs in sizes), self.rigid.owned]
         self.global_sizes = [*(int(m.size_global) * bs for m, bs in sizes), self.rigid.size]
-        self._mesh_mark = zlib.crc32(np.ascontiguousarray(x))
+        self._mesh_mark = zlib.crc32(np.ascontiguousarray(V.mesh.geometry.x))
         self.forced_r = r
-        K = bulk.stiffness(bulk.displacement.x.array.copy())
-        self.stiffness_scale, self.automatic_r = automatic_augmentation(
-            K, V, self.surfaces, self.body_size
-        )
-        self.units = [1.0]
-        for s, automatic in zip(self.surfaces, self.automatic_r, strict=True):
-            s.points.set_augmentation(automatic if r is None else np.full_like(automatic, r))
-            self.units.append(self.stiffness_scale / s.mean_vertex_area)
-        self.units.append(1.0)
-        moves = None if bulk.has_mass else K
-        self.loose = LooseMotions(moves, V, self.surfaces, self.constraints.fixed, self.rigid)
+        self.stiffness_scale, self._stiffness_mark = 0.0, -1
+        self.automatic_r = [np.zeros_like(s.points.r) for s in self.surfaces]
+        self.follow_stiffness(bulk.displacement.x.array.copy())
+        per_area = [self.stiffness_scale / s.mean_vertex_area for s in self.surfaces]
+        self.units = [1.0, *per_area, 1.0]
         if not bulk.linear:
             bulk.destroy()
+
+    def follow_stiffness(self, u: Array) -> None:
+        """Take scales anew where data have made the body more than ten times stiffer or softer.
+
+        Surfaces get the r of this problem back, if another one has had them in between.
+        Vectors of before keep their meaning: `units` stay, and r changes no solution but those of
+        the integral method. A body that is not linear is measured at ``u``, at all local dofs.
+
+        Raises:
+            ValueError: on every rank, if the stiffness is zero or not finite.
+        """
+        if self._any(self.bulk.stiffness_mark - self._stiffness_mark):
+            self._measure_stiffness(u)
+        for s, r in zip(self.surfaces, self.automatic_r, strict=True):
+            forced = self.forced_r
+            s.points.set_augmentation(r if forced is None else np.full_like(r, forced))
+
+    def _measure_stiffness(self, u: Array) -> None:
+        K = self.bulk.stiffness(u)
+        scale, automatic = automatic_augmentation(K, self.V, self.surfaces, self.body_size)
+        moves = None if self.bulk.has_mass else K
+        self.loose = LooseMotions(moves, self.V, self.surfaces, self.constraints.fixed, self.rigid)
+        self._stiffness_mark = self.bulk.stiffness_mark
+        before = np.concatenate([[self.stiffness_scale], *self.automatic_r])
+        now = np.concatenate([[scale], *automatic])
+        if self._any(np.maximum(now, before) > _MUCH * np.minimum(now, before)):
+            self.stiffness_scale, self.automatic_r = scale, automatic
 
     # -- unknowns --------------------------------------------------------------------------------
 
@@ -243,9 +264,9 @@ class ContactEquations:
         """What is prescribed to the rigid bodies now, zero where they are free."""
         return self.rigid.prescribed(self.prescribed.part)
 
-    def _any(self, u: Array, q: Array) -> bool:
+    def _any(self, *values: npt.ArrayLike) -> bool:
         """Whether anything is not zero on any rank. Collective."""
-        return bool(self.comm.allreduce(int(np.any(u != 0) or np.any(q != 0))))
+        return bool(self.comm.allreduce(int(any(np.any(v) for v in values))))
 
     def _with_removed(self, i: int, rows: Array, x: PETSc.Vec | None) -> Array:
         """Contact rows of surface ``i`` with those of removed multipliers put in."""

@@ -99,8 +99,8 @@ class ContactTerms:
         held = np.flatnonzero(removed) + numbering.first + eq.owned_sizes[0]
         rigid = numbering.rigid()
         mine = eq.rigid.here(rigid)
-        prescribed = np.where(eq.rigid.here(eq.rigid.fixed), eq.stiffness_scale, 0.0)
-        self._held = np.concatenate([np.full(len(held), eq.stiffness_scale), prescribed])
+        # Times a typical stiffness, the diagonal of what is removed or prescribed.
+        self._held = np.concatenate([np.ones(len(held)), eq.rigid.here(eq.rigid.fixed)])
         self._blocks: list[tuple[int, _Block | RigidTerms | SpreadTerms]] = []
         rows, columns = [held, mine], [held, mine]
         for i, s in enumerate(eq.surfaces):
@@ -139,7 +139,8 @@ class ContactTerms:
     def add(self, state: State, A: PETSc.Mat) -> None:
         """Add S at a state to ``A``. Collective."""
         parts = [block.values(state.surfaces[i]) for i, block in self._blocks]
-        self.entries.add(np.concatenate([self._held, *parts]), A)
+        held = self._equations.stiffness_scale * self._held
+        self.entries.add(np.concatenate([held, *parts]), A)
 
 
 class _Numbering:

@@ -26,6 +26,7 @@ from dolfinx import fem, la, mesh
 
 from dolfinx_contact._entries import Entries, matrix_of
 from dolfinx_contact._errors import require
+from dolfinx_contact.body.rigid import bounding_box
 from dolfinx_contact.obstacles import Obstacle
 from dolfinx_contact.points.clipping import Cover, basis, cover, nodal_points
 from dolfinx_contact.points.facing import candidates, faces_of, refuse_aslant, seen_along
@@ -232,10 +233,9 @@ def _gaps(V: fem.FunctionSpace, opposite: Opposite, normals: Array, size: float)
     there = opposite.values(comm, x[: V.dofmap.index_map.size_local], len(x))
     gaps = np.sum((there - x) * normals, axis=1)
     gaps[np.abs(gaps) <= _ROUND_OFF * size] = 0.0
-    extent = comm.allreduce(x.max(axis=0, initial=-np.inf), op=np.maximum)
-    extent -= comm.allreduce(x.min(axis=0, initial=np.inf), op=np.minimum)
+    low, high = bounding_box(comm, x)
     if not opposite.matching:
-        gaps[opposite.none] = _FAR * float(np.linalg.norm(extent))
+        gaps[opposite.none] = _FAR * float(np.linalg.norm(high - low))
     return np.asarray(gaps)
 
 

@@ -124,7 +124,7 @@ class CondensedContact:
         self._parametric, self.exact = parametric, exact
         eq: ContactEquations = parametric.equations
         self.comm, self._equations = eq.comm, eq
-        self._gamma, self._x = gamma, x.copy()
+        self._gamma, self._x, self._scale = gamma, x.copy(), eq.stiffness_scale
         self._nodal, self._n = eq.owned_sizes[0], eq.owned_sizes[0] + eq.rigid.owned
         b, c = parametric.create_vector(), parametric.create_vector()
         piece = parametric.piece_at(x, gamma)
@@ -222,7 +222,7 @@ class CondensedContact:
         eq, first = self._equations, 0
         K = eq.bulk.stiffness(u).copy()
         fixed = np.flatnonzero(eq.fixed[: self._nodal]) + K.getOwnershipRange()[0]
-        K.zeroRowsColumns(fixed.astype(PETSc.IntType), diag=eq.stiffness_scale)
+        K.zeroRowsColumns(fixed.astype(PETSc.IntType), diag=self._scale)
         wanted, blocks, motions = self._points.local, [], []
         for s in eq.surfaces:
             inside = wanted[(wanted >= first) & (wanted < first + s.points.number)] - first
@@ -241,7 +241,7 @@ class CondensedContact:
         fields = [(K, fixed, blocks)]
         if eq.rigid.size:
             still = np.flatnonzero(eq.rigid.here(eq.rigid.fixed))
-            fields.append((eq.rigid.diagonal(eq.stiffness_scale), still, motions))
+            fields.append((eq.rigid.diagonal(self._scale), still, motions))
         self._matrix = self._bordered(fields)
         for stiffness, _, parts in fields:
             for thing in (stiffness, *parts):
@@ -261,7 +261,7 @@ class CondensedContact:
         self, fields: list[tuple[PETSc.Mat, npt.NDArray[np.int64], list[PETSc.Mat]]]
     ) -> PETSc.Mat:
         """[K, -B^T; B, 0] of fields that move: K, prescribed rows, and B surface by surface."""
-        scale, number = self._equations.stiffness_scale, len(fields)
+        scale, number = self._scale, len(fields)
         # Whatever holds a displacement, its rows have units of force.
         scaled = [[B * scale for B in parts] for _, _, parts in fields]
         transposed = [[B.transpose(PETSc.Mat()) for B in parts] for parts in scaled]
@@ -288,7 +288,7 @@ class CondensedContact:
         local, columns = self._matrix.getLocalSize()[0], 2 * self._m
         rows = (2 * self._points.mine[:, None] + np.arange(2)).reshape(-1)
         factor, mine = self._ksp.getPC().getFactorMatrix(), np.empty((len(rows), columns))
-        scale, squares = self._equations.stiffness_scale, np.empty((2, columns))
+        scale, squares = self._scale, np.empty((2, columns))
         for a in range(0, columns, _BATCH):
             width = min(_BATCH, columns - a)
             rhs, out = (
@@ -323,7 +323,7 @@ class CondensedContact:
         With the size of the residual.
         """
         b, x = self._matrix.createVecs()
-        scale = self._equations.stiffness_scale
+        scale = self._scale
         b.array[: self._n] = load
         b.array[self._n :] = scale * jumps[self._points.mine].reshape(-1)
         self._ksp.solve(b, x)

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact.body.rigid import bounding_box
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.points.surface import ContactSurface
@@ -75,8 +76,7 @@ def pair_balance(eq: ContactEquations, number: int, state: State) -> PairBalance
         for a, b in ((slave, master), (master, slave))
     ]
     total = comm.allreduce(float(np.linalg.norm(forces, axis=1).sum())) or 1.0
-    low = comm.allreduce(x[:n][slave].min(axis=0, initial=np.inf), op=np.minimum)
-    high = comm.allreduce(x[:n][slave].max(axis=0, initial=-np.inf), op=np.maximum)
+    low, high = bounding_box(comm, x[:n][slave])
     size = float(np.linalg.norm(high - low))
     moment = None
     if _apart(s, x) <= _SAME_PLACE * size:

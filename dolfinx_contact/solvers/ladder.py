@@ -250,7 +250,7 @@ def _ladder(
 
 
 def check_data(eq: ContactEquations, x0: PETSc.Vec) -> None:
-    """Raise ``ValueError`` for data that no solver can work with. Collective."""
+    """Raise ``ValueError`` for data that no solver can work with; else follow them. Collective."""
     same_everywhere(eq.comm, "data of the problem", Constants=_given_numbers(eq))
     eq.require_same_mesh()
     for s in eq.surfaces:
@@ -280,6 +280,7 @@ def check_data(eq: ContactEquations, x0: PETSc.Vec) -> None:
         "the residual is not finite at the start: look for NaN in loads, material data or the "
         "starting displacement",
     )
+    eq.follow_stiffness(eq.displacement(x0))
 
 
 def _given_numbers(eq: ContactEquations) -> list[list[float]]:

@@ -30,14 +30,12 @@ class ContactOperator:
         stiffness: K, on the displacement alone.
         contact: S, on all unknowns, without Dirichlet rows and columns of the displacement.
         fixed: local indices of the owned displacement dofs with Dirichlet data.
-        diagonal: of the Dirichlet rows.
         first: global index of the first unknown of this rank.
     """
 
     def __init__(self, equations: ContactEquations):
         self.equations, self.comm = equations, equations.comm
         self.size = equations.owned_sizes[0]
-        self.diagonal = equations.stiffness_scale
         self.fixed = np.flatnonzero(equations.fixed[: self.size])
         self._terms = ContactTerms(equations)
         self.contact = self._terms.create_matrix()
@@ -49,6 +47,11 @@ class ContactOperator:
         self._x = equations.create_vector()
         self.first = self._x.getOwnershipRange()[0]
         self._xu, self._yu = self.stiffness.createVecRight(), self.stiffness.createVecLeft()
+
+    @property
+    def diagonal(self) -> float:
+        """Of the Dirichlet rows."""
+        return self.equations.stiffness_scale
 
     def update(self, state: State) -> None:
         """Assemble at a state. Collective."""
