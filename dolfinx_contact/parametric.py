@@ -135,14 +135,21 @@ class ParametricContact(ParametricEquations):
 
     # -- affine pieces ---------------------------------------------------------------------------
 
-    def condensed(self, x: PETSc.Vec, gamma: float) -> CondensedContact | None:
+    def condensed(
+        self, x: PETSc.Vec, gamma: float, *, conic: bool = True
+    ) -> CondensedContact | None:
         """The problem condensed onto its contact points, or its linearisation at (x, gamma).
 
         None where the statuses of the points are no polyhedral cones (3D friction, integral
-        contact, a threshold given in advance, gamma in the law or in the obstacle) or there are too
-        many points. Collective.
+        contact, gamma in the law or in the obstacle) or there are too many points. Collective.
+
+        Args:
+            x: the state.
+            gamma: there.
+            conic: whether there is none under a friction bound given in advance either.
         """
-        if not can_condense(self):
+        cones = can_condense(self)
+        if not (cones or (not conic and self.is_linear and can_condense(self, bounded=True))):
             return None
         if not self.is_linear:
             return CondensedContact(self, x, gamma, exact=False)
@@ -151,7 +158,7 @@ class ParametricContact(ParametricEquations):
             # From nothing: no state leaves its round-off in what is degenerate without load.
             nothing = self.create_vector()
             with super().restored(always=True):
-                self._condensed = CondensedContact(self, nothing, 0.0, exact=True)
+                self._condensed = CondensedContact(self, nothing, 0.0, exact=True, conic=cones)
             nothing.destroy()
             self._condensed_from = mark
         return self._condensed

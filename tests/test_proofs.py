@@ -184,9 +184,24 @@ def test_several_surfaces(left, right, gap):
 @pytest.mark.parametrize("right", [Tresca(2.0), Coulomb(0.4)])
 def test_a_bound_given_in_advance(right):
     """Tresca's law on one floor, and another or the same on the other, with open points."""
-    result = plate(Tresca(3.0), right, gap=0.004).solve()
+    problem = plate(Tresca(3.0), right, gap=0.004)
+    result = problem.solve()
     assert result.uniqueness().verdict == "proved"
     assert "k" in result.tables["left"].status
+    system = ParametricContact(problem, fem.Constant(problem.V.mesh, 0.0))
+    solutions = found_at(system, 0.0)
+    assert solutions.complete
+    assert solutions.proof.verdict == "complete"
+    (one,) = solutions.found
+    x = system.create_vector()
+    problem.write(x)
+    assert (one.x - x).norm() <= 1e-8 * x.norm()
+    assert system.letters(one.piece) == "".join(t.status for t in result.tables.values())
+    given_up = found_at(system, 0.0, proof_seconds=1e-9, lengths=[0.5], max_iterations=1)
+    assert not given_up.complete
+    assert given_up.proof.verdict == "open"
+    assert "deflation" in given_up.method
+    assert words(system, given_up) in ([], words(system, solutions))
 
 
 def triangle(n, friction, gamma):

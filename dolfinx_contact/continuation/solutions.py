@@ -3,8 +3,8 @@ r"""Many solutions at one gamma, connected with each other or not.
 
 Where the pieces are affine, a solution at gamma is a ray of the cones under the whole load, so that
 `rays.py` finds them, by enumeration (and then there are no others) or by unfolding. Where there are
-too many pieces to be enumerated the system may have a proof of its own (`System.prove`); if it
-comes to an end there are no others. Else solutions
+too many pieces to be enumerated, or affine ones that are no cones, the system may have a proof of
+its own (`System.prove`); if it comes to an end there are no others. Else solutions
 that are known are deflated (Farrell, Birkisson and Funke, SIAM J. Sci. Comput. 37, 2015): Newton's
 method is applied to m(x) H(x) with
 
@@ -143,7 +143,7 @@ def find_solutions(
         tolerance: relative residual at which a state is a solution.
         deflation: use it even where the pieces are affine.
         proof_seconds: for a proof that there are no others, where there are too many affine pieces
-            to be enumerated; 0 for none.
+            to be enumerated, or under a friction bound given in advance; 0 for none.
 
     Raises:
         ValueError: on every rank, if there is no guess, a state does not fit, gamma, the loads or
@@ -174,16 +174,21 @@ def find_solutions(
     check_states(system, guesses, "a guess")
     check_states(system, known, "a known solution")
     system.check_parameter([gamma])
-    if not deflation and system.is_piecewise_affine:
+    sure: Solutions | None = None
+    if not deflation:
         with system.restored(always=True):
-            found = _of_cones(system, guesses[0], gamma, proof_seconds)
-        if found is not None:
-            return found
+            affine = system.is_piecewise_affine
+            by = _of_cones if affine else _of_proof
+            sure = by(system, guesses[0], gamma, proof_seconds)
+        if sure is not None and (affine or sure.complete):
+            return sure
     with (
         system.restored(always=True),
         _Deflated(system, gamma, max_iterations, tolerance) as deflated,
     ):
         solutions = [x.copy() for x in known]
+        if sure is not None:
+            solutions += [s.x for s in sure.found if not deflated.is_known(s.x, solutions)]
         runs, fruitless = 0, False
         while not fruitless:
             fruitless = True
@@ -196,7 +201,27 @@ def find_solutions(
                     solutions.append(x)
                     fruitless = False
         found_ones = tuple(Solution(x, system.piece_at(x, gamma)) for x in solutions)
-    return Solutions(gamma, found_ones, False, f"deflation, {runs} runs of Newton's method")
+    method = f"deflation, {runs} runs of Newton's method"
+    if sure is None:
+        return Solutions(gamma, found_ones, False, method)
+    return Solutions(gamma, found_ones, False, f"{method}, {sure.method}", proof=sure.proof)
+
+
+def _of_proof(system: System, x: PETSc.Vec, gamma: float, seconds: float) -> Solutions | None:
+    """What is certain where pieces are no cones; None where there is no way to a proof."""
+    condensed = system.condensed(x, gamma, conic=False) if seconds > 0 else None
+    if condensed is None:
+        return None
+    condensed.system.require_finite()
+    proof = system.prove(condensed, gamma, seconds)
+    if proof is None:
+        return None
+    found = []
+    for state in proof.solutions:
+        y = x.copy()
+        condensed.expand(state.state, gamma, y)
+        found.append(Solution(y, condensed.piece(state.codes)))
+    return Solutions(gamma, tuple(found), proof.verdict == "complete", proof.method, proof=proof)
 
 
 def _of_cones(system: System, x: PETSc.Vec, gamma: float, seconds: float) -> Solutions | None:
@@ -205,15 +230,12 @@ def _of_cones(system: System, x: PETSc.Vec, gamma: float, seconds: float) -> Sol
         return None
     affine = condensed.system
     affine.require_finite()
-    proof, proved = None, list[Solution]()
-    if seconds > 0 and number_of_pieces(affine) > MOST_PIECES:
-        proof = system.prove(condensed, gamma, seconds)
-    for state in proof.solutions if proof is not None else ():
-        y = x.copy()
-        condensed.expand(state.state, gamma, y)
-        proved.append(Solution(y, condensed.piece(state.codes)))
-    if proof is not None and proof.verdict == "complete":
-        return Solutions(gamma, tuple(proved), True, proof.method, proof=proof)
+    sure = None
+    if number_of_pieces(affine) > MOST_PIECES:
+        sure = _of_proof(system, x, gamma, seconds)
+    if sure is not None and sure.complete:
+        return sure
+    proved, proof = ((), None) if sure is None else (sure.found, sure.proof)
     whole = affine.load + gamma * affine.rate
     # The rays are looked for in units in which the load is 1.
     unit = float(np.abs(whole).max(initial=0.0)) or 1.0
@@ -310,7 +332,7 @@ class _Deflated:
             if not np.isfinite(error):
                 break
             near = error <= self.tolerance and piece is None
-            if near and self._is_known(x, known):
+            if near and self.is_known(x, known):
                 break
             b.join(x, self.gamma, self._y)
             b.solver.assemble(self._y, self._row, piece)
@@ -352,7 +374,8 @@ class _Deflated:
         along = 0.0 if dx is None else float(self._w.dot(dx))
         return float(self._w.dot(self._away)), along
 
-    def _is_known(self, x: PETSc.Vec, known: Sequence[PETSc.Vec]) -> bool:
+    def is_known(self, x: PETSc.Vec, known: Sequence[PETSc.Vec]) -> bool:
+        """Whether a state is one of ``known``."""
         size = x.norm()
         for other in known:
             self._away.waxpy(-1.0, other, x)

@@ -148,10 +148,15 @@ class System:
         """
         return False
 
-    def condensed(self, x: PETSc.Vec, gamma: float) -> Condensed | None:
+    def condensed(self, x: PETSc.Vec, gamma: float, *, conic: bool = True) -> Condensed | None:
         """The points at (x, gamma) with all else eliminated.
 
         None, the default, if their pieces are no polyhedral cones.
+
+        Args:
+            x: the state.
+            gamma: there.
+            conic: whether they must be; what `prove` takes may be affine pieces of another kind.
         """
         return None
 
