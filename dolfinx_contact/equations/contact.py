@@ -78,8 +78,7 @@ class ContactEquations:
         r: float | None,
         options: ProblemOptions,
     ):
-        self.bulk, self.V, self.comm = bulk, V, V.mesh.comm
-        self.dim = V.mesh.geometry.dim
+        self.bulk, self.V, self.comm, self.dim = bulk, V, V.mesh.comm, V.mesh.geometry.dim
         self.surfaces, self.bcs, self.options = list(surfaces), list(bcs), options
         check_overlap(self.surfaces)
         for s in self.surfaces:
@@ -92,14 +91,14 @@ class ContactEquations:
         sizes = [(W.dofmap.index_map, W.dofmap.index_map_bs) for W in spaces]
         self.fixed = self.constraints.fixed.reshape(-1)
         low, high = bounding_box(self.comm, V.mesh.geometry.x)
-        self.body_size: float = float(np.linalg.norm(high - low))
+        self.body_size = float(np.linalg.norm(high - low))
         self.rigid = RigidBodies(V, self.surfaces, self.body_size)
         self.owned_sizes = [*(m.size_local * bs for m, bs in sizes), self.rigid.owned]
         self.global_sizes = [*(int(m.size_global) * bs for m, bs in sizes), self.rigid.size]
         self._mesh_mark = zlib.crc32(np.ascontiguousarray(V.mesh.geometry.x))
         self.forced_r = r
         self.stiffness_scale, self._stiffness_mark = 0.0, -1
-        self.automatic_r = [np.zeros_like(s.points.r) for s in self.surfaces]
+        self.automatic_r = [0.0 * s.points.r for s in self.surfaces]
         self.follow_stiffness(bulk.displacement.x.array.copy())
         per_area = [self.stiffness_scale / s.mean_vertex_area for s in self.surfaces]
         self.units = [1.0, *per_area, 1.0]
@@ -109,28 +108,26 @@ class ContactEquations:
     def follow_stiffness(self, u: Array) -> None:
         """Take scales anew where data have made the body more than ten times stiffer or softer.
 
-        Surfaces get the r of this problem back, if another one has had them in between.
         Vectors of before keep their meaning: `units` stay, and r changes no solution but those of
-        the integral method. A body that is not linear is measured at ``u``, at all local dofs.
+        the integral method. A body that is not linear is measured at ``u``, at all local dofs. If
+        another problem has had the surfaces in between they get the r of this one.
 
         Raises:
             ValueError: on every rank, if the stiffness is zero or not finite.
         """
         if self._any(self.bulk.stiffness_mark - self._stiffness_mark):
             self._measure_stiffness(u)
-        for s, r in zip(self.surfaces, self.automatic_r, strict=True):
-            forced = self.forced_r
-            s.points.set_augmentation(r if forced is None else np.full_like(r, forced))
+        self._augment(self.forced_r)
 
     def _measure_stiffness(self, u: Array) -> None:
         K = self.bulk.stiffness(u)
         scale, automatic = automatic_augmentation(K, self.V, self.surfaces, self.body_size)
-        moves = None if self.bulk.has_mass else K
-        self.loose = LooseMotions(moves, self.V, self.surfaces, self.constraints.fixed, self.rigid)
+        K = None if self.bulk.has_mass else K
+        self.loose = LooseMotions(K, self.V, self.surfaces, self.constraints.fixed, self.rigid)
         self._stiffness_mark = self.bulk.stiffness_mark
-        before = np.concatenate([[self.stiffness_scale], *self.automatic_r])
-        now = np.concatenate([[scale], *automatic])
-        if self._any(np.maximum(now, before) > _MUCH * np.minimum(now, before)):
+        a = np.concatenate([[self.stiffness_scale], *self.automatic_r])
+        b = np.concatenate([[scale], *automatic])
+        if self._any(np.maximum(a, b) > _MUCH * np.minimum(a, b)):
             self.stiffness_scale, self.automatic_r = scale, automatic
 
     # -- unknowns --------------------------------------------------------------------------------
@@ -375,11 +372,7 @@ class ContactEquations:
             ValueError: on every rank, if they are not of these surfaces.
         """
         mine = len(memory) == len(self.surfaces) and all(
-            m is None
-            or (
-                m.jump.shape == (s.points.number, s.dim)
-                and all(len(v) == s.points.number for v in m.fields.values())
-            )
+            m is None or m.fits(s.points.number, s.dim)
             for s, m in zip(self.surfaces, memory, strict=True)
         )
         require(self.comm, mine, "the memory is that of other contact surfaces or another mesh")
@@ -400,20 +393,21 @@ class ContactEquations:
     @contextmanager
     def automatic_augmentation(self) -> Iterator[None]:
         """Use the automatic r while the context lasts."""
-        forced = [s.points.r for s in self.surfaces]
-        for s, r in zip(self.surfaces, self.automatic_r, strict=True):
-            s.points.set_augmentation(r)
+        self._augment(None)
         try:
             yield
         finally:
-            for s, r in zip(self.surfaces, forced, strict=True):
-                s.points.set_augmentation(r)
+            self._augment(self.forced_r)
+
+    def _augment(self, forced: float | None) -> None:
+        for s, r in zip(self.surfaces, self.automatic_r, strict=True):
+            s.points.set_augmentation(r if forced is None else np.full_like(r, forced))
 
     def require_same_mesh(self) -> None:
         """Raise ``ValueError`` if the mesh has moved since the problem was made."""
         same = zlib.crc32(np.ascontiguousarray(self.V.mesh.geometry.x)) == self._mesh_mark
-        message = "the mesh has moved since the problem was made; make surfaces and problem anew"
-        require(self.comm, same, message)
+        words = "the mesh has moved since the problem was made; make surfaces and problem anew"
+        require(self.comm, same, words)
 
     def round_off_force(self, displacement: float) -> float:
         """Nodal forces that count as round-off at a displacement of this size.

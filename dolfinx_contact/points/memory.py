@@ -56,6 +56,11 @@ class Memory:
         if self.gap is not None:
             object.__setattr__(self, "gap", _frozen(self.gap))
 
+    def fits(self, number: int, dim: int) -> bool:
+        """Whether it is that of so many points."""
+        lengths = all(len(values) == number for values in self.fields.values())
+        return lengths and self.jump.shape == (number, dim)
+
     def later(self, step: float) -> Memory:
         """The same memory, looked at from a time later by ``step``."""
         return replace(self, step=step)
