@@ -26,11 +26,10 @@ from dolfinx import fem
 from dolfinx_contact._errors import require
 from dolfinx_contact.body.moving import MovingBody, Scheme, TimeStep
 from dolfinx_contact.equations.given_data import GivenData
-from dolfinx_contact.equations.state import State, Statuses
+from dolfinx_contact.equations.state import State
 from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.evolution.moment import Moment, Stepper, Taken, extended
 from dolfinx_contact.evolution.motion_energy import Motion, MotionEnergies, account, motion_at
-from dolfinx_contact.laws.status import PLUS, STICK, closed
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.results.balance import support_at_nodes
@@ -150,9 +149,9 @@ class MotionStepper(Stepper):
             eq.prescribed.unknowns = lambda values: step.seen(values, body.origin)
             motion = np.where(eq.rigid.fixed, eq.prescribed_motions() - eq.rigid.given, 0.0)
             eq.remember(self._seen(moment, step, motion))
+            # Free flight from the start, and the forces of the step before, ask for good statuses.
             problem.u.x.array[:] = body.origin + step.gain * step.length * a.v
-            expected = self._expected(moment, motion)
-            result = problem.solve(expected=expected, progress=self._progress)
+            result = problem.solve(progress=self._progress)
             state = problem.state()
             u, v = (f(state.u, body.origin) for f in (step.displacement, step.velocity))
             problem.u.x.array[:], self._velocity.x.array[:] = u, v
@@ -203,20 +202,6 @@ class MotionStepper(Stepper):
             fields = {} if memory is None else memory.fields
             found.append(Memory(jump, fields, step.length, gap))
         return found
-
-    def _expected(self, moment: Moment, motion: Array) -> list[Statuses]:
-        """Statuses of the start, and closed what free flight closes. Collective."""
-        if moment.statuses is None:
-            return []
-        eq, found = self.problem.equations, []
-        u, q = self.problem.u.x.array, eq.rigid.given + motion
-        for s, codes in zip(eq.surfaces, moment.statuses, strict=True):
-            jump = eq.relative_jump(s, u, q)
-            data = s.data_at(jump)
-            within = data.gap < np.sum(jump * data.n, axis=1)
-            touches = STICK if STICK in s.law_at_points.codes else PLUS
-            found.append(np.where(within & ~closed(codes), touches, codes).astype(np.int8))
-        return [found]
 
     def _at(self, state: State, u: Array) -> State:
         """The contact of a step's end at its displacement, as tables show it. Collective."""
