@@ -78,6 +78,7 @@ class Bulk:
         self._half: PETSc.Mat | None = None
         self._K_mark = self._f_mark = 0
         self._f: npt.NDArray[np.float64] | None = None
+        self._rest: tuple[int, float] | None = None  # energy at zero displacement
         #: How many times the stiffness was assembled.
         self.assemblies = 0
         #: Seconds of the first assembly of the stiffness, and of a product with it, on this rank.
@@ -87,6 +88,18 @@ class Bulk:
         """The energy that the user gave; None if it was a residual. Collective."""
         if self.energy is None:
             return None
+        rows = self.affine_residual(u)
+        if rows is None:
+            return self._assembled_energy(u)
+        # Of a linear body it is that at rest and the work of the mean forces since.
+        mark = self._mark([*self._data, *self._loads])
+        if self._rest is None or not self._same(mark, self._rest[0]):
+            self._rest = mark, self._assembled_energy(np.zeros_like(u))
+        assert self._f is not None
+        work = 0.5 * float(np.dot(u[: self._owned], rows + self._f))
+        return self._rest[1] + float(self.comm.allreduce(work))
+
+    def _assembled_energy(self, u: npt.NDArray[np.float64]) -> float:
         if self._energy_form is None:
             self._energy_form = compiled_form(self.energy)
         self.displacement.x.array[:] = u

@@ -140,7 +140,7 @@ class MotionStepper(Stepper):
         """Step from a moment to a time; see `Stepper.take`. Collective."""
         assert isinstance(moment, MotionMoment)
         problem, eq, body, a = self.problem, self.problem.equations, self._body, moment.motion
-        step = TimeStep(time - moment.time, self._method.theta, self._method.scheme)
+        step = TimeStep(_length(moment.time, time), self._method.theta, self._method.scheme)
         self.put(moment)
         try:
             self._set(time)
@@ -249,3 +249,8 @@ class MotionStepper(Stepper):
                 least >= -_PENETRATION * eq.body_size,
                 f"{s.name}: at the start points are within the obstacle, by up to {-least:.3g}",
             )
+
+
+def _length(start: float, end: float) -> float:
+    """The length of a step; equal ones that differ by round-off are the same, as matrices are."""
+    return float(f"{end - start:.9e}")
