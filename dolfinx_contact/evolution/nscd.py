@@ -38,6 +38,7 @@ from dolfinx_contact.evolution.motion import Level, Method, MotionStepper
 from dolfinx_contact.evolution.motion_energy import MotionEnergies
 from dolfinx_contact.evolution.run import Evolution, Observer
 from dolfinx_contact.evolution.standing import Recorder
+from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.problem import ContactProblem
 
 __all__ = ["NSCD"]
@@ -67,9 +68,10 @@ class NSCD(Evolution):
             way (`motion`).
         mass: ``"consistent"``, ``"lumped"`` or ``"redistributed"``, without mass at the nodes that
             may touch (`body.inertia`).
-        damping: forces linear in ``velocity``, a UFL form in a test function, as of a viscoelastic
-            body; or a pair (a, b) for Rayleigh's a M + b K, a per time, b a time. K is that of the
-            undeformed body, M consistent.
+        damping: forces linear in the velocity, as of a viscoelastic body: a UFL form in
+            ``velocity`` and a test function, or in a trial and a test function; or a pair (a, b)
+            for Rayleigh's a M + b K, a per time, b a time. K is that of the undeformed body, M
+            consistent.
         restitution: coefficient e, 0 to 1, at the velocity level.
 
     Attributes:
@@ -190,12 +192,65 @@ class NSCD(Evolution):
             progress=progress,
         )
 
+    @property
+    def memory(self) -> tuple[Memory | None, ...]:
+        """What the last accepted state leaves to the next step, surface by surface."""
+        return self.problem.equations.memory if self._moment is None else self._moment.memory
+
+    def settle(
+        self,
+        most: float,
+        *,
+        rest: float = 1e-6,
+        observer: Observer | None = None,
+        progress: bool | None = None,
+    ) -> History:
+        """Go on until the body is at rest, as a damped one comes to be. Collective.
+
+        Args:
+            most: a time, after which this ends in any case.
+            rest: share of the largest kinetic energy on the way, below which the body is at rest
+                when that has been so for ten steps.
+            observer: told of every accepted step.
+            progress: see `run`.
+
+        Returns:
+            The steps; not ``complete`` if the body is not at rest.
+
+        Raises:
+            NoContinuation: as `run`.
+            ValueError: on every rank, for arguments that do not fit, and as `run`.
+        """
+        with everywhere(self.problem.comm, "settling"):
+            most = _positive("most", most)
+            if not 0 < rest < 1:
+                raise ValueError(f"rest must be between 0 and 1, got {rest!r}")
+        same_everywhere(self.problem.comm, most=most, rest=float(rest))
+        start = 0.0 if self._moment is None else self._moment.time
+        whole, peak, quiet = None, 0.0, 0
+        while quiet < _QUIET and (whole is None or whole.time < start + most):
+            time = start if whole is None else whole.time
+            part = self.run([time, time + self._dt], observer=observer, progress=progress)
+            kinetic = part.energies.kinetic  # type: ignore[attr-defined]
+            peak = max(peak, kinetic)
+            quiet = quiet + 1 if kinetic <= rest * peak else 0
+            if whole is None:
+                whole = part
+            else:
+                whole.steps += part.steps
+        assert whole is not None
+        whole.complete = quiet >= _QUIET
+        moves = f"not at rest after {whole.time - start:.6g}"
+        whole.reason = "the body is at rest" if whole.complete else moves
+        return whole
+
     def _stepper(self, progress: bool | None) -> MotionStepper:
         wanted = False if progress is False else None
         return MotionStepper(self.problem, self.velocity, self.load, self._method, wanted)
 
 
 _HALVINGS = 20  # of dt, to the least step
+_QUIET = 10  # steps in which a body at rest does not move
 
 
 def _constant(_: float) -> None:
@@ -305,8 +360,10 @@ def _damping(
 
 def _damping_form(V: fem.FunctionSpace, velocity: fem.Function, form: ufl.Form) -> ufl.Form:
     arguments = form.arguments()
-    if len(arguments) != 1 or arguments[0].ufl_function_space() != V:
-        raise ValueError("damping must have one test function of the displacement's space")
+    if not arguments or any(a.ufl_function_space() != V for a in arguments):
+        raise ValueError("damping must have a test function of the displacement's space")
+    if len(arguments) == 2:
+        return form
     if velocity not in form.coefficients():
         raise ValueError("damping must be a form in the Function that is given as velocity")
     C = ufl.derivative(form, velocity, ufl.TrialFunction(V))

@@ -13,7 +13,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 
-from dolfinx_contact.evolution.history import EvolutionStep, History
+from dolfinx_contact._errors import everywhere
+from dolfinx_contact.evolution.energy import Energies
+from dolfinx_contact.evolution.history import EvolutionStep, History, NoContinuation
+from dolfinx_contact.evolution.nscd import NSCD
 from dolfinx_contact.evolution.run import Evolution, Observer
 from dolfinx_contact.evolution.standing import AtJump, Recorder
 
@@ -106,3 +109,53 @@ class QuasiStatic(Evolution):
             record=record,
             progress=progress,
         )
+
+    def jump(self, motion: NSCD, time: float, most: float, *, rest: float = 1e-6) -> History:
+        """Go on by dynamics where no solution continues the evolution. Collective.
+
+        From the last accepted state the body moves under the load of a time until it is at rest
+        again. `run` then goes on from there. What motion has dissipated otherwise than by friction
+        and damage is in the residue of the energies.
+
+        Args:
+            motion: of the same body, with damping, not run before.
+            time: no earlier than the last accepted state.
+            most: see `NSCD.settle`, as for ``rest``.
+            rest: share of the kinetic energy.
+
+        Returns:
+            The steps of the motion, over times of its own.
+
+        Raises:
+            NoContinuation: if the body is not at rest by then, or a step of the motion fails; the
+                problem is at the last accepted state.
+            ValueError: on every rank, if there is none, the motion is of something else, and as
+                `NSCD.run`.
+        """
+        comm, before = self.problem.comm, self._moment
+        with everywhere(comm, "a jump"):
+            if before is None or not time >= before.time:
+                raise ValueError("a jump begins where a run has ended, at its time or later")
+            if motion.problem.u is not self.problem.u:
+                raise ValueError("the motion is that of another body")
+        assert before is not None
+        self.put(before)
+        with everywhere(comm, f"the load at the time {time:g}"):
+            self.load(time)
+        try:
+            history = motion.settle(most, rest=rest, progress=False)
+            if not history.complete:
+                raise NoContinuation(f"the body moves on: {history.reason}", history)
+            a, b = before.energies, history.energies
+            energies = Energies(
+                a.external + b.external,
+                a.stored + b.stored,
+                a.dissipated + b.dissipated,
+                a.damage + b.damage,
+            )
+            memory = motion.memory
+            self.put(self.recalled(time, memory, energies, first=False))
+        except BaseException:
+            self.put(before)
+            raise
+        return history
