@@ -24,7 +24,17 @@ LAME = {(1.0, 1.0): (2.0, 1.83333333, 1.78580249, 1.7666602)}
 LAME[(100.0, 82.0)] = (1.9010989, 1.73663256, 1.68791278, 1.66953114)
 
 
-def on_box(domain, *, material=None, sides=None, law=None, friction=0.3, clamped=True, **surface):
+def on_box(
+    domain,
+    *,
+    material=None,
+    sides=None,
+    law=None,
+    friction=0.3,
+    clamped=True,
+    floor=None,
+    **surface,
+):
     """A body clamped at its top, the last coordinate, with contact at its bottom."""
     material = material or LinearElastic.from_young(1.0, 0.3)
     dim = domain.geometry.dim
@@ -38,7 +48,7 @@ def on_box(domain, *, material=None, sides=None, law=None, friction=0.3, clamped
     dofs = fem.locate_dofs_topological(V, dim - 1, facets[1])
     bcs = [fem.dirichletbc(np.zeros(dim), dofs, V)] if clamped else []
     bcs += sides(V) if sides else []
-    floor = HalfSpace(np.zeros(dim), np.eye(dim)[-1])
+    floor = floor or HalfSpace(np.zeros(dim), np.eye(dim)[-1])
     s = ContactSurface(u, facets[0], obstacle=floor, law=law or Coulomb(friction), **surface)
     return ContactProblem(material.energy(u) * ufl.dx, u, [s], bcs=bcs)
 
