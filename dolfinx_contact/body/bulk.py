@@ -52,6 +52,8 @@ class Bulk:
 
     #: Whether motions are resisted by mass.
     has_mass = False
+    #: Largest displacement at the start of a step of time, on this rank.
+    reach = 0.0
 
     def __init__(self, form: ufl.Form, u: fem.Function):
         self._V, self.comm = u.function_space, u.function_space.mesh.comm

@@ -127,7 +127,7 @@ class MovingBody:
         self._owned = mass.getLocalSize()[0]
         self.step = step
         zeros = np.zeros_like(body.displacement.x.array)
-        self._origin, self._given = zeros, zeros[: self._owned]
+        self._origin, self._given, self.reach = zeros, zeros[: self._owned], 0.0
         self._K: PETSc.Mat | None = None
         self._half: PETSc.Mat | None = None
         self._of: tuple[int, TimeStep] | None = None
@@ -145,6 +145,7 @@ class MovingBody:
         self.step, self._origin = step, step.origin(u, v)
         before = self.times(self.mass, v) / step.length
         self._given = (1.0 - step.theta) * rows - before
+        self.reach = float(np.max(np.abs(self._origin), initial=0.0))
 
     @property
     def origin(self) -> Array:

@@ -67,7 +67,9 @@ class Scales:
         dirichlet = max(dirichlet, _largest(state.rows[-1][rigid]))
         first = force if self.force == 0.0 else 0.0
         forces = [first, _largest(state.reactions[fixed])]
-        lengths = [_largest(state.u), _largest(state.q), dirichlet / eq.stiffness_scale]
+        # A body that passes where it is undeformed is not at rest.
+        lengths = [_largest(state.u), _largest(state.q), eq.bulk.reach]
+        lengths.append(dirichlet / eq.stiffness_scale)
         constraint, cone = [dirichlet / eq.stiffness_scale], [0.0]
         for s, found, rows in zip(eq.surfaces, state.surfaces, state.rows[1:-1], strict=True):
             length, size, contact = _row_measures(s, found, rows)
