@@ -23,7 +23,7 @@ OF_NUMBERS = (
     *("test_steady_sliding", "test_stability", "test_proofs", "test_classical"),
     *("test_two_parameters", "test_uniqueness", "test_nonlocal", "test_proved_rays"),
     *("test_large_sliding", "test_evolution", "test_more_friction", "test_special_curves"),
-    *("test_anisotropic", "test_evolution_record", "test_adhesion"),
+    *("test_anisotropic", "test_evolution_record", "test_adhesion", "test_motion"),
 )
 
 
