@@ -18,8 +18,10 @@ from dolfinx import fem
 from dolfinx_contact import ContactProblem, Coulomb, Frictionless, Tresca
 from dolfinx_contact.analysis.theory import theory_of
 from dolfinx_contact.continuation import find_solutions
+from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.materials import LinearElastic, NeoHookean, lame
 from dolfinx_contact.parametric import ParametricContact
+from dolfinx_contact.results.uniqueness import OTHER_DATA
 
 COMM = MPI.COMM_WORLD
 ORACLE = json.loads((Path(__file__).parent / "data" / "blocks.json").read_text())
@@ -164,3 +166,26 @@ def test_seconds_that_are_none():
     for seconds in (np.nan, -1.0, True, "a", None, *ranks):
         with pytest.raises(ValueError, match="seconds"):
             result.uniqueness(seconds=seconds)
+
+
+@pytest.mark.parametrize("start", [0.0, 0.01, 100.0])
+@pytest.mark.parametrize("cell", ["tri", "hex"])
+def test_nothing_but_round_off(cell, start, caplog):
+    """Without load a state is zero, wherever the solve begins: no data have changed."""
+    dim = 2 if cell == "tri" else 3
+    problem = block(cell=cell, top=[0.0] * dim)
+    for f, size in zip(problem.fields, (start, 1000.0 * start), strict=True):
+        f.x.array[:] = size * np.sin(np.arange(1, len(f.x.array) + 1))
+        f.x.scatter_forward()
+    result = problem.solve()
+    assert result.kkt_violation <= 1e-9
+    assert result.imbalance <= 1e-9
+    assert not caplog.records
+    found = result.uniqueness(seconds=1.0)
+    if cell == "tri":
+        assert found.reason != OTHER_DATA
+    else:
+        assert (found.verdict, found.reason[:8]) == ("proved", "Renard's")
+    if start == 0.01:
+        QuasiStatic(problem, lambda t: None).run([0.0, 1.0])
+    assert not [r for r in caplog.records if "is no solution under the load" in r.message]

@@ -24,6 +24,7 @@ from dolfinx_contact.analysis.theory import is_positive_definite, theory_of
 from dolfinx_contact.analysis.uniqueness import is_only
 from dolfinx_contact.continuation.affine import AffineSystem
 from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.measures import Scales
 from dolfinx_contact.equations.parametric import LinearSolver, ParametricEquations
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.laws import Coulomb, Frictionless, Tresca
@@ -157,11 +158,12 @@ def uniqueness(
     system = ParametricEquations(equations, fem.Constant(equations.V.mesh, 0.0), linear)
     b = equations.create_vector()
     try:
-        if not system.residual(x, 0.0, b, None) <= _SOLVED:
+        state = equations.residual(x, b)
+        if not Scales(equations, settled=True).measure(state).worst <= _SOLVED:
             return Uniqueness("not proved", OTHER_DATA)
         if equations.dim == 2:
             return _in_plane(system, x, seconds)
-        return _in_space(equations, equations.residual(x, b), seconds)
+        return _in_space(equations, state, seconds)
     finally:
         b.destroy()
         system.destroy()

@@ -63,7 +63,8 @@ class Renard:
 
     Attributes:
         factor: by which the friction of the law may grow as long as the solution, with the
-            directions of its slip and shear, is certainly the only one; inf without friction.
+            directions of its slip and shear, is certainly the only one; inf without friction, or
+            where nothing slips or presses.
         friction: the coefficient F_R that this is; None if it is not the same everywhere.
         unique: whether the solution is certainly the only one at the friction that it has.
     """
@@ -202,7 +203,7 @@ class _Form:
             A, X = (np.concatenate(p) for p in zip(*parts, strict=True))
             form, last = -(A @ X + (A @ X).T) / 2, self.number - 1
             largest = eigh(form, (A + A.T) / 2, eigvals_only=True, subset_by_index=(last, last))
-            return 1.0 / float(largest[0])
+            return _over(float(largest[0]))
 
         return on_root(self.comm, solved)
 
@@ -227,12 +228,17 @@ class _Form:
             thing.destroy()
         if not found:
             raise RuntimeError("SLEPc found no eigenvalue: raise analysis_eps_max_it")
-        return 1.0 / float(largest)
+        return _over(float(largest))
 
     def destroy(self) -> None:
         """Free the PETSc objects."""
         for thing in (self._R, self._X, self._K, self._free):
             thing.destroy()
+
+
+def _over(largest: float) -> float:
+    """The factor; infinite where nothing moves or presses, so that the form vanishes."""
+    return 1.0 / largest if largest > 0 else np.inf
 
 
 class _Product:

@@ -21,7 +21,9 @@ from dolfinx_contact.points.surface import ContactSurface
 
 Array = npt.NDArray[np.float64]
 
-__all__ = ["Measures", "Scales"]
+__all__ = ["Measures", "Scales", "least_scales"]
+
+_NOTHING = 1e-12  # of the body's size, a displacement that is none
 
 
 @dataclass(frozen=True)
@@ -45,15 +47,25 @@ class Measures:
         return float(np.max([self.force, self.constraint, self.cone]))
 
 
+def least_scales(equations: ContactEquations, length: float) -> tuple[float, float]:
+    """Force and length that count as none in a state whose displacements have this size, or 0.
+
+    Displacements below 1e-12 of the body are none, and so are forces that move a node by no more.
+    """
+    none = _NOTHING * equations.body_size
+    return (equations.stiffness_scale * none, none) if length <= none else (0.0, 0.0)
+
+
 class Scales:
     """Force and length scales of one solve; they only grow.
 
     Args:
         equations: the contact problem.
+        settled: whether the state is to be a solution, beside which nothing is small by itself.
     """
 
-    def __init__(self, equations: ContactEquations):
-        self._equations = equations
+    def __init__(self, equations: ContactEquations, *, settled: bool = False):
+        self._equations, self._settled = equations, settled
         self.force = self.length = 0.0
 
     def measure(self, state: State) -> Measures:
@@ -81,6 +93,9 @@ class Scales:
         values = eq.comm.allreduce(values, op=np.maximum)
         self.force = max(self.force, float(values[0]))
         self.length = max(self.length, float(values[1]), 1e-14 * eq.body_size)
+        if self._settled:
+            none = least_scales(eq, self.length)
+            self.force, self.length = max(self.force, none[0]), max(self.length, none[1])
         force_scale = max(self.force, eq.round_off_force(self.length))
         return Measures(values[2] / force_scale, values[3] / self.length, values[4] / force_scale)
 

@@ -111,7 +111,7 @@ class Stepper:
         except BaseException:
             data.restore()
             raise
-        residual = Scales(eq).measure(state).worst
+        residual = Scales(eq, settled=True).measure(state).worst
         if residual > _SOLVED and eq.comm.rank == 0:
             logger.warning(
                 "the start of the evolution is no solution under the load at the time %g (residual "

@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from dolfinx_contact._errors import require
 from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.measures import least_scales
 from dolfinx_contact.equations.normals import without_normal
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.laws import status
@@ -35,7 +36,6 @@ __all__ = ["Result", "collect"]
 logger = logging.getLogger(__name__)
 
 _LARGEST_VIOLATION = 1e-4  # of the largest force, above which there is a warning
-_NOTHING = 1e-12  # of the body's size, a displacement that is none
 
 
 @dataclass(frozen=True)
@@ -224,9 +224,8 @@ def collect(eq: ContactEquations, state: State, attempts: Sequence[Attempt]) -> 
         comm.allreduce(float(np.max(np.abs(state.reactions), initial=0.0)), op=max),
     )
     u = comm.allreduce(float(np.max(np.abs(state.u), initial=0.0)), op=max)
-    # Below that all is round-off.
-    length = max(u, _NOTHING * eq.body_size)
-    force = max(force, eq.round_off_force(u), eq.stiffness_scale * length * _NOTHING)
+    none = least_scales(eq, u)
+    force, length = max(force, eq.round_off_force(u), none[0]), max(u, none[1])
     forces, violated = balance(eq, state, tables.values()), violation(eq, state, force, length)
     weak = any(s.points.E is not None for s in eq.surfaces)
     if not weak and not violated <= _LARGEST_VIOLATION and comm.rank == 0:

@@ -258,10 +258,9 @@ class Newton:
         state = replace(self.state, rows=self.equations.blocks(b))
         measures = self.scales.measure(state)
         if measures.worst <= tolerance:
-            own, then = Scales(self.equations), self.scales
+            own, then = Scales(self.equations, settled=True), self.scales
             judged = own.measure(state)
-            far = then.force > _FAR * own.force or then.length > _FAR * own.length
-            if far and own.length > _AT_REST * self.equations.body_size:
+            if then.force > _FAR * own.force or then.length > _FAR * own.length:
                 self.scales, measures, self._history = own, judged, []
         return measures
 
@@ -324,7 +323,6 @@ class Newton:
 
 
 _FAR = 1e6  # scales of the start over those of a state beside which it does not count any more
-_AT_REST = 1e-12  # of the size of the body: displacements that are round-off
 _STOPPED = PETSc.SNES.ConvergedReason.DIVERGED_LOCAL_MIN
 _LINEAR = PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE
 _NOT_A_NUMBER = -4  # DIVERGED_FNORM_NAN, since PETSc 3.24 DIVERGED_FUNCTION_NANORINF
