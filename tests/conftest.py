@@ -11,20 +11,22 @@ import pytest
 COMM = MPI.COMM_WORLD
 #: Tests of what ranks do to each other, on two of them in all cases.
 EVERY_CASE = ("test_bad_input", "test_disk", "test_hostile", "test_messages", "test_results")
-#: Tests of numbers that more ranks might change; on more than two of them no others run.
-OF_NUMBERS = (
-    *("test_blocks", "test_surface", "test_results", "test_following", "test_parametric"),
-    *("test_continuation", "test_linear_triangle", "test_ciarlet_geymonat", "test_rays"),
-    *("test_solutions", "test_multigrid", "test_krylov", "test_record", "test_bad_input"),
-    *("test_law", "test_own_law", "test_pair", "test_mortar", "test_pair_multigrid"),
-    *("test_compliant", "test_doubled_nodes", "test_two_faces", "test_common_points"),
-    *("test_held_ends", "test_true_surface", "test_given_normals", "test_pair_demos"),
-    *("test_rigid_body", "test_critical_friction", "test_renard", "test_hild_2005"),
-    *("test_steady_sliding", "test_stability", "test_proofs", "test_classical"),
-    *("test_two_parameters", "test_uniqueness", "test_nonlocal", "test_proved_rays"),
-    *("test_large_sliding", "test_evolution", "test_more_friction", "test_special_curves"),
-    *("test_anisotropic", "test_evolution_record", "test_adhesion", "test_motion"),
-)
+    *("test_blocks", "test_surface", "test_results"),
+    *("test_following", "test_parametric", "test_continuation"),
+    *("test_linear_triangle", "test_ciarlet_geymonat", "test_rays"),
+    *("test_solutions", "test_multigrid", "test_krylov"),
+    *("test_record", "test_bad_input", "test_law"),
+    *("test_own_law", "test_pair", "test_mortar"),
+    *("test_pair_multigrid", "test_compliant", "test_doubled_nodes"),
+    *("test_two_faces", "test_common_points", "test_held_ends"),
+    *("test_true_surface", "test_given_normals", "test_pair_demos"),
+    *("test_rigid_body", "test_critical_friction", "test_renard"),
+    *("test_hild_2005", "test_steady_sliding", "test_stability"),
+    *("test_proofs", "test_classical", "test_two_parameters"),
+    *("test_uniqueness", "test_nonlocal", "test_proved_rays"),
+    *("test_large_sliding", "test_evolution", "test_more_friction"),
+    *("test_special_curves", "test_anisotropic", "test_evolution_record"),
+    *("test_adhesion", "test_motion", "test_scales"),
 
 
 @pytest.hookimpl(trylast=True)
@@ -44,7 +46,7 @@ def pytest_collection_modifyitems(config, items):
 
     There a test with several cases runs in one, the last on two ranks and the first on more, but
     for tests of what ranks do to each other. What sends many messages runs serially alone, and on
-    three ranks only what is about numbers.
+    three ranks only what `ON_THREE` names.
     """
     if config.getoption("--long"):
         return
@@ -54,13 +56,17 @@ def pytest_collection_modifyitems(config, items):
             item.add_marker(pytest.mark.skip(reason="takes long: --long runs it"))
         elif COMM.size > 1 and item.get_closest_marker("chatty"):
             item.add_marker(pytest.mark.skip(reason="sends many messages"))
-        elif COMM.size > 2 and item.path.stem not in OF_NUMBERS:
-            item.add_marker(pytest.mark.skip(reason="of no more numbers on so many ranks"))
+        elif COMM.size > 2 and not _on_three(item):
+            item.add_marker(pytest.mark.skip(reason="runs on fewer ranks"))
         elif COMM.size > 1 and (COMM.size > 2 or item.path.stem not in EVERY_CASE):
             cases.setdefault(item.nodeid.partition("[")[0], []).append(item)
     for repeated in cases.values():
         for item in repeated[:-1] if COMM.size == 2 else repeated[1:]:
             item.add_marker(pytest.mark.skip(reason="another case runs on so many ranks"))
+
+
+def _on_three(item):
+    return item.originalname.removeprefix("test_") in ON_THREE.get(item.path.stem, ())
 
 
 @pytest.hookimpl(hookwrapper=True)

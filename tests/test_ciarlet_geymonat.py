@@ -61,6 +61,7 @@ def check(summary, length=1.0, force=1.0):
 @pytest.mark.parametrize(
     "r", [None, *(pytest.param(r, marks=[serial, pytest.mark.long]) for r in (0.3, 300.0))]
 )
+@pytest.mark.chatty
 def test_six_branches(folder, r):
     """With the automatic augmentation parameter (about E / L, 4) and 10 and 100 times off."""
     with varied(r=r):

@@ -126,6 +126,7 @@ def test_mirrored():
     np.testing.assert_allclose(right.slips, left.slips[::-1], atol=1e-9)
 
 
+@pytest.mark.chatty
 def test_falls_with_the_height(folder):
     """A leaning body: F goes to zero like 2 W/H; an upright one: it does not."""
     options = ["--shape=parallelogram", "--width=1", "--height=4", "--offset=1", "--n=4"]
@@ -136,6 +137,7 @@ def test_falls_with_the_height(folder):
     np.testing.assert_allclose(upright, [1.95, 2.11], rtol=0.01)  # the positive one of a pair
 
 
+@pytest.mark.chatty
 def test_bound_of_theory(folder):
     """For slips that alternate the criterion falls like h^(1/2); the critical friction does not."""
     levels = demo(["--n=32", f"--output={folder}"])["levels"]

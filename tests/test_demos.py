@@ -24,6 +24,7 @@ def test_greco_block(accuracy, folder):
     assert summary["kkt_violation"] < 0.1 * accuracy
 
 
+@pytest.mark.chatty
 def test_greco_block_in_other_units(folder):
     runs = [
         demo_greco_block.main([f"--units={units}", f"--output={folder / units}"])
@@ -80,6 +81,7 @@ def test_hild_triangle_continuum(folder):
     np.testing.assert_allclose(values, [[0, 0, 1, 0.5], [-0.5, 0, 0, 0]], atol=1e-12)
 
 
+@pytest.mark.chatty
 def test_hild_triangle_diagram(folder):
     """Proposition 2 of Hild (2002), cell by cell, and the lines that carry sets of their own."""
     summary = demo_hild_triangle.main(["--diagram", "--grid=24", "--output", str(folder)])
@@ -150,6 +152,7 @@ def test_which_solution(folder):
     assert (folder / "basins_element.png").exists()
 
 
+@pytest.mark.chatty
 def test_sliding_solution(folder):
     """Beyond F = 3 Newton's method alone reaches the sliding solution, from starts around it."""
     summary = demo_sliding_solution.main(["--n=2", "--grid=2", f"--output={folder}"])

@@ -80,6 +80,7 @@ def cycle(top):
 
 
 @pytest.mark.parametrize("case", ["two_n8", "rigid_n8"])
+@pytest.mark.chatty
 def test_the_path_of_two_blocks(case):
     """Step by step as another code has it, which condenses both bodies onto their jumps."""
     given, path = BLOCKS[case], PATHS[case]
@@ -267,6 +268,7 @@ def test_a_start_that_is_no_solution(caplog):
         assert "the start of the evolution is no solution" in caplog.text
 
 
+@pytest.mark.chatty
 def test_several_runs_are_as_one():
     """Each knows how fast the state changed before, and takes data that were changed between."""
     problem, g = klarbring()

@@ -450,6 +450,7 @@ def test_multigrid(solid):
     )
 
 
+@pytest.mark.chatty
 def test_algorithms():
     """Penalisation and the augmented Lagrangian follow the normal; what is reduced is refused."""
     disc, algorithms = Sphere((0.4, -1.0), 1.0), ("penalty", "uzawa")
@@ -502,6 +503,7 @@ def test_what_is_written(folder, method):
             assert COMM.rank > 0 or file.stat().st_size > 1000
 
 
+@pytest.mark.chatty
 def test_demo(folder, monkeypatch):
     """The pressure of a ring to second order, and no change of it on the way around."""
     monkeypatch.setattr(output, "picture_of_body", lambda *_, **__: None)

@@ -162,6 +162,7 @@ def test_more_elements_converge_to_one_body(slave, master, ratio):
 
 
 @pytest.mark.parametrize("ratio", [pytest.param(2, marks=pytest.mark.long), 3])
+@pytest.mark.chatty
 def test_two_blocks_of_different_meshes(folder, ratio):
     """Resultants near those of matching meshes, and the finer the nearer."""
     off = []
@@ -353,6 +354,7 @@ def sheared(options=None, law=Coulomb(0.15)):  # noqa: B008
     return system, x
 
 
+@pytest.mark.chatty
 def test_a_branch_between_bodies(folder):
     """By pivoting and by steps, cut short and resumed: the same events, and a solve at its end."""
     system, x = sheared()

@@ -128,6 +128,7 @@ def test_same_as_direct(name):
     problem.destroy()
 
 
+@pytest.mark.chatty
 def test_iterations_do_not_grow():
     """From 700 to 14 000 unknowns, on a coarser and on a finer slave."""
     for below, above in ((1, 1), (3, 2)):
@@ -139,6 +140,7 @@ def test_iterations_do_not_grow():
         assert steps[1] < max(1.5 * steps[0], 8)
 
 
+@pytest.mark.chatty
 def test_a_branch():
     """By multigrid and by MUMPS: the same events, and the same end."""
     branches = []

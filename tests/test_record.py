@@ -109,10 +109,11 @@ def test_fields_come_back_exactly(whole):
     ("cell", "method", "degree"),
     [
         ("tri", "integral", 2),
-        pytest.param("tri", "mixed", 1, marks=pytest.mark.chatty),
+        ("tri", "mixed", 1),
         ("tet", "nodal", 1),
     ],
 )
+@pytest.mark.chatty
 def test_every_discretisation_resumes(cell, method, degree, folder):
     """A few steps, then a few more from the disk: the same as all at once."""
     options = dict(cell=cell, method=method, degree=degree, n=2)

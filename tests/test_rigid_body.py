@@ -619,6 +619,7 @@ def test_all_solutions():
     assert x.norm() < 1e-9 * found[0].x.norm()
 
 
+@pytest.mark.chatty
 def test_lemke():
     """Lemke's method solves for a body whose motion is prescribed, and says where it cannot."""
     body = punch(motion={"x": 0.001, "y": -0.01, "rz": 0.01})
@@ -635,6 +636,7 @@ def test_lemke():
     assert "not positive definite" in attempt.reason
 
 
+@pytest.mark.chatty
 def test_a_record_goes_on(folder):
     """The fields of a point on the disk have the motion of the body."""
     problem, body, system = parametric("integral")

@@ -4,6 +4,7 @@ import ast
 from pathlib import Path
 
 import pytest
+from conftest import ON_THREE
 
 PACKAGE = "dolfinx_contact"
 ROOT = Path(__file__).parents[1] / PACKAGE
@@ -92,3 +93,10 @@ def test_the_continuation_knows_petsc_alone():
 def test_modules_are_short():
     long = {n: len(f.read_text().splitlines()) for n, f in MODULES.items()}
     assert {n: lines for n, lines in long.items() if lines > 420} == {}
+
+
+def test_what_three_ranks_run_is_there():
+    for stem, names in ON_THREE.items():
+        text = (Path(__file__).parent / f"{stem}.py").read_text()
+        missing = [name for name in names if f"\ndef test_{name}(" not in text]
+        assert not missing, f"{stem}: {missing}"
