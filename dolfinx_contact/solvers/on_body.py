@@ -29,6 +29,7 @@ from dolfinx_contact.solvers.body_solver import BodySolver
 from dolfinx_contact.solvers.history import Attempt, Step
 from dolfinx_contact.solvers.linear import LinearSolver
 from dolfinx_contact.solvers.newton import Newton
+from dolfinx_contact.solvers.pivoting import pivot
 
 __all__ = ["OnBody"]
 
@@ -36,6 +37,7 @@ Array = npt.NDArray[np.float64]
 _POWER = 30  # steps of the power method
 _ROUGH = 1e-2  # relative residual of its solves
 _INNER = 0.1  # of the tolerance, to which Newton's method solves the problems within
+_LIMIT = 200.0  # Newton steps of a problem within
 _SOFTER = (1e-3, 1e-2, 1e-1)  # parts of a stiffness by which contact yields at first
 
 
@@ -115,7 +117,7 @@ class OnBody:
             steps = self._equilibrium(GivenBounds(self.equations, parts), x)
             stops = self._stops(x, b, parts, inner=steps)
             if steps < 0:
-                self.attempt.reason = "a problem of Tresca was not solved"
+                self.attempt.reason = f"a problem of Tresca was not solved ({self.attempt.reason})"
                 return
             bounds = relaxed(bounds, self._bounds())
 
@@ -134,20 +136,31 @@ class OnBody:
         return np.cumsum([s.points.number for s in self.equations.surfaces])[:-1]
 
     def _equilibrium(self, equations: ContactEquations, x: PETSc.Vec) -> int:
-        """Solve a problem within from ``x``; Newton steps, or -1 where it has no solution."""
-        start, steps = x.copy(), 0
+        """Solve a problem within from ``x``; Newton steps, or -1 where none was found.
+
+        Stiff contact that yields cycles between stick and slip where many points are near the
+        bound: pivoting on the statuses knows no stiffness.
+        """
+        start, steps, reasons = x.copy(), 0, []
+        ways: dict[str, tuple[str, Callable[[Newton, PETSc.Vec, Attempt], bool]]] = {
+            "full steps": ("none", Newton.run),
+            "pivoting": ("none", pivot),
+            "line search": ("bt", Newton.run),
+        }
         try:
-            for search in ("none", "bt"):
-                attempt = Attempt(f"{self.attempt.strategy}, Newton's method within")
+            for name, (search, run) in ways.items():
+                attempt = Attempt(f"{self.attempt.strategy}, {name} within", limit=_LIMIT)
                 with Newton(equations, self.linear, search, None) as newton:
                     newton.snes.setTolerances(rtol=_INNER * self.tolerance)
-                    solved = newton.run(x, attempt)
+                    solved = run(newton, x, attempt)
                 steps += attempt.iterations
                 if solved:
                     return steps
+                reasons.append(f"{name}: {attempt.reason}")
                 start.copy(x)
         finally:
             start.destroy()
+        self.attempt.reason = "; ".join(reasons)
         return -1
 
     # -- contact that yields ---------------------------------------------------------------------
@@ -172,7 +185,12 @@ class OnBody:
                 found = self._equilibrium(YieldingContact(self.equations, tractions), x)
             steps = steps + found if found >= 0 else -1
             if steps < 0:
-                self.attempt.reason = "contact that yields was not solved"
+                how = f"by {part * factor:.3g} times the augmentation"
+                why = self.attempt.reason
+                self.attempt.reason = (
+                    f"contact that yields {how} was not solved ({why}); less may do: options "
+                    "stiffness of Penalty and step of Uzawa"
+                )
                 break
         return steps
 

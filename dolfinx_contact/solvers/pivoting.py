@@ -4,8 +4,8 @@
 Block principal pivoting with a safeguard (Judice and Pires, Computers & Operations Research 21,
 1994): as long as the number of objecting points reaches new minima all of them change at once;
 after some rounds without a new minimum only the last of them, in order of coordinates, changes
-(Murty's rule). For a linear bulk in 2D and small friction each round is a step of a method for
-linear complementarity problems that is known to end.
+(Murty's rule), between the two senses of slip by way of stick. For a linear bulk in 2D and small
+friction each round is a step of a method for linear complementarity problems that is known to end.
 """
 
 from __future__ import annotations
@@ -17,10 +17,13 @@ import numpy.typing as npt
 
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.state import differs
+from dolfinx_contact.laws.status import MINUS, PLUS, STICK, senses
 from dolfinx_contact.solvers.history import Attempt
 from dolfinx_contact.solvers.newton import Newton
 
 __all__ = ["pivot"]
+
+Codes = npt.NDArray[np.int8]
 
 _PATIENCE = 4  # rounds without a new minimum of objections before single changes
 
@@ -48,12 +51,20 @@ def pivot(solver: Newton, x: PETSc.Vec, attempt: Attempt) -> bool:
             patience -= 1
         if count > 0 and patience < 0:
             objecting = _last(eq, objecting)
+            asked = [_by_stick(a, b) for a, b in zip(asked, held, strict=True)]
         held = [np.where(o, a, b) for o, a, b in zip(objecting, asked, held, strict=True)]
         if count == 0:
             # Every status is the one asked for: the piece's solution solves H.
             return solver.run(x, attempt)
     attempt.reason = f"{fewest} points keep objecting to their status"
     return False
+
+
+def _by_stick(asked: Codes, held: Codes) -> Codes:
+    """What is asked for, but stick where a slip is to turn round: the bound between comes first."""
+    before, after = senses(held), senses(asked)
+    turns = (before != after) & np.isin(before, (PLUS, MINUS)) & np.isin(after, (PLUS, MINUS))
+    return np.where(turns, held + STICK - before, asked).astype(np.int8)
 
 
 def _last(
