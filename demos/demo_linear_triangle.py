@@ -54,12 +54,12 @@ def linear_triangle(
     u, gamma = fem.Function(V, name="displacement"), fem.Constant(domain, -1.0)
     tags = mesh.meshtags(domain, 1, np.sort(side), np.ones(len(side), dtype=np.int32))
     ds = ufl.Measure("ds", domain, subdomain_data=tags)(1)
-    traction = fem.Constant(domain, np.array(preload, float)) - gamma * fem.Constant(domain, load)
+    first = preload(domain) if callable(preload) else fem.Constant(domain, np.array(preload, float))
+    traction = first - gamma * fem.Constant(domain, load)
     energy = LinearElastic(*lame).energy(u) * ufl.dx - ufl.dot(traction, u) * ds
     clamped = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, slope), V)
-    floor = HalfSpace((0, 0), (0, 1))
     law = Coulomb(friction) if law is None else law(domain)
-    surface = ContactSurface(u, bottom, obstacle=floor, law=law)
+    surface = ContactSurface(u, bottom, obstacle=HalfSpace((0, 0), (0, 1)), law=law)
     return ParametricContact(ContactProblem(energy, u, [surface], bcs=[clamped]), gamma)
 
 

@@ -27,6 +27,7 @@ EVERY_CASE = ("test_bad_input", "test_disk", "test_hostile", "test_messages", "t
     *("test_large_sliding", "test_evolution", "test_more_friction"),
     *("test_special_curves", "test_anisotropic", "test_evolution_record"),
     *("test_adhesion", "test_motion", "test_scales"),
+    *("test_regions",),
 
 
 @pytest.hookimpl(trylast=True)

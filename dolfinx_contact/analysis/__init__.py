@@ -11,6 +11,7 @@ from dolfinx_contact.analysis.checker import InvalidCertificate, Proved, check
 from dolfinx_contact.analysis.critical_friction import CriticalFriction, critical_friction
 from dolfinx_contact.analysis.event_curves import EventCurve, EventCurves, Meeting, Segment
 from dolfinx_contact.analysis.reduced_problem import ReducedProblem
+from dolfinx_contact.analysis.regions import Region, Regions, solution_regions
 from dolfinx_contact.analysis.renard import Renard, renard_criterion
 from dolfinx_contact.analysis.solutions import ProvedSolution, ProvedSolutions, prove_solutions
 from dolfinx_contact.analysis.stability import Stability, stability_at_rest
@@ -31,6 +32,8 @@ __all__ = [
     "ProvedSolution",
     "ProvedSolutions",
     "ReducedProblem",
+    "Region",
+    "Regions",
     "Renard",
     "Segment",
     "SlidingModes",
@@ -43,5 +46,6 @@ __all__ = [
     "event_curves",
     "prove_solutions",
     "renard_criterion",
+    "solution_regions",
     "stability_at_rest",
 ]

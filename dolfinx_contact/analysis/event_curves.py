@@ -105,6 +105,19 @@ class EventCurve:
                 return s.statuses
         raise ValueError(f"the curve does not reach {mu:g}: {self.span}")
 
+    def crossings(self, other: EventCurve) -> list[float]:
+        """All mu at which this curve crosses another one, of different states, rising.
+
+        Curves that cross twice between two of the points at which they are compared, sixteen a
+        segment, are taken not to cross there.
+        """
+        low, high = max(self.span[0], other.span[0]), min(self.span[1], other.span[1])
+        mus = np.unique(np.concatenate([c.points(16)[:, 0] for c in (self, other)]))
+        mus = mus[(low < mus) & (mus < high)]
+        apart = np.array([self.at(mu) - other.at(mu) for mu in mus])
+        places = np.flatnonzero(apart[:-1] * apart[1:] < 0)
+        return [_crossing(self, other, mus[k], mus[k + 1]) for k in places]
+
     def points(self, number: int = 8) -> Array:
         """(mu, gamma) of points (n, 2), ``number`` steps a segment."""
         first, _ = self.span
@@ -136,20 +149,10 @@ class EventCurves:
 
     @property
     def crossings(self) -> tuple[tuple[float, float], ...]:
-        """(mu, gamma) at which two curves of folds cross, of different states, by mu.
-
-        Curves that cross twice between two of the points at which they are compared, sixteen a
-        segment, are taken not to cross there.
-        """
+        """(mu, gamma) at which two curves of folds cross, by mu; see `EventCurve.crossings`."""
         found = []
         for a, b in combinations(self.folds, 2):
-            low, high = max(a.span[0], b.span[0]), min(a.span[1], b.span[1])
-            mus = np.unique(np.concatenate([c.points(16)[:, 0] for c in (a, b)]))
-            mus = mus[(low < mus) & (mus < high)]
-            apart = np.array([a.at(mu) - b.at(mu) for mu in mus])
-            for k in np.flatnonzero(apart[:-1] * apart[1:] < 0):
-                mu = _crossing(a, b, mus[k], mus[k + 1])
-                found.append((mu, a.at(mu)))
+            found += [(mu, a.at(mu)) for mu in a.crossings(b)]
         return tuple(sorted(found))
 
     def folds_at(self, mu: float) -> list[float]:

@@ -6,7 +6,13 @@ from dolfinx_contact._name import refuse_mixture
 
 refuse_mixture()  # asimov-contact's head, laid over ours, takes this folder for its own output.py
 
-from dolfinx_contact.output.curves import draw_chart, draw_convergence, draw_curves, draw_regions
+from dolfinx_contact.output.curves import (
+    draw_chart,
+    draw_convergence,
+    draw_curves,
+    draw_regions,
+    draw_solutions,
+)
 from dolfinx_contact.output.diagrams import draw_diagram
 from dolfinx_contact.output.evolution import EvolutionSeries
 from dolfinx_contact.output.evolution_journal import EvolutionJournal, read_evolution
@@ -45,6 +51,7 @@ __all__ = [
     "draw_diagram",
     "draw_panels",
     "draw_regions",
+    "draw_solutions",
     "follow_with_journal",
     "journal_of",
     "leftmost",

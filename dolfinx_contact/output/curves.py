@@ -12,10 +12,10 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact._optional import optional
-from dolfinx_contact.analysis import Chart, EventCurves
+from dolfinx_contact.analysis import Chart, EventCurves, Regions
 from dolfinx_contact.output.disk import part_of
 
-__all__ = ["draw_chart", "draw_convergence", "draw_curves", "draw_regions"]
+__all__ = ["draw_chart", "draw_convergence", "draw_curves", "draw_regions", "draw_solutions"]
 
 _FEW = 20  # points of a curve that are marked
 #: Abscissae and ordinates.
@@ -221,6 +221,67 @@ def draw_chart(
     if not chart.proved:
         handles.append(Patch(facecolor="white", edgecolor="0.4", hatch="///", label="at least"))
     figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
+    return _written(figure, file)
+
+
+def draw_solutions(
+    file: str | os.PathLike[str],
+    regions: Regions,
+    curves: EventCurves,
+    names: Mapping[tuple[str, ...], str] | None = None,
+    *,
+    labels: tuple[str, str] = ("", ""),
+    title: str | None = None,
+) -> Path:
+    """Draw the regions between curves by their solutions; on this rank alone.
+
+    Regions whose number of solutions is not proved are hatched. Curves of folds are drawn thick, of
+    events thin.
+
+    Args:
+        file: the picture, of any kind that matplotlib writes.
+        regions: cells.
+        curves: between them.
+        names: of sets of statuses, for the legend; by default numbers of solutions are shown.
+        labels: of the axes, TeX between dollars.
+        title: above the picture.
+
+    Raises:
+        OSError: with the path, if it cannot be written; it is then as it was.
+        ValueError: if a set of statuses has no name.
+    """
+    present = {c.solutions for c in regions.cells}
+    if names is None:
+        counts = sorted({len(words) for words in present})
+        words = {n: f"{n} solution" + "s" * (n != 1) for n in counts}
+        kinds = {solutions: words[len(solutions)] for solutions in present}
+        order = {words[n]: _FILLS[n % len(_FILLS)] for n in counts}
+    elif present - set(names):
+        raise ValueError(f"no names are given for {sorted(present - set(names))}")
+    else:
+        kinds = dict(names)
+        order = {word: _FILLS[i % len(_FILLS)] for i, word in enumerate(names.values())}
+    figure = _figure((6.4, 6.6))
+    from matplotlib.patches import Patch
+
+    axes = figure.subplots()
+    for c in regions.cells:
+        look = dict(facecolor=order[kinds[c.solutions]], hatch=None if c.proved else "///")
+        axes.fill_between(*c.outline(), lw=0, antialiased=False, **look)
+    for curve in curves.curves:
+        width = 1.8 if curve.kind == "fold" else 0.7
+        axes.plot(*curve.points(32).T, color="black", lw=width)
+    ends = [c.mu for c in regions.cells]
+    axes.set(xlim=(min(a for a, _ in ends), max(b for _, b in ends)), ylim=regions.cells[0].gamma)
+    axes.set(xlabel=labels[0], ylabel=labels[1])
+    axes.set_title(title or "", loc="left")
+    shown = {kinds[solutions] for solutions in present}
+    handles = [
+        Patch(facecolor=colour, edgecolor="0.4", label=word)
+        for word, colour in order.items()
+        if word in shown
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False)
     return _written(figure, file)
 
 

@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+# # Which solutions exist at which load: regions and the curves between them
+#
+# This demo illustrates how to:
+#
+# - follow the curves of two loads at which a point opens, sticks or slips first, or a branch turns;
+# - draw the regions between them with the solutions in each, proved to be all.
+#
+# The body is Hild's triangle (see `demo_hild_triangle.py`), or one of more elements (`--n`), under
+# a traction (F1, F2) on its vertical side. With one element the pictures are figures 2 to 4 of
+# P. Hild, *On finite element uniqueness studies for Coulomb's frictional contact model*, Int. J.
+# Appl. Math. Comput. Sci. 12 (2002) 41-50, whose Proposition 2 lists the solutions in closed form:
+# below the critical friction coefficient (lambda + 3 mu)/(lambda + mu) the four regions of
+# separation, stick and slip to the right and to the left fill the plane; above it those of
+# separation and stick overlap, and there slip to the left is a third solution. At it two curves
+# coincide, and between them is a continuum.
+#
+# A body without load and gap has the solution zero, and multiples of solutions are solutions: all
+# curves are straight, and end at F1 = F2 = 0.
+
+from mpi4py import MPI
+
+from demo_linear_triangle import linear_triangle
+
+import ufl
+from dolfinx import fem
+
+from dolfinx_contact import output
+from dolfinx_contact.analysis import contact_family, event_curves, solution_regions
+from dolfinx_contact.command_line import ScriptParser, number
+from dolfinx_contact.continuation import follow
+
+WORDS = {"o": "separation", "k": "stick", "+": "slip right", "-": "slip left"}
+SETS = [("o",), ("k",), ("+",), ("-",), ("-", "k", "o")]
+NAMES = {s: ", ".join(WORDS[letter] for letter in reversed(s)) for s in SETS}
+
+# ## The body with two parameters
+#
+# F2 is that of the branches, F1 a Constant beside it.
+
+
+def loaded(n, friction, lame, length):
+    """The problem with the parameter F2, and F1."""
+    found = []
+
+    def first(domain):
+        found.append(fem.Constant(domain, 1.0))
+        return ufl.as_vector([found[0], 0.0])
+
+    system = linear_triangle(n, friction, (0.0, -1.0), lame, length, preload=first)
+    return system, found[0]
+
+
+# ## The curves
+#
+# A branch that is followed through all F2, once for either sign of a small F1, meets the borders;
+# from its events the curves are followed exactly, in both parameters. A border that neither branch
+# meets, nor one of their curves, would be missing; `explained` tells whether the regions beside
+# every curve differ as its statuses say.
+
+
+def curves_of(system, other, size):
+    branches, iterations, span = [], 0, (-size, size)
+    for value in (-size / 10, size / 10):
+        other.value = value
+        system.set_parameter(-size)
+        iterations += system.problem.solve().iterations
+        x = system.create_vector()
+        system.problem.write(x)
+        branches.append((value, follow(system, x, -size, gamma_range=span)))
+    return event_curves(system, other, branches, span, span, folds_only=False), iterations
+
+
+def main(argv=None):
+    given = dict(n=1, lame=(1.0, 1.0), length=1.0)
+    parser = ScriptParser("Regions of loads", output="output/regions", **given)
+    parser.add_argument("--size", type=number(above=0), default=3.0, help="largest F1 and F2")
+    parser.add_argument("--seconds", type=number(above=0), default=5.0, help="for a proof")
+    several = dict(type=number(above=0), nargs="*", default=[0.5, 1.0, 1.5])
+    parser.add_argument("--over-critical", **several, help="friction over the critical coefficient")
+    args = parser.parse(argv)
+    comm, say = MPI.COMM_WORLD, output.Report(MPI.COMM_WORLD)
+    folder, span = output.output_folder(comm, args.output), (-args.size, args.size)
+    lmbda, mu = args.lame
+    summary = {"converged": True, "newton_iterations": 0, "regions": []}
+    for part in args.over_critical:
+        F = part * (lmbda + 3 * mu) / (lmbda + mu)
+        system, other = loaded(args.n, F, args.lame, args.length)
+        curves, iterations = curves_of(system, other, args.size)
+        family = contact_family(system, other, span)
+        regions = solution_regions(comm, family, curves, span, span, seconds=args.seconds)
+        sets = sorted({c.solutions for c in regions.cells}, key=len)
+        proved = f"proved {regions.proved}, curves explain all changes {regions.explained}"
+        say(f"F = {F:g}: {len(curves.curves)} curves; {proved}; solutions of the regions:")
+        say("   " + "; ".join(", ".join(words) for words in sets))
+        file = folder / f"regions_{part:g}.png"
+        if comm.rank == 0:
+            look = dict(labels=("$F_1$", "$F_2$"), title=f"F = {F:.4g}")
+            output.draw_solutions(file, regions, curves, NAMES if args.n == 1 else None, **look)
+        lines = [
+            dict(kind=c.kind, statuses=c.segments[0].statuses, points=c.points().tolist())
+            for c in curves.curves
+        ]
+        cells = [dict(load=c.middle, solutions=c.solutions, proved=c.proved) for c in regions.cells]
+        record = {"friction": F, "proved": regions.proved, "explained": regions.explained}
+        summary["regions"].append(record | {"curves": lines, "cells": cells})
+        summary["newton_iterations"] += iterations
+        summary["dofs"] = system.create_vector().getSize()
+    return output.write_summary(comm, folder, summary)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,225 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Regions of two parameters in which the solutions have the same statuses, from curves.
+
+Curves of folds and of events (`event_curves`, with ``folds_only=False``) cut the plane of two
+parameters into cells. Between the values of the second parameter at which curves end, meet or cross
+they lie one above the other, so that a cell is what lies between two of them. As long as no curve
+is missing solutions neither come nor go within a cell and keep their statuses: those in its middle,
+with a proof that there are no others (`solutions`), are those of the whole cell.
+
+That no curve is missing is not proved. Where one is, solutions change between two cells, or between
+neighbours in the second parameter, without a curve that says so, unless it hides within a cell.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import combinations, pairwise
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact._errors import everywhere, same_everywhere
+from dolfinx_contact._progress import Line
+from dolfinx_contact.analysis.event_curves import EventCurve, EventCurves
+from dolfinx_contact.analysis.family import ContactFamily
+from dolfinx_contact.analysis.solutions import prove_solutions
+from dolfinx_contact.continuation.arguments import checked_range
+
+__all__ = ["Region", "Regions", "solution_regions"]
+
+Array = npt.NDArray[np.float64]
+
+_SAME = 1e-9  # of the range of gamma: curves so close are one; of that of mu: cuts
+_PATIENCE = 3.0  # seconds before something is said
+
+
+@dataclass(frozen=True, eq=False)
+class Region:
+    """What lies between two curves, or ends of the range of gamma.
+
+    Attributes:
+        mu: its ends.
+        gamma: the range.
+        below: the curves that bound it below, more than one if they coincide.
+        above: the same above.
+        solutions: statuses of those found in the middle, letters of the points, sorted.
+        proved: whether it is proved that there are no others.
+    """
+
+    mu: tuple[float, float]
+    gamma: tuple[float, float]
+    below: tuple[EventCurve, ...]
+    above: tuple[EventCurve, ...]
+    solutions: tuple[str, ...] = ()
+    proved: bool = False
+
+    @property
+    def count(self) -> int:
+        """Number of solutions; if it is not proved, at least so many."""
+        return len(self.solutions)
+
+    @property
+    def middle(self) -> tuple[float, float]:
+        """(mu, gamma) for which the solutions are known."""
+        mu = (self.mu[0] + self.mu[1]) / 2
+        return mu, sum(self.ends(mu)) / 2
+
+    def ends(self, mu: float) -> tuple[float, float]:
+        """Least and largest gamma at mu."""
+        low, high = self.mu
+        # At its own end a curve may have no gamma.
+        inside = float(np.clip(mu, low + _SAME * (high - low), high - _SAME * (high - low)))
+        least = self.below[0].at(inside) if self.below else self.gamma[0]
+        most = self.above[0].at(inside) if self.above else self.gamma[1]
+        return least, most
+
+    def outline(self, number: int = 16) -> tuple[Array, Array, Array]:
+        """Values of mu (number,), and the least and the largest gamma there."""
+        mus: Array = np.asarray(np.linspace(*self.mu, number), dtype=np.float64)
+        ends: Array = np.array([self.ends(float(mu)) for mu in mus])
+        return mus, ends[:, 0], ends[:, 1]
+
+
+@dataclass(frozen=True, eq=False)
+class Regions:
+    """Cells between curves.
+
+    Attributes:
+        cells: that fill the ranges, by mu and gamma.
+    """
+
+    cells: tuple[Region, ...]
+
+    @property
+    def proved(self) -> bool:
+        """Whether all numbers are proved."""
+        return all(c.proved for c in self.cells)
+
+    @property
+    def explained(self) -> bool:
+        """Whether solutions change across curves as those say, and nowhere else."""
+        return all(_changes_at(*pair) for pair in self._one_above_the_other()) and all(
+            a.solutions == b.solutions for a, b in self._side_by_side()
+        )
+
+    def at(self, mu: float, gamma: float) -> Region:
+        """The cell that holds (mu, gamma).
+
+        Raises:
+            ValueError: outside of all cells.
+        """
+        for c in self.cells:
+            if c.mu[0] <= mu <= c.mu[1]:
+                low, high = c.ends(mu)
+                if low <= gamma <= high:
+                    return c
+        raise ValueError(f"({mu:g}, {gamma:g}) is outside of the regions")
+
+    def _one_above_the_other(self) -> Iterator[tuple[Region, Region]]:
+        for a, b in pairwise(self.cells):
+            if a.mu == b.mu:
+                yield a, b
+
+    def _side_by_side(self) -> Iterator[tuple[Region, Region]]:
+        for a, b in combinations(self.cells, 2):
+            if a.mu[1] == b.mu[0]:
+                (low, high), (least, most) = a.ends(a.mu[1]), b.ends(b.mu[0])
+                if min(high, most) - max(low, least) > 1e-6 * (a.gamma[1] - a.gamma[0]):
+                    yield a, b
+
+
+def _changes_at(below: Region, above: Region) -> bool:
+    """Whether two cells differ as the curves between them say.
+
+    Across a fold there are two solutions more, or less, across an event one is replaced.
+    """
+    mu = below.middle[0]
+    lower, upper = set(below.solutions), set(above.solutions)
+    if len(below.above) == 1:
+        (curve,) = below.above
+        statuses, changed = set(curve.statuses_at(mu)), lower ^ upper
+        sides = (statuses <= lower, statuses <= upper)
+        mine = any(sides) if curve.kind == "fold" else not any(sides)
+        return changed == statuses and mine
+    every = set().union(*(curve.statuses_at(mu) for curve in below.above))
+    return lower ^ upper <= every
+
+
+def solution_regions(
+    comm: MPI.Comm,
+    family: ContactFamily,
+    curves: EventCurves,
+    mu_range: tuple[float, float],
+    gamma_range: tuple[float, float],
+    *,
+    seconds: float = 20.0,
+) -> Regions:
+    """The cells between curves, and the solutions in each. Collective; ranks share the cells.
+
+    Args:
+        comm: the ranks.
+        family: the problem with two parameters, the same on every rank.
+        curves: all its curves of folds and events in the ranges, found with the same ranges.
+        mu_range: least and largest mu.
+        gamma_range: least and largest gamma.
+        seconds: for a proof.
+
+    Raises:
+        ValueError: on every rank, for ranges or seconds that are none.
+    """
+    with everywhere(comm, "regions"):
+        mus, gammas = (checked_range(span, []) for span in (mu_range, gamma_range))
+        if not seconds > 0:
+            raise ValueError(f"seconds for a proof must be positive, got {seconds!r}")
+    same_everywhere(comm, mus=mus, gammas=gammas, seconds=float(seconds))
+    bare = [cell for span in _strips(curves, mus) for cell in _between(curves, span, gammas)]
+    mine, line, begun = {}, Line(comm), time.monotonic()
+    with everywhere(comm, "regions"):
+        for number in range(comm.rank, len(bare), comm.size):
+            if time.monotonic() - begun > _PATIENCE:
+                line.update(f"solutions in regions: {number + 1} of {len(bare)}")
+            proof = prove_solutions(family.problem(*bare[number].middle), seconds=seconds)
+            words = ("".join("ok+-"[code] for code in s.codes) for s in proof.solutions)
+            mine[number] = tuple(sorted(words)), proof.verdict == "complete"
+    line.clear()
+    found = {number: what for part in comm.allgather(mine) for number, what in part.items()}
+    return Regions(
+        tuple(
+            Region(c.mu, c.gamma, c.below, c.above, *found[number]) for number, c in enumerate(bare)
+        )
+    )
+
+
+def _strips(curves: EventCurves, mus: tuple[float, float]) -> list[tuple[float, float]]:
+    """Intervals of mu in which the same curves lie in the same order."""
+    cuts = {mu for curve in curves.curves for mu in curve.span}
+    cuts |= {mu for a, b in combinations(curves.curves, 2) for mu in a.crossings(b)}
+    within, near = [mus[0]], _SAME * (mus[1] - mus[0])
+    for mu in sorted(cuts):
+        if within[-1] + near < mu < mus[1] - near:
+            within.append(mu)
+    return list(pairwise([*within, mus[1]]))
+
+
+def _between(
+    curves: EventCurves, span: tuple[float, float], gammas: tuple[float, float]
+) -> Iterator[Region]:
+    """Cells of one strip, without solutions, from below."""
+    middle, near = (span[0] + span[1]) / 2, _SAME * (gammas[1] - gammas[0])
+    there = [(curve.at(middle), curve) for curve in curves.curves]
+    there = [(g, curve) for g, curve in there if gammas[0] + near < g < gammas[1] - near]
+    groups: list[list[EventCurve]] = []
+    last = -np.inf
+    for gamma, curve in sorted(there, key=lambda pair: pair[0]):
+        if gamma - last > near:
+            groups.append([])
+        groups[-1].append(curve)
+        last = gamma
+    ends: Sequence[tuple[EventCurve, ...]] = [(), *map(tuple, groups), ()]
+    for below, above in pairwise(ends):
+        yield Region(span, gammas, below, above)
