@@ -43,7 +43,7 @@ def triangle(n, gamma, comm):
 
 
 CASES = {
-    **{f"block {n}": partial(block, 2, n) for n in (8, 16, 32, 64)},
+    **{f"block {n}": partial(block, 2, n) for n in (8, 16, 32, 64, 128)},
     **{f"cube {n}": partial(block, 3, n) for n in (4, 6, 8, 12)},
     **{f"GRECO {n}": partial(greco, n) for n in (16, 32)},
     **{f"triangle {n}, {g:+g}": partial(triangle, n, g) for n in (16, 64) for g in (-1.0, 1.0)},

@@ -20,7 +20,7 @@ from dolfinx_contact.analysis.rays import ProvedRays, apex_problem, prove_rays
 from dolfinx_contact.analysis.reduced_problem import ReducedProblem
 from dolfinx_contact.analysis.renard import criterion_at
 from dolfinx_contact.analysis.solutions import ProvedSolutions, prove_solutions
-from dolfinx_contact.analysis.theory import is_positive_definite, theory_of
+from dolfinx_contact.analysis.theory import theory_of
 from dolfinx_contact.analysis.uniqueness import is_only
 from dolfinx_contact.continuation.affine import AffineSystem
 from dolfinx_contact.equations.contact import ContactEquations
@@ -209,9 +209,9 @@ def _in_space(equations: ContactEquations, state: State, seconds: float) -> Uniq
     points = sum(s.number_everywhere for s in equations.surfaces)
     if points > _MOST_POINTS and not seconds > 0:
         return Uniqueness("not proved", f"more than {_MOST_POINTS} points: only where it is asked")
-    if not is_positive_definite(equations):
-        return Uniqueness("not proved", "the stiffness is not symmetric and positive definite")
     criterion = criterion_at(equations, state)
+    if not criterion.definite:
+        return Uniqueness("not proved", "the stiffness is not symmetric and positive definite")
     if not criterion.unique:
         return Uniqueness("not proved", "Renard's criterion does not hold")
     factor = criterion.factor

@@ -20,6 +20,7 @@ import numpy.typing as npt
 from scipy.sparse import csc_matrix as Columns
 from scipy.sparse import csr_matrix as Rows
 
+from dolfinx_contact._columns import factor_kind, solved_columns
 from dolfinx_contact._petsc import options_in_database
 from dolfinx_contact.equations.contact import ContactEquations
 
@@ -30,9 +31,9 @@ Array = npt.NDArray[np.float64]
 _BATCH = 128  # right-hand sides solved at once
 _DEFAULTS = {
     "ksp_type": "preonly",
-    "pc_type": "lu",
     "pc_factor_mat_solver_type": "mumps",
     "mat_mumps_icntl_14": 80,
+    "mat_mumps_icntl_27": 128,
 }
 
 
@@ -119,7 +120,9 @@ class HeldBody:
         self._ksp = PETSc.KSP().create(self.comm)
         self._ksp.setOptionsPrefix("analysis_")
         self._ksp.setOperators(self.matrix)
-        with options_in_database("analysis_", _DEFAULTS):
+        # Alone the body's matrix may be indefinite or singular, and says so by its signs.
+        signs: dict[str, int] = {} if rows else {"mat_mumps_icntl_24": 1}
+        with options_in_database("analysis_", factor_kind(self.matrix) | signs | _DEFAULTS):
             self._ksp.setFromOptions()
             self._ksp.setUp()
         if self._ksp.getPC().getFailedReason() != PETSc.PC.FailedReason.NOERROR:
@@ -141,6 +144,12 @@ class HeldBody:
         return [parts[0], *(self.unit * p for p in parts[1:])]
 
     @property
+    def definite(self) -> bool:
+        """Whether a body without rows is symmetric and positive definite. Collective."""
+        pc = self._ksp.getPC()
+        return pc.getType() == "cholesky" and pc.getFactorMatrix().getInertia()[:2] == (0, 0)
+
+    @property
     def _starts(self) -> npt.NDArray[np.int64]:
         return np.concatenate([[0], np.cumsum(self.sizes)[:-1]]).astype(np.int64)
 
@@ -158,27 +167,22 @@ class HeldBody:
         n, k = self.sizes[0], loads.shape[1]
         first = sum(self.sizes[1:2])
         motions, forces = np.empty((seen.getLocalSize()[0], k)), np.empty((first, k))
-        factor, size = self._ksp.getPC().getFactorMatrix(), sum(self.sizes)
-
-        def dense(rows: int, columns: int) -> PETSc.Mat:
-            A = PETSc.Mat().createDense(((rows, None), (None, columns)), comm=self.comm)
-            A.setUp()
-            return A
-
         for a in range(0, k, _BATCH):
-            part = loads[:, a : a + _BATCH].toarray()
-            b, x, u = (dense(rows, part.shape[1]) for rows in (size, size, n))
-            b.getDenseArray()[:n] = part
-            b.assemble(), x.assemble()
-            factor.matSolve(b, x)
+            part = loads[:, a : a + _BATCH]
+            part.resize(sum(self.sizes), part.shape[1])
+            x = solved_columns(self._ksp.getPC(), part)
             answers = x.getDenseArray(readonly=True)
             forces[:, a : a + _BATCH] = self.unit * answers[n : n + first]
-            u.getDenseArray()[:] = answers[:n]
-            u.assemble()
-            product = seen.matMult(u)
+            if len(self.sizes) > 1:
+                u = PETSc.Mat().createDense(((n, None), (None, part.shape[1])), comm=self.comm)
+                u.setUp()
+                u.getDenseArray()[:] = answers[:n]
+                u.assemble()
+                x.destroy()
+                x = u
+            product = seen.matMult(x)
             motions[:, a : a + _BATCH] = product.getDenseArray(readonly=True)
-            for A in (b, x, u, product):
-                A.destroy()
+            product.destroy(), x.destroy()
         return motions, forces
 
     def destroy(self) -> None:

@@ -115,6 +115,7 @@ class _Search:
         x: Array = np.zeros(n + len(self.tilted))
         limits = [(-_SPREAD, _SPREAD)] * n + [(-1.0, 1.0)] * len(self.tilted)
         try:
+            self._value(x)  # most often enough
             for self.tau, stop in ((0.05, -0.06), (0.01, -0.02), (0.003, 0.0)):
                 x = minimize(
                     self._value,

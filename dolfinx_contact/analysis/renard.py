@@ -66,16 +66,19 @@ class Renard:
             directions of its slip and shear, is certainly the only one; inf without friction, or
             where nothing slips or presses.
         friction: the coefficient F_R that this is; None if it is not the same everywhere.
+        definite: whether the stiffness is symmetric and positive definite, without which nothing is
+            certain.
         unique: whether the solution is certainly the only one at the friction that it has.
     """
 
     factor: float
     friction: float | None
+    definite: bool = True
 
     @property
     def unique(self) -> bool:
         """Certainly the only one; False says nothing."""
-        return self.factor > 1.0 + 1e-9
+        return self.definite and self.factor > 1.0 + 1e-9
 
 
 @staged("ContactUniqueness")
@@ -114,18 +117,19 @@ def criterion_at(
     xi = _of_solution(eq, state, slope) if directions is None else _given(eq, directions)
     largest = float(eq.comm.allreduce(slope.max(initial=0.0), op=max))
     least = float(eq.comm.allreduce(slope.min(initial=np.inf), op=min))
-    factor = np.inf
+    factor, definite = np.inf, True
     if len(eq.loose.of_body):
-        factor = 0.0  # the form vanishes for rigid motions
+        factor, definite = 0.0, False  # the form vanishes for rigid motions
     elif largest > 0:
         form = _Form(eq, slope[:, None] * xi)
+        definite = form.definite
         try:
             small = form.number <= _DENSE if dense is None else dense
-            factor = form.by_factorisation() if small else form.by_slepc()
+            factor = 0.0 if not definite else form.by_factorisation() if small else form.by_slepc()
         finally:
             form.destroy()
     same = least >= (1 - _NOTHING) * largest
-    return Renard(factor, factor * largest if same else None)
+    return Renard(factor, factor * largest if same else None, definite)
 
 
 def _slope(eq: ContactEquations, number: int, state: State) -> Array:
@@ -170,6 +174,10 @@ class _Form:
     Args:
         eq: the contact problem.
         friction: F xi at the points of this rank (n, dim).
+
+    Attributes:
+        number: of components.
+        definite: whether the stiffness of the body is.
     """
 
     def __init__(self, eq: ContactEquations, friction: Array):
@@ -191,6 +199,7 @@ class _Form:
         u = eq.bulk.displacement.x.array.copy()
         self._K = with_dirichlet_rows(eq.bulk.stiffness(u), eq, eq.stiffness_scale)
         self._free = HeldBody(eq, self._K, [])
+        self.definite = self._free.definite
 
     def by_factorisation(self) -> float:
         """1 over the largest eigenvalue, of dense matrices."""

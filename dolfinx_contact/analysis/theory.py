@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from petsc4py import PETSc
 
+from dolfinx_contact._columns import is_symmetric
 from dolfinx_contact._petsc import options_in_database
 from dolfinx_contact.analysis.held import with_dirichlet_rows
 from dolfinx_contact.equations.contact import ContactEquations
@@ -33,7 +34,6 @@ _DEFAULTS = {
     "pc_factor_mat_solver_type": "mumps",
     "mat_mumps_icntl_24": 1,
 }
-_SYMMETRIC = 1e-10  # of the largest entries, a difference that is none
 _NONE = "no computable theorem applies: "
 
 
@@ -75,9 +75,8 @@ def is_positive_definite(eq: ContactEquations) -> bool:
     """Whether K, with Dirichlet rows put in, is symmetric and positive definite. Collective."""
     stiffness = eq.bulk.stiffness(eq.bulk.displacement.x.array.copy())
     K = with_dirichlet_rows(stiffness, eq, eq.stiffness_scale)
-    symmetric = K.isSymmetric(_SYMMETRIC * K.norm(PETSc.NormType.NORM_INFINITY))
     signs = (1, 0, 0)
-    if symmetric:
+    if is_symmetric(K):
         K.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         solver = PETSc.PC().create(eq.comm)
         solver.setOptionsPrefix("analysis_")

@@ -2,9 +2,9 @@
 """Whether one solution of a reduced problem is the only one.
 
 The certificate of one point (`differences.py`) over all statuses costs some eigenvalue problems of
-the size of the reduced problem. Where they bring no proof another solution is looked for, from
-uniform statuses. If there is time for it more starts and more effort follow, and in the end a proof
-by branch and bound.
+the size of the reduced problem, most often few. Where these bring no proof another solution is
+looked for, from uniform statuses, then more weights. If there is time for it more starts and more
+effort follow, and in the end a proof by branch and bound.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from dolfinx_contact.analysis.candidates import candidates
 from dolfinx_contact.analysis.certificate import Certificate
-from dolfinx_contact.analysis.checker import InvalidCertificate, Proved, Region, follow
+from dolfinx_contact.analysis.checker import Region
 from dolfinx_contact.analysis.differences import differences
 from dolfinx_contact.analysis.multipliers import find_weights
 from dolfinx_contact.analysis.pieces import Piece, solve_piece
@@ -29,8 +29,9 @@ __all__ = ["OnePoint", "is_only"]
 Codes = npt.NDArray[np.int8]
 Array = npt.NDArray[np.float64]
 
-_UNIFORM, _TRIES = 4, 16  # starts of the search for another solution,
-_QUICK, _EFFORT = 15, 80  # and effort of that for weights, by default and where there is time,
+_UNIFORM, _TRIES = 4, 16  # starts of the search for another solution, with less time or more
+_FIRST = 2  # effort of the search for weights at first,
+_QUICK, _EFFORT = 15, 80  # then by default and where there is time,
 _POINTS = 128  # up to so many points; then less, as eigenvalues cost the cube
 
 
@@ -65,10 +66,10 @@ def is_only(problem: ReducedProblem, codes: Codes, *, seconds: float = 0.0) -> O
     inside = piece if piece is not None and piece.verdict != "outside" else None
     share = min(1.0, (_POINTS / problem.points) ** 3)
     tries, effort = (_TRIES, _EFFORT) if seconds > 0 else (_UNIFORM, _QUICK)
-    certificate, other = _of_one_point(problem, inside, max(8, int(share * _QUICK))), None
+    certificate, other = _of_one_point(problem, inside, _FIRST), None
     if certificate is None:
         other = _another(scaled, codes, max(2, int(share * tries)))
-    if certificate is None and other is None and effort > _QUICK:
+    if certificate is None and other is None:
         certificate = _of_one_point(problem, inside, max(8, int(share * effort)))
     if certificate is not None:
         return OnePoint("proved", "the certificate of one point", None, certificate)
@@ -100,10 +101,6 @@ def _of_one_point(problem: ReducedProblem, piece: Piece | None, effort: int) -> 
             "mu": w.mu,
         }
     )
-    try:
-        follow(certificate, certificate.steps[0], region, Proved())
-    except InvalidCertificate:
-        return None
     return certificate
 
 

@@ -31,7 +31,9 @@ from petsc4py import PETSc
 
 import numpy as np
 import numpy.typing as npt
+from scipy.sparse import csc_matrix as Columns
 
+from dolfinx_contact._columns import factor_kind, solved_columns
 from dolfinx_contact._petsc import options_in_database, staged
 from dolfinx_contact.continuation import Piece
 from dolfinx_contact.continuation.affine import AffineSystem
@@ -51,9 +53,9 @@ _ROUND_OFF = 2.0**-53
 _TERMS = 256  # of a row of the matrix, at most, or nearly so
 _DEFAULTS = {
     "ksp_type": "preonly",
-    "pc_type": "lu",
     "pc_factor_mat_solver_type": "mumps",
     "mat_mumps_icntl_14": 80,
+    "mat_mumps_icntl_27": 128,
 }
 
 
@@ -218,7 +220,7 @@ class CondensedContact:
     # -- the body --------------------------------------------------------------------------------
 
     def _factorise(self, u: Array) -> None:
-        """[K, -B^T; B, 0], with the Dirichlet rows of H."""
+        """[K, -B^T; -B, 0], with the Dirichlet rows of H: symmetric, as a rule."""
         eq, first = self._equations, 0
         K = eq.bulk.stiffness(u).copy()
         fixed = np.flatnonzero(eq.fixed[: self._nodal]) + K.getOwnershipRange()[0]
@@ -249,7 +251,7 @@ class CondensedContact:
         self._ksp = PETSc.KSP().create(self.comm)
         self._ksp.setOptionsPrefix("condensed_")
         self._ksp.setOperators(self._matrix)
-        with options_in_database("condensed_", _DEFAULTS):
+        with options_in_database("condensed_", factor_kind(self._matrix) | _DEFAULTS):
             self._ksp.setFromOptions()
             self._ksp.setUp()
         if self._ksp.getPC().getFailedReason() != PETSc.PC.FailedReason.NOERROR:
@@ -260,15 +262,14 @@ class CondensedContact:
     def _bordered(
         self, fields: list[tuple[PETSc.Mat, npt.NDArray[np.int64], list[PETSc.Mat]]]
     ) -> PETSc.Mat:
-        """[K, -B^T; B, 0] of fields that move: K, prescribed rows, and B surface by surface."""
+        """[K, -B^T; -B, 0] of fields that move: K, prescribed rows, and B surface by surface."""
         scale, number = self._scale, len(fields)
         # Whatever holds a displacement, its rows have units of force.
-        scaled = [[B * scale for B in parts] for _, _, parts in fields]
+        scaled = [[B * -scale for B in parts] for _, _, parts in fields]
         transposed = [[B.transpose(PETSc.Mat()) for B in parts] for parts in scaled]
         rows: list[list[PETSc.Mat | None]] = []
         for i, (K, fixed, _) in enumerate(fields):
             for B in transposed[i]:
-                B.scale(-1.0)
                 if not self._points.guided:
                     B.zeroRows(fixed.astype(PETSc.IntType), diag=0.0)
             rows.append([K if i == k else None for k in range(number)] + transposed[i])
@@ -287,24 +288,21 @@ class CondensedContact:
         """
         local, columns = self._matrix.getLocalSize()[0], 2 * self._m
         rows = (2 * self._points.mine[:, None] + np.arange(2)).reshape(-1)
-        factor, mine = self._ksp.getPC().getFactorMatrix(), np.empty((len(rows), columns))
-        scale, squares = self._scale, np.empty((2, columns))
+        mine, squares = np.empty((len(rows), columns)), np.empty((2, columns))
+        scale, places = self._scale, self._n + np.arange(len(rows))
+        entries = np.full(len(rows), -scale), (places, rows)
+        jumps = Columns(entries, shape=(local, columns))
         for a in range(0, columns, _BATCH):
-            width = min(_BATCH, columns - a)
-            rhs, out = (
-                PETSc.Mat().createDense(((local, None), (None, width)), comm=self.comm)
-                for _ in "bx"
-            )
-            rhs.setUp(), out.setUp()
-            here = np.flatnonzero((rows >= a) & (rows < a + width))
-            rhs.getDenseArray()[self._n + here, rows[here] - a] = scale
-            rhs.assemble(), out.assemble()
-            factor.matSolve(rhs, out)
-            mine[:, a : a + width] = scale * out.getDenseArray(readonly=True)[self._n :]
+            part = jumps[:, a : a + _BATCH]
+            out = solved_columns(self._ksp.getPC(), part)
+            mine[:, a : a + _BATCH] = scale * out.getDenseArray(readonly=True)[self._n :]
             product = self._matrix.matMult(out)
-            x, Ax, b = (v.getDenseArray(readonly=True) for v in (out, product, rhs))
-            squares[:, a : a + width] = (x**2).sum(axis=0), ((b - Ax) ** 2).sum(axis=0)
-            product.destroy(), rhs.destroy(), out.destroy()
+            i, j = part.nonzero()
+            product.getDenseArray()[i, j] += scale
+            for of, v in zip(squares, (out, product), strict=True):
+                array = v.getDenseArray(readonly=True)
+                of[a : a + _BATCH] = np.einsum("ij,ij->j", array, array)
+            product.destroy(), out.destroy()
         S = np.empty((columns, columns))
         for part, theirs in zip(self.comm.allgather(mine), self.comm.allgather(rows), strict=True):
             S[theirs] = part
@@ -325,7 +323,7 @@ class CondensedContact:
         b, x = self._matrix.createVecs()
         scale = self._scale
         b.array[: self._n] = load
-        b.array[self._n :] = scale * jumps[self._points.mine].reshape(-1)
+        b.array[self._n :] = -scale * jumps[self._points.mine].reshape(-1)
         self._ksp.solve(b, x)
         u, forces = x.array_r[: self._n].copy(), np.zeros((self._m, 2))
         mine = scale * x.array_r[self._n :].reshape(-1, 2)
