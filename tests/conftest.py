@@ -11,23 +11,34 @@ import pytest
 COMM = MPI.COMM_WORLD
 #: Tests of what ranks do to each other, on two of them in all cases.
 EVERY_CASE = ("test_bad_input", "test_disk", "test_hostile", "test_messages", "test_results")
-    *("test_blocks", "test_surface", "test_results"),
-    *("test_following", "test_parametric", "test_continuation"),
-    *("test_linear_triangle", "test_ciarlet_geymonat", "test_rays"),
-    *("test_solutions", "test_multigrid", "test_krylov"),
-    *("test_record", "test_bad_input", "test_law"),
-    *("test_own_law", "test_pair", "test_mortar"),
-    *("test_pair_multigrid", "test_compliant", "test_doubled_nodes"),
-    *("test_two_faces", "test_common_points", "test_held_ends"),
-    *("test_true_surface", "test_given_normals", "test_pair_demos"),
-    *("test_rigid_body", "test_critical_friction", "test_renard"),
-    *("test_hild_2005", "test_steady_sliding", "test_stability"),
-    *("test_proofs", "test_classical", "test_two_parameters"),
-    *("test_uniqueness", "test_nonlocal", "test_proved_rays"),
-    *("test_large_sliding", "test_evolution", "test_more_friction"),
-    *("test_special_curves", "test_anisotropic", "test_evolution_record"),
-    *("test_adhesion", "test_motion", "test_scales"),
-    *("test_regions",),
+#: Tests on three ranks, of what depends on who owns what; the rest is seen on two.
+ON_THREE = {
+    "test_adhesion": ("as_on_one_rank",),
+    "test_bad_input": ("bad_numbers_on_one_rank_only", "a_rank_without_any_cell"),
+    "test_blocks": ("oracle_forces", "ranks_and_ghost_modes", "patch"),
+    "test_classical": ("in_space",),
+    "test_common_points": ("patch", "patch_of_a_short_block"),
+    "test_compliant": ("jacobian_by_taylor",),
+    "test_continuation": ("path_with_two_nonsmooth_folds", "parity_is_that_of_mumps"),
+    "test_critical_friction": ("of_a_solution",),
+    "test_doubled_nodes": ("tables_do_not_depend_on_ranks",),
+    "test_evolution": ("energy", "a_load_that_fails_on_one_rank"),
+    "test_held_ends": ("patch",),
+    "test_large_sliding": ("jacobian_by_taylor",),
+    "test_law": ("jacobian_by_taylor",),
+    "test_mortar": ("patch", "patch_in_space", "a_slave_that_is_held"),
+    "test_multigrid": ("same_as_direct", "filter_leaves_nothing_on_the_surface"),
+    "test_nonlocal": ("ranks", "a_surface_on_one_rank_alone"),
+    "test_pair": ("mirrored_bodies", "one_side_is_clamped"),
+    "test_pair_multigrid": ("same_as_direct",),
+    "test_parametric": ("derivative_by_gamma", "single_element"),
+    "test_renard": ("of_a_solution",),
+    "test_results": ("balance_of_all_forces",),
+    "test_rigid_body": ("ranks", "the_jacobian"),
+    "test_scales": ("what_stays",),
+    "test_surface": ("points_lie_where_they_should", "facets_named_on_one_rank_only"),
+    "test_uniqueness": ("the_only_solution",),
+}
 
 
 @pytest.hookimpl(trylast=True)

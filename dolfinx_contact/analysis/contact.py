@@ -46,6 +46,7 @@ logger = logging.getLogger(__name__)
 _SOLVED = 1e-6  # relative residual up to which a state is a solution of the present data
 _PATIENCE = 3.0  # seconds before something is said
 _MOST_POINTS = 300  # in 3D, for an eigenproblem that is not asked for
+_EFFORT, _ENOUGH = 60, 1.0 + 1e-6  # of a search for weights in 3D, and the factor it is to reach
 
 
 def obstacle_to_proof(equations: ContactEquations, condensed: CondensedContact | None) -> str:
@@ -151,7 +152,7 @@ def uniqueness(
         linear: gives its linear solver.
         x: the solution.
         seconds: for more than the certificate of one point: in 2D a proof by branch and bound, in
-            3D an eigenproblem of any size.
+            3D an eigenproblem of any size, and weights of one that is dense.
     """
     if not equations.linear:
         return Uniqueness("not proved", "proofs are for linear bodies")
@@ -209,7 +210,8 @@ def _in_space(equations: ContactEquations, state: State, seconds: float) -> Uniq
     points = sum(s.number_everywhere for s in equations.surfaces)
     if points > _MOST_POINTS and not seconds > 0:
         return Uniqueness("not proved", f"more than {_MOST_POINTS} points: only where it is asked")
-    criterion = criterion_at(equations, state)
+    effort = _EFFORT if seconds > 0 else 0
+    criterion = criterion_at(equations, state, effort=effort, enough=_ENOUGH, seconds=seconds)
     if not criterion.definite:
         return Uniqueness("not proved", "the stiffness is not symmetric and positive definite")
     if not criterion.unique:

@@ -16,6 +16,9 @@ eigenvalue: with one point and the stiffness [[k_t, k], [k, k_n]] it is
 In forces r the form is r.A r + F (A r).X r with the flexibility A = B K^{-1} B^T and X = xi in
 the entries (tangent, normal) of every point; 1/F_R is the largest eigenvalue of
 -sym(A X) r = mu A r.
+
+Weights of the inequalities prove more (`weighted.py`), with S = A^{-1} and X S for the rows F xi of
+normal forces; they take many eigenproblems, of dense matrices.
 """
 
 from __future__ import annotations
@@ -42,6 +45,7 @@ from dolfinx_contact.analysis.rows import (
     require_nodes,
     stacked,
 )
+from dolfinx_contact.analysis.weighted import WeightedForm
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.laws import Coulomb, Frictionless, Tresca
@@ -53,6 +57,7 @@ Array = npt.NDArray[np.float64]
 Field = Callable[[Array], npt.ArrayLike]
 
 _DENSE = 1200  # components of jumps up to which the eigenproblem is dense
+_EFFORT = 60  # of a search for weights
 _NOTHING = 1e-9  # of the body's size, a slip that is none; of the largest force, one that is none
 _DEFAULTS = {"eps_type": "krylovschur", "eps_tol": 1e-10, "eps_max_it": 500}
 
@@ -83,7 +88,11 @@ class Renard:
 
 @staged("ContactUniqueness")
 def renard_criterion(
-    problem: Problem, directions: Field | None = None, *, dense: bool | None = None
+    problem: Problem,
+    directions: Field | None = None,
+    *,
+    dense: bool | None = None,
+    weights: bool = False,
 ) -> Renard:
     """Up to which friction the solution in the Functions is certainly the only one. Collective.
 
@@ -93,16 +102,21 @@ def renard_criterion(
         directions: xi (n, dim) at positions (n, dim) for a solution that is not computed: tangents
             of length up to 1.
         dense: how the eigenproblem is solved; by default by its size.
+        weights: whether weights are looked for with which the factor is larger; dense.
 
     Raises:
-        ValueError: on every rank, for another law or bulk, or directions that are none.
+        ValueError: on every rank, for another law or bulk, directions that are none, or weights of
+            a problem that is not to be dense.
         RuntimeError: if SLEPc does not converge.
     """
     eq = problem.equations
     require_nodes(eq)
     require(eq.comm, eq.bulk.linear, "the criterion needs a bulk that is linear in u")
-    state = problem.state()
-    return criterion_at(eq, state, directions=directions, dense=dense)
+    require(eq.comm, not (weights and dense is False), "weights need the dense eigenproblem")
+    state, effort = problem.state(), _EFFORT if weights else 0
+    return criterion_at(
+        eq, state, directions=directions, dense=dense or (weights or None), effort=effort
+    )
 
 
 def criterion_at(
@@ -111,8 +125,21 @@ def criterion_at(
     *,
     directions: Field | None = None,
     dense: bool | None = None,
+    effort: int = 0,
+    enough: float = np.inf,
+    seconds: float = np.inf,
 ) -> Renard:
-    """The criterion at a state of a problem in its scope; see `renard_criterion`. Collective."""
+    """The criterion at a state of a problem in its scope; see `renard_criterion`. Collective.
+
+    Args:
+        eq: the contact problem.
+        state: of it.
+        directions: xi; by default those of the state.
+        dense: how the eigenproblem is solved; by default by its size.
+        effort: of the search for weights (`WeightedForm.largest`), if the eigenproblem is dense.
+        enough: factor from which on none are looked for.
+        seconds: for that search.
+    """
     slope = np.concatenate([_slope(eq, i, state) for i in range(len(eq.surfaces))])
     xi = _of_solution(eq, state, slope) if directions is None else _given(eq, directions)
     largest = float(eq.comm.allreduce(slope.max(initial=0.0), op=max))
@@ -125,7 +152,10 @@ def criterion_at(
         definite = form.definite
         try:
             small = form.number <= _DENSE if dense is None else dense
-            factor = 0.0 if not definite else form.by_factorisation() if small else form.by_slepc()
+            if definite and small:
+                factor = form.by_factorisation(effort, enough, seconds)
+            else:
+                factor = form.by_slepc() if definite else 0.0
         finally:
             form.destroy()
     same = least >= (1 - _NOTHING) * largest
@@ -188,6 +218,9 @@ class _Form:
         self._R = stacked([N, T])
         N.destroy(), T.destroy()
         self.number = self._R.getSize()[0]
+        # Weights go with normals, and with all tangents of a point.
+        offset = 2 * (self.comm.exscan(len(n)) or 0)
+        self._groups = np.concatenate([offset + 2 * pressed, offset + 2 * point + 1])
         column = np.full(len(n), -1, dtype=np.int64)
         first = self._R.getOwnershipRange()[0]
         column[pressed] = first + np.arange(len(pressed))
@@ -201,18 +234,25 @@ class _Form:
         self._free = HeldBody(eq, self._K, [])
         self.definite = self._free.definite
 
-    def by_factorisation(self) -> float:
-        """1 over the largest eigenvalue, of dense matrices."""
+    def by_factorisation(self, effort: int, enough: float, seconds: float) -> float:
+        """1 over the largest eigenvalue, of dense matrices, or what weights prove beyond."""
         A, _ = self._free.respond(columns_of(self._R), self._R)
         X = self._X.convert("dense", PETSc.Mat())
-        parts = self.comm.gather((A, X.getDenseArray(readonly=True).copy()))
+        parts = self.comm.gather((A, X.getDenseArray(readonly=True).copy(), self._groups))
         X.destroy()
 
         def solved() -> float:
-            A, X = (np.concatenate(p) for p in zip(*parts, strict=True))
+            A, X, groups = (np.concatenate(p) for p in zip(*parts, strict=True))
             form, last = -(A @ X + (A @ X).T) / 2, self.number - 1
-            largest = eigh(form, (A + A.T) / 2, eigvals_only=True, subset_by_index=(last, last))
-            return _over(float(largest[0]))
+            values = eigh(form, (A + A.T) / 2, eigvals_only=True, subset_by_index=(last, last))
+            factor = _over(float(values[0]))
+            if effort > 0 and factor < enough:
+                S = np.linalg.inv((A + A.T) / 2)
+                numbers = np.unique(groups, return_inverse=True)[1]
+                weighted = WeightedForm((S + S.T) / 2, X @ S, numbers)
+                found = weighted.largest(enough=enough, effort=effort, seconds=seconds)
+                factor = max(factor, found)
+            return factor
 
         return on_root(self.comm, solved)
 

@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""Renard's criterion with weights: how far friction may grow until a solution may have company.
+
+The differences a of jumps and e = S a of forces between a solution and any other satisfy, point by
+point,
+
+    a_n e_n <= 0,    a_t.(e_t + F e_n xi) <= 0
+
+(`renard.py`). So the solution is the only one if *some* sum of these with positive weights,
+
+    sum_i [ beta_i a_n e_n + alpha_i a_t.(e_t + F e_n xi) ]_i  >  0    for all a other than 0.
+
+Weights of 1 are Renard's. With one point, the stiffness [[k_t, k], [k, k_n]], k > 0, and |xi| = 1
+they give F < 2 sqrt(k_t k_n - k^2)/k_n; weights of their own give F < k_t/k for xi = -1, beyond
+which there are loads with several solutions, and every F for xi = 1. One set of weights holds for
+an interval of F: those of smaller and larger F are found one after the other, and overlap.
+
+The least eigenvalue of the sum, scaled to a unit diagonal, is maximised over the logarithms of the
+weights; of several small eigenvalues a soft minimum, as in `multipliers.py`.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.linalg import eigh
+from scipy.optimize import minimize
+
+__all__ = ["WeightedForm"]
+
+Array = npt.NDArray[np.float64]
+
+_ENOUGH = 1e-7  # least eigenvalue, relative to a unit diagonal, at which a search ends
+_SPREAD = 12.0  # of the logarithms of the weights
+_TAUS = 0.05, 0.01, 0.003  # of the soft minimum
+_STEPS = (
+    2.0,
+    1.3,
+    1.1,
+    1.03,
+    1.01,
+    1.003,
+    1.001,
+)  # by which the friction is raised, as long as that goes
+_MOST = 1e3  # factor at which this ends
+
+
+class _Found(Exception):
+    """The search has come to its end."""
+
+
+@dataclass(frozen=True, eq=False)
+class WeightedForm:
+    """The inequalities of a solution.
+
+    Attributes:
+        S: stiffness of the components of jumps, symmetric and positive definite (n, n).
+        G: rows F xi of the normal forces, S_n, at tangential components; else 0 (n, n).
+        groups: numbers of the weights of the components, equal for the tangents of a point (n,).
+    """
+
+    S: Array
+    G: Array
+    groups: npt.NDArray[np.int64]
+
+    def interval(self, weights: Array, factor: float) -> tuple[float, float]:
+        """About a factor of the friction, where the sum is positive definite; empty if nowhere.
+
+        Args:
+            weights: of the groups.
+            factor: at which the sum is positive definite.
+        """
+        w = weights[self.groups][:, None]
+        at, slope = (w * M + (w * M).T for M in (self.S + factor * self.G, self.G))
+        unit, last = 1 / np.sqrt(np.abs(np.diag(at))), len(at) - 1
+        at, slope = (unit[:, None] * M * unit for M in (at, slope))
+        if np.linalg.eigvalsh(at)[0] <= _ENOUGH / 2:
+            return factor, factor
+        values = eigh(slope, at, eigvals_only=True, subset_by_index=(0, last))
+        down, up = (1 / max(value, 1 / _MOST) for value in (values[-1], -values[0]))
+        return factor - down, factor + up
+
+    def largest(self, *, enough: float = _MOST, effort: int = 60, seconds: float = np.inf) -> float:
+        """A factor of the friction up to which some weights prove the solution to be the only one.
+
+        Args:
+            enough: factor that is not to be surpassed.
+            effort: iterations of each search.
+            seconds: after which no more is searched.
+        """
+        end = time.monotonic() + seconds
+        logs: Array = np.zeros(int(self.groups.max(initial=-1)) + 1)
+        _, best = self.interval(np.exp(logs), 0.0)
+        for step in _STEPS:
+            while best < enough and time.monotonic() < end:
+                factor = min(step * best, 1.001 * enough)
+                new = self._search(logs, factor, effort, end)
+                if new is None:
+                    break
+                low, high = self.interval(np.exp(new), factor)
+                if not low <= best < high:
+                    break
+                best, logs = high, new
+        return min(best, _MOST)
+
+    def _search(self, logs: Array, factor: float, effort: int, end: float) -> Array | None:
+        """Logarithms of weights with which the sum is positive definite at a factor."""
+        R = self.S + factor * self.G
+        diagonal = np.diag(R)
+        if (diagonal <= 0).any():
+            return None
+        R = R / np.sqrt(diagonal[:, None] * diagonal)
+        known: list[Array] = []
+
+        def value(x: Array, tau: float) -> tuple[float, Array]:
+            # The form w_i R_ij / sqrt(w_i w_j), symmetric part, whose diagonal is 1.
+            half = np.exp(x / 2)[self.groups]
+            X = half[:, None] * R / half
+            values, V = np.linalg.eigh((X + X.T) / 2)
+            if values[0] > _ENOUGH:
+                known.append(x.copy())
+                raise _Found
+            if time.monotonic() > end:
+                raise _Found
+            part = np.exp(-(values - values[0]) / tau)
+            total = part.sum()
+            part /= total
+            # d of v.X v / d x_i = (v_i (X v)_i - v_i (X^T v)_i) / 2
+            by_row = ((V * (X @ V) - V * (X.T @ V)) * part).sum(axis=1) / 2
+            slope = np.zeros_like(x)
+            np.add.at(slope, self.groups, by_row)
+            return float(-(values[0] - tau * np.log(total))), -slope
+
+        x, limits = logs, [(-_SPREAD, _SPREAD)] * len(logs)
+        try:
+            for tau in _TAUS:
+                options = dict(jac=True, method="L-BFGS-B", bounds=limits)
+                x = minimize(value, x, (tau,), options={"maxiter": effort}, **options).x
+        except _Found:
+            pass
+        return known[0] if known else None
