@@ -385,7 +385,10 @@ class ContactEquations:
         return tuple(
             Memory(
                 at.jump + s.reference,
-                {name: at.answers.bond(f"after.{name}") for name in s.law.remembers},
+                {
+                    name: at.answers.bond(f"after.{name}")
+                    for name in (*s.law.remembers, *s.law.keeps(s.dim))
+                },
             )
             for s, at in found
         )

@@ -60,7 +60,7 @@ class CompiledLaw:
     def __init__(self, law: Law, dim: int, comm: MPI.Comm):
         local = law.spread is None
         self.dim, self._comm = dim, comm
-        memory = from_memory(dim) if law.remembers else []
+        memory = from_memory(law, dim)
         self.names = [*law.given, *memory, *([] if local else [AROUND])]
         points = mesh.create_interval(MPI.COMM_SELF, _CHUNK, (0.0, 1.0))
         width = 3 * dim + 2 + len(self.names)
@@ -78,8 +78,9 @@ class CompiledLaw:
         around = None if local else self._fields[-1]
         point = replace(point, slid=ufl.sqrt(ufl.dot(point.u_t, point.u_t)), around=around)
         if memory:
-            *before, step = self._fields[len(law.given) :][: dim + 1]
-            point = replace(point, before=ufl.as_vector(before), step=step)
+            known = self._fields[len(law.given) :]
+            kept = dict(zip(law.keeps(dim), known[dim + 1 :], strict=False))
+            point = replace(point, before=ufl.as_vector(known[:dim]), step=known[dim], kept=kept)
         unit = point if local else replace(point, around=ufl.as_ufl(1.0))
         # What the user wrote comes first: compiling is collective.
         with everywhere(comm, f"the law {type(law).__name__}"):
@@ -306,9 +307,14 @@ class LawAtPoints:
         return found, {name: chosen(places, d) for name, places in names}
 
 
-def from_memory(dim: int) -> list[str]:
-    """Names of what memory gives a law beside its fields: the jump before, and the time since."""
-    return [*(f".before_{i}" for i in range(dim)), ".step"]
+def from_memory(law: Law, dim: int) -> list[str]:
+    """Names of what memory gives a law beside its fields, if it remembers anything.
+
+    They are the jump before, the time since, and what it `keeps`.
+    """
+    if not law.remembers:
+        return []
+    return [*(f".before_{i}" for i in range(dim)), ".step", *law.keeps(dim)]
 
 
 def _variable(e: Any, number: int) -> Any:

@@ -18,7 +18,7 @@ Signorini's conditions and friction are projections (Alart and Curnier, CMAME 92
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import Any, Literal, NamedTuple, Self, TypeAlias
 
 import numpy as np
@@ -82,6 +82,7 @@ class ContactPoint:
         before: jump of the last accepted state of an evolution, a vector, of which ``jump`` has the
             normal part alone; None if the law remembers nothing.
         step: time since that state, negative under the static law; None likewise.
+        kept: what memory has of that state for the law alone (`Law.keeps`), by name.
     """
 
     jump: Any
@@ -97,6 +98,7 @@ class ContactPoint:
     around: Any = None
     before: Any = None
     step: Any = None
+    kept: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def t(self) -> Any:
@@ -137,7 +139,8 @@ class Bond(NamedTuple):
     """What a law with a memory makes of a state beside its answer.
 
     Attributes:
-        after: UFL by the names in `Law.remembers`: their values once the state is accepted.
+        after: UFL by the names in `Law.remembers` and `Law.keeps`: their values once the state is
+            accepted.
         traction: UFL, the part of the answer that is adhesion, a vector.
         stored: UFL energy per area.
         spent: UFL energy per area that damage has dissipated since the last accepted state.
@@ -235,6 +238,10 @@ class Law:
         if "__dataclass_fields__" not in vars(type(self)):
             return None
         return type(self), _settings(type(self))
+
+    def keeps(self, dim: int) -> tuple[str, ...]:
+        """Names of what memory has for a law that `remembers`, beside its fields; 0 before."""
+        return ()
 
     def sign(self, field: str) -> Sign:
         """What a field must be."""

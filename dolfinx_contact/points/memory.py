@@ -39,7 +39,7 @@ class Memory:
 
     Attributes:
         jump: j_n, the total jump at the last accepted state (n, dim), a length. Read-only.
-        fields: of the law, as they were there (n,), by name. Read-only.
+        fields: of the law, as they were there, and what it keeps (n,), by name. Read-only.
         step: time from that state to the one that is looked at.
         gap: what stands for the gap in the law (n,), where it is about velocities; None elsewhere.
     """
@@ -83,9 +83,9 @@ def with_memory(law: Law, memory: Memory | None, data: PointData) -> PointData:
         return data
     n, dim = data.n.shape
     known = Memory(np.zeros((n, dim)), step=-1.0) if memory is None else memory
-    columns = [*known.jump.T, np.full(n, known.step)]
-    added = dict(zip(from_memory(dim), columns, strict=True))
-    return replace(data, fields={**data.fields, **known.fields, **added})
+    added = dict.fromkeys(from_memory(law, dim), np.zeros(n))
+    added |= dict(zip(added, [*known.jump.T, np.full(n, known.step)], strict=False))
+    return replace(data, fields={**data.fields, **added, **known.fields})
 
 
 def _frozen(values: Array) -> Array:
