@@ -37,7 +37,7 @@ def arguments(argv=None):
     parser = ScriptParser("A bond that is pulled apart", output="output/adhesion")
     parser.add_argument("--viscosity", type=number(least=0), default=0.0, help="b V/(u0 w)")
     parser.add_argument("--steps", type=number(int, above=0), default=20, help="for each u0 / 2")
-    parser.add_argument("--order", type=int, choices=[1], default=1, help="in time")
+    parser.add_argument("--order", type=int, choices=[1, 2], default=1, help="in time")
     parser.add_argument("--spring", type=number(above=0, below=3), help="stiffness in series, of C")
     return parser.parse(argv)
 
@@ -57,11 +57,12 @@ def glued(comm, law):
 def opened(args, comm, folder):
     """Open at the speed u0: the top goes ahead by the pull over the stiffness of the block."""
     b, n = args.viscosity * WORK, 12 * args.steps
-    problem, lift = glued(comm, RCCM(C, C, WORK, viscosity=b))
+    problem, lift = glued(comm, RCCM(C, C, WORK, viscosity=b, order=args.order))
     times, beta, dt = np.linspace(0.0, 6.0, n + 1), [1.0], 6.0 / n
     for t in times[1:]:
-        later = (b * beta[-1] + dt * WORK) / (b + dt * C * (U0 * t) ** 2)
-        beta.append(min(beta[-1], later))
+        part = (args.order == 2 and t > times[1]) / 3  # BDF2
+        start, h = beta[-1] + part * (beta[-1] - beta[-2:][0]), dt * (1 - part)
+        beta.append(min(beta[-1], (b * start + h * WORK) / (b + h * C * (U0 * t) ** 2)))
 
     def load(t):
         lift.value[1] = U0 * t * (1 + np.interp(t, times, beta) ** 2 * C / YOUNG)
@@ -109,8 +110,7 @@ def snapped(K):
 def main(argv=None):
     args, comm = arguments(argv), MPI.COMM_WORLD
     folder, say = output.output_folder(comm, args.output), output.Report(comm)
-    summary = opened(args, comm, folder)
-    summary |= {"folds": snapped(args.spring)} if args.spring else {}
+    summary = opened(args, comm, folder) | ({"folds": snapped(args.spring)} if args.spring else {})
     for name in ("beta_at", "peak", "peak_at", "work", "folds"):
         say(f"{name}: {summary.get(name)}")
     return output.write_summary(comm, folder, summary)

@@ -103,4 +103,10 @@ def test_adhesion(folder):
     slow = demo_adhesion.main(["--steps=8", f"--output={folder}", "--viscosity=1"])
     assert slow["beta_at"]["2"] == pytest.approx(0.4048318120, rel=0.02)
     assert slow["peak"] == pytest.approx(1.107952, rel=0.03)
+    words = ["--steps=8", "--order=2", "--viscosity=1", f"--output={folder}"]
+    better = demo_adhesion.main(words)
+    wanted = {"1.5": 0.7811538113, "2": 0.4048318120, "3": 0.1218560409}
+    for ratio, beta in wanted.items():
+        assert better["beta_at"][ratio] == pytest.approx(beta, abs=1e-3)
+    assert better["peak"] == pytest.approx(1.107952, rel=5e-3)  # it is between two steps
     assert (folder / "pull.png").exists()

@@ -78,9 +78,9 @@ class CompiledLaw:
         around = None if local else self._fields[-1]
         point = replace(point, slid=ufl.sqrt(ufl.dot(point.u_t, point.u_t)), around=around)
         if memory:
-            known = self._fields[len(law.given) :]
-            kept = dict(zip(law.keeps(dim), known[dim + 1 :], strict=False))
-            point = replace(point, before=ufl.as_vector(known[:dim]), step=known[dim], kept=kept)
+            past = self._fields[len(law.given) :]
+            kept = dict(zip(law.keeps(dim), past[dim + 1 :], strict=False))
+            point = replace(point, before=ufl.as_vector(past[:dim]), step=past[dim], kept=kept)
         unit = point if local else replace(point, around=ufl.as_ufl(1.0))
         # What the user wrote comes first: compiling is collective.
         with everywhere(comm, f"the law {type(law).__name__}"):

@@ -29,7 +29,7 @@ import numpy as np
 
 import ufl
 
-__all__ = ["DamageStep", "least_energy", "solved"]
+__all__ = ["DamageStep", "least_energy"]
 
 _LEAST = 0.25  # of w, an energy below which no bond of intensity 1 or less can damage
 _TINY = 1e-100
@@ -37,8 +37,8 @@ _LONGEST = 2.0  # step over the one before, beyond which BDF2 is not stable (1 +
 _DEGREE = 12
 
 
-def solved(log: Any, exponent: float) -> Any:
-    """y of y + k y^p = 1, by the logarithm of k > 0, differentiable.
+def _solved(log: Any, exponent: float) -> Any:
+    """The y of y + k y^p = 1, by the logarithm of k > 0, differentiable.
 
     With y = exp(-x) it is the zero of ln(exp(-x) + k exp(-p x)), which is convex and between two
     lines that cross at k = 1. What x has more than the zeros of these is a function of k below, of
@@ -132,7 +132,7 @@ class DamageStep:
         return free + ufl.conditional(acts, held, 0.0)
 
     def intensity(self, energy: Any) -> Any:
-        """beta below the cap."""
+        """The intensity below the cap."""
         p, w, b, s, time = (
             *(self._exponent, self._work, self._viscosity),
             *(self._start, self._time),
@@ -145,11 +145,11 @@ class DamageStep:
             most = s - w / e  # by which beta falls without viscosity
             size = _positive(ufl.conditional(ufl.gt(most, 0.0), most, -most), _TINY)
             log = ufl.ln(b_ / e) + (p - 1.0) * ufl.ln(size) - p * ufl.ln(_positive(time, _TINY))
-            slow = s - most * solved(log, p)
+            slow = s - most * _solved(log, p)
         return ufl.conditional(self._viscous, slow, w / e)
 
     def now(self, energy: Any) -> Any:
-        """beta at an energy of the springs."""
+        """The intensity at an energy of the springs."""
         return ufl.conditional(ufl.lt(self.slack(energy), 0.0), self.intensity(energy), self.cap)
 
 
