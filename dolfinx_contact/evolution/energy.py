@@ -83,8 +83,7 @@ class Energies:
             outer -= np.dot(force, q.un - p.un + moved)
             pressed += float(np.sum(q.bonds - p.bonds))
             spent += float(np.sum(q.spent))
-            if q.compliant:
-                pressed -= np.dot(force, q.un - p.un)
+            pressed -= np.dot((p.springs + q.springs) / 2, q.un - p.un)
         comm = after.equations.comm
         sums = (comm.allreduce(float(v)) for v in (outer, inner, pressed, spent))
         outer, inner, pressed, spent = sums
@@ -104,6 +103,7 @@ class SurfaceForces:
     """A contact surface at a state: forces of pressure, gaps (n,), normals, total jumps (n, dim).
 
     Attributes:
+        springs: forces of a surface that gives way, without adhesion; 0 of others (n,).
         bonds: energies that bonds hold (n,).
         spent: energies that bonds have lost since the state before (n,).
     """
@@ -112,7 +112,7 @@ class SurfaceForces:
     un: Array
     n: Array
     jump: Array
-    compliant: bool
+    springs: Array
     bonds: Array
     spent: Array
 
@@ -158,10 +158,15 @@ def forces_at(eq: ContactEquations, state: State) -> Forces:
         un = found.data.gap - np.sum(found.jump * normal, axis=1)
         force = s.points.areas * pressure
         none = np.zeros_like(force), np.zeros_like(force)
+        springs = force if s.law.compliant else none[0]
+        if s.law.compliant and s.law.remembers:
+            springs = force + s.points.areas * np.sum(
+                found.answers.bond("traction") * normal, axis=1
+            )
         names = ("stored", "spent") if s.law.remembers else ()
         bonds = [s.points.areas * found.answers.bond(name) for name in names] or none
         jump = found.jump + s.reference
-        surfaces.append(SurfaceForces(force, un, normal, jump, s.law.compliant, *bonds))
+        surfaces.append(SurfaceForces(force, un, normal, jump, springs, *bonds))
     return Forces(
         eq,
         u,

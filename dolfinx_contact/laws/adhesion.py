@@ -8,34 +8,49 @@ total, by springs; friction grows where they break:
     t_adh = -beta^2 (-C_N [u_n] n + C_T [u_t]),       |t_t - t_adh,t| <= mu (1 - beta) p,
     b |beta'|^p = (w - (C_N [u_n]^2 + C_T |[u_t]|^2) beta)^-,
 
-with Signorini's conditions on the pressure, in which adhesion has no part. What breaks does not
+with Signorini's conditions on the pressure p, in which adhesion has no part. What breaks does not
 heal. Steps in time, of first and second order, are those of `damage`; for b = 0 they are exact, as
-long as the jumps grow. A bond holds or *damages*: these are statuses, beside open, stick and slip
+long as the jumps grow. A bond holds or *changes*: these are statuses, beside open, stick and slip
 (`status.DAMAGING`).
 
-The two forms of the friction bound in print, mu (1 - beta) times the contact pressure and times the
-normal traction less its adhesive part, are one under Signorini's conditions, where adhesion pulls
-open points alone.
+*Recoverable* bonds grow at closed points: b beta' = w - E beta with E = C_N [u_n]^2 + C_T |[u_t]|^2
+and 0 <= beta <= 1, at points that were closed at the start of a step (so that no step has a jump
+where a point closes). A bond that is broken takes the jump as its tangential reference until it has
+grown again: it is a new one.
+
+*A surface that gives way* (`contact`): p is that of `NormalCompliance`. As the energy of the model
+is written, springs act on [u_n] of either sign, so that they resist penetration too.
+
+The friction bound has two forms in print: mu (1 - beta) |R_n^-|, of the whole normal traction, and
+mu (1 - beta) |R_n - C_N [u_n] beta^2|, of the contact pressure alone (`threshold`). Under
+Signorini's conditions they are one, for adhesion pulls open points alone; with compliance the first
+has beta^2 C_N [u_n] more.
 """
 
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal, Self, TypeAlias, get_args
 
 import numpy as np
 
 import ufl
 
+from dolfinx_contact.laws.compliant import NormalCompliance
 from dolfinx_contact.laws.damage import DamageStep, least_energy
-from dolfinx_contact.laws.friction import Coulomb
+from dolfinx_contact.laws.friction import Coulomb, Frictionless
 from dolfinx_contact.laws.law import Bond, Border, ContactPoint, Law, Scalar, Sign, StatusPiece
 from dolfinx_contact.laws.status import DAMAGING, OPEN, PLUS
 
 __all__ = ["RCCM"]
 
 _RATE, _LENGTH, _REST = ".rate", ".length", ".rest"
+_CLOSED, _ORIGIN = ".closed", ".origin_"
+_FIELDS = "normal", "tangential", "work", "friction", "viscosity", "beta", "broken"
+_STIFFNESS = "stiffness"  # of a surface that gives way
+
+Threshold: TypeAlias = Literal["pressure", "reaction"]
 
 
 @dataclass(frozen=True)
@@ -53,11 +68,18 @@ class RCCM(Law):
         viscosity: b >= 0 of damage, energy per area times time to the power p.
         beta: intensity at the start, from 0 to 1.
         exponent: p of the viscosity, a number from 1/10 to 10.
+        broken: intensity below which a bond is broken.
+        exponent: p of the viscosity, a number from 1/10 to 10.
         order: of the steps in time, 1 or 2. With p > 1, where the damage of a bond begins as a root
             of the time, the second is 1 + 1/p in truth.
+        recovers: whether bonds grow at closed points (p = 1).
+        contact: compliance of the surface, without friction of its own; None: Signorini's
+            conditions.
+        threshold: what friction is a part of: ``"pressure"`` of contact, or the whole
+            ``"reaction"``.
 
     Raises:
-        ValueError: if the exponent or the order is none of these.
+        ValueError: if one of the last five is none of these.
     """
 
     normal: Scalar
@@ -66,8 +88,12 @@ class RCCM(Law):
     friction: Scalar = 0.0
     viscosity: Scalar = 0.0
     beta: Scalar = 1.0
+    broken: Scalar = 1e-6
     exponent: float = 1.0
     order: int = 1
+    recovers: bool = False
+    contact: NormalCompliance | None = None
+    threshold: Threshold = "pressure"
     remembers = ("beta",)
 
     def __post_init__(self) -> None:
@@ -77,33 +103,73 @@ class RCCM(Law):
             raise ValueError(f"the exponent of RCCM must be a number from 1/10 to 10, got {p!r}")
         if isinstance(self.order, bool) or self.order not in (1, 2):
             raise ValueError(f"the order of RCCM in time must be 1 or 2, got {self.order!r}")
+        if not isinstance(self.recovers, bool) or (self.recovers and p != 1):
+            raise ValueError(
+                f"recovers of RCCM must be True or False, and bonds recover with the exponent 1 "
+                f"alone; got {self.recovers!r} and {p!r}"
+            )
+        soft = self.contact
+        alone = isinstance(soft, NormalCompliance) and (
+            isinstance(soft.friction, Frictionless) and soft.tangential is None
+        )
+        if not (soft is None or alone):
+            raise ValueError(
+                "contact of RCCM must be None or a NormalCompliance without friction and "
+                f"tangential stiffness, got {soft!r}"
+            )
+        if self.threshold not in get_args(Threshold):
+            raise ValueError(
+                f"the threshold of RCCM must be one of {get_args(Threshold)}, "
+                f"got {self.threshold!r}"
+            )
+
+    @property
+    def compliant(self) -> bool:  # type: ignore[override]
+        return self.contact is not None
 
     @property
     def kind(self) -> Hashable | None:
-        return super().kind, float(self.exponent), int(self.order)
+        soft = None if self.contact is None else self.contact.kind
+        numbers = float(self.exponent), int(self.order), self.recovers, self.threshold
+        return super().kind, *numbers, soft
 
     @property
     def given(self) -> dict[str, Scalar]:
-        names = "normal", "tangential", "work", "friction", "viscosity", "beta"
-        return {name: getattr(self, name) for name in names}
+        mine = {name: getattr(self, name) for name in _FIELDS}
+        return mine if self.contact is None else mine | {_STIFFNESS: self.contact.stiffness}
+
+    def having(self, symbols: Mapping[str, Any]) -> Self:
+        own, contact = dict(symbols), self.contact
+        if contact is not None:
+            stiffness = own.pop(_STIFFNESS, contact.stiffness)
+            contact = replace(contact, stiffness=stiffness)
+        return replace(self, contact=contact, **own)
 
     def sign(self, field: str) -> Sign:
-        return {"work": "positive", "beta": "fraction"}.get(field, "nonnegative")  # type: ignore
+        known: dict[str, Sign] = {
+            **dict.fromkeys(("work", _STIFFNESS), "positive"),
+            **dict.fromkeys(("beta", "broken"), "fraction"),
+        }
+        return known.get(field, "nonnegative")
 
     def keeps(self, dim: int) -> tuple[str, ...]:
-        return (_RATE, _LENGTH, _REST) if self.order == 2 else ()
+        steps = (_RATE, _LENGTH, _REST) if self.order == 2 else ()
+        bonds = (_CLOSED, *(f"{_ORIGIN}{i}" for i in range(dim))) if self.recovers else ()
+        return steps + bonds
 
     def bound(self, a: ContactPoint, p: Any) -> Any:
-        return self.friction * (1.0 - self._now(a)) * p
+        beta = self._now(a)
+        return self._friction(beta, ufl.conditional(ufl.gt(a.u_n, 0.0), a.u_n, 0.0)).bound(a, p)
 
     def bond(self, a: ContactPoint) -> Bond:
-        opening = _opening(a)
-        energy, beta = self._energy(opening, _moved(a)), self._now(a)
+        opening, moved = self._opening(a), self._moved(a)
+        energy, beta = self._energy(opening, moved), self._now(a)
         lost, moves = self.beta - beta, ufl.gt(a.step, 0.0)
         time = ufl.conditional(moves, a.step, 1.0)
-        viscous = ufl.And(moves, ufl.And(ufl.gt(self.viscosity, 0.0), ufl.gt(lost, 0.0)))
-        pace = ufl.conditional(viscous, lost, 1.0) / time
-        resisted = ufl.conditional(viscous, self.viscosity * pace**self.exponent * lost, 0.0)
+        size = ufl.conditional(ufl.gt(lost, 0.0), lost, -lost)
+        viscous = ufl.And(moves, ufl.And(ufl.gt(self.viscosity, 0.0), ufl.gt(size, 0.0)))
+        pace = ufl.conditional(viscous, size, 1.0) / time
+        resisted = ufl.conditional(viscous, self.viscosity * pace**self.exponent * size, 0.0)
         after = {"beta": beta}
         if self.order == 2:
             held = ufl.lt(beta * energy, self.work)
@@ -112,28 +178,38 @@ class RCCM(Law):
                 _LENGTH: ufl.conditional(moves, a.step, 0.0),
                 _REST: ufl.conditional(held, beta, self.work / least_energy(energy, self.work)),
             }
-        return Bond(
-            after,
-            self._traction(a, beta, opening),
-            0.5 * beta**2 * energy,
-            self.work * lost + resisted,
-        )
+        spent = self.work * lost + resisted
+        if self.recovers:
+            touch = self._soft(a, beta, opening).touch
+            after[_CLOSED] = ufl.conditional(ufl.gt(touch, 0.0), 1.0, 0.0)
+            for i in range(a.dim):
+                jump = a.jump[i] + a.before[i] - ufl.dot(a.before, a.n) * a.n[i]
+                after[f"{_ORIGIN}{i}"] = ufl.conditional(self._is_new, jump, self._origin(a)[i])
+            given_up = _along(a.before - self._origin(a), a.n)
+            spent += ufl.conditional(
+                self._is_new,
+                0.5 * self.beta**2 * self.tangential * ufl.dot(given_up, given_up),
+                0.0,
+            )
+        traction = self._traction(beta, opening, moved, a.n)
+        broken = ufl.conditional(ufl.lt(beta, self.broken), 1.0, 0.0)
+        return Bond(after, traction, 0.5 * beta**2 * energy, spent, broken)
 
     def pieces(self, a: ContactPoint) -> Mapping[int, StatusPiece]:
-        found, step = {}, self._step(a)
+        found, step, moved = {}, self._step(a), self._moved(a)
         scale = ufl.sqrt(self.work * (self.normal + self.tangential))
         for is_open in (True, False):
-            opening = -a.u_n if is_open else 0.0
-            energy = self._energy(opening, _moved(a))
+            opening = -a.u_n if is_open or self.compliant else 0.0
+            energy = self._energy(opening, moved)
             slack = scale * step.slack(energy)
             for damage, beta in ((0, step.cap), (DAMAGING, step.intensity(energy))):
-                adhesion = self._traction(a, beta, opening)
-                for code, piece in self._contact(a, beta).items():
+                adhesion = self._traction(beta, opening, moved, a.n)
+                for code, piece in self._contact(self._soft(a, beta, opening), beta).items():
                     if (code == OPEN) != is_open:
                         continue
                     borders = [Border(d, k + damage, where) for d, k, where in piece.borders]
                     if damage:
-                        borders += self._healed(code, -slack, step.cap)
+                        borders += self._held(code, -slack, step.cap)
                     else:
                         borders.append(Border(slack, code + DAMAGING))
                     answer = piece.answer + adhesion
@@ -145,12 +221,21 @@ class RCCM(Law):
 
         Springs that the increment stretches are as good as more augmentation, and left out.
         """
-        along = a.before - ufl.dot(a.before, a.n) * a.n
+        along = _along(a.before - self._origin(a), a.n)
+        if self.recovers:
+            along = ufl.conditional(self._is_new, 0.0, 1.0) * along
         shear = a.s + beta**2 * self.tangential * along
-        return Coulomb(self.friction * (1.0 - beta)).pieces(replace(a, shear=shear))
+        return self._friction(beta, a.u_n).pieces(replace(a, shear=shear))
 
-    def _healed(self, code: int, distance: Any, cap: Any) -> list[Border]:
-        """Where damage ends: an intact bond has no friction, and then every point may slip."""
+    def _friction(self, beta: Any, u_n: Any) -> Coulomb:
+        """Friction of a bond of an intensity, where springs are pressed together by u_n."""
+        friction = self.friction * (1.0 - beta)
+        if self.threshold == "pressure":
+            return Coulomb(friction)
+        return _OfReaction(friction, beta**2 * self.normal * u_n)
+
+    def _held(self, code: int, distance: Any, cap: Any) -> list[Border]:
+        """Where a change ends: an intact bond has no friction, and then every point may slip."""
         if code in (OPEN, PLUS):
             return [Border(distance, code)]
         grips = ufl.And(ufl.gt(self.friction, 0.0), ufl.lt(cap, 1.0))
@@ -160,24 +245,67 @@ class RCCM(Law):
         """Twice that of springs of an intact bond, per area."""
         return self.normal * opening**2 + self.tangential * ufl.dot(moved, moved)
 
-    def _traction(self, a: ContactPoint, beta: Any, opening: Any) -> Any:
-        return beta**2 * (self.normal * opening * a.n - self.tangential * _moved(a))
+    def _traction(self, beta: Any, opening: Any, moved: Any, n: Any) -> Any:
+        return beta**2 * (self.normal * opening * n - self.tangential * moved)
+
+    def _soft(self, a: ContactPoint, beta: Any, opening: Any) -> ContactPoint:
+        """The point with the pressure of its surface, in which springs have no part."""
+        if self.contact is None:
+            return a
+        pull = beta**2 * self.normal * opening
+        return self.contact.soft(replace(a, traction=a.traction - pull * a.n))
 
     def _step(self, a: ContactPoint) -> DamageStep:
         """How the intensity goes on from memory."""
         b, p = self.viscosity, float(self.exponent)
-        before = {k.removeprefix("."): a.kept[k] for k in self.keeps(a.dim)} or None
-        return DamageStep(self.beta, self.work, b, p, a.step, before)
+        before = (
+            {k.removeprefix("."): a.kept[k] for k in (_RATE, _LENGTH, _REST)}
+            if self.order == 2
+            else None
+        )
+        grows = None
+        if self.recovers:
+            grows = ufl.And(ufl.gt(a.kept[_CLOSED], 0.5), ufl.gt(a.step, 0.0))
+        return DamageStep(self.beta, self.work, b, p, a.step, before, grows)
 
     def _now(self, a: ContactPoint) -> Any:
         """The intensity at a state."""
-        return self._step(a).now(self._energy(_opening(a), _moved(a)))
+        return self._step(a).now(self._energy(self._opening(a), self._moved(a)))
+
+    @property
+    def _is_new(self) -> Any:
+        """Whether a bond that recovers was broken, so that it begins where it is."""
+        return ufl.lt(self.beta, self.broken)
+
+    def _origin(self, a: ContactPoint) -> Any:
+        """The jump at which springs are at rest along the surface."""
+        if not self.recovers:
+            return 0.0 * a.n
+        return ufl.as_vector([a.kept[f"{_ORIGIN}{i}"] for i in range(a.dim)])
+
+    def _opening(self, a: ContactPoint) -> Any:
+        """By which springs are drawn; of a surface that gives way they may be pressed."""
+        return -a.u_n if self.compliant else ufl.conditional(ufl.lt(a.u_n, 0.0), -a.u_n, 0.0)
+
+    def _moved(self, a: ContactPoint) -> Any:
+        """The tangential jump of the springs."""
+        moved = a.u_t + _along(a.before - self._origin(a), a.n)
+        return ufl.conditional(self._is_new, 0.0, 1.0) * moved if self.recovers else moved
 
 
-def _opening(a: ContactPoint) -> Any:
-    return ufl.conditional(ufl.lt(a.u_n, 0.0), -a.u_n, 0.0)
+@dataclass(frozen=True)
+class _OfReaction(Coulomb):
+    """Friction by the whole normal traction.
+
+    Attributes:
+        pressed: what springs add to the pressure.
+    """
+
+    pressed: Scalar
+
+    def bound(self, a: ContactPoint, p: Any) -> Any:
+        return self.friction * (p + self.pressed)
 
 
-def _moved(a: ContactPoint) -> Any:
-    """The whole tangential jump, from the start."""
-    return a.u_t + a.before - ufl.dot(a.before, a.n) * a.n
+def _along(v: Any, n: Any) -> Any:
+    return v - ufl.dot(v, n) * n

@@ -195,7 +195,7 @@ class Answers:
         return q[:, 0], by_jump, by_traction
 
     def bond(self, name: str) -> Array:
-        """Of a law with a memory: "traction" (n, dim), "stored", "spent", "after.NAME" (n,)."""
+        """The parts of `law.Bond`: "traction" (n, dim); (n,) "stored", "broken", "after.NAME"..."""
         found = np.asarray(self._values[:, self._law.places[f"bond.{name}"][0]])
         return found if name == "traction" else found[:, 0]
 

@@ -115,7 +115,8 @@ class CompiledLaw:
         for name, bound in bounds.items():
             self.places[name] = [] if bound is None else [flat.add(bound)]
         if bond is not None:
-            parts = {"traction": bond.traction, "stored": bond.stored, "spent": bond.spent}
+            known = "traction", "stored", "spent", "broken"
+            parts = {name: getattr(bond, name) for name in known}
             parts |= {f"after.{name}": e for name, e in bond.after.items()}
             self.places |= {f"bond.{name}": [flat.add(e)] for name, e in parts.items()}
         q = self._spreads

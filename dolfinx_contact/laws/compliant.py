@@ -148,12 +148,12 @@ class NormalCompliance(_AroundFriction):
         return float(self.exponent)
 
     def spreads(self, a: ContactPoint) -> Any | None:
-        return super().spreads(self._soft(a))
+        return super().spreads(self.soft(a))
 
     def pieces(self, a: ContactPoint) -> Mapping[int, StatusPiece]:
-        return super().pieces(self._soft(a))
+        return super().pieces(self.soft(a))
 
-    def _soft(self, a: ContactPoint) -> ContactPoint:
+    def soft(self, a: ContactPoint) -> ContactPoint:
         """The point with the pressure and the shear of springs."""
         C, C_t, m = self.stiffness, self.tangential, float(self.exponent)
         shear = None if C_t is None else C_t / (C_t + a.r) * a.s

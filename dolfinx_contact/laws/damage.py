@@ -121,7 +121,7 @@ class DamageStep:
             self.cap = cap if recovers is None else ufl.conditional(recovers, 1.0, cap)
 
     def slack(self, energy: Any) -> Any:
-        """(w - E c)/w and what viscosity adds: positive where beta is the cap."""
+        """(w - E c - b ((c - s)/tau)^p)/w, positive where beta is the cap."""
         free = 1.0 - self.cap * energy / self._work
         if self.cap is self._start:
             return free
@@ -129,7 +129,7 @@ class DamageStep:
         pace = _positive(missing, _TINY) / _positive(self._time, _TINY)
         held = self._viscosity * pace**self._exponent / self._work
         acts = ufl.And(self._viscous, ufl.gt(missing, 0.0))
-        return free + ufl.conditional(acts, held, 0.0)
+        return free - ufl.conditional(acts, held, 0.0)
 
     def intensity(self, energy: Any) -> Any:
         """The intensity below the cap."""

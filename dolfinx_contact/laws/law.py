@@ -143,13 +143,16 @@ class Bond(NamedTuple):
             accepted.
         traction: UFL, the part of the answer that is adhesion, a vector.
         stored: UFL energy per area.
-        spent: UFL energy per area that damage has dissipated since the last accepted state.
+        spent: UFL energy per area that damage has dissipated since the last accepted state, less
+            what bonds that grow again give back.
+        broken: UFL, 1 where the bond counts as broken, else 0.
     """
 
     after: Mapping[str, Any]
     traction: Any
     stored: Any
     spent: Any
+    broken: Any
 
 
 class Border(NamedTuple):

@@ -34,7 +34,7 @@ __all__ = [
 OPEN, STICK, PLUS, MINUS = range(4)
 #: Added to the number of a closed status: friction as there, at an open point.
 WHERE_OPEN = 3
-#: Added to the number of any status: a bond is losing its strength there.
+#: Added to the number of any status: the strength of a bond changes there.
 DAMAGING = 8
 
 _LETTERS = {2: "ok+-KPM aqrl    ", 3: "oks KS  aqc     "}

@@ -22,13 +22,11 @@ from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.order import by_coordinates
 from dolfinx_contact.equations.state import ContactState, State
 from dolfinx_contact.laws import status
-from dolfinx_contact.laws.status import DAMAGING, STICK, closed, without_damage
+from dolfinx_contact.laws.status import STICK, closed, without_damage
 from dolfinx_contact.points.surface import ContactSurface
 from dolfinx_contact.results.balance import forces_at_vertices
 
 __all__ = ["ContactTable", "contact_table", "violation"]
-
-_BROKEN = 1e-6  # intensity of adhesion below which a bond is broken
 
 
 @dataclass(frozen=True)
@@ -57,7 +55,7 @@ class ContactTable:
         beta: intensity of adhesion, 1 intact, 0 broken; None of a law that has none.
         adhesion: the part of ``force`` that is adhesion (n, dim); None likewise.
         bond: one letter a point: i where the bond is as it was before the step, d where it lost
-            strength in it, b where it is broken, beta below 1e-6; None likewise.
+            strength in it, r where it recovers, b where it is broken; None likewise.
     """
 
     name: str
@@ -183,8 +181,10 @@ def contact_table(
     }
     if s.law.remembers:
         beta = found.answers.bond("after.beta")
-        held = np.where(found.statuses >= DAMAGING, "d", "i")
-        columns["beta"], columns["bond"] = beta, np.where(beta < _BROKEN, "b", held)
+        before = found.data.fields["beta"]
+        bond = np.where(beta < before, "d", np.where(beta > before, "r", "i"))
+        bond = np.where(found.answers.bond("broken") > 0, "b", bond)
+        columns["beta"], columns["bond"] = beta, bond
         force = found.answers.bond("traction") * area[:, None]
         columns["adhesion"] = np.where((letters == "d")[:, None], 0.0, force)
     columns["ids"] = s.points.ids

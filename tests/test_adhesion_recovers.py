@@ -1,0 +1,204 @@
+"""Bonds that recover, surfaces that give way, and both printed thresholds of friction."""
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from test_adhesion import U0, C, W, along, bonded
+from test_adhesion_in_time import Point
+
+from dolfinx_contact import RCCM, Coulomb, NormalCompliance, output
+from dolfinx_contact.evolution import QuasiStatic
+
+COMM = MPI.COMM_WORLD
+PRESSED = (0.0, 5.0)
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_grows_at_rest(order):
+    """From beta_0 by w t/b, up to 1; exactly, with steps of any length."""
+    law = RCCM(C, C, W, viscosity=2.0, beta=0.3, recovers=True, order=order)
+    point = Point(law)
+    assert point.to(0.0, (0.0, 0.0), PRESSED) == 0.3
+    for t in (0.1, 0.3, 0.35, 1.0, 1.39):
+        assert point.to(t, (0.0, 0.0), PRESSED) == pytest.approx(0.3 + t / 2, rel=1e-12)
+    for t in (1.5, 2.0, 3.0):
+        assert point.to(t, (0.0, 0.0), PRESSED) == 1.0
+    # What does not recover keeps its strength, bit by bit; so do open points.
+    point = Point(RCCM(C, C, W, viscosity=2.0, beta=0.3, order=order))
+    assert {point.to(t, (0.0, 0.0), PRESSED) for t in (0.0, 1.0, 3.0)} == {0.3}
+    point = Point(law)
+    assert {point.to(t, (0.0, 0.1 * U0)) for t in (0.0, 1.0, 3.0)} == {0.3}
+
+
+@pytest.mark.parametrize(("order", "most"), [(1, 0.005), (2, 5e-5)])
+@pytest.mark.parametrize(("start", "u"), [(0.9, 2.0), (0.1, 1.25)])
+def test_at_a_fixed_jump(start, u, order, most):
+    """Exponentially to w/(C u^2), from above and from below; orders of the steps."""
+    b, errors = 0.5, []
+    law = RCCM(C, C, W, viscosity=b, beta=start, recovers=True, order=order)
+    for n in (64, 128, 256):
+        point = Point(law)
+        point.to(0.0, (0.0, 0.0), PRESSED)
+        point.to(1e-7, (u * U0, 0.0), PRESSED)
+        t = np.linspace(0.0, 0.5, n + 1)[1:]
+        beta = np.array([point.to(v + 1e-7, (u * U0, 0.0), PRESSED) for v in t])
+        wanted = u**-2 + (start - u**-2) * np.exp(-(u**2) * t / b)
+        errors.append(np.abs(beta - wanted).max())
+    assert errors[-1] < most
+    rates = np.log2(np.array(errors[:-1]) / errors[1:])
+    np.testing.assert_allclose(rates, order, atol=0.25)
+
+
+def test_a_new_bond_begins_where_it_is():
+    """Drawn off by 2000 u0 and put down aside; its springs are at rest there, and break anew."""
+    law = RCCM(C, C, W, viscosity=0.1, recovers=True)
+    point, aside = Point(law), 5 * U0
+    point.to(0.0, (0.0, 0.0), PRESSED)
+    broken = point.to(100.0, (0.0, 2000 * U0))
+    assert broken < 1e-6
+    assert point.answers.bond("broken")[0] == 1
+    assert point.to(101.0, (aside, 0.0), PRESSED) == broken  # it was open until now
+    assert point.to(101.05, (aside, 0.0), PRESSED) == pytest.approx(0.5, rel=1e-5)
+    np.testing.assert_allclose(point.answers.bond("traction"), 0.0, atol=1e-12)
+    beta = point.to(101.06, (aside + 0.5 * U0, 0.0), PRESSED)
+    assert beta == pytest.approx((0.1 * 0.5 + 0.01) / (0.1 + 0.01 * 0.25), rel=1e-5)
+    traction = point.answers.bond("traction")[0]
+    np.testing.assert_allclose(traction, (-(beta**2) * C * 0.5 * U0, 0.0), rtol=1e-12)
+    assert point.answers.bond("stored")[0] == pytest.approx(beta**2 * W * 0.25 / 2, rel=1e-12)
+    assert point.to(200.0, (aside + 2 * U0, 0.0), PRESSED) == pytest.approx(0.25, rel=0.01)
+    # A bond that was not broken keeps its reference.
+    kept = Point(law)
+    kept.to(0.0, (0.0, 0.0), PRESSED)
+    weak = kept.to(100.0, (0.0, 20 * U0))
+    kept.to(101.0, (aside, 0.0), PRESSED)
+    assert weak < kept.to(1e3, (aside, 0.0), PRESSED) == pytest.approx(1 / 25, rel=1e-5)
+
+
+@pytest.mark.parametrize("cell", ["quad", "hex"])
+def test_pressed_down_again(cell):
+    """Blocks drawn off and pressed down: bonds are there again, if they recover."""
+    ways, aside = {}, [0.0] * (1 if cell == "quad" else 2)
+    for recovers in (False, True):
+        law = RCCM(C, C, W, 0.3, viscosity=0.05, recovers=recovers)
+        problem, top = bonded(cell, 1 if cell == "hex" else 2, law=law, young=1e4)
+        up = (*aside, 4 * U0)
+        load = along(top, up, (*aside, -0.002), (*aside, -0.002), up)
+        history = QuasiStatic(problem, load).run(np.linspace(0.0, 4.0, 41))
+        tables = [s.result.tables["contact"] for s in history.steps]
+        pull = [-t.rn.sum() for t in tables]
+        ways[recovers] = max(pull[:10]), max(pull[30:]), tables
+        assert all(s.result.kkt_violation < 1e-8 for s in history.steps)
+    (first, weak, _), (again, strong, tables) = ways[False], ways[True]
+    assert again == pytest.approx(first, rel=1e-9)
+    assert weak < 0.4 * first
+    # It grows at w/b = 20 for one in time, and so is whole again.
+    assert strong == pytest.approx(first, rel=0.02)
+    assert any(set(t.bond) == {"r"} for t in tables[10:30])
+    np.testing.assert_array_equal(tables[29].beta, 1.0)
+
+
+def thresholds(contact, young=1e3, steps=24):
+    """Histories of pressing and shearing by both thresholds."""
+    found = []
+    for threshold in ("pressure", "reaction"):
+        law = RCCM(C, C, W, 0.4, viscosity=0.02, contact=contact, threshold=threshold)
+        problem, top = bonded(law=law, young=young)
+        load = along(top, (0.0, -0.02), (0.3, -0.02), (0.3, 0.2))
+        history = QuasiStatic(problem, load).run(np.linspace(0.0, 3.0, steps + 1))
+        found.append([s.result.tables["contact"] for s in history.steps])
+        assert all(s.result.kkt_violation < 1e-8 for s in history.steps)
+    return found
+
+
+def test_thresholds_are_one_under_signorini():
+    for a, b in zip(*thresholds(None), strict=True):
+        size = np.abs(a.force).max()
+        np.testing.assert_allclose(a.force, b.force, rtol=0, atol=1e-11 * size)
+        np.testing.assert_allclose(a.beta, b.beta, rtol=1e-11)
+        np.testing.assert_allclose(a.ut, b.ut, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("exponent", [1.0, 2.0])
+def test_thresholds_with_compliance(exponent):
+    """They differ by mu (1 - beta) beta^2 C_N of the penetration; springs resist it as well."""
+    k = 2e3 if exponent == 1 else 1e5
+    slipped, differ = [], 0.0
+    pressure, reaction = thresholds(NormalCompliance(k, exponent))
+    for tables, whole in ((pressure, False), (reaction, True)):
+        for t in tables:
+            depth = np.maximum(-t.un, 0.0)
+            soft = k * depth**exponent
+            spring = t.beta**2 * C * -t.un
+            np.testing.assert_allclose(t.pressure, soft + spring, rtol=1e-7, atol=1e-8)
+            np.testing.assert_allclose(t.rn_adh, spring * t.area, rtol=1e-7, atol=1e-9)
+            bound = 0.4 * (1 - t.beta) * (soft + whole * np.maximum(spring, 0.0)) * t.area
+            friction = np.linalg.norm(t.friction, axis=1)
+            assert (friction <= bound + 1e-7).all()
+            slips = np.isin(t.letters, list("+-"))
+            np.testing.assert_allclose(friction[slips], bound[slips], rtol=1e-6, atol=1e-9)
+            slipped.append(slips.any())
+            energy = C * (t.un**2 + np.sum(t.ut**2, axis=1))
+            assert (t.beta >= np.minimum(1.0, W / np.maximum(energy, 1e-30)) * (1 - 1e-9)).all()
+    assert any(slipped)
+    for a, b in zip(pressure, reaction, strict=True):
+        differ = max(differ, np.abs(a.rt - b.rt).max() / np.abs(a.rt).max())
+    assert differ > 1e-3
+
+
+@pytest.mark.parametrize(
+    "given", [{}, {"contact": NormalCompliance(2e3)}, {"recovers": True, "broken": 0.1}]
+)
+def test_energies(given):
+    """What is left falls with the steps: springs and the surface are counted once each."""
+    left = []
+    for n in (12, 24):
+        law = RCCM(C, C, W, 0.3, viscosity=0.2, **given)
+        problem, top = bonded(n=1, law=law, young=1e3, comm=MPI.COMM_SELF)
+        load = along(top, (0.0, -0.05), (0.1, 0.4), (0.05, -0.05))
+        history = QuasiStatic(problem, load).run(np.linspace(0.0, 3.0, 3 * n + 1))
+        left.append(abs(history.energies.residue))
+        spent = [s.energies.damage for s in history.steps]
+        assert max(spent) > 0.5 * W
+        # A bond that grows freely gives back w, all of which viscosity takes: b beta'^2 = w beta'.
+        assert spent[-1] == pytest.approx(max(spent), rel=1e-6)
+    assert left[1] < 0.6 * left[0]
+    assert left[0] < 0.1 * history.energies.external
+
+
+def test_records_have_what_recovers(folder):
+    """What a law keeps comes back from a record, on other ranks as well."""
+    law = RCCM(C, C, W, 0.3, viscosity=0.05, recovers=True, order=2)
+    problem, top = bonded(law=law)
+    load = along(top, (0.0, 3 * U0), (0.1, -0.01))
+    times = np.linspace(0.0, 2.0, 9)
+    evolution = QuasiStatic(problem, load)
+    record = output.EvolutionRecord(folder, evolution)
+    evolution.run(times, record=record)
+    (memory,) = problem.equations.memory
+    names = {".rate", ".length", ".rest", ".closed", ".origin_0", ".origin_1", "beta"}
+    assert set(memory.fields) == names
+    moment = record._moment(len(times) - 1)
+    for name, values in moment.memory[0].fields.items():
+        np.testing.assert_array_equal(values, memory.fields[name])
+
+
+def test_bad_input():
+    law = RCCM(C, C, W, recovers=True)
+    for wrong, message in [
+        ({"recovers": True, "exponent": 2.0}, "recover with the exponent 1 alone"),
+        ({"recovers": 1}, "recovers of RCCM must be True or False"),
+        ({"contact": 1e3}, "must be None or a NormalCompliance without friction"),
+        ({"contact": NormalCompliance(1e3, friction=Coulomb(0.3))}, "without friction"),
+        ({"contact": NormalCompliance(1e3, tangential=1.0)}, "without friction and tangential"),
+        ({"contact": law}, "must be None or a NormalCompliance"),
+        ({"threshold": "total"}, "threshold of RCCM must be one of"),
+    ]:
+        with pytest.raises(ValueError, match=message):
+            RCCM(C, C, W, **wrong)
+    for wrong, message in [
+        ({"contact": NormalCompliance(-1.0)}, "stiffness of RCCM must be finite and positive"),
+        ({"broken": 1.5}, "broken of RCCM must be between 0 and 1"),
+    ]:
+        with pytest.raises(ValueError, match=message):
+            bonded(law=RCCM(C, C, W, **wrong))
