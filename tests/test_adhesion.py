@@ -141,6 +141,42 @@ def test_opening(cell, pair):
     assert t.rn.min() > 0
 
 
+@pytest.mark.parametrize("m", [2.0, 1.0])
+def test_shear_under_pressure(m):
+    """R_T = w^2/(C u^3) + mu P (1 - w/(C u^2)); it softens after the peak if mu P < 1.5 sqrt(w C).
+
+    The minimum is then m - 4 m^3/27 at 3/(2 m) u0.
+    """
+    young, mu = 1e7, 0.1
+    problem, top = bonded("quad", 1, law=RCCM(C, C, W, mu), young=young, comm=MPI.COMM_SELF)
+    press = -m * np.sqrt(W * C) / mu / young
+    r = np.concatenate([[0.0], np.arange(1, 9) / 8, 1 + np.arange(1, 41) / 8])
+    history = QuasiStatic(problem, lambda t: put(top, (U0 * t, press * min(1.0, 100 * t)))).run(r)
+    force = []
+    for step in history.steps:
+        t = step.result.tables["contact"]
+        u = t.along(t.ut) / U0
+        np.testing.assert_allclose(u, step.time, rtol=1e-4)  # the block hardly gives way
+        pushed = mu * t.rn.sum() / np.sqrt(W * C)
+        assert pushed == pytest.approx(m, rel=1e-6)
+        beta = np.minimum(1.0, u**-2.0)
+        wanted = t.area * beta**2 * u + mu * t.rn * (1 - beta) / np.sqrt(W * C)
+        np.testing.assert_allclose(-t.along(t.rt) / np.sqrt(W * C), wanted, rtol=1e-7)
+        force.append(-t.along(t.rt).sum() / np.sqrt(W * C))
+    r, force = r[1:], np.array(force)
+    slope = np.diff(force[r >= 1])
+    assert force[r == 1] == pytest.approx(1.0, rel=1e-3)
+    if m < 1.5:
+        least = np.argmin(force[r >= 1])
+        assert r[r >= 1][least] == 1.5 / m
+        assert force[r >= 1][least] == pytest.approx(m - 4 * m**3 / 27, rel=1e-6)
+        assert (slope[:least] < 0).all()
+        assert (slope[least:] > 0).all()
+    else:
+        assert (slope > 0).all()
+    assert force[-1] == pytest.approx(6.0**-3 + m * (1 - 1 / 36), rel=1e-5)
+
+
 def test_residue_falls_with_the_steps():
     residues = []
     for n in (10, 20):
@@ -247,9 +283,9 @@ def test_as_on_one_rank(cell):
         assert "".join(a.bond) == "".join(b.bond)
 
 
-def drawn_node(stiffness):
+def drawn_node(stiffness, **given):
     """One node that a load gamma pulls off the floor, bonded by a stiffness."""
-    law = RCCM(stiffness, 0.0, W)
+    law = RCCM(stiffness, 0.0, W, **given)
     return linear_triangle(
         1, None, (0.0, -1.0), (1.0, 1.0), 1.0, law=lambda _: law, comm=MPI.COMM_SELF
     )
@@ -287,6 +323,58 @@ def test_snap_back(k):
     assert end.gamma * free == pytest.approx(8 * u0)
     u = gap_of_node(system) / u0
     assert u + k**-1 * u**-3 == pytest.approx(8.0, rel=1e-8)
+
+
+@pytest.mark.parametrize(
+    "given",
+    [{}, {"viscosity": 0.5}, {"viscosity": 0.5, "order": 2}, {"viscosity": 0.5, "exponent": 2.0}],
+)
+def test_events_of_damage_within_a_step(given):
+    """Followed from a damaged state the bond damages anew where its memory says, to round-off.
+
+    Drawn by a spring of 5 times the stiffness of the bond, so that nothing folds.
+    """
+    k, gaps = 5.0, []
+    for stiffness in (0.0, 1.0):
+        system = drawn_node(stiffness)
+        system.set_parameter(1e-3)
+        gaps.append(gap_of_node(system))
+    free, stiffness = gaps[0] / 1e-3, gaps[1] / (gaps[0] - gaps[1]) / k
+    u0, system = np.sqrt(W / stiffness), drawn_node(stiffness, **given)
+    problem, unit = system.problem, u0 / free
+    system.set_parameter(0.0)
+    way = [0.0, 2.0, 3.0, 1.0, 0.5]
+
+    def load(t):
+        system.set_parameter(unit * np.interp(t, range(5), way))
+
+    QuasiStatic(problem, load).run([0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0])
+    (memory,) = problem.equations.memory
+    beta, later = float(memory.fields["beta"].min()), memory.later(0.5)
+    assert beta < 0.8
+    x = system.create_vector()
+    problem.write(x)
+    problem.equations.remember([later])
+    branch = follow(system, x, 0.5 * unit, gamma_range=(0.5 * unit, 6 * unit), max_steps=100)
+    (event,) = branch.special
+    (change,) = event.changes
+    assert (event.kind, event.located, event.smooth) == ("event", True, False)
+    assert (change.before, change.after) == (0, DAMAGING)
+    # E beta = w at the opening u: the load is that of the spring and of the bond.
+    u = beta**-0.5
+    assert event.gamma / unit == pytest.approx(u * (1 + beta**2 / k), rel=1e-9)
+    held, damages = branch.points[event.index - 1], branch.points[-1]
+    for point, bond in ((held, "i"), (damages, "d")):
+        table = system.result_at(point).tables["contact"]
+        (row,) = np.flatnonzero(table.letters != "d")
+        u, now = table.un[row] / u0, table.beta[row]
+        assert table.bond[row] == bond
+        assert point.gamma / unit == pytest.approx(u * (1 + now**2 / k), rel=1e-8)
+        assert (now < beta) == (bond == "d")
+    if not given:
+        assert now == pytest.approx(u**-2, rel=1e-10)
+    elif given == {"viscosity": 0.5}:
+        assert now == pytest.approx((0.5 * beta + 0.5) / (0.5 + 0.5 * u**2), rel=1e-10)
 
 
 def test_what_is_written(folder):

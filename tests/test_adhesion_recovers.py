@@ -119,7 +119,7 @@ def test_thresholds_are_one_under_signorini():
         np.testing.assert_allclose(a.ut, b.ut, rtol=0, atol=1e-12)
 
 
-@pytest.mark.parametrize("exponent", [1.0, 2.0])
+@pytest.mark.parametrize("exponent", [pytest.param(2.0, marks=pytest.mark.long), 1.0])
 def test_thresholds_with_compliance(exponent):
     """They differ by mu (1 - beta) beta^2 C_N of the penetration; springs resist it as well."""
     k = 2e3 if exponent == 1 else 1e5
