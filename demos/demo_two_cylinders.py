@@ -64,7 +64,7 @@ def main(argv=None):
     words.add_argument("--case", choices=("cb1", "spheres"), default="cb1", help="of both demos")
     args = words.parse(argv)
     args.ratio = args.ratio or {"cb1": 0.8, "spheres": 1.0}[args.case]
-    return study(args) if args.case == "spheres" else study(args, problem, HERTZ, lambda t: t)
+    return study(args) if args.case == "spheres" else study(args, problem, HERTZ)
 
 
 if __name__ == "__main__":

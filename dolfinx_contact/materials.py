@@ -21,6 +21,13 @@ An energy of your own needs no class. Write it as a function of a 3 x 3 deformat
     F = ufl.variable(F)
     problem = ContactProblem(W(F) * ufl.dx, u, surfaces, bcs=bcs)
     stress = ufl.diff(W(F), F) * F.T / ufl.det(F)  # Cauchy, 3 x 3: for `output.write_fields`
+
+Of a body of revolution half of a section is meshed, r = x >= 0 and z = y. Its energy is that of
+`Axisymmetric` with the weight `circumference`, and its loads have that weight too::
+
+    steel = Axisymmetric(LinearElastic.from_young(210e3, 0.3))
+    around = circumference(domain)  # 2 pi r
+    bulk = steel.energy(u) * around * ufl.dx - pull * u[1] * around * ds
 """
 
 from __future__ import annotations
@@ -31,15 +38,17 @@ from typing import Any
 import numpy as np
 
 import ufl
-from dolfinx import fem
+from dolfinx import fem, mesh
 
 __all__ = [
+    "Axisymmetric",
     "CiarletGeymonat",
     "Elastic",
     "LinearElastic",
     "Material",
     "NeoHookean",
     "StVenantKirchhoff",
+    "circumference",
     "lame",
 ]
 
@@ -61,6 +70,17 @@ def lame(young: float, poisson: float) -> tuple[float, float]:
     if not -1 < poisson < 0.5:
         raise ValueError(f"Poisson's ratio must lie in (-1, 1/2), got {poisson}")
     return young * poisson / ((1 + poisson) * (1 - 2 * poisson)), young / (2 * (1 + poisson))
+
+
+def circumference(domain: mesh.Mesh) -> Any:
+    """2 pi r, the weight of integrals over a section of a body of revolution about x = 0.
+
+    Raises:
+        ValueError: if the mesh is not 2D.
+    """
+    if domain.geometry.dim != 2:
+        raise ValueError("the section of a body of revolution is a 2D mesh")
+    return 2 * np.pi * ufl.SpatialCoordinate(domain)[0]
 
 
 def _check_lame(lmbda: Any, mu: Any) -> None:
@@ -139,6 +159,14 @@ class Material:
     def _stored(self, u: fem.Function, F: Any) -> Any:
         raise NotImplementedError
 
+    def _energy_of(self, u: fem.Function, H: Any) -> Any:
+        """Stored energy of a 3 x 3 displacement gradient."""
+        return self._stored(u, ufl.Identity(3) + H)
+
+    def _stress_of(self, u: fem.Function, H: Any) -> Any:
+        """Cauchy stress, 3 x 3, of a displacement gradient."""
+        return self._cauchy(u, ufl.Identity(3) + H)
+
 
 @dataclass(frozen=True)
 class LinearElastic(Material):
@@ -182,6 +210,13 @@ class LinearElastic(Material):
 
     def energy(self, u: fem.Function) -> Any:
         return ufl.inner(self.stress(u), ufl.sym(ufl.grad(u))) / 2
+
+    def _energy_of(self, u: fem.Function, H: Any) -> Any:
+        return ufl.inner(self._stress_of(u, H), ufl.sym(H)) / 2
+
+    def _stress_of(self, u: fem.Function, H: Any) -> Any:
+        lmbda, mu = _constants(u, self.lmbda, self.mu)
+        return 2 * mu * ufl.sym(H) + lmbda * ufl.tr(H) * ufl.Identity(3)
 
 
 class Elastic(Material):
@@ -255,3 +290,56 @@ class CiarletGeymonat(Elastic):
         tr, det = ufl.tr(C) + out, ufl.det(C)
         second = (tr**2 - ufl.inner(C, C) - out) / 2
         return a * (tr - 3) + b * (second - 3) + c * (det - 1) - d / 2 * ufl.ln(det)
+
+
+@dataclass(frozen=True)
+class Axisymmetric(Material):
+    """A material in a body of revolution, of which half of a section is meshed: r = x, z = y.
+
+    The displacement is (u_r, u_z), and the stretch around the axis 1 + u_r / r; tensors have the
+    components r, z, and around. Energies are per volume: their weight is `circumference`.
+
+    Attributes:
+        material: the material in space.
+
+    Raises:
+        ValueError: if that is no Material, axisymmetric itself, or in plane stress.
+    """
+
+    material: Material
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.material, Material) or isinstance(self.material, Axisymmetric):
+            raise ValueError(f"axisymmetric is a Material of space, got {self.material!r}")
+        if getattr(self.material, "plane_stress", False):
+            raise ValueError("a body of revolution is not in plane stress")
+
+    def energy(self, u: fem.Function) -> Any:
+        _require_section(u)
+        return self.material._energy_of(u, _in_space(ufl.grad(u), u[0] / _radius(u)))
+
+    def stress(self, u: fem.Function) -> Any:
+        full = self.full_stress(u)
+        return ufl.as_tensor([[full[i, j] for j in range(2)] for i in range(2)])
+
+    def full_stress(self, u: fem.Function) -> Any:
+        _require_section(u)
+        r, H = _radius(u), ufl.grad(u)
+        on_axis = ufl.lt(r, _ON_AXIS * ufl.CellDiameter(u.function_space.mesh))
+        return self.material._stress_of(
+            u, _in_space(H, ufl.conditional(on_axis, H[0, 0], u[0] / r))
+        )
+
+
+_ON_AXIS = 1e-8  # of a cell, a distance from the axis that is none: there u_r / r is du_r / dr
+
+
+def _require_section(u: Any) -> None:
+    """Raise ``ValueError`` if ``u`` is not the displacement of a section."""
+    _require_displacement(u)
+    if len(u) != 2:
+        raise ValueError("the section of a body of revolution is a 2D mesh")
+
+
+def _radius(u: fem.Function) -> Any:
+    return ufl.SpatialCoordinate(u.function_space.mesh)[0]

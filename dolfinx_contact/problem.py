@@ -21,8 +21,6 @@ from dolfinx_contact._agreement import (
     described,
     described_condition,
     described_number,
-    refuse_other_condition,
-    refuse_other_mesh,
 )
 from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact._options import ProblemOptions, check_options, in_database
@@ -34,8 +32,10 @@ from dolfinx_contact.analysis.theory import theory_of
 from dolfinx_contact.body.bulk import Bulk
 from dolfinx_contact.body.cells import check_cells
 from dolfinx_contact.body.moving import MovingBody
+from dolfinx_contact.equations.arguments import check, fit, is_number, lists
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.state import State, Statuses
+from dolfinx_contact.points.revolution import axis_condition
 from dolfinx_contact.points.rigid_body import RigidBody
 from dolfinx_contact.points.surface import ContactSurface
 from dolfinx_contact.results.balance import forces_at_vertices, support_at_nodes
@@ -62,6 +62,8 @@ class ContactProblem:
     The displacement, the multipliers and the statuses of the surfaces are read when a solve begins
     and written when it has found a solution; nothing else touches them.
 
+    Of a body of revolution (``axisymmetric=True`` in all surfaces) u_r = 0 is held on the axis.
+
     Args:
         bulk: UFL energy (a functional of ``u``) or residual (linear in a test function of the space
             of ``u``) of the body, without contact terms.
@@ -82,7 +84,8 @@ class ContactProblem:
     Raises:
         ValueError: on every rank, if the arguments do not fit together, something is of another
             mesh, arguments differ between ranks, contact nodes are all clamped, a mesh coordinate
-            is not finite, or a cell has no volume.
+            is not finite, a cell has no volume, some surfaces are axisymmetric and others not, or
+            all are but for the bulk.
         RuntimeError: if PETSc has complex scalars.
     """
 
@@ -103,9 +106,9 @@ class ContactProblem:
             raise ValueError(f"the displacement must be a Function, got {type(u).__name__}")
         self.u, self.V, self.comm = u, u.function_space, u.function_space.mesh.comm
         with everywhere(self.comm, "a contact problem"):
-            self.surfaces, self.bcs = _lists(surfaces, bcs)
-            _check(bulk, u, self.surfaces, self.bcs)
-            if r is not None and not (_is_number(r) and np.isfinite(r) and r > 0):
+            self.surfaces, self.bcs = lists(surfaces, bcs)
+            check(bulk, u, self.surfaces, self.bcs)
+            if r is not None and not (is_number(r) and np.isfinite(r) and r > 0):
                 raise ValueError(f"the augmentation parameter r must be positive, got {r}")
             options = {} if petsc_options is None else petsc_options
             check_options(petsc_options_prefix, options)
@@ -131,6 +134,8 @@ class ContactProblem:
         spaces = fem.extract_function_spaces([body.residual_form])
         if len(fem.bcs_by_block(spaces, self.bcs)[0]) != len(self.bcs):
             raise ValueError("a Dirichlet condition is not on the space of u or a component of it")
+        if self.surfaces[0].axisymmetric:
+            self.bcs += axis_condition(self.V)
         body.displacement.x.array[:] = u.x.array
         self.equations = ContactEquations(body, self.V, self.surfaces, self.bcs, r=r, options=given)
         self._linear = LinearSolverChoice(self.equations)
@@ -279,7 +284,7 @@ class ContactProblem:
             increments=int(increments),
             expected_statuses=len(expected),
         )
-        fits = all(_fit(self.surfaces, statuses) for statuses in expected)
+        fits = all(fit(self.surfaces, statuses) for statuses in expected)
         require(self.comm, fits, "the expected statuses are not those of these contact points")
         said, x0 = SolveProgress(self.comm, progress), self.create_vector()
         self.write(x0)
@@ -370,49 +375,3 @@ class ContactProblem:
         """Free matrices and solvers."""
         self._linear.destroy()
         self.equations.bulk.destroy()
-
-
-def _fit(surfaces: Sequence[ContactSurface], statuses: Statuses) -> bool:
-    """Whether statuses are some of these contact points. Not collective."""
-    return len(statuses) == len(surfaces) and all(
-        np.shape(codes) == (s.points.number,) and np.isin(codes, s.law_at_points.codes).all()
-        for s, codes in zip(surfaces, statuses, strict=True)
-    )
-
-
-def _lists(surfaces: Any, bcs: Any) -> tuple[list[ContactSurface], list[fem.DirichletBC]]:
-    """Surfaces and conditions as lists of their kinds, or ``ValueError``."""
-    if isinstance(surfaces, ContactSurface) or isinstance(bcs, fem.DirichletBC):
-        raise ValueError("surfaces and bcs must be lists")
-    try:
-        surfaces, bcs = list(surfaces), list(bcs)
-    except TypeError:
-        raise ValueError("surfaces and bcs must be lists") from None
-    if not all(isinstance(s, ContactSurface) for s in surfaces):
-        raise ValueError("surfaces must be a list of ContactSurfaces")
-    if not all(isinstance(bc, fem.DirichletBC) for bc in bcs):
-        raise ValueError("bcs must be a list of Dirichlet conditions")
-    return surfaces, bcs
-
-
-def _check(
-    bulk: Any, u: fem.Function, surfaces: list[ContactSurface], bcs: list[fem.DirichletBC]
-) -> None:
-    """Raise ``ValueError`` if the arguments of a problem do not fit together. Not collective."""
-    domain = u.function_space.mesh
-    if not surfaces:
-        raise ValueError("a contact problem needs at least one contact surface")
-    if any(s.u is not u for s in surfaces):
-        raise ValueError("every contact surface must be made with the displacement u")
-    names = [s.name for s in surfaces]
-    if len(set(names)) < len(names):
-        raise ValueError(f"contact surfaces need different names, got {names}")
-    if not isinstance(bulk, ufl.Form):
-        raise ValueError(f"the bulk must be a UFL form, got {type(bulk).__name__}")
-    refuse_other_mesh(bulk, domain, "the bulk")
-    for bc in bcs:
-        refuse_other_condition(bc, domain)
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float | np.number) and not isinstance(value, bool)

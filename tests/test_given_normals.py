@@ -4,11 +4,10 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from blocks import KINDS, box, facets
+from blocks import KINDS, box
 from test_pair import MATERIAL, displacement, held, tagged
 
 import ufl
-from dolfinx import fem
 
 from dolfinx_contact import (
     ContactPair,
@@ -124,29 +123,3 @@ def test_without_it_the_slave_says_where():
 def test_bad_normals(normal, reason):
     with pytest.raises(ValueError, match=reason):
         pressed(2, "quad", (6, 6), Frictionless(), normal=normal)
-
-
-def test_pressures_of_revolution():
-    """A disc of uniform pressure: areas are rings, and their sum that of the disc."""
-    body = box(COMM, 5, "quad")
-    u = displacement(body)
-    r, e = ufl.SpatialCoordinate(body)[0], ufl.sym(ufl.grad(u))
-    hoop, (lmbda, mu) = u[0] / r, (MATERIAL.lmbda, MATERIAL.mu)
-    stored = mu * (ufl.inner(e, e) + hoop**2) + lmbda / 2 * (ufl.tr(e) + hoop) ** 2
-    plane = HalfSpace((0.0, 0.0), (0.0, 1.0))
-    surface = ContactSurface(u, facets(body, 1, 0.0), obstacle=plane, law=Frictionless())
-    V = u.function_space
-    bcs = [
-        fem.dirichletbc(
-            value, fem.locate_dofs_topological(V.sub(i), 1, facets(body, i, place)), V.sub(i)
-        )
-        for i, place, value in ((0, 0.0, 0.0), (0, 1.0, 0.0), (1, 1.0, -0.01))
-    ]
-    energy = 2 * np.pi * r * stored * ufl.dx(metadata={"quadrature_degree": 4})
-    table = ContactProblem(energy, u, [surface], bcs=bcs).solve().tables["contact"]
-    ring = table.of_revolution()
-    assert ring.area.sum() == pytest.approx(np.pi)
-    modulus = lmbda + 2 * mu  # uniaxial strain
-    np.testing.assert_allclose(ring.pressure, 0.01 * modulus, rtol=1e-9)
-    with pytest.raises(ValueError, match="no section"):
-        on_the_mirror(3, "tet", 2, Frictionless()).of_revolution()

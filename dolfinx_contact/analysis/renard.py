@@ -145,7 +145,7 @@ def criterion_at(
     largest = float(eq.comm.allreduce(slope.max(initial=0.0), op=max))
     least = float(eq.comm.allreduce(slope.min(initial=np.inf), op=min))
     factor, definite = np.inf, True
-    if len(eq.loose.of_body):
+    if len(eq.scaling.loose.of_body):
         factor, definite = 0.0, False  # the form vanishes for rigid motions
     elif largest > 0:
         form = _Form(eq, slope[:, None] * xi)

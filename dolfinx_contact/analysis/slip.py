@@ -151,7 +151,7 @@ class Slip:
 
     def require_held(self) -> None:
         """Raise ``ValueError`` if rigid motions are held by nothing but friction. Collective."""
-        eq, motions = self._eq, self._eq.loose.of_body
+        eq, motions = self._eq, self._eq.scaling.loose.of_body
         if len(motions) == 0:
             return
         u, held = self.N.createVecRight(), []
@@ -166,7 +166,7 @@ class Slip:
         u.destroy()
         loose = rigid.combine(self.comm.allreduce(np.array(held) @ np.array(held).T), motions)
         if len(loose):
-            words = rigid.describe(loose, eq.V)
+            words = rigid.describe(loose, eq.V, axisymmetric=eq.axisymmetric)
             raise ValueError(f"the body slides without resistance ({words}): nothing is critical")
 
     def in_order(self, *values: Array) -> list[Array]:

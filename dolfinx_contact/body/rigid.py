@@ -63,14 +63,14 @@ def parts(V: fem.FunctionSpace) -> npt.NDArray[np.int32]:
     return np.searchsorted(present, whole).astype(np.int32)
 
 
-def rigid_motions(V: fem.FunctionSpace) -> npt.NDArray[np.float64]:
+def rigid_motions(V: fem.FunctionSpace, *, axisymmetric: bool = False) -> npt.NDArray[np.float64]:
     """Infinitesimal rigid motions of every connected part at the local nodes.
 
     Rotations are about the centre of the part and divided by its size, so that all motions have
-    the units of a displacement.
+    the units of a displacement. Of a body of revolution there is the axial translation alone.
 
     Returns:
-        Shape (3 or 6 times the number of parts, nodes, dim), part by part. Collective.
+        Shape (1, 3 or 6 times the number of parts, nodes, dim), part by part. Collective.
     """
     comm, dim = V.mesh.comm, V.mesh.geometry.dim
     x, part = V.tabulate_dof_coordinates()[:, :dim], parts(V)
@@ -88,6 +88,8 @@ def rigid_motions(V: fem.FunctionSpace) -> npt.NDArray[np.float64]:
         for k, (i, j) in enumerate(axes):
             modes[p, dim + k, inside, i] = -here[:, j]
             modes[p, dim + k, inside, j] = here[:, i]
+    if axisymmetric:
+        modes = modes[:, 1:2]
     return modes.reshape(number * modes.shape[1], len(x), dim)
 
 
@@ -100,7 +102,7 @@ def bounding_box(
 
 
 def free_motions(
-    K: PETSc.Mat, V: fem.FunctionSpace, fixed: npt.NDArray[np.bool_]
+    K: PETSc.Mat, V: fem.FunctionSpace, fixed: npt.NDArray[np.bool_], *, axisymmetric: bool = False
 ) -> npt.NDArray[np.float64]:
     """Combinations of rigid motions that neither the stiffness nor Dirichlet data resist.
 
@@ -108,11 +110,12 @@ def free_motions(
         K: stiffness of the body without Dirichlet rows.
         V: displacement space.
         fixed: local nodes x dim, components that Dirichlet data fix.
+        axisymmetric: whether the body is one of revolution.
 
     Returns:
         Motions at the local nodes, shape (number of free motions, nodes, dim). Collective.
     """
-    modes = rigid_motions(V)
+    modes = rigid_motions(V, axisymmetric=axisymmetric)
     n = V.dofmap.index_map.size_local
     held = np.where(fixed[None, :n], modes[:, :n], 0.0).reshape(len(modes), n * modes.shape[2])
     x, y = K.createVecRight(), K.createVecLeft()
@@ -140,16 +143,18 @@ def loose(gram: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     return np.asarray(vectors[:, values < 1e-14].T)
 
 
-def describe(free: npt.NDArray[np.float64], V: fem.FunctionSpace) -> str:
+def describe(
+    free: npt.NDArray[np.float64], V: fem.FunctionSpace, *, axisymmetric: bool = False
+) -> str:
     """Which rigid motions take part in ``free``, in words. Collective."""
-    modes = rigid_motions(V)
+    modes = rigid_motions(V, axisymmetric=axisymmetric)
     n = V.dofmap.index_map.size_local
     comm = V.mesh.comm
     A = modes[:, :n].reshape(len(modes), n * modes.shape[2])
     B = free[:, :n].reshape(len(free), n * modes.shape[2])
     coefficients = np.linalg.solve(comm.allreduce(A @ A.T), comm.allreduce(A @ B.T))
     size = np.abs(coefficients).max(axis=1)
-    names = _NAMES[V.mesh.geometry.dim]
+    names = ("axial translation",) if axisymmetric else _NAMES[V.mesh.geometry.dim]
     number = len(size) // len(names)
     if number > 1:
         names = tuple(

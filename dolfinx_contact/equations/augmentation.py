@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import combinations
 
 from petsc4py import PETSc
 
@@ -15,7 +16,9 @@ from dolfinx import fem
 from dolfinx_contact._errors import require
 from dolfinx_contact.points.surface import ContactSurface
 
-__all__ = ["automatic_augmentation", "softness"]
+__all__ = ["automatic_augmentation", "require_hoop_stiffness", "softness"]
+
+_NO_HOOP = 1e-12  # of the stiffness, a resistance that is none
 
 
 def automatic_augmentation(
@@ -45,33 +48,54 @@ def automatic_augmentation(
         "the stiffness of the bulk is zero or not finite at the starting displacement",
     )
     per_node = diagonal.x.array.reshape(-1, bs).mean(axis=1)
-    automatic, soft = [], np.sqrt(min(2.0 * softness(K, V), 1.0))
+    around = surfaces[0].axisymmetric
+    automatic, soft = [], np.sqrt(min(2.0 * softness(K, V, axisymmetric=around), 1.0))
     for s in surfaces:
         # Of two bodies that touch both yield.
         other = s.opposite(per_node)
         pair = np.divide(per_node * other, per_node + other, where=other > 0, out=per_node.copy())
-        width = s.points.vertex_areas ** (1 / (s.dim - 1))
+        width = (s.points.vertex_areas / s.points.circumferences) ** (1 / (s.dim - 1))
         stiffness = pair[s.points.vertex_trace_dofs] / s.points.vertex_areas
         automatic.append(soft * stiffness * width / body_size)
     return size / (V.dofmap.index_map.size_global * bs), automatic
 
 
-def softness(K: PETSc.Mat, V: fem.FunctionSpace) -> float:
+def require_hoop_stiffness(K: PETSc.Mat) -> None:
+    """``ValueError`` if a stiffness resists no radial translation, as that of a plane body does.
+
+    Collective.
+    """
+    u, f = K.createVecs()
+    u.array.reshape(-1, 2)[:, 0] = 1.0
+    K.mult(u, f)
+    resists = f.norm(PETSc.NormType.NORM_INFINITY)
+    u.destroy(), f.destroy()
+    require(
+        K.comm.tompi4py(),
+        resists > _NO_HOOP * K.norm(PETSc.NormType.NORM_INFINITY),
+        "the contact surfaces are axisymmetric, but the bulk is that of a plane body: take "
+        "materials.Axisymmetric, and circumference(mesh) as the weight of its energy",
+    )
+
+
+def softness(K: PETSc.Mat, V: fem.FunctionSpace, *, axisymmetric: bool = False) -> float:
     """Median over mean eigenvalue of the stiffness of the body to uniform strains. Collective.
 
     The energies of displacements E x with a constant symmetric E are those of Voigt's average of
     the elasticity tensor (Hill, Proc. Phys. Soc. A 65, 1952), whose eigenvalues are 2 mu
     (five times in 3D) and 3 lambda + 2 mu for an isotropic body: 4 mu / (4 mu + lambda), which is
-    0.73 for Poisson's ratio 0.3 and 0.008 for 0.499.
+    0.73 for Poisson's ratio 0.3 and 0.008 for 0.499. Of a body of revolution they are (r, 0), with
+    the same strain around, (0, z) and (0, r).
     """
     dim, n = V.mesh.geometry.dim, V.dofmap.index_map.size_local
     x = V.tabulate_dof_coordinates()[:n, :dim]
-    fields = []
-    for i in range(dim):
-        for j in range(i + 1):
-            strain = np.zeros((dim, dim))
-            strain[i, j] = strain[j, i] = 1.0 if i == j else np.sqrt(0.5)
-            fields.append((x @ strain).reshape(-1))
+    gradients = [np.diag(row) for row in np.eye(dim)]
+    for i, j in combinations(range(dim), 2):
+        gradients.append(np.zeros((dim, dim)))
+        gradients[-1][i, j] = gradients[-1][j, i] = np.sqrt(0.5)
+    if axisymmetric:
+        gradients = [np.diag([np.sqrt(0.5), 0.0]), gradients[1], np.sqrt(2.0) * np.eye(2, k=1)]
+    fields = [(x @ gradient).reshape(-1) for gradient in gradients]
     u, f = K.createVecs()
     energies = np.empty((len(fields), len(fields)))
     for column, a in enumerate(fields):

@@ -33,11 +33,10 @@ from dolfinx_contact._petsc import logged
 from dolfinx_contact.body.bulk import Bulk
 from dolfinx_contact.body.moving import MovingBody
 from dolfinx_contact.body.rigid import bounding_box
-from dolfinx_contact.equations.augmentation import automatic_augmentation
 from dolfinx_contact.equations.constraints import Constraints, check_overlap
-from dolfinx_contact.equations.loose import LooseMotions
 from dolfinx_contact.equations.prescribed import PrescribedDisplacement
 from dolfinx_contact.equations.rigid_bodies import RigidBodies
+from dolfinx_contact.equations.scaling import Scaling
 from dolfinx_contact.equations.state import ContactState, State, Statuses
 from dolfinx_contact.laws.status import closed
 from dolfinx_contact.points.memory import Memory
@@ -46,7 +45,6 @@ from dolfinx_contact.points.surface import ContactSurface
 __all__ = ["ContactEquations"]
 
 Array = npt.NDArray[np.float64]
-_MUCH = 10.0  # times the stiffness, beyond which scales are taken anew
 
 
 class ContactEquations:
@@ -63,9 +61,10 @@ class ContactEquations:
     Attributes:
         owned_sizes: numbers of unknowns of this rank, the displacement first, rigid bodies last.
         units: what the unknowns of each field are multiplied by.
-        stiffness_scale: typical stiffness, of the Dirichlet rows; see `follow_stiffness`.
         body_size: diagonal of the bounding box of the body.
         rigid: the rigid bodies that surfaces touch.
+        scaling: what follows the stiffness.
+        axisymmetric: whether the body is one of revolution.
     """
 
     def __init__(
@@ -81,6 +80,7 @@ class ContactEquations:
         self.bulk, self.V, self.comm, self.dim = bulk, V, V.mesh.comm, V.mesh.geometry.dim
         self.surfaces, self.bcs, self.options = list(surfaces), list(bcs), options
         check_overlap(self.surfaces)
+        self.axisymmetric = self.surfaces[0].axisymmetric
         for s in self.surfaces:
             s.slide(linear=bulk.linear)
         #: Whether H is linear in the displacement as long as no status changes.
@@ -97,38 +97,18 @@ class ContactEquations:
         self.global_sizes = [*(int(m.size_global) * bs for m, bs in sizes), self.rigid.size]
         self._mesh_mark = zlib.crc32(np.ascontiguousarray(V.mesh.geometry.x))
         self.forced_r = r
-        self.stiffness_scale, self._stiffness_mark = 0.0, -1
-        self.automatic_r = [0.0 * s.points.r for s in self.surfaces]
-        self.follow_stiffness(bulk.displacement.x.array.copy())
+        self.scaling = Scaling(
+            bulk, V, self.surfaces, self.constraints.fixed, self.rigid, self.body_size, r
+        )
         per_area = [self.stiffness_scale / s.mean_vertex_area for s in self.surfaces]
         self.units = [1.0, *per_area, 1.0]
         if not bulk.linear:
             bulk.destroy()
 
-    def follow_stiffness(self, u: Array) -> None:
-        """Take scales anew where data have made the body more than ten times stiffer or softer.
-
-        Vectors of before keep their meaning: `units` stay, and r changes no solution but those of
-        the integral method. A body that is not linear is measured at ``u``, at all local dofs. If
-        another problem has had the surfaces in between they get the r of this one.
-
-        Raises:
-            ValueError: on every rank, if the stiffness is zero or not finite.
-        """
-        if self._any(self.bulk.stiffness_mark - self._stiffness_mark):
-            self._measure_stiffness(u)
-        self._augment(self.forced_r)
-
-    def _measure_stiffness(self, u: Array) -> None:
-        K = self.bulk.stiffness(u)
-        scale, automatic = automatic_augmentation(K, self.V, self.surfaces, self.body_size)
-        K = None if self.bulk.has_mass else K
-        self.loose = LooseMotions(K, self.V, self.surfaces, self.constraints.fixed, self.rigid)
-        self._stiffness_mark = self.bulk.stiffness_mark
-        a = np.concatenate([[self.stiffness_scale], *self.automatic_r])
-        b = np.concatenate([[scale], *automatic])
-        if self._any(np.maximum(a, b) > _MUCH * np.minimum(a, b)):
-            self.stiffness_scale, self.automatic_r = scale, automatic
+    @property
+    def stiffness_scale(self) -> float:
+        """Typical stiffness, of the Dirichlet rows; it may follow the data (`scaling`)."""
+        return self.scaling.stiffness
 
     # -- unknowns --------------------------------------------------------------------------------
 
@@ -342,7 +322,7 @@ class ContactEquations:
             statuses: of the contact points.
             state: whose shear tells where points that slip hold as well (`loose`).
         """
-        return self.loose.not_held(statuses, state)
+        return self.scaling.loose.not_held(statuses, state)
 
     def any_closed(self, statuses: Statuses) -> bool:
         """Whether a point of any rank is closed."""
@@ -393,18 +373,10 @@ class ContactEquations:
             for s, at in found
         )
 
-    @contextmanager
-    def automatic_augmentation(self) -> Iterator[None]:
-        """Use the automatic r while the context lasts."""
-        self._augment(None)
-        try:
-            yield
-        finally:
-            self._augment(self.forced_r)
-
-    def _augment(self, forced: float | None) -> None:
-        for s, r in zip(self.surfaces, self.automatic_r, strict=True):
-            s.points.set_augmentation(r if forced is None else np.full_like(r, forced))
+    def resultant(self, forces: Array) -> Array:
+        """The sum of forces (n, dim) of all ranks; of a body of revolution its axial part."""
+        total = self.comm.allreduce(forces.sum(axis=0))
+        return np.where(np.arange(self.dim) < self.axisymmetric, 0.0, total)
 
     def require_same_mesh(self) -> None:
         """Raise ``ValueError`` if the mesh has moved since the problem was made."""

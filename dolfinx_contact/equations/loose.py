@@ -32,6 +32,7 @@ class LooseMotions:
         surfaces: where contact may hold.
         fixed: local nodes x dim, components that Dirichlet data fix.
         bodies: the rigid bodies. Collective, as everything here.
+        axisymmetric: whether the body is one of revolution.
 
     Attributes:
         of_body: motions of elastic bodies, at the local nodes (motions, nodes, dim).
@@ -44,10 +45,14 @@ class LooseMotions:
         surfaces: Sequence[ContactSurface],
         fixed: npt.NDArray[np.bool_],
         bodies: RigidBodies,
+        *,
+        axisymmetric: bool = False,
     ):
         self._V, self._surfaces, self._bodies = V, list(surfaces), bodies
-        none = np.zeros((0, *fixed.shape))
-        self.of_body = none if K is None else rigid.free_motions(K, V, fixed)
+        self._axisymmetric, none = axisymmetric, np.zeros((0, *fixed.shape))
+        self.of_body = (
+            none if K is None else rigid.free_motions(K, V, fixed, axisymmetric=axisymmetric)
+        )
         self._free = np.flatnonzero(~bodies.fixed)
         #: Jumps at the points by each motion (motions, n, dim), those of the rigid bodies last.
         self._jumps = [
@@ -102,7 +107,7 @@ class LooseMotions:
         words = []
         if np.any(np.abs(loose[:, :count]) > _SHARE):
             body = np.einsum("ab,bnd->and", loose[:, :count], self.of_body)
-            words.append(rigid.describe(body, self._V))
+            words.append(rigid.describe(body, self._V, axisymmetric=self._axisymmetric))
         rest = np.zeros((len(loose), self._bodies.size))
         rest[:, self._free] = loose[:, count:]
         if np.any(np.abs(rest) > _SHARE):

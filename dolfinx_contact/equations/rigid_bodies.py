@@ -134,6 +134,8 @@ class RigidBodies:
         if body is not None:
             x, part = s.node_positions[: self._owned_nodes], self.slice_of(body)
             rows[part] = body.resultant(x, forces.reshape(-1, s.dim)) / self._units[part]
+            if s.axisymmetric:  # around the axis all else cancels
+                rows[part][[0, 2]] = 0.0
         return rows
 
     def at_points(self, s: ContactSurface) -> Array:

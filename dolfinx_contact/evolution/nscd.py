@@ -56,7 +56,7 @@ class NSCD(Evolution):
     Args:
         problem: the contact problem, with loads and Dirichlet data, without inertia.
         density: mass per volume (per area in 2D, of unit thickness): a number, Constant, Function
-            or UFL expression of the coordinates.
+            or UFL expression of the coordinates. Of a body of revolution that of its volume.
         dt: length of a step, a time.
         load: called with a time, on every rank, sets Constants and Functions of the problem's data
             to what they are then; by default they stay.
@@ -123,8 +123,10 @@ class NSCD(Evolution):
         same_everywhere(comm, density=lambda: described(ufl.as_ufl(density), V.mesh))
         self.velocity = fem.Function(V, name="velocity") if velocity is None else velocity
         self._method = method
-        M = mass_matrix(V, density, mass, _touching(problem.equations))
-        C = _damping(problem, self.velocity, density, damping)
+        weight = 2 * math.pi * ufl.SpatialCoordinate(V.mesh)[0]
+        mass_of = density * weight if problem.equations.axisymmetric else density
+        M = mass_matrix(V, mass_of, mass, _touching(problem.equations))
+        C = _damping(problem, self.velocity, mass_of, damping)
         step = TimeStep(self._dt, method.theta, method.scheme)
         body = problem.equations.bulk
         if isinstance(body, MovingBody):

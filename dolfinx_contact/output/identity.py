@@ -102,6 +102,7 @@ def identity(problem: ContactProblem, *, but: Sequence[Any] = ()) -> dict[str, A
         words += [_signature(e, domain) for e in _given(s)]
         words.append(s.law_at_points.compiled.signature)
         words += [] if s.law.spread is None else [repr(s.law.spread)]
+        words += ["axisymmetric"] if s.axisymmetric else []
     for body in problem.rigid_bodies:
         words.append(f"{body.about.tolist()} {body.fixed.tolist()}")
         words += [_signature(e, domain) for e in body.expressions]

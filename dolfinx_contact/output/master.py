@@ -21,6 +21,7 @@ from dolfinx import fem, la
 
 from dolfinx_contact._compat import FacetSubmesh, create_facet_submesh
 from dolfinx_contact._forms import compiled_form
+from dolfinx_contact.materials import circumference
 from dolfinx_contact.points.evaluation import point_space, vertex_function
 from dolfinx_contact.points.trace import outward_normals, trace_dofs
 from dolfinx_contact.results.balance import forces_at_vertices, support_at_nodes
@@ -61,7 +62,11 @@ class MasterFace:
         dx = ufl.Measure("dx", self.submesh.mesh, metadata=rule if same else {})
         areas = la.vector(self.vertices.dofmap.index_map, 1)
         areas.array[:] = 0.0
-        fem.assemble_vector(areas.array, compiled_form(ufl.TestFunction(self.vertices) * dx))
+        area = ufl.TestFunction(self.vertices) * dx
+        if pair.axisymmetric:
+            exact = dx(metadata={"quadrature_degree": 2})
+            area = circumference(self.submesh.mesh) * ufl.TestFunction(self.vertices) * exact
+        fem.assemble_vector(areas.array, compiled_form(area))
         areas.scatter_reverse(la.InsertMode.add)
         areas.scatter_forward()
         self.areas = areas.array.copy()

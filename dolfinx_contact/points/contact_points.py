@@ -25,26 +25,24 @@ import dolfinx.fem.petsc
 import ufl
 from dolfinx import fem, la
 
-from dolfinx_contact._compat import (
-    FacetSubmesh,
-    facet_integration_entities,
-    merge_entity_maps,
-)
+from dolfinx_contact._compat import FacetSubmesh, merge_entity_maps
 from dolfinx_contact._forms import compiled_form
 from dolfinx_contact.laws import PointData
-from dolfinx_contact.points.evaluation import PointEvaluator, blocked_space, point_space
+from dolfinx_contact.materials import circumference
+from dolfinx_contact.points.evaluation import (
+    PointEvaluator,
+    blocked_space,
+    measure_of,
+    point_space,
+)
 from dolfinx_contact.points.gauss import CommonPoints, GaussPoints
 from dolfinx_contact.points.given import Given, fields_of
 from dolfinx_contact.points.held_ends import shared
 from dolfinx_contact.points.ids import point_ids
 from dolfinx_contact.points.opposite import Opposite
 from dolfinx_contact.points.scattered import ScatteredEvaluator
-from dolfinx_contact.points.stencils import (
-    Stencils,
-    multiplied,
-    multiplied_transposed,
-)
-from dolfinx_contact.points.trace import owned_exterior, trace_dofs
+from dolfinx_contact.points.stencils import Stencils, multiplied, multiplied_transposed, rows_of
+from dolfinx_contact.points.trace import trace_dofs
 
 __all__ = ["ContactPoints", "Evaluator", "Given", "Method"]
 
@@ -69,6 +67,7 @@ class ContactPoints:
         rule_degree: of the Gauss points of the integral method.
         given: what is given on the surface.
         opposite: what moves opposite to the nodes; None where nothing does.
+        axisymmetric: whether areas are those of a body of revolution.
 
     Attributes:
         number: of points; `number_everywhere` of those of all ranks.
@@ -87,6 +86,8 @@ class ContactPoints:
         vertex_trace_dofs: the same for the vertices.
         vertex_areas, vertex_gaps, vertex_normals, vertex_ids: at the local vertices, ghosts
             included.
+        circumferences: by which areas of vertices are larger than their sections, 1 of a body that
+            is none of revolution.
         B, E: from displacements and multipliers to points; E is None where it is the identity.
     """
 
@@ -106,9 +107,11 @@ class ContactPoints:
         rule_degree: int,
         given: Given,
         opposite: Opposite | None = None,
+        *,
+        axisymmetric: bool = False,
     ):
         self._V, self.submesh, self.method, self.given = V, submesh, method, given
-        self._opposite = opposite
+        self._weight: Any = circumference(V.mesh) if axisymmetric else None
         domain, sub, facets = V.mesh, submesh.mesh, submesh.parent_facets
         self.comm, self.dim = domain.comm, domain.geometry.dim
         self.vertices = point_space(sub, None)
@@ -120,7 +123,9 @@ class ContactPoints:
         self.space = self.vertices
         if method == "integral":
             if opposite is not None and opposite.common is not None:
-                self._common = CommonPoints(V, submesh, opposite.common, rule_degree)
+                self._common = CommonPoints(
+                    V, submesh, opposite.common, rule_degree, axisymmetric=axisymmetric
+                )
                 self._gauss = self._common.gauss
             else:
                 self.space = point_space(sub, rule_degree)
@@ -136,11 +141,9 @@ class ContactPoints:
         )
         gauss = self._gauss if method == "integral" else None
         self.ids, self.vertex_ids = point_ids(self.vertices, gauss)
-        entities = facet_integration_entities(domain, owned_exterior(domain, facets))
-        ds = ufl.Measure("ds", domain, subdomain_data=[(1, entities)])
-        at_vertices = ds(1, metadata={"quadrature_rule": "vertex", "quadrature_degree": 1})
-        at_gauss = ds(1, metadata={"quadrature_rule": "default", "quadrature_degree": rule_degree})
-        exact = ds(1, metadata={"quadrature_degree": 2 * max(degrees)})
+        at_vertices = measure_of(domain, facets, 1, "vertex")
+        at_gauss = measure_of(domain, facets, rule_degree)
+        exact = measure_of(domain, facets, 2 * max(degrees) + axisymmetric)
         self._measure = at_gauss if method == "integral" else at_vertices
         self._exact = exact if method == "mixed" else None
         self._evaluate, self._average = self.evaluators(given, given.gap * given.normal)
@@ -152,6 +155,13 @@ class ContactPoints:
         areas = self._evaluate if self._average is None else self._average
         self.areas = areas.areas[: self.number].copy()
         self.vertex_areas = self._at_vertices.areas if method == "integral" else areas.areas
+        self.circumferences: Array = np.ones(len(self.vertex_areas))
+        if axisymmetric:
+            sections = self._at_vertices.areas
+            around = PointEvaluator(self.vertices, exact, {}, self._maps, self._weight)
+            self.vertex_areas, self.circumferences = around.areas, around.areas / sections
+            if method == "nodal":
+                self.areas = self.vertex_areas[: self.number].copy()
         if opposite is not None and opposite.areas is not None:
             self.vertex_areas = opposite.areas[self.vertex_trace_dofs]
             if method == "nodal":
@@ -181,12 +191,15 @@ class ContactPoints:
         here = self.evaluator({"x": ufl.SpatialCoordinate(self._V.mesh), **given.at_points})
         if self._exact is None:
             return here, None
-        return here, PointEvaluator(self.space, self._exact, {"offset": offset}, self._maps)
+        average = {"offset": offset}
+        return here, PointEvaluator(self.space, self._exact, average, self._maps, self._weight)
 
     def evaluator(self, expressions: Mapping[str, Any]) -> Evaluator:
         """What evaluates UFL on the body at the points."""
         if self._common is None:
-            return PointEvaluator(self.space, self._measure, expressions, self._maps)
+            # At nodes values are those of the vertex rule, on the axis too.
+            weight = self._weight if self.method == "integral" else None
+            return PointEvaluator(self.space, self._measure, expressions, self._maps, weight)
         at = self._common
         return ScatteredEvaluator(self._V.mesh, at.cells, at.positions, at.areas, expressions)
 
@@ -337,7 +350,7 @@ class ContactPoints:
         self.vertex_areas = self.with_ghosts(self.areas)
         owned = self._V.dofmap.index_map.size_local
         plain = alone.scalar_matrix(self.comm, owned)
-        self.stencils = self._of_rows(D.matMult(plain), np.ones(self.number))
+        self.stencils = self._each_alone(*rows_of(D.matMult(plain), np.ones(self.number)))
         plain.destroy()
         self.destroy()
         self._shared = D
@@ -367,25 +380,16 @@ class ContactPoints:
         W, owned = self.vertices, self._V.dofmap.index_map.size_local
         p, q = ufl.TrialFunction(W), ufl.TestFunction(W)
         dx = ufl.dx(domain=self.submesh.mesh, metadata={"quadrature_degree": 2})
-        consistent = dolfinx.fem.petsc.assemble_matrix(compiled_form(p * q * dx))
+        product = p * q * dx
+        if self._weight is not None:
+            exact = {"quadrature_degree": 3}
+            product = circumference(self.submesh.mesh) * p * q * dx(metadata=exact)
+        consistent = dolfinx.fem.petsc.assemble_matrix(compiled_form(product))
         consistent.assemble()
         at_nodes = self._nodal(trace).scalar_matrix(self.comm, owned)
-        product = consistent.matMult(at_nodes)
+        means = consistent.matMult(at_nodes)
         consistent.destroy(), at_nodes.destroy()
-        return self._of_rows(product, self.areas)
-
-    def _of_rows(self, product: PETSc.Mat, divisor: Array) -> Stencils:
-        """Of the rows of a matrix, which is destroyed."""
-        indptr, columns, values = product.getValuesCSR()
-        product.destroy()
-        counts = np.diff(indptr)
-        n, width = self.number, int(counts.max(initial=1))
-        # Of no weight are copies of the first node of the row.
-        place = indptr[:-1, None] + np.minimum(np.arange(width), counts[:, None] - 1)
-        nodes = columns[place].astype(np.int64) if n else np.zeros((0, width), dtype=np.int64)
-        held = np.arange(width) < counts[:, None]
-        weights = np.where(held, values[place] if n else 0.0, 0.0) / divisor[:, None]
-        return self._each_alone(nodes, weights)
+        return self._each_alone(*rows_of(means, self.areas))
 
     def _integral(self, trace: Trace) -> Stencils:
         sub, cells = self.submesh.mesh, self._gauss.cells

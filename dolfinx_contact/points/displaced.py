@@ -24,16 +24,15 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact._compat import facet_integration_entities, merge_entity_maps
+from dolfinx_contact._compat import merge_entity_maps
 from dolfinx_contact._errors import require
 from dolfinx_contact.laws import LawAtPoints, PointData
 from dolfinx_contact.laws.status import STICK
 from dolfinx_contact.obstacles import Obstacle, known_displaced
 from dolfinx_contact.points.contact_points import ContactPoints, Evaluator, Given
-from dolfinx_contact.points.evaluation import PointEvaluator, blocked_space
+from dolfinx_contact.points.evaluation import PointEvaluator, blocked_space, measure_of
 from dolfinx_contact.points.given import fields_of
 from dolfinx_contact.points.rigid_body import RigidBody
-from dolfinx_contact.points.trace import owned_exterior
 
 __all__ = ["DisplacedPoints", "Sliding", "check_sliding", "displaced_points"]
 
@@ -159,11 +158,9 @@ class DisplacedPoints:
 
     def _vertices(self) -> tuple[fem.Function, PointEvaluator]:
         W, submesh, domain = self._points.vertices, self._points.submesh, self._domain
-        entities = facet_integration_entities(domain, owned_exterior(domain, submesh.parent_facets))
-        ds = ufl.Measure("ds", domain, subdomain_data=[(1, entities)])
-        rule = {"quadrature_rule": "vertex", "quadrature_degree": 1}
+        ds = measure_of(domain, submesh.parent_facets, 1, "vertex")
         moved = fem.Function(blocked_space(W, self._points.dim))
         at = self._obstacle.at(domain, ufl.SpatialCoordinate(domain) + moved)
         expressions: dict[str, Any] = dict(zip(("gap", "normal"), at, strict=True))
         maps = merge_entity_maps([submesh])
-        return moved, PointEvaluator(W, ds(1, metadata=rule), expressions, maps)
+        return moved, PointEvaluator(W, ds, expressions, maps)

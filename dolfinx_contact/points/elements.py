@@ -51,17 +51,22 @@ def check_elements(name: str, method: str, degrees: tuple[int, int]) -> None:
         )
 
 
-def check_quadrature(name: str, degrees: tuple[int, int], quadrature_degree: int | None) -> int:
+def check_quadrature(
+    name: str, degrees: tuple[int, int], quadrature_degree: int | None, *, weighted: bool
+) -> int:
     """The quadrature degree of the integral method, by default twice that of the displacement.
+
+    The weight of a body of revolution, its circumference, takes one degree more.
 
     Raises:
         ValueError: if the rule does not integrate multiplier times displacement exactly on flat
             facets, so that the pair loses its stability.
     """
-    degree = 2 * degrees[0] if quadrature_degree is None else quadrature_degree
-    if not isinstance(degree, int) or degree < sum(degrees):
+    degree = 2 * degrees[0] + weighted if quadrature_degree is None else quadrature_degree
+    least = sum(degrees) + weighted
+    if not isinstance(degree, int) or degree < least:
         raise ValueError(
-            f"{name}: the quadrature degree must be at least {sum(degrees)} for a stable contact "
+            f"{name}: the quadrature degree must be at least {least} for a stable contact "
             f"of P{degrees[0]} with P{degrees[1]}, got {quadrature_degree}"
         )
     return degree

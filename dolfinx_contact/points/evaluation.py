@@ -13,9 +13,11 @@ import basix.ufl
 import ufl
 from dolfinx import fem, la, mesh
 
+from dolfinx_contact._compat import facet_integration_entities
 from dolfinx_contact._forms import compiled_form
+from dolfinx_contact.points.trace import owned_exterior
 
-__all__ = ["PointEvaluator", "require_same_numbering"]
+__all__ = ["PointEvaluator", "measure_of", "require_same_numbering"]
 
 Array = npt.NDArray[np.float64]
 
@@ -32,17 +34,26 @@ class PointEvaluator:
         W: scalar space with one dof per point: Lagrange degree 1 or a quadrature element.
         ds: measure of the surface; where its quadrature points are those of ``W`` values are local.
         expressions: UFL scalars and vectors by name; may contain Functions of the body.
-        entity_maps: of the submesh.
+        maps: of the submesh.
+        weight: of all integrals, a UFL scalar; None for 1.
+
+    Attributes:
+        areas: integrals of the basis functions, at the local points.
     """
 
     def __init__(
-        self, W: fem.FunctionSpace, ds: ufl.Measure, expressions: Mapping[str, Any], maps: Any
+        self,
+        W: fem.FunctionSpace,
+        ds: ufl.Measure,
+        expressions: Mapping[str, Any],
+        maps: Any,
+        weight: Any = None,
     ):
-        one = fem.Constant(ds.ufl_domain(), 1.0)
+        one = fem.Constant(ds.ufl_domain(), 1.0) if weight is None else weight
         components = [one]
         self._places: dict[str, tuple[int, tuple[int, ...]]] = {}
         for name, e in expressions.items():
-            e = ufl.as_ufl(e)
+            e = ufl.as_ufl(e) if weight is None else weight * ufl.as_ufl(e)
             self._places[name] = len(components), e.ufl_shape
             components += [e[i] for i in np.ndindex(e.ufl_shape)] if e.ufl_shape else [e]
         self._index_map, self._width = W.dofmap.index_map, len(components)
@@ -67,6 +78,15 @@ class PointEvaluator:
             name: values[:, first : first + int(np.prod(shape, dtype=int))].reshape(-1, *shape)
             for name, (first, shape) in self._places.items()
         }
+
+
+def measure_of(
+    domain: mesh.Mesh, facets: npt.NDArray[np.int32], degree: int, rule: str = "default"
+) -> ufl.Measure:
+    """The measure of the exterior facets among ``facets`` that this rank owns. Collective."""
+    entities = facet_integration_entities(domain, owned_exterior(domain, facets))
+    ds = ufl.Measure("ds", domain, subdomain_data=[(1, entities)])
+    return ds(1, metadata={"quadrature_rule": rule, "quadrature_degree": degree})
 
 
 def blocked_space(W: fem.FunctionSpace, width: int) -> fem.FunctionSpace:

@@ -18,7 +18,7 @@ from dolfinx_contact.points.clipping import Faces
 from dolfinx_contact.points.search import asked_ranks, exchanged, nearest
 from dolfinx_contact.points.trace import facet_closures, facet_normals
 
-__all__ = ["candidates", "faces_of", "refuse_aslant", "seen_along"]
+__all__ = ["candidates", "faces_of", "measured", "refuse_aslant", "seen_along"]
 
 Array = npt.NDArray[np.float64]
 Nodes = npt.NDArray[np.int64]
@@ -81,6 +81,17 @@ def seen_along(normal: Array, faces: Faces) -> Faces:
     off = (faces.x - faces.x.mean(axis=1, keepdims=True)) @ normal
     x = faces.x - off[:, :, None] * normal
     return Faces(x, np.broadcast_to(normal, faces.normals.shape), faces.nodes)
+
+
+def measured(domain: mesh.Mesh, facets: npt.NDArray[np.int32]) -> Array:
+    """Means of the nodes and areas of the facets that this rank owns (n, dim + 1)."""
+    dim = domain.geometry.dim
+    owned = facets[facets < domain.topology.index_map(dim - 1).size_local]
+    if not len(owned):
+        return np.zeros((0, dim + 1))
+    x = domain.geometry.x[mesh.entities_to_geometry(domain, dim - 1, owned)][:, :, :dim]
+    areas = np.linalg.norm(facet_normals(domain, owned, unit=False), axis=1)
+    return np.column_stack([x.mean(axis=1), areas])
 
 
 def refuse_aslant(

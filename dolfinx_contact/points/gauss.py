@@ -68,6 +68,7 @@ class CommonPoints:
         submesh: of the slave's facets.
         common: of slave and master.
         degree: of the quadrature.
+        axisymmetric: whether areas are those of a body of revolution.
 
     Attributes:
         areas: of the points (n,).
@@ -76,7 +77,15 @@ class CommonPoints:
         gauss: the points, a group to every piece.
     """
 
-    def __init__(self, V: fem.FunctionSpace, submesh: FacetSubmesh, common: Common, degree: int):
+    def __init__(
+        self,
+        V: fem.FunctionSpace,
+        submesh: FacetSubmesh,
+        common: Common,
+        degree: int,
+        *,
+        axisymmetric: bool,
+    ):
         self._cover, dim = common.cover, V.mesh.geometry.dim
         self._degree = int(V.ufl_element().degree)
         rule = self._rule = common.cover.rule(degree)
@@ -87,6 +96,8 @@ class CommonPoints:
         hats = basis(rule.mine, slave.corners, 1)
         x = np.einsum("gpk,gkd->gpd", hats, slave.x[common.cover.facet])
         self.positions = x.reshape(-1, dim)
+        if axisymmetric:
+            self.areas = 2 * np.pi * self.positions[:, 0] * self.areas
         parents = submesh.parent_facets
         order = np.argsort(parents)
         facets = common.facets[common.cover.facet]

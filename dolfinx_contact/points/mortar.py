@@ -11,6 +11,7 @@ With W = sum d the jump of a node at a corner is
 whose weights sum to zero: constants and, on faces that coincide, linear fields are reproduced to
 round-off however the faces are cut, and so uniform tractions are (Wohlmuth, SIAM J. Numer. Anal.
 38, 2000; Popp, Gee and Wall, Int. J. Numer. Methods Eng. 79, 2009).
+All integrals of a body of revolution have the weight 2 pi r.
 """
 
 from __future__ import annotations
@@ -45,15 +46,16 @@ class Coupling:
     areas: Array
 
 
-def coupling(cover: Cover, degree: int) -> Coupling:
+def coupling(cover: Cover, degree: int, *, axisymmetric: bool) -> Coupling:
     """Integrals over the covered parts of the slave's facets. Not collective.
 
     Args:
         cover: those parts.
         degree: of the displacement.
+        axisymmetric: whether they are those of a body of revolution.
     """
     i, k, corners = cover.facet, cover.other, cover.slave.corners
-    rule = cover.rule(1 + degree)
+    rule = cover.rule(1 + degree + axisymmetric)
     mine, theirs = (
         basis(x, faces.corners, order)
         for x, faces, order in (
@@ -61,14 +63,17 @@ def coupling(cover: Cover, degree: int) -> Coupling:
             (rule.theirs, cover.master, degree),
         )
     )
+    weights = rule.weights
+    if axisymmetric:
+        weights = 2 * np.pi * np.einsum("pqa,pa->pq", mine, cover.slave.x[i, :, 0]) * weights
     n = len(cover.slave.x)
     mass, areas = np.zeros((n, corners, corners)), np.zeros((n, corners))
-    np.add.at(mass, i, np.einsum("pq,pqa,pqb->pab", rule.weights, mine, mine))
-    np.add.at(areas, i, np.einsum("pq,pqa->pa", rule.weights, mine))
+    np.add.at(mass, i, np.einsum("pq,pqa,pqb->pab", weights, mine, mine))
+    np.add.at(areas, i, np.einsum("pq,pqa->pa", weights, mine))
     mass[areas.sum(axis=1) == 0] = np.eye(corners)
     dual = np.linalg.solve(mass, areas[:, :, None] * np.eye(corners)).transpose(0, 2, 1)
     psi = np.einsum("pab,pqb->pqa", dual[i], mine)
-    values = np.einsum("pq,pqa,pqk->pak", rule.weights, psi, theirs)
+    values = np.einsum("pq,pqa,pqk->pak", weights, psi, theirs)
     shape = values.shape
     return Coupling(
         np.broadcast_to(cover.slave.nodes[i, :corners, None], shape).reshape(-1),

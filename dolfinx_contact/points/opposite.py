@@ -13,6 +13,7 @@ may be, and answers come back.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from mpi4py import MPI
@@ -29,14 +30,14 @@ from dolfinx_contact._errors import require
 from dolfinx_contact.body.rigid import bounding_box
 from dolfinx_contact.obstacles import Obstacle
 from dolfinx_contact.points.clipping import Cover, basis, cover, nodal_points
-from dolfinx_contact.points.facing import candidates, faces_of, refuse_aslant, seen_along
+from dolfinx_contact.points.facing import candidates, faces_of, measured, refuse_aslant, seen_along
 from dolfinx_contact.points.given import at_nodes
 from dolfinx_contact.points.mortar import coupling
+from dolfinx_contact.points.revolution import mirrored
 from dolfinx_contact.points.search import nearest, within
 from dolfinx_contact.points.trace import (
     at_global_places,
-    facet_closures,
-    facet_normals,
+    nodes_on,
     outward_normals,
 )
 
@@ -136,6 +137,7 @@ class OppositeFacets(Obstacle):
             slave.
         interference: whether the bodies may overlap, as in a press fit.
         must_match: whether every node needs one opposite to it.
+        axisymmetric: whether these are bodies of revolution.
         name: of the pair, for messages.
 
     Attributes:
@@ -160,6 +162,7 @@ class OppositeFacets(Obstacle):
         normal: Array | None,
         interference: bool,
         must_match: bool,
+        axisymmetric: bool,
         name: str,
     ):
         domain = V.mesh
@@ -171,19 +174,20 @@ class OppositeFacets(Obstacle):
         size = comm.allreduce(outward_normals(W, slave)[1], op=min)
         if normal is not None:
             refuse_aslant(domain, slave[slave < owned], normal, name)
-        found, objection = _matched(V, slave, master, size, name, normal)
+        of_nodes = partial(_normals, slave=slave, given=normal, axisymmetric=axisymmetric)
+        found, objection = _matched(V, slave, master, size, name, of_nodes(V))
         if found is None:
             reason = f"{name}: the faces do not match: {objection}"
             require(comm, not must_match, f"{reason}, as mixed contact needs")
-            found = _mortar(V, slave, master, size, name, normal)
+            found = _mortar(V, slave, master, size, name, normal, axisymmetric=axisymmetric)
         self.opposite = found
-        normals = _normals(W, slave, normal)
+        normals = of_nodes(W)
         field = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (dim,))))
         field.x.array[:] = normals.reshape(-1)
         self._normal = field / ufl.sqrt(ufl.dot(field, field))
         if surface is not None:
             gaps, shape = at_nodes(W, surface)
-            on_slave = _nodes_on(W, slave)
+            on_slave = nodes_on(W, slave)
             turned = (np.sum(shape * normals, axis=1) < _FACING)[: W.dofmap.index_map.size_local]
             count = comm.allreduce(int((turned & on_slave[: len(turned)]).sum()))
             require(
@@ -198,7 +202,7 @@ class OppositeFacets(Obstacle):
         elif gap is None:
             corners: npt.NDArray[np.int32] = np.zeros(len(normals), dtype=np.int32)
             corners[W.dofmap.list] = V.dofmap.list[:, : W.dofmap.list.shape[1]]
-            gaps = _gaps(V, found, _normals(V, slave, normal), size)[corners]
+            gaps = _gaps(V, found, of_nodes(V), size)[corners]
             allowed = (_OVERLAP if found.matching else _CURVED_OVERLAP) * size
             worst = comm.allreduce(float(np.min(gaps, initial=0.0)), op=min)
             require(
@@ -218,12 +222,18 @@ class OppositeFacets(Obstacle):
         return self._gap, self._normal
 
 
-def _normals(V: fem.FunctionSpace, slave: npt.NDArray[np.int32], given: Array | None) -> Array:
+def _normals(
+    V: fem.FunctionSpace,
+    slave: npt.NDArray[np.int32],
+    given: Array | None,
+    *,
+    axisymmetric: bool,
+) -> Array:
     """Of the slave at the local nodes, or the one that is given; zero elsewhere. Collective."""
     normals, _ = outward_normals(V, slave)
     if given is not None:
         normals[np.any(normals != 0.0, axis=1)] = given
-    return normals
+    return mirrored(V, normals) if axisymmetric else normals
 
 
 def _gaps(V: fem.FunctionSpace, opposite: Opposite, normals: Array, size: float) -> Array:
@@ -245,15 +255,14 @@ def _matched(
     master: npt.NDArray[np.int32],
     size: float,
     name: str,
-    normal: Array | None,
+    normals: Array,
 ) -> tuple[Opposite | None, str]:
     """The node of the master opposite to each of the slave, or why there is none. Collective."""
     comm, dim = V.mesh.comm, V.mesh.geometry.dim
     index_map, x = V.dofmap.index_map, V.tabulate_dof_coordinates()[:, :dim]
-    normals = _normals(V, slave, normal)
     theirs, _ = outward_normals(V, master)
-    on_master = np.flatnonzero(_nodes_on(V, master)[: index_map.size_local])
-    mine = np.flatnonzero(_nodes_on(V, slave))
+    on_master = np.flatnonzero(nodes_on(V, master)[: index_map.size_local])
+    mine = np.flatnonzero(nodes_on(V, slave))
     first = index_map.local_range[0]
     known = np.column_stack([x[on_master], theirs[on_master], first + on_master])
     found = nearest(comm, known, x[mine], dim)
@@ -267,7 +276,7 @@ def _matched(
     if missing:
         return None, f"{missing} of {total} nodes of the slave have none of the master opposite"
     # Nodes of finer facets lie between those that have one opposite.
-    ours, others = (_measured(V.mesh, facets) for facets in (slave, master))
+    ours, others = (measured(V.mesh, facets) for facets in (slave, master))
     facing = nearest(comm, others, ours[:, :dim], dim)
     off = np.abs(facing[:, dim] / ours[:, dim] - 1) > _TANGENTIAL
     missing, total = comm.allreduce(np.array([int(off.sum()), len(ours)]))
@@ -291,19 +300,8 @@ def _matched(
     )
     rows, none = np.full(len(x), -1, dtype=np.int64), np.zeros(len(x), dtype=bool)
     rows[mine], none[mine] = np.arange(len(mine)), itself
-    sides = _nodes_on(V, slave), _nodes_on(V, master)
+    sides = nodes_on(V, slave), nodes_on(V, master)
     return Opposite(rows, ids[:, None], np.ones((len(mine), 1)), none, None, sides, master), ""
-
-
-def _measured(domain: mesh.Mesh, facets: npt.NDArray[np.int32]) -> Array:
-    """Means of the nodes and areas of the facets that this rank owns (n, dim + 1)."""
-    dim = domain.geometry.dim
-    owned = facets[facets < domain.topology.index_map(dim - 1).size_local]
-    if not len(owned):
-        return np.zeros((0, dim + 1))
-    x = domain.geometry.x[mesh.entities_to_geometry(domain, dim - 1, owned)][:, :, :dim]
-    areas = np.linalg.norm(facet_normals(domain, owned, unit=False), axis=1)
-    return np.column_stack([x.mean(axis=1), areas])
 
 
 def _mortar(
@@ -313,6 +311,8 @@ def _mortar(
     size: float,
     name: str,
     normal: Array | None,
+    *,
+    axisymmetric: bool,
 ) -> Opposite:
     """The weights of a mortar; see `mortar`. Collective.
 
@@ -321,7 +321,7 @@ def _mortar(
     comm, index_map, dim = V.mesh.comm, V.dofmap.index_map, V.mesh.geometry.dim
     degree = V.mesh.ufl_domain().ufl_coordinate_element().degree
     require(comm, degree == 1, f"{name}: cells are curved where faces do not match")
-    on_slave, on_master = _nodes_on(V, slave), _nodes_on(V, master)
+    on_slave, on_master = nodes_on(V, slave), nodes_on(V, master)
     shared = comm.allreduce(int((on_slave & on_master)[: index_map.size_local].sum()))
     require(comm, shared == 0, f"{name}: slave and master touch at {shared} nodes of the mesh")
     facets = slave[slave < V.mesh.topology.index_map(dim - 1).size_local]
@@ -334,7 +334,7 @@ def _mortar(
     marked = np.unique(common.facet)
     require(comm, bool(comm.allreduce(len(marked))), f"{name}: nothing is opposite")
     degree = V.ufl_element().degree
-    found = coupling(common, degree)
+    found = coupling(common, degree, axisymmetric=axisymmetric)
     corners = mine.nodes[:, : mine.corners]
     sums = la.vector(index_map, 1)
     sums.array[:] = 0.0
@@ -408,13 +408,3 @@ def _between(comm: MPI.Comm, A: PETSc.Mat, nodes: Nodes, corners: int) -> PETSc.
     for part in (A, means, sums):
         part.destroy()
     return found
-
-
-def _nodes_on(V: fem.FunctionSpace, facets: npt.NDArray[np.int32]) -> npt.NDArray[np.bool_]:
-    """Which local nodes lie on facets of any rank. Collective."""
-    marks = la.vector(V.dofmap.index_map, 1)
-    marks.array[:] = 0.0
-    marks.array[facet_closures(V, facets).reshape(-1)] = 1.0
-    marks.scatter_reverse(la.InsertMode.add)
-    marks.scatter_forward()
-    return np.asarray(marks.array > 0)

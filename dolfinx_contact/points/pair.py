@@ -19,6 +19,7 @@ from dolfinx_contact.points.contact_points import Method
 from dolfinx_contact.points.elements import displacement_degree
 from dolfinx_contact.points.held_ends import held_in_place, in_place
 from dolfinx_contact.points.opposite import Opposite, OppositeFacets
+from dolfinx_contact.points.revolution import check_section
 from dolfinx_contact.points.rigid_body import RigidBody
 from dolfinx_contact.points.surface import ContactSurface
 from dolfinx_contact.points.trace import exterior_facets
@@ -62,6 +63,7 @@ class ContactPair(ContactSurface):
         method: as for `ContactSurface`, and so the rest.
         multiplier_degree: of the multiplier.
         quadrature_degree: of the Gauss points.
+        axisymmetric: as for `ContactSurface`.
         name: used in messages and tables.
 
     Raises:
@@ -88,6 +90,7 @@ class ContactPair(ContactSurface):
         method: Method | None = None,
         multiplier_degree: int = 1,
         quadrature_degree: int | None = None,
+        axisymmetric: bool = False,
         name: str = "contact",
     ):
         if not isinstance(u, fem.Function):
@@ -97,8 +100,9 @@ class ContactPair(ContactSurface):
             if not isinstance(name, str) or not name:
                 raise ValueError(f"the name of a contact pair must be a word, got {name!r}")
             displacement_degree(u)
-            if not isinstance(interference, bool | np.bool_):
-                raise ValueError(f"{name}: interference is True or False, got {interference!r}")
+            for what, flag in (("interference", interference), ("axisymmetric", axisymmetric)):
+                if not isinstance(flag, bool | np.bool_):
+                    raise ValueError(f"{name}: {what} is True or False, got {flag!r}")
             if master_facets is not None and (slave is not None or master is not None):
                 raise ValueError(f"{name}: facets by their indices have no tags slave and master")
             if master_facets is None and isinstance(facets, np.ndarray):
@@ -117,6 +121,7 @@ class ContactPair(ContactSurface):
             comm,
             name,
             interference=bool(interference),
+            axisymmetric=bool(axisymmetric),
             gap=gap is None,
             surface=surface is None,
             normal=None if direction is None else direction.tolist(),
@@ -130,6 +135,8 @@ class ContactPair(ContactSurface):
             )
         ]
         self.master_facets = sides[1]
+        if axisymmetric:
+            check_section(V.mesh, sides[1], f"{name}, master")
         super().__init__(
             u,
             sides[0],
@@ -142,12 +149,14 @@ class ContactPair(ContactSurface):
                 normal=direction,
                 interference=interference,
                 must_match=method == "mixed",
+                axisymmetric=bool(axisymmetric),
                 name=name,
             ),
             law=law,
             method=method,
             multiplier_degree=multiplier_degree,
             quadrature_degree=quadrature_degree,
+            axisymmetric=axisymmetric,
             name=name,
         )
         #: What is opposite while no function of a node is given away.

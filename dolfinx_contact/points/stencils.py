@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from dolfinx_contact._entries import Entries, matrix_of
 
-__all__ = ["Stencils", "multiplied", "multiplied_transposed", "weights_matrix"]
+__all__ = ["Stencils", "multiplied", "multiplied_transposed", "rows_of", "weights_matrix"]
 
 Array = npt.NDArray[np.float64]
 Nodes = npt.NDArray[np.int64]
@@ -99,6 +99,19 @@ def weights_matrix(
     A = matrix_of(comm, (dim * n, dim * owned_nodes), entries)
     entries.add(np.repeat(weights.reshape(-1), dim), A)
     return A
+
+
+def rows_of(product: PETSc.Mat, divisor: Array) -> tuple[Nodes, Array]:
+    """Nodes and weights (n, k) of the rows of a matrix, each over a divisor; it is destroyed."""
+    indptr, columns, values = product.getValuesCSR()
+    product.destroy()
+    counts = np.diff(indptr)
+    n, width = len(counts), int(counts.max(initial=1))
+    # Of no weight are copies of the first node of the row.
+    place = indptr[:-1, None] + np.minimum(np.arange(width), counts[:, None] - 1)
+    nodes = columns[place].astype(np.int64) if n else np.zeros((0, width), dtype=np.int64)
+    held = np.arange(width) < counts[:, None]
+    return nodes, np.where(held, values[place] if n else 0.0, 0.0) / divisor[:, None]
 
 
 def multiplied(A: PETSc.Mat, values: Array) -> Array:

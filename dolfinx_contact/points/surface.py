@@ -31,6 +31,7 @@ from dolfinx_contact.points.elements import check_elements, check_quadrature, di
 from dolfinx_contact.points.memory import Memory, with_memory
 from dolfinx_contact.points.neighbours import LawAmongPoints
 from dolfinx_contact.points.opposite import Opposite
+from dolfinx_contact.points.revolution import check_revolution, check_section
 from dolfinx_contact.points.rigid_body import RigidBody
 from dolfinx_contact.points.trace import exterior_facets
 from dolfinx_contact.points.true_gaps import TrueGaps
@@ -59,6 +60,9 @@ class ContactSurface:
         sliding: ``"large"`` for gap and normal of a curved obstacle at the displaced points,
             ``"small"`` for those of the reference configuration (`points.displaced`); by default
             large for bodies that are not linear.
+        axisymmetric: whether the mesh is half of a section of a body of revolution about x = 0, and
+            the energy that of the whole circumference (`materials.Axisymmetric`): forces are those
+            of the circumference then, and areas those that are swept (`points.revolution`).
         name: used in messages and tables.
 
     Attributes:
@@ -87,6 +91,7 @@ class ContactSurface:
         multiplier_degree: int = 1,
         quadrature_degree: int | None = None,
         sliding: Sliding | None = None,
+        axisymmetric: bool = False,
         name: str = "contact",
     ):
         if not isinstance(u, fem.Function):
@@ -106,11 +111,12 @@ class ContactSurface:
                     f"{name}: the law must be Frictionless(), Coulomb(F), Tresca(g) or a Law"
                 )
             if not isinstance(obstacle, Obstacle):
-                raise ValueError(
-                    f"{name}: the obstacle must be a HalfSpace, Sphere, Cylinder, LevelSet"
-                )
+                known = "HalfSpace, Sphere, Cylinder, LevelSet"
+                raise ValueError(f"{name}: the obstacle must be a {known}")
             check_elements(name, self.method, self.degrees)
-            rule_degree = check_quadrature(name, self.degrees, quadrature_degree)
+            check_revolution(name, axisymmetric, obstacle, law)
+            self.axisymmetric = turned = bool(axisymmetric)
+            rule_degree = check_quadrature(name, self.degrees, quadrature_degree, weighted=turned)
             self.law = law.bind(domain)
             self.obstacle = obstacle
             self.gap, self.normal = obstacle.on(domain)
@@ -139,12 +145,15 @@ class ContactSurface:
             multiplier_degree=int(multiplier_degree),
             quadrature_degree=int(rule_degree),
             sliding=sliding,
+            axisymmetric=self.axisymmetric,
             law=described_law,
             obstacle=lambda: f"{type(obstacle).__name__} {described(self.gap, domain)}",
             normal=lambda: described(self.normal, domain),
         )
 
         local = exterior_facets(domain, *tagged_facets(self.comm, facets, tag, name), name)
+        if self.axisymmetric:
+            check_section(domain, local, name)
         self.submesh = create_facet_submesh(domain, local)
         self.given = Given(self.gap, self.normal, given)
         self._scatter()
@@ -156,6 +165,7 @@ class ContactSurface:
             rule_degree,
             self.given,
             obstacle.opposite,
+            axisymmetric=self.axisymmetric,
         )
         number = self.points.number
         self.law_at_points = (
@@ -296,6 +306,13 @@ class ContactSurface:
     def mean_vertex_area(self) -> float:
         """Mean area of a vertex. Collective."""
         return self._vertex_mean(self.points.vertex_areas)
+
+    @property
+    def mean_width(self) -> float:
+        """Size of a facet: the root in space, of the mean area of a vertex. Collective."""
+        points = self.points
+        mean = self._vertex_mean(points.vertex_areas / points.circumferences)
+        return float(mean ** (1 / (self.dim - 1)))
 
     @property
     def mean_augmentation(self) -> float:

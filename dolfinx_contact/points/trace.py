@@ -21,6 +21,7 @@ __all__ = [
     "exterior_facets",
     "facet_closures",
     "facet_normals",
+    "nodes_on",
     "outward_normals",
     "owned_exterior",
     "trace_dofs",
@@ -180,6 +181,16 @@ def facet_normals(
     if unit:
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     return np.asarray(normals)
+
+
+def nodes_on(V: fem.FunctionSpace, facets: npt.NDArray[np.int32]) -> npt.NDArray[np.bool_]:
+    """Which local nodes lie on facets of any rank. Collective."""
+    marks = la.vector(V.dofmap.index_map, 1)
+    marks.array[:] = 0.0
+    marks.array[facet_closures(V, facets).reshape(-1)] = 1.0
+    marks.scatter_reverse(la.InsertMode.add)
+    marks.scatter_forward()
+    return np.asarray(marks.array > 0)
 
 
 def at_global_places(

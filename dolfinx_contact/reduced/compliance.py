@@ -49,7 +49,7 @@ def check_reducible(eq: ContactEquations) -> None:
         (alone, "contact at the nodes (nodal or mixed)"),
         (eq.bulk.linear, "a body that is linear"),
         (eq.linear or not eq.bulk.linear, "small sliding on curved obstacles"),
-        (len(eq.loose.of_body) == 0, "a body that Dirichlet data hold"),
+        (len(eq.scaling.loose.of_body) == 0, "a body that Dirichlet data hold"),
         (eq.dim == 2 or not guided, "contact nodes that Dirichlet data do not hold in part"),
         (not shared, "surfaces without common nodes"),
         (eq.rigid.size == 0, "obstacles without unknowns of their own"),

@@ -9,7 +9,8 @@ from outside (loads, springs). Of a solution
     contact + support + external = 0
 
 where contact is summed from the tables, support from the rows of Dirichlet dofs, and external from
-the bulk form alone: nothing is inferred from the rest. Moments are not compared.
+the bulk form alone: nothing is inferred from the rest. Moments are not compared. Of a body of
+revolution the balance is that along the axis, across which forces cancel.
 """
 
 from __future__ import annotations
@@ -45,6 +46,9 @@ class ContactForces(Protocol):
     def force(self) -> npt.NDArray[np.float64]:
         """Contact force on the body."""
 
+    def resultant(self, forces: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """The sum of forces at the points."""
+
 
 @dataclass(frozen=True)
 class Balance:
@@ -73,12 +77,12 @@ def balance(eq: ContactEquations, state: State, tables: Iterable[ContactForces])
     """
     comm, n = eq.comm, eq.V.dofmap.index_map.size_local
     reactions = support_at_nodes(eq, state)[:n]
-    support = comm.allreduce(reactions.sum(axis=0))
-    external = -comm.allreduce(eq.bulk.local_rows(state.u).sum(axis=0))
+    support = eq.resultant(reactions)
+    external = -eq.resultant(eq.bulk.local_rows(state.u))
     contact, size = np.zeros_like(support), 0.0
     for s, t in zip(eq.surfaces, tables, strict=True):
         if not s.between_bodies:  # else it acts on both of what is one whole here
-            contact += t.force.sum(axis=0)
+            contact += t.resultant(t.force)
         size += float(np.linalg.norm(t.force, axis=1).sum())
     size += comm.allreduce(float(np.linalg.norm(reactions, axis=1).sum()))
     size += float(np.linalg.norm(external))

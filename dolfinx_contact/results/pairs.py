@@ -34,7 +34,7 @@ class PairBalance:
         master: resultant on the master (dim,).
         imbalance: |slave + master| over the sum of the sizes of all nodal forces.
         moment: the moment of all nodal forces over the sum of their sizes and the size of the
-            faces; None where the faces do not lie on each other.
+            faces; None where the faces do not lie on each other, and of bodies of revolution.
     """
 
     slave: npt.NDArray[np.float64]
@@ -71,15 +71,12 @@ def pair_balance(eq: ContactEquations, number: int, state: State) -> PairBalance
     forces, x = pair_forces(eq, number, state), eq.V.tabulate_dof_coordinates()[:, : eq.dim]
     # Where a crack ends nodes are of both faces; what acts there cancels.
     slave, master = (side[:n] for side in s.obstacle.opposite.sides)
-    sums = [
-        np.asarray(comm.allreduce(forces[a & ~b].sum(axis=0)))
-        for a, b in ((slave, master), (master, slave))
-    ]
+    sums = [eq.resultant(forces[a & ~b]) for a, b in ((slave, master), (master, slave))]
     total = comm.allreduce(float(np.linalg.norm(forces, axis=1).sum())) or 1.0
     low, high = bounding_box(comm, x[:n][slave])
     size = float(np.linalg.norm(high - low))
     moment = None
-    if _apart(s, x) <= _SAME_PLACE * size:
+    if not eq.axisymmetric and _apart(s, x) <= _SAME_PLACE * size:
         arms = x[:n] - (low + high) / 2
         turned = np.cross(_in_space(arms), _in_space(forces))
         moment = float(np.linalg.norm(comm.allreduce(turned.sum(axis=0)))) / (total * size)

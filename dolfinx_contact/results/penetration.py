@@ -43,7 +43,7 @@ def penetrations(eq: ContactEquations, tables: dict[str, ContactTable]) -> dict[
     for s in eq.surfaces:
         if not s.law.compliant:
             continue
-        size, table = s.mean_vertex_area ** (1 / (s.dim - 1)), tables[s.name]
+        size, table = s.mean_width, tables[s.name]
         depth = np.maximum(-table.un, 0.0)
         area = table.area[depth > 0]
         # Of points with the same depth, up to round-off, the first in the table.

@@ -111,9 +111,10 @@ class Result:
     def resultants(self) -> dict[str, npt.NDArray[np.float64]]:
         """Contact force on the body by surface name, without reactions of Dirichlet data.
 
-        Of a pair that on the slave; `pairs` has both.
+        Of a pair that on the slave; `pairs` has both. Of a body of revolution they are axial, as
+        the resultants of support and loads: across the axis forces cancel.
         """
-        return {name: t.force.sum(axis=0) for name, t in self.tables.items()}
+        return {name: t.resultant(t.force) for name, t in self.tables.items()}
 
     @property
     def misfit(self) -> float | None:
@@ -162,7 +163,7 @@ class Result:
     def summary(self) -> dict[str, Any]:
         """Scalars for `summary.json`; `unique` is among them if it was asked for before."""
         tables = self.tables.values()
-        rt = sum(t.rt.sum(axis=0) for t in tables)
+        rt = sum(t.resultant(t.rt) for t in tables)
         counts = self.counts
 
         return {

@@ -56,6 +56,7 @@ class ContactTable:
         adhesion: the part of ``force`` that is adhesion (n, dim); None likewise.
         bond: one letter a point: i where the bond is as it was before the step, d where it lost
             strength in it, r where it recovers, b where it is broken; None likewise.
+        axisymmetric: whether forces and areas are those of a body of revolution.
     """
 
     name: str
@@ -75,6 +76,15 @@ class ContactTable:
     beta: npt.NDArray[np.float64] | None = None
     adhesion: npt.NDArray[np.float64] | None = None
     bond: npt.NDArray[np.str_] | None = None
+    axisymmetric: bool = False
+
+    def resultant(self, forces: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """The sum of forces (n, dim) at the points; of a body of revolution its axial part.
+
+        Radial forces of opposite meridians cancel.
+        """
+        total = forces.sum(axis=0)
+        return np.where(np.arange(self.dim) < self.axisymmetric, 0.0, total)
 
     @property
     def rn(self) -> npt.NDArray[np.float64]:
@@ -108,24 +118,6 @@ class ContactTable:
     def count(self, letters: str) -> int:
         """Number of points whose letter is one of ``letters``."""
         return int(np.isin(self.letters, list(letters)).sum())
-
-    def of_revolution(self) -> ContactTable:
-        """The table of a body of revolution about x = 0, whose energy has the weight 2 pi x.
-
-        Forces are those of the whole circumference, and so are the areas that pressure and shear
-        are over here: those of the hat functions on the cones between points. The surface must
-        have one point, not two, at every x.
-
-        Raises:
-            ValueError: in 3D, or if points are on the other side of the axis.
-        """
-        if self.dim != 2 or not (self.x[:, 0] >= 0).all():
-            raise ValueError(f"{self.name}: no section through one side of a body of revolution")
-        x, length = self.x[:, 0], np.linalg.norm(np.diff(self.x, axis=0), axis=1)
-        inner, outer = (2 * x[:-1] + x[1:]) * length, (x[:-1] + 2 * x[1:]) * length
-        area = np.pi / 3 * (np.append(inner, 0.0) + np.append(0.0, outer))
-        shear = self.rt / area[:, None]
-        return replace(self, area=area, pressure=self.rn / area, shear=shear)
 
     def along(self, vectors: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """Tangential ``vectors`` as scalars: along t in 2D, norms in 3D."""
@@ -190,7 +182,8 @@ def contact_table(
     columns["ids"] = s.points.ids
     gathered = {k: np.concatenate(s.comm.allgather(v)) for k, v in columns.items()}
     order = by_coordinates(gathered["x"], gathered.pop("ids"))
-    return ContactTable(s.name, s.dim, **{k: v[order] for k, v in gathered.items()})
+    ordered = {k: v[order] for k, v in gathered.items()}
+    return ContactTable(s.name, s.dim, **ordered, axisymmetric=s.axisymmetric)
 
 
 def violation(eq: ContactEquations, state: State, force: float, length: float) -> float:

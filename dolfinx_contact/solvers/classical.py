@@ -168,7 +168,7 @@ def reduced_contact(
 
 def _require_held(eq: ContactEquations) -> None:
     """Raise ``ValueError`` if the body cannot be at rest without contact."""
-    if not eq.linear or len(eq.loose.of_body):
+    if not eq.linear or len(eq.scaling.loose.of_body):
         raise ValueError(
             "this algorithm needs a body that is linear and that Dirichlet data hold; take "
             "Newton's method"

@@ -192,7 +192,7 @@ def _ladder(
             return run
 
         def inner(x: PETSc.Vec, attempt: Attempt, monitor: Any) -> bool:
-            with eq.automatic_augmentation():
+            with eq.scaling.automatic():
                 return run(x, attempt, monitor)
 
         return inner
@@ -280,7 +280,7 @@ def check_data(eq: ContactEquations, x0: PETSc.Vec) -> None:
         "the residual is not finite at the start: look for NaN in loads, material data or the "
         "starting displacement",
     )
-    eq.follow_stiffness(eq.displacement(x0))
+    eq.scaling.follow(eq.displacement(x0))
 
 
 def _given_numbers(eq: ContactEquations) -> list[list[float]]:

@@ -171,7 +171,7 @@ class OnBody:
         eq = self.equations
         before = [s.points.r.copy() for s in eq.surfaces]
         try:
-            for s, r in zip(eq.surfaces, eq.automatic_r, strict=True):
+            for s, r in zip(eq.surfaces, eq.scaling.automatic_r, strict=True):
                 s.points.set_augmentation(factor * r)
             yield
         finally:

@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Whether the arguments of a contact problem fit together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+import ufl
+from dolfinx import fem
+
+from dolfinx_contact._agreement import refuse_other_condition, refuse_other_mesh
+from dolfinx_contact.equations.state import Statuses
+from dolfinx_contact.points.surface import ContactSurface
+
+__all__ = ["check", "fit", "is_number", "lists"]
+
+
+def fit(surfaces: Sequence[ContactSurface], statuses: Statuses) -> bool:
+    """Whether statuses are some of these contact points. Not collective."""
+    return len(statuses) == len(surfaces) and all(
+        np.shape(codes) == (s.points.number,) and np.isin(codes, s.law_at_points.codes).all()
+        for s, codes in zip(surfaces, statuses, strict=True)
+    )
+
+
+def lists(surfaces: Any, bcs: Any) -> tuple[list[ContactSurface], list[fem.DirichletBC]]:
+    """Surfaces and conditions as lists of their kinds, or ``ValueError``."""
+    if isinstance(surfaces, ContactSurface) or isinstance(bcs, fem.DirichletBC):
+        raise ValueError("surfaces and bcs must be lists")
+    try:
+        surfaces, bcs = list(surfaces), list(bcs)
+    except TypeError:
+        raise ValueError("surfaces and bcs must be lists") from None
+    if not all(isinstance(s, ContactSurface) for s in surfaces):
+        raise ValueError("surfaces must be a list of ContactSurfaces")
+    if not all(isinstance(bc, fem.DirichletBC) for bc in bcs):
+        raise ValueError("bcs must be a list of Dirichlet conditions")
+    return surfaces, bcs
+
+
+def check(
+    bulk: Any, u: fem.Function, surfaces: list[ContactSurface], bcs: list[fem.DirichletBC]
+) -> None:
+    """Raise ``ValueError`` if the arguments of a problem do not fit together. Not collective."""
+    domain = u.function_space.mesh
+    if not surfaces:
+        raise ValueError("a contact problem needs at least one contact surface")
+    if any(s.u is not u for s in surfaces):
+        raise ValueError("every contact surface must be made with the displacement u")
+    names = [s.name for s in surfaces]
+    if len(set(names)) < len(names):
+        raise ValueError(f"contact surfaces need different names, got {names}")
+    if len({s.axisymmetric for s in surfaces}) > 1:
+        plane = [s.name for s in surfaces if not s.axisymmetric]
+        raise ValueError(f"all contact surfaces are axisymmetric or none is, unlike {plane}")
+    if not isinstance(bulk, ufl.Form):
+        raise ValueError(f"the bulk must be a UFL form, got {type(bulk).__name__}")
+    refuse_other_mesh(bulk, domain, "the bulk")
+    for bc in bcs:
+        refuse_other_condition(bc, domain)
+
+
+def is_number(value: Any) -> bool:
+    """Whether a value is a real number. Not collective."""
+    return isinstance(value, int | float | np.number) and not isinstance(value, bool)

@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""Bodies of revolution about x = 0: half of a section is meshed, with r = x >= 0 and z = y.
+
+Forces are those of the whole circumference. The area of a point is the integral of 2 pi r against
+its basis function, positive on the axis too. Radial nodal forces add up to no force, as those of
+opposite meridians cancel; what is left of a resultant is axial.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact._errors import require
+from dolfinx_contact.laws import Law
+from dolfinx_contact.obstacles import Obstacle
+from dolfinx_contact.points.rigid_body import RigidBody
+
+__all__ = ["axis_condition", "check_revolution", "check_section", "mirrored", "on_axis"]
+
+Array = npt.NDArray[np.float64]
+
+_NEAR = 1e-9  # of the size of the mesh, a distance from the axis that is none
+
+
+def on_axis(V: fem.FunctionSpace) -> npt.NDArray[np.bool_]:
+    """Which local nodes lie on the axis. Collective."""
+    domain = V.mesh
+    r = domain.geometry.x[:, 0]
+    largest = domain.comm.allreduce(float(np.max(r, initial=0.0)), op=max)
+    return np.asarray(np.abs(V.tabulate_dof_coordinates()[:, 0]) <= _NEAR * largest)
+
+
+def check_section(domain: mesh.Mesh, facets: npt.NDArray[np.int32], name: str) -> None:
+    """``ValueError`` if a mesh is no half of a section, or a facet lies on its axis. Collective."""
+    comm = domain.comm
+    require(comm, domain.geometry.dim == 2, f"{name}: an axisymmetric body is meshed in 2D")
+    r = domain.geometry.x[:, 0]
+    smallest = comm.allreduce(float(np.min(r, initial=np.inf)), op=min)
+    largest = comm.allreduce(float(np.max(r, initial=-np.inf)), op=max)
+    require(
+        comm,
+        smallest >= -_NEAR * largest,
+        f"{name}: an axisymmetric body is meshed in x >= 0, the mesh reaches to x = {smallest:.3g}",
+    )
+    mine, count = facets[facets < domain.topology.index_map(1).size_local], 0
+    if len(mine):  # DOLFINx divides by their number
+        ends = mesh.entities_to_geometry(domain, 1, mine)[:, :2]
+        count = int((np.abs(r[ends]) <= _NEAR * largest).all(axis=1).sum())
+    count = comm.allreduce(count)
+    require(comm, count == 0, f"{name}: {count} facets lie on the axis, and have no area")
+
+
+def check_revolution(name: str, axisymmetric: Any, obstacle: Obstacle, law: Law) -> None:
+    """``ValueError`` for what a surface of revolution cannot have. Not collective.
+
+    Args:
+        name: of the surface.
+        axisymmetric: whether it is one.
+        obstacle: a rigid body may move along the axis alone.
+        law: not one that spreads in the plane.
+    """
+    if not isinstance(axisymmetric, bool | np.bool_):
+        raise ValueError(f"{name}: axisymmetric is True or False, got {axisymmetric!r}")
+    if not axisymmetric:
+        return
+    if law.spread is not None:
+        raise ValueError(f"{name}: there is no nonlocal friction of bodies of revolution")
+    if isinstance(obstacle, RigidBody):
+        given = zip(obstacle.components, obstacle.expressions, obstacle.fixed, strict=True)
+        held = [c for c, e, fixed in given if fixed and isinstance(e, ufl.constantvalue.Zero)]
+        if not {"x", "rz"} <= set(held):
+            raise ValueError(
+                f"{name}: {obstacle.name} moves along the axis of revolution alone; hold x and rz"
+            )
+
+
+def mirrored(V: fem.FunctionSpace, normals: Array) -> Array:
+    """Normals (n, 2) at the local nodes, means with their mirror images on the axis. Collective."""
+    axis = on_axis(V) & (normals[:, 1] != 0)
+    along = np.stack([np.zeros(len(normals)), np.sign(normals[:, 1])], axis=1)
+    return np.where(axis[:, None], along, normals)
+
+
+def axis_condition(V: fem.FunctionSpace) -> list[fem.DirichletBC]:
+    """u_r = 0 on the axis; nothing where no node lies there. Collective."""
+    nodes = np.flatnonzero(on_axis(V)).astype(np.int32)
+    if not V.mesh.comm.allreduce(len(nodes)):
+        return []
+    return [fem.dirichletbc(0.0, V.dofmap.index_map_bs * nodes, V.sub(0))]
