@@ -2,20 +2,31 @@
 
 from mpi4py import MPI
 
+import demo_press_fit
+import demo_two_spheres
 import numpy as np
 import pytest
 from blocks import box, facets
+from test_pair import tagged
 
 import ufl
-from dolfinx import fem
+from dolfinx import fem, mesh
 
 from dolfinx_contact import (
+    ContactPair,
     ContactProblem,
     ContactSurface,
+    Coulomb,
     Frictionless,
     HalfSpace,
+    RigidBody,
+    Sphere,
+    output,
 )
+from dolfinx_contact.evolution import QuasiStatic
+from dolfinx_contact.grids import create_grid, graded
 from dolfinx_contact.materials import Axisymmetric, LinearElastic, circumference
+from dolfinx_contact.meshing import join, mesh_from_gmsh
 
 COMM = MPI.COMM_WORLD
 STEEL = Axisymmetric(LinearElastic.from_young(1000.0, 0.3))
@@ -31,27 +42,35 @@ def held(V, i, domain, axis, place, value):
     return fem.dirichletbc(value, dofs, V.sub(i))
 
 
-def disc(n=5, cell="tri", degree=1, method="nodal", *, size=1.0, modulus=1.0, law=None, shape=None):
-    """A disc of unit radius and height pressed by 0.01, free to widen."""
+def section(n=5, cell="tri", size=1.0):
+    """Of a disc of unit radius and height, cells of all shapes."""
     domain = box(COMM, n, cell)
     x = domain.geometry.x
     x[:, 0] = x[:, 0] ** 1.3
     x[:, 1] += 0.1 * np.sin(3 * x[:, 0]) * x[:, 1] * (1 - x[:, 1])
     x *= size
+    return domain
+
+
+def disc(
+    domain, degree=1, method="nodal", *, size=1.0, modulus=1.0, law=None, lid=None, options=None
+):
+    """A disc on a floor, pressed by a hundredth of its height, free to widen."""
     V = fem.functionspace(domain, ("Lagrange", degree, (2,)))
     u = fem.Function(V)
-    given = dict(obstacle=shape or FLOOR, law=law or Frictionless(), method=method)
-    surface = ContactSurface(u, facets(domain, 1, 0.0), axisymmetric=True, **given)
+    given = dict(obstacle=FLOOR, law=law or Frictionless(), method=method, axisymmetric=True)
+    surface = ContactSurface(u, facets(domain, 1, 0.0), **given)
     material = Axisymmetric(LinearElastic.from_young(1000.0 * modulus, 0.3))
     energy = material.energy(u) * circumference(domain) * ufl.dx
-    bcs = [held(V, 1, domain, 1, size, -0.01 * size)]
-    return ContactProblem(energy, u, [surface], bcs=bcs, petsc_options={"snes_rtol": 1e-12})
+    bcs = [held(V, 1, domain, 1, size, -0.01 * size if lid is None else lid)]
+    options = {"snes_rtol": 1e-12} | (options or {})
+    return ContactProblem(energy, u, [surface], bcs=bcs, petsc_options=options)
 
 
 @pytest.mark.parametrize(("cell", "degree", "method"), KINDS)
 def test_uniform_pressure_on_a_disc(cell, degree, method):
     """Exact to round-off: pressure, areas, forces of the circumference, hoop strain, energy."""
-    problem = disc(5, cell, degree, method)
+    problem = disc(section(5, cell), degree, method)
     result = problem.solve()
     table = result.tables["contact"]
     assert table.area.sum() == pytest.approx(np.pi, rel=1e-12)
@@ -65,3 +84,205 @@ def test_uniform_pressure_on_a_disc(cell, degree, method):
     x = problem.V.tabulate_dof_coordinates()
     u = problem.u.x.array.reshape(-1, 2)
     np.testing.assert_allclose(u[:, 0], 0.003 * x[:, 0], atol=1e-11)
+
+
+def test_units():
+    """Millimetres and pascals: the same iterates, forces in the units of the input."""
+    plain, other = (
+        disc(section(4, size=size), law=Coulomb(0.1), size=size, modulus=modulus).solve()
+        for size, modulus in ((1.0, 1.0), (1e3, 1e6))
+    )
+    assert plain.iterations == other.iterations
+    a, b = plain.tables["contact"], other.tables["contact"]
+    assert a.status == b.status
+    np.testing.assert_allclose(b.force, 1e12 * a.force, atol=1e2)
+    np.testing.assert_allclose(b.pressure, 1e6 * a.pressure, rtol=1e-9)
+
+
+def indented(shape, contact_radius, n=16):
+    """A cylinder of 40 contact radii that a rigid sphere of the radius 50 indents."""
+    a = contact_radius
+    across = graded(40 * a, a / n, 2 * n, n)
+    domain = create_grid(COMM, [across, across], mesh.CellType.quadrilateral)
+    domain.geometry.x[:, 1] *= -1.0
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u, size = fem.Function(V), 40 * a
+    near = mesh.locate_entities_boundary(
+        domain, 1, lambda x: (x[1] > -1e-9) & (x[0] < across[2 * n] * (1 + 1e-9))
+    )
+    shape = RigidBody(shape, about=(0.0, 0.0), held=["x", "rz"], load={"y": -LOAD})
+    surface = ContactSurface(u, near, obstacle=shape, law=Frictionless(), axisymmetric=True)
+    energy = STEEL.energy(u) * circumference(domain) * ufl.dx
+    bcs = [held(V, 1, domain, 1, -size, 0.0), held(V, 0, domain, 0, size, 0.0)]
+    return ContactProblem(energy, u, [surface], bcs=bcs)
+
+
+HERTZ = output.Hertz(3, 50.0, 1000.0 / (1 - 0.3**2))
+LOAD = HERTZ.load(1.0)
+
+
+def test_hertz_rigid_sphere():
+    """A rigid sphere on a half-space: peak and radius at the given force, to 1 %."""
+    problem = indented(Sphere((0.0, 50.0), 50.0), 1.0)
+    result = problem.solve()
+    table, ball = result.tables["contact"], result.rigid_bodies["rigid body"]
+    np.testing.assert_allclose(ball.contact, [0.0, LOAD, 0.0], rtol=1e-9)
+    np.testing.assert_allclose(result.resultants["contact"], [0.0, -LOAD], rtol=1e-9)
+    found = HERTZ.compare(table)
+    assert found["load"] == pytest.approx(LOAD, rel=1e-4)  # normals lean
+    assert found["peak_pressure"] == pytest.approx(HERTZ.peak(LOAD), rel=0.01)
+    assert found["radius"] == pytest.approx(1.0, rel=0.01)
+    assert found["profile_error"] < 0.01
+    assert -ball.displacement[1] == pytest.approx(HERTZ.approach(LOAD, 40.0, 0.3), rel=0.05)
+
+
+def test_hertz_sphere_on_a_plane():
+    """SSNV104 by symmetry: one sphere pressed by half, as two: 660.7 kN, 2912 MPa, 10.2 mm."""
+    size = 0.5
+    body = mesh_from_gmsh(
+        COMM, lambda: demo_two_spheres.draw({"upper": demo_two_spheres.quarter(size, 1)})
+    )
+    V = fem.functionspace(body.mesh, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    floor = ContactSurface(
+        u, body, tag="upper face", obstacle=FLOOR, law=Frictionless(), axisymmetric=True
+    )
+    energy = demo_two_spheres.MATERIAL.energy(u) * circumference(body.mesh) * ufl.dx
+    down = fem.dirichletbc(-2.0, body.dofs(V.sub(1), "upper end"), V.sub(1))
+    result = ContactProblem(energy, u, [floor], bcs=[down]).solve()
+    table = result.tables["contact"]
+    found = output.Hertz(3, 50.0, 20e3 / (1 - 0.3**2)).compare(table)
+    assert found["load"] == pytest.approx(660.7e3, rel=3e-3)
+    assert found["peak_pressure"] == pytest.approx(2912, rel=2e-3)
+    assert found["peak_pressure_error"] < 1e-3
+    assert found["touching_radius"] == pytest.approx(10.3, abs=0.4)
+
+
+def stacked(sizes, degree, method, *, cell="tri", law=None, gap=None):
+    """Two discs on each other, of different materials without Poisson's effect."""
+    bodies, tags = [], []
+    for i, n in enumerate(sizes):
+        domain = box(COMM, n, cell)
+        domain.geometry.x[:, 1] += i
+        bodies.append(domain)
+        tags.append(tagged(domain, **{f"t{2 * i + 1}": (1, i), f"t{2 * i + 2}": (1, i + 1)}))
+    both = join(bodies, facet_tags=tags)
+    V = fem.functionspace(both.mesh, ("Lagrange", degree, (2,)))
+    u = fem.Function(V)
+    dx = ufl.Measure("dx", both.mesh, subdomain_data=both.cell_tags)
+    energy = sum(
+        Axisymmetric(LinearElastic.from_young(E, 0.0)).energy(u) * circumference(both.mesh) * dx(k)
+        for k, E in ((1, 1000.0), (2, 3000.0))
+    )
+    bcs = [held(V, 1, both.mesh, 1, z, value) for z, value in ((0.0, 0.0), (2.0, -0.01))]
+    given = dict(slave=3, master=2, method=method, axisymmetric=True)
+    pair = ContactPair(u, both, law=law or Frictionless(), **given)
+    options = {"snes_rtol": 1e-12}
+    return ContactProblem(energy, u, [pair], bcs=bcs, petsc_options=options)
+
+
+@pytest.mark.parametrize(
+    ("sizes", "degree", "method"),
+    [
+        ((4, 4), 1, "nodal"),
+        ((4, 4), 1, "mixed"),
+        ((3, 3), 2, "integral"),
+        ((5, 7), 1, "nodal"),
+        ((7, 5), 1, "integral"),
+        ((3, 4), 2, "integral"),
+    ],
+)
+def test_uniform_pressure_between_discs(sizes, degree, method):
+    """Exact to round-off on any meshes, up to the axis."""
+    problem = stacked(sizes, degree, method)
+    result = problem.solve()
+    table, pressure = result.tables["contact"], 0.01 / (1 / 1000 + 1 / 3000)
+    assert problem.surfaces[0].obstacle.opposite.matching == (sizes[0] == sizes[1])
+    assert table.area.sum() == pytest.approx(np.pi, rel=1e-12)
+    np.testing.assert_allclose(table.pressure, pressure, rtol=1e-9)
+    pair = result.pairs["contact"]
+    np.testing.assert_allclose(pair.slave, [0.0, np.pi * pressure], rtol=1e-9)
+    assert pair.imbalance < 1e-10
+    assert pair.moment is None
+    x = problem.V.tabulate_dof_coordinates()[:, 1]
+    u = problem.u.x.array.reshape(-1, 2)
+    np.testing.assert_allclose(u[:, 0], 0.0, atol=1e-11)
+    above = -0.01 - pressure * (x - 2) / 3000
+    exact = np.where(x > 1 + 1e-9, above, -pressure * x / 1000)
+    inside = np.abs(x - 1) > 1e-9
+    np.testing.assert_allclose(u[inside, 1], exact[inside], atol=1e-11)
+
+
+def fitted(n, ratio, method, degree=1, twist=None):
+    """The hub and the ring of `demo_press_fit.py` in a section of length 10, in plane strain."""
+    bodies, tags = [], []
+    for i, (name, k) in enumerate((("hub", n), ("ring", round(ratio * n)))):
+        a, b = demo_press_fit.RADII[name]
+        domain = mesh.create_rectangle(
+            COMM, [(a, 0.0), (b, 10.0)], [k, k], mesh.CellType.quadrilateral
+        )
+        bodies.append(domain)
+        tags.append(tagged(domain, **{f"t{2 * i + 1}": (0, a), f"t{2 * i + 2}": (0, b)}))
+    both = join(bodies, facet_tags=tags)
+    V = fem.functionspace(both.mesh, ("Lagrange", degree, (2,)))
+    u = fem.Function(V)
+    dx = ufl.Measure("dx", both.mesh, subdomain_data=both.cell_tags)
+    energy = 0
+    for k, name in ((1, "hub"), (2, "ring")):
+        elastic = LinearElastic.from_young(demo_press_fit.YOUNG[name], demo_press_fit.NU[name])
+        energy += Axisymmetric(elastic).energy(u) * circumference(both.mesh) * dx(k)
+    bcs = [held(V, 1, both.mesh, 1, z, 0.0) for z in (0.0, 10.0)]
+    given = dict(slave=2, master=3, method=method, axisymmetric=True)
+    pair = ContactPair(u, both, law=Frictionless(), gap=-0.02, interference=True, **given)
+    return ContactProblem(energy, u, [pair], bcs=bcs)
+
+
+@pytest.mark.parametrize(
+    ("ratio", "method", "degree"),
+    [(1.0, "nodal", 1), (1.5, "nodal", 1), (1.0, "mixed", 1), (1.5, "integral", 2)],
+)
+def test_lame(ratio, method, degree):
+    """A press fit: Lame's pressure and radial displacement, to the square of the mesh size."""
+    exact, errors = demo_press_fit.lame(0.02), []
+    for n in (4, 8) if degree == 1 else (4,):
+        problem = fitted(n, ratio, method, degree)
+        result = problem.solve()
+        table = result.tables["contact"]
+        np.testing.assert_allclose(table.pressure, table.pressure.mean(), rtol=1e-3)
+        errors.append(abs(table.pressure.mean() / exact - 1))
+        np.testing.assert_allclose(result.resultants["contact"], 0.0, atol=1e-6 * table.rn.sum())
+        assert table.rn.sum() == pytest.approx(table.pressure.mean() * 500 * np.pi, rel=1e-6)
+    assert errors[-1] < (1e-3 if degree == 1 else 1e-4)
+    assert degree == 2 or errors[1] < 0.3 * errors[0]
+    x = problem.V.tabulate_dof_coordinates()
+    u, (a, c), b = problem.u.x.array.reshape(-1, 2), (15.0, 25.0), 40.0
+    size = problem.V.dofmap.index_map.size_local
+    for r, inner, outer, name, sign in ((a, a, c, "hub", -1), (b, c, b, "ring", 1)):
+        E, nu = demo_press_fit.YOUNG[name], demo_press_fit.NU[name]
+        # Plane strain: u = (1 + nu)/E (A (1 - 2 nu) r + B/r), of the pressure on one face.
+        loaded = c**2 / (outer**2 - inner**2)
+        A = sign * exact * loaded
+        B = A * (inner**2 if sign < 0 else outer**2)
+        free = (1 + nu) / E * (A * (1 - 2 * nu) * r + B / r)
+        at = np.flatnonzero(np.abs(x[:size, 0] - r) < 1e-9)
+        np.testing.assert_allclose(u[at, 0], free, rtol=2e-3)
+
+
+@pytest.mark.chatty
+def test_energy_of_a_history():
+    """A disc that slips outwards as it is pressed and back: what is put in is stored or rubbed."""
+    residues = []
+    for steps in (4, 8):
+        domain = section(4, "quad")
+        lid = fem.Constant(domain, 0.0)
+        problem = disc(domain, law=Coulomb(0.2), lid=lid)
+        times = np.concatenate([np.linspace(0, 1, steps + 1), np.linspace(1, 1.5, steps + 1)[1:]])
+
+        def load(t, lid=lid):
+            lid.value = -0.01 * min(t, 2 - t)
+
+        energies = QuasiStatic(problem, load).run(times).energies
+        assert energies.dissipated > 1e-3 * energies.stored > 0
+        residues.append(abs(energies.residue) / energies.dissipated)
+    assert residues[0] < 0.2
+    assert residues[1] < 0.6 * residues[0]
