@@ -6,7 +6,8 @@ import demo_press_fit
 import demo_two_spheres
 import numpy as np
 import pytest
-from blocks import box, facets
+from blocks import box, facets, same_tables
+from scipy.optimize import brentq
 from test_pair import tagged
 
 import ufl
@@ -19,14 +20,25 @@ from dolfinx_contact import (
     Coulomb,
     Frictionless,
     HalfSpace,
+    NonlocalCoulomb,
     RigidBody,
     Sphere,
     output,
 )
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.grids import create_grid, graded
-from dolfinx_contact.materials import Axisymmetric, LinearElastic, circumference
+from dolfinx_contact.materials import (
+    Axisymmetric,
+    CiarletGeymonat,
+    LinearElastic,
+    NeoHookean,
+    StVenantKirchhoff,
+    circumference,
+)
 from dolfinx_contact.meshing import join, mesh_from_gmsh
+from dolfinx_contact.output.fields import body_fields
+from dolfinx_contact.output.master import MasterFace
+from dolfinx_contact.solvers.errors import FloatingBodyError
 
 COMM = MPI.COMM_WORLD
 STEEL = Axisymmetric(LinearElastic.from_young(1000.0, 0.3))
@@ -286,3 +298,210 @@ def test_energy_of_a_history():
         residues.append(abs(energies.residue) / energies.dissipated)
     assert residues[0] < 0.2
     assert residues[1] < 0.6 * residues[0]
+
+
+# -- rigid motions and solvers -------------------------------------------------------------------
+
+
+def lying(pull, law=None):
+    """A disc that lies on a floor, with a load on its top and no support but the axis."""
+    domain = section(4, "quad")
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    floor = ContactSurface(
+        u, facets(domain, 1, 0.0), obstacle=FLOOR, law=law or Frictionless(), axisymmetric=True
+    )
+    top = mesh.meshtags(domain, 1, (f := np.sort(facets(domain, 1, 1.0))), np.ones_like(f))
+    load = pull * u[1] * circumference(domain)
+    energy = STEEL.energy(u) * circumference(domain) * ufl.dx
+    energy -= load * ufl.Measure("ds", domain, subdomain_data=top)(1)
+    return ContactProblem(energy, u, [floor])
+
+
+def test_a_loose_disc():
+    """One rigid motion is left, along the axis; the floor carries the load."""
+    problem = lying(-10.0)
+    motions = problem.equations.loose.of_body
+    assert motions.shape[0] == 1
+    np.testing.assert_allclose(motions[0, :, 0], 0.0)
+    result = problem.solve()
+    np.testing.assert_allclose(result.tables["contact"].pressure, 10.0, rtol=1e-8)
+    np.testing.assert_allclose(result.external, [0.0, -10.0 * np.pi], rtol=1e-9)
+    assert result.imbalance < 1e-9
+    with pytest.raises(FloatingBodyError, match="axial translation"):
+        lying(10.0).solve()
+
+
+@pytest.mark.parametrize("cell", ["tri", "quad"])
+def test_multigrid(cell):
+    options = {"linear_solver": "amg", "snes_rtol": 1e-11, "ksp_rtol": 1e-11}
+    law = Coulomb(0.2)
+    domain = section(24, cell)
+    results = [disc(domain, law=law, options=o).solve() for o in ({}, options)]
+    same_tables(*(r.tables["contact"] for r in results), tolerance=1e-8)
+    assert max(s.krylov for s in results[1].history) < 60
+
+
+def test_the_only_solution():
+    """Certificates of the reduced problem hold as they do in the plane; here of a ring."""
+    ring = section(4)
+    ring.geometry.x[:, 0] += 0.5
+    assert disc(ring, law=Coulomb(0.2)).solve().unique == "proved"
+    assert disc(section(4)).solve().unique == "proved"
+
+
+# -- materials and output ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", [LinearElastic, StVenantKirchhoff, NeoHookean, CiarletGeymonat])
+def test_uniform_strain(kind):
+    """Energy and stress of a uniform stretch in space, on the axis too."""
+    domain, (a, b) = section(3), (1.02, 0.97)
+    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
+    u.interpolate(lambda x: np.stack([(a - 1) * x[0], (b - 1) * x[1]]))
+    space = kind(120.0, 80.0, 10.0) if kind is CiarletGeymonat else kind(120.0, 80.0)
+    cube = box(COMM, 1, "tet") if COMM.size == 1 else box(COMM, 2, "tet")
+    v = fem.Function(fem.functionspace(cube, ("Lagrange", 1, (3,))))
+    v.interpolate(lambda x: np.stack([(a - 1) * x[0], (a - 1) * x[1], (b - 1) * x[2]]))
+
+    def integral(e):
+        return COMM.allreduce(fem.assemble_scalar(fem.form(e)))
+
+    turned = Axisymmetric(space)
+    stored, around = integral(space.energy(v) * ufl.dx), circumference(domain)
+    assert integral(turned.energy(u) * around * ufl.dx) == pytest.approx(np.pi * stored, rel=1e-10)
+    radial, axial = (integral(space.stress(v)[i, i] * ufl.dx) for i in (0, 2))
+    for f in body_fields(u, turned.full_stress(u)):
+        values = f.x.array.reshape(-1, *f.ufl_shape)
+        if f.name == "stress":
+            exact = np.diag([radial, axial, radial])
+            np.testing.assert_allclose(values, np.tile(exact, (len(values), 1, 1)), atol=1e-9)
+        else:
+            np.testing.assert_allclose(values, abs(radial - axial), rtol=1e-8)
+    assert integral(turned.stress(u)[1, 1] * around * ufl.dx) == pytest.approx(
+        np.pi * axial, rel=1e-9
+    )
+
+
+def test_large_strain():
+    """A neo-Hookean disc squeezed by a fifth between plates that hold nothing aside."""
+    domain = section(3, "quad")
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u, rubber = fem.Function(V), NeoHookean(120.0, 80.0)
+    plate = ContactSurface(
+        u, facets(domain, 1, 0.0), obstacle=FLOOR, law=Frictionless(), axisymmetric=True
+    )
+    dx = ufl.dx(metadata={"quadrature_degree": 4})
+    energy = Axisymmetric(rubber).energy(u) * circumference(domain) * dx
+    bcs = [held(V, 1, domain, 1, 1.0, -0.2)]
+    options = {"snes_rtol": 1e-12}
+    result = ContactProblem(energy, u, [plate], bcs=bcs, petsc_options=options).solve()
+    # No radial stress: mu (k^2 - 1) + lambda ln J = 0, J = k^2 b; P_zz = (mu (b^2 - 1) + .. )/b.
+    b = 0.8
+    k = brentq(lambda k: 80.0 * (k**2 - 1) + 120.0 * np.log(k**2 * b), 0.9, 1.5, xtol=1e-15)
+    axial = (80.0 * (b**2 - 1) + 120.0 * np.log(k**2 * b)) / b
+    assert result.resultants["contact"][1] == pytest.approx(-np.pi * axial, rel=1e-9)
+    x = V.tabulate_dof_coordinates()[:, 0]
+    np.testing.assert_allclose(u.x.array.reshape(-1, 2)[:, 0], (k - 1) * x, atol=1e-9)
+
+
+def test_output(folder):
+    """Sections for ParaView, pictures, and a table with r and z under x and y."""
+    problem = stacked((3, 4), 1, "nodal", law=Coulomb(0.3))
+    result = problem.solve()
+    stress = STEEL.full_stress(problem.u)
+    files = output.write_fields(folder, problem, stress=stress)
+    assert {f.name for f in files} >= {"contact.bp", "contact_opposite.bp"}
+    master = MasterFace(problem, problem.surfaces[0])
+    fields, pressure = master.fields(), 0.01 / (1 / 1000 + 1 / 3000)
+    assert COMM.allreduce(len(fields["pressure"].x.array)) > 0
+    np.testing.assert_allclose(fields["pressure"].x.array, pressure, rtol=0.02)
+    output.write_contact_table(COMM, folder, [result.tables["contact"]])
+    if COMM.rank == 0:
+        rows = np.genfromtxt(folder / "contact.csv", delimiter=",", names=True, dtype=None)
+        np.testing.assert_allclose(rows["x"], np.linspace(0, 1, 5), atol=1e-12)
+        np.testing.assert_allclose(rows["y"], 1.0)
+        assert rows["rn"].sum() == pytest.approx(np.pi * pressure, rel=1e-9)
+
+
+# -- what is refused -----------------------------------------------------------------------------
+
+
+def refused(reason, make):
+    with pytest.raises(ValueError, match=reason):
+        make()
+
+
+def test_surfaces_that_disagree():
+    domain = section(3)
+    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
+    given = dict(obstacle=FLOOR, law=Frictionless())
+    sides = [
+        ContactSurface(u, facets(domain, 1, z), name=str(z), axisymmetric=not z, **given)
+        for z in (0.0, 1.0)
+    ]
+    energy = STEEL.energy(u) * circumference(domain) * ufl.dx
+    refused(
+        "all contact surfaces are axisymmetric or none", lambda: ContactProblem(energy, u, sides)
+    )
+    plane = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
+    refused("bulk is that of a plane body", lambda: ContactProblem(plane, u, sides[:1]))
+
+
+def test_surfaces_that_cannot_be():
+    def surface(domain, where, **given):
+        u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (domain.geometry.dim,))))
+        given = dict(obstacle=FLOOR, law=Frictionless(), axisymmetric=True) | given
+        return ContactSurface(u, where, **given)
+
+    domain = section(3)
+    bottom = facets(domain, 1, 0.0)
+    refused("True or False, got 'r'", lambda: surface(domain, bottom, axisymmetric="r"))
+    refused("nonlocal", lambda: surface(domain, bottom, law=NonlocalCoulomb(0.1, radius=0.3)))
+    refused("3 facets lie on the axis", lambda: surface(domain, facets(domain, 0, 0.0)))
+    for words in (dict(free=["x", "y", "rz"]), dict(held=["rz"], motion={"x": 0.1}, load={"y": 1})):
+        body = RigidBody(FLOOR, about=(0.0, 0.0), **words)
+        refused("hold x and rz", lambda body=body: surface(domain, bottom, obstacle=body))
+    given = dict(method="integral", quadrature_degree=2)
+    refused("must be at least 3", lambda: surface(domain, bottom, **given))
+    shifted = section(3)
+    shifted.geometry.x[:, 0] -= 0.5
+    refused("the mesh reaches to x = -0.5", lambda: surface(shifted, facets(shifted, 1, 0.0)))
+    cube = box(COMM, 2, "tet")
+    ground = HalfSpace((0, 0, 0), (0, 0, 1))
+    refused("meshed in 2D", lambda: surface(cube, facets(cube, 2, 0.0), obstacle=ground))
+
+
+def test_materials_that_cannot_be():
+    plane = LinearElastic.from_young(1.0, 0.3, plane_stress=True)
+    refused("plane stress", lambda: Axisymmetric(plane))
+    for wrong in (STEEL, 1.0):
+        refused("axisymmetric is a Material of space", lambda wrong=wrong: Axisymmetric(wrong))
+    cube = box(COMM, 2, "tet")
+    u = fem.Function(fem.functionspace(cube, ("Lagrange", 1, (3,))))
+    for make in (
+        lambda: circumference(cube),
+        lambda: STEEL.energy(u),
+        lambda: STEEL.full_stress(u),
+    ):
+        refused("is a 2D mesh", make)
+
+
+def test_the_axis_is_held(caplog):
+    """u_r = 0 there needs no condition of the user, and wins over one that says otherwise."""
+    domain = section(3)
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    floor = ContactSurface(
+        u, facets(domain, 1, 0.0), obstacle=FLOOR, law=Coulomb(0.2), axisymmetric=True
+    )
+    top = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
+    moved = fem.dirichletbc(np.array([1e-4, -0.01]), top, V)
+    energy = STEEL.energy(u) * circumference(domain) * ufl.dx
+    result = ContactProblem(energy, u, [floor], bcs=[moved]).solve()
+    axis = np.abs(V.tabulate_dof_coordinates()[:, 0]) < 1e-12
+    np.testing.assert_array_equal(u.x.array.reshape(-1, 2)[axis, 0], 0.0)
+    assert COMM.rank > 0 or "two Dirichlet conditions contradict each other" in caplog.text
+    table = result.tables["contact"]
+    assert table.rt[0, 0] == table.bound[0] == 0.0
+    assert table.letters[0] == "k"
