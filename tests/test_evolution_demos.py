@@ -1,13 +1,17 @@
 """The demos of evolutions, against closed forms."""
 
+from mpi4py import MPI
+
 import demo_adhesion
 import demo_bar
 import demo_mindlin
+import demo_pull_out
 import demo_two_blocks
 import numpy as np
 import pytest
 
 from dolfinx_contact import output
+from dolfinx_contact.evolution import QuasiStatic
 
 NAMES = ("slip_length", "end_displacement", "dissipation")
 
@@ -110,3 +114,46 @@ def test_adhesion(folder):
         assert better["beta_at"][ratio] == pytest.approx(beta, abs=1e-3)
     assert better["peak"] == pytest.approx(1.107952, rel=5e-3)  # it is between two steps
     assert (folder / "pull.png").exists()
+
+
+@pytest.mark.chatty
+def test_a_fibre_is_pulled_out(folder, no_pictures):
+    """Against a bar in a rigid matrix; past the jump friction alone is left."""
+    words = ["--length=5", "--n=4", "--steps=25", "--end=0.06", f"--output={folder}"]
+    summary = demo_pull_out.main(words)
+    curve = {k: np.array(v) for k, v in summary["curve"].items()}
+    assert summary["pressure"] == pytest.approx(summary["pressure_closed_form"], rel=0.02)
+    still = curve["foot"] < 0.1 * demo_pull_out.U0
+    debonds = still & (curve["mouth"] > demo_pull_out.U0)
+    assert debonds.sum() > 4
+    np.testing.assert_allclose(curve["force"][debonds], curve["closed_form"][debonds], rtol=0.015)
+    np.testing.assert_allclose(curve["force"][still], curve["closed_form"][still], rtol=0.03)
+    assert (np.abs(curve["residue"]) < 0.03 * curve["external"])[still].all()
+    # What the fibre releases, from the peak to the plateau, is in no account but that of the jump.
+    assert len(summary["jumps"]) == 1
+    slips = curve["foot"] > demo_pull_out.U0
+    assert summary["peak"] > 2.5 * summary["plateau"]
+    assert summary["plateau"] == pytest.approx(summary["plateau_closed_form"], rel=0.015)
+    u = (curve["foot"] + curve["mouth"])[slips] / 2 / demo_pull_out.U0
+    bond = np.sqrt(demo_pull_out.WORK * demo_pull_out.BOND) / u**3  # what is left of it
+    closed = summary["plateau_closed_form"] * (1 - u**-2.0) + 2 * np.pi * 0.25 * 5.0 * bond
+    np.testing.assert_allclose(curve["force"][slips], closed, rtol=0.02)
+    assert curve["residue"][slips][0] > 0.02 * curve["external"][slips][0]
+    assert (folder / "curve.png").stat().st_size > 10_000
+
+
+@pytest.mark.chatty
+def test_the_energies_of_a_fibre():
+    """What the steps leave over, before the jump, falls as fast as they do."""
+    args, shares = demo_pull_out.arguments(["--length=5", "--n=4"]), []
+    for steps in (4, 8):
+        problem, drawn = demo_pull_out.problem(args, MPI.COMM_WORLD)
+        problem.solve()
+
+        def load(t, drawn=drawn):
+            drawn.value = 0.02 * t
+
+        energies = QuasiStatic(problem, load).run(np.linspace(0, 1, steps + 1)).energies
+        assert min(energies.damage, energies.dissipated, energies.stored) > 0
+        shares.append(abs(energies.residue) / energies.external)
+    assert shares[1] < 0.55 * shares[0] < 0.02

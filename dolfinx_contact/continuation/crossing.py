@@ -256,7 +256,7 @@ def _stays_inside(
     there = b.system.events(x, gamma, piece)
     probe.destroy()
     chosen = np.isin(here.point, points)
-    slope = (there.distance - here.distance) / _PROBE
+    slope = (_again(here, there) - here.distance) / _PROBE
     largest = b.comm.allreduce(_largest(slope), op=max)
     # An event that is at its border must grow; one that is away from it must be inside.
     at_border = np.abs(here.distance) <= _border(here, slope)
@@ -265,6 +265,21 @@ def _stays_inside(
     inside = not b.comm.allreduce(bool(bad.any()), op=_any)
     moves = b.comm.allreduce(bool((chosen & at_border & ~idle).any()), op=_any)
     return inside and moves
+
+
+def _again(here: Events, there: Events) -> npt.NDArray[np.float64]:
+    """Distances of the events ``here`` as they are ``there``, as they were of those that end.
+
+    Borders of some laws, as those of a bond, exist in some states alone.
+    """
+    known: dict[tuple[int, int], list[float]] = {}
+    for point, target, distance in zip(there.point, there.target, there.distance, strict=True):
+        known.setdefault((int(point), int(target)), []).append(float(distance))
+    found = here.distance.copy()
+    for i, (point, target) in enumerate(zip(here.point, here.target, strict=True)):
+        if known.get(key := (int(point), int(target))):
+            found[i] = known[key].pop(0)
+    return found
 
 
 def _border(events: Events, slope: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
