@@ -18,7 +18,7 @@ from dolfinx_contact.points.clipping import Faces
 from dolfinx_contact.points.search import asked_ranks, exchanged, nearest
 from dolfinx_contact.points.trace import facet_closures, facet_normals
 
-__all__ = ["candidates", "faces_of", "measured", "refuse_aslant", "seen_along"]
+__all__ = ["candidates", "faces_of", "measured", "refuse_aslant", "seen_along", "seen_in"]
 
 Array = npt.NDArray[np.float64]
 Nodes = npt.NDArray[np.int64]
@@ -83,15 +83,32 @@ def seen_along(normal: Array, faces: Faces) -> Faces:
     return Faces(x, np.broadcast_to(normal, faces.normals.shape), faces.nodes)
 
 
-def measured(domain: mesh.Mesh, facets: npt.NDArray[np.int32]) -> Array:
-    """Means of the nodes and areas of the facets that this rank owns (n, dim + 1)."""
+def seen_in(direction: Array, x: Array) -> Array:
+    """Points (n, dim) as they are seen in the direction of a unit vector: in a plane across it."""
+    return np.asarray(x - np.outer(x @ direction, direction))
+
+
+def measured(
+    domain: mesh.Mesh, facets: npt.NDArray[np.int32], direction: Array | None = None
+) -> Array:
+    """Means of the nodes and areas of the facets that this rank owns (n, dim + 1).
+
+    Args:
+        domain: mesh.
+        facets: local.
+        direction: in which they are seen; those that look against it are left out.
+    """
     dim = domain.geometry.dim
     owned = facets[facets < domain.topology.index_map(dim - 1).size_local]
     if not len(owned):
         return np.zeros((0, dim + 1))
     x = domain.geometry.x[mesh.entities_to_geometry(domain, dim - 1, owned)][:, :, :dim]
-    areas = np.linalg.norm(facet_normals(domain, owned, unit=False), axis=1)
-    return np.column_stack([x.mean(axis=1), areas])
+    normals, means = facet_normals(domain, owned, unit=False), x.mean(axis=1)
+    found = np.column_stack([means, np.linalg.norm(normals, axis=1)])
+    if direction is None:
+        return found
+    found[:, :dim] = seen_in(direction, means)
+    return found[normals @ direction > 0]
 
 
 def refuse_aslant(

@@ -18,12 +18,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from mpi4py import MPI
+from petsc4py import PETSc
+
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.points.clipping import Cover, basis
+from dolfinx_contact._entries import Entries, matrix_of
+from dolfinx_contact.points.clipping import Cover, basis, nodal_points
 
-__all__ = ["Coupling", "coupling"]
+__all__ = ["Coupling", "between", "coupling"]
 
 Array = npt.NDArray[np.float64]
 Nodes = npt.NDArray[np.int64]
@@ -81,3 +85,21 @@ def coupling(cover: Cover, degree: int, *, axisymmetric: bool) -> Coupling:
         values.reshape(-1),
         areas,
     )
+
+
+def between(comm: MPI.Comm, A: PETSc.Mat, nodes: Nodes, corners: int) -> PETSc.Mat:
+    """Rows of all nodes of facets (n, k), each the mean of those of some corners. Collective."""
+    n = A.getLocalSize()[0]
+    sums = A.getRowSum()
+    sums.array[:] = np.divide(1.0, sums.array, where=sums.array > 0, out=np.ones(n))
+    A.diagonalScale(sums)
+    shares = basis(nodal_points(corners, 2), corners, 1)
+    shape = (len(nodes), *shares.shape)
+    rows = np.broadcast_to(nodes[:, :, None], shape).reshape(-1)
+    columns = np.broadcast_to(nodes[:, None, :corners], shape).reshape(-1)
+    means = matrix_of(comm, (n, n), entries := Entries(rows, columns))
+    entries.add(np.broadcast_to(shares, shape).reshape(-1), means)
+    found = means.matMult(A)
+    for part in (A, means, sums):
+        part.destroy()
+    return found

@@ -29,10 +29,17 @@ from dolfinx_contact._entries import Entries, matrix_of
 from dolfinx_contact._errors import require
 from dolfinx_contact.body.rigid import bounding_box
 from dolfinx_contact.obstacles import Obstacle
-from dolfinx_contact.points.clipping import Cover, basis, cover, nodal_points
-from dolfinx_contact.points.facing import candidates, faces_of, measured, refuse_aslant, seen_along
+from dolfinx_contact.points.clipping import Cover, cover
+from dolfinx_contact.points.facing import (
+    candidates,
+    faces_of,
+    measured,
+    refuse_aslant,
+    seen_along,
+    seen_in,
+)
 from dolfinx_contact.points.given import at_nodes
-from dolfinx_contact.points.mortar import coupling
+from dolfinx_contact.points.mortar import between, coupling
 from dolfinx_contact.points.revolution import mirrored
 from dolfinx_contact.points.search import nearest, within
 from dolfinx_contact.points.trace import (
@@ -175,7 +182,7 @@ class OppositeFacets(Obstacle):
         if normal is not None:
             refuse_aslant(domain, slave[slave < owned], normal, name)
         of_nodes = partial(_normals, slave=slave, given=normal, axisymmetric=axisymmetric)
-        found, objection = _matched(V, slave, master, size, name, of_nodes(V))
+        found, objection = _matched(V, slave, master, size, name, of_nodes(V), normal)
         if found is None:
             reason = f"{name}: the faces do not match: {objection}"
             require(comm, not must_match, f"{reason}, as mixed contact needs")
@@ -256,12 +263,20 @@ def _matched(
     size: float,
     name: str,
     normals: Array,
+    given: Array | None,
 ) -> tuple[Opposite | None, str]:
-    """The node of the master opposite to each of the slave, or why there is none. Collective."""
+    """The node of the master opposite to each of the slave, or why there is none. Collective.
+
+    Along a given normal that is the nearest as it is seen in its direction, of those that look
+    against it; else the nearest of all.
+    """
     comm, dim = V.mesh.comm, V.mesh.geometry.dim
     index_map, x = V.dofmap.index_map, V.tabulate_dof_coordinates()[:, :dim]
     theirs, _ = outward_normals(V, master)
-    on_master = np.flatnonzero(nodes_on(V, master)[: index_map.size_local])
+    against = nodes_on(V, master)
+    if given is not None:
+        x, against = seen_in(given, x), against & (theirs @ given < 0)
+    on_master = np.flatnonzero(against[: index_map.size_local])
     mine = np.flatnonzero(nodes_on(V, slave))
     first = index_map.local_range[0]
     known = np.column_stack([x[on_master], theirs[on_master], first + on_master])
@@ -276,7 +291,8 @@ def _matched(
     if missing:
         return None, f"{missing} of {total} nodes of the slave have none of the master opposite"
     # Nodes of finer facets lie between those that have one opposite.
-    ours, others = (measured(V.mesh, facets) for facets in (slave, master))
+    ours = measured(V.mesh, slave, given)
+    others = measured(V.mesh, master, None if given is None else -given)
     facing = nearest(comm, others, ours[:, :dim], dim)
     off = np.abs(facing[:, dim] / ours[:, dim] - 1) > _TANGENTIAL
     missing, total = comm.allreduce(np.array([int(off.sum()), len(ours)]))
@@ -346,7 +362,7 @@ def _mortar(
     A = matrix_of(comm, (n, n), entries := Entries(found.slave, found.master))
     entries.add(found.values, A)
     if degree > 1:
-        A = _between(comm, A, mine.nodes[marked], mine.corners)
+        A = between(comm, A, mine.nodes[marked], mine.corners)
     # There any area serves, as there is no traction.
     areas = np.where(sums.array > 0, sums.array, size ** (dim - 1))
     sides = on_slave, on_master
@@ -390,21 +406,3 @@ def _means(
     places[on] = np.arange(len(on))
     none = np.asarray(on_slave & (rows[:, -1] == 0))
     return places, rows[on, :width].astype(np.int64), rows[on, width:-1].copy(), none
-
-
-def _between(comm: MPI.Comm, A: PETSc.Mat, nodes: Nodes, corners: int) -> PETSc.Mat:
-    """Rows of all nodes of facets (n, k), each the mean of those of some corners. Collective."""
-    n = A.getLocalSize()[0]
-    sums = A.getRowSum()
-    sums.array[:] = np.divide(1.0, sums.array, where=sums.array > 0, out=np.ones(n))
-    A.diagonalScale(sums)
-    shares = basis(nodal_points(corners, 2), corners, 1)
-    shape = (len(nodes), *shares.shape)
-    rows = np.broadcast_to(nodes[:, :, None], shape).reshape(-1)
-    columns = np.broadcast_to(nodes[:, None, :corners], shape).reshape(-1)
-    means = matrix_of(comm, (n, n), entries := Entries(rows, columns))
-    entries.add(np.broadcast_to(shares, shape).reshape(-1), means)
-    found = means.matMult(A)
-    for part in (A, means, sums):
-        part.destroy()
-    return found

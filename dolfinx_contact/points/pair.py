@@ -56,8 +56,8 @@ class ContactPair(ContactSurface):
         normal: direction from the slave to the master (dim,), along which faces are opposite to
             each other and gap and pressure act; by default the normals of the slave. Where both
             faces are curved, as those of two spheres, and flatten each other it is that of the
-            contact between, and the slave's are not; areas are those seen along it. Faces that do
-            not match need degree 1 for it.
+            contact between, and the slave's are not. Faces that do not match need degree 1 for it,
+            and areas are those seen along it.
         interference: whether the bodies may overlap, as in a press fit; else an overlap is an
             error.
         method: as for `ContactSurface`, and so the rest.

@@ -78,7 +78,7 @@ def balance(eq: ContactEquations, state: State, tables: Iterable[ContactForces])
     comm, n = eq.comm, eq.V.dofmap.index_map.size_local
     reactions = support_at_nodes(eq, state)[:n]
     support = eq.resultant(reactions)
-    external = -eq.resultant(eq.bulk.local_rows(state.u))
+    external = eq.resultant(-eq.bulk.local_rows(state.u))
     contact, size = np.zeros_like(support), 0.0
     for s, t in zip(eq.surfaces, tables, strict=True):
         if not s.between_bodies:  # else it acts on both of what is one whole here
