@@ -403,6 +403,7 @@ def test_large_strain():
     assert result.resultants["contact"][1] == pytest.approx(-np.pi * axial, rel=1e-9)
     x = V.tabulate_dof_coordinates()[:, 0]
     np.testing.assert_allclose(u.x.array.reshape(-1, 2)[:, 0], (k - 1) * x, atol=1e-9)
+    assert result.min_det_F == pytest.approx(k**2 * b, rel=1e-8)
 
 
 def test_output(folder):
@@ -505,3 +506,21 @@ def test_the_axis_is_held(caplog):
     table = result.tables["contact"]
     assert table.rt[0, 0] == table.bound[0] == 0.0
     assert table.letters[0] == "k"
+
+
+@pytest.mark.parametrize(("method", "degree"), [("nodal", 1), ("integral", 2)])
+def test_large_sliding(method, degree):
+    """A rubber disc that follows a rigid sphere: points lie on it, forces balance."""
+    domain = box(COMM, 8, "quad")
+    domain.geometry.x[:, 1] -= 1
+    V = fem.functionspace(domain, ("Lagrange", degree, (2,)))
+    u = fem.Function(V)
+    given = dict(obstacle=Sphere((0.0, 0.95), 1.0), law=Frictionless(), method=method)
+    top = ContactSurface(u, facets(domain, 1, 0.0), axisymmetric=True, **given)
+    dx = ufl.dx(metadata={"quadrature_degree": 4})
+    energy = Axisymmetric(NeoHookean(120.0, 80.0)).energy(u) * circumference(domain) * dx
+    result = ContactProblem(energy, u, [top], bcs=[held(V, 1, domain, 1, -1.0, 0.0)]).solve()
+    assert min(result.counts["open"], result.counts["slip"]) > 0
+    assert result.misfit < 1e-12
+    assert result.imbalance < 1e-10
+    assert result.support[1] == pytest.approx(4.0, abs=0.1)

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
@@ -22,9 +24,11 @@ __all__ = ["smallest_jacobian"]
 
 Array = npt.NDArray[np.float64]
 
+_OFF_AXIS = 1e-6  # of the way to the middle of a cell
+
 
 def smallest_jacobian(
-    V: fem.FunctionSpace, u: Array, *, vertices: bool = True
+    V: fem.FunctionSpace, u: Array, *, vertices: bool = True, axisymmetric: bool = False
 ) -> tuple[float, Array]:
     """The smallest det(I + grad u) and the midpoint of its cell in the reference. Collective.
 
@@ -36,12 +40,15 @@ def smallest_jacobian(
         V: displacement space.
         u: displacement at all local dofs.
         vertices: whether to look at the vertices too.
+        axisymmetric: whether the body is one of revolution, which stretches by 1 + u_r / r around.
     """
     domain = V.mesh
     dim, degree = domain.geometry.dim, V.ufl_element().degree
     n = domain.topology.index_map(dim).size_local
-    order = 0 if is_affine(domain) and degree == 1 else 2 * degree
+    order = 0 if is_affine(domain) and degree == 1 and not axisymmetric else 2 * degree
     points = reference_points(domain.basix_cell(), order, vertices=vertices)
+    if axisymmetric:  # off the axis
+        points = points + _OFF_AXIS * (points.mean(axis=0) - points)
     X, elements = domain.geometry.x[:, :dim], domain.ufl_domain().ufl_coordinate_element()
     fields = [
         (geometry_dofmap(domain), X, gradients(elements, points)),
@@ -51,7 +58,8 @@ def smallest_jacobian(
             gradients(V.ufl_element(), points),
         ),
     ]
-    values = np.empty(n)
+    values, shapes = np.empty(n), (_values(elements, points), _values(V.ufl_element(), points))
+    radial = [(nodes, f, shape) for (nodes, f, _), shape in zip(fields, shapes, strict=True)]
     for part in chunks(n):
         dX, du = (
             (f[nodes[part]].transpose(0, 2, 1) @ table)
@@ -63,6 +71,9 @@ def smallest_jacobian(
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             J = determinants(dX)
             ratio = np.where(J == 0, np.inf, determinants(dX + du) / J)
+        if axisymmetric:
+            r, moved = (f[nodes[part]][:, :, 0] @ table for nodes, f, table in radial)
+            ratio *= 1 + moved / r
         values[part] = ratio.min(axis=1)
     smallest = domain.comm.allreduce(float(values.min(initial=np.inf)), op=np.minimum)
     # Of cells with the same value, up to round-off, the first in the order of the input.
@@ -75,3 +86,9 @@ def smallest_jacobian(
     ]
     found = [c for part in domain.comm.allgather(mine) for c in part]
     return float(smallest), min(found, key=lambda c: c[0])[1]
+
+
+def _values(element: Any, points: Array) -> Array:
+    """Values of a blocked Lagrange element at reference points, (nodes, points)."""
+    table = element.sub_elements[0].basix_element.tabulate(0, points)
+    return np.asarray(table[0, :, :, 0].T)

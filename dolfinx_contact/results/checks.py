@@ -44,7 +44,7 @@ def warn_of_inversion(eq: ContactEquations, u: Array) -> float | None:
     """
     if eq.bulk.linear:
         return None
-    value, place = smallest_jacobian(eq.V, u)
+    value, place = smallest_jacobian(eq.V, u, axisymmetric=eq.axisymmetric)
     if not value > 0 and eq.comm.rank == 0:
         logger.warning(
             "the body is turned inside out: det F = %.3g in the cell at %s of the reference "

@@ -57,7 +57,8 @@ class Result:
         pairs: by name, the forces on both faces of every pair of bodies (`pairs.PairBalance`).
         misfits: by surface name, the length by which the gap of the law is off at the displaced
             contact points (`checks.misfits`); None if the obstacle does not say.
-        min_det_F: the smallest det(I + grad u) of a body that is not linear in u, else None.
+        min_det_F: the smallest det(I + grad u) of a body that is not linear in u, else None; of a
+            body of revolution with the stretch around.
         penetrations: of surfaces with a compliant law, by name.
         rigid_bodies: by name, how they move and what acts on them.
         prove: looks for a proof that there is no other solution, in so many seconds; see

@@ -38,7 +38,9 @@ def inverted(equations: ContactEquations, x: PETSc.Vec) -> str:
     if equations.bulk.linear:
         return ""
     u = equations.displacement(x)
-    smallest, place = smallest_jacobian(equations.V, u, vertices=False)
+    smallest, place = smallest_jacobian(
+        equations.V, u, vertices=False, axisymmetric=equations.axisymmetric
+    )
     if smallest > 0:
         return ""
     where = ", ".join(f"{c:.4g}" for c in place)
