@@ -1,8 +1,19 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Evolutions: contact problems with a memory, step by step in time."""
+"""Evolutions: contact problems with a memory, step by step in time or by arc length."""
 
+from dolfinx_contact.evolution.arc_length import ArcLength
 from dolfinx_contact.evolution.history import EvolutionStep, History, NoContinuation
 from dolfinx_contact.evolution.nscd import NSCD
+from dolfinx_contact.evolution.path import PathHistory, PathStep
 from dolfinx_contact.evolution.quasi_static import QuasiStatic
 
-__all__ = ["NSCD", "EvolutionStep", "History", "NoContinuation", "QuasiStatic"]
+__all__ = [
+    "NSCD",
+    "ArcLength",
+    "EvolutionStep",
+    "History",
+    "NoContinuation",
+    "PathHistory",
+    "PathStep",
+    "QuasiStatic",
+]

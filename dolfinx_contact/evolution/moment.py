@@ -119,8 +119,7 @@ class Stepper:
                 time,
                 residual,
             )
-        moment = self._moment(time, None, eq.advanced(state), Energies())
-        return self._at_rest(moment, forces_at(eq, state))
+        return self.moment(time, None, eq.advanced(state), forces_at(eq, state), Energies())
 
     def recalled(
         self, time: float, memory: Sequence[Memory | None], energies: Energies, *, first: bool
@@ -142,8 +141,7 @@ class Stepper:
             data.restore()
             raise
         known = None if first else state.statuses
-        moment = self._moment(time, known, tuple(memory), energies)
-        return self._at_rest(moment, forces_at(eq, state))
+        return self.moment(time, known, tuple(memory), forces_at(eq, state), energies)
 
     def put(self, moment: Moment) -> None:
         """Put a moment into Functions, statuses, rigid bodies, data and memory, bit by bit.
@@ -194,8 +192,8 @@ class Stepper:
         except BaseException:
             self.put(moment)
             raise
-        after = self._moment(time, state.statuses, eq.advanced(state), energies)
-        return Taken(moment, self._at_rest(after, forces), result)
+        after = self.moment(time, state.statuses, eq.advanced(state), forces, energies)
+        return Taken(moment, after, result)
 
     def _remember(self, moment: Moment, time: float) -> None:
         """Let the surfaces remember a moment at a later time. Collective."""
@@ -206,6 +204,17 @@ class Stepper:
     def _set(self, time: float) -> None:
         with everywhere(self.problem.comm, f"the load at the time {time:g}"):
             self._load(time)
+
+    def moment(
+        self,
+        time: float,
+        statuses: Statuses | None,
+        memory: tuple[Memory | None, ...],
+        forces: Forces,
+        energies: Energies,
+    ) -> AtRest:
+        """The equilibrium in the problem as a moment. Collective."""
+        return AtRest(**extended(self._moment(time, statuses, memory, energies)), forces=forces)
 
     def _moment(
         self,
@@ -231,9 +240,6 @@ class Stepper:
             unknowns,
             energies,
         )
-
-    def _at_rest(self, moment: Moment, forces: Forces) -> AtRest:
-        return AtRest(**extended(moment), forces=forces)
 
 
 def extended(moment: Moment) -> dict[str, Any]:

@@ -95,6 +95,7 @@ class RCCM(Law):
     contact: NormalCompliance | None = None
     threshold: Threshold = "pressure"
     remembers = ("beta",)
+    needs_time = ("viscosity",)
 
     def __post_init__(self) -> None:
         p = self.exponent

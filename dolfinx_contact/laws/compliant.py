@@ -43,6 +43,8 @@ class _AroundFriction(FrictionLaw):
     friction: FrictionLaw
     #: Fields that are no law, no number of the kind, and not left out.
     own: ClassVar[tuple[str, ...]]
+    #: Those by which the shear answers to the slip of one step alone.
+    in_steps: ClassVar[tuple[str, ...]]
 
     @property
     def _number(self) -> Hashable:
@@ -62,6 +64,11 @@ class _AroundFriction(FrictionLaw):
     @property
     def needs_pressure(self) -> bool:  # type: ignore[override]
         return self.friction.needs_pressure
+
+    @property
+    def needs_time(self) -> tuple[str, ...]:  # type: ignore[override]
+        inside = (_INSIDE + name for name in self.friction.needs_time)
+        return (*(k for k in self.in_steps if getattr(self, k) is not None), *inside)
 
     @property
     def spread(self) -> Kernel | None:
@@ -128,6 +135,7 @@ class NormalCompliance(_AroundFriction):
     friction: FrictionLaw = field(default_factory=Frictionless)
     tangential: Scalar | None = None
     own = ("stiffness", "tangential")
+    in_steps = ("tangential",)
     compliant = True
 
     def __post_init__(self) -> None:
@@ -186,6 +194,7 @@ class Regularised(_AroundFriction):
     width: Scalar
     shape: str = "tanh"
     own = ("width",)
+    in_steps = ("width",)
 
     def __post_init__(self) -> None:
         if self.shape not in _SHAPES:

@@ -203,6 +203,8 @@ class Law:
     compliant: bool = False
     #: Fields that are those of the start of an evolution; then memory has them (`bond`).
     remembers: tuple[str, ...] = ()
+    #: Fields by which an evolution depends on the lengths of its steps, unless they vanish.
+    needs_time: tuple[str, ...] = ()
 
     def pieces(self, a: ContactPoint) -> Mapping[int, StatusPiece]:
         """What the law answers, by the numbers of statuses (`laws.status`).

@@ -1,0 +1,394 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""Arc length with memory: an evolution whose load is unknown, as where a structure snaps back.
+
+A state x_n under the load gamma_n has left a memory m_n (slip so far, intensity of bonds). The next
+one is a point (x, gamma) of the curve
+
+    H(x, gamma; m_n) = 0,        <(x - x_n, gamma - gamma_n), t_n> = h,
+
+of given arc length h beyond it, t_n a solution of the rate problem at x_n. Once it is accepted it
+makes a new memory m_n+1, and the next step begins there. So the path is that of a quasi-static
+evolution whose load (or imposed displacement) rises and falls as it must for the state to change
+slowly: friction acts against slip as it happens, and what is damaged stays damaged. The control is
+that of Riks (Int. J. Solids Struct. 15, 1979), on the pieces of H.
+
+Time has no meaning on such a path: laws must not depend on it.
+"""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Callable
+from typing import Literal, TypeAlias, get_args
+
+from mpi4py import MPI
+
+import numpy as np
+
+from dolfinx_contact._errors import everywhere, require, same_everywhere
+from dolfinx_contact._progress import Line
+from dolfinx_contact.continuation.arguments import check_listeners, checked_range
+from dolfinx_contact.continuation.bordered import Bordered
+from dolfinx_contact.continuation.branch import AT_END, BranchPoint
+from dolfinx_contact.continuation.corrector import Corrector
+from dolfinx_contact.continuation.parameters import StepControl
+from dolfinx_contact.evolution.arc_steps import ArcSteps, Arrival
+from dolfinx_contact.evolution.energy import Energies, forces_at
+from dolfinx_contact.evolution.moment import AtRest, Stepper, Taken
+from dolfinx_contact.evolution.path import PathEvent, PathHistory, PathStep
+from dolfinx_contact.evolution.rate_problem import Ways
+from dolfinx_contact.parametric import ParametricContact
+
+__all__ = ["ArcLength", "Direction"]
+
+#: By which way a path leaves its state: that with more load or less, or, later, on or back.
+Direction: TypeAlias = Literal["increasing", "decreasing", "onwards", "back"]
+
+#: Told of every accepted point.
+Observer: TypeAlias = Callable[[PathStep], object]
+#: Asked at every accepted point; answers with the reason to end the path there, or "".
+Stop: TypeAlias = Callable[[PathStep], str]
+
+_PATIENCE = 3.0  # seconds before progress is said by itself
+
+
+class ArcLength:
+    """The path of a contact problem with a memory under a load that is unknown.
+
+    It begins with the state in the problem's Functions, a solution under the load at which the
+    parameter stands, and with the memory that stands in the surfaces, as a `QuasiStatic` run leaves
+    it; without one, points slip from where they are, and bonds have the intensity of their law.
+    Functions, statuses, parameter and memory follow the accepted points.
+
+    Args:
+        parametric: the contact problem and its load or imposed displacement gamma.
+
+    Raises:
+        ValueError: on every rank, if that is none, or a law depends on the time or length of a
+            step, or on the distance slipped.
+
+    Example:
+        ::
+
+            path = ArcLength(ParametricContact(problem, lift, driven=[(top, as_vector((0, lift)))]))
+            history = path.run((0.0, 1.0))
+            print([(p.gamma, p.event) for p in history.folds], history.reason)
+            back = path.run((0.0, 1.0), direction="back")
+    """
+
+    def __init__(self, parametric: ParametricContact):
+        if not isinstance(parametric, ParametricContact):
+            raise ValueError(f"a ParametricContact is needed, got {type(parametric).__name__}")
+        self.parametric, self.problem = parametric, parametric.problem
+        self._stepper = Stepper(self.problem, lambda _: None, None)
+        self._require_no_time()
+        self._moment: AtRest | None = None
+        self._last: BranchPoint | None = None
+        self._number, self._x_scale = 0, 0.0
+
+    def _require_no_time(self) -> None:
+        for s in self.problem.surfaces:
+            s.update_geometry()
+            fields = s.points.data.fields
+            slow = [n for n in s.law.needs_time if np.any(fields[n] != 0)]
+            require(
+                self.problem.comm,
+                not slow,
+                f"{s.name}: the law {s.law.name} answers to the time or length of a step, by its "
+                f"{' and '.join(slow)}; a path by arc length has none: use QuasiStatic",
+            )
+            slip = s.law_at_points.compiled.knows_slip
+            require(
+                self.problem.comm,
+                not slip,
+                f"{s.name}: friction of the law {s.law.name} depends on the distance slipped "
+                "(a.slid), of which an evolution has no memory yet",
+            )
+
+    def run(
+        self,
+        gamma_range: tuple[float, float],
+        *,
+        direction: Direction | None = None,
+        control: StepControl | None = None,
+        max_steps: int = 1000,
+        stop: Stop | None = None,
+        observer: Observer | None = None,
+        progress: bool | None = None,
+    ) -> PathHistory:
+        """Follow the path until the load leaves a range. Collective.
+
+        Args:
+            gamma_range: the path ends where the load reaches either end.
+            direction: of the first run ``"increasing"``, the default, or ``"decreasing"``, the load
+                at the start; of a later one ``"onwards"``, the default, or ``"back"``, by which the
+                state unloads and nothing heals.
+            control: step lengths, in units in which the first tangent and the range of gamma have
+                size 1.
+            max_steps: budget.
+            stop: asked at every accepted point, on every rank, whether the path ends there: with
+                the reason, or "" to go on.
+            observer: told of every accepted point while it stands in the problem.
+            progress: whether rank 0 says on the standard error stream where it is; by default once
+                it takes more than some seconds.
+
+        Returns:
+            The accepted points, and in words why the path ended. It never jumps: where no way leads
+            on it ends, and `complete` is False.
+
+        Raises:
+            ValueError: on every rank, for arguments that do not fit, a law that depends on the
+                time, or a start that is no solution; what ``stop`` or ``observer`` raises.
+        """
+        comm, gamma = self.problem.comm, float(self.parametric.constant.value)
+        first = self._last is None
+        with everywhere(comm, "a path by arc length"):
+            limits = checked_range(gamma_range, [gamma])
+            check_listeners(None, stop, control, max_steps)
+            if observer is not None and not callable(observer):
+                raise ValueError(f"observer must be a function of a point, got {observer!r}")
+            control = control or StepControl(kinks="exact")
+            if control.kinks not in (None, "exact"):
+                raise ValueError(f"a path with memory passes kinks exactly, not {control.kinks!r}")
+            direction = direction or ("increasing" if first else "onwards")
+            known = get_args(Direction)[:2] if first else get_args(Direction)[2:]
+            if direction not in known:
+                run = "the first run" if first else "a later run"
+                raise ValueError(f"the direction of {run} must be one of {known}: {direction!r}")
+        same_everywhere(
+            comm, gamma_range=limits, direction=direction, control=control, max_steps=max_steps
+        )
+        same_everywhere(comm, stop_condition=stop is not None)
+        self._require_no_time()
+        self.parametric.check_parameter(limits)
+        if self._moment is None:
+            self._moment = self._begin()
+        return self._follow(limits, direction, control, max_steps, stop, observer, progress)
+
+    def _follow(
+        self,
+        limits: tuple[float, float],
+        direction: Direction,
+        control: StepControl,
+        max_steps: int,
+        stop: Stop | None,
+        observer: Observer | None,
+        progress: bool | None,
+    ) -> PathHistory:
+        """A run whose arguments fit. Collective."""
+        gamma = float(self.parametric.constant.value)
+        if self._moment is None:
+            self._moment = self._begin()
+        bordered = Bordered(self.parametric, gamma_scale=limits[1] - limits[0])
+        bordered.x_scale = self._x_scale * bordered.gamma_scale**2
+        steps = ArcSteps(Corrector(bordered, control))
+        run = _Run(self.parametric, self._stepper, steps, self._moment, self._last, limits)
+        said = _Said(self.problem.comm, progress, limits)
+        history = PathHistory(self._moment.time, self._moment.energies, gamma=gamma)
+        try:
+            run.put(self._moment, gamma)
+            run.leave(direction)
+            while not run.reason and len(history.steps) < max_steps:
+                taken = run.step(self._number + 1)
+                if taken is None:
+                    break
+                step, whole = taken
+                history.steps.append(step)
+                self._moment, self._last = run.moment, run.arrived
+                self._number, gamma = step.number, step.gamma
+                self._tell(whole, step, observer)
+                run.put(run.moment, gamma)
+                run.reason = run.reason or self._asked(stop, step)
+                said.step(step)
+            exhausted = f"the budget of {max_steps} steps is exhausted"
+            history.reason = run.reason or exhausted
+            history.complete = run.reason == AT_END
+        finally:
+            run.put(self._moment, gamma)
+            self._x_scale = bordered.x_scale / bordered.gamma_scale**2
+            for thing in (steps, steps.corrector, bordered):
+                thing.destroy()
+            said.end(history)
+        return history
+
+    def _begin(self) -> AtRest:
+        """The state in the Functions as a moment. Collective."""
+        eq = self.problem.equations
+        self.parametric.set(float(self.parametric.constant.value))
+        if all(m is None for m in eq.memory):
+            moment = self._stepper.start(0.0)
+            assert isinstance(moment, AtRest)
+            return moment
+        state = self.problem.state()
+        forces = forces_at(eq, state)
+        return self._stepper.moment(0.0, state.statuses, eq.memory, forces, Energies())
+
+    def _tell(self, taken: Taken, step: PathStep, observer: Observer | None) -> None:
+        comm = self.problem.comm
+        if not comm.allreduce(int(observer is not None)):
+            return
+        self._stepper.show(taken)
+        self.parametric.set(step.gamma)
+        with everywhere(comm, "the observer"):
+            if observer is not None:
+                observer(step)
+
+    def _asked(self, stop: Stop | None, step: PathStep) -> str:
+        if stop is None:
+            return ""
+        with everywhere(self.problem.comm, "stop"):
+            answer = stop(step)
+            if not isinstance(answer, str):
+                raise ValueError(
+                    "stop must answer with the reason to end the path, a str, or with '' to go on; "
+                    f"it answered {answer!r}"
+                )
+        same_everywhere(self.problem.comm, the_answer_of_stop=answer)
+        return answer
+
+
+class _Run:
+    """A run: where it is, and how it goes on."""
+
+    def __init__(
+        self,
+        system: ParametricContact,
+        stepper: Stepper,
+        steps: ArcSteps,
+        moment: AtRest,
+        arrived: BranchPoint | None,
+        limits: tuple[float, float],
+    ):
+        self._system, self._stepper, self._steps, self._limits = system, stepper, steps, limits
+        #: Accepted state; the point of the path there, as it was come to; why the run ends.
+        self.moment, self.arrived, self.reason = moment, arrived, ""
+        self._leaves: BranchPoint | None = None
+        self._h = steps.control.initial
+
+    def put(self, moment: AtRest, gamma: float) -> None:
+        """Put an accepted state into the problem. Collective."""
+        self._stepper.put(moment)
+        self._system.set(gamma)
+
+    def leave(self, direction: Direction) -> None:
+        """Find the way by which the path leaves its state. Collective."""
+        steps = self._steps
+        if self.arrived is None:
+            point = self._start(1.0 if direction == "increasing" else -1.0)
+            ways = steps.rate_problem(point.y, point.piece).begun(point.piece, point.tangent)
+        else:
+            point = self.arrived
+            rates = steps.rate_problem(point.y, point.piece)
+            way_on = rates.back if direction == "back" else rates.onwards
+            ways = way_on(point.piece, point.tangent)
+        self._take(point, ways)
+
+    def _start(self, sense: float) -> BranchPoint:
+        """The point at the state of the start, with the rate of the load as its tangent."""
+        b, problem, known = self._steps.bordered, self._stepper.problem, self.moment.statuses
+        y, gamma = b.vector(), float(self._system.constant.value)
+        x = problem.create_vector()
+        problem.write(x)
+        b.join(x, gamma, y)
+        piece = self._system.piece_at(x, gamma) if known is None else self._system.piece(known)
+        x.destroy()
+        if not self._steps.corrector.natural(y, gamma, piece):
+            raise ValueError(f"the start is no solution at gamma = {gamma:g}; solve() first")
+        t = b.last_unit()
+        t.scale(sense * b.gamma_scale)
+        return BranchPoint(y, t, piece, b.gamma(y), 0.0, 0)
+
+    def _take(self, point: BranchPoint, ways: Ways) -> None:
+        self._leaves = None
+        if ways.onwards is not None:
+            self._leaves = self._steps.go_on(point, ways.onwards)
+            return
+        self.reason = (
+            f"no way on was found from gamma = {point.gamma:.10g}, by {ways.method}: the evolution "
+            "jumps there, or statuses change that were not found together"
+        )
+
+    def step(self, number: int) -> tuple[PathStep, Taken] | None:
+        """The next accepted point; None, with a reason, where there is none. Collective."""
+        assert self._leaves is not None
+        found = self._steps.arrive(self._leaves, self._h, self._limits)
+        if found is None:
+            self.reason = (
+                f"no step of at least {self._steps.control.minimum:g} succeeds beyond "
+                f"gamma = {self._leaves.gamma:.10g}"
+            )
+            return None
+        before, point, self._h = self.moment, found.point, found.next_h
+        result, system = self._system.result_at(point), self._system
+        eq, state = system.equations, self._stepper.problem.state()
+        energies = before.energies.advanced(
+            before.forces, forces := forces_at(eq, state), result.energies["friction"]
+        )
+        self.moment = self._stepper.moment(
+            before.time + point.step, state.statuses, eq.advanced(state), forces, energies
+        )
+        self.arrived = point
+        eq.remember(self.moment.memory)
+        ways = Ways(None)
+        event: PathEvent = ""
+        if found.at == "end":
+            self.reason = AT_END
+        else:
+            rates = self._steps.rate_problem(point.y, point.piece)
+            ways = rates.onwards(point.piece, point.tangent)
+            self._take(point, ways)
+            event = self._event(found)
+        letters = system.letters(point.piece)
+        after = letters if self._leaves is None else system.letters(self._leaves.piece)
+        step = PathStep(
+            number,
+            before.time,
+            self.moment.time,
+            result,
+            energies,
+            gamma=point.gamma,
+            event=event,
+            before=letters,
+            after=after,
+            others=len(ways.others) + 2 * len(found.bifurcations),
+            ways=ways.method,
+            corrections=point.corrections,
+        )
+        return step, Taken(before, self.moment, result)
+
+    def _event(self, found: Arrival) -> PathEvent:
+        """What happens at an accepted point."""
+        if found.at == "fold":
+            return "smooth fold"
+        a, b = found.point, self._leaves
+        if b is None:
+            return "kink"
+        comm = self._system.comm
+        if not comm.allreduce(int(np.any(a.piece.codes != b.piece.codes))):
+            return ""
+        return "nonsmooth fold" if self._steps.turned(a.tangent, b.tangent) else "kink"
+
+
+class _Said:
+    """The line of progress: load, number of the point, statuses, time by the clock."""
+
+    def __init__(self, comm: MPI.Comm, wanted: bool | None, limits: tuple[float, float]):
+        self._line, self._start, self._limits = Line(comm), clock.monotonic(), limits
+        self._silent = wanted is False or comm.rank > 0
+        self._after, self._shown = 0.0 if wanted else _PATIENCE, False
+
+    def step(self, step: PathStep) -> None:
+        passed, (low, high) = clock.monotonic() - self._start, self._limits
+        if self._silent or passed < self._after:
+            return
+        self._shown = True
+        counts = ", ".join(f"{n} {k}" for k, n in step.result.counts.items() if n)
+        self._line.update(
+            f"path: gamma {step.gamma:.6g} in [{low:.6g}, {high:.6g}]  point {step.number}  "
+            f"{step.event}  {counts}  {passed:.0f} s"
+        )
+
+    def end(self, history: PathHistory) -> None:
+        self._line.clear()
+        if self._shown:
+            self._line.write(f"path: {len(history.steps)} points, {history.reason}")

@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Steps of a path whose memory is accepted at every point.
+
+A step begins at an accepted state, in the piece and along the direction that solve its rate problem
+(`rate_problem.py`), and stays on that piece with the memory of its start: so a bond that damages
+goes on to, and a point that slips goes on slipping. It ends where the state first comes to another
+border, or where gamma turns back, both located to round-off; a step in which a bond would heal or
+a slip be taken back, in the end, is too long.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from petsc4py import PETSc
+
+import numpy as np
+
+from dolfinx_contact.continuation.branch import BranchPoint, Ray, SpecialPoint
+from dolfinx_contact.continuation.steps import ExactSteps
+from dolfinx_contact.continuation.system import Piece
+from dolfinx_contact.evolution.rate_problem import RateProblem
+
+__all__ = ["ArcSteps", "Arrival"]
+
+_AT_BORDER = 1e-10  # of the largest distance: a point whose rate decides
+_BEYOND = 1e-11  # of the largest distance: beyond round-off
+
+
+@dataclass(frozen=True)
+class Arrival:
+    """Where a step ends.
+
+    Attributes:
+        point: with piece and tangent of the step.
+        at: what it ends at: nothing special, a ``"kink"``, a smooth ``"fold"``, the ``"end"`` of
+            the range of gamma.
+        bifurcations: smooth ones on the way.
+        next_h: length of the step after it.
+    """
+
+    point: BranchPoint
+    at: Literal["", "kink", "fold", "end"]
+    bifurcations: tuple[SpecialPoint, ...]
+    next_h: float
+
+
+class ArcSteps(ExactSteps):
+    """Steps with the memory that stands; it is for the caller to accept it at their ends."""
+
+    def rate_problem(self, y: PETSc.Vec, piece: Piece) -> RateProblem:
+        """The rate problem at a state, with the memory that stands. Collective."""
+        return RateProblem(self.corrector, y, _AT_BORDER * self._unit(y, piece))
+
+    def go_on(self, point: BranchPoint, ray: Ray) -> BranchPoint:
+        """The point with another piece and tangent to leave it by. Collective."""
+        if ray.tangent is point.tangent:
+            return point
+        new = BranchPoint(point.y, ray.tangent, ray.piece, point.gamma, point.step, 0)
+        return self.rescaled(new)
+
+    def arrive(
+        self, point: BranchPoint, h: float, gamma_range: tuple[float, float]
+    ) -> Arrival | None:
+        """The end of a step no longer than ``h``; None if no step succeeds. Collective."""
+        control = self.control
+        started = self._distances(point.y, point.piece)
+        at_start = np.abs(started) <= _AT_BORDER * self._unit(point.y, point.piece)
+        while h >= control.minimum:
+            new = self._corrected(point, h)
+            if new is None:
+                h *= control.decrease
+                continue
+            easy = new.corrections <= control.easy
+            next_h = min(h * control.increase if easy else h, control.maximum)
+            beyond = self._distances(new.y, new.piece)
+            beyond = beyond < -_BEYOND * self._unit(new.y, new.piece)
+            at: Literal["", "kink", "fold", "end"] = ""
+            if self._any(beyond):
+                border = None
+                if not self._any(beyond & at_start):
+                    border = self._border(point, new)
+                if border is None:
+                    h *= control.decrease
+                    continue
+                new, at, next_h = border, "kink", h
+            special = self.smooth_points(point, new)
+            folds = [s for s in special if s.kind == "fold"]
+            if folds:
+                new, at, next_h = self._at_fold(point, new, folds[0]), "fold", h
+            low, high = gamma_range
+            if not low <= new.gamma <= high:
+                new, at = self._at_end(point, new, gamma_range), "end"
+            before = [s for s in special if s.kind == "bifurcation"]
+            return Arrival(new, at, tuple(before), next_h)
+        return None
+
+    def _corrected(self, point: BranchPoint, h: float) -> BranchPoint | None:
+        """The point a step ``h`` away on the piece of ``point``."""
+        b, y, t = self.bordered, point.y.copy(), point.tangent.copy()
+        y.axpy(h, point.tangent)
+        if not self.corrector.moore_penrose(y, t, point.piece):
+            return None
+        taken = self.corrector.iterations
+        t.destroy()
+        tangent = self.corrector.tangent(y, point.tangent, point.piece)
+        if tangent is None or b.inner(tangent, point.tangent) < self.control.cosine:
+            return None
+        tau = self.test(accepted=True)
+        return self.rescaled(BranchPoint(y, tangent, point.piece, b.gamma(y), h, taken, tau))
+
+    def _border(self, point: BranchPoint, new: BranchPoint) -> BranchPoint | None:
+        """Where the first other border is, between two points."""
+        found = self._first_event(point, new.y)
+        if found is None:
+            return None
+        s, y = found
+        return self._there(point, s, y)
+
+    def _there(self, point: BranchPoint, s: float, y: PETSc.Vec) -> BranchPoint | None:
+        tangent = self.corrector.tangent(y, point.tangent, point.piece)
+        if tangent is None:
+            return None
+        taken = self.corrector.iterations
+        return BranchPoint(y, tangent, point.piece, self.bordered.gamma(y), s, taken, self.test())
+
+    def _at_fold(self, point: BranchPoint, new: BranchPoint, fold: SpecialPoint) -> BranchPoint:
+        away = fold.y - point.y
+        s = float(np.sqrt(self.bordered.inner(away, away)))
+        return self._there(point, s, fold.y) or new
+
+    def _at_end(
+        self, point: BranchPoint, new: BranchPoint, gamma_range: tuple[float, float]
+    ) -> BranchPoint:
+        end, _ = self.end_at(point, new, (), gamma_range)
+        away = end.y - point.y
+        s = float(np.sqrt(self.bordered.inner(away, away)))
+        return self._there(point, s, end.y) or end
+
+    def _any(self, which: np.ndarray) -> bool:
+        return bool(self.bordered.comm.allreduce(int(which.any())))

@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""What a path in load and state leaves: its accepted points, its folds and kinks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Literal, TypeAlias
+
+from dolfinx_contact.evolution.history import EvolutionStep, History
+
+__all__ = ["PathEvent", "PathHistory", "PathStep"]
+
+#: What happens to a path at one of its points.
+PathEvent: TypeAlias = Literal["", "kink", "smooth fold", "nonsmooth fold"]
+
+
+@dataclass(frozen=True)
+class PathStep(EvolutionStep):
+    """An accepted point of a path; `start` and `time` are arc lengths from the start of the path.
+
+    Attributes:
+        gamma: the load there.
+        event: ``"smooth fold"`` the load turns back while all statuses stay, ``"nonsmooth fold"``
+            it turns back because statuses change, ``"kink"`` statuses change and the load goes on;
+            else "".
+        before: statuses by which the path came, as in `status`.
+        after: those by which it goes on; of bonds and friction as of contact.
+        others: number of other ways on that were found: the rate problem has more than one
+            solution there.
+        ways: how they were looked for; "" if the statuses of the last step lead on.
+        corrections: Newton steps of the corrector.
+    """
+
+    gamma: float = 0.0
+    event: PathEvent = ""
+    before: str = ""
+    after: str = ""
+    others: int = 0
+    ways: str = ""
+    corrections: int = 0
+
+    @property
+    def is_fold(self) -> bool:
+        """Whether the load turns back here."""
+        return self.event.endswith("fold")
+
+    def row(self) -> dict[str, Any]:
+        return {
+            **super().row(),
+            "newton_iterations": self.corrections,
+            "gamma": self.gamma,
+            "event": self.event,
+            "before": self.before,
+            "after": self.after,
+            "others": self.others,
+        }
+
+
+@dataclass
+class PathHistory(History):
+    """A path as far as it was followed; times are arc lengths.
+
+    Attributes:
+        gamma: load at the start.
+        steps: accepted points.
+    """
+
+    gamma: float = 0.0
+    steps: list[PathStep] = field(default_factory=list)  # type: ignore[assignment]
+
+    @property
+    def folds(self) -> list[PathStep]:
+        """Points at which the load turns back."""
+        return [p for p in self.steps if p.is_fold]
+
+    @property
+    def kinks(self) -> list[PathStep]:
+        """Points at which statuses change and the load goes on."""
+        return [p for p in self.steps if p.event == "kink"]

@@ -1,0 +1,240 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""The rate problem at an accepted state: the directions in which an evolution can go on.
+
+Where memory is accepted every point that slips is at the border of stick, and every bond that
+damages at that of an intact one. The directions that lead out of such a state, memory frozen,
+solve the rate problem, whose pieces are the statuses of the points at a border. A direction is
+inside its piece if the distances that vanish at the state grow along it.
+
+The statuses of the last step are tried first. Where they fail, points whose distances fall take
+the status beyond, until none does: Newton's method for the rate problem. Each direction points to
+the side on which det [grad H; t^T] keeps its sign, as it does along a path unless another meets it;
+so a path that snaps back is not taken for one that unloads. Where no such direction is found all
+statuses that meet are tried; then several ways lead on, or none.
+
+One of the directions leads *back*: it unloads, no bond that damages and no point that slips does so
+on it. It answers to the reverse of the direction that was come by, and is no way on.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact.continuation.branch import Ray
+from dolfinx_contact.continuation.corrector import Corrector
+from dolfinx_contact.continuation.crossing import parity
+from dolfinx_contact.continuation.system import Piece
+
+__all__ = ["RateProblem", "Ways"]
+
+_PROBE = 1e-6  # length over which rates of distances are taken
+_IDLE = 1e-7  # of the largest rate: no rate
+_ROUNDS = 40  # of Newton's method
+_MOST_PIECES = 256
+_SAME = 1e-6  # of unit vectors
+_LENGTHS = (1e-3, 1e-2, 1e-4, 1e-5)  # of steps on H itself
+
+
+@dataclass(frozen=True)
+class Ways:
+    """Directions that lead on from a state.
+
+    Attributes:
+        onwards: the one that is taken; None if none was found.
+        others: further ones, without the one that leads back.
+        method: how they were looked for.
+    """
+
+    onwards: Ray | None
+    others: tuple[Ray, ...] = ()
+    method: str = ""
+
+
+class RateProblem:
+    """Directions out of a state y = (x, gamma), with the memory that stands. Collective.
+
+    Args:
+        corrector: on the bordered system.
+        y: the state.
+        tolerance: distances that count as zero.
+    """
+
+    def __init__(self, corrector: Corrector, y: PETSc.Vec, tolerance: float):
+        self._corrector, self._y, self._tolerance = corrector, y, tolerance
+        self._b = corrector.bordered
+        self._comm = self._b.comm
+
+    def onwards(self, piece: Piece, t: PETSc.Vec) -> Ways:
+        """The ways on for a path that came by ``piece`` along ``t``."""
+        ray = Ray(piece, t)
+        if not self._any(self._falling(ray)[0]):
+            return Ways(ray, method="the statuses of the last step")
+        found = self._by_newton(piece, t)
+        if found is not None:
+            return Ways(found, method="Newton's method for the rate problem")
+        rays, complete = self._enumerated(piece, t)
+        rays = rays or self._as_H_leads(t)
+        back = self._by_newton(piece, self._reversed(t))
+        rays = self._distinct([r for r in rays if not self._same(r, back)])
+        method = "all statuses that meet" if complete else "some of the statuses that meet"
+        if not rays:
+            return Ways(None, method=method)
+        first, *others = sorted(rays, key=lambda r: -self._b.inner(r.tangent, t))
+        return Ways(first, tuple(others), method)
+
+    def back(self, piece: Piece, t: PETSc.Vec) -> Ways:
+        """The way that unloads, for a path that came by ``piece`` along ``t``."""
+        ray = self._by_newton(piece, self._reversed(t))
+        return Ways(ray, method="Newton's method for the rate problem")
+
+    def begun(self, piece: Piece, towards: PETSc.Vec) -> Ways:
+        """The ways on from a start, on the side of ``towards``."""
+        ray = self._by_newton(piece, towards, oriented=False)
+        rays = [ray] if ray is not None else self._as_H_leads(towards)
+        return Ways(rays[0] if rays else None, method="Newton's method for the rate problem")
+
+    # -- one piece -------------------------------------------------------------------------------
+
+    def _falling(
+        self, ray: Ray
+    ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int8], npt.NDArray[np.int32]]:
+        """Local points at a border that a direction leads over, their statuses beyond; kinks.
+
+        A point is there as often as it is at a border, the steepest last.
+        """
+        system, piece = self._b.system, ray.piece
+        x, gamma = self._b.split(self._y)
+        here = system.events(x, gamma, piece)
+        probe = self._y.copy()
+        probe.axpy(_PROBE, ray.tangent)
+        there = system.events(*self._b.split(probe), piece)
+        probe.destroy()
+        slope = (there.distance - here.distance) / _PROBE
+        largest = self._comm.allreduce(float(np.max(np.abs(slope), initial=0.0)), op=max)
+        at_border = np.abs(here.distance) <= self._tolerance
+        falling = np.flatnonzero(at_border & (slope < -_IDLE * largest))
+        falling = falling[np.argsort(-slope[falling], kind="stable")]
+        return here.point[falling], here.target[falling], here.point[at_border]
+
+    def _by_newton(self, piece: Piece, t: PETSc.Vec, *, oriented: bool = True) -> Ray | None:
+        """A direction inside its piece, from a piece and a direction. None if none is found.
+
+        Where all points that fall at once lead round in circles they change one by one.
+
+        Args:
+            piece: by which the path came along ``t``; or to begin with.
+            t: its direction; or one that is not to be gone against.
+            oriented: whether [grad H; t^T] keeps the sign of its determinant, as it does along a
+                path on which no other meets it.
+        """
+        for at_once in (True, False):
+            found = self._pivoted(piece, t, oriented, at_once)
+            if found is not None:
+                return found
+        return None
+
+    def _pivoted(self, first: Piece, t: PETSc.Vec, oriented: bool, at_once: bool) -> Ray | None:
+        seen: set[bytes] = set()
+        come_by, piece = Ray(first, t), first
+        for _ in range(_ROUNDS):
+            known = b"".join(self._comm.allgather(piece.codes.tobytes()))
+            if known in seen:
+                return None
+            seen.add(known)
+            tangent = self._corrector.tangent(self._y, t, piece)
+            if tangent is None:
+                return None
+            if oriented and len(seen) > 1 and self._parity(come_by, Ray(piece, tangent)) < 0:
+                tangent.scale(-1.0)
+            ray = Ray(piece, tangent)
+            points, targets, _ = self._falling(ray)
+            if not self._any(points):
+                return ray
+            if not at_once:
+                points, targets = self._first(points, targets)
+            piece = piece.with_codes(points, targets)
+        return None
+
+    def _first(
+        self, points: npt.NDArray[np.int32], targets: npt.NDArray[np.int8]
+    ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int8]]:
+        """One of the points of all ranks."""
+        first = next(r for r, n in enumerate(self._comm.allgather(len(points))) if n)
+        number = int(self._comm.rank == first)
+        return points[-number:][:number], targets[-number:][:number]
+
+    def _parity(self, a: Ray, c: Ray) -> int:
+        return parity(self._corrector, self._y, a.piece, a.tangent, c)
+
+    # -- several ---------------------------------------------------------------------------------
+
+    def _enumerated(self, piece: Piece, t: PETSc.Vec) -> tuple[list[Ray], bool]:
+        """Directions by all statuses of the points at a border, and whether all were tried."""
+        rank, choices = self._comm.rank, []
+        x, gamma = self._b.split(self._y)
+        events = self._b.system.events(x, gamma, piece)
+        at_border = np.abs(events.distance) <= self._tolerance
+        for i in np.unique(events.point[at_border]):
+            targets = events.target[at_border & (events.point == i)]
+            choices.append((rank, int(i), sorted({int(piece.codes[i]), *map(int, targets)})))
+        kinks = [k for part in self._comm.allgather(choices) for k in part]
+        if math.prod(len(codes) for *_, codes in kinks) > _MOST_PIECES:
+            return [], False
+        rays = []
+        for codes in itertools.product(*(codes for *_, codes in kinks)):
+            mine = [(i, c) for (r, i, _), c in zip(kinks, codes, strict=True) if r == rank]
+            points = np.array([i for i, _ in mine], dtype=np.int32)
+            new = piece.with_codes(points, [c for _, c in mine])
+            tangent = self._corrector.tangent(self._y, t, new)
+            for direction in () if tangent is None else (tangent, self._reversed(tangent)):
+                ray = Ray(new, direction)
+                if not self._any(self._falling(ray)[0]):
+                    rays.append(ray)
+        return rays, True
+
+    def _as_H_leads(self, t: PETSc.Vec) -> list[Ray]:
+        """The direction in which H itself, statuses recomputed, has a solution nearby."""
+        b, y = self._b, self._y
+        sense = 1.0 if b.gamma(t) >= 0 else -1.0
+        for length in _LENGTHS:
+            there = y.copy()
+            if self._corrector.natural(there, b.gamma(y) + sense * length * b.gamma_scale, None):
+                piece = b.system.piece_at(*b.split(there))
+                away = there - y
+                tangent = self._corrector.tangent(y, away, piece)
+                if tangent is not None:
+                    ray = Ray(piece, tangent)
+                    if not self._any(self._falling(ray)[0]):
+                        return [ray]
+        return []
+
+    # -- tools -----------------------------------------------------------------------------------
+
+    def _any(self, points: npt.NDArray[np.int32]) -> bool:
+        return bool(self._comm.allreduce(len(points)))
+
+    def _reversed(self, t: PETSc.Vec) -> PETSc.Vec:
+        back = t.copy()
+        back.scale(-1.0)
+        return back
+
+    def _same(self, a: Ray, other: Ray | None) -> bool:
+        """Whether two directions are one."""
+        if other is None:
+            return False
+        d = a.tangent - other.tangent
+        return bool(self._b.inner(d, d) <= _SAME**2 * self._b.inner(a.tangent, a.tangent))
+
+    def _distinct(self, rays: list[Ray]) -> list[Ray]:
+        kept: list[Ray] = []
+        for ray in rays:
+            if not any(self._same(ray, other) for other in kept):
+                kept.append(ray)
+        return kept

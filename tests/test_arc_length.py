@@ -1,0 +1,250 @@
+"""Paths by arc length whose memory is accepted at every point, against closed forms."""
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from demo_hild_triangle import element
+from test_adhesion import drawn_node, gap_of_node
+from test_evolution import cycle, dragged
+
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact import (
+    RCCM,
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    HalfSpace,
+    NormalCompliance,
+    Regularised,
+    output,
+)
+from dolfinx_contact.continuation import StepControl
+from dolfinx_contact.evolution import ArcLength, QuasiStatic
+from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.parametric import ParametricContact
+
+COMM = MPI.COMM_WORLD
+C, W = 100.0, 1.0
+U0 = np.sqrt(W / C)
+ENDS = (0.0, 8 * U0)
+
+
+def bar(k, n=8, *, law=None, along=0, pressed=0.0, comm=COMM):
+    """A bar of stiffness k C on a bond; gamma moves its end, all of it moves ``along`` an axis."""
+    corners = [[0.0, 0.0], [0.05, 1.0]]
+    domain = mesh.create_rectangle(comm, corners, [1, n], mesh.CellType.quadrilateral)
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u, gamma, top = fem.Function(V), fem.Constant(domain, 0.0), fem.Function(V)
+    end = fem.locate_dofs_geometrical(V, lambda x: np.isclose(x[1], 1.0))
+    sides = V.sub(0)
+    every = np.arange(sides.dofmap.index_map.size_local + sides.dofmap.index_map.num_ghosts)
+    still = fem.dirichletbc(fem.Constant(domain, 0.0), 2 * every.astype(np.int32), sides)
+    below = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 0.0))
+    law = law or RCCM(C, C, W)
+    surface = ContactSurface(u, below, obstacle=HalfSpace((0, 0), (0, 1)), law=law)
+    energy = LinearElastic.from_young(k * C, 0.0).energy(u) * ufl.dx
+    problem = ContactProblem(energy, u, [surface], bcs=[still, fem.dirichletbc(top, end)])
+    return ParametricContact(problem, gamma, driven=[(top, ufl.as_vector((0.0, gamma)))])
+
+
+def broken_by_half(step):
+    return "far enough" if step.result.tables["contact"].beta.min() < 0.4 else ""
+
+
+def opening(step):
+    t = step.result.tables["contact"]
+    return t.un[t.letters != "d"] / U0
+
+
+@pytest.mark.parametrize(("k", "n"), [(1.0, 1), (0.3, 8), (2.0, 8)])
+def test_bar_in_series(k, n):
+    """Snap-back: a nonsmooth fold where damage begins, a smooth one at 4/3 u0 (3/k)^(1/4)."""
+    history = ArcLength(bar(k, n)).run(ENDS)
+    assert history.complete
+    kink, fold = history.folds
+    assert (kink.event, fold.event) == ("nonsmooth fold", "smooth fold")
+    assert (kink.before, kink.after) == ("oo", "aa")
+    assert (fold.before, fold.after) == ("aa", "aa")
+    assert kink.gamma / U0 == pytest.approx(1 + 1 / k, rel=1e-8)
+    np.testing.assert_allclose(opening(kink), 1.0, rtol=1e-8)
+    u = (3 / k) ** 0.25
+    assert fold.gamma / U0 == pytest.approx(4 * u / 3, rel=1e-8)
+    np.testing.assert_allclose(opening(fold), u, rtol=1e-6)
+    pull = -fold.result.tables["contact"].pressure
+    np.testing.assert_allclose(pull, k * C * u * U0 / 3, rtol=1e-6)
+    assert history.kinks == []
+    for step in history.steps:  # on the closed form all the way
+        (r,) = set(np.round(opening(step), 12))
+        assert step.gamma / U0 == pytest.approx(r + min(r, r**-3) / k, rel=1e-9)
+        assert step.energies.damage == pytest.approx(0.05 * W * (1 - min(1, r**-2)), abs=1e-10)
+    rows = history.rows()
+    assert [r["event"] for r in rows if r["event"]] == ["nonsmooth fold", "smooth fold"]
+    np.testing.assert_allclose([r["gamma"] for r in rows], [s.gamma for s in history.steps])
+
+
+@pytest.mark.chatty
+def test_energy():
+    """What the account lacks falls with the steps."""
+    residues = []
+    for part in (1, 4):
+        cosine = 1 - 0.1 / part**2
+        control = StepControl(initial=0.02 / part, maximum=0.1 / part, cosine=cosine)
+        path = ArcLength(bar(1.0, 1, comm=MPI.COMM_SELF))
+        energies = path.run(ENDS, control=control, stop=broken_by_half).energies
+        residues.append(abs(energies.residue))
+        assert energies.damage > 0.5 * 0.05 * W
+    assert residues[1] < 0.4 * residues[0] < 0.002 * 0.05 * W
+
+
+def test_going_back_unloads():
+    """Along the secant, to nothing and up again, where damage goes on from where it was."""
+    path, k = ArcLength(bar(1.0, 2)), 1.0
+    there = path.run(ENDS, stop=broken_by_half)
+    assert there.reason == "far enough"
+    assert not there.complete
+    (r,), beta = set(np.round(opening(there.steps[-1]), 12)), there.steps[-1]
+    back = path.run(ENDS, direction="back")
+    assert back.complete
+    assert back.steps[-1].gamma == pytest.approx(0.0, abs=1e-12)
+    assert back.steps[-1].number == len(there.steps) + len(back.steps)
+    for step in back.steps:
+        np.testing.assert_allclose(opening(step) * (1 + r**-4 / k), step.gamma / U0, atol=1e-9)
+        np.testing.assert_allclose(step.result.tables["contact"].beta, r**-2, rtol=1e-9)
+    assert back.energies.damage == pytest.approx(beta.energies.damage, rel=1e-12)
+    assert abs(back.energies.residue - there.energies.residue) < 1e-9 * W
+    again = path.run(ENDS, direction="back")
+    (kink,) = (s for s in again.steps if s.event)
+    assert kink.event == "kink"
+    np.testing.assert_allclose(opening(kink), r, rtol=1e-8)
+    assert (kink.before, kink.after) == ("oo", "aa")
+
+
+def test_one_node():
+    """The same folds by a load, of one element; in other units of gamma too."""
+    k, gaps = 0.3, []
+    for stiffness in (0.0, 1.0):
+        system = drawn_node(stiffness)
+        system.set_parameter(1e-3)
+        gaps.append(gap_of_node(system))
+    free, spring = gaps[0] / 1e-3, gaps[1] / (gaps[0] - gaps[1])
+    u0, system = np.sqrt(W * k / spring), drawn_node(spring / k)
+    system.set_parameter(0.0)
+    system.problem.solve()
+    folds = ArcLength(system).run((0.0, 8 * u0 / free)).folds
+    wanted = [1 + 1 / k, 4 / 3 * (3 / k) ** 0.25]
+    np.testing.assert_allclose([s.gamma * free / u0 for s in folds], wanted, rtol=1e-8)
+    assert [s.event for s in folds] == ["nonsmooth fold", "smooth fold"]
+
+
+def test_klarbring():
+    """Where load control finds no continuation: back by slip to g = 2, and on without contact."""
+    system = element((1.0, 1.0), 3.0, 1.0, (-2.0, 0.0), (0.0, -2.0))
+    system.set_parameter(0.0)
+    system.problem.solve()
+    history = ArcLength(system).run((0.0, 4.0))
+    assert history.complete
+    assert [(s.event, s.before[0], s.after[0]) for s in history.folds] == [
+        ("nonsmooth fold", "k", "-"),
+        ("nonsmooth fold", "-", "o"),
+    ]
+    np.testing.assert_allclose([s.gamma for s in history.folds], [3.0, 2.0], rtol=1e-9)
+    # Slip dissipates: F rn times its way, rn = 1 + u and p + 2 u + F rn = 0 with u from 0 to -1.
+    spent = history.folds[1].energies.dissipated
+    assert spent == pytest.approx(history.steps[-1].energies.dissipated)
+
+
+@pytest.mark.parametrize(
+    ("cell", "tolerance"), [pytest.param("hex", 0.01, marks=pytest.mark.chatty), ("quad", 1e-9)]
+)
+def test_friction_as_quasi_static(cell, tolerance):
+    """Dragged there and back: as a quasi-static evolution; in 3D slips turn, to first order."""
+    n = 4 if cell == "quad" else 2
+    found, events = [], []
+    for longest in (0.1, 0.05)[: 2 if cell == "quad" else 1]:
+        problem, top = dragged(cell, n)
+        QuasiStatic(problem, cycle(top)).run([0.0, 1.0])
+        gamma = fem.Constant(problem.V.mesh, 0.0)
+        motion = [0.012 * gamma, *[0.0] * (len(top.x.array) > 0 and n == 2), -0.01]
+        driven = [(top, ufl.as_vector(motion))]
+        path = ArcLength(ParametricContact(problem, gamma, driven=driven))
+        control = StepControl(maximum=longest)
+        there = path.run((-1.0, 1.0), control=control)
+        back = path.run((-1.0, 1.0), direction="back", control=control)
+        found = [h.steps[-1].result.tables["contact"] for h in (there, back)]
+        events.append([s.gamma for h in (there, back) for s in h.steps if s.event == "kink"])
+        assert there.folds == back.folds == []
+        assert 0 < there.energies.dissipated < back.energies.dissipated
+    assert len(events[0]) > 3
+    np.testing.assert_allclose(events[0], events[-1], rtol=0, atol=1e-9)
+    problem, top = dragged(cell, n)
+    history = QuasiStatic(problem, cycle(top)).run(np.linspace(0.0, 5.0, 26))
+    for table, time in zip(found, (3.0, 5.0), strict=True):
+        other = history.at(time).result.tables["contact"]
+        force = np.abs(other.force).max()
+        assert table.status == other.status
+        np.testing.assert_allclose(table.force, other.force, rtol=0, atol=tolerance * force)
+
+
+@pytest.mark.chatty
+def test_what_is_written(folder):
+    system = bar(1.0, 2)
+    seen, path = [], ArcLength(system)
+    with output.EvolutionSeries(folder, system.problem, format="vtk") as series:
+
+        def observer(step):
+            series(step)
+            seen.append((step.number, float(system.constant.value)))
+
+        history = path.run(ENDS, observer=observer, max_steps=3)
+    assert history.reason == "the budget of 3 steps is exhausted"
+    assert seen == [(s.number, s.gamma) for s in history.steps]
+    rows = (folder / "steps.csv").read_text().splitlines()
+    assert len(rows) == 4
+    assert {"gamma", "event", "others", "damage", "beta_contact"} <= set(rows[0].split(","))
+    onwards = path.run(ENDS)
+    assert onwards.steps[0].number == 4
+    assert onwards.steps[0].start == history.steps[-1].time
+    assert [s.event for s in onwards.folds] == ["nonsmooth fold", "smooth fold"]
+
+
+def test_bad_input():
+    with pytest.raises(ValueError, match="a ParametricContact is needed, got int"):
+        ArcLength(3)
+    slow = bar(1.0, 1, law=RCCM(C, C, W, viscosity=0.1), comm=MPI.COMM_SELF)
+    with pytest.raises(
+        ValueError, match="RCCM answers to the time or length of a step, by its vis"
+    ):
+        ArcLength(slow)
+    for law, name in [
+        (Regularised(Coulomb(0.3), 0.1), "width"),
+        (NormalCompliance(1e3, friction=Coulomb(0.3), tangential=10.0), "tangential"),
+        (NormalCompliance(1e3, friction=Regularised(Coulomb(0.3), 0.1)), "friction.width"),
+    ]:
+        with pytest.raises(ValueError, match=f"length of a step, by its {name}; a path"):
+            ArcLength(bar(1.0, 1, law=law, comm=MPI.COMM_SELF))
+    ArcLength(bar(1.0, 1, law=NormalCompliance(1e3, friction=Coulomb(0.3)), comm=MPI.COMM_SELF))
+    system = bar(1.0, 1)
+    path = ArcLength(system)
+    for given, message in [
+        ({"gamma_range": (0.1, 0.2)}, "must lie in the range"),
+        ({"gamma_range": (0.0, np.nan)}, "finite number"),
+        ({"direction": "back"}, "the direction of the first run must be one of"),
+        ({"control": StepControl(kinks="batched")}, "passes kinks exactly, not 'batched'"),
+        ({"max_steps": 0}, "budget of steps must be positive"),
+        ({"stop": 3}, "stop must be a function"),
+        ({"observer": 3}, "observer must be a function of a point, got 3"),
+        ({"stop": lambda s: None}, "stop must answer with the reason"),
+    ]:
+        before = system.problem.u.x.array.copy()
+        with pytest.raises(ValueError, match=message):
+            path.run(**{"gamma_range": ENDS, **given})
+        if "stop" not in given:
+            np.testing.assert_array_equal(system.problem.u.x.array, before)
+    with pytest.raises(ValueError, match="the direction of a later run must be one of"):
+        path.run(ENDS, direction="decreasing")
+    system.problem.surfaces[0].law.viscosity.value = 1.0
+    with pytest.raises(ValueError, match="answers to the time or length of a step"):
+        path.run(ENDS)
