@@ -4,7 +4,7 @@
 # This demo illustrates how to:
 #
 # - give a surface adhesion (`RCCM`), and look at its intensity, force and energies step by step;
-# - follow a snap-back with its folds (`--spring`).
+# - follow a snap-back with its folds by arc length (`ArcLength`, `--spring`).
 #
 # A glued block is drawn off; its face opens at a constant speed V. Springs of the stiffness C per
 # area hold it. Beyond u0 = (w/C)^(1/2) they lose their intensity beta: without viscosity it is
@@ -13,8 +13,6 @@
 #
 # In series with a spring of the stiffness K C, K < 3, the end of the spring must go back for the
 # bond to open slowly: u_tot turns at u0 (1 + 1/K), where damage begins, and at 4/3 u0 (3/K)^(1/4).
-
-from dataclasses import replace
 
 from mpi4py import MPI
 
@@ -26,8 +24,7 @@ from dolfinx import fem, mesh
 
 from dolfinx_contact import RCCM, ContactProblem, ContactSurface, HalfSpace, output
 from dolfinx_contact.command_line import ScriptParser, number
-from dolfinx_contact.continuation import follow
-from dolfinx_contact.evolution import QuasiStatic
+from dolfinx_contact.evolution import ArcLength, QuasiStatic
 from dolfinx_contact.materials import LinearElastic
 
 C, WORK, U0, YOUNG = 100.0, 1.0, 0.1, 1e4
@@ -96,14 +93,10 @@ def snapped(K):
     (_, free), (_, held) = node(0.0, 1e-3), node(1.0, 1e-3)
     stiffness = held / (free - held) / K
     system, u0, scale = node(stiffness, 0.0)[0], np.sqrt(WORK / stiffness), 1e-3 / free
-    x, folds = system.create_vector(), []
-    branch = follow(system, x, 0.0, gamma_range=(0.0, 8 * u0 * scale))
-    for s in branch.folds:
-        table = system.result_at(replace(branch.points[s.index], y=s.y, gamma=s.gamma)).tables[
-            "contact"
-        ]
-        u_tot, u = float(s.gamma / scale / u0), float(table.un.max() / u0)
-        folds.append({"u_tot": u_tot, "u": u, "kind": "smooth" if s.smooth else "kink"})
+    folds = []
+    for step in ArcLength(system).run((0.0, 8 * u0 * scale)).folds:
+        u_tot, u = step.gamma / scale / u0, float(step.result.tables["contact"].un.max() / u0)
+        folds.append({"u_tot": u_tot, "u": u, "kind": step.event.split()[0]})
     return folds
 
 

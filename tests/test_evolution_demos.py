@@ -6,6 +6,7 @@ import demo_adhesion
 import demo_bar
 import demo_mindlin
 import demo_pull_out
+import demo_peeling
 import demo_two_blocks
 import numpy as np
 import pytest
@@ -103,7 +104,7 @@ def test_adhesion(folder):
     assert (kink["u_tot"], kink["u"]) == pytest.approx((2.0, 1.0), rel=1e-6)
     u = 3**0.25
     assert (smooth["u_tot"], smooth["u"]) == pytest.approx((4 * u / 3, u), rel=1e-6)
-    assert (kink["kind"], smooth["kind"]) == ("kink", "smooth")
+    assert (kink["kind"], smooth["kind"]) == ("nonsmooth", "smooth")
     slow = demo_adhesion.main(["--steps=8", f"--output={folder}", "--viscosity=1"])
     assert slow["beta_at"]["2"] == pytest.approx(0.4048318120, rel=0.02)
     assert slow["peak"] == pytest.approx(1.107952, rel=0.03)
@@ -157,3 +158,33 @@ def test_the_energies_of_a_fibre():
         assert min(energies.damage, energies.dissipated, energies.stored) > 0
         shares.append(abs(energies.residue) / energies.external)
     assert shares[1] < 0.55 * shares[0] < 0.02
+def peeling(folder, *words):
+    """A strip is peeled: what it must be, and how far it is off."""
+    summary = demo_peeling.main([f"--output={folder}", *words])
+    # A machine that draws and goes back does the work of what was broken, to the order of steps.
+    assert summary["work_over_peeled"] == pytest.approx(1.0, abs=0.003)
+    kinds = [f["event"] for f in summary["folds"]]
+    assert kinds[0] == "nonsmooth fold"
+    assert set(kinds) == {"smooth fold", "nonsmooth fold"}
+    for fold in summary["folds"]:
+        assert (fold["before"] == fold["after"]) == (fold["event"] == "smooth fold")
+    # Where a node has broken P^2 D is that of a beam; the crack grows as much as is peeled.
+    np.testing.assert_allclose(summary["constant"], 1.0, atol=0.02)
+    return summary
+
+
+@pytest.mark.chatty
+def test_peeling(folder):
+    summary = peeling(folder, "--peel=3")
+    assert 3 < summary["peeled"] < 3.5
+    assert (folder / "peeling.png").exists()
+    assert (folder / "steps.csv").read_text().count("fold") == len(summary["folds"])
+
+
+@pytest.mark.long
+def test_peeling_as_a_beam(folder):
+    """The load turns where a beam's does, to 1 %, on meshes of two and four elements."""
+    for n in (2, 4):
+        summary = peeling(folder / str(n), f"--n={n}")
+        assert summary["turn"] == pytest.approx(1.0, abs=0.01)
+        assert summary["crack_over_peeled"] == pytest.approx(1.0, abs=0.05)

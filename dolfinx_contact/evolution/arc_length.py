@@ -18,7 +18,7 @@ Time has no meaning on such a path: laws must not depend on it.
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Literal, TypeAlias, get_args
 
 from mpi4py import MPI
@@ -49,6 +49,8 @@ Observer: TypeAlias = Callable[[PathStep], object]
 #: Asked at every accepted point; answers with the reason to end the path there, or "".
 Stop: TypeAlias = Callable[[PathStep], str]
 
+_NOWHERE = 1e-6  # mean length of steps that lead nowhere
+_PATIENT = 10  # such steps, and two for each contact point, are allowed
 _PATIENCE = 3.0  # seconds before progress is said by itself
 
 
@@ -198,7 +200,7 @@ class ArcLength:
                 self._number, gamma = step.number, step.gamma
                 self._tell(whole, step, observer)
                 run.put(run.moment, gamma)
-                run.reason = run.reason or self._asked(stop, step)
+                run.reason = run.reason or self._asked(stop, step) or self._stuck(history.steps)
                 said.step(step)
             exhausted = f"the budget of {max_steps} steps is exhausted"
             history.reason = run.reason or exhausted
@@ -232,6 +234,18 @@ class ArcLength:
         with everywhere(comm, "the observer"):
             if observer is not None:
                 observer(step)
+
+    def _stuck(self, steps: Sequence[PathStep]) -> str:
+        """Why the path gets nowhere; "" if it does."""
+        points = sum(s.points.number for s in self.problem.surfaces)
+        number = 2 * self.problem.comm.allreduce(points) + _PATIENT
+        last = steps[-number:]
+        if len(last) < number or last[-1].time - last[0].start > number * _NOWHERE:
+            return ""
+        return (
+            f"statuses change without end at gamma = {last[-1].gamma:.10g}, where no step of more "
+            f"than {_NOWHERE:g} succeeds"
+        )
 
     def _asked(self, stop: Stop | None, step: PathStep) -> str:
         if stop is None:

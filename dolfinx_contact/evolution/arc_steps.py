@@ -25,7 +25,7 @@ from dolfinx_contact.evolution.rate_problem import RateProblem
 __all__ = ["ArcSteps", "Arrival"]
 
 _AT_BORDER = 1e-10  # of the largest distance: a point whose rate decides
-_BEYOND = 1e-11  # of the largest distance: beyond round-off
+_BEYOND = 1e-9  # of the largest distance: beyond round-off
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,8 @@ class ArcSteps(ExactSteps):
 
     def rate_problem(self, y: PETSc.Vec, piece: Piece) -> RateProblem:
         """The rate problem at a state, with the memory that stands. Collective."""
-        return RateProblem(self.corrector, y, _AT_BORDER * self._unit(y, piece))
+        unit = self._unit(y, piece)
+        return RateProblem(self.corrector, y, _AT_BORDER * unit, _BEYOND * unit)
 
     def go_on(self, point: BranchPoint, ray: Ray) -> BranchPoint:
         """The point with another piece and tangent to leave it by. Collective."""

@@ -30,12 +30,12 @@ import numpy.typing as npt
 from dolfinx_contact.continuation.branch import Ray
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.crossing import parity
-from dolfinx_contact.continuation.system import Piece
+from dolfinx_contact.continuation.system import Events, Piece
 
 __all__ = ["RateProblem", "Ways"]
 
-_PROBE = 1e-6  # length over which rates of distances are taken
-_IDLE = 1e-7  # of the largest rate: no rate
+_PROBE = 1e-4  # length over which rates of distances are taken, either way
+_IDLE = 1e-10  # of the largest rate: no rate
 _ROUNDS = 40  # of Newton's method
 _MOST_PIECES = 256
 _SAME = 1e-6  # of unit vectors
@@ -64,10 +64,12 @@ class RateProblem:
         corrector: on the bordered system.
         y: the state.
         tolerance: distances that count as zero.
+        outside: distances beyond a border, below zero, that are no round-off.
     """
 
-    def __init__(self, corrector: Corrector, y: PETSc.Vec, tolerance: float):
+    def __init__(self, corrector: Corrector, y: PETSc.Vec, tolerance: float, outside: float):
         self._corrector, self._y, self._tolerance = corrector, y, tolerance
+        self._outside = outside
         self._b = corrector.bordered
         self._comm = self._b.comm
 
@@ -105,23 +107,26 @@ class RateProblem:
     def _falling(
         self, ray: Ray
     ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int8], npt.NDArray[np.int32]]:
-        """Local points at a border that a direction leads over, their statuses beyond; kinks.
+        """Local points that a direction leads over a border, their statuses beyond; kinks.
 
         A point is there as often as it is at a border, the steepest last.
         """
-        system, piece = self._b.system, ray.piece
-        x, gamma = self._b.split(self._y)
-        here = system.events(x, gamma, piece)
-        probe = self._y.copy()
-        probe.axpy(_PROBE, ray.tangent)
-        there = system.events(*self._b.split(probe), piece)
-        probe.destroy()
-        slope = (there.distance - here.distance) / _PROBE
+        here, ahead = self._distances(ray, 0.0), self._distances(ray, _PROBE)
+        slope = (ahead.distance - self._distances(ray, -_PROBE).distance) / (2 * _PROBE)
         largest = self._comm.allreduce(float(np.max(np.abs(slope), initial=0.0)), op=max)
         at_border = np.abs(here.distance) <= self._tolerance
-        falling = np.flatnonzero(at_border & (slope < -_IDLE * largest))
+        over = (at_border & (slope < -_IDLE * largest)) | (here.distance < -self._outside)
+        falling = np.flatnonzero(over)
         falling = falling[np.argsort(-slope[falling], kind="stable")]
         return here.point[falling], here.target[falling], here.point[at_border]
+
+    def _distances(self, ray: Ray, away: float) -> Events:
+        """To the borders of the piece of a direction, at a distance along it."""
+        y = self._y.copy()
+        y.axpy(away, ray.tangent)
+        events = self._b.system.events(*self._b.split(y), ray.piece)
+        y.destroy()
+        return events
 
     def _by_newton(self, piece: Piece, t: PETSc.Vec, *, oriented: bool = True) -> Ray | None:
         """A direction inside its piece, from a piece and a direction. None if none is found.
