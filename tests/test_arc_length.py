@@ -203,7 +203,7 @@ def test_what_is_written(folder):
     assert seen == [(s.number, s.gamma) for s in history.steps]
     rows = (folder / "steps.csv").read_text().splitlines()
     assert len(rows) == 4
-    assert {"gamma", "event", "others", "damage", "beta_contact"} <= set(rows[0].split(","))
+    assert {"gamma", "event", "ways", "damage", "beta_contact"} <= set(rows[0].split(","))
     onwards = path.run(ENDS)
     assert onwards.steps[0].number == 4
     assert onwards.steps[0].start == history.steps[-1].time

@@ -32,6 +32,7 @@ from dolfinx_contact import (
 )
 from dolfinx_contact.continuation import follow
 from dolfinx_contact.evolution import NoContinuation, QuasiStatic
+from dolfinx_contact.evolution.step_rays import rays_of_step
 from dolfinx_contact.materials import LinearElastic, NeoHookean, lame
 from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.points.memory import Memory
@@ -470,6 +471,8 @@ def test_bad_input():
         {"longest": math.nan},
         {"at_jump": "ignore"},
         {"sudden": 0.5},
+        {"rays": "all"},
+        {"rays": False, "follow_rays": True},
         {"sudden": math.nan},
     ):
         with pytest.raises(ValueError, match="|".join(given)):
@@ -522,3 +525,52 @@ def test_a_load_that_fails_on_one_rank():
     for values, f in zip(before, (*problem.fields, top), strict=True):
         np.testing.assert_array_equal(values, f.x.array)
     assert problem.equations.memory == memory
+
+
+@pytest.mark.parametrize("follow_rays", [False, True])
+def test_several_solutions_of_the_rate_problem(follow_rays):
+    """Klarbring's node is drawn to the border of slip, at g = 3, and relieved.
+
+    There stick has rates rn' = 0, rt' = g' inside |rt| <= 3 rn for g' < 0. And a slip to the left
+    has rn' = ut' and rt' = 2 ut' + g' = 3 rn', so that ut' = g' < 0: a second solution, which lets
+    go at g = 2. For g' > 0 neither holds, nor does any other: Klarbring's non-existence.
+    """
+    problem, g = klarbring()
+    g.value = 0.0
+    problem.solve()
+    evolution = QuasiStatic(problem, lambda t: setattr(g, "value", min(t, 6 - t)))
+    given = dict(rays=True, follow_rays=follow_rays)
+    history = evolution.run([0.0, 1.0, 2.0, 3.0, 3.5, 3.9], **given)
+    assert history.complete
+    assert [s.ways for s in history.steps] == [None, 1, 1, 2, 1]
+    assert [r["ways"] for r in history.rows()] == [s.ways for s in history.steps]
+    assert all(s.result.counts["stick"] == 1 for s in history.steps)
+    # What slips may also stick, later: all evolutions that part.
+    assert [o.start for o in history.others] == [3.0, 3.5] * follow_rays
+    for other, letters in zip(history.others, ("--", "k"), strict=False):
+        assert (other.complete, other.time) == (True, 3.9)
+        for step, letter in zip(other.steps, letters, strict=True):
+            (table,) = step.result.tables.values()
+            (at,) = np.flatnonzero(table.letters == letter)
+            slip, load = 3.0 - (step.time if letter == "-" else 3.5), 6.0 - step.time
+            np.testing.assert_allclose(table.along(table.ut)[at], slip, rtol=1e-8)
+            np.testing.assert_allclose(table.rn[at], 1 + slip, rtol=1e-8)
+            np.testing.assert_allclose(table.along(table.rt)[at], load + 2 * slip, rtol=1e-8)
+    # The problem stands where the evolution that was asked for does.
+    assert g.value == pytest.approx(2.1)
+    assert all(s.result.counts["stick"] == 1 for s in history.steps)
+    (surface,) = problem.surfaces
+    assert (surface.statuses == 1).sum() == 1
+
+
+def test_no_solution_of_the_rate_problem():
+    """At g = 3 and rising no direction leads out, which is proved by all of them."""
+    problem, g = klarbring()
+    evolution = QuasiStatic(problem, lambda t: setattr(g, "value", t))
+    last = evolution.run([0.0, 1.5, 3.0]).steps[-1]
+    assert last.result.counts["stick"] == 1
+    g.value = 3.1
+    rays = rays_of_step(problem)
+    assert (rays.statuses, rays.complete) == ((), True)
+    g.value = 2.9
+    assert len(rays_of_step(problem).statuses) == 2

@@ -5,8 +5,8 @@ from mpi4py import MPI
 import demo_adhesion
 import demo_bar
 import demo_mindlin
-import demo_pull_out
 import demo_peeling
+import demo_pull_out
 import demo_two_blocks
 import numpy as np
 import pytest
@@ -158,6 +158,8 @@ def test_the_energies_of_a_fibre():
         assert min(energies.damage, energies.dissipated, energies.stored) > 0
         shares.append(abs(energies.residue) / energies.external)
     assert shares[1] < 0.55 * shares[0] < 0.02
+
+
 def peeling(folder, *words):
     """A strip is peeled: what it must be, and how far it is off."""
     summary = demo_peeling.main([f"--output={folder}", *words])

@@ -364,8 +364,8 @@ class _Run:
             event=event,
             before=letters,
             after=after,
-            others=len(ways.others) + 2 * len(found.bifurcations),
-            ways=ways.method,
+            ways=ways.number,
+            method=ways.method,
             corrections=point.corrections,
         )
         return step, Taken(before, self.moment, result)

@@ -27,6 +27,8 @@ class EvolutionStep:
         rejected: steps that were tried from the same state and not accepted.
         jump: whether the state jumps in it: its end is a solution under the load of its end, which
             memory does not lead to. What happens in between is no quasi-static evolution.
+        ways: number of solutions of the rate problem at its start that are known; more than one if
+            other evolutions lead on from there. None if they were not looked for.
     """
 
     number: int
@@ -36,6 +38,7 @@ class EvolutionStep:
     energies: Energies
     rejected: int = 0
     jump: bool = False
+    ways: int | None = None
 
     @property
     def status(self) -> str:
@@ -62,6 +65,7 @@ class EvolutionStep:
             "strategy": self.result.reason,
             "rejected": self.rejected,
             "jump": self.jump,
+            "ways": self.ways,
         }
 
     def _bonds(self) -> dict[str, float]:
@@ -84,6 +88,8 @@ class History:
         steps: accepted ones.
         reason: why it ended, in words.
         complete: whether it reached the last of the times that were asked for.
+        others: evolutions that part from this one where its rate problem has several solutions, if
+            they were to be followed; each begins with the step that parts.
     """
 
     start: float
@@ -91,6 +97,7 @@ class History:
     steps: list[EvolutionStep] = field(default_factory=list)
     reason: str = "not ended"
     complete: bool = False
+    others: list[History] = field(default_factory=list)
 
     @property
     def time(self) -> float:

@@ -33,6 +33,7 @@ def find_jump(stepper: Stepper, step: Taken, least: float) -> list[Taken] | None
         None if the change of state is spread over the step.
     """
     path: list[Taken] = []
+    end = step.after.statuses
     comm = stepper.problem.comm
     whole = change(comm, step.before, step.after)
     while change(comm, step.before, step.after) > _SPREAD * whole:
@@ -41,10 +42,10 @@ def find_jump(stepper: Stepper, step: Taken, least: float) -> list[Taken] | None
         if b - a <= least or not a < middle < b:
             return [*path, step]
         try:
-            first = stepper.take(step.before, middle, end=step.after)
+            first = stepper.take(step.before, middle, likely=(step.before.statuses, end))
             # The one half in which more happens.
             if 2 * change(comm, first.before, first.after) < change(comm, step.before, step.after):
-                second = stepper.take(first.after, b, end=step.after)
+                second = stepper.take(first.after, b, likely=(first.after.statuses, end))
                 path.append(first)
                 step = second
             else:

@@ -163,7 +163,17 @@ class Stepper:
         self.put(taken.after)
         self._remember(taken.before, taken.after.time)
 
-    def take(self, moment: Moment, time: float, *, end: Moment | None = None) -> Taken:
+    def prepare(self, moment: Moment, time: float) -> None:
+        """Put a moment into the problem with memory and data of a step to a time. Collective."""
+        self.put(moment)
+        try:
+            self._remember(moment, time)
+            self._set(time)
+        except BaseException:
+            self.put(moment)
+            raise
+
+    def take(self, moment: Moment, time: float, *, likely: Sequence[Statuses | None] = ()) -> Taken:
         """Step from a moment to a time; the problem is left there, with the memory of the step.
 
         Collective.
@@ -171,7 +181,7 @@ class Stepper:
         Args:
             moment: where the step begins.
             time: at its end.
-            end: another state, whose statuses may be those of the end.
+            likely: statuses of the end, the likeliest first; by default those of the moment.
 
         Raises:
             ConvergenceError: if nothing solves the step. The problem is then at the moment, as it
@@ -179,12 +189,9 @@ class Stepper:
         """
         assert isinstance(moment, AtRest)
         problem, eq = self.problem, self.problem.equations
-        self.put(moment)
+        self.prepare(moment, time)
         try:
-            self._remember(moment, time)
-            self._set(time)
-            known = [m.statuses for m in (moment, end) if m is not None]
-            expected = [statuses for statuses in known if statuses is not None]
+            expected = [s for s in likely or (moment.statuses,) if s is not None]
             result = problem.solve(expected=expected, progress=self._progress)
             state = problem.state()
             forces = forces_at(eq, state)

@@ -26,7 +26,7 @@ from dolfinx import fem
 from dolfinx_contact._errors import require
 from dolfinx_contact.body.moving import MovingBody, Scheme, TimeStep
 from dolfinx_contact.equations.given_data import GivenData
-from dolfinx_contact.equations.state import State
+from dolfinx_contact.equations.state import State, Statuses
 from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.evolution.moment import Moment, Stepper, Taken, extended
 from dolfinx_contact.evolution.motion_energy import Motion, MotionEnergies, account, motion_at
@@ -136,8 +136,8 @@ class MotionStepper(Stepper):
         assert isinstance(moment, MotionMoment)
         self._velocity.x.array[:] = moment.motion.v
 
-    def take(self, moment: Moment, time: float, *, end: Moment | None = None) -> Taken:
-        """Step from a moment to a time; see `Stepper.take`. Collective."""
+    def take(self, moment: Moment, time: float, *, likely: Sequence[Statuses | None] = ()) -> Taken:
+        """Step from a moment to a time; see `Stepper.take`. Nothing is likely. Collective."""
         assert isinstance(moment, MotionMoment)
         problem, eq, body, a = self.problem, self.problem.equations, self._body, moment.motion
         step = TimeStep(_length(moment.time, time), self._method.theta, self._method.scheme)

@@ -25,9 +25,8 @@ class PathStep(EvolutionStep):
             else "".
         before: statuses by which the path came, as in `status`.
         after: those by which it goes on; of bonds and friction as of contact.
-        others: number of other ways on that were found: the rate problem has more than one
-            solution there.
-        ways: how they were looked for; "" if the statuses of the last step lead on.
+        method: how the way on was found. If all statuses that meet there were tried `ways` is the
+            number of solutions of the rate problem, less the one that goes back.
         corrections: Newton steps of the corrector.
     """
 
@@ -35,8 +34,7 @@ class PathStep(EvolutionStep):
     event: PathEvent = ""
     before: str = ""
     after: str = ""
-    others: int = 0
-    ways: str = ""
+    method: str = ""
     corrections: int = 0
 
     @property
@@ -52,7 +50,6 @@ class PathStep(EvolutionStep):
             "event": self.event,
             "before": self.before,
             "after": self.after,
-            "others": self.others,
         }
 
 

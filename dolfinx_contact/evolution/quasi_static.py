@@ -62,6 +62,8 @@ class QuasiStatic(Evolution):
         shortest: float | None = None,
         at_jump: AtJump = "raise",
         sudden: float = 2.0,
+        rays: bool | None = None,
+        follow_rays: bool = False,
         accept: Callable[[EvolutionStep], bool] | None = None,
         observer: Observer | None = None,
         record: Recorder | None = None,
@@ -81,6 +83,11 @@ class QuasiStatic(Evolution):
             sudden: times the rate at which the state changed in the step before, beyond which a
                 step is looked at for a jump; ``inf`` for never. That takes some steps more, which
                 are not kept if there is none. A jump that is smaller passes for a step.
+            rays: whether all solutions of the rate problem are looked for where a step begins, in
+                2D with contact at nodes (`EvolutionStep.ways`); by default up to sixteen points and
+                where the statuses of the step before do not hold.
+            follow_rays: whether the others are followed too, each to the last time
+                (`History.others`), up to sixteen. Nobody is told of these, nor asked.
             accept: asked of every step, on every rank; one that is not accepted is tried again with
                 half the length, and is accepted at the shortest length.
             observer: told of every accepted step while its end stands in the problem.
@@ -104,6 +111,8 @@ class QuasiStatic(Evolution):
             shortest=shortest,
             at_jump=at_jump,
             sudden=sudden,
+            rays=rays,
+            follow_rays=follow_rays,
             accept=accept,
             observer=observer,
             record=record,

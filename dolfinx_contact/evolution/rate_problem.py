@@ -50,11 +50,18 @@ class Ways:
         onwards: the one that is taken; None if none was found.
         others: further ones, without the one that leads back.
         method: how they were looked for.
+        complete: whether all statuses that meet were tried.
     """
 
     onwards: Ray | None
     others: tuple[Ray, ...] = ()
     method: str = ""
+    complete: bool = False
+
+    @property
+    def number(self) -> int | None:
+        """Of the ways on; None if not all were looked for."""
+        return len(self.others) + (self.onwards is not None) if self.complete else None
 
 
 class RateProblem:
@@ -87,9 +94,9 @@ class RateProblem:
         rays = self._distinct([r for r in rays if not self._same(r, back)])
         method = "all statuses that meet" if complete else "some of the statuses that meet"
         if not rays:
-            return Ways(None, method=method)
+            return Ways(None, (), method, complete)
         first, *others = sorted(rays, key=lambda r: -self._b.inner(r.tangent, t))
-        return Ways(first, tuple(others), method)
+        return Ways(first, tuple(others), method, complete)
 
     def back(self, piece: Piece, t: PETSc.Vec) -> Ways:
         """The way that unloads, for a path that came by ``piece`` along ``t``."""

@@ -9,9 +9,7 @@ what was found is beyond a jump. Times that the user asks for are hit exactly.
 
 from __future__ import annotations
 
-import itertools
 import math
-import time as clock
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TypeAlias, get_args
@@ -23,13 +21,14 @@ import numpy as np
 from dolfinx import fem
 
 from dolfinx_contact._errors import everywhere, same_everywhere
-from dolfinx_contact._progress import Line
 from dolfinx_contact.equations.given_data import GivenData
 from dolfinx_contact.evolution.energy import Energies
+from dolfinx_contact.evolution.forks import Forked, Forks
 from dolfinx_contact.evolution.history import EvolutionStep, History, NoContinuation
 from dolfinx_contact.evolution.jumps import find_jump, where_it_changes
 from dolfinx_contact.evolution.moment import Moment, Stepper, Taken, change
-from dolfinx_contact.evolution.standing import AtJump, Recorder, Standing, Task
+from dolfinx_contact.evolution.said import Said
+from dolfinx_contact.evolution.standing import AtJump, Recorder, Standing, Task, aim, checked_times
 from dolfinx_contact.laws.status import closed
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.problem import ContactProblem
@@ -40,8 +39,8 @@ __all__ = ["Evolution", "Observer"]
 #: Told of every accepted step, or asked whether to accept it, on every rank.
 Observer: TypeAlias = Callable[[EvolutionStep], object]
 
+_MOST_FORKS = 16  # evolutions along other rays
 _HALVINGS = 20  # of the whole time, to the least step
-_PATIENCE = 3.0  # seconds before progress is said by itself
 
 
 class Evolution:
@@ -90,6 +89,8 @@ class Evolution:
         at_jump: AtJump = "raise",
         sudden: float = math.inf,
         locate: bool = False,
+        rays: bool | None = False,
+        follow_rays: bool = False,
         accept: Callable[[EvolutionStep], bool] | None = None,
         observer: Observer | None = None,
         record: Recorder | None = None,
@@ -98,21 +99,25 @@ class Evolution:
         """Go through times; see `QuasiStatic.run`. Collective."""
         comm = self.problem.comm
         with everywhere(comm, "the times of an evolution"):
-            given = _checked_times(times, self._moment)
+            given = checked_times(times, self._moment)
             span = given[-1] - given[0]
             least = span / 2**_HALVINGS if shortest is None else float(shortest)
             if not (math.isfinite(least) and least > 0 and longest >= least):
                 raise ValueError(f"steps must have 0 < shortest <= longest, got {least}, {longest}")
             if at_jump not in get_args(AtJump):
                 raise ValueError(f"at_jump is {at_jump!r}: known are {get_args(AtJump)}")
+            if rays not in (True, False, None) or (follow_rays and rays is False):
+                raise ValueError(f"rays must be True, False or None, to follow some too: {rays!r}")
             if not sudden >= 1:
                 raise ValueError(f"sudden must be 1 or more, got {sudden}")
             for name, call in (("accept", accept), ("observer", observer)):
                 if call is not None and not callable(call):
                     raise ValueError(f"{name} must be a function of a step, got {call!r}")
         same_everywhere(comm, times=given, longest=longest, shortest=shortest, at_jump=at_jump)
-        same_everywhere(comm, sudden=float(sudden), a_record=record is not None)
-        task = Task(tuple(given), float(longest), least, at_jump, float(sudden), locate)
+        same_everywhere(comm, sudden=float(sudden), rays=rays, follow_rays=bool(follow_rays))
+        same_everywhere(comm, a_record=record is not None)
+        limits = tuple(given), float(longest), least
+        task = Task(*limits, at_jump, float(sudden), locate, rays, bool(follow_rays))
         stepper = self._stepper(progress)
         moment = self._moment
         if moment is None:
@@ -181,7 +186,7 @@ class Evolution:
         progress: bool | None,
     ) -> History:
         """A run from where it stands to its end. Collective."""
-        said = _Said(self.problem.comm, progress, (standing.moment.time, task.times[-1]))
+        said = Said(self.problem.comm, progress, (standing.moment.time, task.times[-1]))
         run = _Run(stepper, task, standing, accept, observer, record, said)
         history, failure = run.history, None
         try:
@@ -196,6 +201,8 @@ class Evolution:
             said.end(history)
         if record is not None:
             record.end(history)
+        history.others = _followed(run.forks, stepper, task)
+        stepper.put(run.moment)
         if failure is not None and task.at_jump != "stop":
             raise NoContinuation(history.reason, history) from failure.__cause__
         return history
@@ -216,33 +223,41 @@ class _Run:
         accept: Callable[[EvolutionStep], bool] | None,
         observer: Observer | None,
         record: Recorder | None,
-        said: _Said,
+        said: Said,
     ):
         self.moment = standing.moment
         self.history = History(self.moment.time, self.moment.energies)
         self._stepper, self._task, self._said = stepper, task, said
         self._accepts, self._observer, self._record = accept, observer, record
         self._length, self._rejected = standing.length, 0
+        self._forks = Forks(stepper, task.rays)
+        #: Steps along other rays, which are to be followed.
+        self.forks: list[Taken] = []
         self.rate, self._before = standing.rate, standing.number
+
+    def begin(self, taken: Taken) -> None:
+        """Accept a step that was taken."""
+        self._accept(Forked(taken))
 
     def to(self, end: float) -> None:
         """Go on to a time."""
         while self.moment.time < end:
-            aim = _aim(self.moment.time, end, self._length)
+            goal = aim(self.moment.time, end, self._length)
             try:
-                taken = self._stepper.take(self.moment, aim)
+                forked = self._forks.take(self.moment, goal)
             except ConvergenceError as error:
-                self._shorten(aim, error)
+                self._shorten(goal, error)
                 continue
+            taken = forked.taken
             path = self._jump(taken)
             if path is not None:
                 for before in path[:-1]:
-                    self._accept(before, settled=False)
+                    self._accept(Forked(before), settled=False)
                 self._jump_over(path[-1])
             elif self._wanted(taken):
-                self._accept(taken)
+                self._accept(forked)
             else:
-                self._shorten(aim)
+                self._shorten(goal)
 
     def _jump(self, taken: Taken) -> list[Taken] | None:
         """The steps up to a jump in a step that changes the state suddenly; None if none does."""
@@ -254,7 +269,7 @@ class _Run:
     def _jump_over(self, taken: Taken) -> None:
         a, b = taken.before, taken.after
         if self._task.at_jump == "jump":
-            self._accept(taken, jump=True)
+            self._accept(Forked(taken), jump=True)
             return
         raise _Ended(
             f"no solution continues the evolution beyond the time {a.time:.10g}; in the next one, "
@@ -271,7 +286,7 @@ class _Run:
             ) from error
         self._length, self._rejected = length / part, self._rejected + 1
 
-    def _step(self, taken: Taken, jump: bool) -> EvolutionStep:
+    def _step(self, taken: Taken, jump: bool, ways: int | None = None) -> EvolutionStep:
         return EvolutionStep(
             self._before + len(self.history.steps) + 1,
             taken.before.time,
@@ -280,6 +295,7 @@ class _Run:
             taken.after.energies,
             self._rejected,
             jump,
+            ways,
         )
 
     def _wanted(self, taken: Taken) -> bool:
@@ -301,8 +317,11 @@ class _Run:
         # All that were asked must want it.
         return not comm.allreduce(int(not wanted))
 
-    def _accept(self, taken: Taken, *, jump: bool = False, settled: bool = True) -> None:
-        comm, step = self._stepper.problem.comm, self._step(taken, jump)
+    def _accept(self, forked: Forked, *, jump: bool = False, settled: bool = True) -> None:
+        taken, comm = forked.taken, self._stepper.problem.comm
+        step = self._step(taken, jump, forked.ways)
+        if self._task.follow_rays:
+            self.forks += self._forks.others(forked)
         self.history.steps.append(step)
         self.moment = taken.after
         if not jump:
@@ -333,48 +352,26 @@ def _rate(comm: MPI.Comm, taken: Taken) -> float:
     return change(comm, taken.before, taken.after) / (taken.after.time - taken.before.time)
 
 
-def _aim(start: float, end: float, length: float) -> float:
-    """The end of the next of equal steps to a time that are no longer than a length."""
-    steps = math.ceil((end - start) / length * (1 - 1e-12))
-    return end if steps <= 1 else start + (end - start) / steps
-
-
-def _checked_times(times: Sequence[float], moment: Moment | None) -> list[float]:
-    """The times as numbers, or ``ValueError``. Not collective."""
-    found = [float(t) for t in np.asarray(times, dtype=np.float64).reshape(-1)]
-    if len(found) < 2 or not all(math.isfinite(t) for t in found):
-        raise ValueError(f"two or more finite times are needed, the first of them now: {times!r}")
-    for a, b in itertools.pairwise(found):
-        if not b > a:
-            raise ValueError(f"times must increase, got {b!r} after {a!r}")
-    if moment is not None and found[0] != moment.time:
-        raise ValueError(f"the evolution is at the time {moment.time!r}, not {found[0]!r}")
-    return found
-
-
-class _Said:
-    """The line of progress: time, step, statuses, and the time that is left by the clock."""
-
-    def __init__(self, comm: MPI.Comm, wanted: bool | None, times: Sequence[float]):
-        self._line, self._start, self._span = Line(comm), clock.monotonic(), (times[0], times[-1])
-        self._silent = wanted is False or comm.rank > 0
-        self._after, self._shown = 0.0 if wanted else _PATIENCE, False
-
-    def step(self, step: EvolutionStep) -> None:
-        passed, (a, b) = clock.monotonic() - self._start, self._span
-        if self._silent or passed < self._after:
-            return
-        self._shown = True
-        counts = ", ".join(f"{n} {k}" for k, n in step.result.counts.items() if n)
-        left = passed * (b - step.time) / (step.time - a)
-        if step.jump:
-            self._line.write(f"evolution: the state jumps at the time {step.start:.10g}")
-        self._line.update(
-            f"evolution: time {step.time:.6g} of {b:.6g}  step {step.number}, of "
-            f"{step.time - step.start:.2g}  {counts}  {passed:.0f} s, about {left:.0f} s left"
+def _followed(forks: list[Taken], stepper: Stepper, task: Task) -> list[History]:
+    """Evolutions along the rays that a run did not take, and along theirs. Collective."""
+    found: list[History] = []
+    left = list(forks)
+    while left and len(found) < _MOST_FORKS:
+        first = left.pop(0)
+        standing = Standing(first.before, task.longest)
+        run = _Run(
+            stepper, task, standing, None, None, None, Said(stepper.problem.comm, False, task.times)
         )
-
-    def end(self, history: History) -> None:
-        self._line.clear()
-        if self._shown:
-            self._line.write(f"evolution: {len(history.steps)} steps, {history.reason}")
+        try:
+            run.begin(first)
+            for end in task.times:
+                run.to(end)
+            run.history.reason, run.history.complete = "the last time is reached", True
+        except _Ended as ended:
+            run.history.reason = str(ended)
+        found.append(run.history)
+        left += run.forks
+    for rest in left:
+        found.append(History(rest.before.time, rest.before.energies))
+        found[-1].reason = f"not followed: more than {_MOST_FORKS} evolutions"
+    return found

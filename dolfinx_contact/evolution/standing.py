@@ -3,13 +3,18 @@
 
 from __future__ import annotations
 
+import itertools
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, Protocol, TypeAlias
+
+import numpy as np
 
 from dolfinx_contact.evolution.history import EvolutionStep, History
 from dolfinx_contact.evolution.moment import Moment
 
-__all__ = ["AtJump", "Recorder", "Standing", "Task"]
+__all__ = ["AtJump", "Recorder", "Standing", "Task", "aim", "checked_times"]
 
 #: What to do where no solution continues the evolution.
 AtJump: TypeAlias = Literal["raise", "stop", "jump"]
@@ -25,6 +30,8 @@ class Task:
     at_jump: AtJump
     sudden: float
     locate: bool = False
+    rays: bool | None = None
+    follow_rays: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,3 +65,22 @@ class Recorder(Protocol):
 
     def end(self, history: History) -> None:
         """A run has ended otherwise than by an error of somebody else."""
+
+
+def aim(start: float, end: float, length: float) -> float:
+    """The end of the next of equal steps to a time that are no longer than a length."""
+    steps = math.ceil((end - start) / length * (1 - 1e-12))
+    return end if steps <= 1 else start + (end - start) / steps
+
+
+def checked_times(times: Sequence[float], moment: Moment | None) -> list[float]:
+    """The times as numbers, or ``ValueError``. Not collective."""
+    found = [float(t) for t in np.asarray(times, dtype=np.float64).reshape(-1)]
+    if len(found) < 2 or not all(math.isfinite(t) for t in found):
+        raise ValueError(f"two or more finite times are needed, the first of them now: {times!r}")
+    for a, b in itertools.pairwise(found):
+        if not b > a:
+            raise ValueError(f"times must increase, got {b!r} after {a!r}")
+    if moment is not None and found[0] != moment.time:
+        raise ValueError(f"the evolution is at the time {moment.time!r}, not {found[0]!r}")
+    return found

@@ -24,14 +24,23 @@ from dolfinx_contact.equations.state import State
 from dolfinx_contact.solvers.history import Attempt
 from dolfinx_contact.solvers.linear import LinearSolver
 
-__all__ = ["follow_load"]
+__all__ = ["Loaded", "follow_load"]
 
 _MOST_STEPS = 400
+_STANDS = 1e-8  # rows of the surfaces that are round-off, over stiffness times displacement
 Array = npt.NDArray[np.float64]
 
 
-class _Loaded(ParametricEquations):
-    """H(x, s) - (1 - s) H(x_0, 0): the contact problem with a part s of its load."""
+class Loaded(ParametricEquations):
+    """H(x, s) - (1 - s) H(x_0, 0): the contact problem with a part s of its load.
+
+    It is to be made and used while `ContactEquations.ramped` from x_0 holds, with the part 0 first.
+
+    Args:
+        equations: the contact problem under the whole load.
+        linear: gives its linear solver.
+        x0: x_0, the solution at s = 0.
+    """
 
     def __init__(
         self, equations: ContactEquations, linear: Callable[[], LinearSolver], x0: PETSc.Vec
@@ -39,8 +48,16 @@ class _Loaded(ParametricEquations):
         super().__init__(equations, fem.Constant(equations.V.mesh, 0.0), linear)
         self._start = equations.prescribed.values()
         self._motions = equations.prescribed_motions()
-        self._rest = equations.create_vector()
+        self._x0, self._rest = x0, equations.create_vector()
         equations.residual(x0, self._rest)
+
+    def surfaces_stand(self) -> bool:
+        """Whether the load leaves alone what the surfaces are given, at the start. Collective."""
+        eq = self.equations
+        size = max(float(np.abs(f).max(initial=0.0)) for f in eq.blocks(self._x0))
+        rows = [float(np.abs(f).max(initial=0.0)) for f in eq.blocks(self._rest)[1:-1]]
+        size, off = (float(eq.comm.allreduce(v, op=max)) for v in (size, max(rows)))
+        return off <= _STANDS * eq.stiffness_scale * size
 
     def set(self, gamma: float) -> None:
         self.equations.prescribed.part = gamma
@@ -92,10 +109,10 @@ def follow_load(
     control = StepControl(corrections=min(most, StepControl().corrections))
     with equations.ramped(x):
         equations.prescribed.part = 0.0
-        return _follow(_Loaded(equations, linear, x), x, attempt, control)
+        return _follow(Loaded(equations, linear, x), x, attempt, control)
 
 
-def _follow(system: _Loaded, x: PETSc.Vec, attempt: Attempt, control: StepControl) -> bool:
+def _follow(system: Loaded, x: PETSc.Vec, attempt: Attempt, control: StepControl) -> bool:
     try:
         with Follower(system, control, gamma_scale=1.0) as follower:
             branch = follower.run(follower.start(x, 0.0), (0.0, 1.0), max_steps=_MOST_STEPS)

@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Steps at whose start the rate problem has several solutions, or other ones than the step before.
+
+Steps begin with the statuses of the step before. Where these do not hold, and elsewhere if it is
+asked for, all directions are looked for in which the state can go on (`step_rays`). Where no step
+is found at all their statuses are tried.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dolfinx_contact.equations.state import Statuses, differs
+from dolfinx_contact.evolution.moment import Moment, Stepper, Taken, change
+from dolfinx_contact.evolution.step_rays import StepRays, number_of_points, rays_of_step
+from dolfinx_contact.solvers import ConvergenceError
+
+__all__ = ["Forked", "Forks"]
+
+_FEW = 16  # contact points up to which rays are looked for unless it is forbidden
+_SAME = 1e-6  # of the change in a step: the same end
+
+
+@dataclass(frozen=True)
+class Forked:
+    """A step with what is known of the rate problem at its start.
+
+    Attributes:
+        taken: the step.
+        rays: solutions of the rate problem; None if they were not looked for, or cannot be found.
+    """
+
+    taken: Taken
+    rays: StepRays | None = None
+
+    @property
+    def ways(self) -> int | None:
+        """Number of solutions of the rate problem that are known."""
+        return None if self.rays is None else len(self.rays.statuses)
+
+
+class Forks:
+    """Takes steps, and looks for the solutions of their rate problems. Collective.
+
+    Args:
+        stepper: takes the steps.
+        wanted: whether rays are looked for at every start; None: where the statuses of the step
+            before do not hold, and points are few.
+    """
+
+    def __init__(self, stepper: Stepper, wanted: bool | None):
+        self._stepper, self._wanted = stepper, wanted
+        self._few = number_of_points(stepper.problem) <= _FEW
+
+    def take(self, moment: Moment, time: float) -> Forked:
+        """Step from a moment to a time.
+
+        Raises:
+            ConvergenceError: if nothing solves the step; the problem is then at the moment.
+        """
+        try:
+            taken = self._stepper.take(moment, time)
+        except ConvergenceError:
+            rays = self._rays(moment, time)
+            for statuses in () if rays is None else rays.statuses:
+                if self._same(moment.statuses, statuses):
+                    continue  # tried
+                try:
+                    return Forked(self._stepper.take(moment, time, likely=(statuses,)), rays)
+                except ConvergenceError:
+                    continue
+            raise
+        if not self._wanted and self._same(moment.statuses, taken.after.statuses):
+            return Forked(taken)
+        return Forked(taken, self._rays(moment, time))
+
+    def others(self, forked: Forked) -> list[Taken]:
+        """Steps from the same start to the same time along the other rays, to other ends."""
+        taken, found, comm = forked.taken, [forked.taken], self._stepper.problem.comm
+        whole = change(comm, taken.before, taken.after)
+        for statuses in () if forked.rays is None else forked.rays.statuses:
+            try:
+                other = self._stepper.take(taken.before, taken.after.time, likely=(statuses,))
+            except ConvergenceError:
+                continue
+            size = max(whole, change(comm, other.before, other.after))
+            if all(change(comm, other.after, t.after) > _SAME * size for t in found):
+                found.append(other)
+        return found[1:]
+
+    def _rays(self, moment: Moment, time: float) -> StepRays | None:
+        if self._wanted is False or not (self._wanted or self._few) or moment.statuses is None:
+            return None
+        self._stepper.prepare(moment, time)
+        try:
+            return rays_of_step(self._stepper.problem)
+        finally:
+            self._stepper.put(moment)
+
+    def _same(self, a: Statuses | None, b: Statuses | None) -> bool:
+        """Whether two statuses are the same on all ranks; also if none are known."""
+        if a is None or b is None:
+            return True
+        other = sum(int(np.count_nonzero(d)) for d in differs(a, b))
+        return not self._stepper.problem.comm.allreduce(other)

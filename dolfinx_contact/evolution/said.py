@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""What an evolution says while it runs, on rank 0."""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Sequence
+
+from mpi4py import MPI
+
+from dolfinx_contact._progress import Line
+from dolfinx_contact.evolution.history import EvolutionStep, History
+
+__all__ = ["Said"]
+
+_PATIENCE = 3.0  # seconds before progress is said by itself
+
+
+class Said:
+    """The line of progress: time, step, statuses, and the time that is left by the clock."""
+
+    def __init__(self, comm: MPI.Comm, wanted: bool | None, times: Sequence[float]):
+        self._line, self._start, self._span = Line(comm), clock.monotonic(), (times[0], times[-1])
+        self._silent = wanted is False or comm.rank > 0
+        self._after, self._shown = 0.0 if wanted else _PATIENCE, False
+
+    def step(self, step: EvolutionStep) -> None:
+        passed, (a, b) = clock.monotonic() - self._start, self._span
+        if self._silent or passed < self._after:
+            return
+        self._shown = True
+        counts = ", ".join(f"{n} {k}" for k, n in step.result.counts.items() if n)
+        left = passed * (b - step.time) / (step.time - a)
+        if step.jump:
+            self._line.write(f"evolution: the state jumps at the time {step.start:.10g}")
+        self._line.update(
+            f"evolution: time {step.time:.6g} of {b:.6g}  step {step.number}, of "
+            f"{step.time - step.start:.2g}  {counts}  {passed:.0f} s, about {left:.0f} s left"
+        )
+
+    def end(self, history: History) -> None:
+        self._line.clear()
+        if self._shown:
+            self._line.write(f"evolution: {len(history.steps)} steps, {history.reason}")
