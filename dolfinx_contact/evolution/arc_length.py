@@ -364,8 +364,8 @@ class _Run:
             event=event,
             before=letters,
             after=after,
-            ways=ways.number,
-            method=ways.method,
+            ways=1 + 2 * len(found.bifurcations) if found.bifurcations else ways.number,
+            method="a bifurcation of one piece" if found.bifurcations else ways.method,
             corrections=point.corrections,
         )
         return step, Taken(before, self.moment, result)

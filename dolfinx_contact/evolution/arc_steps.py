@@ -5,7 +5,9 @@ A step begins at an accepted state, in the piece and along the direction that so
 (`rate_problem.py`), and stays on that piece with the memory of its start: so a bond that damages
 goes on to, and a point that slips goes on slipping. It ends where the state first comes to another
 border, or where gamma turns back, both located to round-off; a step in which a bond would heal or
-a slip be taken back, in the end, is too long.
+a slip be taken back, in the end, is too long. Where a bond ceases to damage, or a point to slip,
+somewhere in a step, the rate problem at its end says so: what that misses is of second order in
+the step.
 """
 
 from __future__ import annotations

@@ -3,7 +3,8 @@ r"""Quasi-static evolution with friction: equilibrium at every time, friction ag
 
 Implicit steps: the state at t_n+1 is a solution of the contact problem whose law sees the slip
 since t_n (`points.memory`). At a step's start every point that slips is at the border of stick, so
-that a solve begins with the statuses of the step before; if that fails the ladder of the static
+that a solve begins with the statuses of the step before; where these do not hold the rate problem
+may have several solutions, or other ones (`forks`). If no step is found so the ladder of the static
 problem follows (`solvers.ladder`), whose last strategies follow the load from t_n to t_n+1 with the
 memory of t_n. Rate-independent friction does not know the time: it orders the loads.
 """
