@@ -95,7 +95,10 @@ def snapped(K):
     system, u0, scale = node(stiffness, 0.0)[0], np.sqrt(WORK / stiffness), 1e-3 / free
     folds = []
     for step in ArcLength(system).run((0.0, 8 * u0 * scale)).folds:
-        u_tot, u = step.gamma / scale / u0, float(step.result.tables["contact"].un.max() / u0)
+        u_tot, u = (
+            float(step.gamma / scale / u0),
+            float(step.result.tables["contact"].un.max() / u0),
+        )
         folds.append({"u_tot": u_tot, "u": u, "kind": step.event.split()[0]})
     return folds
 

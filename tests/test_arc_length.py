@@ -32,8 +32,8 @@ U0 = np.sqrt(W / C)
 ENDS = (0.0, 8 * U0)
 
 
-def bar(k, n=8, *, law=None, along=0, pressed=0.0, comm=COMM):
-    """A bar of stiffness k C on a bond; gamma moves its end, all of it moves ``along`` an axis."""
+def bar(k, n=8, *, law=None, free=False, comm=COMM):
+    """A bar of stiffness k C on a bond; gamma moves its end; it may bend if it is free."""
     corners = [[0.0, 0.0], [0.05, 1.0]]
     domain = mesh.create_rectangle(comm, corners, [1, n], mesh.CellType.quadrilateral)
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
@@ -46,7 +46,8 @@ def bar(k, n=8, *, law=None, along=0, pressed=0.0, comm=COMM):
     law = law or RCCM(C, C, W)
     surface = ContactSurface(u, below, obstacle=HalfSpace((0, 0), (0, 1)), law=law)
     energy = LinearElastic.from_young(k * C, 0.0).energy(u) * ufl.dx
-    problem = ContactProblem(energy, u, [surface], bcs=[still, fem.dirichletbc(top, end)])
+    bcs = [fem.dirichletbc(top, end), *[still][free:]]
+    problem = ContactProblem(energy, u, [surface], bcs=bcs)
     return ParametricContact(problem, gamma, driven=[(top, ufl.as_vector((0.0, gamma)))])
 
 
@@ -137,6 +138,21 @@ def test_one_node():
     wanted = [1 + 1 / k, 4 / 3 * (3 / k) ** 0.25]
     np.testing.assert_allclose([s.gamma * free / u0 for s in folds], wanted, rtol=1e-8)
     assert [s.event for s in folds] == ["nonsmooth fold", "smooth fold"]
+
+
+@pytest.mark.parametrize(("free", "ways"), [(False, 1), (True, 3)])
+def test_ways_on(free, ways):
+    """Where both corners of a slender bar come to the border at once, each may damage alone.
+
+    A bar of width b resists rotation by E b^3/12 over its length, E = C, far below the 3 C b^3/4 by
+    which the corners soften: it bends to either side. Held aside it shears, which is far stiffer.
+    """
+    history = ArcLength(bar(1.0, 16, free=free)).run(ENDS, rays=True, max_steps=8)
+    (fold,) = history.folds
+    assert (fold.before, fold.ways) == ("oo", ways)
+    # That on which both damage is unstable to bending: its determinant has the other sign.
+    assert fold.after in (("ao", "oa") if free else ("aa",))
+    assert fold.method == "all statuses that meet"
 
 
 def test_klarbring():

@@ -114,6 +114,7 @@ class ArcLength:
         direction: Direction | None = None,
         control: StepControl | None = None,
         max_steps: int = 1000,
+        rays: bool = False,
         stop: Stop | None = None,
         observer: Observer | None = None,
         progress: bool | None = None,
@@ -128,6 +129,9 @@ class ArcLength:
             control: step lengths, in units in which the first tangent and the range of gamma have
                 size 1.
             max_steps: budget.
+            rays: whether all statuses that meet are tried at every kink and nonsmooth fold, up to
+                256, so that `PathStep.ways` counts the solutions of the rate problem there; else
+                they are where no way on is found otherwise.
             stop: asked at every accepted point, on every rank, whether the path ends there: with
                 the reason, or "" to go on.
             observer: told of every accepted point while it stands in the problem.
@@ -160,12 +164,13 @@ class ArcLength:
         same_everywhere(
             comm, gamma_range=limits, direction=direction, control=control, max_steps=max_steps
         )
-        same_everywhere(comm, stop_condition=stop is not None)
+        same_everywhere(comm, stop_condition=stop is not None, rays=bool(rays))
         self._require_no_time()
         self.parametric.check_parameter(limits)
         if self._moment is None:
             self._moment = self._begin()
-        return self._follow(limits, direction, control, max_steps, stop, observer, progress)
+        found = limits, direction, control, max_steps, bool(rays)
+        return self._follow(*found, stop, observer, progress)
 
     def _follow(
         self,
@@ -173,6 +178,7 @@ class ArcLength:
         direction: Direction,
         control: StepControl,
         max_steps: int,
+        rays: bool,
         stop: Stop | None,
         observer: Observer | None,
         progress: bool | None,
@@ -184,7 +190,7 @@ class ArcLength:
         bordered = Bordered(self.parametric, gamma_scale=limits[1] - limits[0])
         bordered.x_scale = self._x_scale * bordered.gamma_scale**2
         steps = ArcSteps(Corrector(bordered, control))
-        run = _Run(self.parametric, self._stepper, steps, self._moment, self._last, limits)
+        run = _Run(self.parametric, self._stepper, steps, self._moment, self._last, limits, rays)
         said = _Said(self.problem.comm, progress, limits)
         history = PathHistory(self._moment.time, self._moment.energies, gamma=gamma)
         try:
@@ -272,7 +278,9 @@ class _Run:
         moment: AtRest,
         arrived: BranchPoint | None,
         limits: tuple[float, float],
+        rays: bool,
     ):
+        self._rays = rays
         self._system, self._stepper, self._steps, self._limits = system, stepper, steps, limits
         #: Accepted state; the point of the path there, as it was come to; why the run ends.
         self.moment, self.arrived, self.reason = moment, arrived, ""
@@ -349,7 +357,7 @@ class _Run:
             self.reason = AT_END
         else:
             rates = self._steps.rate_problem(point.y, point.piece)
-            ways = rates.onwards(point.piece, point.tangent)
+            ways = rates.onwards(point.piece, point.tangent, every=self._rays)
             self._take(point, ways)
             event = self._event(found)
         letters = system.letters(point.piece)

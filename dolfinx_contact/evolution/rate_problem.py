@@ -80,22 +80,33 @@ class RateProblem:
         self._b = corrector.bordered
         self._comm = self._b.comm
 
-    def onwards(self, piece: Piece, t: PETSc.Vec) -> Ways:
-        """The ways on for a path that came by ``piece`` along ``t``."""
+    def onwards(self, piece: Piece, t: PETSc.Vec, *, every: bool = False) -> Ways:
+        """The ways on for a path that came by ``piece`` along ``t``.
+
+        Args:
+            piece: of the last step.
+            t: its direction at the state.
+            every: whether all statuses that meet are tried where those of the last step fail, also
+                if a way was found.
+        """
         ray = Ray(piece, t)
         if not self._any(self._falling(ray)[0]):
             return Ways(ray, method="the statuses of the last step")
         found = self._by_newton(piece, t)
-        if found is not None:
+        if found is not None and not every:
             return Ways(found, method="Newton's method for the rate problem")
         rays, complete = self._enumerated(piece, t)
+        if found is not None:
+            rays.insert(0, found)
         rays = rays or self._as_H_leads(t)
         back = self._by_newton(piece, self._reversed(t))
         rays = self._distinct([r for r in rays if not self._same(r, back)])
         method = "all statuses that meet" if complete else "some of the statuses that meet"
         if not rays:
             return Ways(None, (), method, complete)
-        first, *others = sorted(rays, key=lambda r: -self._b.inner(r.tangent, t))
+        if found is None:
+            rays.sort(key=lambda r: -self._b.inner(r.tangent, t))
+        first, *others = rays
         return Ways(first, tuple(others), method, complete)
 
     def back(self, piece: Piece, t: PETSc.Vec) -> Ways:
