@@ -24,6 +24,7 @@ from dolfinx_contact.continuation import Branch
 from dolfinx_contact.continuation.arguments import checked_range
 from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.laws import Tresca
+from dolfinx_contact.points.law_checks import check_law
 from dolfinx_contact.reduced.condensed import CondensedContact, can_condense
 from dolfinx_contact.reduced.gathered import GatheredPoints
 
@@ -94,7 +95,7 @@ def _condensed(
             system.set(0.0)
             for s in system.equations.surfaces:
                 s.update_geometry()
-                s.check_law(f" where the second parameter is {mu:g}")
+                check_law(s, f" where the second parameter is {mu:g}")
             fits = system.is_linear and can_condense(system)
             fits = fits and not any(isinstance(s.law, Tresca) for s in system.equations.surfaces)
             condensed = CondensedContact(system, nothing, 0.0, exact=True) if fits else None

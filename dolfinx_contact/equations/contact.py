@@ -39,10 +39,11 @@ from dolfinx_contact.equations.rigid_bodies import RigidBodies
 from dolfinx_contact.equations.scaling import Scaling
 from dolfinx_contact.equations.state import ContactState, State, Statuses
 from dolfinx_contact.laws.status import closed
-from dolfinx_contact.points.memory import Memory
+from dolfinx_contact.laws.symbols import SLID
+from dolfinx_contact.points.memory import Memory, slid_after
 from dolfinx_contact.points.surface import ContactSurface
 
-__all__ = ["ContactEquations"]
+__all__ = ["ContactEquations", "remembered"]
 
 Array = npt.NDArray[np.float64]
 
@@ -362,16 +363,7 @@ class ContactEquations:
     def advanced(self, state: State) -> tuple[Memory, ...]:
         """The memory that a step leaves whose end this state is. Not collective."""
         found = zip(self.surfaces, state.surfaces, strict=True)
-        return tuple(
-            Memory(
-                at.jump + s.reference,
-                {
-                    name: at.answers.bond(f"after.{name}")
-                    for name in (*s.law.remembers, *s.law.keeps(s.dim))
-                },
-            )
-            for s, at in found
-        )
+        return tuple(Memory(at.jump + s.reference, remembered(s, at)) for s, at in found)
 
     def resultant(self, forces: Array) -> Array:
         """The sum of forces (n, dim) of all ranks; of a body of revolution its axial part."""
@@ -393,3 +385,12 @@ class ContactEquations:
         """
         strain = 0.0 if self.bulk.linear else 1e-5 * self.body_size
         return self.stiffness_scale * max(1e-4 * displacement, strain)
+
+
+def remembered(s: ContactSurface, at: ContactState) -> dict[str, Array]:
+    """The fields of the memory that a state of ``s`` leaves."""
+    names = (*s.law.remembers, *s.law.keeps(s.dim))
+    fields = {name: at.answers.bond(f"after.{name}") for name in names}
+    if s.law_at_points.compiled.knows_slip:
+        fields[SLID] = slid_after(at.data, at.jump, at.statuses)
+    return fields

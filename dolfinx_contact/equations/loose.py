@@ -77,7 +77,7 @@ class LooseMotions:
         """The motions that these statuses do not hold, in words; "" if there are none.
 
         A point that slips in 3D holds across the direction of its shear, which turns with the
-        motion.
+        motion; where friction creeps every closed point holds.
 
         Args:
             statuses: of the points.
@@ -94,7 +94,7 @@ class LooseMotions:
             n = s.points.data.n if state is None else state.surfaces[i].data.n
             normal = np.einsum("and,nd->an", jumps, n)
             along = jumps - normal[:, :, None] * n[None]
-            grips = senses(codes) == STICK
+            grips = closed(codes) if s.law.creeps else senses(codes) == STICK
             if state is not None and s.dim == 3:
                 shear = _direction(state.surfaces[i].traction, n)
                 slips = ~grips & closed(codes) & shear.any(axis=1)

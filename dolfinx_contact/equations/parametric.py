@@ -32,6 +32,7 @@ from dolfinx_contact.equations.rates import (
 )
 from dolfinx_contact.equations.state import State, Statuses
 from dolfinx_contact.laws.status import OPEN
+from dolfinx_contact.points.law_checks import check_law, check_time
 from dolfinx_contact.points.surface import ContactSurface
 
 __all__ = ["ParametricEquations"]
@@ -158,6 +159,8 @@ class ParametricEquations(System):
                 self.constant.value = gamma
 
     def check_parameter(self, gammas: Sequence[float]) -> None:
+        for s in self.equations.surfaces:
+            check_time(s)
         varying = [
             s
             for s, rates in zip(self.equations.surfaces, self._rates, strict=True)
@@ -169,7 +172,7 @@ class ParametricEquations(System):
                     self.set(gamma)
                     for s in varying:
                         s.update_geometry()
-                        s.check_law(f" at gamma = {gamma:g}")
+                        check_law(s, f" at gamma = {gamma:g}")
 
     @property
     def scales(self) -> tuple[float, ...]:  # type: ignore[override]

@@ -155,7 +155,6 @@ class MotionStepper(Stepper):
             state = problem.state()
             u, v = (f(state.u, body.origin) for f in (step.displacement, step.velocity))
             problem.u.x.array[:], self._velocity.x.array[:] = u, v
-            found = [s.answers for s in state.surfaces]
             later = [None if m is None else m.later(step.length) for m in moment.memory]
             eq.remember(later)
             shown = self._at(state, u)
@@ -164,10 +163,7 @@ class MotionStepper(Stepper):
             energies = account(moment.energies, eq, state, a, b, motion)
             lost = energies.dissipated - moment.energies.dissipated
             result = self._shown(result, shown, lost)
-            memory = tuple(
-                Memory(at.jump + s.reference, {k: y.bond(f"after.{k}") for k in s.law.remembers})
-                for s, at, y in zip(eq.surfaces, shown.surfaces, found, strict=True)
-            )
+            memory = eq.advanced(shown)
         except BaseException:
             self.put(moment)
             raise

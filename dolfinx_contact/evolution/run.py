@@ -71,11 +71,9 @@ class Evolution:
             if not callable(load):
                 raise ValueError(f"the load must be a function of the time, got {load!r}")
             for s in problem.surfaces:
-                if s.law_at_points.compiled.knows_slip:
-                    raise ValueError(
-                        f"{s.name}: friction of the law {s.law.name} depends on the distance "
-                        "slipped (a.slid), of which an evolution has no memory yet"
-                    )
+                lack = s.law.lacks(history=True)
+                if lack:
+                    raise ValueError(f"{s.name}: the law {s.law.name} lacks {lack}")
         self.problem, self.load = problem, load
         self._moment: Moment | None = None
         self._rate: float | None = None

@@ -18,9 +18,8 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
-import basix.ufl
 import ufl
-from dolfinx import fem, mesh
+from dolfinx import fem
 from ufl.algorithms import expand_derivatives, expand_indices
 from ufl.classes import Indexed
 from ufl.corealg.traversal import unique_pre_traversal
@@ -28,14 +27,55 @@ from ufl.corealg.traversal import unique_pre_traversal
 from dolfinx_contact._errors import everywhere
 from dolfinx_contact._forms import compiled_expression
 from dolfinx_contact.laws.answers import Answers, Array, Codes, PointData
-from dolfinx_contact.laws.law import ContactPoint, Law, StatusPiece, checked_pieces
+from dolfinx_contact.laws.law import Law, StatusPiece, checked_pieces
+from dolfinx_contact.laws.symbols import CHUNK, SLID, Symbols, from_memory
 
-__all__ = ["AROUND", "CompiledLaw", "LawAtPoints", "from_memory"]
+__all__ = ["CompiledLaw", "LawAtPoints"]
 
-#: Name of the field of a law that is not local: what the points around spread.
-AROUND = ".around"
-_FIRST_LABEL = 10**9  # beyond what UFL counts
-_CHUNK = 256  # points that are evaluated at once
+
+class _Written:
+    """What a law says of a point.
+
+    Args:
+        law: any.
+        symbols: for what is given at the point.
+
+    Attributes:
+        pieces: status by status.
+        bounds: radii of the friction disc, at the augmented and at unit pressure.
+        bond: parts of `Law.bond` by name.
+        spreads: of a law that is not local; else None.
+    """
+
+    def __init__(self, law: Law, symbols: Symbols):
+        point, mine = symbols.point, law.having(symbols.of_the_law)
+        local = law.spread is None
+        unit = point if local else replace(point, around=ufl.as_ufl(1.0))
+        self.pieces = checked_pieces(mine.pieces(point), point.dim)
+        self.bounds = {
+            "bound": mine.bound(point, point.p),
+            "unit_bound": mine.bound(unit, ufl.as_ufl(1.0)),
+        }
+        bond, self.bond = mine.bond(point), dict[str, Any]()
+        if bond is not None:
+            known = "traction", "stored", "spent", "broken"
+            self.bond = {name: getattr(bond, name) for name in known}
+            self.bond |= {f"after.{name}": e for name, e in bond.after.items()}
+        self.spreads = None if local else ufl.as_ufl(mine.spreads(point))
+
+    @property
+    def scalars(self) -> list[Any]:
+        """All that it says, component by component."""
+        flat = _Flat()
+        for piece in self.pieces.values():
+            flat.add(piece.answer)
+            _columns(flat, piece)
+            if piece.exists is not None:
+                flat.add(_number(piece.exists))
+        for e in (*self.bounds.values(), *self.bond.values(), self.spreads):
+            if e is not None:
+                flat.add(e)
+        return flat.components
 
 
 class CompiledLaw:
@@ -47,55 +87,33 @@ class CompiledLaw:
         comm: of the ranks that compile together.
 
     Attributes:
-        names: of the fields of the law, what memory gives beside them (`from_memory`), and
-            `AROUND` if it is not local.
+        names: of the fields of the law, of what memory gives beside them that it looks at
+            (`symbols.from_memory`), and `AROUND` if it is not local.
         codes: numbers of its statuses.
         rows: by number, the place among `codes`.
         places: columns of values, status by status.
         borders: columns of distance and condition, and target, of every border of every status.
         exists: column of the condition of every status.
-        knows_slip: whether the friction disc depends on the distance slipped.
+        keeps: what memory keeps for the law alone, and it looks at.
+        knows_slip: whether anything depends on the distance slipped.
     """
 
     def __init__(self, law: Law, dim: int, comm: MPI.Comm):
         local = law.spread is None
         self.dim, self._comm = dim, comm
-        memory = from_memory(law, dim)
-        self.names = [*law.given, *memory, *([] if local else [AROUND])]
-        points = mesh.create_interval(MPI.COMM_SELF, _CHUNK, (0.0, 1.0))
-        width = 3 * dim + 2 + len(self.names)
-        element = basix.ufl.element("DG", "interval", 0, shape=(width,))
-        self._w = fem.Function(fem.functionspace(points, element))
-        self._dofs = self._w.function_space.dofmap.list[:, 0]
-
-        def vector(i: int) -> Any:
-            return _variable(ufl.as_vector([self._w[i * dim + k] for k in range(dim)]), i)
-
-        self._jump, self._traction, self._n = vector(0), vector(1), vector(2)
-        self._fields = [_variable(self._w[3 * dim + 2 + i], 3 + i) for i in range(len(self.names))]
-        gap, r = self._w[3 * dim], self._w[3 * dim + 1]
-        point = ContactPoint(self._jump, self._traction, self._n, gap, r, dim)
-        around = None if local else self._fields[-1]
-        point = replace(point, slid=ufl.sqrt(ufl.dot(point.u_t, point.u_t)), around=around)
-        if memory:
-            past = self._fields[len(law.given) :]
-            kept = dict(zip(law.keeps(dim), past[dim + 1 :], strict=False))
-            point = replace(point, before=ufl.as_vector(past[:dim]), step=past[dim], kept=kept)
-        unit = point if local else replace(point, around=ufl.as_ufl(1.0))
         # What the user wrote comes first: compiling is collective.
         with everywhere(comm, f"the law {type(law).__name__}"):
-            mine = law.having(dict(zip(law.given, self._fields, strict=False)))
-            self._pieces = checked_pieces(mine.pieces(point), dim)
-            bounds = {
-                "bound": mine.bound(point, point.p),
-                "unit_bound": mine.bound(unit, ufl.as_ufl(1.0)),
-            }
-            bond = mine.bond(point)
-            self._spreads = None if local else ufl.as_ufl(mine.spreads(point))
-            marked = _variable(point.slid, 3 + len(self.names))
-            bound = mine.bound(replace(point, slid=marked), point.p)
-            nodes = () if bound is None else unique_pre_traversal(ufl.as_ufl(bound))
-            self.knows_slip: bool = any(node == marked for node in nodes)
+            given = dim, law.given, law.keeps(dim)
+            every = Symbols(*given, from_memory(dim, law.keeps(dim)), local=local)
+            memory = every.used(_Written(law, every).scalars)
+            symbols = Symbols(*given, memory, local=local)
+            written = _Written(law, symbols)
+        self.names, self._w, self._fields = symbols.names, symbols.w, symbols.fields
+        self._jump, self._traction, self._n = symbols.jump, symbols.traction, symbols.n
+        self._dofs = self._w.function_space.dofmap.list[:, 0]
+        self._pieces, self._spreads, bond = written.pieces, written.spreads, written.bond
+        self.keeps = [name for name in law.keeps(dim) if name in self.names]
+        self.knows_slip: bool = SLID in self.names
         self.codes = tuple(self._pieces)
         self.rows: npt.NDArray[np.int64] = np.zeros(max(self.codes) + 1, dtype=np.int64)
         self.rows[list(self.codes)] = np.arange(len(self.codes))
@@ -109,16 +127,13 @@ class CompiledLaw:
             self.places["by_jump"].append(flat.add(ufl.diff(piece.answer, self._jump)))
             self.places["by_traction"].append(flat.add(ufl.diff(piece.answer, self._traction)))
             if not local:
-                self.places["by_around"].append(flat.add(ufl.diff(piece.answer, around)))
+                slope = ufl.diff(piece.answer, self._fields[-1])
+                self.places["by_around"].append(flat.add(slope))
             self.borders.append(_columns(flat, piece))
             self.exists.append(None if piece.exists is None else flat.add(_number(piece.exists))[0])
-        for name, bound in bounds.items():
+        for name, bound in written.bounds.items():
             self.places[name] = [] if bound is None else [flat.add(bound)]
-        if bond is not None:
-            known = "traction", "stored", "spent", "broken"
-            parts = {name: getattr(bond, name) for name in known}
-            parts |= {f"after.{name}": e for name, e in bond.after.items()}
-            self.places |= {f"bond.{name}": [flat.add(e)] for name, e in parts.items()}
+        self.places |= {f"bond.{name}": [flat.add(e)] for name, e in bond.items()}
         q = self._spreads
         if q is not None:
             slopes = (ufl.diff(q, by) for by in (self._jump, self._traction))
@@ -183,12 +198,12 @@ class CompiledLaw:
 
     def evaluate(self, values: _Values, columns: Array) -> Array:
         """Values at points (n, width) where these are given (n, columns). Not collective."""
-        n, given = len(columns), self._w.x.array.reshape(_CHUNK, -1)
+        n, given = len(columns), self._w.x.array.reshape(CHUNK, -1)
         found = np.empty((n, values.width))
-        for a in range(0, n, _CHUNK):
-            part = columns[a : a + _CHUNK]
+        for a in range(0, n, CHUNK):
+            part = columns[a : a + CHUNK]
             given[self._dofs[: len(part)]] = part
-            found[a : a + _CHUNK] = values(np.arange(len(part), dtype=np.int32))
+            found[a : a + CHUNK] = values(np.arange(len(part), dtype=np.int32))
         return found
 
 
@@ -308,25 +323,6 @@ class LawAtPoints:
         return found, {name: chosen(places, d) for name, places in names}
 
 
-def from_memory(law: Law, dim: int) -> list[str]:
-    """Names of what memory gives a law beside its fields, if it remembers anything.
-
-    They are the jump before, the time since, and what it `keeps`.
-    """
-    if not law.remembers:
-        return []
-    return [*(f".before_{i}" for i in range(dim)), ".step", *law.keeps(dim)]
-
-
-def _variable(e: Any, number: int) -> Any:
-    """A variable to differentiate by.
-
-    Numbers of UFL's own enter the signature of an expression, so that it would be compiled anew in
-    every program.
-    """
-    return ufl.classes.Variable(e, ufl.classes.Label(_FIRST_LABEL + number))
-
-
 def _columns(flat: _Flat, piece: StatusPiece) -> list[tuple[int, int | None, int]]:
     """Columns of distance and condition of every border of a status, and its target."""
     found = []
@@ -344,17 +340,17 @@ class _Flat:
     """UFL expressions of any shape, component by component."""
 
     def __init__(self) -> None:
-        self._components: list[Any] = []
+        self.components: list[Any] = []
 
     def add(self, expression: Any) -> list[int]:
         """The columns that the expression will have."""
-        e, first = ufl.as_ufl(expression), len(self._components)
-        self._components += [e[i] for i in np.ndindex(e.ufl_shape)] if e.ufl_shape else [e]
-        return list(range(first, len(self._components)))
+        e, first = ufl.as_ufl(expression), len(self.components)
+        self.components += [e[i] for i in np.ndindex(e.ufl_shape)] if e.ufl_shape else [e]
+        return list(range(first, len(self.components)))
 
     def compiled(self, w: fem.Function, comm: MPI.Comm) -> _Values:
         """All of them, to be evaluated cell by cell."""
-        return _Values(self._components, w, comm)
+        return _Values(self.components, w, comm)
 
 
 class _Values:

@@ -4,7 +4,11 @@ r"""Laws around a law of friction: surfaces that give way, and friction without 
 - *Normal compliance*: the pressure is that of a spring, p = C (u_n)_+^m (Oden and Martins, CMAME
   52, 1985, section 2); m = 1 is the penalisation of Signorini's conditions.
 - *Regularised friction*: the shear grows with the slip from zero, t_t = -b phi(|u_t|/eps)
-  u_t/|u_t| with the radius b of the friction disc, so that every displacement has one answer.
+  u_t/|u_t| with the radius b of the friction disc, so that every displacement has one answer. In a
+  history it is the slip velocity that friction resists: in a step of the length dt with the
+  increment du_t the law is that of du_t/dt, with a velocity for eps (implicit Euler). Under a shear
+  below the bound, q = |t_t|/b < 1, a point then creeps for ever with the velocity eps phi^-1(q),
+  which Coulomb's law holds.
 
 Neither is Signorini's and Coulomb's problem: they are here to be compared with it.
 
@@ -69,6 +73,13 @@ class _AroundFriction(FrictionLaw):
     def needs_time(self) -> tuple[str, ...]:  # type: ignore[override]
         inside = (_INSIDE + name for name in self.friction.needs_time)
         return (*(k for k in self.in_steps if getattr(self, k) is not None), *inside)
+
+    @property
+    def creeps(self) -> bool:  # type: ignore[override]
+        return self.friction.creeps
+
+    def lacks(self, *, history: bool) -> str:
+        return self.friction.lacks(history=history)
 
     @property
     def spread(self) -> Kernel | None:
@@ -155,6 +166,11 @@ class NormalCompliance(_AroundFriction):
     def _number(self) -> Hashable:
         return float(self.exponent)
 
+    def lacks(self, *, history: bool) -> str:
+        if history and self.tangential is not None:
+            return "a memory of how its tangential springs are stretched: leave them out"
+        return super().lacks(history=history)
+
     def spreads(self, a: ContactPoint) -> Any | None:
         return super().spreads(self.soft(a))
 
@@ -175,32 +191,42 @@ class NormalCompliance(_AroundFriction):
 
 @dataclass(frozen=True)
 class Regularised(_AroundFriction):
-    """Friction whose shear grows from zero with the slip x = |u_t|/eps: b phi(x).
+    """Friction whose shear grows from zero with x, the slip or its velocity over eps: b phi(x).
 
-    Below x = 1 a point is counted as stuck; in truth it creeps.
+    Below x = 1 a point is counted as stuck; in truth it creeps. A static problem knows no velocity
+    and a history no other slip, so that each asks for an eps of its own; a law that has both is
+    good for a history that begins with a static solve.
 
     Attributes:
         friction: the law that is regularised; its radius b of the friction disc.
-        width: eps > 0, a length; a number, a Constant, a Function or a UFL expression.
+        width: eps > 0 of the static law, a length: x = |u_t|/eps. A number, a Constant, a Function
+            or a UFL expression.
         shape: of phi: ``"tanh"``, tanh(x); ``"sqrt"``, x/sqrt(1 + x^2), the slope of
             sqrt(|u_t|^2 + eps^2); ``"polynomial"``, (3 x - x^3)/2 up to x = 1, then 1;
             ``"linear"``, x up to 1, then 1.
+        speed: eps > 0 in a history, a velocity: x = |du_t|/(eps dt) in a step of the length dt. The
+            same kinds.
 
     Raises:
-        ValueError: for another shape, or if ``friction`` is no law of friction.
+        ValueError: for another shape, if neither eps is given, or if ``friction`` is no law of
+            friction.
     """
 
     friction: FrictionLaw
-    width: Scalar
+    width: Scalar | None = None
     shape: str = "tanh"
-    own = ("width",)
-    in_steps = ("width",)
+    speed: Scalar | None = None
+    own = ("width", "speed")
+    in_steps = ("width", "speed")
+    creeps = True
 
     def __post_init__(self) -> None:
         if self.shape not in _SHAPES:
             raise ValueError(
                 f"the shape of Regularised must be one of {', '.join(_SHAPES)}, got {self.shape!r}"
             )
+        if self.width is None and self.speed is None:
+            raise ValueError("Regularised needs a width, or a speed, or both")
         if not isinstance(self.friction, FrictionLaw) or isinstance(self.friction, _AroundFriction):
             raise ValueError(
                 "Regularised takes a law of friction such as Coulomb(0.3), got "
@@ -211,11 +237,27 @@ class Regularised(_AroundFriction):
     def _number(self) -> Hashable:
         return self.shape
 
+    def lacks(self, *, history: bool) -> str:
+        if history and self.speed is None:
+            return "a speed: the width is a slip of the static law; Regularised(..., speed=...)"
+        if not history and self.width is None:
+            return "a width: no time is known of which its speed were; Regularised(..., width=...)"
+        return ""
+
+    def _eps(self, a: ContactPoint) -> Any:
+        """The slip at x = 1."""
+        if self.speed is None:
+            return self.width
+        timed = ufl.gt(a.step, 0.0)
+        if self.width is None:  # any time is as good where none has passed
+            return self.speed * ufl.conditional(timed, a.step, 1.0)
+        return ufl.conditional(timed, self.speed * a.step, self.width)
+
     def shears(self, a: ContactPoint) -> Mapping[int, StatusPiece]:
-        u, eps = a.u_t, self.width
+        u, eps = a.u_t, self._eps(a)
         y = ufl.dot(u, u) / eps**2
         size = eps * _root(y)
-        b = self.bound(replace(a, slid=size), a.p)
+        b = self.bound(replace(a, slid=a.slid_before + size), a.p)
         over_x = _SHAPES[self.shape]
         if over_x is None:  # springs
             return self.friction.shears(replace(a, shear=b / (b + a.r * eps) * a.s))
@@ -236,10 +278,11 @@ class Regularised(_AroundFriction):
         }
 
     def entered(self, a: ContactPoint) -> Mapping[int, Any]:
-        y = ufl.dot(a.u_t, a.u_t) / self.width**2
+        eps = self._eps(a)
+        y = ufl.dot(a.u_t, a.u_t) / eps**2
         if a.dim == 3:
             return {STICK: ufl.le(y, 1.0), PLUS: ufl.gt(y, 1.0)}
-        along = ufl.dot(a.u_t, a.t) / self.width
+        along = ufl.dot(a.u_t, a.t) / eps
         return {
             STICK: ufl.le(y, 1.0),
             PLUS: ufl.gt(along, 1.0),

@@ -56,7 +56,7 @@ class FrictionLaw(Law):
         """Of closed points what friction answers, status by status, and where the status ends."""
 
         def radius(slid: Any) -> Any:
-            return self.bound(replace(a, slid=slid), a.p)
+            return self.bound(replace(a, slid=a.slid_before + slid), a.p)
 
         in_ = _in_plane if a.dim == 2 else _in_space
         return in_(a, radius, self.grips(a), self.holds(a))

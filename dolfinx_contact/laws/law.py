@@ -73,15 +73,16 @@ class ContactPoint:
         gap: initial gap.
         r: augmentation parameter, stiffness per area.
         dim: 2 or 3.
-        slid: distance by which it has slipped; in a slip it is counted in the sense of the slip,
-            and so smooth where the slip begins.
+        slid: distance by which it has slipped, in a history all the way; in a slip it is counted in
+            the sense of the slip, and so smooth where the slip begins.
         pressure: of a compliant surface; None where contact is unilateral.
         shear: of a compliant surface before it slips, a vector; None where nothing moves then.
         touches: distance to the border of open points, a traction; None where that is p.
         around: mean of what the points around spread (`Law.spreads`); None if the law is local.
         before: jump of the last accepted state of an evolution, a vector, of which ``jump`` has the
-            normal part alone; None if the law remembers nothing.
-        step: time since that state, negative under the static law; None likewise.
+            normal part alone; zero under the static law.
+        step: time since that state, negative under the static law.
+        slid_before: of ``slid`` what was slipped up to that state; 0 under the static law.
         kept: what memory has of that state for the law alone (`Law.keeps`), by name.
     """
 
@@ -98,6 +99,7 @@ class ContactPoint:
     around: Any = None
     before: Any = None
     step: Any = None
+    slid_before: Any = 0.0
     kept: Mapping[str, Any] = field(default_factory=dict)
 
     @property
@@ -201,6 +203,8 @@ class Law:
     nonnegative: bool = False
     #: Whether what is touched gives way, so that points penetrate.
     compliant: bool = False
+    #: Whether points that slip resist more slip, so that friction alone holds a body.
+    creeps: bool = False
     #: Fields that are those of the start of an evolution; then memory has them (`bond`).
     remembers: tuple[str, ...] = ()
     #: Fields by which an evolution depends on the lengths of its steps, unless they vanish.
@@ -222,6 +226,10 @@ class Law:
     def bond(self, a: ContactPoint) -> Bond | None:
         """What becomes of the fields that the law `remembers`; None if it remembers nothing."""
         return None
+
+    def lacks(self, *, history: bool) -> str:
+        """What it would need to hold in a step of a history, or else statically; "" if nothing."""
+        return ""
 
     @property
     def spread(self) -> Kernel | None:

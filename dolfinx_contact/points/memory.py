@@ -14,7 +14,8 @@ moves is subtracted.
 A memory is frozen: H reads it, nothing in a solve writes it. Accepting a step makes a new one,
 rejecting a step keeps the old one. Fields that a law remembers (the intensity of an adhesion) are
 here as well, and such a law sees the whole of j_n, and the time since: friction acts on increments,
-adhesion on total jumps.
+adhesion on total jumps. So is the distance that points have slipped while they touched, of laws
+that depend on it: it is summed up over the accepted steps, and never falls.
 """
 
 from __future__ import annotations
@@ -25,10 +26,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.laws import Law, PointData
-from dolfinx_contact.laws.compiled import from_memory
+from dolfinx_contact.laws import PointData
+from dolfinx_contact.laws.compiled import CompiledLaw
+from dolfinx_contact.laws.status import closed
+from dolfinx_contact.laws.symbols import SLID, STEP, before, from_memory
 
-__all__ = ["Memory", "with_memory"]
+__all__ = ["Memory", "slid_after", "with_memory"]
 
 Array = npt.NDArray[np.float64]
 
@@ -39,7 +42,8 @@ class Memory:
 
     Attributes:
         jump: j_n, the total jump at the last accepted state (n, dim), a length. Read-only.
-        fields: of the law, as they were there, and what it keeps (n,), by name. Read-only.
+        fields: of the law, as they were there, and what it keeps (n,), by name; of a law that
+            depends on it the distance slipped until then, ``SLID`` of `laws.symbols`. Read-only.
         step: time from that state to the one that is looked at.
         gap: what stands for the gap in the law (n,), where it is about velocities; None elsewhere.
     """
@@ -75,17 +79,31 @@ class Memory:
         return np.asarray(-turning * n - along * rate)
 
 
-def with_memory(law: Law, memory: Memory | None, data: PointData) -> PointData:
-    """What a law is given at points by a memory; without one it is the static law."""
+def with_memory(law: CompiledLaw, memory: Memory | None, data: PointData) -> PointData:
+    """What a law that looks at it is given at points; without a memory it is the static law."""
     if memory is not None and memory.gap is not None:
         data = replace(data, gap=memory.gap)
-    if not law.remembers:
-        return data
     n, dim = data.n.shape
+    if not set(law.names) & set(from_memory(dim)):
+        return data
     known = Memory(np.zeros((n, dim)), step=-1.0) if memory is None else memory
-    added = dict.fromkeys(from_memory(law, dim), np.zeros(n))
-    added |= dict(zip(added, [*known.jump.T, np.full(n, known.step)], strict=False))
+    added: dict[str, Array] = dict(zip(before(dim), list(known.jump.T), strict=True))
+    added |= {STEP: np.full(n, known.step), SLID: np.zeros(n)}
+    added |= {name: np.zeros(n) for name in law.keeps}
     return replace(data, fields={**data.fields, **added, **known.fields})
+
+
+def slid_after(data: PointData, jump: Array, statuses: npt.NDArray[np.int8]) -> Array:
+    """The distances that points have slipped at the end of a step (n,).
+
+    Args:
+        data: of the points, with the memory of the step.
+        jump: at its end, as laws see it (n, dim).
+        statuses: at its end; what is open has moved and not slipped.
+    """
+    along = jump - np.sum(jump * data.n, axis=1)[:, None] * data.n
+    step = np.where(closed(statuses), np.linalg.norm(along, axis=1), 0.0)
+    return np.asarray(data.fields[SLID] + step)
 
 
 def _frozen(values: Array) -> Array:

@@ -21,9 +21,9 @@ import basix
 
 from dolfinx_contact._entries import Entries, matrix_of
 from dolfinx_contact.laws import Answers, Kernel, Law, LawAtPoints, PointData
-from dolfinx_contact.laws.compiled import AROUND
 from dolfinx_contact.laws.spreading import KERNELS, whole
 from dolfinx_contact.laws.status import closed
+from dolfinx_contact.laws.symbols import AROUND
 from dolfinx_contact.points.contact_points import ContactPoints
 from dolfinx_contact.points.search import asked_ranks, exchanged
 
@@ -172,8 +172,10 @@ class LawAmongPoints(LawAtPoints):
         assert isinstance(spread, _Spread)
         around = _with(data, spread.around)
         changes = self._evaluate(self.compiled.spread_sensitivities, jump, traction, around)
-        names = self.compiled.names[:-1]
-        given = np.column_stack([rates.n, *(rates.fields[name] for name in names)])
+        # What memory has does not change.
+        still = np.zeros(self.number)
+        fields = [rates.fields.get(name, still) for name in self.compiled.names[:-1]]
+        given = np.column_stack([rates.n, *fields])
         change = np.where(closed(codes), np.sum(changes * given, axis=1), 0.0)
         # A gap is a jump along the normal, backwards.
         change -= rates.gap * np.sum(spread.by_jump * data.n, axis=1)

@@ -15,9 +15,8 @@ from ufl.algorithms.analysis import extract_constants
 
 from dolfinx_contact._agreement import described, refuse_displacement, refuse_other_mesh
 from dolfinx_contact._compat import create_facet_submesh
-from dolfinx_contact._errors import everywhere, require, same_everywhere
+from dolfinx_contact._errors import everywhere, same_everywhere
 from dolfinx_contact.laws import Law, LawAtPoints, PointData
-from dolfinx_contact.laws.law import obeys
 from dolfinx_contact.meshing import GmshMesh, tagged_facets
 from dolfinx_contact.obstacles import Obstacle
 from dolfinx_contact.points.contact_points import ContactPoints, Given, Method
@@ -209,26 +208,6 @@ class ContactSurface:
         self.points.update()
         self._mark = self._marked()
 
-    def check_law(self, where: str = "") -> None:
-        """Raise ``ValueError`` if there is no law with the fields as they are. Collective.
-
-        They must be finite and of the sign that the law asks for, and no radius of a friction disc
-        negative.
-        """
-        fields = self.points.data.fields
-        for name, values in fields.items():
-            what = f"{name} of {self.law.name}{where}"
-            require(self.comm, bool(np.isfinite(values).all()), f"{self.name}: NaN in the {what}")
-            sign = self.law.sign(name)
-            words = {"positive": "not positive:", "fraction": "not between 0 and 1:"}
-            good = bool(obeys(sign, values).all())
-            require(self.comm, good, f"{self.name}: {words.get(sign, 'negative')} {what}")
-        at_rest = np.zeros_like(self.points.data.n)
-        data = with_memory(self.law, self.memory, self.points.data)
-        radius = self.law_at_points(at_rest, at_rest, data).unit_bound
-        message = f"{self.name}: the law {self.law.name} has a negative radius{where}"
-        require(self.comm, not bool((radius < -1e-14).any()), message)
-
     def hold(self, fixed: npt.NDArray[np.bool_]) -> None:
         """Take notice of the local nodes x dim that Dirichlet data fix. Collective."""
 
@@ -328,8 +307,14 @@ class ContactSurface:
 
     def data_at(self, jump: Array) -> PointData:
         """What the law is given at the points of this rank where jumps lead them. Collective."""
-        data = self.points.data if self.displaced is None else self.displaced.data(jump)
-        return with_memory(self.law, self.memory, data)
+        if self.displaced is None:
+            return self.data
+        return with_memory(self.law_at_points.compiled, self.memory, self.displaced.data(jump))
+
+    @property
+    def data(self) -> PointData:
+        """What the law is given at the points of this rank where they are in the reference."""
+        return with_memory(self.law_at_points.compiled, self.memory, self.points.data)
 
     @property
     def reference(self) -> Array:

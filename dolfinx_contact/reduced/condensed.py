@@ -79,7 +79,7 @@ def can_condense(
     for s, clamped, held in zip(eq.surfaces, *known, strict=True):
         if s.points.E is not None or s.displaced is not None or (partly and s.method != "nodal"):
             return False
-        conic = is_polyhedral(s.law_at_points, s.points.data)
+        conic = is_polyhedral(s.law_at_points, s.data)
         polyhedral = polyhedral and (conic or (bounded and isinstance(s.law, Tresca)))
         trace = s.points.vertex_trace_dofs
         nodes.append(trace)

@@ -44,6 +44,7 @@ from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.normals import without_normal
 from dolfinx_contact.equations.state import Statuses
 from dolfinx_contact.equations.touching import bring_together
+from dolfinx_contact.points.law_checks import check_law
 from dolfinx_contact.solvers.choice import LinearSolverChoice
 from dolfinx_contact.solvers.errors import ConvergenceError, FloatingBodyError
 from dolfinx_contact.solvers.following import follow_load
@@ -255,7 +256,7 @@ def check_data(eq: ContactEquations, x0: PETSc.Vec) -> None:
     eq.require_same_mesh()
     for s in eq.surfaces:
         s.update_geometry()
-        s.check_law()
+        check_law(s)
     lost = without_normal(eq, eq.contact(x0))
     require(eq.comm, not lost, lost)
     for s in eq.surfaces:

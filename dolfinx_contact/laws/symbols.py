@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""What a law is compiled from: UFL symbols for everything that is given at a contact point.
+
+The points are the cells of a small mesh of their own, with one value of everything per cell.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Any
+
+from mpi4py import MPI
+
+import basix.ufl
+import ufl
+from dolfinx import fem, mesh
+from ufl.corealg.traversal import unique_pre_traversal
+
+from dolfinx_contact.laws.law import ContactPoint
+
+__all__ = ["AROUND", "CHUNK", "SLID", "STEP", "Symbols", "before", "from_memory", "variable"]
+
+#: Name of the field of a law that is not local: what the points around spread.
+AROUND = ".around"
+#: Of the time since the last accepted state; of the distance slipped until then.
+STEP, SLID = ".step", ".slid"
+CHUNK = 256  # points that are evaluated at once
+_FIRST_LABEL = 10**9  # beyond what UFL counts
+
+
+def before(dim: int) -> list[str]:
+    """Names of the components of the jump at the last accepted state."""
+    return [f".before_{i}" for i in range(dim)]
+
+
+def from_memory(dim: int, keeps: Iterable[str] = ()) -> list[str]:
+    """Names of what memory may give a law beside the fields that it remembers.
+
+    Args:
+        dim: 2 or 3.
+        keeps: what the law keeps for itself (`Law.keeps`).
+    """
+    return [*before(dim), STEP, SLID, *keeps]
+
+
+def variable(e: Any, number: int) -> Any:
+    """A variable to differentiate by.
+
+    Numbers of UFL's own enter the signature of an expression, so that it would be compiled anew in
+    every program.
+    """
+    return ufl.classes.Variable(e, ufl.classes.Label(_FIRST_LABEL + number))
+
+
+class Symbols:
+    """Symbols for jump, traction, normal, gap, augmentation parameter and named fields.
+
+    Args:
+        dim: 2 or 3.
+        given: names of the fields of the law itself.
+        keeps: of what memory may keep for it.
+        memory: those that memory gives beside them (`from_memory`).
+        local: whether the law sees its point alone; else the last field is `AROUND`.
+
+    Attributes:
+        names: of all fields, in the order of their columns.
+        w: the values of everything, cell by cell.
+        jump, traction, n: vectors.
+        fields: scalars, by `names`.
+    """
+
+    def __init__(
+        self,
+        dim: int,
+        given: Iterable[str],
+        keeps: Iterable[str],
+        memory: Iterable[str],
+        *,
+        local: bool,
+    ):
+        self._dim, self._given, self._keeps = dim, list(given), list(keeps)
+        self.names = [*self._given, *memory, *([] if local else [AROUND])]
+        points = mesh.create_interval(MPI.COMM_SELF, CHUNK, (0.0, 1.0))
+        width = 3 * dim + 2 + len(self.names)
+        element = basix.ufl.element("DG", "interval", 0, shape=(width,))
+        self.w = w = fem.Function(fem.functionspace(points, element))
+        self.jump, self.traction, self.n = (
+            variable(ufl.as_vector([w[i * dim + k] for k in range(dim)]), i) for i in range(3)
+        )
+        columns = range(3 * dim + 2, width)
+        self.fields = [variable(w[column], 3 + i) for i, column in enumerate(columns)]
+        self._known = dict(zip(self.names, self.fields, strict=True))
+
+    @property
+    def of_the_law(self) -> dict[str, Any]:
+        """Its own fields by name."""
+        return {name: self._known[name] for name in self._given}
+
+    @property
+    def point(self) -> ContactPoint:
+        """The point that a law sees."""
+        gap, r = self.w[3 * self._dim], self.w[3 * self._dim + 1]
+        point = ContactPoint(self.jump, self.traction, self.n, gap, r, self._dim)
+        # What a law does not look at may be anything.
+        slid, step = (self._known.get(name, 0.0) for name in (SLID, STEP))
+        return replace(
+            point,
+            slid=slid + ufl.sqrt(ufl.dot(point.u_t, point.u_t)),
+            around=self._known.get(AROUND),
+            before=ufl.as_vector([self._known.get(name, 0.0) for name in before(self._dim)]),
+            step=ufl.as_ufl(step),
+            slid_before=slid,
+            kept={name: self._known.get(name, ufl.as_ufl(0.0)) for name in self._keeps},
+        )
+
+    def used(self, expressions: Iterable[Any]) -> list[str]:
+        """Which of what memory may give occurs in expressions; of a vector all or nothing."""
+        nodes = set(unique_pre_traversal(ufl.as_vector(list(expressions))))
+        found = {name for name, symbol in self._known.items() if symbol in nodes}
+        jump = before(self._dim)
+        found |= set(jump) if found & set(jump) else set()
+        return [name for name in from_memory(self._dim, self._keeps) if name in found]

@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Whether the law of a surface is one, with fields and memory as they are."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dolfinx_contact._errors import require
+from dolfinx_contact.laws.law import obeys
+from dolfinx_contact.points.surface import ContactSurface
+
+__all__ = ["check_law", "check_time"]
+
+
+def check_law(s: ContactSurface, where: str = "") -> None:
+    """Raise ``ValueError`` if a surface has no law with the fields as they are. Collective.
+
+    They must be finite and of the sign that the law asks for, and no radius of a friction disc
+    negative; and the law must have what it needs, under the memory that stands.
+    """
+    check_time(s)
+    fields = s.points.data.fields
+    for name, values in fields.items():
+        what = f"{name} of {s.law.name}{where}"
+        require(s.comm, bool(np.isfinite(values).all()), f"{s.name}: NaN in the {what}")
+        sign = s.law.sign(name)
+        words = {"positive": "not positive:", "fraction": "not between 0 and 1:"}
+        good = bool(obeys(sign, values).all())
+        require(s.comm, good, f"{s.name}: {words.get(sign, 'negative')} {what}")
+    at_rest = np.zeros_like(s.points.data.n)
+    radius = s.law_at_points(at_rest, at_rest, s.data).unit_bound
+    message = f"{s.name}: the law {s.law.name} has a negative radius{where}"
+    require(s.comm, not bool((radius < -1e-14).any()), message)
+
+
+def check_time(s: ContactSurface) -> None:
+    """Raise ``ValueError`` if the law lacks something, with the memory that stands. Collective.
+
+    See `Law.lacks`.
+    """
+    history = s.memory is not None and s.memory.step > 0
+    lack = s.law.lacks(history=history)
+    kind = "in a history" if history else "statically"
+    require(s.comm, not lack, f"{s.name}: {kind} the law {s.law.name} lacks {lack}")
