@@ -7,6 +7,7 @@ import demo_bar
 import demo_mindlin
 import demo_peeling
 import demo_pull_out
+import demo_refrigerator
 import demo_two_blocks
 import numpy as np
 import pytest
@@ -190,3 +191,17 @@ def test_peeling_as_a_beam(folder):
         summary = peeling(folder / str(n), f"--n={n}")
         assert summary["turn"] == pytest.approx(1.0, abs=0.01)
         assert summary["crack_over_peeled"] == pytest.approx(1.0, abs=0.05)
+def test_the_refrigerator(folder):
+    """Creeps at the velocity of the closed form; Coulomb's friction holds it for a year."""
+    summary = demo_refrigerator.main(["--n=2", f"--output={folder}"])
+    assert abs(summary["coulomb"]) < 1e-6
+    for shape in ("tanh", "sqrt"):
+        for row in summary[shape]:
+            assert row["speed"] == pytest.approx(row["exact"], rel=1e-8)
+            assert row["metres"] == pytest.approx(row["exact"] * demo_refrigerator.YEAR, rel=0.01)
+            # What the weight had spread is relieved as well.
+            assert row["dissipated"] == pytest.approx(5.0 * row["metres"], rel=1e-3, abs=2e-4)
+    assert row["metres"] > 6
+    assert (folder / "creep.png").exists()
+    with pytest.raises(SystemExit):
+        demo_refrigerator.main(["--force=300", f"--output={folder}"])
