@@ -191,6 +191,8 @@ def test_peeling_as_a_beam(folder):
         summary = peeling(folder / str(n), f"--n={n}")
         assert summary["turn"] == pytest.approx(1.0, abs=0.01)
         assert summary["crack_over_peeled"] == pytest.approx(1.0, abs=0.05)
+
+
 def test_the_refrigerator(folder):
     """Creeps at the velocity of the closed form; Coulomb's friction holds it for a year."""
     summary = demo_refrigerator.main(["--n=2", f"--output={folder}"])

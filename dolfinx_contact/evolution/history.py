@@ -19,7 +19,7 @@ class EvolutionStep:
     """An accepted step.
 
     Attributes:
-        number: from 1.
+        number: from 1, over all runs of the evolution.
         start: time at its start.
         time: at its end.
         result: tables, resultants and checks of its end.

@@ -13,13 +13,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from dolfinx_contact._errors import everywhere
 from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.evolution.history import EvolutionStep, History, NoContinuation
 from dolfinx_contact.evolution.nscd import NSCD
 from dolfinx_contact.evolution.run import Evolution, Observer
-from dolfinx_contact.evolution.standing import AtJump, Recorder
+from dolfinx_contact.evolution.standing import AtJump, Recorder, Standing
 
 __all__ = ["QuasiStatic"]
 
@@ -149,10 +150,11 @@ class QuasiStatic(Evolution):
             if motion.problem.u is not self.problem.u:
                 raise ValueError("the motion is that of another body")
         assert before is not None
-        self.put(before)
-        with everywhere(comm, f"the load at the time {time:g}"):
-            self.load(time)
+        standing = Standing(before, math.inf, self._rate, self._number)
+        self.put(standing)
         try:
+            with everywhere(comm, f"the load at the time {time:g}"):
+                self.load(time)
             history = motion.settle(most, rest=rest, progress=False)
             if not history.complete:
                 raise NoContinuation(f"the body moves on: {history.reason}", history)
@@ -164,8 +166,9 @@ class QuasiStatic(Evolution):
                 a.damage + b.damage,
             )
             memory = motion.memory
-            self.put(self.recalled(time, memory, energies, first=False))
+            moment = self.recalled(time, memory, energies, first=False)
+            self.put(replace(standing, moment=moment, rate=None))
         except BaseException:
-            self.put(before)
+            self.put(standing)
             raise
         return history

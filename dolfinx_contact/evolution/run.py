@@ -77,6 +77,7 @@ class Evolution:
         self.problem, self.load = problem, load
         self._moment: Moment | None = None
         self._rate: float | None = None
+        self._number = 0
 
     def _through(
         self,
@@ -123,7 +124,7 @@ class Evolution:
         elif not comm.allreduce(int(moment.data.stands()), op=MPI.MIN):
             # Data that were changed between two runs are those of the next.
             moment = replace(moment, data=GivenData(self.problem.equations))
-        standing = Standing(moment, task.longest, self._rate)
+        standing = Standing(moment, task.longest, self._rate, self._number)
         if record is not None:
             stepper.put(standing.moment)
             record.begin(task, standing)
@@ -152,10 +153,11 @@ class Evolution:
         stepper = self._stepper(progress)
         return self._go(stepper, task, standing, accept, observer, record, progress)
 
-    def put(self, moment: Moment) -> None:
-        """Put the evolution at a state of it, from which the next `run` goes on. Collective."""
-        self._moment = moment
-        self._stepper(None).put(moment)
+    def put(self, standing: Standing) -> None:
+        """Put the evolution where a run of it ended, from which the next goes on. Collective."""
+        self._moment, self._rate = standing.moment, standing.rate
+        self._number = standing.number
+        self._stepper(None).put(standing.moment)
 
     def recalled(
         self, time: float, memory: Sequence[Memory | None], energies: Energies, *, first: bool
@@ -194,7 +196,7 @@ class Evolution:
         except _Ended as ended:
             history.reason, failure = str(ended), ended
         finally:
-            self._moment, self._rate = run.moment, run.rate
+            self._moment, self._rate, self._number = run.moment, run.rate, run.number
             stepper.put(run.moment)
             said.end(history)
         if record is not None:
@@ -236,6 +238,11 @@ class _Run:
     def begin(self, taken: Taken) -> None:
         """Accept a step that was taken."""
         self._accept(Forked(taken))
+
+    @property
+    def number(self) -> int:
+        """Of the last step."""
+        return self._before + len(self.history.steps)
 
     def to(self, end: float) -> None:
         """Go on to a time."""
@@ -286,7 +293,7 @@ class _Run:
 
     def _step(self, taken: Taken, jump: bool, ways: int | None = None) -> EvolutionStep:
         return EvolutionStep(
-            self._before + len(self.history.steps) + 1,
+            self.number + 1,
             taken.before.time,
             taken.after.time,
             taken.result,

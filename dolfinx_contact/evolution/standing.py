@@ -42,7 +42,7 @@ class Standing:
         moment: the last accepted state.
         length: no longer is the next step.
         rate: of the state in the last step; None before the first.
-        number: of the last step; 0 before the first.
+        number: of the last step, over all runs of the evolution; 0 before the first.
         settled: whether it says how the run goes on. It does not in the midst of steps that were
             found together, up to a jump.
     """

@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import os
+import re
+import shutil
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,12 +14,12 @@ import numpy as np
 
 from dolfinx import fem
 
-from dolfinx_contact._errors import everywhere, same_everywhere
+from dolfinx_contact._errors import everywhere, on_root, same_everywhere
 from dolfinx_contact.output.disk import aside
 from dolfinx_contact.output.fields import faces
 from dolfinx_contact.output.folder import output_folder
 from dolfinx_contact.output.script import write_script
-from dolfinx_contact.output.table import write_rows
+from dolfinx_contact.output.table import GrowingTable
 from dolfinx_contact.output.writers import Format, Series, checked_format, see_room, series
 
 if TYPE_CHECKING:
@@ -25,6 +27,8 @@ if TYPE_CHECKING:
     from dolfinx_contact.problem import ContactProblem
 
 __all__ = ["EvolutionSeries"]
+
+_TABLE = "steps.csv"
 
 
 class EvolutionSeries:
@@ -34,8 +38,10 @@ class EvolutionSeries:
     ``evolution_contact_NAME.bp``) the fields of a contact surface, ``..._opposite.bp`` those of the
     master of a pair, over the time of the evolution; ``steps.csv`` is the table of steps. With
     ``format="vtk"`` it is ``evolution_body.pvd`` and a folder of ``.vtu``, ... ``paraview.py``
-    beside them shows them. Files of before are replaced when the context ends, also if the
-    evolution ended in an error: then by the steps up to there.
+    beside them shows them. Files of before are removed when the first step is accepted, or when the
+    context ends without one. Every row of the table is on the disk before the next step is
+    computed; fields are in their place when the context ends, also if the evolution ended in an
+    error: then up to there. `EvolutionRecord` has the fields of a run that is killed.
 
     Args:
         folder: where to, made if need be.
@@ -49,7 +55,8 @@ class EvolutionSeries:
     Raises:
         OSError: on every rank, with the path and the reason, if the folder cannot be written to,
             or has no room.
-        ValueError: on every rank, if the format cannot be written or arguments differ.
+        ValueError: on every rank, if the format cannot be written or arguments differ; from a run
+            whose observer it is outside of its context.
 
     Example:
         ::
@@ -76,17 +83,27 @@ class EvolutionSeries:
         self._faces = faces(problem)
         self._shown: list[list[fem.Function]] = []
         self._opened: list[Series] = []
-        self._steps: list[EvolutionStep] = []
+        self._stack: ExitStack | None = None
         self.files: list[Path] = []
 
     def __enter__(self) -> EvolutionSeries:
+        self._shown, self._opened, self._count = [], [], 0
+        self._table = GrowingTable(self._comm, self._folder / _TABLE)
         self._stack = ExitStack()
         self._part = self._stack.enter_context(aside(self._comm, self._folder, "evolution"))
         return self
 
     def __call__(self, step: EvolutionStep) -> None:
-        self._steps.append(step)
-        if (len(self._steps) - 1) % self._every:
+        if self._stack is None:
+            raise ValueError(
+                "an EvolutionSeries writes in its context alone: with EvolutionSeries(...) as "
+                "series: evolution.run(times, observer=series)"
+            )
+        if self._count == 0:
+            self._forget()
+        self._table.add(step.row())
+        self._count += 1
+        if (self._count - 1) % self._every:
             return
         fields = [[self._problem.u], *(list(f.fields().values()) for f in self._faces)]
         first = not self._shown
@@ -106,10 +123,28 @@ class EvolutionSeries:
             each.write(step.time)
 
     def __exit__(self, *_: object) -> None:
-        with self._stack:
+        assert self._stack is not None
+        stack, self._stack = self._stack, None
+        with stack:
             for each in self._opened:
                 each.close()
-            if self._steps:
-                write_rows(self._comm, self._part / "steps.csv", [s.row() for s in self._steps])
+            if self._count:
                 write_script(self._comm, self._part, self._folder)
+            else:
+                self._forget()
         self.files = [self._folder / each.file.name for each in self._opened]
+
+    def _forget(self) -> None:
+        """Remove what a series of before has left in the folder. Collective."""
+        on_root(self._comm, lambda: _remove_series(self._folder))
+
+
+def _remove_series(folder: Path) -> None:
+    """Remove the files that a series writes, on this rank alone."""
+    (folder / _TABLE).unlink(missing_ok=True)
+    for path in folder.glob("evolution_*"):
+        if re.fullmatch(r"evolution_(body|contact.*)(\.bp|\.pvd)?", path.name):
+            if path.is_dir():
+                shutil.rmtree(path)
+            else:
+                path.unlink()

@@ -11,6 +11,7 @@ jump, are computed once more, must coincide with the record, and are not recorde
 from __future__ import annotations
 
 import logging
+import math
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
@@ -259,7 +260,7 @@ class EvolutionRecord(ProblemRecord[EvolutionJournal]):
         if run.reason:
             self._index = len(states) - 1
             self._last = self._moment(self._index)
-            self.evolution.put(self._last)
+            self.evolution.put(self._standing_at(self._index, math.inf))
             history = History(self._last.time, self._last.energies)
             history.reason, history.complete = run.reason, run.complete
             return history
@@ -284,10 +285,20 @@ class EvolutionRecord(ProblemRecord[EvolutionJournal]):
                 continue
             break
         self._index, self._last = index, moment
-        if index == run.after:
-            return Standing(moment, task.longest)
-        found = states[index]
-        return Standing(moment, found["length"], found["rate"], found["number"])
+        return self._standing_at(index, task.longest if index == run.after else None)
+
+    def _standing_at(self, index: int, length: float | None) -> Standing:
+        """Where a run stood at a state, which is `_last`.
+
+        Args:
+            index: of the state.
+            length: no longer is the next step; None for what the run had found.
+        """
+        assert self._last is not None
+        state = self.journal.states[index]
+        longest = state["length"] if length is None else length
+        # The start is no step.
+        return Standing(self._last, longest, state.get("rate"), state.get("number", 0))
 
     def _moment(self, index: int) -> Moment:
         """A recorded state, put into the problem. Collective.

@@ -15,10 +15,11 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.output.disk import write_text
+from dolfinx_contact._errors import on_root
+from dolfinx_contact.output.disk import os_error, write_text
 from dolfinx_contact.results.tables import ContactTable
 
-__all__ = ["ADHESION", "COLUMNS", "write_contact_table", "write_rows"]
+__all__ = ["ADHESION", "COLUMNS", "GrowingTable", "write_contact_table", "write_rows"]
 
 COLUMNS = [
     *("surface", "x", "y", "z", "un", "ut", "ut_x", "ut_y", "ut_z", "rn", "rt", "rt_x", "rt_y"),
@@ -103,11 +104,54 @@ def write_rows(
     def text() -> str:
         if not rows:
             raise ValueError(f"there are no rows for {file}")
-        stream = io.StringIO()
-        names = list(rows[0])
-        writer = csv.DictWriter(stream, names, extrasaction="ignore", lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
-        return stream.getvalue()
+        return _csv(list(rows[0]), rows, head=True)
 
     write_text(comm, Path(file), text)
+
+
+class GrowingTable:
+    """Rows as CSV, each on the disk before the next one is known. Collective.
+
+    The keys of the first row are the head; what is not in that is left out. A file of before is
+    replaced by the first row.
+
+    Args:
+        comm: communicator.
+        file: the table.
+    """
+
+    def __init__(self, comm: MPI.Comm, file: str | os.PathLike[str]):
+        self._comm, self._file = comm, Path(file)
+        self._names: list[str] = []
+
+    def add(self, row: Mapping[str, Any]) -> None:
+        """Write a row, that of rank 0.
+
+        Raises:
+            OSError: on every rank, with the path, if it cannot be written.
+        """
+        first = not self._names
+        self._names = self._names or list(row)
+
+        def append() -> None:
+            try:
+                with self._file.open("a", newline="") as stream:
+                    stream.write(_csv(self._names, [row]))
+                    stream.flush()
+                    os.fsync(stream.fileno())
+            except OSError as error:
+                raise os_error(error, self._file) from error
+
+        if first:
+            write_text(self._comm, self._file, lambda: _csv(self._names, [row], head=True))
+        else:
+            on_root(self._comm, append)
+
+
+def _csv(names: Sequence[str], rows: Sequence[Mapping[str, Any]], *, head: bool = False) -> str:
+    stream = io.StringIO()
+    writer = csv.DictWriter(stream, list(names), extrasaction="ignore", lineterminator="\n")
+    if head:
+        writer.writeheader()
+    writer.writerows(rows)
+    return stream.getvalue()
