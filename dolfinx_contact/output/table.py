@@ -44,7 +44,8 @@ def write_contact_table(
     """Write ``folder/contact.csv``, a row a contact point, surface by surface. Collective.
 
     Where a law has adhesion `ADHESION` follows: its part of ``rn`` and ``rt``, its intensity, and
-    the letter of the bond; surfaces without it have blanks there.
+    the letter of the bond; where a law depends on it ``slid``, the distance slipped. Surfaces that
+    have none have blanks there.
 
     Forces, pressure and shear are those of contact; what Dirichlet data do to the body at a contact
     node is in the last columns.
@@ -54,9 +55,11 @@ def write_contact_table(
     """
     known = list(tables)
     adhesive = any(t.beta is not None for t in known)
+    slides = any(t.slid is not None for t in known)
 
     def text() -> str:
-        lines = [",".join([*COLUMNS, *(ADHESION if adhesive else [])])]
+        more = [*(ADHESION if adhesive else []), *(["slid"] if slides else [])]
+        lines = [",".join([*COLUMNS, *more])]
         for t in known:
             bonds = _bonds(t) if adhesive else [[]] * len(t.letters)
             numbers = np.column_stack(
@@ -75,6 +78,8 @@ def write_contact_table(
             support = _padded(t.support)
             for i, letter in enumerate(t.letters):
                 row = [t.name, *_written(numbers[i]), str(letter), *_written(support[i]), *bonds[i]]
+                if slides:
+                    row += [""] if t.slid is None else _written(t.slid[i : i + 1])
                 lines.append(",".join(row))
         return "\n".join(lines) + "\n"
 

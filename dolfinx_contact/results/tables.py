@@ -23,6 +23,7 @@ from dolfinx_contact.equations.order import by_coordinates
 from dolfinx_contact.equations.state import ContactState, State
 from dolfinx_contact.laws import status
 from dolfinx_contact.laws.status import STICK, closed, without_damage
+from dolfinx_contact.points.memory import slid_after
 from dolfinx_contact.points.surface import ContactSurface
 from dolfinx_contact.results.balance import forces_at_vertices
 
@@ -57,6 +58,7 @@ class ContactTable:
         bond: one letter a point: i where the bond is as it was before the step, d where it lost
             strength in it, r where it recovers, b where it is broken; None likewise.
         axisymmetric: whether forces and areas are those of a body of revolution.
+        slid: distance slipped, in an evolution all the way, of a law that depends on it; else None.
     """
 
     name: str
@@ -77,6 +79,7 @@ class ContactTable:
     adhesion: npt.NDArray[np.float64] | None = None
     bond: npt.NDArray[np.str_] | None = None
     axisymmetric: bool = False
+    slid: npt.NDArray[np.float64] | None = None
 
     def resultant(self, forces: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """The sum of forces (n, dim) at the points; of a body of revolution its axial part.
@@ -179,6 +182,8 @@ def contact_table(
         columns["beta"], columns["bond"] = beta, bond
         force = found.answers.bond("traction") * area[:, None]
         columns["adhesion"] = np.where((letters == "d")[:, None], 0.0, force)
+    if s.law_at_points.compiled.knows_slip:
+        columns["slid"] = slid_after(found.data, found.jump, found.statuses)
     columns["ids"] = s.points.ids
     gathered = {k: np.concatenate(s.comm.allgather(v)) for k, v in columns.items()}
     order = by_coordinates(gathered["x"], gathered.pop("ids"))
