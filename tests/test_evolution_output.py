@@ -1,12 +1,17 @@
 """What histories leave on the disk: series, tables, animations."""
 
+import itertools
+
 from mpi4py import MPI
 
 import numpy as np
 import pytest
 from recorded_evolution import pair
+from test_evolution import cycle, dragged
 
 from dolfinx_contact import output
+from dolfinx_contact.evolution import QuasiStatic
+from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.output import EvolutionRecord, EvolutionSeries
 
 COMM = MPI.COMM_WORLD
@@ -105,3 +110,96 @@ def test_numbers_in_a_record(folder):
     assert [s.number for s in history.steps] == [2, 3]
     assert [row["step"] for row in output.read_evolution(folder).rows()] == [1, 2, 3]
     assert np.all(np.diff([s.time for s in history.steps]) > 0)
+
+
+def test_tables_of_any_step(folder):
+    """In one call, and bit by bit what the step had; the problem stays where it is."""
+    evolution = pair(COMM, n=2)
+    problem = evolution.problem
+    with EvolutionRecord(folder / "record", evolution) as record:
+        history = evolution.run(TIMES, record=record)
+        before = [f.x.array.copy() for f in problem.fields], problem.equations.memory
+        now = problem.table(problem.surfaces[0])
+        for step in (history.steps[1], history.steps[-1]):
+            record.write_contact(folder / "found", step.number)
+            output.write_contact_table(COMM, folder, step.result.tables.values())
+            found, wanted = (lines(path / "contact.csv") for path in (folder / "found", folder))
+            assert found[0] == wanted[0]
+            for a, b in zip(found[1:], wanted[1:], strict=True):
+                a, b = (row.split(",") for row in (a, b))
+                assert (a[0], a[16]) == (b[0], b[16])
+                numbers = ([float(v) for v in row[1:16] + row[17:]] for row in (a, b))
+                np.testing.assert_allclose(*numbers, rtol=1e-10, atol=1e-12)
+        for values, f in zip(before[0], problem.fields, strict=True):
+            np.testing.assert_array_equal(values, f.x.array)
+        assert problem.equations.memory == before[1]
+        assert problem.table(problem.surfaces[0]).status == now.status
+        assert evolution.run([3.0, 4.0], record=record).complete
+        for bad in (-1, 99, 1.5, None):
+            with pytest.raises(ValueError, match="are recorded, not"):
+                record.write_contact(folder, bad)
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    """A history of two blocks, and its record."""
+    evolution = pair(COMM, n=2)
+    folder = COMM.bcast(tmp_path_factory.mktemp("record") if COMM.rank == 0 else None)
+    with EvolutionRecord(folder / "record", evolution) as record:
+        evolution.run(TIMES, record=record)
+        yield record
+
+
+def test_an_animation(folder, recorded):
+    """As many pictures as steps, of one size, that differ and are no blanks."""
+    from PIL import Image, ImageSequence
+
+    problem = recorded.problem
+    before = problem.u.x.array.copy()
+    stress = LinearElastic.from_young(1e3, 0.3).full_stress(problem.u)
+    look = dict(stress=stress, scale=5.0, rate=5.0, steps=[0, 1, len(recorded.journal.states) - 1])
+    file = output.animate(folder / "blocks.gif", recorded, **look)
+    assert file == folder / "blocks.gif"
+    np.testing.assert_array_equal(problem.u.x.array, before)
+    with Image.open(file) as animation:
+        seen = [np.asarray(f.convert("RGB"), int) for f in ImageSequence.Iterator(animation)]
+        assert animation.info["duration"] == 200
+    assert len(seen) == 3
+    for a, b in itertools.pairwise(seen):
+        assert a.shape == b.shape
+        assert (np.abs(a - b).max(axis=2) > 30).sum() > 100
+        assert a.mean() > 50
+        assert len(np.unique(a.reshape(-1, 3), axis=0)) > 20
+
+
+def test_animations_that_cannot_be(folder, recorded, monkeypatch):
+    for given, message in (
+        ({"file": "a.avi"}, "animations are .gif or .mp4, not a.avi"),
+        ({"rate": 0.0}, "the rate must be a positive number"),
+        ({"steps": []}, "there are no steps"),
+        ({"steps": [99]}, "are recorded, not 99"),
+        ({"scale": np.nan}, "scale of the displacement"),
+        *([({"rate": 1.0 + COMM.rank}, "rate differs")] if COMM.size > 1 else []),
+    ):
+        known = {"file": "a.gif"} | given
+        with pytest.raises(ValueError, match=message):
+            output.animate(folder / known.pop("file"), recorded, **known)
+    monkeypatch.setattr("dolfinx_contact.output.animation.find_spec", lambda name: None)
+    for suffix, package in ((".mp4", "imageio-ffmpeg"), (".gif", "pillow")):
+        with pytest.raises(ModuleNotFoundError, match=f"{suffix} needs .* pip install {package}"):
+            output.animate(folder / f"a{suffix}", recorded)
+    assert names(folder) == []
+
+
+@pytest.mark.chatty
+def test_an_animation_in_space(folder):
+    from PIL import Image
+
+    problem, top = dragged("hex", n=2)
+    evolution = QuasiStatic(problem, cycle(top))
+    with EvolutionRecord(folder / "record", evolution) as record:
+        evolution.run([0.0, 1.0, 3.0], record=record)
+        file = output.animate(folder / "block.gif", record, steps=[1, 2], scale=10.0)
+    with Image.open(file) as animation:
+        assert animation.n_frames == 2
+        assert np.asarray(animation.convert("RGB")).mean() > 50

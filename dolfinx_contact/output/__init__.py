@@ -13,6 +13,8 @@ from dolfinx_contact.output.curves import (
     draw_regions,
     draw_solutions,
 )
+from dolfinx_contact.output.animation import animate
+from dolfinx_contact.output.curves import draw_chart, draw_convergence, draw_curves, draw_regions
 from dolfinx_contact.output.diagrams import draw_diagram
 from dolfinx_contact.output.evolution import EvolutionSeries
 from dolfinx_contact.output.evolution_journal import EvolutionJournal, read_evolution
@@ -45,6 +47,7 @@ __all__ = [
     "Journal",
     "Progress",
     "Report",
+    "animate",
     "draw_chart",
     "draw_convergence",
     "draw_curves",

@@ -13,7 +13,8 @@ from __future__ import annotations
 import logging
 import math
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict
 from typing import Any
 
@@ -29,8 +30,10 @@ from dolfinx_contact.evolution.run import Evolution
 from dolfinx_contact.evolution.standing import Standing, Task
 from dolfinx_contact.output.at_points import AtPoints
 from dolfinx_contact.output.evolution_journal import EvolutionJournal, EvolutionRun
+from dolfinx_contact.output.folder import output_folder
 from dolfinx_contact.output.identity import identity
 from dolfinx_contact.output.problem_record import ProblemRecord
+from dolfinx_contact.output.table import write_contact_table
 
 __all__ = ["EvolutionRecord"]
 
@@ -333,11 +336,44 @@ class EvolutionRecord(ProblemRecord[EvolutionJournal]):
         Raises:
             ValueError: on every rank, if there is none, or it is damaged.
         """
+        same_everywhere(self.comm, index=index)
         last = len(self.journal.states) - 1
-        require(self.comm, 0 <= index <= last, f"steps 0 to {last} are recorded, not {index}")
+        known = isinstance(index, int | np.integer) and 0 <= index <= last
+        require(self.comm, known, f"steps 0 to {last} are recorded, not {index}")
         if index == 0:
             self._moment(0)
             return
-        before = self._moment(index - 1).memory
-        self._moment(index)
-        self.problem.equations.remember(before)
+        before = self._moment(index - 1)
+        step = self._moment(index).time - before.time
+        later = [None if m is None else m.later(step) for m in before.memory]
+        self.problem.equations.remember(later)
+
+    @contextmanager
+    def looking(self) -> Iterator[None]:
+        """Put back at the end what stands in the problem, whatever was shown. Collective."""
+        eq = self.problem.equations
+        memory, data = eq.memory, GivenData(eq)
+        try:
+            with self.problem.restored(always=True):
+                yield
+        finally:
+            eq.remember(memory)
+            data.restore()
+
+    def write_contact(self, folder: str | os.PathLike[str], index: int) -> None:
+        """Write the contact points of a recorded state, ``folder/contact.csv``. Collective.
+
+        The problem stays as it is.
+
+        Args:
+            folder: where to, made if need be.
+            index: of the step; 0 is the start.
+
+        Raises:
+            OSError: on every rank, with the path, if it cannot be written.
+            ValueError: on every rank, if there is no such step, or it is damaged.
+        """
+        with self.looking():
+            self.show(index)
+            tables = [self.problem.table(s) for s in self.problem.surfaces]
+        write_contact_table(self.comm, output_folder(self.comm, folder), tables)

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from dolfinx_contact.points.surface import ContactSurface
     from dolfinx_contact.problem import ContactProblem
 
-__all__ = ["picture_of_body", "picture_of_contact"]
+__all__ = ["body_seen", "draw", "picture_of_body", "picture_of_contact"]
 
 logger = logging.getLogger(__name__)
 
@@ -78,9 +78,19 @@ def picture_of_body(
         ValueError: on every rank, if the stress is not 3 x 3 or of another mesh, the scale is not
             finite, or arguments differ between ranks.
     """
+    path = agreed_path(problem.comm, file, "file")
+    return draw(problem.comm, *body_seen(problem, stress, scale, title), path)
+
+
+def body_seen(
+    problem: ContactProblem, stress: Any, scale: float, title: str | None
+) -> tuple[str, dict[str, Any]]:
+    """What a picture of the body shows, for rank 0: its kind and data. Collective.
+
+    Arguments and errors are those of `picture_of_body`.
+    """
     u = problem.u
     domain, comm = u.function_space.mesh, problem.comm
-    path = agreed_path(comm, file, "file")
     check_scale(comm, scale)
     check_stress(problem, stress)
     tdim = domain.topology.dim
@@ -109,7 +119,7 @@ def picture_of_body(
         data["obstacle_cells"] = [p["cells"] for p in rigid]
         data["obstacle_x"] = [_in_space(p["floor"] + scale * p["moved"]) for p in rigid]
         data["obstacle_normals"] = [_in_space(p["n"]) for p in rigid]
-    return _draw(comm, f"body_{tdim}d", data, path)
+    return f"body_{tdim}d", data
 
 
 def picture_of_contact(
@@ -171,7 +181,7 @@ def picture_of_contact(
         data["shear"] = shear if s.dim == 3 else shear[:, 0]
         codes = np.bincount(seen["status"].astype(int), minlength=len(set(STATUS_CODES.values())))
         data["counts"] = codes
-    return _draw(s.comm, f"contact_{s.dim}d", data, path)
+    return draw(s.comm, f"contact_{s.dim}d", data, path)
 
 
 # -- what is seen --------------------------------------------------------------------------------
@@ -261,9 +271,19 @@ def _flat_axes(n: npt.NDArray[np.float64], dim: int) -> tuple[npt.NDArray[np.flo
 # -- drawing -------------------------------------------------------------------------------------
 
 
-def _draw(comm: MPI.Comm, kind: str, data: Mapping[str, Any], file: Path) -> Path | None:
-    """Draw on rank 0; whether it worked is known on every rank. Collective."""
-    failure = _draw_apart(kind, data, file) if comm.rank == 0 else None
+def draw(
+    comm: MPI.Comm, kind: str, data: Mapping[str, Any], file: Path, *, count: int = 1
+) -> Path | None:
+    """Draw on rank 0; whether it worked is known on every rank. Collective.
+
+    Args:
+        comm: communicator.
+        kind: of picture, in `render.py`.
+        data: that it shows, of rank 0.
+        file: the picture.
+        count: of pictures in the file, each of which has its time.
+    """
+    failure = _draw_apart(kind, data, file, _SECONDS * count) if comm.rank == 0 else None
     failure = comm.bcast(failure)
     if failure is None:
         return file
@@ -272,13 +292,14 @@ def _draw(comm: MPI.Comm, kind: str, data: Mapping[str, Any], file: Path) -> Pat
     return None
 
 
-def _draw_apart(kind: str, data: Mapping[str, Any], file: Path) -> str | None:
+def _draw_apart(kind: str, data: Mapping[str, Any], file: Path, seconds: float) -> str | None:
     """Draw in a process of its own; why it failed, or None."""
+    in_space = "body_3d" in (kind, data.get("kind"))
     part = file.with_name(f".{file.stem}.part{file.suffix}")
     program = [sys.executable, str(Path(__file__).with_name("render.py")), kind, str(part)]
     try:
         # A file and no pipe: PETSc takes the SIGPIPE of a reader that dies for an error of its own.
-        with tempfile.TemporaryFile() as stream, _display(needed=kind == "body_3d") as environment:
+        with tempfile.TemporaryFile() as stream, _display(needed=in_space) as environment:
             pickle.dump(dict(data), stream)
             stream.seek(0)
             done = subprocess.run(
@@ -286,7 +307,7 @@ def _draw_apart(kind: str, data: Mapping[str, Any], file: Path) -> str | None:
                 stdin=stream,
                 env=environment,
                 capture_output=True,
-                timeout=_SECONDS,
+                timeout=seconds,
                 check=False,
             )
         if done.returncode == 0:
@@ -296,7 +317,8 @@ def _draw_apart(kind: str, data: Mapping[str, Any], file: Path) -> str | None:
         return str(error)
     finally:
         with suppress(OSError):  # the reason is known by then
-            part.unlink(missing_ok=True)
+            for left in file.parent.glob(f"{part.name}*"):
+                left.unlink()
     said = done.stderr.decode(errors="replace").strip().splitlines()
     if done.returncode < 0:
         return (

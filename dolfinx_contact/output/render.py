@@ -236,6 +236,7 @@ def body_2d(data: Data, file: str) -> None:
     length, height = np.ptp(x, axis=0)
     bands = _bands(data, 0.04 * np.hypot(length, height))
     seen = np.concatenate([x, *(band.reshape(-1, 2) for band in bands)])
+    seen = data["reach"][:, :2] if "reach" in data else seen
     low, high = seen.min(axis=0), seen.max(axis=0)
     margin = 0.03 * (high - low).max()
     wide, tall = high - low + 2 * margin
@@ -246,9 +247,9 @@ def body_2d(data: Data, file: str) -> None:
     figure, axes = plt.subplots(figsize=size, layout="constrained")
     figure.suptitle(str(data["title"]), fontsize=13 if size[0] > 5 else 10, fontweight="bold")
     if "von_mises" in data:
-        shades = axes.tripcolor(
-            *x.T, triangles, data["von_mises"], shading="gouraud", cmap="Spectral_r"
-        )
+        look = dict(zip(("vmin", "vmax"), data.get("colours", ()), strict=False))
+        look |= dict(shading="gouraud", cmap="Spectral_r")
+        shades = axes.tripcolor(*x.T, triangles, data["von_mises"], **look)
         where = dict(location="bottom", shrink=0.6) if flat else dict(location="right", shrink=0.8)
         bar = figure.colorbar(shades, ax=axes, aspect=30, pad=0.02, **where)
         bar.set_label("von Mises stress")
@@ -337,8 +338,9 @@ def body_3d(data: Data, file: str) -> None:
     import pyvista
 
     pyvista.OFF_SCREEN = True
-    body = _surface(data["x"], data["cells"])
-    centre, size = np.array(body.center), body.length
+    body, reach = _surface(data["x"], data["cells"]), data.get("reach", data["x"])
+    box = pyvista.PolyData(reach)
+    centre, size = np.array(box.center), box.length
     plotter = pyvista.Plotter(off_screen=True, window_size=(1600, 1200), lighting="light kit")
     plotter.set_background("white")
     look: Data = dict(smooth_shading=True, split_sharp_edges=True, feature_angle=35)
@@ -349,6 +351,7 @@ def body_3d(data: Data, file: str) -> None:
         body.point_data["von_mises"] = data["von_mises"]
         bar = dict(title="", n_labels=5, fmt="%.3g", color=INK, label_font_size=26)
         bar |= dict(position_x=0.25, position_y=0.02, width=0.5, height=0.06)
+        look["clim"] = data.get("colours")
         plotter.add_mesh(body, cmap="Spectral_r", scalar_bar_args=bar, **look)
         plotter.add_text("von Mises stress", (0.437, 0.09), viewport=True, font_size=13, color=INK)
     else:
@@ -372,20 +375,38 @@ def body_3d(data: Data, file: str) -> None:
         patch = _floor(points, mean, size) if is_flat else _surface(points, cells)
         plotter.add_mesh(patch, color="#c9ced4", opacity=0.75, specular=0.0, ambient=0.25)
     up = up / np.linalg.norm(up) if np.linalg.norm(up) > 0.1 else np.eye(3)[2]
-    extent = np.ptp(data["x"], axis=0)
+    extent = np.ptp(reach, axis=0)
     along = np.eye(3)[np.argmax(extent * (1 - np.abs(up)))]
     along = (along - (along @ up) * up) / np.linalg.norm(along - (along @ up) * up)
     across = np.cross(up, along)
     eye = 0.5 * along - across + 0.33 * up
-    _frame(plotter, data["x"], centre + 2.3 * size * eye, up)
+    _frame(plotter, reach, centre + 2.3 * size * eye, up)
     plotter.enable_anti_aliasing("ssaa")
     plotter.add_text(str(data["title"]), position="upper_edge", font_size=16, color=INK)
     plotter.screenshot(file)
     plotter.close()
 
 
+def film(data: Data, file: str) -> None:
+    """Pictures of one kind one after the other, as many a second as are wanted: .gif or .mp4."""
+    from PIL import Image
+
+    frames = []
+    for frame in data["frames"]:
+        KINDS[data["kind"]](frame, f"{file}.png")
+        with Image.open(f"{file}.png") as picture:
+            frames.append(picture.convert("RGB").reduce(2))
+    if file.endswith(".mp4"):
+        from imageio import v2 as imageio
+
+        imageio.mimwrite(file, [np.asarray(f) for f in frames], fps=data["rate"])
+    else:
+        look: Data = dict(save_all=True, append_images=frames[1:], loop=0)
+        frames[0].save(file, duration=round(1000 / data["rate"]), **look)
+
+
 KINDS: dict[str, Callable[[Data, str], None]] = {
-    f.__name__: f for f in (body_2d, body_3d, contact_2d, contact_3d)
+    f.__name__: f for f in (body_2d, body_3d, contact_2d, contact_3d, film)
 }
 
 
