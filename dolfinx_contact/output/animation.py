@@ -24,7 +24,7 @@ __all__ = ["animate"]
 
 #: What writes files of a kind: module, and how it is installed.
 _WRITERS = {
-    ".gif": ("PIL", "pillow, or python3-pil of Debian"),
+    ".gif": ("imageio", "imageio, or python3-imageio of Debian"),
     ".mp4": ("imageio_ffmpeg", "imageio-ffmpeg; .gif does not need it"),
 }
 _SKIN = 0.04  # of the size, by which obstacles are thick in a picture
