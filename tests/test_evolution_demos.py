@@ -8,6 +8,7 @@ import demo_mindlin
 import demo_peeling
 import demo_pull_out
 import demo_refrigerator
+import demo_steel_concrete
 import demo_two_blocks
 import numpy as np
 import pytest
@@ -207,3 +208,28 @@ def test_the_refrigerator(folder):
     assert (folder / "creep.png").exists()
     with pytest.raises(SystemExit):
         demo_refrigerator.main(["--force=300", f"--output={folder}"])
+
+
+@pytest.mark.chatty
+def test_steel_in_concrete(folder, no_pictures):
+    """The bond breaks and leaves friction; of the work nothing is lost but by the steps."""
+    left = []
+    for steps in (4, 8):
+        words = ["--n=8", f"--steps={steps}", f"--output={folder}"]
+        summary = demo_steel_concrete.main(words)
+        slip, force, uniform = (summary[k] for k in ("slip", "force", "uniform"))
+        assert summary["normal"] == pytest.approx(400.0, rel=1e-8)
+        assert summary["plateau"] == pytest.approx(summary["plateau_closed_form"], rel=1e-3)
+        assert summary["plateau"] == pytest.approx(summary["friction_limit"], rel=0.01)
+        # Away from the peak, where the slip is uniform, all of the curve.
+        away = (slip < 0.05) | (slip > 0.2)
+        np.testing.assert_allclose(force[away], uniform[away], rtol=0.02)
+        assert 0.8 < summary["peak"] / uniform.max() < 0.95
+        broken = 1 - (0.1 / slip[-1]) ** 2
+        assert summary["damage"] == pytest.approx(broken * summary["work_of_bond"], rel=2e-3)
+        spent = (summary[k] for k in ("stored", "dissipated", "damage", "residue"))
+        assert sum(spent) == pytest.approx(summary["external"])
+        left.append(abs(summary["residue"]) / summary["external"])
+    assert left[1] < 0.6 * left[0] < 0.012
+    assert (folder / "pull_out.png").exists()
+    assert (folder / "steps.csv").read_text().count("\n") == 3 * 8 + 4 * 8
