@@ -6,10 +6,12 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
+from blocks import same_tables
 from recorded_evolution import pair
+from test_adhesion import C, W, along, bonded
 from test_evolution import cycle, dragged
 
-from dolfinx_contact import output
+from dolfinx_contact import RCCM, Coulomb, Regularised, output
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.output import EvolutionRecord, EvolutionSeries
@@ -138,6 +140,23 @@ def test_tables_of_any_step(folder):
         for bad in (-1, 99, 1.5, None):
             with pytest.raises(ValueError, match="are recorded, not"):
                 record.write_contact(folder, bad)
+
+
+def test_tables_of_a_law_that_knows_the_time(folder):
+    """Viscous damage, and creep, of the step that is looked at."""
+    laws = RCCM(C, C, W, viscosity=0.1), Regularised(Coulomb(0.3), speed=0.1)
+    for number, law in enumerate(laws):
+        problem, top = bonded(law=law)
+        evolution = QuasiStatic(problem, along(top, (0.02, -0.02), (0.3, -0.01)))
+        with EvolutionRecord(folder / str(number), evolution) as record:
+            history = evolution.run([0.0, 0.5, 1.0, 1.5, 2.0], record=record)
+            for step in history.steps:
+                record.show(step.number)
+                wanted, found = step.result.tables["contact"], problem.table(problem.surfaces[0])
+                same_tables(found, wanted)
+                if wanted.beta is not None:
+                    np.testing.assert_allclose(found.beta, wanted.beta, rtol=1e-10)
+    assert history.steps[0].result.counts["open"] == 0
 
 
 @pytest.fixture(scope="module")

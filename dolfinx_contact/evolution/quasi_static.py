@@ -6,7 +6,8 @@ since t_n (`points.memory`). At a step's start every point that slips is at the 
 that a solve begins with the statuses of the step before; where these do not hold the rate problem
 may have several solutions, or other ones (`forks`). If no step is found so the ladder of the static
 problem follows (`solvers.ladder`), whose last strategies follow the load from t_n to t_n+1 with the
-memory of t_n. Rate-independent friction does not know the time: it orders the loads.
+memory of t_n. Rate-independent friction does not know the time: it orders the loads; regularised
+friction resists the velocity, the slip over t_n+1 - t_n.
 """
 
 from __future__ import annotations

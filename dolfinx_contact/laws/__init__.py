@@ -26,6 +26,8 @@ direct solvers and multigrid, and along branches; some work with more:
 What is not called a number may be a Constant, a Function or UFL of these, and the parameter of
 a branch, which then goes by steps. A law of one's own has pivoting if what it answers is linear and
 all its borders meet at zero, in 2D; and *bounds* if it is a `FrictionLaw` with a `bound` alone.
+In histories `Regularised` asks for a ``speed``, and `NormalCompliance` may not have tangential
+springs, which forget.
 """
 
 from dolfinx_contact.laws.adhesion import RCCM
