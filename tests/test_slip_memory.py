@@ -97,7 +97,7 @@ def test_every_point_by_its_way(cell, given):
 def test_a_stiff_block():
     """T = mu(s) N against the way s, to the elastic slip; back and forth, what was lost stays."""
     residues = []
-    for n in (10, 20):
+    for n in (6, 12):
         problem, top = dragged(n=1, young=1e6)
         load = along(top, (0.0, -1e-5), (0.03, -1e-5), (0.0, -1e-5), (0.03, -1e-5))
         history = QuasiStatic(problem, load).run([0.0, *np.linspace(1.0, 4.0, 3 * n + 1)])
@@ -109,8 +109,8 @@ def test_a_stiff_block():
     # The work of friction, integrated; what the steps leave is of first order.
     spent = history.energies.dissipated - history.at(1.0).energies.dissipated
     closed = KINETIC * way + (STATIC - KINETIC) * D * (1 - np.exp(-way / D))
-    assert spent == pytest.approx(found[1] * closed, rel=0.01)
-    assert residues[1] < 0.6 * residues[0] < 0.06 * spent
+    assert spent == pytest.approx(found[1] * closed, rel=0.02)
+    assert residues[1] < 0.6 * residues[0] < 0.1 * spent
 
 
 def test_a_static_start_has_slipped(folder):
