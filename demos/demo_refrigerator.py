@@ -52,7 +52,7 @@ def arguments(argv=None):
 
 
 def year(args, law, comm):
-    """Mean slips at the ends of the steps, and the work of friction."""
+    """Mean slips at the start and at the ends of the steps, and the last step."""
     corners = [(0.0, 0.0), (WIDTH, HEIGHT)]
     square = mesh.CellType.quadrilateral
     domain = mesh.create_rectangle(comm, corners, (args.n, 3 * args.n), square)
