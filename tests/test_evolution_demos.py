@@ -4,6 +4,7 @@ from mpi4py import MPI
 
 import demo_adhesion
 import demo_bar
+import demo_indenter
 import demo_mindlin
 import demo_peeling
 import demo_pull_out
@@ -233,3 +234,29 @@ def test_steel_in_concrete(folder, no_pictures):
     assert left[1] < 0.6 * left[0] < 0.012
     assert (folder / "pull_out.png").exists()
     assert (folder / "steps.csv").read_text().count("\n") == 3 * 8 + 4 * 8
+def indenter(folder, *words):
+    """Forces of an indenter that is drawn off, in those of Johnson, Kendall and Roberts."""
+    summary = demo_indenter.main([*words, f"--output={folder}"])
+    bare, sticky = summary["without_recovery"], summary["with_recovery"]
+    # Nothing sticks without recovery, and nothing is lost.
+    assert abs(bare["pull_off"]) < 1e-9 * bare["most"]
+    assert bare["damage"] == 0
+    assert sticky["most"] == pytest.approx(bare["most"], rel=5e-3)
+    # Up to where it comes off the energies balance; half of the work is then in the polymer.
+    assert abs(sticky["residue"]) < 0.01 * sticky["external"]
+    assert sticky["damage"] > 0.8 * 2 * demo_indenter.WORK * 0.5
+    assert (folder / "force.png").exists()
+    return sticky["pull_off"] / summary["johnson_kendall_roberts"]
+
+
+@pytest.mark.chatty
+def test_indenter(folder):
+    """Above the force without viscosity, which a coarse mesh adds to."""
+    assert 1.0 < indenter(folder, "--n=12", "--steps=16", "--rest=0.1") < 1.4
+
+
+@pytest.mark.long
+def test_indenter_converges(folder):
+    first, second, third = (indenter(folder, f"--n={n}") for n in (16, 24, 32))
+    assert 1.1 < third < second < first < 1.3
+    assert second - third < 0.6 * (first - second)

@@ -167,10 +167,9 @@ class RCCM(Law):
         energy, beta = self._energy(opening, moved), self._now(a)
         lost, moves = self.beta - beta, ufl.gt(a.step, 0.0)
         time = ufl.conditional(moves, a.step, 1.0)
-        size = ufl.conditional(ufl.gt(lost, 0.0), lost, -lost)
-        viscous = ufl.And(moves, ufl.And(ufl.gt(self.viscosity, 0.0), ufl.gt(size, 0.0)))
-        pace = ufl.conditional(viscous, size, 1.0) / time
-        resisted = ufl.conditional(viscous, self.viscosity * pace**self.exponent * size, 0.0)
+        viscous = ufl.And(moves, ufl.And(ufl.gt(self.viscosity, 0.0), ufl.gt(lost, 0.0)))
+        pace = ufl.conditional(viscous, lost, 1.0) / time
+        resisted = ufl.conditional(viscous, self.viscosity * pace**self.exponent * lost, 0.0)
         after = {"beta": beta}
         if self.order == 2:
             held = ufl.lt(beta * energy, self.work)
@@ -181,6 +180,9 @@ class RCCM(Law):
             }
         spent = self.work * lost + resisted
         if self.recovers:
+            # Viscosity takes what growing gives back but for the springs, however fast it is.
+            springs = 0.5 * energy * (self.beta + beta) * lost
+            spent = ufl.conditional(ufl.lt(lost, 0.0), springs, spent)
             touch = self._soft(a, beta, opening).touch
             after[_CLOSED] = ufl.conditional(ufl.gt(touch, 0.0), 1.0, 0.0)
             for i in range(a.dim):

@@ -145,8 +145,8 @@ class Bond(NamedTuple):
             accepted.
         traction: UFL, the part of the answer that is adhesion, a vector.
         stored: UFL energy per area.
-        spent: UFL energy per area that damage has dissipated since the last accepted state, less
-            what bonds that grow again give back.
+        spent: UFL energy per area that damage has dissipated since the last accepted state;
+            negative by what springs of bonds that grow are given.
         broken: UFL, 1 where the bond counts as broken, else 0.
     """
 
