@@ -4,11 +4,15 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
+from blocks import block
 from test_adhesion import U0, C, W, along, bonded
 from test_adhesion_in_time import Point
+from test_law import randomise, remainders
 
 from dolfinx_contact import RCCM, Coulomb, NormalCompliance, output
 from dolfinx_contact.evolution import QuasiStatic
+from dolfinx_contact.laws.status import DAMAGING
+from dolfinx_contact.points.memory import Memory
 
 COMM = MPI.COMM_WORLD
 PRESSED = (0.0, 5.0)
@@ -164,6 +168,37 @@ def test_energies(given):
         assert spent[-1] == pytest.approx(max(spent), rel=1e-6)
     assert left[1] < 0.6 * left[0]
     assert left[0] < 0.1 * history.energies.external
+
+
+@pytest.mark.parametrize(
+    ("cell", "given"),
+    [
+        ("quad", {"exponent": 0.5}),
+        ("quad", {"exponent": 2.0, "order": 2}),
+        ("quad", {"recovers": True, "order": 2}),
+        ("quad", {"contact": NormalCompliance(2e4), "threshold": "reaction"}),
+        ("tet", {"recovers": True, "contact": NormalCompliance(2e4)}),
+    ],
+)
+def test_jacobian_by_taylor(cell, given):
+    """With a memory of everything that is kept, and points of all statuses, which are held."""
+    law = RCCM(3e4, 2e4, 0.4, 0.3, 0.3, broken=0.7, **given)
+    problem = block(n=8 if cell == "quad" else 2, cell=cell, law=law)
+    x = randomise(problem, 1, 0.01, 10.0)
+    (surface,) = problem.surfaces
+    rng, n = np.random.default_rng(COMM.rank), surface.points.number
+    fields = {"beta": rng.uniform(0.5, 1, n), ".rate": rng.uniform(0, 0.5, n)}
+    fields |= {".length": np.full(n, 0.08), ".rest": rng.uniform(0.1, 0.3, n)}
+    fields |= {".closed": np.round(rng.uniform(0, 1, n))}
+    fields |= {f".origin_{i}": rng.normal(0, 0.002, n) for i in range(surface.dim)}
+    kept = {"beta", *law.keeps(surface.dim)}
+    known = {k: v for k, v in fields.items() if k in kept}
+    problem.equations.remember([Memory(rng.normal(0, 0.002, (n, surface.dim)), known, 0.1)])
+    sizes = remainders(problem, x, 2)
+    codes = np.concatenate(COMM.allgather(problem.equations.contact(x).statuses[0]))
+    assert (codes >= DAMAGING).any()
+    assert sizes[0] > 1e-9
+    np.testing.assert_allclose(np.log2(sizes[:-1] / sizes[1:]), 2.0, atol=0.35)
 
 
 def test_records_have_what_recovers(folder):
