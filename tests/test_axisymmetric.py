@@ -25,6 +25,7 @@ from dolfinx_contact import (
     Sphere,
     output,
 )
+from dolfinx_contact.continuation import follow
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.grids import create_grid, graded
 from dolfinx_contact.materials import (
@@ -38,6 +39,7 @@ from dolfinx_contact.materials import (
 from dolfinx_contact.meshing import join, mesh_from_gmsh
 from dolfinx_contact.output.fields import body_fields
 from dolfinx_contact.output.master import MasterFace
+from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.solvers.errors import FloatingBodyError
 
 COMM = MPI.COMM_WORLD
@@ -524,3 +526,18 @@ def test_large_sliding(method, degree):
     assert result.misfit < 1e-12
     assert result.imbalance < 1e-10
     assert result.support[1] == pytest.approx(4.0, abs=0.1)
+
+
+def test_a_branch():
+    """The friction coefficient as a parameter leads to where a solve with it does."""
+    domain = section(4, "quad")
+    friction = fem.Constant(domain, 0.1)
+    problem = disc(domain, law=Coulomb(friction))
+    problem.solve()
+    system = ParametricContact(problem, friction)
+    x = system.create_vector()
+    problem.write(x)
+    branch = follow(system, x, 0.1, gamma_range=(0.1, 0.4))
+    assert branch.points[-1].gamma == pytest.approx(0.4)
+    table = system.result_at(branch.points[-1]).tables["contact"]
+    same_tables(table, disc(domain, law=Coulomb(0.4)).solve().tables["contact"], tolerance=1e-8)

@@ -1,5 +1,7 @@
 """Kinks passed exactly, in batches and by stepping over them: the same branch."""
 
+from functools import partial
+
 from mpi4py import MPI
 
 import demo_3d_branch
@@ -8,8 +10,9 @@ import numpy as np
 import pytest
 from textbook import Textbook, one_node
 
-from dolfinx_contact.continuation import Follower, StepControl, follow
+from dolfinx_contact.continuation import Follower, StepControl, crossing, follow
 from dolfinx_contact.continuation.factorised import Factorised
+from dolfinx_contact.continuation.system import Events
 
 COMM = MPI.COMM_WORLD
 
@@ -252,3 +255,11 @@ def test_bad_input():
     system = one_node(2.0, 2.0, 1.0, 3.0, (0.0, -1.0), (-1.0, 0.0))
     with pytest.raises(ValueError, match="nothing to locate"):
         Follower(system, StepControl(), gamma_scale=1.0, locate=lambda change: True)
+
+
+def test_events_that_end():
+    """Borders that exist in one of two states alone: the others are told by point and status."""
+    of = partial(np.array, dtype=np.int32)
+    here = Events(np.array([1.0, 2.0, 3.0, 4.0]), of([0, 1, 1, 1]), of([2, 0, 3, 3]))
+    there = Events(np.array([7.0, 1.5, 3.5, 4.5]), of([2, 0, 1, 1]), of([0, 2, 3, 3]))
+    np.testing.assert_array_equal(crossing.again(here, there), [1.5, 2.0, 3.5, 4.5])

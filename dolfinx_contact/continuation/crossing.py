@@ -27,7 +27,7 @@ from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.rays import outgoing
 from dolfinx_contact.continuation.system import Events, Piece
 
-__all__ = ["Crossing", "cross", "outgoing_rays", "parity"]
+__all__ = ["Crossing", "again", "cross", "outgoing_rays", "parity"]
 
 logger = logging.getLogger(__name__)
 
@@ -256,7 +256,7 @@ def _stays_inside(
     there = b.system.events(x, gamma, piece)
     probe.destroy()
     chosen = np.isin(here.point, points)
-    slope = (_again(here, there) - here.distance) / _PROBE
+    slope = (again(here, there) - here.distance) / _PROBE
     largest = b.comm.allreduce(_largest(slope), op=max)
     # An event that is at its border must grow; one that is away from it must be inside.
     at_border = np.abs(here.distance) <= _border(here, slope)
@@ -267,7 +267,7 @@ def _stays_inside(
     return inside and moves
 
 
-def _again(here: Events, there: Events) -> npt.NDArray[np.float64]:
+def again(here: Events, there: Events) -> npt.NDArray[np.float64]:
     """Distances of the events ``here`` as they are ``there``, as they were of those that end.
 
     Borders of some laws, as those of a bond, exist in some states alone.
