@@ -5,7 +5,7 @@
 #
 # - find the vibrations of a body that slides steadily, and which of them grow;
 # - find the friction coefficient at which growth begins;
-# - see what a regularised friction law makes of them, and animate the vibration in ParaView.
+# - see what a regularised friction law makes of them, and animate the vibration.
 #
 # A pad, clamped at its top, is pressed on a floor that moves to the right. Coulomb's coefficient
 # does not depend on the velocity, but the pressure rises and falls with a vibration, and friction
@@ -85,11 +85,9 @@ def regularised(problem, energy, ds, args, slope):
 
 
 def main(argv=None):
-    args = arguments(argv)
-    comm = MPI.COMM_WORLD
+    args, comm = arguments(argv), MPI.COMM_WORLD
     folder, say = output.output_folder(comm, args.output), output.Report(comm)
-    problem, energy, ds = pad(args)
-    against = -np.eye(args.dim)[0]  # slip of the pad over the floor
+    (problem, energy, ds), against = pad(args), -np.eye(args.dim)[0]  # slip of the pad
     sliding = SteadySliding(problem, against, density=args.density, damping=args.damping)
     modes, onset = sliding.modes(args.friction), sliding.onset()
     say(f"F = {args.friction:g}: growth {modes.growth:.10g}, frequency {modes.frequency:.10g}")
@@ -104,11 +102,13 @@ def main(argv=None):
         curves[f"slope {slope:g}"] = frictions, [rubbing.modes(F).growth for F in frictions]
         say(f"regularised, slope {slope:g}: growth {growths[f'{slope:g}']:.6g}")
     if comm.rank == 0:
-        labels = ("friction $F$", "largest growth")
-        output.draw_curves(folder / "growth.png", curves, labels=labels)
-    size = 0.1 * args.height
-    file = output.write_vibration(folder, modes.real, modes.imaginary, size=size)
-    say.files([folder / "growth.png", file])
+        look = dict(labels=("friction $F$", "largest growth"))
+        output.draw_curves(folder / "growth.png", curves, **look)
+    size, parts = 0.1 * args.height, (modes.real, modes.imaginary)
+    file = output.write_vibration(folder, *parts, size=size)
+    look = dict(size=size, title=f"F = {args.friction:g}, frequency {modes.frequency:.4g}")
+    gif = output.picture_of_vibration(folder / "mode.gif", *parts, **look)
+    say.files([folder / "growth.png", file, gif])
     summary = {"converged": True, "newton_iterations": 0, "dofs": problem.create_vector().getSize()}
     summary |= {"growth": modes.growth, "frequency": modes.frequency, "regularised": growths}
     summary |= {"onset": onset and onset.friction, "onset_frequency": onset and onset.frequency}

@@ -234,6 +234,8 @@ def test_steel_in_concrete(folder, no_pictures):
     assert left[1] < 0.6 * left[0] < 0.012
     assert (folder / "pull_out.png").exists()
     assert (folder / "steps.csv").read_text().count("\n") == 3 * 8 + 4 * 8
+
+
 def indenter(folder, *words):
     """Forces of an indenter that is drawn off, in those of Johnson, Kendall and Roberts."""
     summary = demo_indenter.main([*words, f"--output={folder}"])

@@ -17,7 +17,7 @@ from dolfinx import fem, mesh
 from dolfinx_contact.analysis import SteadySliding
 from dolfinx_contact.laws import PLUS
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.output import write_vibration
+from dolfinx_contact.output import picture_of_vibration, write_vibration
 
 COMM = MPI.COMM_WORLD
 QUADS = mesh.CellType.quadrilateral
@@ -269,3 +269,28 @@ def test_animation(folder):
     assert quarter == pytest.approx(largest / real)
     with pytest.raises(ValueError, match="nothing moves"):
         write_vibration(folder, fem.Function(problem.V), fem.Function(problem.V))
+
+
+def test_animated_picture(folder):
+    pytest.importorskip("pyvista")
+    pytest.importorskip("imageio")
+    image = pytest.importorskip("PIL.Image")
+    problem = pad(2)
+    modes = SteadySliding(problem, (-1.0, 0.0), density=1.0, damping=0.02).modes(1.0)
+    parts = modes.real, modes.imaginary
+    file = picture_of_vibration(folder / "mode.gif", *parts, size=0.2, frames=4)
+    assert file == folder / "mode.gif"
+    if COMM.rank == 0:
+        with image.open(file) as picture:
+            assert picture.n_frames == 4
+            frames = []
+            for i in range(4):
+                picture.seek(i)
+                frames.append(np.asarray(picture.convert("RGB"), dtype=float))
+        # Half a period apart the body is on the other side.
+        assert np.abs(frames[0] - frames[2]).max() > 50
+    COMM.Barrier()
+    with pytest.raises(ValueError, match=r"must be a \.gif"):
+        picture_of_vibration(folder / "mode.png", *parts)
+    with pytest.raises(ValueError, match="frames must be 1 or more"):
+        picture_of_vibration(folder / "mode.gif", *parts, frames=0)

@@ -6,6 +6,7 @@ from dolfinx_contact._name import refuse_mixture
 
 refuse_mixture()  # asimov-contact's head, laid over ours, takes this folder for its own output.py
 
+from dolfinx_contact.output.animation import animate
 from dolfinx_contact.output.curves import (
     draw_chart,
     draw_convergence,
@@ -13,8 +14,6 @@ from dolfinx_contact.output.curves import (
     draw_regions,
     draw_solutions,
 )
-from dolfinx_contact.output.animation import animate
-from dolfinx_contact.output.curves import draw_chart, draw_convergence, draw_curves, draw_regions
 from dolfinx_contact.output.diagrams import draw_diagram
 from dolfinx_contact.output.evolution import EvolutionSeries
 from dolfinx_contact.output.evolution_journal import EvolutionJournal, read_evolution
@@ -35,7 +34,7 @@ from dolfinx_contact.output.series import write_series
 from dolfinx_contact.output.states import picture_of_states
 from dolfinx_contact.output.table import write_contact_table, write_rows
 from dolfinx_contact.output.tracing import journal_of
-from dolfinx_contact.output.vibration import write_vibration
+from dolfinx_contact.output.vibration import picture_of_vibration, write_vibration
 
 __all__ = [
     "STATUS_CODES",
@@ -62,6 +61,7 @@ __all__ = [
     "picture_of_body",
     "picture_of_contact",
     "picture_of_states",
+    "picture_of_vibration",
     "read_evolution",
     "read_journal",
     "resume",

@@ -49,6 +49,8 @@ logger = logging.getLogger(__name__)
 
 _SECONDS = 120.0  # after which a picture is given up
 _NOTHING = 1e-10  # of a force, what counts as none
+_BY_VTK = ("body_3d", "vibration")
+_PROGRAMS = {"vibration": "animate.py"}  # of others render.py
 
 
 def picture_of_body(
@@ -100,11 +102,7 @@ def body_seen(
     values = {"u": moved.x.array.reshape(-1, tdim)}
     if stress is not None:
         values["von_mises"] = _averaged(V, von_mises(stress))
-    if tdim == 2:
-        cells = V.dofmap.list[: domain.topology.index_map(2).size_local]
-    else:
-        domain.topology.create_connectivity(2, 3)
-        cells = facet_closures(V, mesh.exterior_facet_indices(domain.topology))
+    cells = outer_cells(V)
     data: dict[str, Any] = {"title": title or _title(u, scale)}
     seen = gather_cells(comm, V, cells, values)
     patches = [patch(s) for s in problem.surfaces]
@@ -185,6 +183,18 @@ def picture_of_contact(
 
 
 # -- what is seen --------------------------------------------------------------------------------
+
+
+def outer_cells(V: fem.FunctionSpace) -> npt.NDArray[np.int32]:
+    """Vertices, numbers of dofs of a linear space, of what is seen of a body. Collective.
+
+    In 2D its cells, in 3D the facets of its boundary, of this rank.
+    """
+    topology = V.mesh.topology
+    if topology.dim == 2:
+        return np.asarray(V.dofmap.list[: topology.index_map(2).size_local])
+    topology.create_connectivity(2, 3)
+    return facet_closures(V, mesh.exterior_facet_indices(topology))
 
 
 def check_scale(comm: MPI.Comm, scale: float) -> None:
@@ -278,7 +288,7 @@ def draw(
 
     Args:
         comm: communicator.
-        kind: of picture, in `render.py`.
+        kind: what, a function of `render.py` or `animate.py`.
         data: that it shows, of rank 0.
         file: the picture.
         count: of pictures in the file, each of which has its time.
@@ -294,9 +304,10 @@ def draw(
 
 def _draw_apart(kind: str, data: Mapping[str, Any], file: Path, seconds: float) -> str | None:
     """Draw in a process of its own; why it failed, or None."""
-    in_space = "body_3d" in (kind, data.get("kind"))
+    in_space = kind in _BY_VTK or data.get("kind") in _BY_VTK
     part = file.with_name(f".{file.stem}.part{file.suffix}")
-    program = [sys.executable, str(Path(__file__).with_name("render.py")), kind, str(part)]
+    source = Path(__file__).with_name(_PROGRAMS.get(kind, "render.py"))
+    program = [sys.executable, str(source), kind, str(part)]
     try:
         # A file and no pipe: PETSc takes the SIGPIPE of a reader that dies for an error of its own.
         with tempfile.TemporaryFile() as stream, _display(needed=in_space) as environment:
