@@ -19,6 +19,7 @@ INK = "#22262b"
 
 def vibration(data: Data, file: str) -> None:
     """One period of a vibration in the colours of the size of its displacement, over the body."""
+    import imageio  # noqa: F401  by which PyVista writes animations
     import pyvista
 
     pyvista.OFF_SCREEN = True
@@ -52,5 +53,5 @@ if __name__ == "__main__":
     try:
         {"vibration": vibration}[kind](pickle.load(sys.stdin.buffer), file)
     except ModuleNotFoundError as error:
-        extra = "python3 -m pip install 'signorini-coulomb[output]' imageio"
+        extra = "python3 -m pip install 'signorini-coulomb[output]'"
         sys.exit(f"{error.name} is not installed: {extra}")
