@@ -27,6 +27,7 @@ Array = npt.NDArray[np.float64]
 Codes = npt.NDArray[np.int8]
 
 _SAME = 1e-7  # of the size of a state, or of the range of mu
+_ONE = 1e-12  # of the range of mu: ends so close are one
 _HELD = 1e-8  # of the size of a state, within which a point is at a border
 _MOST_CHOICES = 256  # borders that may meet at one state
 
@@ -106,7 +107,12 @@ class _Search:
 
     def _intervals(self, frame: Frame) -> list[tuple[float, float]]:
         """Where the border holds states."""
-        cuts = [self.mus[0], *frame.ends(self.mus, self.gammas), self.mus[1]]
+        cuts, one = [self.mus[0]], _ONE * (self.mus[1] - self.mus[0])
+        for mu in frame.ends(self.mus, self.gammas):
+            # At an apex functions of several points vanish, which round-off parts.
+            if cuts[-1] + one < mu < self.mus[1] - one:
+                cuts.append(float(mu))
+        cuts.append(self.mus[1])
         found: list[tuple[float, float]] = []
         for a, b in itertools.pairwise(cuts):
             middle = (a + b) / 2
