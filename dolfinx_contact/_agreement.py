@@ -17,6 +17,7 @@ from ufl.algorithms.analysis import extract_constants
 from ufl.domain import extract_domains
 
 from dolfinx_contact._compat import dirichlet_value, is_mesh_of
+from dolfinx_contact._numbers import is_number
 
 __all__ = [
     "described",
@@ -101,7 +102,7 @@ def described_condition(bc: fem.DirichletBC) -> str:
 
 def described_number(value: Any) -> str:
     """A number of any type by its value, anything else by its `repr`."""
-    if isinstance(value, int | float | np.number) and not isinstance(value, bool):
+    if is_number(value):
         return repr(float(value))
     return repr(value)
 

@@ -24,6 +24,7 @@ from ufl.algorithms.apply_derivatives import apply_derivatives
 from ufl.corealg.traversal import traverse_unique_terminals
 
 from dolfinx_contact._agreement import refuse_other_mesh
+from dolfinx_contact._numbers import is_number
 
 __all__ = [
     "Cylinder",
@@ -80,7 +81,7 @@ def _radius(domain: mesh.Mesh, value: Any) -> Any:
             raise ValueError(f"the radius must be a number, got shape {value.ufl_shape}")
         refuse_other_mesh(value, domain, "the radius")
         return value
-    number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
+    number = is_number(value)
     if not (number and np.isfinite(value) and value > 0):
         raise ValueError(f"the radius must be positive, got {value!r}")
     return fem.Constant(domain, float(value))

@@ -23,6 +23,7 @@ from dolfinx_contact._agreement import (
     described_number,
 )
 from dolfinx_contact._errors import everywhere, require, same_everywhere
+from dolfinx_contact._numbers import is_count, is_number
 from dolfinx_contact._options import ProblemOptions, check_options, in_database
 from dolfinx_contact._petsc import require_real, staged
 from dolfinx_contact._progress import SolveProgress
@@ -32,7 +33,7 @@ from dolfinx_contact.analysis.theory import theory_of
 from dolfinx_contact.body.bulk import Bulk
 from dolfinx_contact.body.cells import check_cells
 from dolfinx_contact.body.moving import MovingBody
-from dolfinx_contact.equations.arguments import check, fit, is_number, lists
+from dolfinx_contact.equations.arguments import check, fit, listed, lists
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.state import State, Statuses
 from dolfinx_contact.points.revolution import axis_condition
@@ -272,8 +273,8 @@ class ContactProblem:
             ConvergenceError: if no strategy converges; the Functions are as they were.
         """
         with everywhere(self.comm, "solve"):
-            whole = isinstance(increments, int | np.integer) and not isinstance(increments, bool)
-            if not whole or increments < 1:
+            expected = listed(expected)
+            if not is_count(increments):
                 raise ValueError(f"the number of increments must be 1 or more, got {increments!r}")
             chosen = algorithm_named(algorithm)
             if progress not in (None, True, False):

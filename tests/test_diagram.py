@@ -133,7 +133,7 @@ def test_budgets_and_bad_input():
     assert len(diagram.edges) == 2
     with pytest.raises(ValueError, match="must lie in the range"):
         explore(system, [(x, 3.0)], gamma_range=(-1.0, 1.0))
-    with pytest.raises(ValueError, match="budgets"):
+    with pytest.raises(ValueError, match="the budget of branches"):
         explore(system, [(x, 0.5)], gamma_range=(-1.0, 1.0), max_branches=0)
     with pytest.raises(ValueError, match="the route must be"):
         explore(system, [(x, 0.5)], gamma_range=(-1.0, 1.0), route="guess")

@@ -469,6 +469,8 @@ def test_bad_input():
         {"shortest": math.nan},
         {"longest": 0.0},
         {"longest": math.nan},
+        {"longest": "a"},
+        {"shortest": "a"},
         {"at_jump": "ignore"},
         {"sudden": 0.5},
         {"rays": "all"},

@@ -24,6 +24,8 @@ from dolfinx_contact import (
     Sphere,
     Tresca,
 )
+from dolfinx_contact.algorithms import Uzawa
+from dolfinx_contact.analysis.two_parameters import contact_family
 from dolfinx_contact.continuation import (
     Observer,
     Observers,
@@ -522,8 +524,8 @@ MISUSE = {
         lambda w: followed(w, gamma=1.0, gamma_range=(1, 1 + 1e-14)),
         "too short or too long",
     ),
-    "range reversed": (lambda w: followed(w, gamma_range=(1, 0)), "must lie in the range"),
-    "range empty": (lambda w: followed(w, gamma_range=(0, 0)), "must lie in the range"),
+    "range reversed": (lambda w: followed(w, gamma_range=(1, 0)), "of gamma is empty"),
+    "range empty": (lambda w: followed(w, gamma_range=(0, 0)), "of gamma is empty"),
     "range of three": (lambda w: followed(w, gamma_range=(0, 1, 2)), "must be two numbers"),
     "range of words": (lambda w: followed(w, gamma_range="01"), "must be a finite number"),
     "range number": (lambda w: followed(w, gamma_range=1.0), "must be two numbers"),
@@ -582,6 +584,11 @@ MISUSE = {
     "a start at nan": (lambda w: explored(w, [(w.x, np.nan)]), "gamma of a start must be a finite"),
     "no branches": (lambda w: explored(w, [(w.x, 0.0)], max_branches=0), "must be positive"),
     "no time": (lambda w: explored(w, [(w.x, 0.0)], max_seconds=np.nan), "must be positive"),
+    "branches nan": (
+        lambda w: explored(w, [(w.x, 0.0)], max_branches=np.nan),
+        "the budget of branches must be positive, got nan",
+    ),
+    "half a branch": (lambda w: explored(w, [(w.x, 0.0)], max_branches=2.5), "budget of branches"),
     # solutions at one gamma
     "solutions at nan": (lambda w: found(w, gamma=np.nan), "gamma must be a finite number"),
     "solutions at inf": (lambda w: found(w, gamma=np.inf), "gamma must be a finite number"),
@@ -593,6 +600,16 @@ MISUSE = {
     "guess array": (lambda w: found(w, [w.x.array]), "a guess must be a PETSc vector"),
     "known too short": (lambda w: found(w, known=[w.short]), "a known solution does not fit"),
     "lengths < 0": (lambda w: found(w, lengths=(-1.0,)), "must be positive"),
+    "half an iteration": (lambda w: found(w, max_iterations=2.5), "positive and whole, got 2.5"),
+    "half an iteration of Uzawa": (
+        lambda w: Uzawa(max_iterations=2.5),
+        "uzawa: max_iterations must not be 2.5",
+    ),
+    "expected numbers": (lambda w: w.problem.solve(expected=[1, 2]), "expected must be a list"),
+    "range of mu": (
+        lambda w: contact_family(w.system, fem.Constant(w.V.mesh, 1.0), (2.0, 1.0)),
+        r"the range .2\.0, 1\.0. of mu is empty",
+    ),
     "tolerance of solutions nan": (lambda w: found(w, tolerance=np.nan), "must be positive"),
     # materials
     "stress of a trial function": (

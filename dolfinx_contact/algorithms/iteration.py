@@ -16,6 +16,7 @@ from typing import ClassVar
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._numbers import is_count
 from dolfinx_contact.algorithms.reduced_contact import ReducedContact
 from dolfinx_contact.equations.measures import Measures
 
@@ -195,7 +196,7 @@ class Algorithm:
     max_iterations: int = 1000
 
     def __post_init__(self) -> None:
-        check(self, max_iterations=self.max_iterations >= 1)
+        check(self, max_iterations=is_count(self.max_iterations))
 
     def run(
         self,

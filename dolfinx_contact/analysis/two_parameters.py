@@ -54,7 +54,7 @@ def contact_family(
             raise ValueError("the second parameter must be a scalar Constant")
         if other is system.constant:
             raise ValueError("the second parameter must be another Constant than gamma")
-        low, high = checked_range(values, [])
+        low, high = checked_range(values, [], "mu")
     same_everywhere(system.comm, values=(low, high))
     found = [_condensed(system, other, mu) for mu in (low, high, (low + high) / 2)]
     (a, b, middle), errors_at = [data for data, _ in found], [errors for _, errors in found]

@@ -12,6 +12,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from dolfinx_contact._errors import everywhere, same_everywhere
+from dolfinx_contact._numbers import is_count, is_number
 from dolfinx_contact.continuation.branch import BranchPoint, SpecialPoint, Stop
 from dolfinx_contact.continuation.observer import (
     Observer,
@@ -47,26 +48,28 @@ def check_system(system: Any) -> None:
 
 def checked_gamma(gamma: Any, what: str = "gamma") -> float:
     """``gamma`` as a finite number, or ``ValueError``. Not collective."""
-    number = isinstance(gamma, int | float | np.number) and not isinstance(gamma, bool)
-    if not number or not np.isfinite(gamma):
+    if not is_number(gamma) or not np.isfinite(gamma):
         raise ValueError(f"{what} must be a finite number, got {gamma!r}")
     return float(gamma)
 
 
-def checked_range(gamma_range: Any, starts: Sequence[float]) -> tuple[float, float]:
-    """A range of gamma that contains ``starts``, or ``ValueError``. Not collective."""
+def checked_range(
+    ends: Any, starts: Sequence[float], parameter: str = "gamma"
+) -> tuple[float, float]:
+    """A range of a parameter that contains ``starts``, or ``ValueError``. Not collective."""
+    name = f"{parameter}_range"
     try:
-        low, high = gamma_range
+        low, high = ends
     except (TypeError, ValueError):
-        raise ValueError(f"gamma_range must be two numbers, got {gamma_range!r}") from None
-    low, high = (checked_gamma(g, "either end of gamma_range") for g in (low, high))
-    if not low < high or not all(low <= gamma <= high for gamma in starts):
+        raise ValueError(f"{name} must be two numbers, got {ends!r}") from None
+    low, high = (checked_gamma(g, f"either end of {name}") for g in (low, high))
+    if not low < high:
+        raise ValueError(f"the range [{low}, {high}] of {parameter} is empty")
+    if not all(low <= gamma <= high for gamma in starts):
         which = ", ".join(f"{gamma:g}" for gamma in starts)
-        raise ValueError(f"gamma = {which} must lie in the range [{low}, {high}], not empty")
+        raise ValueError(f"{parameter} = {which} must lie in the range [{low}, {high}]")
     if not max(_SHORTEST, _ROUND_OFF * max(-low, high)) < high - low < _LONGEST:
-        raise ValueError(
-            f"gamma_range [{low}, {high}] is too short or too long to be computed with"
-        )
+        raise ValueError(f"{name} [{low}, {high}] is too short or too long to be computed with")
     return low, high
 
 
@@ -107,8 +110,7 @@ def check_listeners(
         raise ValueError(f"stop must be a function of a point and its special points, got {stop!r}")
     if control is not None and not isinstance(control, StepControl):
         raise ValueError(f"control must be a StepControl, got {control!r}")
-    whole = isinstance(max_steps, int | np.integer) and not isinstance(max_steps, bool)
-    if not whole or max_steps < 1:
+    if not is_count(max_steps):
         raise ValueError(f"the budget of steps must be positive, got {max_steps!r}")
 
 

@@ -18,6 +18,7 @@ from typing import Any
 from petsc4py import PETSc
 
 from dolfinx_contact._errors import everywhere, same_everywhere
+from dolfinx_contact._numbers import is_count
 from dolfinx_contact.continuation.arguments import (
     check_listeners,
     check_states,
@@ -130,6 +131,8 @@ def explore(
 ) -> Diagram:
     """Find all branches that are connected with some solutions. Collective.
 
+    What the system writes to (of a contact problem Functions, statuses, gamma) is left as it was.
+
     Args:
         system: H with its pieces.
         starts: solutions x with their gamma, inside the range.
@@ -158,22 +161,24 @@ def explore(
             raise ValueError("at least one start is needed")
         low, high = checked_range(gamma_range, [gamma for _, gamma in pairs])
         check_listeners(observer, None, control, max_steps)
-        if max_branches < 1 or not max_seconds > 0:
-            raise ValueError("budgets of steps, branches and seconds must be positive")
+        if not is_count(max_branches):
+            raise ValueError(f"the budget of branches must be positive, got {max_branches!r}")
+        if not max_seconds > 0:
+            raise ValueError(f"the budget of seconds must be positive, got {max_seconds!r}")
     same_everywhere(
         system.comm,
         gammas_of_the_starts=[gamma for _, gamma in pairs],
         gamma_range=(low, high),
         control=control,
         max_steps=int(max_steps),
-        max_branches=max_branches,
+        max_branches=int(max_branches),
         route=route,
     )
     check_states(system, [x for x, _ in pairs], "a start")
     system.check_parameter([low, high])
     scale = high - low
     with (
-        system.restored(),
+        system.restored(always=True),
         follower_for(system, *pairs[0], control, gamma_scale=scale, route=route) as follower,
     ):
         explorer = _Explorer(follower, (low, high), max_steps, observer)

@@ -288,8 +288,8 @@ def follow_special(
     """
     check_system(system)
     with everywhere(system.comm, "follow_special"):
-        mu = checked_gamma(mu)
-        low, high = checked_range(mu_range, [mu])
+        mu = checked_gamma(mu, "mu")
+        low, high = checked_range(mu_range, [mu], "mu")
         smooth = special.smooth and special.kind == "fold"
         if not smooth and not (special.located and len(special.changes) == 1):
             raise ValueError("a smooth fold, or a located change of one point, is needed")

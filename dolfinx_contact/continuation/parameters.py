@@ -8,6 +8,8 @@ from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
+from dolfinx_contact._numbers import is_number
+
 __all__ = ["Kinks", "StepControl"]
 
 #: How kinks are passed.
@@ -50,7 +52,7 @@ class StepControl:
     def __post_init__(self) -> None:
         numbers = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "kinks"}
         for name, value in numbers.items():
-            number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
+            number = is_number(value)
             if not number or not np.isfinite(value):
                 raise ValueError(f"{name} of a StepControl must be a finite number, got {value!r}")
         if not 0 < self.minimum <= self.initial <= self.maximum:

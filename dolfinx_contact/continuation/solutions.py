@@ -29,6 +29,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from dolfinx_contact._errors import everywhere, same_everywhere
+from dolfinx_contact._numbers import is_count
 from dolfinx_contact.continuation.arguments import (
     check_states,
     check_system,
@@ -158,8 +159,10 @@ def find_solutions(
         if not guesses:
             raise ValueError("at least one guess is needed")
         positive = all(0 < part < np.inf for part in lengths)
-        if not (positive and tolerance > 0 and max_iterations > 0):
-            raise ValueError("lengths, tolerance and max_iterations must be positive")
+        if not (positive and tolerance > 0):
+            raise ValueError("lengths and tolerance must be positive")
+        if not is_count(max_iterations):
+            raise ValueError(f"max_iterations must be positive and whole, got {max_iterations!r}")
         if not proof_seconds >= 0:
             raise ValueError("proof_seconds must not be negative")
     same_everywhere(

@@ -15,7 +15,7 @@ from dolfinx_contact._agreement import refuse_other_condition, refuse_other_mesh
 from dolfinx_contact.equations.state import Statuses
 from dolfinx_contact.points.surface import ContactSurface
 
-__all__ = ["check", "fit", "is_number", "lists"]
+__all__ = ["check", "fit", "listed", "lists"]
 
 
 def fit(surfaces: Sequence[ContactSurface], statuses: Statuses) -> bool:
@@ -63,6 +63,12 @@ def check(
         refuse_other_condition(bc, domain)
 
 
-def is_number(value: Any) -> bool:
-    """Whether a value is a real number. Not collective."""
-    return isinstance(value, int | float | np.number) and not isinstance(value, bool)
+def listed(expected: Any) -> list[Statuses]:
+    """Statuses that are expected as lists, or ``ValueError``. Not collective."""
+    try:
+        return [list(statuses) for statuses in expected]
+    except TypeError:
+        raise ValueError(
+            "expected must be a list of statuses, each a list of arrays, surface by surface; got "
+            f"{expected!r}"
+        ) from None

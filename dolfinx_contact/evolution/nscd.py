@@ -30,6 +30,7 @@ from dolfinx import fem
 from dolfinx_contact._agreement import described, refuse_other_mesh
 from dolfinx_contact._errors import everywhere, same_everywhere
 from dolfinx_contact._forms import compiled_form
+from dolfinx_contact._numbers import is_number
 from dolfinx_contact.body.inertia import Mass, mass_matrix
 from dolfinx_contact.body.moving import MovingBody, Scheme, TimeStep
 from dolfinx_contact.equations.contact import ContactEquations
@@ -261,8 +262,7 @@ def _constant(_: float) -> None:
 
 def _positive(name: str, value: Any) -> float:
     """A length of time, or ``ValueError``."""
-    number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
-    if not (number and math.isfinite(value) and value > 0):
+    if not (is_number(value) and math.isfinite(value) and value > 0):
         raise ValueError(f"{name} must be a positive time, got {value!r}")
     return float(value)
 
@@ -277,8 +277,7 @@ def _method(scheme: Any, theta: Any, level: Any, mass: Any, restitution: Any) ->
         if value not in known:
             raise ValueError(f"{name} is {value!r}: known are {', '.join(map(repr, known))}")
     for name, value, low in (("theta", theta, 0.5), ("restitution", restitution, 0.0)):
-        number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
-        if not (number and low <= value <= 1.0):
+        if not (is_number(value) and low <= value <= 1.0):
             raise ValueError(f"{name} must be between {low:g} and 1, got {value!r}")
     if level == "position" and restitution > 0:
         raise ValueError(

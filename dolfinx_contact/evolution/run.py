@@ -21,6 +21,7 @@ import numpy as np
 from dolfinx import fem
 
 from dolfinx_contact._errors import everywhere, same_everywhere
+from dolfinx_contact._numbers import is_number
 from dolfinx_contact.equations.given_data import GivenData
 from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.evolution.forks import Forked, Forks
@@ -100,6 +101,9 @@ class Evolution:
         with everywhere(comm, "the times of an evolution"):
             given = checked_times(times, self._moment)
             span = given[-1] - given[0]
+            for name, value in dict(longest=longest, shortest=shortest, sudden=sudden).items():
+                if not (is_number(value) or (name == "shortest" and value is None)):
+                    raise ValueError(f"{name} must be a number, got {value!r}")
             least = span / 2**_HALVINGS if shortest is None else float(shortest)
             if not (math.isfinite(least) and least > 0 and longest >= least):
                 raise ValueError(f"steps must have 0 < shortest <= longest, got {least}, {longest}")

@@ -29,6 +29,7 @@ import numpy as np
 
 import ufl
 
+from dolfinx_contact._numbers import is_number
 from dolfinx_contact.laws.friction import FrictionLaw, Frictionless
 from dolfinx_contact.laws.law import Border, ContactPoint, Kernel, Scalar, Sign, StatusPiece
 from dolfinx_contact.laws.status import MINUS, PLUS, STICK
@@ -151,7 +152,7 @@ class NormalCompliance(_AroundFriction):
 
     def __post_init__(self) -> None:
         m = self.exponent
-        number = isinstance(m, int | float | np.number) and not isinstance(m, bool)
+        number = is_number(m)
         if not (number and np.isfinite(m) and m >= 1):
             raise ValueError(f"the exponent of NormalCompliance must be at least 1, got {m!r}")
         if not isinstance(self.friction, FrictionLaw) or isinstance(

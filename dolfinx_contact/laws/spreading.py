@@ -26,6 +26,7 @@ from scipy.integrate import quad
 
 import ufl
 
+from dolfinx_contact._numbers import is_number
 from dolfinx_contact.laws.friction import FrictionLaw
 from dolfinx_contact.laws.law import ContactPoint, Kernel, Scalar
 
@@ -84,7 +85,7 @@ class NonlocalCoulomb(FrictionLaw):
 
     def __post_init__(self) -> None:
         rho = self.radius
-        number = isinstance(rho, int | float | np.number) and not isinstance(rho, bool)
+        number = is_number(rho)
         if not (number and np.isfinite(rho) and rho > 0):
             raise ValueError(
                 f"the radius of NonlocalCoulomb must be a finite and positive number, got {rho!r}"

@@ -12,6 +12,7 @@ import ufl
 from dolfinx import fem, la, mesh
 
 from dolfinx_contact._errors import everywhere, require, same_everywhere
+from dolfinx_contact._numbers import is_number
 from dolfinx_contact.laws import Law
 from dolfinx_contact.meshing import GmshMesh, tagged_facets
 from dolfinx_contact.obstacles import Obstacle
@@ -192,7 +193,7 @@ def _checked_gap(gap: Any, name: str) -> Any:
     """A given gap, or ``ValueError`` if it is neither a finite number nor a UFL scalar."""
     if gap is None:
         return None
-    if isinstance(gap, int | float | np.number) and not isinstance(gap, bool):
+    if is_number(gap):
         if not np.isfinite(gap):
             raise ValueError(f"{name}: the gap must be finite, got {gap}")
         return float(gap)
