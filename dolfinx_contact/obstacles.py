@@ -37,9 +37,22 @@ __all__ = [
 ]
 
 
+def _has_ufl(value: Any) -> bool:
+    """Whether a tuple or list has components in UFL."""
+    listed = isinstance(value, tuple | list)
+    return listed and any(isinstance(v, ufl.core.expr.Expr) and v.ufl_shape == () for v in value)
+
+
 def _vector(domain: mesh.Mesh, value: Any, what: str) -> Any:
     """``value`` as a UFL vector of the mesh's dimension; arrays become a Constant."""
     dim = domain.geometry.dim
+    if _has_ufl(value):
+        # A float of a Constant is what it is now: it would not move with it.
+        try:
+            parts = [v if isinstance(v, ufl.core.expr.Expr) else float(v) for v in value]
+            value = ufl.as_vector(parts)
+        except (TypeError, ValueError):
+            raise ValueError(f"{what} must have {dim} numbers, got {value!r}") from None
     if isinstance(value, ufl.core.expr.Expr):
         if value.ufl_shape != (dim,):
             raise ValueError(f"{what} must have {dim} components, got shape {value.ufl_shape}")
@@ -70,7 +83,7 @@ def _direction(domain: mesh.Mesh, value: Any, what: str) -> Any:
 def _is_uniform(value: Any) -> bool:
     """Whether numbers, Constants or UFL have the same value at every point."""
     if not isinstance(value, ufl.core.expr.Expr):
-        return True
+        return not _has_ufl(value) or all(map(_is_uniform, value))
     varies = ufl.classes.GeometricQuantity | ufl.classes.Coefficient
     return not any(isinstance(part, varies) for part in traverse_unique_terminals(value))
 

@@ -85,7 +85,8 @@ class QuasiStatic(Evolution):
                 load a moment later, which is labelled so. If none was found a "jump" raises.
             sudden: times the rate at which the state changed in the step before, beyond which a
                 step is looked at for a jump; ``inf`` for never. That takes some steps more, which
-                are not kept if there is none. A jump that is smaller passes for a step.
+                are not kept if there is none. A jump that is smaller passes for a step, and so does
+                one in the first step of the first run, which has none before it: make that short.
             rays: whether all solutions of the rate problem are looked for where a step begins, in
                 2D with contact at nodes (`EvolutionStep.ways`); by default up to sixteen points and
                 where the statuses of the step before do not hold.
