@@ -111,3 +111,8 @@ def test_no_time_no_proof():
     found = rays_at(system, 0.0)
     assert not found.complete
     assert "a proof was tried" in found.method
+    ranks = [1.0 + COMM.rank] if COMM.size > 1 else []
+    for bad in (-1.0, np.nan, "1", True, *ranks):
+        system.ray_seconds = bad
+        with pytest.raises(ValueError, match="seconds"):
+            rays_at(system, 0.0)
