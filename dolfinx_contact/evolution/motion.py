@@ -2,7 +2,9 @@
 r"""Steps of a body in motion: what a state has beyond displacement and forces, and how one follows.
 
 What contact does in a step is seen at the displacement w of `body.moving`. Friction acts on
-h a (B v_1 - v_obstacle), the motion along the surface since w_0.
+h a (B v_1 - v_obstacle), the motion along the surface since w_0. The velocity of a node without
+mass may turn from step to step about that of the body, and friction with it: there friction acts
+on the displacement in the step, B (u_1 - u_0) - h v_obstacle, over the derivative of u_1 by w.
 
 position
     Signorini's law is about the gap at w.
@@ -55,12 +57,14 @@ class Method:
         theta: weight of the end of a step.
         level: of Signorini's law.
         restitution: coefficient e, at the velocity level.
+        massless: whether what may touch has no mass.
     """
 
     scheme: Scheme
     theta: float
     level: Level
     restitution: float
+    massless: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,9 +188,12 @@ class MotionStepper(Stepper):
         """
         eq, a = self.problem.equations, moment.motion
         eq.remember([None] * len(eq.surfaces))
-        q, found = eq.rigid.given + (1.0 - step.gain) * motion, []
+        origin, gain = self._body.origin, step.gain
+        if self._method.massless:
+            origin, gain = step.seen(a.u, origin), 1.0 / step.share
+        q, found = eq.rigid.given + (1.0 - gain) * motion, []
         for i, (s, memory) in enumerate(zip(eq.surfaces, moment.memory, strict=True)):
-            jump, gap = eq.relative_jump(s, self._body.origin, q), None
+            jump, gap = eq.relative_jump(s, origin, q), None
             if self._method.level == "velocity":
                 moved = eq.relative_jump(s, step.length * a.v, motion, rate=True)
                 n, risen = s.points.data.n, s.points.data.gap - a.gaps[i]

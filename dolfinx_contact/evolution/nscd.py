@@ -289,7 +289,7 @@ def _method(scheme: Any, theta: Any, level: Any, mass: Any, restitution: Any) ->
             "at the level of velocities a node needs mass: one without has no velocity to reflect, "
             "and the energy grows without bound; take mass='lumped' or 'consistent'"
         )
-    return Method(scheme, float(theta), level, float(restitution))
+    return Method(scheme, float(theta), level, float(restitution), mass == "redistributed")
 
 
 def _check_problem(problem: ContactProblem, level: Level) -> None:
