@@ -1,0 +1,70 @@
+"""The demos of motion, against closed forms; the benchmark of impacts."""
+
+import demo_bouncing_bar
+import demo_sliding_block
+import demo_two_bars
+import numpy as np
+import pytest
+
+
+@pytest.mark.chatty
+def test_the_bouncing_bar(folder):
+    """Two impacts and the energy, coarsely; what is written is there."""
+    found = demo_bouncing_bar.main(["--elements=12", f"--output={folder}"])
+    exact = ((1.0, 5 / 3, 800 / 3), (11 / 3, 13 / 3, 800 / 3))
+    np.testing.assert_allclose(found["impacts"], exact, rtol=0.04)
+    assert found["energy_end"] == pytest.approx(1.0, abs=0.04)
+    assert found["energy_residue"] < 1e-10
+    assert found["force_error_averaged"] < found["force_error"] < 0.25
+    rows = (folder / "contact_force.csv").read_text().splitlines()
+    assert rows[0] == "t,force"
+    assert len(rows) == found["steps"] + 1
+    assert (folder / "force.png").exists()
+
+
+@pytest.mark.long
+def test_the_bouncing_bar_to_one_percent(folder):
+    """400 elements, dt = h/c."""
+    found = demo_bouncing_bar.main(["--elements=400", f"--output={folder}"])
+    impacts = np.array(found["impacts"])
+    np.testing.assert_allclose(impacts[:, 2], 800 / 3, rtol=0.01)
+    exact = ((1.0, 5 / 3), (11 / 3, 13 / 3))
+    np.testing.assert_allclose(impacts[:, :2], exact, rtol=0, atol=0.01)
+    assert found["force_error_averaged"] < 0.01
+    assert found["energy_end"] == pytest.approx(1.0, abs=0.01)
+
+
+def two_bars(folder, *words):
+    found = demo_two_bars.main([*words, f"--output={folder}"])
+    assert sum(found["velocities"]) == pytest.approx(20.0, rel=1e-10)
+    assert found["energy_end"] == pytest.approx(1.0, abs=1e-9)
+    return [found["velocities"][1] / 20, found["duration"] * 1.5, found["pressure"]]
+
+
+@pytest.mark.chatty
+def test_two_bars(folder):
+    """Velocities are exchanged, after 2 L/c under rho c V/2."""
+    np.testing.assert_allclose(two_bars(folder, "--elements=16"), 1.0, rtol=0, atol=0.07)
+
+
+@pytest.mark.long
+def test_two_bars_to_one_percent(folder):
+    np.testing.assert_allclose(two_bars(folder, "--elements=400"), 1.0, rtol=0, atol=0.01)
+
+
+@pytest.mark.chatty
+def test_the_sliding_block(folder):
+    """Time and way to the stop, to 1 %; friction has taken nearly all of the energy."""
+    words = ["--elements=4", "--width=1", "--dt=0.01"]
+    found = demo_sliding_block.main([*words, f"--output={folder}"])
+    for name in ("stop_time", "distance"):
+        assert found[name] == pytest.approx(found[f"{name}_closed_form"], rel=0.01)
+    assert 0.99 < found["dissipated"] < 1.0
+    assert found["energy_residue"] < 1e-10
+
+
+@pytest.mark.long
+def test_the_sliding_block_as_it_is(folder):
+    found = demo_sliding_block.main([f"--output={folder}"])
+    for name in ("stop_time", "distance"):
+        assert found[name] == pytest.approx(found[f"{name}_closed_form"], rel=0.01)
