@@ -2,9 +2,18 @@
 
 import demo_bouncing_bar
 import demo_sliding_block
+import demo_stick_slip
+import demo_thrown_body
 import demo_two_bars
 import numpy as np
 import pytest
+
+from dolfinx_contact import output
+
+
+@pytest.fixture(autouse=True)
+def no_pictures(monkeypatch):
+    monkeypatch.setattr(output, "picture_of_body", lambda *_, **__: None)
 
 
 @pytest.mark.chatty
@@ -67,4 +76,44 @@ def test_the_sliding_block(folder):
 def test_the_sliding_block_as_it_is(folder):
     found = demo_sliding_block.main([f"--output={folder}"])
     for name in ("stop_time", "distance"):
+        assert found[name] == pytest.approx(found[f"{name}_closed_form"], rel=0.01)
+
+
+def test_a_thrown_body(folder):
+    """Momentum is what forces give, angular momentum their moments to first order in the step."""
+    words = ["--n=2", "--dt=0.004", "--end=0.12", f"--output={folder}"]
+    found = demo_thrown_body.main(words)
+    assert found["momentum_error"] < 1e-9
+    assert found["moment_error"] < 0.02
+    assert abs(found["spins"][0][1]) > 0.1
+    assert found["dissipated"] > 0.1
+    assert found["energy_error"] < 1e-3
+    assert (folder / "steps.csv").read_text().count("\n") == 31
+
+
+@pytest.mark.long
+def test_two_thrown_bodies(folder):
+    """Equal bodies get the same spin, and exchange what they have along the normal in part."""
+    found = demo_thrown_body.main(["--n=2", "--two", f"--output={folder}"])
+    assert found["momentum_error"] < 1e-9
+    (first, second), spins = found["momenta"], found["spins"]
+    np.testing.assert_allclose(np.add(first, second), (2.0, 0.5, -3.0), rtol=0, atol=1e-9)
+    np.testing.assert_allclose(spins[0], spins[1], rtol=0, atol=1e-6)
+    assert found["energy_error"] < 1e-3
+
+
+@pytest.mark.chatty
+def test_stick_slip(folder):
+    """Begin and end of sticking, and the swing, as those of the oscillator of one degree."""
+    found = demo_stick_slip.main(["--n=1", "--end=1.6", f"--output={folder}"])
+    np.testing.assert_allclose(found["stick"], found["stick_closed_form"], rtol=0, atol=0.01)
+    assert found["amplitude"] == pytest.approx(found["amplitude_closed_form"], rel=0.02)
+    assert found["energy_residue"] < 1e-9
+
+
+@pytest.mark.long
+def test_stick_slip_for_long(folder):
+    found = demo_stick_slip.main([f"--output={folder}"])
+    np.testing.assert_allclose(found["stick"], found["stick_closed_form"], rtol=0, atol=0.01)
+    for name in ("amplitude", "period"):
         assert found[name] == pytest.approx(found[f"{name}_closed_form"], rel=0.01)
