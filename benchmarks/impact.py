@@ -4,6 +4,7 @@
 Contact force and energy of `demo_bouncing_bar.py` against its exact solution. The library runs with
 ``--library`` elements; a numpy code (`tests/moving_bar.py`), from which the forces of the library
 differ by round-off, as is measured here, runs them all. It also runs what the library refuses.
+Then a bar that is thrown at a wall, over its elements, with orders, and two bars by the library.
 
     python3 benchmarks/impact.py --output impact.json
 """
@@ -12,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+import tempfile
 from pathlib import Path
 
 from mpi4py import MPI
@@ -23,6 +25,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "demos"))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
 import demo_bouncing_bar as demo
+import demo_two_bars
 from moving_bar import Bar
 
 from dolfinx_contact.evolution import NSCD
@@ -75,11 +78,52 @@ def by_library(comm, n, dt, scheme, theta, level, mass, restitution):
     return np.array([0.0, *(s.time for s in history.steps)]), np.array(force)
 
 
+def thrown(n, mass):
+    """Errors of a bar thrown at a wall at its mean velocity, over exact values; dt = h/c."""
+    speed, end = 10.0, 1.2 * 2 * demo.LENGTH / demo.SPEED
+    times = np.linspace(0.0, end, round(end * demo.SPEED * n / demo.LENGTH) + 1)
+    force, _, energy = Bar(n, mass, weight=0.0, height=0.0, velocity=-speed).run(times)
+    rebound = force.sum() * times[1] / demo.LENGTH - speed
+    duration = times[np.flatnonzero(force > 150)[-1] + 1] / (2 * demo.LENGTH / demo.SPEED)
+    start = demo.LENGTH * speed**2 / 2
+    errors = (1 - rebound / speed, abs(1 - duration), 1 - energy[-1] / start)
+    vibration = (energy[-1] - demo.LENGTH * rebound**2 / 2) / start
+    names = ("rebound", "duration", "energy", "vibration")
+    return dict(zip(names, map(float, (*errors, vibration)), strict=True))
+
+
+def by_elements(rows):
+    """Print a table of errors over elements, with orders between its rows."""
+    names = [k for k in rows[0] if k not in ("case", "elements")]
+    print(f"| case | elements | {' | '.join(names)} |")
+    print("|" + (len(names) + 2) * "---|")
+    for before, row in zip([None, *rows], rows, strict=False):
+        cells = []
+        for k in names:
+            cells.append(f"{row[k]:.3g}")
+            if before and before["case"] == row["case"] and min(before[k], row[k]) > 1e-9:
+                ratio = row["elements"] / before["elements"]
+                cells[-1] += f" ({np.log(before[k] / row[k]) / np.log(ratio):.2f})"
+        print(f"| {row['case']} | {row['elements']} | {' | '.join(cells)} |", flush=True)
+
+
+def two_bars(n):
+    """Errors of the velocities of two bars after their impact, over that of the first."""
+    with tempfile.TemporaryDirectory() as folder:
+        found = demo_two_bars.main([f"--elements={n}", f"--output={folder}"])
+    return {
+        "velocity": abs(found["velocities"][0]) / demo_two_bars.SPEED,
+        "duration": abs(1 - found["duration"] / (2 * demo_two_bars.LENGTH / demo_two_bars.C)),
+        "vibration": found["vibration"],
+    }
+
+
 def main(argv=None):
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--elements", type=int, nargs="+", default=[50, 100, 200, 400])
     parser.add_argument("--courant", type=float, nargs="+", default=[1.0, 0.5], help="c dt/h")
     parser.add_argument("--library", type=int, default=50, help="elements of the library's runs")
+    parser.add_argument("--bars", type=int, nargs="*", default=[16, 32, 64], help="of two bars")
     parser.add_argument("--output")
     args, comm = parser.parse_args(argv), MPI.COMM_WORLD
     record, head = [], "scheme, theta, level, mass, e"
@@ -108,8 +152,15 @@ def main(argv=None):
                 print(f"| {name} | {n} | {courant:g} | {' | '.join(values)} | {last} |", flush=True)
     for reason in sorted({r["refused"] for r in record if r["refused"]}):
         print("refused:", reason)
+    rows = [
+        {"case": mass, "elements": n} | thrown(n, mass) for mass in MASSES for n in args.elements
+    ]
+    by_elements(rows)
+    pairs = [{"case": "two bars", "elements": n} | two_bars(n) for n in args.bars]
+    if pairs:
+        by_elements(pairs)
     if args.output and comm.rank == 0:
-        save(args.output, record)
+        save(args.output, {"bouncing": record, "thrown": rows, "two_bars": pairs})
     return record
 
 
