@@ -38,7 +38,7 @@ class Point:
         memory = None if self.memory is None else self.memory.later(time - self.time)
         data = PointData(self._n, np.zeros(1), np.ones(1), self._fields)
         seen = jump if memory is None else jump - memory.reference(self._n)
-        self.answers = self.at(seen, traction, with_memory(self.law, memory, data))
+        self.answers = self.at(seen, traction, with_memory(self.at.compiled, memory, data))
         names = (*self.law.remembers, *self.law.keeps(self._n.shape[1]))
         fields = {name: self.answers.bond(f"after.{name}") for name in names}
         self.time, self.memory = time, Memory(jump, fields)

@@ -323,7 +323,7 @@ def lying(pull, law=None):
 def test_a_loose_disc():
     """One rigid motion is left, along the axis; the floor carries the load."""
     problem = lying(-10.0)
-    motions = problem.equations.loose.of_body
+    motions = problem.equations.scaling.loose.of_body
     assert motions.shape[0] == 1
     np.testing.assert_allclose(motions[0, :, 0], 0.0)
     result = problem.solve()

@@ -171,7 +171,7 @@ def test_what_is_refused(whole, folder):
         EvolutionRecord(known, evolution)
     with pytest.raises(FileNotFoundError, match="there is no journal"):
         EvolutionRecord(folder / "nowhere", evolution, resume=True)
-    with pytest.raises(ValueError, match="a QuasiStatic is needed, got ContactProblem"):
+    with pytest.raises(ValueError, match="a QuasiStatic or NSCD is needed, got ContactProblem"):
         EvolutionRecord(folder, evolution.problem)
     assert (known / FILE_NAME).read_bytes() == before
     lines = before.splitlines(keepends=True)

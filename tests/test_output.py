@@ -107,7 +107,8 @@ def test_plane_strain_is_a_slice_of_space(material):
 
 def recipe():
     """The lines of the docstring of `materials`, but for the problem."""
-    code = textwrap.dedent(materials.__doc__.partition("comes out as well::\n")[2])
+    text = materials.__doc__.partition("comes out as well::\n")[2].partition("\nOf a body of")[0]
+    code = textwrap.dedent(text)
     return re.sub(r"problem = .*\n", "energy = W(F) * ufl.dx\n", code)
 
 

@@ -240,11 +240,11 @@ def test_pictures(folder, monkeypatch):
     """Both faces are drawn, each as it has moved; and no round-off where nothing is pressed."""
     seen = {}
 
-    def draw(comm, kind, data, file):
+    def draw(comm, kind, data, file, **more):
         seen[kind] = data
         return file
 
-    monkeypatch.setattr(pictures, "_draw", draw)
+    monkeypatch.setattr(pictures, "draw", draw)
     system = branched(COMM)
     system.set_parameter(1.0)
     system.problem.solve()

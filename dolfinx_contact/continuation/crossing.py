@@ -270,8 +270,11 @@ def _stays_inside(
 def again(here: Events, there: Events) -> npt.NDArray[np.float64]:
     """Distances of the events ``here`` as they are ``there``, as they were of those that end.
 
-    Borders of some laws, as those of a bond, exist in some states alone.
+    Borders of some laws, as those of a bond, exist in some states alone. Where the same points have
+    as many as before they are the same, also where one leads to another status by now.
     """
+    if np.array_equal(here.point, there.point):
+        return there.distance
     known: dict[tuple[int, int], list[float]] = {}
     for point, target, distance in zip(there.point, there.target, there.distance, strict=True):
         known.setdefault((int(point), int(target)), []).append(float(distance))

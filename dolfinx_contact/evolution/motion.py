@@ -44,6 +44,7 @@ Array = npt.NDArray[np.float64]
 #: What Signorini's law is about.
 Level: TypeAlias = Literal["position", "velocity"]
 
+_ROUND_OFF = 1e-9  # of a step, by which it differs from an equal one
 _FAR = 1e6  # of the size of the body, a gap that is never closed
 _PENETRATION = 1e-9  # of the size of the body, a gap that counts as closed
 
@@ -65,6 +66,12 @@ class Method:
     level: Level
     restitution: float
     massless: bool
+
+    @property
+    def alternates(self) -> bool:
+        """Whether forces of contact turn about their mean from step to step."""
+        plain = self.scheme == "theta" and self.theta == 0.5
+        return plain and self.level == "position" and not self.massless
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +151,10 @@ class MotionStepper(Stepper):
         """Step from a moment to a time; see `Stepper.take`. Nothing is likely. Collective."""
         assert isinstance(moment, MotionMoment)
         problem, eq, body, a = self.problem, self.problem.equations, self._body, moment.motion
-        step = TimeStep(_length(moment.time, time), self._method.theta, self._method.scheme)
+        length = time - moment.time
+        if abs(length - body.step.length) <= _ROUND_OFF * length:
+            length = body.step.length  # the same steps have the same matrices
+        step = TimeStep(length, self._method.theta, self._method.scheme)
         self.put(moment)
         try:
             self._set(time)
@@ -203,7 +213,9 @@ class MotionStepper(Stepper):
                 active = a.un[i] + 0.5 * opening <= 0
                 gap = np.where(active, closes, closes + _FAR * eq.body_size)
             fields = {} if memory is None else memory.fields
-            found.append(Memory(jump, fields, step.length, gap))
+            # Of a velocity friction is told the motion along the surface, which is h a v_1.
+            passed = step.length * (gain if s.law.creeps else 1.0)
+            found.append(Memory(jump, fields, passed, gap))
         return found
 
     def _at(self, state: State, u: Array) -> State:
@@ -252,8 +264,3 @@ class MotionStepper(Stepper):
                 least >= -_PENETRATION * eq.body_size,
                 f"{s.name}: at the start points are within the obstacle, by up to {-least:.3g}",
             )
-
-
-def _length(start: float, end: float) -> float:
-    """The length of a step; equal ones that differ by round-off are the same, as matrices are."""
-    return float(f"{end - start:.9e}")

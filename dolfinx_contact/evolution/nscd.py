@@ -14,6 +14,7 @@ theta-Euler, dissipate. At the velocity level a node without mass has no velocit
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Callable, Sequence
 from typing import Any, get_args
@@ -43,6 +44,8 @@ from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.problem import ContactProblem
 
 __all__ = ["NSCD"]
+
+logger = logging.getLogger(__name__)
 
 
 class NSCD(Evolution):
@@ -122,6 +125,11 @@ class NSCD(Evolution):
         same_everywhere(comm, scheme=scheme, level=level, mass=mass, dt=self._dt)
         same_everywhere(comm, theta=method.theta, restitution=method.restitution)
         same_everywhere(comm, density=lambda: described(ufl.as_ufl(density), V.mesh))
+        if method.alternates and comm.rank == 0:
+            logger.warning(
+                "theta = 1/2 with mass at the nodes that may touch: contact forces alternate from "
+                "step to step, their mean is right; mass='redistributed' has none there"
+            )
         self.velocity = fem.Function(V, name="velocity") if velocity is None else velocity
         self._method = method
         weight = 2 * math.pi * ufl.SpatialCoordinate(V.mesh)[0]

@@ -1,0 +1,110 @@
+"""Laws beside Coulomb's in motions: friction of velocities, compliance, adhesion."""
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from blocks import box, facets
+
+import ufl
+from dolfinx import fem
+
+from dolfinx_contact import (
+    RCCM,
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    HalfSpace,
+    NormalCompliance,
+    Regularised,
+)
+from dolfinx_contact.evolution import NSCD
+from dolfinx_contact.materials import LinearElastic
+
+COMM = MPI.COMM_WORLD
+
+
+def block(law, *, young=1e6, height=0.0, weight=10.0):
+    """A unit block of four squares above a floor."""
+    domain = box(COMM, 2, "quad")
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    surface = ContactSurface(
+        u, facets(domain, 1, 0.0), obstacle=HalfSpace((0, -height), (0, 1)), law=law
+    )
+    energy = (LinearElastic.from_young(young, 0.0).energy(u) + weight * u[1]) * ufl.dx
+    return ContactProblem(energy, u, [surface])
+
+
+def velocity(problem, x, y):
+    v = fem.Function(problem.V)
+    v.x.array[:] = np.tile([x, y], len(v.x.array) // 2)
+    return v
+
+
+@pytest.mark.parametrize(
+    ("scheme", "theta", "mass"),
+    [
+        ("theta", 0.5, "redistributed"),
+        ("theta", 0.5, "consistent"),
+        ("theta-euler", 1.0, "lumped"),
+        ("modified-theta", 0.6, "redistributed"),
+        ("modified-theta", 0.6, "lumped"),
+    ],
+)
+def test_friction_of_the_velocity(scheme, theta, mass):
+    """v' = -mu g tanh(v/eps): sinh(v/eps) falls as an exponential of time."""
+    eps, mu, g, end = 0.5, 0.3, 10.0, 0.4
+    t = np.linspace(0.0, end, 2001)
+    speed = eps * np.arcsinh(np.sinh(1.0 / eps) * np.exp(-mu * g * t / eps))
+    way, off = np.trapezoid(speed, t), []
+    for dt in (0.02, 0.01):
+        problem = block(Regularised(Coulomb(mu), width=1e-6, speed=eps), young=1e8, weight=g)
+        bound = problem.surfaces[0].law.friction.friction
+        bound.value = 0.0  # at rest under its weight
+        problem.solve()
+        bound.value = mu
+        how = dict(scheme=scheme, theta=theta, mass=mass, velocity=velocity(problem, 1.0, 0.0))
+        history = NSCD(problem, 1.0, dt=dt, **how).run([0.0, end], progress=False)
+        off.append(COMM.allreduce(np.abs(problem.u.x.array[::2] - way).max(), op=MPI.MAX) / way)
+        assert history.energies.dissipated == pytest.approx(0.5 * (1 - speed[-1] ** 2), rel=0.05)
+    assert off[1] < 0.6 * off[0]
+    assert off[1] < 0.02
+
+
+def test_a_speed_is_needed():
+    with pytest.raises(ValueError, match="lacks a speed"):
+        NSCD(block(Regularised(Coulomb(0.3), width=1e-3)), 1.0, dt=0.01)
+
+
+def test_a_surface_that_gives_way():
+    """A stiff block on springs: half a period of an oscillator in contact, and away again."""
+    C, v0 = 1e4, 1.0
+    problem = block(NormalCompliance(C), young=1e8, height=0.0, weight=0.0)
+    motion = NSCD(problem, 1.0, dt=1e-4, velocity=velocity(problem, 0.0, -v0), mass="lumped")
+    history = motion.run([0.0, 0.04], progress=False)
+    force = np.array([s.result.resultants["contact"][1] for s in history.steps])
+    t = np.array([s.time for s in history.steps])
+    half = np.pi / np.sqrt(C)
+    np.testing.assert_allclose(t[force > 1e-3 * force.max()][-1], half, rtol=0.02)
+    assert force.max() == pytest.approx(v0 * np.sqrt(C), rel=0.01)
+    assert force.sum() * 1e-4 == pytest.approx(2 * v0, rel=0.01)
+    # The law is taken at the end of a step, which dissipates as much of an oscillation.
+    lost = 0.5 * np.pi / 2 * np.sqrt(C) * 1e-4
+    assert history.energies.residue == pytest.approx(lost, rel=0.02)
+
+
+def test_a_bond_that_breaks():
+    """A block that flies off loses what its bond costs: w of its kinetic energy."""
+    w, C = 0.1, 1e3
+    problem = block(RCCM(C, C, w), young=1e7, weight=0.0)
+    v = velocity(problem, 0.0, 1.0)
+    motion = NSCD(problem, 1.0, dt=5e-4, velocity=v, mass="lumped")
+    history = motion.run([0.0, 0.12], progress=False)
+    e = history.energies
+    u = problem.table(problem.surfaces[0]).un.min()
+    assert u > 10 * np.sqrt(w / C)
+    left = w * (1 - w / C / (2 * u**2))  # work of the bond up to there
+    assert e.damage + e.stored == pytest.approx(left, rel=0.01)
+    assert 0.5 - e.kinetic == pytest.approx(left, rel=0.02)
+    assert abs(e.residue) < 0.03 * w
