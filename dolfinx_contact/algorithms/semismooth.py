@@ -24,6 +24,7 @@ __all__ = ["SemismoothNewton", "solve_semismooth", "solve_yielding"]
 Array = npt.NDArray[np.float64]
 _REMEMBERED = 5
 _SHORTEST = 1e-3
+_STAGES = 12  # stiffnesses that are tried on the way
 
 
 @dataclass(frozen=True)
@@ -99,13 +100,21 @@ def solve_yielding(
 ) -> tuple[Array, int, bool]:
     """As `solve_semismooth` with a held force; from a cold start the stiffness rises to its value.
 
-    From a body that is far inside its obstacle stiff contact sends slips to and fro.
+    From a body that is far inside its obstacle stiff contact sends slips to and fro. Where a
+    stiffness leads nowhere one between it and the last that did not is tried first.
     """
-    total = 0
-    for part in (*((1e-3, 1e-2, 1e-1) if cold else ()), 1.0):
-        a, steps, solved = solve_semismooth(contact, a, held=held, stiffness=part * stiffness)
+    parts, total, known = [*((1e-3, 1e-2, 1e-1) if cold else ()), 1.0], 0, 0.0
+    for _ in range(_STAGES):
+        part = parts[0]
+        found, steps, solved = solve_semismooth(contact, a, held=held, stiffness=part * stiffness)
         total += steps
-    return a, total, solved
+        if not solved:
+            parts.insert(0, float(np.sqrt(known * part)) if known > 0 else 0.1 * part)
+            continue
+        a, known = found, parts.pop(0)
+        if not parts:
+            return a, total, True
+    return found, total, False
 
 
 def _residual(
