@@ -108,3 +108,21 @@ def test_a_bond_that_breaks():
     assert e.damage + e.stored == pytest.approx(left, rel=0.01)
     assert 0.5 - e.kinetic == pytest.approx(left, rel=0.02)
     assert abs(e.residue) < 0.03 * w
+
+
+def test_a_load_that_is_changed_between_runs():
+    """From then on it is the new one, in the first half of the next step as well."""
+    domain = box(COMM, 2, "quad")
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u, pull = fem.Function(V), fem.Constant(domain, 2.0)
+    floor = HalfSpace((0, -5.0), (0, 1))
+    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.3))
+    energy = (LinearElastic.from_young(1e3, 0.0).energy(u) - pull * u[0]) * ufl.dx
+    motion = NSCD(ContactProblem(energy, u, [surface]), 1.0, dt=0.1, mass="consistent")
+    motion.run([0.0, 0.5], progress=False)
+    pull.value = -2.0
+    history = motion.run([0.5, 1.0], progress=False)
+    # Forth with 2, back with -2: at rest again, after 2 (1/2)^2.
+    assert np.abs(motion.velocity.x.array).max(initial=0.0) < 1e-12
+    np.testing.assert_allclose(u.x.array[::2], 0.5, rtol=1e-12)
+    assert abs(history.energies.external) < 1e-12

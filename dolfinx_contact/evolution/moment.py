@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from mpi4py import MPI
@@ -142,6 +142,10 @@ class Stepper:
             raise
         known = None if first else state.statuses
         return self.moment(time, known, tuple(memory), forces_at(eq, state), energies)
+
+    def renewed(self, moment: Moment) -> Moment:
+        """The moment with the data as they are now. Collective."""
+        return replace(moment, data=GivenData(self.problem.equations))
 
     def put(self, moment: Moment) -> None:
         """Put a moment into Functions, statuses, rigid bodies, data and memory, bit by bit.

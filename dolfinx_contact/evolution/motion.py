@@ -142,6 +142,13 @@ class MotionStepper(Stepper):
         known = None if first else state.statuses
         return self._moving(self._moment(time, known, tuple(memory), energies), self._motion(state))
 
+    def renewed(self, moment: Moment) -> Moment:
+        assert isinstance(moment, MotionMoment)
+        u, v = moment.motion.u, moment.motion.v
+        rows, load = self._body.forces(u, v), -self._body.forces(0.0 * u, 0.0 * v)
+        motion = replace(moment.motion, rows=rows, load=load)
+        return replace(moment, data=GivenData(self.problem.equations), motion=motion)
+
     def put(self, moment: Moment) -> None:
         super().put(moment)
         assert isinstance(moment, MotionMoment)

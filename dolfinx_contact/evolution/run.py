@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from typing import TypeAlias, get_args
 
 from mpi4py import MPI
@@ -22,7 +21,6 @@ from dolfinx import fem
 
 from dolfinx_contact._errors import everywhere, same_everywhere
 from dolfinx_contact._numbers import is_number
-from dolfinx_contact.equations.given_data import GivenData
 from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.evolution.forks import Forked, Forks
 from dolfinx_contact.evolution.history import EvolutionStep, History, NoContinuation
@@ -127,7 +125,7 @@ class Evolution:
             moment = stepper.start(given[0])
         elif not comm.allreduce(int(moment.data.stands()), op=MPI.MIN):
             # Data that were changed between two runs are those of the next.
-            moment = replace(moment, data=GivenData(self.problem.equations))
+            moment = stepper.renewed(moment)
         standing = Standing(moment, task.longest, self._rate, self._number)
         if record is not None:
             stepper.put(standing.moment)
