@@ -37,6 +37,7 @@ import numpy.typing as npt
 
 from dolfinx import fem
 
+from dolfinx_contact._columns import is_symmetric
 from dolfinx_contact._petsc import half_of
 from dolfinx_contact.body.bulk import Bulk
 
@@ -131,7 +132,7 @@ class MovingBody:
         self._K: PETSc.Mat | None = None
         self._half: PETSc.Mat | None = None
         self._of: tuple[int, TimeStep] | None = None
-        self._symmetric = damping is None or damping.isSymmetric(tol=1e-12)
+        self._symmetric = damping is None or is_symmetric(damping)
 
     def begin(self, step: TimeStep, u: Array, v: Array, rows: Array) -> None:
         """Begin a step. Collective.
