@@ -147,7 +147,9 @@ def test_ways_on(free, ways):
     A bar of width b resists rotation by E b^3/12 over its length, E = C, far below the 3 C b^3/4 by
     which the corners soften: it bends to either side. Held aside it shears, which is far stiffer.
     """
-    history = ArcLength(bar(1.0, 16, free=free)).run(ENDS, rays=True, max_steps=8)
+    history = ArcLength(bar(1.0, 16, free=free)).run(
+        ENDS, rays=True, max_steps=8, control=StepControl(kinks="exact")
+    )
     (fold,) = history.folds
     assert (fold.before, fold.ways) == ("oo", ways)
     # That on which both damage is unstable to bending: its determinant has the other sign.
@@ -263,3 +265,34 @@ def test_bad_input():
     system.problem.surfaces[0].law.viscosity.value = 1.0
     with pytest.raises(ValueError, match="answers to the time or length of a step"):
         path.run(ENDS)
+
+
+def test_two_bonds_one_after_the_other():
+    """A lid that tilts as it rises breaks two bonds: folds of an independent condensation."""
+    domain = mesh.create_unit_square(MPI.COMM_SELF, 1, 1, mesh.CellType.quadrilateral)
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u, lid, gamma = fem.Function(V), fem.Function(V), fem.Constant(domain, 0.0)
+    x = ufl.SpatialCoordinate(domain)
+    low = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 0))
+    top = fem.locate_dofs_geometrical(V, lambda x: np.isclose(x[1], 1))
+    law, floor = RCCM(100.0, 100.0, 1.0), HalfSpace((0, 0), (0, 1))
+    surface = ContactSurface(u, low, obstacle=floor, law=law)
+    aside = np.arange(0, 8, 2, dtype=np.int32)
+    bcs = [
+        fem.dirichletbc(lid, top),
+        fem.dirichletbc(fem.Constant(domain, 0.0), aside, V.sub(0)),
+    ]
+    energy = LinearElastic.from_young(60.0, 0.3).energy(u) * ufl.dx
+    problem = ContactProblem(energy, u, [surface], bcs=bcs)
+    rise = ufl.as_vector((0 * x[0], gamma * (1 + 0.2 * x[0])))
+    system = ParametricContact(problem, gamma, driven=[(lid, rise)])
+    history = ArcLength(system).run((0, 0.3))
+    assert history.complete
+    assert max(s.result.kkt_violation for s in history.steps) < 1e-8
+    at = [(s.gamma, s.event) for s in history.steps if s.event]
+    assert [event for _, event in at] == [
+        *("nonsmooth fold", "smooth fold", "nonsmooth fold", "smooth fold"),
+        "kink",
+    ]
+    np.testing.assert_allclose(at[0][0], 0.20047856846, rtol=1e-9)
+    np.testing.assert_allclose([at[3][0], at[4][0]], [0.17855839, 0.249938], rtol=2e-6)

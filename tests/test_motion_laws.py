@@ -18,7 +18,7 @@ from dolfinx_contact import (
     NormalCompliance,
     Regularised,
 )
-from dolfinx_contact.evolution import NSCD
+from dolfinx_contact.evolution import NSCD, QuasiStatic
 from dolfinx_contact.materials import LinearElastic
 
 COMM = MPI.COMM_WORLD
@@ -126,3 +126,62 @@ def test_a_load_that_is_changed_between_runs():
     assert np.abs(motion.velocity.x.array).max(initial=0.0) < 1e-12
     np.testing.assert_allclose(u.x.array[::2], 0.5, rtol=1e-12)
     assert abs(history.energies.external) < 1e-12
+
+
+def test_an_obstacle_that_arrives():
+    """Where it reaches a body at rest at the very end of a step, it touches, and then hits."""
+    domain = box(COMM, 2, "quad")
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u, y = fem.Function(V), fem.Constant(domain, -0.05)
+    floor = HalfSpace((0.0 * y, y), (0, 1))
+    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.3))
+    problem = ContactProblem(LinearElastic.from_young(1e3, 0.0).energy(u) * ufl.dx, u, [surface])
+
+    def load(t):
+        y.value = -0.05 + t
+
+    history = NSCD(problem, 1.0, dt=0.002, load=load).run([0.0, 0.1], progress=False)
+    assert history.complete
+    assert len(history.steps) == 50
+    assert history.energies.kinetic > 0.5
+    assert abs(history.energies.residue) < 1e-11
+
+
+def test_a_bond_on_springs():
+    """The energies are those of a quasi-static history, from which slow motion hardly differs."""
+    found = []
+    for moves in (False, True):
+        domain = box(COMM, 2, "quad")
+        V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+        u, up = fem.Function(V), fem.Constant(domain, np.zeros(2))
+        dofs = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
+        law = RCCM(100.0, 100.0, 1.0, viscosity=0.5, contact=NormalCompliance(1e4))
+        floor = HalfSpace((0, 0), (0, 1))
+        surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=law)
+        energy = LinearElastic.from_young(1e4, 0.0).energy(u) * ufl.dx
+        problem = ContactProblem(energy, u, [surface], bcs=[fem.dirichletbc(up, dofs, V)])
+
+        def load(t, up=up):
+            up.value[1] = 0.2 * t
+
+        if moves:
+            how = dict(dt=0.01, load=load, damping=(100.0, 0.01))
+            history = NSCD(problem, 1e-3, **how).run([0.0, 1.0], progress=False)
+        else:
+            history = QuasiStatic(problem, load).run(np.linspace(0.0, 1.0, 101), progress=False)
+        e = history.energies
+        found.append((e.external, e.stored, e.damage))
+        assert abs(e.residue) < 0.02 * e.external
+    np.testing.assert_allclose(*found, rtol=0.01)
+
+
+@pytest.mark.parametrize("what", ["velocity", "damping"])
+def test_what_differs_between_ranks(what):
+    problem = block(Coulomb(0.3))
+    other = velocity(problem, 0.0, 0.0) if what == "velocity" else (1.0, 0.0)
+    given = {what: other if COMM.rank > 0 else None}
+    if COMM.size == 1:
+        NSCD(problem, 1.0, dt=0.1, **given)
+        return
+    with pytest.raises(ValueError, match=r"differs? between ranks"):
+        NSCD(problem, 1.0, dt=0.1, **given)

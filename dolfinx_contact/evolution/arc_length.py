@@ -17,16 +17,12 @@ Time has no meaning on such a path: laws must not depend on it.
 
 from __future__ import annotations
 
-import time as clock
 from collections.abc import Callable, Sequence
 from typing import Literal, TypeAlias, get_args
-
-from mpi4py import MPI
 
 import numpy as np
 
 from dolfinx_contact._errors import everywhere, require, same_everywhere
-from dolfinx_contact._progress import Line
 from dolfinx_contact.continuation.arguments import check_listeners, checked_range
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.branch import AT_END, BranchPoint
@@ -37,6 +33,7 @@ from dolfinx_contact.evolution.energy import Energies, forces_at
 from dolfinx_contact.evolution.moment import AtRest, Stepper, Taken
 from dolfinx_contact.evolution.path import PathEvent, PathHistory, PathStep
 from dolfinx_contact.evolution.rate_problem import Ways
+from dolfinx_contact.evolution.said import SaidOfPath
 from dolfinx_contact.parametric import ParametricContact
 
 __all__ = ["ArcLength", "Direction"]
@@ -49,9 +46,10 @@ Observer: TypeAlias = Callable[[PathStep], object]
 #: Asked at every accepted point; answers with the reason to end the path there, or "".
 Stop: TypeAlias = Callable[[PathStep], str]
 
+_LONGEST = 0.005  # of the range of gamma and the first tangent
+_VIOLATION = 1e-6  # of the law, beyond which a point was come to in the wrong statuses
 _NOWHERE = 1e-6  # mean length of steps that lead nowhere
 _PATIENT = 10  # such steps, and two for each contact point, are allowed
-_PATIENCE = 3.0  # seconds before progress is said by itself
 
 
 class ArcLength:
@@ -127,7 +125,7 @@ class ArcLength:
                 at the start; of a later one ``"onwards"``, the default, or ``"back"``, by which the
                 state unloads and nothing heals.
             control: step lengths, in units in which the first tangent and the range of gamma have
-                size 1.
+                size 1; by default up to 0.005. Longer ones may pass a fold of many bonds unseen.
             max_steps: budget.
             rays: whether all statuses that meet are tried at every kink and nonsmooth fold, up to
                 256, so that `PathStep.ways` counts the solutions of the rate problem there; else
@@ -153,7 +151,7 @@ class ArcLength:
             check_listeners(None, stop, control, max_steps)
             if observer is not None and not callable(observer):
                 raise ValueError(f"observer must be a function of a point, got {observer!r}")
-            control = control or StepControl(kinks="exact")
+            control = control or StepControl(kinks="exact", initial=_LONGEST, maximum=_LONGEST)
             if control.kinks not in (None, "exact"):
                 raise ValueError(f"a path with memory passes kinks exactly, not {control.kinks!r}")
             direction = direction or ("increasing" if first else "onwards")
@@ -191,7 +189,7 @@ class ArcLength:
         bordered.x_scale = self._x_scale * bordered.gamma_scale**2
         steps = ArcSteps(Corrector(bordered, control))
         run = _Run(self.parametric, self._stepper, steps, self._moment, self._last, limits, rays)
-        said = _Said(self.problem.comm, progress, limits)
+        said = SaidOfPath(self.problem.comm, progress, limits)
         history = PathHistory(self._moment.time, self._moment.energies, gamma=gamma)
         try:
             run.put(self._moment, gamma)
@@ -333,15 +331,25 @@ class _Run:
     def step(self, number: int) -> tuple[PathStep, Taken] | None:
         """The next accepted point; None, with a reason, where there is none. Collective."""
         assert self._leaves is not None
-        found = self._steps.arrive(self._leaves, self._h, self._limits)
-        if found is None:
-            self.reason = (
-                f"no step of at least {self._steps.control.minimum:g} succeeds beyond "
-                f"gamma = {self._leaves.gamma:.10g}"
-            )
-            return None
-        before, point, self._h = self.moment, found.point, found.next_h
-        result, system = self._system.result_at(point), self._system
+        system, weak = (
+            self._system,
+            any(s.points.E is not None for s in self._stepper.problem.surfaces),
+        )
+        while True:
+            found = self._steps.arrive(self._leaves, self._h, self._limits)
+            if found is None:
+                self.reason = (
+                    f"no step of at least {self._steps.control.minimum:g} succeeds beyond "
+                    f"gamma = {self._leaves.gamma:.10g}"
+                )
+                return None
+            before, point = self.moment, found.point
+            result = system.result_at(point)
+            if weak or result.kkt_violation <= _VIOLATION:
+                break
+            # Bonds were taken for damaging that are not, or the other way round, within the step.
+            self._h = 0.5 * min(self._h, point.step)
+        self._h = found.next_h
         eq, state = system.equations, self._stepper.problem.state()
         energies = before.energies.advanced(
             before.forces, forces := forces_at(eq, state), result.energies["friction"]
@@ -389,28 +397,3 @@ class _Run:
         if not comm.allreduce(int(np.any(a.piece.codes != b.piece.codes))):
             return ""
         return "nonsmooth fold" if self._steps.turned(a.tangent, b.tangent) else "kink"
-
-
-class _Said:
-    """The line of progress: load, number of the point, statuses, time by the clock."""
-
-    def __init__(self, comm: MPI.Comm, wanted: bool | None, limits: tuple[float, float]):
-        self._line, self._start, self._limits = Line(comm), clock.monotonic(), limits
-        self._silent = wanted is False or comm.rank > 0
-        self._after, self._shown = 0.0 if wanted else _PATIENCE, False
-
-    def step(self, step: PathStep) -> None:
-        passed, (low, high) = clock.monotonic() - self._start, self._limits
-        if self._silent or passed < self._after:
-            return
-        self._shown = True
-        counts = ", ".join(f"{n} {k}" for k, n in step.result.counts.items() if n)
-        self._line.update(
-            f"path: gamma {step.gamma:.6g} in [{low:.6g}, {high:.6g}]  point {step.number}  "
-            f"{step.event}  {counts}  {passed:.0f} s"
-        )
-
-    def end(self, history: PathHistory) -> None:
-        self._line.clear()
-        if self._shown:
-            self._line.write(f"path: {len(history.steps)} points, {history.reason}")

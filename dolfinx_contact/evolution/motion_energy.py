@@ -73,7 +73,7 @@ class Motion:
         gaps: of the obstacles at the contact points where the body is undeformed, surface by
             surface (n,).
         un: gaps now, likewise.
-        pressed: forces of pressure at the points, likewise.
+        pressed: forces of pressure at the points without adhesion, likewise.
         bonds: energies that bonds hold, likewise.
     """
 
@@ -111,7 +111,10 @@ def motion_at(eq: ContactEquations, state: State, u: Array, v: Array) -> Motion:
         normal, areas = found.data.n, s.points.areas
         gaps.append(s.points.data.gap.copy())
         un.append(data.gap - np.sum(found.jump * normal, axis=1))
-        pressed.append(-areas * np.sum(found.traction * normal, axis=1))
+        force = found.traction
+        if s.law.remembers:
+            force = force - found.answers.bond("traction")
+        pressed.append(-areas * np.sum(force * normal, axis=1))
         none = np.zeros_like(areas)
         bonds.append(areas * found.answers.bond("stored") if s.law.remembers else none)
     return Motion(

@@ -53,7 +53,9 @@ class NSCD(Evolution):
 
     It begins with the displacement and statuses in the problem's Functions, at the first time, and
     with `velocity`. These follow the accepted steps, as do data and memory of the problem. The
-    multipliers are means over the step: impulses over areas and the length of the step.
+    memory stays in the surfaces afterwards: ``surface.memory = None`` makes the law of the problem
+    that was given static again. The multipliers are means over the step: impulses over areas and
+    the length of the step.
     Dirichlet data prescribe the displacement at the ends of steps; what they prescribe should begin
     with the velocity that the body has there.
 
@@ -71,7 +73,10 @@ class NSCD(Evolution):
             of velocities, under which points come to rest within the obstacle by up to a step's
             way (`motion`).
         mass: ``"consistent"``, ``"lumped"`` or ``"redistributed"``, without mass at the nodes that
-            may touch (`body.inertia`).
+            may touch (`body.inertia`). That keeps the whole mass and moves its centre by a part of
+            a cell, so that a body that floats turns a little under a uniform force, less on finer
+            meshes. The velocity of nodes without mass means nothing by itself, and no momentum is
+            to be taken from `velocity` there: ask the impulses of contact, or take another mass.
         damping: forces linear in the velocity, as of a viscoelastic body: a UFL form in
             ``velocity`` and a test function, or in a trial and a test function; or a pair (a, b)
             for Rayleigh's a M + b K, a per time, b a time. K is that of the undeformed body, M
@@ -122,6 +127,7 @@ class NSCD(Evolution):
             refuse_other_mesh(ufl.as_ufl(density), V.mesh, "the density")
             if isinstance(density, int | float) and not (math.isfinite(density) and density > 0):
                 raise ValueError(f"the density must be positive, got {density!r}")
+        same_everywhere(comm, a_velocity=velocity is not None, damping=_described(damping, V))
         same_everywhere(comm, scheme=scheme, level=level, mass=mass, dt=self._dt)
         same_everywhere(comm, theta=method.theta, restitution=method.restitution)
         same_everywhere(comm, density=lambda: described(ufl.as_ufl(density), V.mesh))
@@ -144,7 +150,8 @@ class NSCD(Evolution):
         self.kept = {"velocity": self.velocity}
         words = (f"scheme {scheme}", f"theta {method.theta!r}", f"level {level}", f"mass {mass}")
         restores = f"restitution {method.restitution!r}"
-        self.method = (f"density {described(ufl.as_ufl(density), V.mesh)}", *words, restores)
+        of = f"density {described(ufl.as_ufl(density), V.mesh)}"
+        self.method = (of, *words, restores, f"damping {_described(damping, V)}")
 
     def run(
         self,
@@ -165,7 +172,7 @@ class NSCD(Evolution):
             locate: a time, to which begins of contact are located: steps in which a point closes
                 are tried again with half the length as long as that is no shorter.
             accept: asked of every step, on every rank; one that is not accepted is tried again with
-                half the length, down to ``locate`` or dt halved twenty times.
+                half the length, down to ``locate`` or dt halved twenty times, where it is accepted.
             observer: told of every accepted step while its end stands in the problem.
             record: keeps every accepted step before the observer is told of it, as
                 `output.EvolutionRecord` does.
@@ -379,6 +386,11 @@ def _damping_form(V: fem.FunctionSpace, velocity: fem.Function, form: ufl.Form) 
     if velocity in ufl.algorithms.expand_derivatives(C).coefficients():
         raise ValueError("damping must be linear in the velocity")
     return C
+
+
+def _described(damping: Any, V: fem.FunctionSpace) -> str:
+    """Damping in words, by which records and ranks know it."""
+    return described(damping, V.mesh) if isinstance(damping, ufl.Form) else repr(damping)
 
 
 def _rayleigh(damping: Any) -> tuple[float, float]:

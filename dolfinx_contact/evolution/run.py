@@ -269,7 +269,8 @@ class _Run:
     def _jump(self, taken: Taken) -> list[Taken] | None:
         """The steps up to a jump in a step that changes the state suddenly; None if none does."""
         rate = _rate(self._stepper.problem.comm, taken)
-        if self.rate is None or rate <= self._task.sudden * self.rate:
+        sudden = self._task.sudden
+        if self.rate is None or math.isinf(sudden) or rate <= sudden * self.rate:
             return None
         return find_jump(self._stepper, taken, self._task.shortest)
 

@@ -10,8 +10,9 @@ from mpi4py import MPI
 
 from dolfinx_contact._progress import Line
 from dolfinx_contact.evolution.history import EvolutionStep, History
+from dolfinx_contact.evolution.path import PathHistory, PathStep
 
-__all__ = ["Said"]
+__all__ = ["Said", "SaidOfPath"]
 
 _PATIENCE = 3.0  # seconds before progress is said by itself
 
@@ -42,3 +43,28 @@ class Said:
         self._line.clear()
         if self._shown:
             self._line.write(f"evolution: {len(history.steps)} steps, {history.reason}")
+
+
+class SaidOfPath:
+    """The line of progress: load, number of the point, statuses, time by the clock."""
+
+    def __init__(self, comm: MPI.Comm, wanted: bool | None, limits: tuple[float, float]):
+        self._line, self._start, self._limits = Line(comm), clock.monotonic(), limits
+        self._silent = wanted is False or comm.rank > 0
+        self._after, self._shown = 0.0 if wanted else _PATIENCE, False
+
+    def step(self, step: PathStep) -> None:
+        passed, (low, high) = clock.monotonic() - self._start, self._limits
+        if self._silent or passed < self._after:
+            return
+        self._shown = True
+        counts = ", ".join(f"{n} {k}" for k, n in step.result.counts.items() if n)
+        self._line.update(
+            f"path: gamma {step.gamma:.6g} in [{low:.6g}, {high:.6g}]  point {step.number}  "
+            f"{step.event}  {counts}  {passed:.0f} s"
+        )
+
+    def end(self, history: PathHistory) -> None:
+        self._line.clear()
+        if self._shown:
+            self._line.write(f"path: {len(history.steps)} points, {history.reason}")

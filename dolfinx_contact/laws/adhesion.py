@@ -67,7 +67,6 @@ class RCCM(Law):
         friction: coefficient mu >= 0, of a broken bond; an intact one has none.
         viscosity: b >= 0 of damage, energy per area times time to the power p.
         beta: intensity at the start, from 0 to 1.
-        exponent: p of the viscosity, a number from 1/10 to 10.
         broken: intensity below which a bond is broken.
         exponent: p of the viscosity, a number from 1/10 to 10.
         order: of the steps in time, 1 or 2. With p > 1, where the damage of a bond begins as a root

@@ -32,7 +32,7 @@ _TABLE = "steps.csv"
 
 
 class EvolutionSeries:
-    """An observer of `QuasiStatic.run` that writes the accepted steps. Collective, as a context.
+    """An observer of evolutions that writes their accepted steps. Collective, as a context.
 
     ``evolution_body.bp`` holds the displacement, ``evolution_contact.bp`` (or
     ``evolution_contact_NAME.bp``) the fields of a contact surface, ``..._opposite.bp`` those of the
