@@ -74,7 +74,7 @@ def moving(comm, friction=0.25, dt=0.25):
 
 
 CASES = {"pair": pair, "crack": cracked, "motion": moving}
-CASES["fine motion"] = partial(moving, dt=0.05)
+CASES["fine motion"] = partial(moving, dt=0.02)
 
 
 def record(evolution, folder, observer=None, longest=LONGEST):
