@@ -310,7 +310,11 @@ def test_killed_at_random_moments(case, kills, whole, folder):
         process = launch(1 + session % 3, "recorded_evolution.py", folder, "--case", case, *more)
         # Time passes between a look at the file and the kill: any moment of a step may be hit.
         delay = random.uniform(0.0, 0.05)
-        while (path.stat().st_size if path.exists() else 0) < moment * total:
+        before = len(recorded[-1]) if recorded else 0
+        while (
+            (path.stat().st_size if path.exists() else 0) < moment * total
+            or len(read_evolution(folder).rows()) == before  # every session records something
+        ):
             if process.poll() is not None:  # the last steps may be written between two looks
                 assert process.returncode == 0, (folder / "said.0").read_text()
                 break
