@@ -1,6 +1,7 @@
 """Laws beside Coulomb's in motions: friction of velocities, compliance, adhesion."""
 
 from mpi4py import MPI
+from petsc4py import PETSc
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from dolfinx_contact import (
     Regularised,
 )
 from dolfinx_contact.evolution import NSCD, QuasiStatic
-from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.materials import Axisymmetric, LinearElastic, circumference
 
 COMM = MPI.COMM_WORLD
 
@@ -185,3 +186,47 @@ def test_what_differs_between_ranks(what):
         return
     with pytest.raises(ValueError, match=r"differs? between ranks"):
         NSCD(problem, 1.0, dt=0.1, **given)
+
+
+def test_a_body_of_revolution():
+    """A cylinder of radius and height 1 that falls has the mass of all of it."""
+    domain = box(COMM, 3, "quad")
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    floor = HalfSpace((0, -5.0), (0, 1))
+    surface = ContactSurface(
+        u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.3), axisymmetric=True
+    )
+    energy = Axisymmetric(LinearElastic.from_young(1e3, 0.3)).energy(u)
+    problem = ContactProblem(energy * circumference(domain) * ufl.dx, u, [surface])
+    for mass in ("consistent", "lumped", "redistributed"):
+        v = velocity(problem, 0.0, -2.0)
+        motion = NSCD(problem, 3.0, dt=0.1, velocity=v, mass=mass)
+        history = motion.run([0.0, 0.2], progress=False)
+        assert history.energies.kinetic == pytest.approx(0.5 * 3.0 * np.pi * 4.0, rel=1e-12)
+        u.x.array[:] = 0.0
+
+
+@pytest.mark.chatty
+def test_multigrid():
+    """The same impacts as by factorising."""
+    options, found = PETSc.Options(), []
+    for solver in ("direct", "amg"):
+        options["contact_linear_solver"], options["contact_snes_rtol"] = solver, 1e-11
+        domain = box(COMM, 4, "hex")
+        V = fem.functionspace(domain, ("Lagrange", 1, (3,)))
+        u, v = fem.Function(V), fem.Function(V)
+        v.x.array[:] = np.tile([1.0, 0.3, -1.0], len(v.x.array) // 3)
+        floor = HalfSpace((0, 0, -0.01), (0, 0.02, 1))
+        surface = ContactSurface(u, facets(domain, 2, 0.0), obstacle=floor, law=Coulomb(0.3))
+        problem = ContactProblem(
+            LinearElastic.from_young(1e3, 0.3).energy(u) * ufl.dx, u, [surface]
+        )
+        motion = NSCD(problem, 1.0, dt=0.01, velocity=v)
+        history = motion.run([0.0, 0.06], progress=False)
+        assert motion.problem.linear_solver.name == solver
+        found.append(history)
+    forces = [np.array([s.result.resultants["contact"] for s in h.steps]) for h in found]
+    assert np.abs(forces[0]).max() > 1.0
+    np.testing.assert_allclose(forces[1], forces[0], rtol=0, atol=1e-7 * np.abs(forces[0]).max())
+    assert [s.status for s in found[0].steps] == [s.status for s in found[1].steps]
