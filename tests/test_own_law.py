@@ -210,7 +210,7 @@ def test_statuses_that_are_none():
     free = StatusPiece
     for make, message in [
         (lambda a: {}, "a dictionary of StatusPieces"),
-        (lambda a: {17: free(0.0 * a.n, [Border(a.p, 17)])}, "status 17 is none of"),
+        (lambda a: {24: free(0.0 * a.n, [Border(a.p, 24)])}, "status 24 is none of"),
         (lambda a: {"x": free(0.0 * a.n, [])}, "status 'x' is none of"),
         (lambda a: {OPEN: free(0.0 * a.n, [Border(-a.p, 9)])}, "beyond a border is 9"),
         (lambda a: {OPEN: free(a.p, [])}, "a UFL vector of 2 components"),

@@ -108,7 +108,7 @@ def require_nodes(eq: ContactEquations) -> None:
         require(eq.comm, fits, f"{s.name}: this needs nodal or mixed contact, not {s.method}")
         local = s.law.spread is None
         require(eq.comm, local, f"{s.name}: this needs a local law, not {s.law.name}")
-        free = not s.law.remembers
+        free = not s.law.bonded
         require(eq.comm, free, f"{s.name}: this needs a law without adhesion, not {s.law.name}")
 
 

@@ -69,12 +69,12 @@ class EvolutionStep:
         }
 
     def _bonds(self) -> dict[str, float]:
-        """Mean intensity of adhesion by surface, over the areas."""
+        """Means of the variables of laws, as the intensity of adhesion, over the areas."""
         tables = self.result.tables.items()
         return {
-            f"beta_{name}": float(np.dot(t.beta, t.area) / t.area.sum())
+            f"{variable}_{name}": float(np.dot(values, t.area) / t.area.sum())
             for name, t in tables
-            if t.beta is not None
+            for variable, values in t.internal.items()
         }
 
 

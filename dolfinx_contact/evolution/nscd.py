@@ -317,7 +317,7 @@ def _check_problem(problem: ContactProblem, level: Level) -> None:
     for s in problem.surfaces:
         for what, wrong in (
             ("a compliant law", s.law.compliant),
-            ("adhesion", s.law.remembers),
+            ("adhesion", s.law.bonded),
             ("large sliding on a curved obstacle", s.displaced is not None),
         ):
             if wrong:

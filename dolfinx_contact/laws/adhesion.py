@@ -94,6 +94,7 @@ class RCCM(Law):
     contact: NormalCompliance | None = None
     threshold: Threshold = "pressure"
     remembers = ("beta",)
+    weakens = "beta", -1
     needs_time = ("viscosity",)
 
     def __post_init__(self) -> None:

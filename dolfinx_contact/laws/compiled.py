@@ -8,7 +8,7 @@ points are of.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
@@ -19,16 +19,16 @@ import numpy as np
 import numpy.typing as npt
 
 import ufl
-from dolfinx import fem
 from ufl.algorithms import expand_derivatives, expand_indices
 from ufl.classes import Indexed
 from ufl.corealg.traversal import unique_pre_traversal
 
 from dolfinx_contact._errors import everywhere
-from dolfinx_contact._forms import compiled_expression
 from dolfinx_contact.laws.answers import Answers, Array, Codes, PointData
 from dolfinx_contact.laws.law import Law, StatusPiece, checked_pieces
-from dolfinx_contact.laws.symbols import CHUNK, SLID, Symbols, from_memory
+from dolfinx_contact.laws.roots import Roots
+from dolfinx_contact.laws.symbols import SLID, Symbols, from_memory
+from dolfinx_contact.laws.values import Flat, Values
 
 __all__ = ["CompiledLaw", "LawAtPoints"]
 
@@ -41,6 +41,7 @@ class _Written:
         symbols: for what is given at the point.
 
     Attributes:
+        equations: for numbers that are functions of the rest.
         pieces: status by status.
         bounds: radii of the friction disc, at the augmented and at unit pressure.
         bond: parts of `Law.bond` by name.
@@ -49,6 +50,8 @@ class _Written:
 
     def __init__(self, law: Law, symbols: Symbols):
         point, mine = symbols.point, law.having(symbols.of_the_law)
+        self.equations = dict(mine.equations(point))
+        point = replace(point, solved=symbols.exact(self.equations))
         local = law.spread is None
         unit = point if local else replace(point, around=ufl.as_ufl(1.0))
         self.pieces = checked_pieces(mine.pieces(point), point.dim)
@@ -66,7 +69,7 @@ class _Written:
     @property
     def scalars(self) -> list[Any]:
         """All that it says, component by component."""
-        flat = _Flat()
+        flat = Flat()
         for piece in self.pieces.values():
             flat.add(piece.answer)
             _columns(flat, piece)
@@ -103,21 +106,20 @@ class CompiledLaw:
         self.dim, self._comm = dim, comm
         # What the user wrote comes first: compiling is collective.
         with everywhere(comm, f"the law {type(law).__name__}"):
-            given = dim, law.given, law.keeps(dim)
+            given = dim, law.given, law.keeps(dim), law.solves(dim)
             every = Symbols(*given, from_memory(dim, law.keeps(dim)), local=local)
             memory = every.used(_Written(law, every).scalars)
             symbols = Symbols(*given, memory, local=local)
             written = _Written(law, symbols)
         self.names, self._w, self._fields = symbols.names, symbols.w, symbols.fields
         self._jump, self._traction, self._n = symbols.jump, symbols.traction, symbols.n
-        self._dofs = self._w.function_space.dofmap.list[:, 0]
         self._pieces, self._spreads, bond = written.pieces, written.spreads, written.bond
         self.keeps = [name for name in law.keeps(dim) if name in self.names]
         self.knows_slip: bool = SLID in self.names
         self.codes = tuple(self._pieces)
         self.rows: npt.NDArray[np.int64] = np.zeros(max(self.codes) + 1, dtype=np.int64)
         self.rows[list(self.codes)] = np.arange(len(self.codes))
-        flat = _Flat()
+        flat = Flat()
         known = "answer", "by_jump", "by_traction", "by_around"
         self.places: dict[str, list[list[int]]] = {name: [] for name in known}
         self.borders: list[list[tuple[int, int | None, int]]] = []
@@ -138,7 +140,9 @@ class CompiledLaw:
         if q is not None:
             slopes = (ufl.diff(q, by) for by in (self._jump, self._traction))
             self.places["spreads"] = [flat.add(e) for e in (q, *slopes)]
-        self.values = flat.compiled(self._w, comm)
+        self.values = Values(flat.components, self._w, comm)
+        roots = written.equations
+        self._roots = Roots(roots, symbols.solved, self._w, comm) if roots else None
 
     @property
     def signature(self) -> str:
@@ -151,6 +155,8 @@ class CompiledLaw:
 
         By their UFL: two states say nothing of a law that is nearly linear at both.
         """
+        if self._roots is not None:
+            return False
         moving = range(2 * self.dim)
         for piece in self._pieces.values():
             for e in (piece.answer, *(b.distance for b in piece.borders)):
@@ -164,9 +170,9 @@ class CompiledLaw:
         return True
 
     @cached_property
-    def slopes(self) -> tuple[_Values, list[list[int]]]:
+    def slopes(self) -> tuple[Values, list[list[int]]]:
         """Derivatives of distances by jump and traction, compiled when first asked for."""
-        flat, places = _Flat(), []
+        flat, places = Flat(), []
         for piece in self._pieces.values():
             places.append(
                 [
@@ -176,35 +182,29 @@ class CompiledLaw:
                     for k in flat.add(ufl.diff(border.distance, by))
                 ]
             )
-        return flat.compiled(self._w, self._comm), places
+        return Values(flat.components, self._w, self._comm), places
 
     @cached_property
-    def sensitivities(self) -> tuple[_Values, list[list[int]], list[list[list[int]]]]:
+    def sensitivities(self) -> tuple[Values, list[list[int]], list[list[list[int]]]]:
         """Derivatives of the answers by normal and fields, compiled when first asked for."""
-        flat = _Flat()
+        flat = Flat()
         by_normal = [flat.add(ufl.diff(p.answer, self._n)) for p in self._pieces.values()]
         by_field = [
             [flat.add(ufl.diff(p.answer, f)) for p in self._pieces.values()] for f in self._fields
         ]
-        return flat.compiled(self._w, self._comm), by_normal, by_field
+        return Values(flat.components, self._w, self._comm), by_normal, by_field
 
     @cached_property
-    def spread_sensitivities(self) -> _Values:
+    def spread_sensitivities(self) -> Values:
         """Derivatives of what is spread by the normal, then by the fields of the law."""
-        flat = _Flat()
+        flat = Flat()
         for by in (self._n, *self._fields[:-1]):
             flat.add(ufl.diff(self._spreads, by))
-        return flat.compiled(self._w, self._comm)
+        return Values(flat.components, self._w, self._comm)
 
-    def evaluate(self, values: _Values, columns: Array) -> Array:
+    def evaluate(self, values: Values, columns: Array) -> Array:
         """Values at points (n, width) where these are given (n, columns). Not collective."""
-        n, given = len(columns), self._w.x.array.reshape(CHUNK, -1)
-        found = np.empty((n, values.width))
-        for a in range(0, n, CHUNK):
-            part = columns[a : a + CHUNK]
-            given[self._dofs[: len(part)]] = part
-            found[a : a + CHUNK] = values(np.arange(len(part), dtype=np.int32))
-        return found
+        return values(columns if self._roots is None else self._roots(columns))
 
 
 _known: dict[tuple[Hashable, ...], CompiledLaw] = {}
@@ -254,7 +254,7 @@ class LawAtPoints:
 
         return Answers(self.compiled, found, turning=turning)
 
-    def _evaluate(self, values: _Values, jump: Array, traction: Array, data: PointData) -> Array:
+    def _evaluate(self, values: Values, jump: Array, traction: Array, data: PointData) -> Array:
         fields = [data.fields[name][:, None] for name in self.compiled.names]
         given = [data.n, data.gap[:, None], data.r[:, None], *fields]
         return self.compiled.evaluate(values, np.concatenate([jump, traction, *given], axis=1))
@@ -323,7 +323,7 @@ class LawAtPoints:
         return found, {name: chosen(places, d) for name, places in names}
 
 
-def _columns(flat: _Flat, piece: StatusPiece) -> list[tuple[int, int | None, int]]:
+def _columns(flat: Flat, piece: StatusPiece) -> list[tuple[int, int | None, int]]:
     """Columns of distance and condition of every border of a status, and its target."""
     found = []
     for border in piece.borders:
@@ -334,35 +334,3 @@ def _columns(flat: _Flat, piece: StatusPiece) -> list[tuple[int, int | None, int
 
 def _number(condition: Any) -> Any:
     return ufl.conditional(condition, 1.0, 0.0)
-
-
-class _Flat:
-    """UFL expressions of any shape, component by component."""
-
-    def __init__(self) -> None:
-        self.components: list[Any] = []
-
-    def add(self, expression: Any) -> list[int]:
-        """The columns that the expression will have."""
-        e, first = ufl.as_ufl(expression), len(self.components)
-        self.components += [e[i] for i in np.ndindex(e.ufl_shape)] if e.ufl_shape else [e]
-        return list(range(first, len(self.components)))
-
-    def compiled(self, w: fem.Function, comm: MPI.Comm) -> _Values:
-        """All of them, to be evaluated cell by cell."""
-        return _Values(self.components, w, comm)
-
-
-class _Values:
-    """UFL scalars on the cells of a mesh with one value per cell."""
-
-    def __init__(self, components: Sequence[Any], w: fem.Function, comm: MPI.Comm):
-        self.components = list(components)
-        self.width, self._mesh = len(components), w.function_space.mesh
-        middle = np.array([[0.5]])
-        self._compiled = compiled_expression(ufl.as_vector(components), middle, comm)
-
-    def __call__(self, cells: npt.NDArray[np.int32]) -> Array:
-        """Values (cells, width)."""
-        values = self._compiled.eval(self._mesh, cells)
-        return np.asarray(values, dtype=np.float64).reshape(len(cells), self.width)

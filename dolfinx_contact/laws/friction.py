@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, TypeAlias
 
 import ufl
@@ -54,12 +55,12 @@ class FrictionLaw(Law):
 
     def shears(self, a: ContactPoint) -> Mapping[int, StatusPiece]:
         """Of closed points what friction answers, status by status, and where the status ends."""
-
-        def radius(slid: Any) -> Any:
-            return self.bound(replace(a, slid=a.slid_before + slid), a.p)
-
         in_ = _in_plane if a.dim == 2 else _in_space
-        return in_(a, radius, self.grips(a), self.holds(a))
+        return in_(a, partial(self.disc, a), self.grips(a), self.holds(a))
+
+    def disc(self, a: ContactPoint, slid: Any) -> Any:
+        """UFL radius of the friction disc where the point slips by a distance in the step."""
+        return self.bound(replace(a, slid=a.slid_before + slid), a.p)
 
     def entered(self, a: ContactPoint) -> Mapping[int, Any]:
         """Statuses that an open point takes that closes, and UFL conditions; None for always."""

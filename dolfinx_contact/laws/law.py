@@ -27,12 +27,13 @@ import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact._agreement import refuse_other_mesh
-from dolfinx_contact.laws.status import DAMAGING, MINUS, WHERE_OPEN
+from dolfinx_contact.laws.status import BROKEN, DAMAGING, MINUS, WHERE_OPEN
 
 __all__ = [
     "Bond",
     "Border",
     "ContactPoint",
+    "Equations",
     "Kernel",
     "Law",
     "Scalar",
@@ -84,6 +85,7 @@ class ContactPoint:
         step: time since that state, negative under the static law.
         slid_before: of ``slid`` what was slipped up to that state; 0 under the static law.
         kept: what memory has of that state for the law alone (`Law.keeps`), by name.
+        solved: numbers that equations of the law give (`Law.equations`), by the names of these.
     """
 
     jump: Any
@@ -101,6 +103,7 @@ class ContactPoint:
     step: Any = None
     slid_before: Any = 0.0
     kept: Mapping[str, Any] = field(default_factory=dict)
+    solved: Mapping[str, tuple[Any, ...]] = field(default_factory=dict)
 
     @property
     def t(self) -> Any:
@@ -157,6 +160,24 @@ class Bond(NamedTuple):
     broken: Any
 
 
+class Equations(NamedTuple):
+    """Equations at a point for numbers of which a law is made, that no formula gives.
+
+    Their matrix of derivatives should be positive definite.
+
+    Attributes:
+        residual: UFL in `ContactPoint.solved`, one for each number.
+        start: UFL, values where the search begins.
+        sense: 1 if the first number may only be larger than its start, -1 if smaller; 0 if any.
+        end: UFL, which the first number does not pass either; None for no end.
+    """
+
+    residual: Sequence[Any]
+    start: Sequence[Any]
+    sense: int = 0
+    end: Any = None
+
+
 class Border(NamedTuple):
     """Where a status ends.
 
@@ -207,6 +228,8 @@ class Law:
     creeps: bool = False
     #: Fields that are those of the start of an evolution; then memory has them (`bond`).
     remembers: tuple[str, ...] = ()
+    #: The one of these by which a bond weakens, and 1 if it does where that grows, -1 if it falls.
+    weakens: tuple[str, int] | None = None
     #: Fields by which an evolution depends on the lengths of its steps, unless they vanish.
     needs_time: tuple[str, ...] = ()
 
@@ -255,6 +278,23 @@ class Law:
     def keeps(self, dim: int) -> tuple[str, ...]:
         """Names of what memory has for a law that `remembers`, beside its fields; 0 before."""
         return ()
+
+    def solves(self, dim: int) -> Mapping[str, int]:
+        """How many numbers each of its `equations` gives, by name."""
+        return {}
+
+    def equations(self, a: ContactPoint) -> Mapping[str, Equations]:
+        """Equations for numbers that the law then finds in ``a.solved``, point by point."""
+        return {}
+
+    @property
+    def bonded(self) -> bool:
+        """Whether there is a `bond`."""
+        return bool(self.remembers)
+
+    def variables(self, dim: int) -> Mapping[str, str]:
+        """What memory has of the law that tables show, by the name that it has there."""
+        return {name: name for name in self.remembers}
 
     def sign(self, field: str) -> Sign:
         """What a field must be."""
@@ -318,7 +358,7 @@ def checked_pieces(pieces: Any, dim: int) -> dict[int, StatusPiece]:
         raise ValueError(f"pieces must return a dictionary of StatusPieces, got {pieces!r}")
     for code, piece in pieces.items():
         where = f"status {code!r}"
-        known = isinstance(code, int | np.integer) and 0 <= code < 2 * DAMAGING
+        known = isinstance(code, int | np.integer) and 0 <= code < BROKEN + DAMAGING
         known = known and code % DAMAGING <= MINUS + WHERE_OPEN
         if not known:
             raise ValueError(f"{where} is none of laws.status: OPEN, STICK, PLUS, MINUS, ...")

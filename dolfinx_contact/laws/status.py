@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 __all__ = [
+    "BROKEN",
     "COLOURS",
     "DAMAGING",
     "KINDS",
@@ -34,10 +35,10 @@ __all__ = [
 OPEN, STICK, PLUS, MINUS = range(4)
 #: Added to the number of a closed status: friction as there, at an open point.
 WHERE_OPEN = 3
-#: Added to the number of any status: the strength of a bond changes there.
-DAMAGING = 8
+#: Added to the number of any status: the strength of a bond changes there, or has come to its end.
+DAMAGING, BROKEN = 8, 16
 
-_LETTERS = {2: "ok+-KPM aqrl    ", 3: "oks KS  aqc     "}
+_LETTERS = {2: "ok+-KPM aqrl QRL bhxyHXY", 3: "oks KS  aqc  QC  bhz HZ  "}
 
 #: Human-readable, of every letter; ``d`` is held by Dirichlet data.
 NAMES = {
@@ -56,6 +57,19 @@ NAMES = {
     "r": "slip, $u_t > 0$, damaging",
     "l": "slip, $u_t < 0$, damaging",
     "c": "slip, damaging",
+    "Q": "open, held by friction, damaging",
+    "R": "open, rubbing, $u_t > 0$, damaging",
+    "L": "open, rubbing, $u_t < 0$, damaging",
+    "C": "open, rubbing, damaging",
+    "b": "open, broken",
+    "h": "stick, broken",
+    "x": "slip, $u_t > 0$, broken",
+    "y": "slip, $u_t < 0$, broken",
+    "H": "open, held by friction, broken",
+    "X": "open, rubbing, $u_t > 0$, broken",
+    "Y": "open, rubbing, $u_t < 0$, broken",
+    "z": "slip, broken",
+    "Z": "open, rubbing, broken",
 }
 COLOURS = {
     "o": "#dfe4ea",
@@ -73,9 +87,15 @@ COLOURS = {
     "r": "#8f5573",
     "l": "#b3688f",
     "c": "#b3688f",
+    **dict.fromkeys("QRLC", "#e3b5cf"),
+    "b": "#c3cbd3",
+    "h": "#5b9bc4",
+    **dict.fromkeys("xz", "#58b799"),
+    "y": "#edc15e",
+    **dict.fromkeys("HXYZ", "#a9c6d6"),
 }
 #: Letters of what tables count.
-KINDS = {"open": "oKPMSa", "stick": "kq", "slip": "+-srlc", "clamped": "d"}
+KINDS = {"open": "oKPMSaQRLCbHXYZ", "stick": "kqh", "slip": "+-srlcxyz", "clamped": "d"}
 
 
 def letters(dim: int) -> npt.NDArray[np.str_]:
@@ -102,4 +122,4 @@ def senses(codes: npt.NDArray[np.int8]) -> npt.NDArray[np.int8]:
 
 def without_damage(codes: npt.NDArray[np.int8]) -> npt.NDArray[np.int8]:
     """What contact and friction do, whatever happens to a bond."""
-    return np.where(codes >= DAMAGING, codes - DAMAGING, codes).astype(np.int8)
+    return np.asarray(codes % DAMAGING, dtype=np.int8)

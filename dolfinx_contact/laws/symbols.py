@@ -6,9 +6,9 @@ The points are the cells of a small mesh of their own, with one value of everyth
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 from mpi4py import MPI
 
@@ -17,9 +17,19 @@ import ufl
 from dolfinx import fem, mesh
 from ufl.corealg.traversal import unique_pre_traversal
 
-from dolfinx_contact.laws.law import ContactPoint
+from dolfinx_contact.laws.law import ContactPoint, Equations
 
-__all__ = ["AROUND", "CHUNK", "SLID", "STEP", "Symbols", "before", "from_memory", "variable"]
+__all__ = [
+    "AROUND",
+    "CHUNK",
+    "SLID",
+    "STEP",
+    "Solved",
+    "Symbols",
+    "before",
+    "from_memory",
+    "variable",
+]
 
 #: Name of the field of a law that is not local: what the points around spread.
 AROUND = ".around"
@@ -27,6 +37,21 @@ AROUND = ".around"
 STEP, SLID = ".step", ".slid"
 CHUNK = 256  # points that are evaluated at once
 _FIRST_LABEL = 10**9  # beyond what UFL counts
+_FIRST_SOLVED = 1000  # of these
+
+
+class Solved(NamedTuple):
+    """Symbols for what the equations of a law give.
+
+    Attributes:
+        first: column of the first number.
+        numbers: scalars.
+        inverse: of the matrix of derivatives, row by row.
+    """
+
+    first: int
+    numbers: tuple[Any, ...]
+    inverse: list[list[Any]]
 
 
 def before(dim: int) -> list[str]:
@@ -60,6 +85,7 @@ class Symbols:
         dim: 2 or 3.
         given: names of the fields of the law itself.
         keeps: of what memory may keep for it.
+        solves: how many numbers each of its equations gives, by name (`Law.solves`).
         memory: those that memory gives beside them (`from_memory`).
         local: whether the law sees its point alone; else the last field is `AROUND`.
 
@@ -68,6 +94,8 @@ class Symbols:
         w: the values of everything, cell by cell.
         jump, traction, n: vectors.
         fields: scalars, by `names`.
+        solved: of every equation the numbers that it gives, and after them the inverse of its
+            matrix of derivatives there, row by row: the last columns.
     """
 
     def __init__(
@@ -75,6 +103,7 @@ class Symbols:
         dim: int,
         given: Iterable[str],
         keeps: Iterable[str],
+        solves: Mapping[str, int],
         memory: Iterable[str],
         *,
         local: bool,
@@ -82,15 +111,22 @@ class Symbols:
         self._dim, self._given, self._keeps = dim, list(given), list(keeps)
         self.names = [*self._given, *memory, *([] if local else [AROUND])]
         points = mesh.create_interval(MPI.COMM_SELF, CHUNK, (0.0, 1.0))
-        width = 3 * dim + 2 + len(self.names)
+        first = 3 * dim + 2 + len(self.names)
+        width = first + sum(n + n * n for n in solves.values())
         element = basix.ufl.element("DG", "interval", 0, shape=(width,))
         self.w = w = fem.Function(fem.functionspace(points, element))
         self.jump, self.traction, self.n = (
             variable(ufl.as_vector([w[i * dim + k] for k in range(dim)]), i) for i in range(3)
         )
-        columns = range(3 * dim + 2, width)
+        columns = range(3 * dim + 2, first)
         self.fields = [variable(w[column], 3 + i) for i, column in enumerate(columns)]
         self._known = dict(zip(self.names, self.fields, strict=True))
+        self.solved: dict[str, Solved] = {}
+        for name, n in solves.items():
+            numbers = tuple(variable(w[first + i], _FIRST_SOLVED + first + i) for i in range(n))
+            inverse = [[w[first + n + n * i + k] for k in range(n)] for i in range(n)]
+            self.solved[name] = Solved(first, numbers, inverse)
+            first += n + n * n
 
     @property
     def of_the_law(self) -> dict[str, Any]:
@@ -112,7 +148,24 @@ class Symbols:
             step=ufl.as_ufl(step),
             slid_before=slid,
             kept={name: self._known.get(name, ufl.as_ufl(0.0)) for name in self._keeps},
+            solved={name: of.numbers for name, of in self.solved.items()},
         )
+
+    def exact(self, equations: Mapping[str, Equations]) -> dict[str, tuple[Any, ...]]:
+        """The numbers that equations give, with their derivatives by all that these depend on.
+
+        A step of Newton's method with the inverse matrix as it is: at the root F = 0 of x -> x - G
+        F(x, j) this is x, and its derivative by j is -G dF/dj, as the implicit function theorem has
+        it.
+        """
+        found = {}
+        for name, of in self.solved.items():
+            F = equations[name].residual
+            found[name] = tuple(
+                x - sum(g * f for g, f in zip(row, F, strict=True))
+                for x, row in zip(of.numbers, of.inverse, strict=True)
+            )
+        return found
 
     def used(self, expressions: Iterable[Any]) -> list[str]:
         """Which of what memory may give occurs in expressions; of a vector all or nothing."""

@@ -214,8 +214,8 @@ def contact_fields(problem: ContactProblem, surface: ContactSurface) -> dict[str
     Returns:
         By name: ``displacement``, ``traction`` (of contact, on the body), ``pressure``, ``gap``,
         ``slip``, a vector, ``status``, a number of `STATUS_CODES`, ``support``, the reaction of
-        Dirichlet data on the body over the area of a vertex, and of laws that have it ``beta``, the
-        intensity of adhesion.
+        Dirichlet data on the body over the area of a vertex, and the variables of laws, as
+        ``beta``, the intensity of adhesion.
     """
     s, state = surface, vertex_state(surface)
     shares = np.stack([state["open"], 1 - state["open"] - state["slip"], state["slip"]])
@@ -233,8 +233,8 @@ def contact_fields(problem: ContactProblem, surface: ContactSurface) -> dict[str
         "status": status,
         "support": problem.support_forces(s) / s.points.vertex_areas[:, None],
     }
-    if s.law.remembers:
-        values["beta"] = s.points.at_vertices(s.bond("after.beta"))
+    for name, inner in s.law.variables(s.dim).items():
+        values[name] = s.points.at_vertices(s.bond(f"after.{inner}"))
     return {name: vertex_function(s.points.vertices, name, v) for name, v in values.items()}
 
 

@@ -25,8 +25,8 @@ COLUMNS = [
     *("surface", "x", "y", "z", "un", "ut", "ut_x", "ut_y", "ut_z", "rn", "rt", "rt_x", "rt_y"),
     *("rt_z", "pressure", "shear", "status", "support_x", "support_y", "support_z"),
 ]
-#: Columns that follow where a law has adhesion.
-ADHESION = ["rn_adh", "rt_adh", "beta", "bond"]
+#: Columns that follow where a law has adhesion, with its variables between them and the bond.
+ADHESION = ["rn_adh", "rt_adh", "bond"]
 
 
 def _padded(vectors: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
@@ -43,9 +43,9 @@ def write_contact_table(
 ) -> None:
     """Write ``folder/contact.csv``, a row a contact point, surface by surface. Collective.
 
-    Where a law has adhesion `ADHESION` follows: its part of ``rn`` and ``rt``, its intensity, and
-    the letter of the bond; where a law depends on it ``slid``, the distance slipped. Surfaces that
-    have none have blanks there.
+    Where a law has adhesion `ADHESION` follows: its part of ``rn`` and ``rt``, its variables (the
+    intensity ``beta``), and the letter of the bond; where a law depends on it ``slid``, the
+    distance slipped. Surfaces that have none have blanks there.
 
     Forces, pressure and shear are those of contact; what Dirichlet data do to the body at a contact
     node is in the last columns.
@@ -54,14 +54,16 @@ def write_contact_table(
         OSError: on every rank, with the path, if it cannot be written; it is then as it was.
     """
     known = list(tables)
-    adhesive = any(t.beta is not None for t in known)
+    adhesive = any(t.bond is not None for t in known)
+    names = list(dict.fromkeys(name for t in known for name in t.internal))
     slides = any(t.slid is not None for t in known)
 
     def text() -> str:
-        more = [*(ADHESION if adhesive else []), *(["slid"] if slides else [])]
+        more = [*ADHESION[:-1], *names, *ADHESION[-1:]] if adhesive else []
+        more += ["slid"] if slides else []
         lines = [",".join([*COLUMNS, *more])]
         for t in known:
-            bonds = _bonds(t) if adhesive else [[]] * len(t.letters)
+            bonds = _bonds(t, names) if adhesive else [[]] * len(t.letters)
             numbers = np.column_stack(
                 [
                     _padded(t.x),
@@ -86,12 +88,15 @@ def write_contact_table(
     write_text(comm, Path(folder) / "contact.csv", text)
 
 
-def _bonds(t: ContactTable) -> list[list[str]]:
-    """The columns of adhesion, point by point."""
-    if t.beta is None or t.adhesion is None or t.bond is None:
-        return [[""] * len(ADHESION)] * len(t.letters)
-    numbers = np.column_stack([t.rn_adh, t.along(t.rt - t.friction), t.beta])
-    return [[*_written(numbers[i]), str(letter)] for i, letter in enumerate(t.bond)]
+def _bonds(t: ContactTable, names: Sequence[str]) -> list[list[str]]:
+    """The columns of adhesion, point by point; ``names`` of the variables of all tables."""
+    if t.bond is None:
+        return [[""] * (len(ADHESION) + len(names))] * len(t.letters)
+    forces = t.rn_adh, t.along(t.rt - t.friction)
+    blank = [""] * len(t.letters)
+    columns = [_written(values) for values in forces]
+    columns += [_written(t.internal[name]) if name in t.internal else blank for name in names]
+    return [list(row) for row in zip(*columns, t.bond, strict=True)]
 
 
 def write_rows(

@@ -12,7 +12,8 @@ fix one component of a node, the others may carry contact.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -53,10 +54,11 @@ class ContactTable:
         support: reaction of Dirichlet data on the body at the node (n, dim), 0 in the components
             that none fix; zeros in the integral method, whose points are no nodes. A node that two
             surfaces share has it in the tables of both.
-        beta: intensity of adhesion, 1 intact, 0 broken; None of a law that has none.
-        adhesion: the part of ``force`` that is adhesion (n, dim); None likewise.
+        adhesion: the part of ``force`` that is adhesion, or another one by an energy of the surface
+            (n, dim); None of a law that has none.
         bond: one letter a point: i where the bond is as it was before the step, d where it lost
             strength in it, r where it recovers, b where it is broken; None likewise.
+        internal: variables of the law by name; the intensity of adhesion is ``beta``.
         axisymmetric: whether forces and areas are those of a body of revolution.
         slid: distance slipped, in an evolution all the way, of a law that depends on it; else None.
     """
@@ -75,9 +77,9 @@ class ContactTable:
     letters: npt.NDArray[np.str_]
     bound: npt.NDArray[np.float64]
     support: npt.NDArray[np.float64]
-    beta: npt.NDArray[np.float64] | None = None
     adhesion: npt.NDArray[np.float64] | None = None
     bond: npt.NDArray[np.str_] | None = None
+    internal: Mapping[str, npt.NDArray[np.float64]] = field(default_factory=dict)
     axisymmetric: bool = False
     slid: npt.NDArray[np.float64] | None = None
 
@@ -98,6 +100,11 @@ class ContactTable:
     def rt(self) -> npt.NDArray[np.float64]:
         """Tangential forces (n, dim)."""
         return self.force + self.rn[:, None] * self.n
+
+    @property
+    def beta(self) -> npt.NDArray[np.float64] | None:
+        """Intensity of adhesion, 1 intact, 0 broken; None of a law that has none."""
+        return self.internal.get("beta")
 
     @property
     def rn_adh(self) -> npt.NDArray[np.float64]:
@@ -174,12 +181,17 @@ def contact_table(
         "bound": bound,
         "support": support,
     }
-    if s.law.remembers:
-        beta = found.answers.bond("after.beta")
-        before = found.data.fields["beta"]
-        bond = np.where(beta < before, "d", np.where(beta > before, "r", "i"))
-        bond = np.where(found.answers.bond("broken") > 0, "b", bond)
-        columns["beta"], columns["bond"] = beta, bond
+    internal = {
+        name: found.answers.bond(f"after.{inner}") for name, inner in s.law.variables(s.dim).items()
+    }
+    columns |= {f"internal.{name}": values for name, values in internal.items()}
+    if s.law.bonded:
+        bond: npt.NDArray[np.str_] = np.full(len(area), "i")
+        if s.law.weakens is not None:
+            name, sense = s.law.weakens
+            lost = sense * (internal[name] - found.data.fields[name])
+            bond = np.where(lost > 0, "d", np.where(lost < 0, "r", "i"))
+        columns["bond"] = np.where(found.answers.bond("broken") > 0, "b", bond)
         force = found.answers.bond("traction") * area[:, None]
         columns["adhesion"] = np.where((letters == "d")[:, None], 0.0, force)
     if s.law_at_points.compiled.knows_slip:
@@ -188,7 +200,8 @@ def contact_table(
     gathered = {k: np.concatenate(s.comm.allgather(v)) for k, v in columns.items()}
     order = by_coordinates(gathered["x"], gathered.pop("ids"))
     ordered = {k: v[order] for k, v in gathered.items()}
-    return ContactTable(s.name, s.dim, **ordered, axisymmetric=s.axisymmetric)
+    mine = {name: ordered.pop(f"internal.{name}") for name in internal}
+    return ContactTable(s.name, s.dim, **ordered, internal=mine, axisymmetric=s.axisymmetric)
 
 
 def violation(eq: ContactEquations, state: State, force: float, length: float) -> float:

@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Two interfaces by energy and dissipation (`interface`): bilinear cohesion, a Maxwell layer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import ufl
+
+from dolfinx_contact.laws.interface import Interface, InterfaceState, Internal, Rates
+from dolfinx_contact.laws.law import Scalar, Sign
+
+__all__ = ["BilinearCohesive", "MaxwellLayer"]
+
+
+@dataclass(frozen=True)
+class BilinearCohesive(Interface):
+    r"""A bond that holds with a traction that rises and then falls linearly, to nothing.
+
+    With the size d = ([u_n]^2 + |[u_t]|^2)^(1/2) of the jump, of an opening or along the surface,
+
+        Psi = (1 - D) k d^2/2,    Phi = k K(D)^2/2 D' + mu D p |[u_t]'|,    0 <= D <= 1,  D' >= 0,
+
+    where k = strength/elastic and K(D) is the size at which the traction begins to fall: so it is
+    strength (a + b - d)/b beyond d = a, with a = elastic and b = softening. What is under way goes
+    back along the secant. A broken bond has cost strength (a + b)/2 per area. Friction comes with
+    the damage.
+
+    Every field is a number, a Constant, a Function or a UFL expression.
+
+    Attributes:
+        strength: largest traction, > 0.
+        elastic: size a > 0 of the jump there.
+        softening: what the jump grows by, b > 0, until nothing holds.
+        friction: coefficient mu >= 0 of the broken bond.
+        damage: D at the start, from 0 to 1.
+    """
+
+    strength: Scalar
+    elastic: Scalar
+    softening: Scalar
+    friction: Scalar = 0.0
+    damage: Scalar = 0.0
+    internal = (Internal("damage", "grows", end=1.0),)
+
+    def sign(self, field: str) -> Sign:
+        return {"damage": "fraction", "friction": "nonnegative"}.get(field, "positive")  # type: ignore[return-value]
+
+    def energy(self, state: InterfaceState) -> Any:
+        size = state.opening**2 + ufl.dot(state.moved, state.moved)
+        return (1.0 - state["damage"]) * self.strength / self.elastic * size / 2.0
+
+    def dissipation(self, rates: Rates, state: InterfaceState) -> Any:
+        a, b, damage = self.elastic, self.softening, state["damage"]
+        reached = a * (a + b) / (a + b - damage * b)
+        breaking = self.strength / a * reached**2 / 2.0 * rates["damage"]
+        return breaking + self.friction * damage * state.pressure * rates.slip
+
+
+@dataclass(frozen=True)
+class MaxwellLayer(Interface):
+    r"""A thin viscous and elastic layer: a spring and a dashpot in series, beside another spring.
+
+    With the viscous part y of the jump [u], a vector,
+
+        Psi = k |[u] - y|^2/2 + c |[u]|^2/2,    Phi = b |y'|^2/2 + mu p |[u_t]'|,
+
+    so that the traction of a jump that is held relaxes to c [u] in the time b/k.
+
+    Every field is a number, a Constant, a Function or a UFL expression.
+
+    Attributes:
+        stiffness: k > 0 of the spring before the dashpot, traction per length.
+        viscosity: b > 0, traction times time per length. In a static problem it does not matter.
+        lasting: c >= 0 of the spring beside it, traction per length.
+        friction: coefficient mu >= 0.
+    """
+
+    stiffness: Scalar
+    viscosity: Scalar
+    lasting: Scalar = 0.0
+    friction: Scalar = 0.0
+    internal = (Internal("flow", vector=True),)
+    needs_time = ("viscosity",)
+
+    def sign(self, field: str) -> Sign:
+        return "positive" if field in ("stiffness", "viscosity") else "nonnegative"
+
+    def energy(self, state: InterfaceState) -> Any:
+        elastic = state.jump - state["flow"]
+        lasts = self.lasting * ufl.dot(state.jump, state.jump)
+        return (self.stiffness * ufl.dot(elastic, elastic) + lasts) / 2.0
+
+    def dissipation(self, rates: Rates, state: InterfaceState) -> Any:
+        flows = self.viscosity * ufl.dot(rates["flow"], rates["flow"]) / 2.0
+        return flows + self.friction * state.pressure * rates.slip

@@ -1,0 +1,328 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""Interfaces by two functions: a surface energy and a potential of dissipation.
+
+The frame is that of generalised standard materials (Halphen and Nguyen, J. Mec. 14, 1975), which
+Del Piero and Raous have carried over to interfaces (Eur. J. Mech. A/Solids 29, 2010). The state is
+the jump, an opening [u_n] >= 0 and a tangential jump [u_t], and internal variables a. With the
+surface energy Psi([u_n], [u_t], a) and the potential of dissipation Phi(|[u_t]'|, a'; state, chi),
+convex in the rates and least, 0, at rest, the laws of state and evolution are
+
+    R_n = dPsi/d[u_n] - p,   0 <= p, [u_n] >= 0, p [u_n] = 0,       R_t = dPsi/d[u_t] + R_t^ir,
+    R_t^ir in dPhi/d[u_t]',        -dPsi/da in dPhi/da',
+
+for the forces R that hold the body back. chi is what of the normal state dissipation may depend on:
+the pressure p, the reaction, the opening. Phi is that of isotropic friction, a function of the
+speed of slip |[u_t]'| >= 0: what it grows with at speed 0 is the bound of friction.
+
+A step in time is implicit Euler's,
+
+    dPsi/da(a) + dPhi/da'((a - a_n)/dt) = 0,
+
+which is solved point by point (`roots`). A variable that may only fall or grow rests where its
+force is within the threshold dPhi/da'(0), changes, or has come to its end; these are statuses
+(`status.DAMAGING`, `status.BROKEN`) beside open, stick and slip. In a static problem nothing has a
+rate, which leaves of dissipation what does not depend on the time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import ufl
+
+from dolfinx_contact.laws.interface_point import (
+    InterfacePoint,
+    InterfaceState,
+    Internal,
+    Rates,
+)
+from dolfinx_contact.laws.law import Bond, Border, ContactPoint, Equations, Law, StatusPiece
+from dolfinx_contact.laws.status import BROKEN, DAMAGING, OPEN, PLUS, WHERE_OPEN
+
+__all__ = ["Interface", "InterfaceState", "Internal", "Rates"]
+
+_WORDS = {OPEN: "rests", DAMAGING: "changes", BROKEN: "ends"}
+
+
+class Interface(Law):
+    """A law of contact by an energy and a potential of dissipation: define these.
+
+    A frozen dataclass whose fields are what it is given. Those that `internal` names have the value
+    of a scalar at the start, and then at the last accepted state; all else is as in `Law`. With
+    ``needs_pressure = False`` friction acts at open points too. Results depend on the time if the
+    dissipation is no linear function of the rates: then ``needs_time`` names the fields without
+    which it is.
+
+    Example:
+        A bond whose strength falls with the opening, linearly, and which does not heal::
+
+            @dataclass(frozen=True)
+            class Cohesive(Interface):
+                stiffness: Scalar
+                elastic: Scalar  # opening where it begins to weaken, and
+                last: Scalar  # where it is broken
+                damage: Scalar = 0.0
+                internal = (Internal("damage", "grows", end=1.0),)
+
+                def energy(self, state):
+                    squares = state.opening**2 + ufl.dot(state.moved, state.moved)
+                    return (1 - state["damage"]) * self.stiffness / 2 * squares
+
+                def dissipation(self, rates, state):
+                    a, b = self.elastic, self.last
+                    reached = a * b / (b - state["damage"] * (b - a))
+                    return self.stiffness / 2 * reached**2 * rates["damage"]
+    """
+
+    #: Its internal variables.
+    internal: tuple[Internal, ...] = ()
+
+    def energy(self, state: InterfaceState) -> Any:
+        """Psi, UFL energy per area."""
+        return 0.0
+
+    def dissipation(self, rates: Rates, state: InterfaceState) -> Any:
+        """Phi, UFL power per area, of the rates; of the state no derivatives are taken."""
+        return 0.0
+
+    def broken(self, state: InterfaceState) -> Any:
+        """UFL condition under which the interface counts as broken, by default at its end."""
+        x = self._monotone
+        if x is None or x.end is None:
+            return None
+        return ufl.le(x.sense * (x.end - state[x.name]), 0.0)
+
+    @property
+    def remembers(self) -> tuple[str, ...]:  # type: ignore[override]
+        return tuple(x.name for x in self.internal if not x.vector)
+
+    @property
+    def weakens(self) -> tuple[str, int] | None:  # type: ignore[override]
+        x = self._monotone
+        return None if x is None else (x.name, x.sense)
+
+    def variables(self, dim: int) -> Mapping[str, str]:
+        return {
+            name.removeprefix("."): name
+            for x in self.internal
+            for name in (x.components(dim) if x.vector else [x.name])
+        }
+
+    @property
+    def bonded(self) -> bool:
+        return bool(self.internal) or type(self).energy is not Interface.energy
+
+    def keeps(self, dim: int) -> tuple[str, ...]:
+        return tuple(name for x in self.internal if x.vector for name in x.components(dim))
+
+    def solves(self, dim: int) -> Mapping[str, int]:
+        self._check()
+        smooth = sum(dim if x.vector else 1 for x in self.internal if x is not self._monotone)
+        sizes = {f: smooth + (f == DAMAGING) for f in self._families}
+        return {_name(o, f): n for o in (True, False) for f, n in sizes.items() if n}
+
+    def equations(self, a: ContactPoint) -> Mapping[str, Equations]:
+        self._check_time(a)
+        found, x = {}, self._monotone
+        for name in self.solves(a.dim):
+            side = self._side(a, *_which(name), level=0)
+            start = [s for v in side.unknown for s in _scalars(side.start[v.name])]
+            residual = [f for v in side.unknown for f in _scalars(side.driven(v.name))]
+            monotone = x is not None and x in side.unknown
+            sense = x.sense if monotone and x is not None else 0
+            found[name] = Equations(residual, start, sense, x.end if monotone and x else None)
+        return found
+
+    def pieces(self, a: ContactPoint) -> Mapping[int, StatusPiece]:
+        found: dict[int, StatusPiece] = {}
+        for is_open in (True, False):
+            sides = {f: self._side(a, is_open, f) for f in self._families}
+            for family, side in sides.items():
+                for code, piece in side.contact.items():
+                    if (code == OPEN or code > WHERE_OPEN) != is_open:
+                        continue
+                    borders = [Border(d, k + family, where) for d, k, where in piece.borders]
+                    borders += self._ways(sides, family, code)
+                    exists = _both(piece.exists, None if family == BROKEN else self._has_way)
+                    answer = piece.answer + side.traction
+                    found[code + family] = StatusPiece(answer, borders, exists)
+        return dict(sorted(found.items()))
+
+    def bound(self, a: ContactPoint, p: Any) -> Any:
+        now = self._now(a)
+        return now.resistance(p, now.speed)
+
+    def bond(self, a: ContactPoint) -> Bond | None:
+        if not self.bonded:
+            return None
+        now, after = self._now(a), dict[str, Any]()
+        for x in self.internal:
+            names = x.components(a.dim) if x.vector else [x.name]
+            after |= dict(zip(names, _scalars(now.values[x.name]), strict=True))
+        broken = self.broken(now.state)
+        counts = 0.0 if broken is None else ufl.conditional(broken, 1.0, 0.0)
+        return Bond(after, now.traction, now.energy, now.spent, counts)
+
+    # -- its variables ---------------------------------------------------------------------------
+
+    @property
+    def _monotone(self) -> Internal | None:
+        """The variable that only falls or grows."""
+        return next((x for x in self.internal if x.change != "any"), None)
+
+    @property
+    def _families(self) -> list[int]:
+        x = self._monotone
+        if x is None:
+            return [OPEN]
+        return [OPEN, DAMAGING] if x.end is None else [OPEN, DAMAGING, BROKEN]
+
+    def _check(self) -> None:
+        """Raise ``ValueError`` if the variables are none."""
+        kind, names = self.name, [getattr(x, "name", None) for x in self.internal]
+        if not all(isinstance(x, Internal) for x in self.internal) or len(set(names)) < len(names):
+            raise ValueError(f"internal of {kind} must be Internals of different names")
+        for x in self.internal:
+            if not x.vector and x.name not in self.given:
+                raise ValueError(f"{kind} needs a field {x.name}, which has its value at the start")
+            if x.vector and x.name in self.given:
+                raise ValueError(f"{x.name} of {kind} is a vector, and so no field")
+        if sum(x.change != "any" for x in self.internal) > 1:
+            raise ValueError(f"{kind}: one variable at most may be one that only falls or grows")
+
+    def _check_time(self, a: ContactPoint) -> None:
+        """Raise ``ValueError`` if the speed matters, whatever is 0."""
+        still = self.having(dict.fromkeys(self.needs_time, 0.0))
+        if still._side(a, False, self._families[-1], level=0).knows_speed:
+            raise ValueError(
+                f"the dissipation of {self.name} is no linear function of the rates, so that "
+                "results depend on the time: needs_time must name the fields that make it one "
+                "where they are 0"
+            )
+
+    # -- at a point ------------------------------------------------------------------------------
+
+    def _side(self, a: ContactPoint, is_open: bool, family: int, level: int = 1) -> InterfacePoint:
+        """The interface at an open or closed point whose monotone variable is as a family says."""
+        start, unknown, values = self._starts(a), [], dict[str, Any]()
+        x = self._monotone
+        for v in (*([] if x is None else [x]), *(v for v in self.internal if v is not x)):
+            if v is x and family != DAMAGING:
+                values[v.name] = start[v.name] if family == OPEN else ufl.as_ufl(float(v.end or 0))
+            else:
+                unknown.append(v)
+        numbers = list(a.solved.get(_name(is_open, family), ()))
+        for v in unknown:
+            n = a.dim if v.vector else 1
+            mine, numbers = numbers[:n], numbers[n:]
+            values[v.name] = ufl.as_vector(mine) if v.vector else mine[0]
+        opening = -a.u_n if is_open else ufl.as_ufl(0.0)
+        return InterfacePoint(self, a, opening, values, start, unknown, is_open, level)
+
+    def _starts(self, a: ContactPoint) -> dict[str, Any]:
+        """Values of the variables at the last accepted state."""
+        return {
+            x.name: ufl.as_vector([a.kept[name] for name in x.components(a.dim)])
+            if x.vector
+            else ufl.as_ufl(getattr(self, x.name))
+            for x in self.internal
+        }
+
+    def _now(self, a: ContactPoint) -> InterfacePoint:
+        """The interface as it is."""
+        is_open, values = ufl.lt(a.u_n, 0.0), dict[str, Any]()
+        both = [self._values(a, side) for side in (True, False)]
+        for x in self.internal:
+            values[x.name] = _chosen(is_open, *(known[x.name] for known in both))
+        opening = ufl.conditional(is_open, -a.u_n, 0.0)
+        return InterfacePoint(self, a, opening, values, self._starts(a), [], None, 2)
+
+    def _values(self, a: ContactPoint, is_open: bool) -> dict[str, Any]:
+        """Values of the variables at a point that is open or closed."""
+        sides, x = {f: self._side(a, is_open, f) for f in self._families}, self._monotone
+        if x is None:
+            return sides[OPEN].values
+        moves = _both(ufl.lt(self._slack(sides[OPEN]), 0.0), self._has_way)
+        found = sides[DAMAGING].values
+        if x.end is not None:
+            ends = ufl.lt(self._slack(sides[BROKEN]), 0.0)
+            last = sides[BROKEN].values
+            found = {name: _chosen(ends, last[name], v) for name, v in found.items()}
+        return {name: _chosen(moves, v, sides[OPEN].values[name]) for name, v in found.items()}
+
+    # -- statuses of the monotone variable -------------------------------------------------------
+
+    @property
+    def _has_way(self) -> Any:
+        """Condition under which the monotone variable is not at its end; None if that is known."""
+        x = self._monotone
+        if x is None or x.end is None:
+            return None
+        return ufl.gt(x.sense * (x.end - getattr(self, x.name)), 0.0)
+
+    def _slack(self, side: InterfacePoint) -> Any:
+        """By what the force on the monotone variable is less than what keeps it from changing."""
+        x = self._monotone
+        assert x is not None
+        return x.sense * side.driven(x.name)
+
+    def _ways(self, sides: Mapping[int, InterfacePoint], family: int, code: int) -> list[Border]:
+        """Borders to other families."""
+        x, found = self._monotone, list[Border]()
+        if x is None:
+            return found
+        scale, way = sides[OPEN].scale(x.name), self._has_way
+        rests = scale * self._slack(sides[OPEN])
+        if family == OPEN:
+            found += _borders(sides[DAMAGING], rests, code, DAMAGING, way)
+        elif family == DAMAGING:
+            found += _borders(sides[OPEN], -rests, code, OPEN, None)
+        if x.end is not None and family != OPEN:
+            goes = scale * self._slack(sides[BROKEN])
+            if family == DAMAGING:
+                found += _borders(sides[BROKEN], goes, code, BROKEN, None)
+            else:
+                found += _borders(sides[DAMAGING], -goes, code, DAMAGING, way)
+        return found
+
+
+def _chosen(condition: Any, yes: Any, no: Any) -> Any:
+    """`ufl.conditional`, also of vectors."""
+    if not yes.ufl_shape:
+        return ufl.conditional(condition, yes, no)
+    pairs = zip(_scalars(yes), _scalars(no), strict=True)
+    return ufl.as_vector([ufl.conditional(condition, *pair) for pair in pairs])
+
+
+def _scalars(e: Any) -> list[Any]:
+    return [e[i] for i in range(e.ufl_shape[0])] if e.ufl_shape else [e]
+
+
+def _both(one: Any, other: Any) -> Any:
+    """Both conditions, of which None is always true."""
+    if one is None or other is None:
+        return other if one is None else one
+    return ufl.And(one, other)
+
+
+def _borders(
+    side: InterfacePoint, distance: Any, code: int, family: int, where: Any
+) -> Iterator[Border]:
+    """Borders of a status to that with the same contact and friction in the family of a side.
+
+    Where friction does not act there every point slips.
+    """
+    grips = None if code in (OPEN, PLUS, PLUS + WHERE_OPEN) else side.grips
+    yield Border(distance, code + family, _both(where, grips))
+    if grips is not None:
+        slips = PLUS + (WHERE_OPEN if code > WHERE_OPEN else 0)
+        yield Border(distance, slips + family, _both(where, ufl.Not(grips)))
+
+
+def _name(is_open: bool, family: int) -> str:
+    return f"{'open' if is_open else 'closed'}, {_WORDS[family]}"
+
+
+def _which(name: str) -> tuple[bool, int]:
+    return next((o, f) for o in (True, False) for f in _WORDS if _name(o, f) == name)

@@ -1,0 +1,403 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""An interface at a point, by its energy and its dissipation and their derivatives, in UFL."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Literal, Protocol, TypeAlias, get_args
+
+import numpy as np
+
+import ufl
+from ufl.algorithms import expand_derivatives
+from ufl.classes import Variable, Zero
+from ufl.corealg.map_dag import map_expr_dag
+from ufl.corealg.multifunction import MultiFunction
+
+from dolfinx_contact.laws.friction import FrictionLaw
+from dolfinx_contact.laws.law import ContactPoint, StatusPiece
+from dolfinx_contact.laws.symbols import variable
+
+__all__ = ["Change", "InterfacePoint", "InterfaceState", "Internal", "Rates"]
+
+_FIRST = 5000  # number of a variable to differentiate by
+_PER_LEVEL = 100
+_POINTS = 4  # of a quadrature
+_SHORTEST, _NO_PACE = 1e-60, 1e-290
+
+#: How a variable may change.
+Change: TypeAlias = Literal["any", "falls", "grows"]
+
+
+@dataclass(frozen=True)
+class Internal:
+    """An internal variable of an interface.
+
+    Attributes:
+        name: of a scalar that of the field of the law that has its value at the start.
+        change: ``"any"``; or ``"falls"``, ``"grows"``, of one scalar at most.
+        end: number beyond which it does not fall or grow; None for no end.
+        vector: whether it is one, of as many components as the jump; 0 at the start.
+
+    Raises:
+        ValueError: if something of this does not fit the rest.
+    """
+
+    name: str
+    change: Change = "any"
+    end: float | None = None
+    vector: bool = False
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str) or not self.name.isidentifier():
+            raise ValueError(f"an internal variable needs a name, got {self.name!r}")
+        if self.change not in get_args(Change):
+            known = ", ".join(map(repr, get_args(Change)))
+            raise ValueError(f"{self.name} may change by one of {known}, not {self.change!r}")
+        one_way = self.change != "any"
+        if one_way and self.vector:
+            raise ValueError(f"{self.name} is a vector: it neither falls nor grows")
+        end = self.end
+        good = isinstance(end, int | float) and not isinstance(end, bool) and math.isfinite(end)
+        if end is not None and not (one_way and good):
+            raise ValueError(
+                f"the end of {self.name} must be a number, of a variable that falls or grows; "
+                f"got {end!r}"
+            )
+
+    @property
+    def sense(self) -> int:
+        """1 if it only grows, -1 if it only falls, else 0."""
+        return {"any": 0, "falls": -1, "grows": 1}[self.change]
+
+    def components(self, dim: int) -> list[str]:
+        """Names of the components of a vector in memory."""
+        return [f".{self.name}_{i}" for i in range(dim)]
+
+
+@dataclass(frozen=True)
+class InterfaceState:
+    """What an interface is in, UFL.
+
+    Attributes:
+        opening: [u_n] >= 0.
+        moved: [u_t], a vector along the surface, since the start of the history.
+        n: unit normal, from the body into the obstacle.
+        internal: variables by name; ``state[name]`` is the same.
+        pressure: p of contact, 0 where it is open. For the dissipation alone.
+        reaction: pressure of contact and adhesion together, 0 where they pull. For the dissipation
+            alone.
+    """
+
+    opening: Any
+    moved: Any
+    n: Any
+    internal: Mapping[str, Any]
+    pressure: Any = None
+    reaction: Any = None
+
+    @property
+    def jump(self) -> Any:
+        """[u], of the body to the obstacle, a vector."""
+        return self.moved - self.opening * self.n
+
+    def __getitem__(self, name: str) -> Any:
+        return self.internal[name]
+
+
+@dataclass(frozen=True)
+class Rates:
+    """How fast it changes, UFL.
+
+    Attributes:
+        slip: speed |[u_t]'| >= 0.
+        internal: rates of the variables by name; ``rates[name]`` is the same.
+    """
+
+    slip: Any
+    internal: Mapping[str, Any]
+
+    def __getitem__(self, name: str) -> Any:
+        return self.internal[name]
+
+
+class Potentials(Protocol):
+    """The two functions of an interface."""
+
+    internal: tuple[Internal, ...]
+    needs_pressure: bool
+
+    def energy(self, state: InterfaceState) -> Any:
+        """Psi."""
+
+    def dissipation(self, rates: Rates, state: InterfaceState) -> Any:
+        """Phi."""
+
+
+class InterfacePoint:
+    """An interface at a point, with values of its variables, open or closed.
+
+    Args:
+        law: with its fields at the point.
+        a: the point.
+        opening: [u_n].
+        values: of the variables.
+        start: of the same, at the last accepted state.
+        unknown: variables that are solved for.
+        is_open: whether it is; None if it may be either.
+        level: one more than those that the values are made of, whose variables have other numbers.
+    """
+
+    def __init__(
+        self,
+        law: Potentials,
+        a: ContactPoint,
+        opening: Any,
+        values: Mapping[str, Any],
+        start: Mapping[str, Any],
+        unknown: Sequence[Internal],
+        is_open: bool | None,
+        level: int,
+    ):
+        self._law, self._a, self.start, self.unknown = law, a, dict(start), list(unknown)
+        self._is_open, self._level = is_open, level
+        self._signs = {x.name: x.sense for x in law.internal}
+        n = a.n
+        moved = a.u_t + a.before - ufl.dot(a.before, n) * n
+        self._moves = [name for name, v in values.items() if v is not start[name]]
+        self._opening, self._moved, *mine = self._variables([opening, moved, *values.values()])
+        self.values = dict(zip(values, mine, strict=True))
+        #: Without pressure and reaction.
+        self.state = InterfaceState(self._opening, self._moved, n, self.values)
+        self.energy = ufl.as_ufl(law.energy(self.state))
+        # What has no time has no rates, and what takes no time does not change. (Roots of rates
+        # have derivatives as long as they are not 0.)
+        time = ufl.conditional(ufl.gt(a.step, _SHORTEST), a.step, _SHORTEST)
+        self._pace = ufl.conditional(ufl.ge(a.step, 0.0), 1.0 / time, _NO_PACE)
+
+    def _variables(self, expressions: Sequence[Any], first: int = 0) -> list[Any]:
+        """Variables to differentiate by, that stand for expressions."""
+        first += _FIRST + _PER_LEVEL * self._level
+        return [variable(e, first + i) for i, e in enumerate(expressions)]
+
+    # -- the energy ------------------------------------------------------------------------------
+
+    @cached_property
+    def _pull(self) -> Any:
+        """dPsi/d[u_n]."""
+        return _slope(self.energy, self._opening)
+
+    @cached_property
+    def _along(self) -> Any:
+        """dPsi/d[u_t]."""
+        g, n = _slope(self.energy, self._moved), self._a.n
+        return g - ufl.dot(g, n) * n
+
+    @property
+    def traction(self) -> Any:
+        """Of the energy, on the body."""
+        return self._pull * self._a.n - self._along
+
+    def scale(self, name: str) -> Any:
+        """Of the force on a variable, by which it becomes a traction."""
+        law, a, zero = self._law, self._a, self._a.n * 0.0
+        rest = InterfacePoint(
+            law, a, ufl.as_ufl(0.0), self.start, self.start, [], True, self._level
+        )
+        closed, at_rest = self._variables([ufl.as_ufl(0.0), zero])
+        still = InterfaceState(closed, at_rest, a.n, rest.values)
+        force = _slope(ufl.as_ufl(law.energy(still)), rest.values[name])
+        own = _slope(self.energy, self.values[name])
+        level = abs(self.resisted(name)) + abs(force) + abs(own - force)
+        return ufl.conditional(ufl.gt(level, 0.0), ufl.sqrt(a.r / level), 0.0)
+
+    # -- the dissipation -------------------------------------------------------------------------
+
+    @property
+    def speed(self) -> Any:
+        """|[u_t]'|."""
+        square = ufl.dot(self._a.u_t, self._a.u_t)
+        return ufl.conditional(ufl.gt(square, 0.0), ufl.sqrt(square), 0.0) * self._pace
+
+    @cached_property
+    def pressure(self) -> Any:
+        if self._is_open:
+            return ufl.as_ufl(0.0)
+        p = self.soft.p
+        return p if self._is_open is False else _positive(p)
+
+    def _potential(
+        self, pressure: Any, speed: Any, share: float = 1.0
+    ) -> tuple[Any, dict[str, Any]]:
+        """Phi, and the rates that it may be differentiated by; that of slip has no name.
+
+        ``share`` is that of the step after which the variables are looked at.
+        """
+        reaction = pressure if isinstance(self._pull, Zero) else _positive(pressure - self._pull)
+        reaction = ufl.as_ufl(0.0) if isinstance(ufl.as_ufl(pressure), Zero) else reaction
+        inner = self.values
+        if share < 1.0:
+            inner = {name: self._part(name, share) for name in inner}
+        state = replace(self.state, internal=inner, pressure=pressure, reaction=reaction)
+        known = {
+            name: (v - self.start[name]) * self._pace if name in self._moves else v * 0.0
+            for name, v in self.values.items()
+        }
+        slip, *mine = self._variables([speed, *known.values()], 50)
+        by = dict(zip(known, mine, strict=True))
+        phi = ufl.as_ufl(self._law.dissipation(Rates(slip, by), state))
+        signed = _Signed({slip: 1} | {by[name]: s for name, s in self._signs.items() if s})
+        return map_expr_dag(signed, phi), {"": slip} | by
+
+    @cached_property
+    def _slopes(self) -> dict[str, Any]:
+        """dPhi/da' by the names of the variables."""
+        phi, rates = self._potential(self.pressure, self._own_speed)
+        return {name: _slope(phi, rate) for name, rate in rates.items() if name}
+
+    def _part(self, name: str, share: float) -> Any:
+        """The value of a variable after a share of the step."""
+        return (1.0 - share) * self.start[name] + share * self.values[name]
+
+    @property
+    def spent(self) -> Any:
+        """What the variables have dissipated in the step, energy per area.
+
+        The integral of dPhi/da'(a) . da over the way from one value to the other, by Gauss' rule.
+        """
+        found: Any = ufl.as_ufl(0.0)
+        for at, weight in zip(*np.polynomial.legendre.leggauss(_POINTS), strict=True):
+            share = 0.5 + 0.5 * float(at)
+            phi, rates = self._potential(self.pressure, self._own_speed, share)
+            for name in self._moves:
+                moved = self.values[name] - self.start[name]
+                found += 0.5 * float(weight) * ufl.inner(_slope(phi, rates[name]), moved)
+        return found
+
+    @property
+    def _own_speed(self) -> Any:
+        return self.speed if self._slips else ufl.as_ufl(0.0)
+
+    @property
+    def _slips(self) -> bool:
+        return not (self._is_open and self._law.needs_pressure)
+
+    def resisted(self, name: str) -> Any:
+        """dPhi/da', of a variable."""
+        return self._slopes[name]
+
+    def driven(self, name: str) -> Any:
+        """dPsi/da + dPhi/da', of a variable; 0 where it changes."""
+        return _slope(self.energy, self.values[name]) + self.resisted(name)
+
+    def resistance(self, pressure: Any, speed: Any) -> Any:
+        """dPhi/d|[u_t]'|, the radius of the friction disc."""
+        phi, rates = self._potential(ufl.as_ufl(pressure), ufl.as_ufl(speed))
+        return _slope(phi, rates[""])
+
+    @property
+    def knows_speed(self) -> bool:
+        """Whether Phi is no linear function of the rates."""
+        phi, rates = self._potential(self.pressure, self.speed)
+        pairs = ((v, w) for v in rates.values() for w in rates.values())
+        return any(not isinstance(_slope(_slope(phi, v), w), Zero) for v, w in pairs)
+
+    # -- contact and friction --------------------------------------------------------------------
+
+    @cached_property
+    def soft(self) -> ContactPoint:
+        """The point as contact and friction see it, with the traction that no energy gives.
+
+        Springs count as augmentation: so pressure and shear fall where the body moves away, however
+        stiff they are.
+        """
+        a, pull = self._a, self._pull
+        if self._is_open:
+            pull = pull + _positive(_slope(self._pull, self._opening)) * a.u_n
+        H, n = _slope(_slope(self.energy, self._moved), self._moved), a.n
+        spring = _positive((ufl.tr(H) - ufl.dot(n, ufl.dot(H, n))) / (a.dim - 1))
+        return replace(a, traction=a.traction - pull * n, shear=a.s + self._along - spring * a.u_t)
+
+    @cached_property
+    def _friction(self) -> _Friction:
+        law = self._law
+        viscous = not isinstance(_slope_of_resistance(self), Zero)
+        return _Friction(self.resistance, self.speed, self._pace, viscous, law.needs_pressure)
+
+    @property
+    def contact(self) -> Mapping[int, StatusPiece]:
+        """Pieces of contact and friction alone."""
+        return self._friction.pieces(self.soft)
+
+    @property
+    def grips(self) -> Any:
+        """Condition under which friction acts; None for always."""
+        return self._friction.grips(self._a)
+
+
+@dataclass(frozen=True)
+class _Friction(FrictionLaw):
+    """Friction by a potential.
+
+    Attributes:
+        resistance: radius of the friction disc, by pressure and speed.
+        speed: of slip.
+        pace: over its distance.
+        viscous: whether the radius depends on the speed.
+        presses: whether it acts at closed points alone.
+    """
+
+    resistance: Callable[[Any, Any], Any]
+    speed: Any
+    pace: Any
+    viscous: bool
+    presses: bool
+
+    @property
+    def needs_pressure(self) -> bool:  # type: ignore[override]
+        return self.presses
+
+    def _pressure(self, p: Any) -> Any:
+        return p if self.presses else ufl.as_ufl(0.0)
+
+    def bound(self, a: ContactPoint, p: Any) -> Any:
+        return self.resistance(self._pressure(p), self.speed)
+
+    def disc(self, a: ContactPoint, slid: Any) -> Any:
+        return self.resistance(self._pressure(a.p), slid * self.pace)
+
+    def grips(self, a: ContactPoint) -> Any:
+        if self.viscous:
+            return None
+        return ufl.gt(self.resistance(self._pressure(1.0), ufl.as_ufl(0.0)), 0.0)
+
+
+def _slope_of_resistance(side: InterfacePoint) -> Any:
+    phi, rates = side._potential(ufl.as_ufl(1.0), side.speed)
+    return _slope(_slope(phi, rates[""]), rates[""])
+
+
+class _Signed(MultiFunction):  # type: ignore[misc]
+    """Sizes of numbers whose signs are known, without the kink at 0."""
+
+    def __init__(self, signs: Mapping[Any, int]):
+        super().__init__()
+        self._signs = signs
+
+    def expr(self, o: Any, *operands: Any) -> Any:
+        return self.reuse_if_untouched(o, *operands)
+
+    def abs(self, o: Any, operand: Any) -> Any:
+        sign = self._signs.get(operand)
+        return self.reuse_if_untouched(o, operand) if sign is None else sign * operand
+
+
+def _slope(e: Any, by: Variable) -> Any:
+    return expand_derivatives(ufl.diff(e, by))
+
+
+def _positive(e: Any) -> Any:
+    return e if isinstance(e, Zero) else ufl.conditional(ufl.gt(e, 0.0), e, 0.0)

@@ -1,0 +1,219 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Numbers that equations of a law give point by point: Newton's method at all points at once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+
+import ufl
+from dolfinx import fem
+
+from dolfinx_contact.laws.law import Equations
+from dolfinx_contact.laws.symbols import Solved
+from dolfinx_contact.laws.values import Flat, Values
+
+__all__ = ["Roots"]
+
+Array = npt.NDArray[np.float64]
+Marks = npt.NDArray[np.bool_]
+
+_MOST_STEPS, _MOST_CUTS = 100, 30
+_ENOUGH = 1e-10  # of the numbers, a last step: what is left is its square
+_TO_THE_END = 0.9  # of the way, a step is cut to
+
+
+class Roots:
+    """The numbers that the equations of a law give, with the inverse of their derivatives.
+
+    Args:
+        equations: by name.
+        solved: symbols for what they give.
+        w: of what is given at a point, of which that is the last.
+        comm: of the ranks that compile together.
+    """
+
+    def __init__(
+        self,
+        equations: Mapping[str, Equations],
+        solved: Mapping[str, Solved],
+        w: fem.Function,
+        comm: MPI.Comm,
+    ):
+        self._width = w.function_space.dofmap.bs
+        self._each = [_Root(e, solved[name], w, comm) for name, e in equations.items()]
+
+    def __call__(self, columns: Array) -> Array:
+        """The columns that are given (n, k), and those of what is solved for. Not collective."""
+        full = np.zeros((len(columns), self._width))
+        full[:, : columns.shape[1]] = columns
+        for root in self._each:
+            root(full)
+        return full
+
+
+class _Root:
+    """Equations F(z) = 0; all or one of them has a first number that only grows or falls.
+
+    Where that is driven back at its start, or on at its end, it stays there, and the others are
+    solved for.
+    """
+
+    def __init__(self, equations: Equations, solved: Solved, w: fem.Function, comm: MPI.Comm):
+        self._n, self._first, self._sense = len(solved.numbers), solved.first, equations.sense
+        flat = Flat()
+        for f in equations.residual:
+            flat.add(f)
+        for f in equations.residual:
+            for z in solved.numbers:
+                flat.add(ufl.diff(ufl.as_ufl(f), z))
+        self._system = Values(flat.components, w, comm)
+        known = Flat()
+        for start in equations.start:
+            known.add(start)
+        self._ends = equations.end is not None
+        if self._ends:
+            known.add(equations.end)
+        self._known = Values(known.components, w, comm)
+
+    def __call__(self, full: Array) -> None:
+        """Find the numbers at points, and write them into the columns."""
+        n, first = self._n, self._first
+        known = self._known(full)
+        start = known[:, :n]
+        end = known[:, n] if self._ends else np.full(len(full), self._sense * np.inf)
+        if not self._sense:
+            z = self._solved(full, start, start)
+        else:
+            z = self._held(full, start, start[:, 0])
+            moves = self._sense * self._at(full, z)[0][:, 0] < 0
+            if self._ends:
+                some = full[moves]
+                last = self._held(some, start[moves], end[moves])
+                goes = self._sense * self._at(some, last)[0][:, 0] > 0
+                z[moves] = last
+                moves[moves] = goes
+            z[moves] = self._between(full[moves], z[moves], start[moves], end[moves])
+        inverse = _inverse(self._at(full, z)[1])
+        full[:, first : first + n] = z
+        # Beyond start and end the numbers are what they are there, to first order if there is one.
+        inverse = np.where(np.isfinite(inverse), inverse, 0.0)
+        full[:, first + n : first + n + n * n] = inverse.reshape(len(full), n * n)
+
+    def _at(self, full: Array, z: Array) -> tuple[Array, Array]:
+        """F (m, n) and its derivatives (m, n, n) at numbers."""
+        n = self._n
+        full[:, self._first : self._first + n] = z
+        with np.errstate(all="ignore"):
+            found = self._system(full)
+        return found[:, :n], found[:, n:].reshape(len(full), n, n)
+
+    def _held(self, full: Array, start: Array, value: Array) -> Array:
+        """The numbers where the first has a value."""
+        z = start.copy()
+        z[:, 0] = value
+        if self._n == 1:
+            return z
+        return self._solved(full, z, start, held=True)
+
+    def _between(self, full: Array, z: Array, start: Array, end: Array) -> Array:
+        """The numbers where the first is between start and end."""
+        J = self._at(full, z)[1][:, 0, 0]
+        F = self._at(full, start)[0][:, 0]
+        with np.errstate(all="ignore"):
+            step = np.abs(F / J)
+        good = np.isfinite(step) & (step > 0)
+        far = start[:, 0] + self._sense * np.where(good, step, 1e-3 * (1.0 + np.abs(start[:, 0])))
+        middle = (start[:, 0] + end) / 2
+        begin = z.copy()
+        begin[:, 0] = middle if self._ends else far
+        return self._solved(full, begin, start, end=end)
+
+    def _solved(
+        self,
+        full: Array,
+        z: Array,
+        start: Array,
+        *,
+        held: bool = False,
+        end: Array | None = None,
+    ) -> Array:
+        """Newton's method with steps cut until the next correction is smaller; NaN if it fails.
+
+        The measure is that of Deuflhard (Newton Methods for Nonlinear Problems, 2004, section 3.3),
+        which knows no units.
+        """
+        z, n = z.copy(), self._n
+        active = np.arange(len(full))
+        F, J = self._system_at(full, z, held)
+        for _ in range(_MOST_STEPS):
+            inverse = _inverse(J)
+            step = -_times(inverse, F)
+            size = np.abs(z[active]) + np.abs(z[active] - start[active])
+            ready = np.all(np.abs(step) <= _ENOUGH * size, axis=1)
+            failed = ~np.isfinite(step).all(axis=1)
+            z[active[failed]] = np.nan
+            z[active[ready]] += step[ready]
+            go = ~(ready | failed)
+            active, step, inverse, size = active[go], step[go], inverse[go], size[go]
+            if not len(active):
+                return z
+            scale = size + np.abs(step) + np.finfo(float).tiny
+            measure = np.max(np.abs(step) / scale, axis=1)
+            cut: Array = np.ones(len(active))
+            if end is not None:
+                ends = start[active, 0], end[active]
+                cut = _cut(z[active, 0], step[:, 0], *ends)
+            F, J = np.zeros((len(active), n)), np.zeros((len(active), n, n))
+            left: npt.NDArray[np.int64] = np.arange(len(active))
+            for _ in range(_MOST_CUTS):
+                trial = z[active[left]] + cut[left, None] * step[left]
+                F[left], J[left] = self._system_at(full[active[left]], trial, held)
+                next_ = np.abs(_times(inverse[left], F[left])) / scale[left]
+                good = np.max(next_, axis=1) <= (1.0 - cut[left] / 2) * measure[left]
+                left = left[~good]
+                if not len(left):
+                    break
+                cut[left] /= 2
+            z[active] += cut[:, None] * step
+            z[active[left]] = F[left] = np.nan
+        z[active] = np.nan
+        return z
+
+    def _system_at(self, full: Array, z: Array, held: bool) -> tuple[Array, Array]:
+        """F and its derivatives; the first number stays where it is if it is held."""
+        F, J = self._at(full, z)
+        if held:
+            F[:, 0], J[:, 0, :], J[:, :, 0], J[:, 0, 0] = 0.0, 0.0, 0.0, 1.0
+        return F, J
+
+
+def _cut(z: Array, step: Array, start: Array, end: Array) -> Array:
+    """What of steps stays between start and end."""
+    with np.errstate(all="ignore"):
+        ways = [
+            np.where(step * (e - z) > 0, _TO_THE_END * (e - z) / step, np.inf) for e in (start, end)
+        ]
+        return np.fmin(1.0, np.fmin(*ways))
+
+
+def _times(matrices: Array, vectors: Array) -> Array:
+    with np.errstate(all="ignore"):
+        return np.asarray(np.einsum("pij,pj->pi", matrices, vectors))
+
+
+def _inverse(J: Array) -> Array:
+    """Inverse matrices (m, n, n); NaN where there is none."""
+    found = np.full_like(J, np.nan)
+    with np.errstate(all="ignore"):
+        if J.shape[1] == 1:
+            found[:] = np.where(J == 0.0, np.nan, 1.0 / J)
+            return found
+        good: Marks = np.asarray(np.isfinite(J).all(axis=(1, 2)))
+        good[good] = np.abs(np.linalg.det(J[good])) > 0
+        found[good] = np.linalg.inv(J[good])
+    return found
