@@ -11,8 +11,10 @@ from dolfinx_contact import materials, obstacles
 from dolfinx_contact._petsc import parse_arguments
 from dolfinx_contact.laws import (
     RCCM,
+    BilinearCohesive,
     Coulomb,
     Frictionless,
+    MaxwellLayer,
     NonlocalCoulomb,
     NormalCompliance,
     Regularised,
@@ -31,6 +33,7 @@ __version__ = "0.1.0"
 
 __all__ = [
     "RCCM",
+    "BilinearCohesive",
     "ContactPair",
     "ContactProblem",
     "ContactSurface",
@@ -41,6 +44,7 @@ __all__ = [
     "Frictionless",
     "HalfSpace",
     "LevelSet",
+    "MaxwellLayer",
     "NonlocalCoulomb",
     "NormalCompliance",
     "Regularised",

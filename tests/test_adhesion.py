@@ -27,7 +27,9 @@ U0 = np.sqrt(W / C)
 TIGHT = {"snes_rtol": 1e-13}
 
 
-def bonded(cell="quad", n=2, *, law, method=None, degree=1, young=1000.0, pair=False, comm=COMM):
+def bonded(
+    cell="quad", n=2, *, law, method=None, degree=1, young=1000.0, pair=False, comm=COMM, **options
+):
     """A block on a floor or on another block, nu = 0, and the Function by which its top moves."""
     dim = 2 if cell in ("tri", "quad") else 3
     energy = LinearElastic.from_young(young, 0.0).energy
@@ -48,7 +50,9 @@ def bonded(cell="quad", n=2, *, law, method=None, degree=1, young=1000.0, pair=F
     V = u.function_space
     top = fem.Function(V)
     bcs = [fem.dirichletbc(top, fem.locate_dofs_topological(V, dim - 1, above)), *below]
-    return ContactProblem(energy(u) * ufl.dx, u, [surface], bcs=bcs, petsc_options=TIGHT), top
+    return ContactProblem(
+        energy(u) * ufl.dx, u, [surface], bcs=bcs, petsc_options=TIGHT | options
+    ), top
 
 
 def put(top, motion):

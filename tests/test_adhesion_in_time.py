@@ -26,23 +26,27 @@ EXPONENTS = [0.5, 2.0, *(pytest.param(p, marks=pytest.mark.long) for p in (3.0, 
 class Point:
     """A point on a floor at y = 0, led through jumps; open, or pressed with friction's slip."""
 
-    def __init__(self, law, dim=2):
+    def __init__(self, law, dim=2, r=1.0):
+        self._r = r
         self.law, self.at = law, LawAtPoints(law, dim, 1, COMM)
         self._fields = {k: np.full(1, float(v)) for k, v in law.given.items()}
         self._n = -np.eye(dim)[-1:]
-        self.time, self.memory, self.answers = 0.0, None, None
+        self.time, self.memory, self.answers, self.values = 0.0, None, None, None
 
-    def to(self, time, jump, traction=(0.0, 0.0)):
+    def to(self, time, jump, traction=None):
         """The intensity at the end of a step."""
-        jump, traction = np.array([jump], dtype=float), np.array([traction], dtype=float)
+        jump = np.array([jump], dtype=float)
+        traction = 0.0 * jump if traction is None else np.array([traction], dtype=float)
         memory = None if self.memory is None else self.memory.later(time - self.time)
-        data = PointData(self._n, np.zeros(1), np.ones(1), self._fields)
+        data = PointData(self._n, np.zeros(1), np.full(1, self._r), self._fields)
         seen = jump if memory is None else jump - memory.reference(self._n)
         self.answers = self.at(seen, traction, with_memory(self.at.compiled, memory, data))
         names = (*self.law.remembers, *self.law.keeps(self._n.shape[1]))
         fields = {name: self.answers.bond(f"after.{name}") for name in names}
         self.time, self.memory = time, Memory(jump, fields)
-        return float(fields["beta"][0])
+        before, self.values = self.values, np.array([values[0] for values in fields.values()])
+        self.lost = 0.0 if before is None else float(before[0] - self.values[0])
+        return float(self.values[0]) if self.law.remembers else self.values
 
 
 def opened(law, times, speed=U0):

@@ -14,6 +14,8 @@ direct solvers and multigrid, and along branches; some work with more:
 | `NormalCompliance(C, m, law)` | C > 0, number m > 1       | no       | no     | no     | no     |
 | `Regularised(law, eps)`       | eps > 0                   | no       | no     | no     | no     |
 | `RCCM(K, K, w, F)`            | K, F >= 0, w > 0          | no       | no     | no     | no     |
+| `BilinearCohesive(t, a, b)`   | t, a, b > 0               | no       | no     | no     | no     |
+| `MaxwellLayer(k, eta, K)`     | k, eta > 0, K >= 0        | no       | no     | no     | no     |
 
 - *pivoting*: the body is condensed onto its contact points, branches go from vertex to vertex, and
   all pieces that meet are taken at once; for linear bodies with contact at the nodes, and of
@@ -25,16 +27,19 @@ direct solvers and multigrid, and along branches; some work with more:
 
 What is not called a number may be a Constant, a Function or UFL of these, and the parameter of
 a branch, which then goes by steps. A law of one's own has pivoting if what it answers is linear and
-all its borders meet at zero, in 2D; and *bounds* if it is a `FrictionLaw` with a `bound` alone.
+all its borders meet at zero, in 2D; and *bounds* if it is a `FrictionLaw` with a `bound` alone. A
+bond of one's own, which may remember, is an `Interface`: an energy and a potential of dissipation.
 In histories `Regularised` asks for a ``speed``, and `NormalCompliance` may not have tangential
 springs, which forget.
 """
 
 from dolfinx_contact.laws.adhesion import RCCM
 from dolfinx_contact.laws.answers import Answers, PointData
+from dolfinx_contact.laws.cohesive import BilinearCohesive, MaxwellLayer
 from dolfinx_contact.laws.compiled import LawAtPoints
 from dolfinx_contact.laws.compliant import NormalCompliance, Regularised
 from dolfinx_contact.laws.friction import Coulomb, FrictionLaw, Frictionless, Tresca
+from dolfinx_contact.laws.interface import Interface, InterfaceState, Internal, Rates
 from dolfinx_contact.laws.law import Bond, Border, ContactPoint, Kernel, Law, StatusPiece
 from dolfinx_contact.laws.spreading import NonlocalCoulomb
 from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK
@@ -46,18 +51,24 @@ __all__ = [
     "RCCM",
     "STICK",
     "Answers",
+    "BilinearCohesive",
     "Bond",
     "Border",
     "ContactPoint",
     "Coulomb",
     "FrictionLaw",
     "Frictionless",
+    "Interface",
+    "InterfaceState",
+    "Internal",
     "Kernel",
     "Law",
     "LawAtPoints",
+    "MaxwellLayer",
     "NonlocalCoulomb",
     "NormalCompliance",
     "PointData",
+    "Rates",
     "Regularised",
     "StatusPiece",
     "Tresca",

@@ -1,0 +1,370 @@
+"""Interfaces by an energy and a dissipation: what they are instances of, and closed forms."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from blocks import block, facets
+from scipy.optimize import minimize
+from test_adhesion import along, bonded
+from test_adhesion_in_time import Point
+from test_arc_length import bar
+from test_law import randomise, remainders
+
+import ufl
+
+from dolfinx_contact import RCCM, BilinearCohesive, MaxwellLayer, Tresca
+from dolfinx_contact.evolution import ArcLength, QuasiStatic
+from dolfinx_contact.laws import Interface, Internal
+from dolfinx_contact.laws.status import BROKEN, DAMAGING
+from dolfinx_contact.points.memory import Memory
+
+COMM = MPI.COMM_WORLD
+C, W = 100.0, 1.0
+
+
+def adhesion(exponent=1.0, end=None):
+    """RCCM as Raous, Cangemi and Cocou write it: energy (1), dissipation (4)."""
+
+    @dataclass(frozen=True)
+    class Adhesion(Interface):
+        normal: Any
+        tangential: Any
+        work: Any
+        friction: Any = 0.0
+        viscosity: Any = 0.0
+        beta: Any = 1.0
+        internal = (Internal("beta", "falls", end=end),)
+        needs_time = ("viscosity",)
+
+        def energy(self, state):
+            beta, slid = state["beta"], ufl.dot(state.moved, state.moved)
+            springs = self.normal * state.opening**2 + self.tangential * slid
+            return beta**2 / 2 * springs + (1 - beta) * self.work
+
+        def dissipation(self, rates, state):
+            p = exponent
+            slips = self.friction * (1 - state["beta"]) * state.pressure * rates.slip
+            return slips + self.viscosity / (p + 1) * abs(rates["beta"]) ** (p + 1)
+
+    return Adhesion
+
+
+@dataclass(frozen=True)
+class Given(Interface):
+    """Tresca's friction."""
+
+    threshold: Any
+    needs_pressure = False
+
+    def dissipation(self, rates, state):
+        return self.threshold * rates.slip
+
+
+@dataclass(frozen=True)
+class Creeping(Interface):
+    """A Maxwell layer that damage weakens, with its threshold and viscosity: all is coupled."""
+
+    stiffness: Any
+    flows: Any
+    work: Any
+    viscosity: Any
+    damage: Any = 0.0
+    internal = (Internal("y", vector=True), Internal("damage", "grows", end=1.0))
+    needs_time = ("flows", "viscosity")
+
+    def energy(self, state):
+        elastic = state.jump - state["y"]
+        return (1 - state["damage"]) ** 2 * self.stiffness / 2 * ufl.dot(elastic, elastic)
+
+    def dissipation(self, rates, state):
+        flow = self.flows / 2 * ufl.dot(rates["y"], rates["y"])
+        return flow + self.work * rates["damage"] + self.viscosity / 2 * rates["damage"] ** 2
+
+
+POWERS = [
+    (2, 1.0, None),
+    (2, 0.5, 0.0),
+    (3, 2.0, None),
+    pytest.param(3, 0.5, 0.0, marks=pytest.mark.long),
+]
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="one point")
+@pytest.mark.parametrize(("dim", "exponent", "end"), POWERS)
+@pytest.mark.parametrize("viscosity", [0.0, 0.3])
+def test_adhesion_at_a_point(dim, exponent, end, viscosity):
+    """Statuses, intensity, answers and derivatives are those of the direct law at any state."""
+    given = dict(normal=100.0, tangential=60.0, work=1.0, friction=0.4, viscosity=viscosity)
+    laws = RCCM(exponent=exponent, **given), adhesion(exponent, end)(**given)
+    points = [Point(law, dim, r=1000.0) for law in laws]
+    rng, seen = np.random.default_rng(3), set()
+    for k in range(120):
+        jump = 0.1 * rng.normal(size=dim) + 0.1 * (np.arange(dim) < dim - 1)
+        traction = 10 * rng.normal(size=dim)
+        a, b = (p.to(0.1 * k, jump, traction) for p in points)
+        assert b == pytest.approx(a, rel=1e-12)
+        one, other = (p.answers for p in points)
+        codes = one.asked
+        np.testing.assert_array_equal(other.asked, codes)
+        for name, size in (("traction", 10.0), ("by_jump", 1000.0), ("by_traction", 1.0)):
+            x, y = getattr(one, name)(codes), getattr(other, name)(codes)
+            np.testing.assert_allclose(x, y, rtol=0, atol=1e-11 * size)
+        lost = [p.answers.bond("spent")[0] for p in points]
+        if k > 0:
+            assert lost[0] - lost[1] == pytest.approx(points[0].lost * W, rel=1e-10, abs=1e-13)
+        seen.add(int(codes[0]))
+    assert {0, 1, 2, DAMAGING} <= seen
+
+
+@pytest.mark.parametrize("cell", ["quad", "tet"])
+def test_adhesion_of_a_block(cell):
+    """A history of all statuses is that of the direct law; what damage costs is stored."""
+    aside = [0.0] * (cell == "tet")
+    corners = (0.0, *aside, -0.02), (0.2, *aside, -0.02), (0.1, *aside, 0.3), (0.1, *aside, -0.01)
+    histories = []
+    for law in (RCCM(C, 0.6 * C, W, 0.4, 0.05), adhesion()(C, 0.6 * C, W, 0.4, 0.05)):
+        problem, top = bonded(cell, law=law)
+        histories.append(QuasiStatic(problem, along(top, *corners)).run(np.linspace(0.0, 4.0, 25)))
+    seen = set()
+    for a, b in zip(*(h.steps for h in histories), strict=True):
+        s, t = (step.result.tables["contact"] for step in (a, b))
+        assert "".join(s.letters) == "".join(t.letters)
+        assert "".join(s.bond) == "".join(t.bond)
+        size = np.abs(s.force).max() + 1.0
+        np.testing.assert_allclose(t.beta, s.beta, rtol=1e-10)
+        np.testing.assert_allclose(t.force, s.force, rtol=0, atol=1e-10 * size)
+        np.testing.assert_allclose(t.adhesion, s.adhesion, rtol=0, atol=1e-10 * size)
+        damage = W * float(np.dot(1 - s.beta, s.area))
+        one, other = a.energies, b.energies
+        assert other.stored - one.stored == pytest.approx(damage, rel=1e-9, abs=1e-12)
+        assert one.damage - other.damage == pytest.approx(damage, rel=1e-9, abs=1e-12)
+        assert other.dissipated == pytest.approx(one.dissipated, rel=1e-9, abs=1e-12)
+        seen |= {*s.letters, *s.bond}
+    assert {"o", "i", "d"} < seen
+
+
+@pytest.mark.parametrize("cell", ["tri", "hex"])
+def test_given_friction(cell):
+    """Tresca's law, at open points too: static, in a history, and its derivatives."""
+    found = []
+    for law in (Tresca(2.0), Given(2.0)):
+        problem = block(cell=cell, n=2, law=law, where=_below)
+        problem.solve()
+        table = problem.table(problem.surfaces[0])
+        problem2, top = bonded(cell, law=law)
+        aside = [0.0] * (cell == "hex")
+        load = along(top, (0.01, *aside, -0.01), (0.01, *aside, 0.01), (-0.01, *aside, 0.01))
+        history = QuasiStatic(problem2, load).run(np.linspace(0.0, 3.0, 7))
+        found.append((table, [s.result.tables["contact"] for s in history.steps], history))
+    for a, b in zip([found[0][0], *found[0][1]], [found[1][0], *found[1][1]], strict=True):
+        assert a.status == b.status
+        size = np.abs(a.force).max() + 1.0
+        np.testing.assert_allclose(a.force, b.force, rtol=0, atol=1e-10 * size)
+        assert b.bond is None
+    a, b = found[0][2].energies, found[1][2].energies
+    assert b.dissipated == pytest.approx(a.dissipated, rel=1e-9)
+    assert a.dissipated > 0
+    rubbed = [t.friction[t.letters == "o"] for t in found[1][1]]
+    assert max(np.abs(f).max(initial=0.0) for f in rubbed) > 0.1
+
+
+def _below(domain):
+    return facets(domain, domain.topology.dim - 1, 0.0)
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="one point")
+@pytest.mark.parametrize("dim", [2, 3])
+def test_maxwell_layer(dim):
+    """Relaxation of a jump that is held: implicit Euler's to round-off, of first order."""
+    k, b, c, held = 3.0, 0.6, 0.5, np.array([0.2, 0.1, 0.15])[-dim:]
+    off = []
+    for n in (10, 20, 40):
+        point, dt = Point(MaxwellLayer(k, b, c), dim, r=1000.0), 0.4 / n
+        point.to(0.0, 0.0 * held)
+        y = 0.0 * held
+        for i in range(1, n + 1):
+            found = point.to(i * dt, held)
+            y = (y + dt * k / b * held) / (1 + dt * k / b)
+            np.testing.assert_allclose(found, y, rtol=1e-13)
+            traction = point.answers.bond("traction")[0]
+            np.testing.assert_allclose(traction, -k * (held - y) - c * held, rtol=1e-13)
+        exact = -(k * np.exp(-k * 0.4 / b) + c) * held
+        off.append(np.linalg.norm(traction - exact))
+    assert 0.9 < np.log2(off[0] / off[1]) < 1.1
+    assert 0.9 < np.log2(off[1] / off[2]) < 1.1
+
+
+def test_maxwell_layer_under_a_block():
+    """Lifted and held: pull falls to that of the other spring; what is spent is the rest."""
+    residues = []
+    for n in (20, 40):
+        problem, top = bonded("quad", law=MaxwellLayer(50.0, 10.0, 5.0), young=1e4, snes_rtol=1e-10)
+        load = along(top, (0.0, 0.1), (0.0, 0.1), (0.0, 0.1))
+        history = QuasiStatic(problem, load).run(np.linspace(0.0, 3.0, n + 1))
+        lifted = history.steps[-1].result.tables["contact"]
+        residues.append(abs(history.energies.residue))
+    np.testing.assert_allclose(lifted.internal["flow_1"], lifted.un, rtol=1e-3)
+    np.testing.assert_allclose(-lifted.pressure, 5.0 * lifted.un, rtol=0.01)
+    assert set(lifted.bond) == {"i"}
+    assert history.energies.damage > 0.1 * 50 * 0.1**2 / 2
+    assert residues[1] < 0.6 * residues[0]
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="one point")
+def test_cohesion_at_a_point():
+    """Rises, falls, unloads along the secant, breaks, and has cost what it says."""
+    strength, a, b = 2.0, 0.1, 0.3
+    point = Point(BilinearCohesive(strength, a, b), r=1000.0)
+    spent, far = 0.0, 0.0
+    ways = [0.05, 0.1, 0.15, 0.2, 0.1, 0.3, 0.399, 0.41, 0.5, 0.2]
+    for k, d in enumerate(ways):
+        jump = np.array([0.6, 0.8]) * d if k % 2 else np.array([0.0, d])
+        damage = point.to(k, jump)
+        far = max(far, d)
+        secant = strength / a if far <= a else max(strength * (a + b - far) / b / far, 0.0)
+        assert damage == pytest.approx(1 - secant / (strength / a), abs=1e-13)
+        np.testing.assert_allclose(point.answers.bond("traction")[0], -secant * jump, atol=1e-13)
+        spent += point.answers.bond("spent")[0]
+        code = 0 if d <= a or d < far else DAMAGING if d < a + b else BROKEN
+        assert point.answers.asked[0] == (BROKEN if far >= a + b else code)
+        assert point.answers.bond("broken")[0] == (far >= a + b)
+    assert spent == pytest.approx(strength * (a + b) / 2, rel=1e-5)
+
+
+def test_cohesion_with_friction():
+    """Dragged under pressure until it is broken: then friction alone is left."""
+    law = BilinearCohesive(2.0, 0.002, 0.01, 0.5)
+    problem, top = bonded("quad", law=law, young=1000.0)
+    history = QuasiStatic(problem, along(top, (0.0, -0.01), (0.05, -0.01))).run(
+        np.linspace(0.0, 2.0, 21)
+    )
+    first, last = history.steps[9], history.steps[-1]
+    t = first.result.tables["contact"]
+    assert set(t.bond) == {"i"}
+    np.testing.assert_allclose(t.friction, 0.0, atol=1e-9)
+    t = last.result.tables["contact"]
+    assert set(t.bond) == {"b"}
+    np.testing.assert_array_equal(t.internal["damage"], 1.0)
+    np.testing.assert_allclose(t.adhesion, 0.0, atol=1e-12)
+    np.testing.assert_allclose(np.abs(t.along(t.rt)), 0.5 * t.rn, rtol=1e-9)
+    assert set(last.status) == {"+"}
+    assert last.energies.damage == pytest.approx(2.0 * 0.012 / 2, rel=0.05)
+
+
+@pytest.mark.parametrize("k", [1.0, 8.0])
+def test_a_bar_on_cohesion(k):
+    """By arc length, back where the bond softens faster than the bar, to where it is broken."""
+    strength, a, b = 2.0, 0.1, 0.3
+    law = BilinearCohesive(strength, a, b)
+    history = ArcLength(bar(k, 4, law=law)).run((0.0, 3.0))
+    assert history.complete
+    stiffness, seen = k * C, set()
+    for step in history.steps:
+        d = step.result.tables["contact"].un
+        pull = np.where(d < a, strength * d / a, np.maximum(strength * (a + b - d) / b, 0.0))
+        np.testing.assert_allclose(step.gamma, d + pull / stiffness, rtol=1e-9)
+        seen |= set(step.result.tables["contact"].bond)
+    assert seen == {"i", "d", "b"}
+    assert history.energies.damage == pytest.approx(0.05 * strength * (a + b) / 2, rel=1e-6)
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="one point")
+@pytest.mark.parametrize("dim", [2, 3])
+def test_coupled_variables(dim):
+    """Each step is the least of energy and dissipation, that a minimiser finds."""
+    stiffness, flows, work, viscosity = 40.0, 3.0, 0.1, 0.02
+    point = Point(Creeping(stiffness, flows, work, viscosity), dim, r=1000.0)
+    rng, y, damage, time, seen = np.random.default_rng(1), np.zeros(dim), 0.0, 0.0, set()
+    point.to(0.0, y)
+    for _ in range(40):
+        dt = rng.uniform(0.01, 0.2)
+        jump = 0.15 * rng.normal(size=dim)
+        jump[-1] = abs(jump[-1])
+
+        def total(z, jump=jump, dt=dt, y=y, damage=damage):
+            e, lost = jump - z[:-1], z[-1] - damage
+            stored = (1 - z[-1]) ** 2 * stiffness / 2 * (e @ e)
+            flow = flows / 2 * ((z[:-1] - y) @ (z[:-1] - y)) / dt
+            return stored + flow + work * lost + viscosity / 2 * lost**2 / dt
+
+        bounds = [(None, None)] * dim + [(damage, 1.0)]
+        wanted = minimize(
+            total, [*y, damage], bounds=bounds, method="L-BFGS-B",
+            options={"ftol": 1e-16, "gtol": 1e-11},
+        )  # fmt: skip
+        time += dt
+        found = point.to(time, jump)
+        memory = point.memory.fields
+        z = np.array([*(memory[f".y_{i}"][0] for i in range(dim)), memory["damage"][0]])
+        assert found is not None
+        np.testing.assert_allclose(z, wanted.x, rtol=0, atol=2e-5)
+        assert total(z) <= wanted.fun * (1 + 1e-12)
+        y, damage = z[:-1], z[-1]
+        seen.add(int(point.answers.asked[0]))
+    assert {0, DAMAGING} <= seen
+
+
+@pytest.mark.parametrize("cell", ["tri", "tet"])
+def test_jacobian_by_taylor(cell):
+    """Remainders of first order Taylor expansions fall by four a halving, of every variable."""
+    problem = block(n=3, cell=cell, law=Creeping(3e4, 2e3, 0.04, 0.3))
+    x = randomise(problem, 1, 0.01, 10.0)
+    (surface,) = problem.surfaces
+    rng, n, dim = np.random.default_rng(COMM.rank), surface.points.number, surface.dim
+    fields = {f".y_{i}": rng.normal(0, 0.002, n) for i in range(dim)}
+    fields["damage"] = rng.uniform(0.0, 1.0, n)
+    memory = Memory(rng.normal(0, 0.002, (n, dim)), fields, 0.1)
+    problem.equations.remember([memory])
+    sizes = remainders(problem, x, 2)
+    codes = np.concatenate(COMM.allgather(problem.equations.contact(x).statuses[0]))
+    assert (codes >= DAMAGING).any()
+    assert sizes[0] > 1e-9
+    np.testing.assert_allclose(np.log2(sizes[:-1] / sizes[1:]), 2.0, atol=0.35)
+
+
+@pytest.mark.parametrize(
+    ("internal", "more", "message"),
+    [
+        ((Internal("x"),), {}, "needs a field x"),
+        ((Internal("d", "grows"), Internal("e", "falls")), {}, "one variable at most"),
+        ((Internal("d"), Internal("d")), {}, "of different names"),
+        ((Internal("d", vector=True),), {}, "is a vector, and so no field"),
+        ((Internal("d"),), {"power": 2}, "needs_time must name"),
+    ],
+)
+def test_interfaces_that_are_none(internal, more, message):
+    power, mine = more.get("power", 1), internal
+
+    @dataclass(frozen=True)
+    class Own(Interface):
+        d: Any = 0.0
+        e: Any = 0.0
+        internal = mine
+
+        def energy(self, state):
+            return state.opening**2
+
+        def dissipation(self, rates, state):
+            return abs(rates["d"]) ** power if "d" in rates.internal else 0.0
+
+    with pytest.raises(ValueError, match=message):
+        block(n=1, law=Own())
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"name": "2x"}, "needs a name"),
+        ({"change": "up"}, "not 'up'"),
+        ({"change": "falls", "vector": True}, "neither falls nor grows"),
+        ({"end": 1.0}, "of a variable that falls or grows"),
+        ({"change": "grows", "end": np.nan}, "must be a number"),
+    ],
+)
+def test_variables_that_are_none(given, message):
+    with pytest.raises(ValueError, match=message):
+        Internal(**{"name": "d", **given})
