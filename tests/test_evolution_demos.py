@@ -6,6 +6,7 @@ import demo_adhesion
 import demo_bar
 import demo_indenter
 import demo_mindlin
+import demo_own_interface
 import demo_peeling
 import demo_pull_out
 import demo_refrigerator
@@ -209,6 +210,20 @@ def test_the_refrigerator(folder):
     assert (folder / "creep.png").exists()
     with pytest.raises(SystemExit):
         demo_refrigerator.main(["--force=300", f"--output={folder}"])
+
+
+def test_an_interface_of_ones_own(folder):
+    """A sheet is drawn off a ductile glue with the force of a long bar; errors fall by four."""
+    off = []
+    for n in (60, 120):
+        summary = demo_own_interface.main([f"--n={n}", f"--output={folder / str(n)}"])
+        off.append(summary["off"])
+        # The glue has cost what is under its traction, all along what is broken.
+        assert abs(summary["residue"]) < 2e-3 * summary["external"]
+        assert summary["force"][-1] == pytest.approx(40.0, rel=0.003)
+    assert off[1] < 1e-3
+    assert off[1] < 0.3 * off[0]
+    assert (folder / "120" / "pull.png").exists()
 
 
 @pytest.mark.chatty

@@ -209,7 +209,9 @@ class Interface(Law):
         x = self._monotone
         for v in (*([] if x is None else [x]), *(v for v in self.internal if v is not x)):
             if v is x and family != DAMAGING:
-                values[v.name] = start[v.name] if family == OPEN else ufl.as_ufl(float(v.end or 0))
+                # No constant: what is made of it could be one that is divided by, and 0.
+                last = ufl.conditional(ufl.gt(a.r, 0.0), float(v.end or 0.0), start[v.name])
+                values[v.name] = start[v.name] if family == OPEN else last
             else:
                 unknown.append(v)
         numbers = list(a.solved.get(_name(is_open, family), ()))
