@@ -25,6 +25,7 @@ from petsc4py import PETSc
 
 import numpy as np
 
+from dolfinx_contact.continuation.borders import reached
 from dolfinx_contact.continuation.branch import BranchPoint, Change, SpecialPoint
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.steps import ExactSteps
@@ -129,10 +130,7 @@ class FreeSteps(ExactSteps):
         for state in (point.y, y):
             x, gamma = self.bordered.split(state)
             ends.append(self.system.events(x, gamma, old))
-        low, high = np.maximum(ends[0].distance, 0.0), ends[1].distance
-        falling = high < 0
-        fraction = low[falling] / (low[falling] - high[falling])
-        np.minimum.at(first, ends[0].point[falling], fraction)
+        np.minimum.at(first, ends[1].point, reached(ends[0], ends[1]))
         mine = [
             (
                 float(first[i]) if first[i] <= 1 else 1.0,

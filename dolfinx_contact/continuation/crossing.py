@@ -22,12 +22,13 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact.continuation.borders import again
 from dolfinx_contact.continuation.branch import Change, Ray
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.rays import outgoing
 from dolfinx_contact.continuation.system import Events, Piece
 
-__all__ = ["Crossing", "again", "cross", "outgoing_rays", "parity"]
+__all__ = ["Crossing", "cross", "outgoing_rays", "parity"]
 
 logger = logging.getLogger(__name__)
 
@@ -265,24 +266,6 @@ def _stays_inside(
     inside = not b.comm.allreduce(bool(bad.any()), op=_any)
     moves = b.comm.allreduce(bool((chosen & at_border & ~idle).any()), op=_any)
     return inside and moves
-
-
-def again(here: Events, there: Events) -> npt.NDArray[np.float64]:
-    """Distances of the events ``here`` as they are ``there``, as they were of those that end.
-
-    Borders of some laws, as those of a bond, exist in some states alone. Where the same points have
-    as many as before they are the same, also where one leads to another status by now.
-    """
-    if np.array_equal(here.point, there.point):
-        return there.distance
-    known: dict[tuple[int, int], list[float]] = {}
-    for point, target, distance in zip(there.point, there.target, there.distance, strict=True):
-        known.setdefault((int(point), int(target)), []).append(float(distance))
-    found = here.distance.copy()
-    for i, (point, target) in enumerate(zip(here.point, here.target, strict=True)):
-        if known.get(key := (int(point), int(target))):
-            found[i] = known[key].pop(0)
-    return found
 
 
 def _border(events: Events, slope: npt.NDArray[Any]) -> npt.NDArray[np.float64]:

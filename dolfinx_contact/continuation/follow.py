@@ -55,6 +55,8 @@ Route: TypeAlias = Literal["auto", "pivoting", "steps"]
 
 logger = logging.getLogger(__name__)
 
+_HAIR = 1e-9  # of the scale of gamma: beside a gamma at which borders begin
+
 
 def follow(
     system: System,
@@ -196,7 +198,7 @@ class Follower:
         b = self.bordered
         y = b.vector()
         b.join(x, gamma, y)
-        piece = self.system.piece_at(*b.split(y))
+        piece = self._piece_from(y, increasing)
         self._require_parameter(y, piece)
         if not self.corrector.natural(y, gamma, piece):
             raise ValueError(f"there is no solution near the given state at gamma = {gamma}")
@@ -207,6 +209,19 @@ class Follower:
             raise ValueError("the start is a singular point: its tangent is not unique")
         sense.destroy()
         return self._steps.rescaled(BranchPoint(y, tangent, piece, b.gamma(y), 0.0, 0))
+
+    def _piece_from(self, y: PETSc.Vec, increasing: bool) -> Piece:
+        """The piece on which a branch leaves ``y``. Collective.
+
+        Where borders begin at this very gamma (friction that grows from zero) that at ``y`` is one
+        of several, which it says nothing of: then the piece just beyond.
+        """
+        x, gamma = self.bordered.split(y)
+        piece = self.system.piece_at(x, gamma)
+        beyond = gamma + (_HAIR if increasing else -_HAIR) * self.bordered.gamma_scale
+        here, there = (len(self.system.events(x, g, piece).point) for g in (gamma, beyond))
+        begin = self.system.comm.allreduce(int(there > here), op=max)
+        return self.system.piece_at(x, beyond) if begin else piece
 
     def branch_off(self, special: SpecialPoint, ray: Ray, distance: float = 1e-3) -> BranchPoint:
         """A point at a small distance from a special point along one of its other rays.

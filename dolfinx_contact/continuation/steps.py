@@ -16,10 +16,11 @@ from petsc4py import PETSc
 import numpy as np
 
 from dolfinx_contact.continuation.bifurcation import BifurcationTest
+from dolfinx_contact.continuation.borders import reached
 from dolfinx_contact.continuation.branch import BranchPoint, Ray, SpecialPoint
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.crossing import cross
-from dolfinx_contact.continuation.system import Piece
+from dolfinx_contact.continuation.system import Events, Piece
 
 __all__ = ["ExactSteps"]
 
@@ -86,6 +87,11 @@ class ExactSteps:
             special = self.smooth_points(point, new)
             return self.rescaled(new), special, next_h
         return None, [], h
+
+    def _events(self, y: PETSc.Vec, piece: Piece) -> Events:
+        x, gamma = self.bordered.split(y)
+        found = self.system.events(x, gamma, piece)
+        return replace(found, distance=np.array(found.distance))
 
     def _distances(self, y: PETSc.Vec, piece: Piece) -> np.ndarray:
         x, gamma = self.bordered.split(y)
@@ -163,18 +169,18 @@ class ExactSteps:
         """Where the first event between ``point`` and ``y_high`` vanishes. Collective.
 
         The first zero if all distances were linear between the two ends; an end that stays twice
-        counts half (Illinois), so that the bracket shrinks from both sides. Points are corrected
-        from the line between the ends.
+        counts half (Illinois), so that the bracket shrinks from both sides; one that begins between
+        them is looked for by halving the bracket. Points are corrected from the line between the
+        ends.
         """
         b, comm = self.bordered, self.bordered.comm
         y_low, piece = point.y, point.piece
         low, high = 0.0, b.inner(point.tangent, y_high) - b.inner(point.tangent, point.y)
-        d_low, d_high = (np.array(self._distances(y, piece)) for y in (y_low, y_high))
+        e_low, e_high = (self._events(y, piece) for y in (y_low, y_high))
+        w_low, w_high = 1.0, 1.0
         end, s, y, side = high, high, y_high, 0
         for _ in range(60):
-            falling = d_high < 0
-            above = np.maximum(d_low, 0.0)
-            fraction = np.where(falling, above / np.where(falling, above - d_high, 1.0), np.inf)
+            fraction = reached(e_low, e_high, (w_low, w_high))
             first = comm.allreduce(float(np.min(fraction, initial=np.inf)), op=min)
             s = low + first * (high - low)
             y = y_low.copy()
@@ -183,16 +189,16 @@ class ExactSteps:
                 y, point.y, point.tangent, s, piece, polish=True
             ):
                 return None
-            d = np.array(self._distances(y, piece))
-            least = comm.allreduce(float(np.min(d, initial=np.inf)), op=min)
+            events = self._events(y, piece)
+            least = comm.allreduce(float(np.min(events.distance, initial=np.inf)), op=min)
             if abs(least) <= 1e-13 * self._unit(y, piece) or high - low <= 1e-15 * end:
                 break
             if least < 0:
-                d_low = d_low / (2 if side > 0 else 1)
-                high, d_high, y_high, side = s, d, y, 1
+                w_low = w_low / 2 if side > 0 else w_low
+                high, e_high, w_high, y_high, side = s, events, 1.0, y, 1
             else:
-                d_high = d_high / (2 if side < 0 else 1)
-                low, d_low, y_low, side = s, d, y, -1
+                w_high = w_high / 2 if side < 0 else w_high
+                low, e_low, w_low, y_low, side = s, events, 1.0, y, -1
         return s, y
 
     def turned(self, t: PETSc.Vec, new: PETSc.Vec) -> bool:

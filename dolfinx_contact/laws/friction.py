@@ -130,8 +130,8 @@ def _in_space(a: ContactPoint, radius: Radius, grips: Any, holds: Any) -> dict[i
     along = ufl.conditional(ufl.gt(size, 0.0), -ufl.dot(a.u_t, a.s) / size, 0.0)
     slip = _Slip(a, radius, along)
     b = slip.radius
-    acts = ufl.gt(size, 0.0) if holds is None else holds
-    slides = ufl.as_vector([ufl.conditional(acts, b * a.s[i] / size, 0.0) for i in range(3)])
+    moves = ufl.gt(size, 0.0)
+    slides = ufl.as_vector([ufl.conditional(moves, b * a.s[i] / size, 0.0) for i in range(3)])
     return {
         STICK: StatusPiece(a.s, [Border(b - size, PLUS)], holds),
         PLUS: StatusPiece(slides, [Border(slip.border(size - b), STICK, grips)]),
