@@ -11,6 +11,7 @@ import pytest
 from blocks import KINDS, block, box, facets, same_tables
 from demo_own_law import SlipWeakening
 from scipy.optimize import brentq, minimize_scalar
+from test_axisymmetric import disc, section
 from test_law import randomise, remainders
 from test_mortar import sheared
 from test_pair import displacement, held, stacked
@@ -19,6 +20,7 @@ import ufl
 from dolfinx import fem
 
 from dolfinx_contact import (
+    RCCM,
     ContactPair,
     ContactProblem,
     ContactSurface,
@@ -32,6 +34,7 @@ from dolfinx_contact import (
 from dolfinx_contact.continuation import follow
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.parametric import ParametricContact
+from dolfinx_contact.points.vertex_state import vertex_state
 
 COMM = MPI.COMM_WORLD
 PHI = {
@@ -334,3 +337,49 @@ def test_warning_and_bad_laws(caplog):
     problem.surfaces[0].law.width.value = 0.0
     with pytest.raises(ValueError, match="not positive: width"):
         problem.solve()
+
+
+def soft_contact(kind, law):
+    """The table of a body on a compliant surface; pictures have the same bounds."""
+    options = {"snes_rtol": 1e-12}
+    if kind == "disc":
+        problem = disc(section(5), law=law)
+    elif kind == "pair":
+        both = stacked(2, "quad", 3)
+        u, tags = displacement(both.mesh), both.facet_tags
+        surface = ContactPair(u, tags, slave=3, master=2, law=law)
+        bcs = [held(u, tags, 1, (0.0, 0.0)), held(u, tags, 4, (0.02, -0.01))]
+        energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
+        problem = ContactProblem(energy, u, [surface], bcs=bcs, petsc_options=options)
+    else:
+        problem = block(cell=kind, n=3, law=law, options=options)
+    (surface,), (table,) = problem.surfaces, problem.solve().tables.values()
+    shown = np.concatenate(COMM.allgather(vertex_state(surface)["bound"]))
+    assert shown.max() == pytest.approx((table.bound / table.area).max(), rel=1e-10)
+    return table
+
+
+@pytest.mark.parametrize("kind", ["tri", "hex", "disc", "pair"])
+@pytest.mark.parametrize("given", [(1e4,), (1e5, 2.0)])
+def test_bound_of_friction(kind, given):
+    """F times the pressure of the law, whatever the augmented one is; slips are on it."""
+    t = soft_contact(kind, NormalCompliance(*given, friction=Coulomb(0.1)))
+    # Of a body of revolution the axis holds itself.
+    wanted = np.where(t.axisymmetric & (t.x[:, 0] < 1e-9), 0.0, 0.1 * t.rn)
+    np.testing.assert_allclose(t.bound, wanted, rtol=0, atol=1e-8 * t.rn.max())
+    shear = np.linalg.norm(t.rt, axis=1)
+    slips = np.isin(t.letters, list("+-s"))
+    assert slips.any()
+    np.testing.assert_allclose(shear[slips], t.bound[slips], rtol=0, atol=1e-7 * t.rn.max())
+
+
+@pytest.mark.parametrize("threshold", ["pressure", "reaction"])
+@pytest.mark.parametrize("contact", [NormalCompliance(1e4), NormalCompliance(1e5, 2.0), None])
+def test_bound_of_bonds(threshold, contact):
+    """Bonds half broken: F (1 - beta) times the pressure without, or with, that of the springs."""
+    law = RCCM(2e3, 100.0, 1.0, 0.3, beta=0.5, contact=contact, threshold=threshold)
+    t = soft_contact("tri", law)
+    pressure = t.rn if threshold == "reaction" else t.rn - t.rn_adh
+    wanted = 0.3 * (1 - t.beta) * pressure
+    np.testing.assert_allclose(t.bound, wanted, rtol=0, atol=1e-8 * t.rn.max())
+    assert (np.abs(t.rn_adh).max() > 0.01 * t.rn.max()) == (contact is not None)

@@ -162,6 +162,9 @@ class RCCM(Law):
         beta = self._now(a)
         return self._friction(beta, ufl.conditional(ufl.gt(a.u_n, 0.0), a.u_n, 0.0)).bound(a, p)
 
+    def soft(self, a: ContactPoint) -> ContactPoint:
+        return self._soft(a, self._now(a), self._opening(a))
+
     def bond(self, a: ContactPoint) -> Bond:
         opening, moved = self._opening(a), self._moved(a)
         energy, beta = self._energy(opening, moved), self._now(a)

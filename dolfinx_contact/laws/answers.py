@@ -201,7 +201,7 @@ class Answers:
 
     @property
     def bound(self) -> Array:
-        """Radii of the friction disc at the augmented pressure (n,); NaN if the law has none."""
+        """Radii of the friction disc at the pressure of the law (n,); NaN if the law has none."""
         return self._column("bound")
 
     @property

@@ -43,7 +43,7 @@ class _Written:
     Attributes:
         equations: for numbers that are functions of the rest.
         pieces: status by status.
-        bounds: radii of the friction disc, at the augmented and at unit pressure.
+        bounds: radii of the friction disc, at the pressure of the law and at unit pressure.
         bond: parts of `Law.bond` by name.
         spreads: of a law that is not local; else None.
     """
@@ -55,8 +55,9 @@ class _Written:
         local = law.spread is None
         unit = point if local else replace(point, around=ufl.as_ufl(1.0))
         self.pieces = checked_pieces(mine.pieces(point), point.dim)
+        soft = mine.soft(point)
         self.bounds = {
-            "bound": mine.bound(point, point.p),
+            "bound": mine.bound(soft, soft.p),
             "unit_bound": mine.bound(unit, ufl.as_ufl(1.0)),
         }
         bond, self.bond = mine.bond(point), dict[str, Any]()

@@ -246,6 +246,10 @@ class Law:
         """UFL radius of the disc that holds the shear at pressure ``p``; None if there is none."""
         return None
 
+    def soft(self, a: ContactPoint) -> ContactPoint:
+        """The point with the pressure that the law answers, by default the augmented one."""
+        return a
+
     def bond(self, a: ContactPoint) -> Bond | None:
         """What becomes of the fields that the law `remembers`; None if it remembers nothing."""
         return None

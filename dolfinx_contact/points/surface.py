@@ -342,7 +342,7 @@ class ContactSurface:
         Keys: ``x`` position (n, dim), ``area``, ``un`` gap, ``ut`` tangential displacement
         (n, dim), ``increment`` that since the last accepted step, ``n`` normal (n, dim),
         ``traction`` on the body (n, dim), ``pressure``, ``shear`` (n, dim), ``bound`` radius of the
-        friction disc.
+        friction disc at the pressure of the law.
         """
         jump = self.jump() - self.reference
         return self.state_of(jump, self._traction(), self.data_at(jump))
