@@ -24,6 +24,7 @@ from dolfinx_contact import (
     Tresca,
 )
 from dolfinx_contact.body.rigid import parts
+from dolfinx_contact.evolution import NSCD
 from dolfinx_contact.materials import CiarletGeymonat, LinearElastic, lame
 from dolfinx_contact.solvers.errors import FloatingBodyError
 
@@ -154,10 +155,91 @@ def test_nan_in_a_load():
     load = fem.Constant(domain, (0.0, np.nan))
     energy = MATERIAL.energy(u) * ufl.dx - ufl.dot(load, u) * ufl.dx
     problem = ContactProblem(energy, u, [surface(u)], bcs=[clamp(u, 1, 1.0)])
-    with pytest.raises(ValueError, match="not finite at the start") as info:
+    with pytest.raises(ValueError, match="not finite at the start: look at the Constant") as info:
         problem.solve()
     same_on_every_rank(info)
     assert np.all(u.x.array == 0.0)
+
+
+def poisoned(f):
+    """NaN at the last dof of the last rank alone."""
+    if COMM.rank == COMM.size - 1:
+        f.x.array[f.function_space.dofmap.index_map.size_local - 1] = np.nan
+    return f
+
+
+def test_which_of_the_data_is_not_finite():
+    """A Function is named, as is the start; nothing of the caller's changes."""
+    domain, u = square()
+    load, other = (fem.Function(fem.functionspace(domain, ("DG", 0)), name=k) for k in "ab")
+    energy = MATERIAL.energy(u) * ufl.dx - (poisoned(load) + other) * u[1] * ufl.dx
+    problem = ContactProblem(energy, u, [surface(u)], bcs=[clamp(u, 1, 1.0)])
+    with pytest.raises(ValueError, match="look at the Function 'a' in the form") as info:
+        problem.solve()
+    same_on_every_rank(info)
+    load.x.array[:] = 0.0
+    before = poisoned(u).x.array.copy()
+    with pytest.raises(ValueError, match="the displacement at the start is not finite") as info:
+        problem.solve()
+    same_on_every_rank(info)
+    np.testing.assert_array_equal(u.x.array, before)
+
+
+@pytest.mark.parametrize("sliding", ["small", "large"])
+@pytest.mark.parametrize("part", ["centre", "radius"])
+def test_a_curved_obstacle_that_is_not_finite(part, sliding):
+    domain, u = square()
+    given = {
+        "centre": fem.Constant(domain, (0.5, -2.0)),
+        "radius": fem.Constant(domain, 2.0),
+    }
+    options = {"obstacle": Sphere(**given), "law": Frictionless(), "sliding": sliding}
+    energy = MATERIAL.energy(u) * ufl.dx
+    problem = ContactProblem(energy, u, [surface(u, **options)], bcs=[clamp(u, 1, 1.0)])
+    given[part].value = np.nan
+    wanted = f"the obstacle is not finite: look at the {part} of Sphere of 'contact'"
+    for attempt in (problem.solve, lambda: NSCD(problem, 1.0, dt=0.1).run([0.0, 1.0])):
+        with pytest.raises(ValueError, match=wanted) as info:
+            attempt()
+        same_on_every_rank(info)
+
+
+@pytest.mark.parametrize("what", ["displacement", "velocity"])
+def test_a_motion_whose_start_is_not_finite(what):
+    problem = block()
+    velocity = fem.Function(problem.V)
+    poisoned({"displacement": problem.u, "velocity": velocity}[what])
+    with pytest.raises(ValueError, match=f"the {what} at the start is not finite") as info:
+        NSCD(problem, 1.0, dt=0.1, velocity=velocity).run([0.0, 1.0])
+    same_on_every_rank(info)
+
+
+def test_functions_that_jump(caplog):
+    """In forms that mean continuous ones: refused without a side, warned of in a gradient."""
+    domain, u = square()
+    energy = MATERIAL.energy(u) * ufl.dx
+    n = ufl.FacetNormal(domain)
+    jumps, smooth = (
+        fem.Function(fem.functionspace(domain, (family, 1)), name=family)
+        for family in ("DG", "Lagrange")
+    )
+
+    def made(load):
+        caplog.clear()
+        return ContactProblem(energy + load, u, [surface(u)], bcs=[clamp(u, 1, 1.0)])
+
+    with pytest.raises(ValueError, match=r"'DG' has two values on interior facets") as info:
+        made(jumps * ufl.avg(u[1]) * ufl.dS)
+    same_on_every_rank(info)
+    made(ufl.dot(ufl.grad(jumps), u) * ufl.dx)
+    assert (COMM.rank == 0) == ("gradient of the Function 'DG'" in caplog.text)
+    for fine in (
+        jumps * u[1] * ufl.dx + jumps * u[0] * ufl.ds,
+        ufl.dot(ufl.grad(smooth), u) * ufl.dx + ufl.avg(smooth * u[1]) * ufl.dS,
+        ufl.dot(ufl.grad(jumps), u) * ufl.dx - ufl.dot(ufl.jump(jumps, n), ufl.avg(u)) * ufl.dS,
+    ):
+        made(fine)
+        assert not caplog.text
 
 
 def test_nan_in_dirichlet_data():

@@ -24,6 +24,7 @@ from dolfinx import fem, la
 
 from dolfinx_contact._forms import compiled_form
 from dolfinx_contact._petsc import half_of
+from dolfinx_contact.body.discontinuous import check_jumps
 
 __all__ = ["Bulk"]
 
@@ -65,6 +66,7 @@ class Bulk:
         if self.energy is not None:
             self.residual = ufl.derivative(form, own, ufl.TestFunction(self._V))
         derivative = ufl.derivative(self.residual, own, ufl.TrialFunction(self._V))
+        check_jumps(self.residual, self.comm)
         self.residual_form = compiled_form(self.residual)
         self.jacobian_form = compiled_form(derivative)
         self._energy_form: fem.Form | None = None

@@ -3,7 +3,11 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Iterator
+from dataclasses import fields, is_dataclass
+from typing import Any, NamedTuple
+
+from mpi4py import MPI
 
 import numpy as np
 import numpy.typing as npt
@@ -13,25 +17,95 @@ from dolfinx import fem
 from ufl.algorithms.analysis import extract_constants
 
 from dolfinx_contact._compat import dirichlet_value
+from dolfinx_contact._errors import require
 from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.points.surface import ContactSurface
 
-__all__ = ["GivenData", "given_data", "numbers_of"]
+__all__ = [
+    "Datum",
+    "GivenData",
+    "data_of_surface",
+    "given_data",
+    "not_finite",
+    "numbers_of",
+    "placed_data",
+    "require_obstacles",
+]
 
 
-def given_data(eq: ContactEquations) -> list[Any]:
+class Datum(NamedTuple):
+    """What users may change.
+
+    Attributes:
+        place: where it stands, in words.
+        value: a Function or a Constant.
+    """
+
+    place: str
+    value: Any
+
+
+def placed_data(eq: ContactEquations) -> list[Datum]:
     """Functions and Constants in bulk, obstacles, laws, rigid bodies and Dirichlet conditions.
 
     None of them is the displacement; one that is in several places is there several times.
     """
-    found = [*eq.bulk.residual.coefficients(), *extract_constants(eq.bulk.residual)]
+    found = list(_within(eq.bulk.residual, "the form of the body"))
     for s in eq.surfaces:
-        for e in s.given.all:
-            found += [*ufl.algorithms.extract_coefficients(e), *extract_constants(e)]
+        found += data_of_surface(s)
     for body in eq.rigid.bodies:
-        for e in body.expressions:
-            found += extract_constants(e)
-    found += [dirichlet_value(bc) for bc in eq.bcs]
-    return [f for f in found if f is not eq.bulk.displacement]
+        for component, e in zip(body.components, body.expressions, strict=True):
+            found += _within(e, f"what is given for {component} of {body.name!r}")
+    for i, bc in enumerate(eq.bcs, 1):
+        found.append(Datum(f"the value of the Dirichlet condition {i}", dirichlet_value(bc)))
+    return [d for d in found if d.value is not eq.bulk.displacement]
+
+
+def given_data(eq: ContactEquations) -> list[Any]:
+    """What `placed_data` finds, without the places."""
+    return [d.value for d in placed_data(eq)]
+
+
+def data_of_surface(s: ContactSurface) -> list[Datum]:
+    """What stands in the obstacle and in the law of a surface."""
+    obstacle = getattr(s.obstacle, "shape", s.obstacle)
+    parts = [f.name for f in fields(obstacle)] if is_dataclass(obstacle) else []
+    kind, found = type(obstacle).__name__, []
+    for e in (s.given.gap, s.given.normal):
+        for d in _within(e, f"the obstacle {kind} of {s.name!r}"):
+            mine = [name for name in parts if getattr(obstacle, name) is d.value]
+            found.append(Datum(f"the {mine[0]} of {kind} of {s.name!r}", d.value) if mine else d)
+    for name, e in s.given.fields.items():
+        found += _within(e, f"the {name} of {s.law.name} of {s.name!r}")
+    return found
+
+
+def _within(e: Any, place: str) -> Iterator[Datum]:
+    """Functions, then Constants, in UFL that stands in a place."""
+    is_form, constants = isinstance(e, ufl.Form), extract_constants(e)
+    for f in e.coefficients() if is_form else ufl.algorithms.extract_coefficients(e):
+        yield Datum(place if f is e else f"the Function {f.name!r} in {place}", f)
+    for i, c in enumerate(constants, 1):
+        which = f"the Constant {i}" if len(constants) > 1 else "the Constant"
+        yield Datum(place if c is e else f"{which} in {place}", c)
+
+
+def not_finite(eq: ContactEquations, data: list[Datum]) -> str:
+    """The first place at which data are not finite on any rank; "" if all are. Collective."""
+    here = np.array([not np.isfinite(_values(d.value)).all() for d in data], dtype=np.int32)
+    anywhere = eq.comm.allreduce(here, op=np.maximum)
+    return next((d.place for d, bad in zip(data, anywhere, strict=True) if bad), "")
+
+
+def require_obstacles(eq: ContactEquations) -> None:
+    """Raise ``ValueError`` where an obstacle is not finite for what is given. Collective."""
+    for s in eq.surfaces:
+        values = s.points.vertex_gaps, s.points.vertex_normals
+        finite = all(bool(np.isfinite(v).all()) for v in values)
+        if not eq.comm.allreduce(int(finite), op=MPI.MIN):
+            place = not_finite(eq, data_of_surface(s))
+            message = f"{s.name}: the gap or normal of the obstacle is not finite: look at {place}"
+            require(eq.comm, not place, message)
 
 
 class GivenData:

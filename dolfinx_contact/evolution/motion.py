@@ -27,7 +27,7 @@ from dolfinx import fem
 
 from dolfinx_contact._errors import require
 from dolfinx_contact.body.moving import MovingBody, Scheme, TimeStep
-from dolfinx_contact.equations.given_data import GivenData
+from dolfinx_contact.equations.given_data import GivenData, require_obstacles
 from dolfinx_contact.equations.state import State, Statuses
 from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.evolution.moment import Moment, Stepper, Taken, extended
@@ -113,11 +113,13 @@ class MotionStepper(Stepper):
         """The state in the Functions. Collective.
 
         Raises:
-            ValueError: on every rank, if a point is within an obstacle.
+            ValueError: on every rank, if a point is within an obstacle, or the state not finite.
         """
         eq, data = self.problem.equations, GivenData(self.problem.equations)
         try:
             self._set(time)
+            eq.refresh()
+            self._require_finite()
             eq.remember([None] * len(eq.surfaces))
             state = self._contact()
             self._require_no_penetration(state)
@@ -257,6 +259,14 @@ class MotionStepper(Stepper):
 
     def _moving(self, moment: Moment, motion: Motion) -> MotionMoment:
         return MotionMoment(**extended(moment), motion=motion)
+
+    def _require_finite(self) -> None:
+        """Refuse a start that is not finite. Collective."""
+        eq = self.problem.equations
+        for name, f in (("displacement", self.problem.u), ("velocity", self._velocity)):
+            finite = bool(np.isfinite(f.x.array).all())
+            require(eq.comm, finite, f"the {name} at the start is not finite")
+        require_obstacles(eq)
 
     def _require_no_penetration(self, state: State) -> None:
         """Refuse a start within an obstacle. Collective."""

@@ -31,6 +31,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
@@ -41,6 +42,7 @@ from dolfinx_contact._errors import require, same_everywhere
 from dolfinx_contact._petsc import staged
 from dolfinx_contact._progress import SolveProgress
 from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.given_data import not_finite, placed_data, require_obstacles
 from dolfinx_contact.equations.normals import without_normal
 from dolfinx_contact.equations.state import Statuses
 from dolfinx_contact.equations.touching import bring_together
@@ -257,6 +259,8 @@ def check_data(eq: ContactEquations, x0: PETSc.Vec) -> None:
     for s in eq.surfaces:
         s.update_geometry()
         check_law(s)
+    _require_start(eq, x0)
+    require_obstacles(eq)
     lost = without_normal(eq, eq.contact(x0))
     require(eq.comm, not lost, lost)
     for s in eq.surfaces:
@@ -275,13 +279,20 @@ def check_data(eq: ContactEquations, x0: PETSc.Vec) -> None:
     eq.residual(x0, b)
     finite = bool(np.isfinite(b.array_r).all())
     b.destroy()
-    require(
-        eq.comm,
-        finite,
-        "the residual is not finite at the start: look for NaN in loads, material data or the "
-        "starting displacement",
-    )
+    if not eq.comm.allreduce(int(finite), op=MPI.MIN):
+        place = not_finite(eq, placed_data(eq)) or "loads and material data, for NaN"
+        raise ValueError(f"the residual is not finite at the start: look at {place}")
     eq.scaling.follow(eq.displacement(x0))
+
+
+def _require_start(eq: ContactEquations, x0: PETSc.Vec) -> None:
+    """Raise ``ValueError`` if a start is not finite. Collective."""
+    tractions = [f"traction of {s.name!r}" for s in eq.surfaces]
+    names = "displacement", *tractions, "motion of the rigid bodies"
+    good = [int(np.isfinite(part).all()) for part in eq.blocks(x0)]
+    everywhere = eq.comm.allreduce(np.array(good, dtype=np.int32), op=np.minimum)
+    for name, finite in zip(names, everywhere, strict=True):
+        require(eq.comm, bool(finite), f"the {name} at the start is not finite")
 
 
 def _given_numbers(eq: ContactEquations) -> list[list[float]]:
