@@ -205,6 +205,15 @@ def test_friction_as_quasi_static(cell, tolerance):
         np.testing.assert_allclose(table.force, other.force, rtol=0, atol=tolerance * force)
 
 
+def test_a_wider_range_later():
+    """A later run has its own unit of gamma, and finds the fold where it is."""
+    path = ArcLength(bar(1.0, 2))
+    path.run(ENDS, max_steps=30)
+    folds = path.run((0.0, 3 * ENDS[1]), stop=broken_by_half).folds
+    assert [s.event for s in folds] == ["nonsmooth fold", "smooth fold"]
+    np.testing.assert_allclose(folds[1].gamma / U0, 4 / 3 * 3**0.25, rtol=1e-8)
+
+
 @pytest.mark.chatty
 def test_what_is_written(folder):
     system = bar(1.0, 2)

@@ -36,6 +36,9 @@ class BifurcationTest:
 
     Args:
         bordered: whose matrix is J at the point to test, as the last tangent left it.
+
+    Attributes:
+        signs: of the pairs, by which they agree on the branch so far.
     """
 
     def __init__(self, bordered: Bordered):
@@ -44,7 +47,7 @@ class BifurcationTest:
         pairs = _PAIRS if self._several else 1
         self._borders = [self._border(seed) for seed in range(1, 2 * pairs + 1)]
         self._V = [bordered.vector() for _ in range(pairs)]
-        self._signs, self._chosen = np.ones(pairs), 0
+        self.signs, self._chosen = np.ones(pairs), 0
 
     def _border(self, seed: int) -> PETSc.Vec:
         v, probe = self._bordered.vector(), self._bordered.system.probe(seed)
@@ -66,14 +69,14 @@ class BifurcationTest:
                 return 0.0
             products[k] = float(C.dot(V))
         with np.errstate(divide="ignore"):
-            values = -self._signs / products
+            values = -self.signs / products
         if not self._several:
             orientation = self._bordered.solver.determinant_sign() * self._bordered.sense
             return float(orientation * np.abs(values[0]))
         self._chosen = int(np.argsort(values)[_PAIRS // 2])
         tau = float(values[self._chosen])
         if accepted:
-            self._signs *= np.where(values * tau < 0, -1.0, 1.0)
+            self.signs *= np.where(values * tau < 0, -1.0, 1.0)
         return tau
 
     def kernel(self) -> PETSc.Vec:

@@ -18,28 +18,34 @@ Time has no meaning on such a path: laws must not depend on it.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Literal, TypeAlias, get_args
+from typing import TypeAlias, get_args
 
 import numpy as np
 
 from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact.continuation.arguments import check_listeners, checked_range
 from dolfinx_contact.continuation.bordered import Bordered
-from dolfinx_contact.continuation.branch import AT_END, BranchPoint
+from dolfinx_contact.continuation.branch import AT_END
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.parameters import StepControl
-from dolfinx_contact.evolution.arc_steps import ArcSteps, Arrival
+from dolfinx_contact.evolution.arc_steps import ArcSteps
 from dolfinx_contact.evolution.energy import Energies, forces_at
 from dolfinx_contact.evolution.moment import AtRest, Stepper, Taken
-from dolfinx_contact.evolution.path import PathEvent, PathHistory, PathStep
-from dolfinx_contact.evolution.rate_problem import Ways
+from dolfinx_contact.evolution.path import PathHistory, PathStep
+from dolfinx_contact.evolution.path_run import PathRun
+from dolfinx_contact.evolution.path_standing import (
+    Direction,
+    Known,
+    PathRecorder,
+    PathStanding,
+    PathTask,
+    begun,
+)
 from dolfinx_contact.evolution.said import SaidOfPath
 from dolfinx_contact.parametric import ParametricContact
+from dolfinx_contact.points.memory import Memory
 
 __all__ = ["ArcLength", "Direction"]
-
-#: By which way a path leaves its state: that with more load or less, or, later, on or back.
-Direction: TypeAlias = Literal["increasing", "decreasing", "onwards", "back"]
 
 #: Told of every accepted point.
 Observer: TypeAlias = Callable[[PathStep], object]
@@ -47,9 +53,6 @@ Observer: TypeAlias = Callable[[PathStep], object]
 Stop: TypeAlias = Callable[[PathStep], str]
 
 _LONGEST = 0.005  # of the range of gamma and the first tangent
-_VIOLATION = 1e-6  # of the law, beyond which a point was come to in the wrong statuses
-_NOWHERE = 1e-6  # mean length of steps that lead nowhere
-_PATIENT = 10  # such steps, and two for each contact point, are allowed
 
 
 class ArcLength:
@@ -82,9 +85,7 @@ class ArcLength:
         self.parametric, self.problem = parametric, parametric.problem
         self._stepper = Stepper(self.problem, lambda _: None, None)
         self._require_no_time()
-        self._moment: AtRest | None = None
-        self._last: BranchPoint | None = None
-        self._number, self._x_scale = 0, 0.0
+        self._standing: PathStanding | None = None
 
     def _require_no_time(self) -> None:
         for s in self.problem.surfaces:
@@ -115,6 +116,7 @@ class ArcLength:
         rays: bool = False,
         stop: Stop | None = None,
         observer: Observer | None = None,
+        record: PathRecorder | None = None,
         progress: bool | None = None,
     ) -> PathHistory:
         """Follow the path until the load leaves a range. Collective.
@@ -133,6 +135,8 @@ class ArcLength:
             stop: asked at every accepted point, on every rank, whether the path ends there: with
                 the reason, or "" to go on.
             observer: told of every accepted point while it stands in the problem.
+            record: keeps every accepted point before the observer is told of it, as
+                `output.PathRecord` does.
             progress: whether rank 0 says on the standard error stream where it is; by default once
                 it takes more than some seconds.
 
@@ -143,14 +147,15 @@ class ArcLength:
         Raises:
             ValueError: on every rank, for arguments that do not fit, a law that depends on the
                 time, or a start that is no solution; what ``stop`` or ``observer`` raises.
+            OSError: on every rank, if a point cannot be recorded.
         """
-        comm, gamma = self.problem.comm, float(self.parametric.constant.value)
-        first = self._last is None
+        comm, standing = self.problem.comm, self._standing
+        first = standing is None or standing.arrived is None
+        gamma = float(self.parametric.constant.value) if standing is None else standing.gamma
         with everywhere(comm, "a path by arc length"):
             limits = checked_range(gamma_range, [gamma])
-            check_listeners(None, stop, control, max_steps)
-            if observer is not None and not callable(observer):
-                raise ValueError(f"observer must be a function of a point, got {observer!r}")
+            check_listeners(control=control, max_steps=max_steps)
+            _check_told(stop, observer)
             control = control or StepControl(kinks="exact", initial=_LONGEST, maximum=_LONGEST)
             if control.kinks not in (None, "exact"):
                 raise ValueError(f"a path with memory passes kinks exactly, not {control.kinks!r}")
@@ -163,71 +168,138 @@ class ArcLength:
             comm, gamma_range=limits, direction=direction, control=control, max_steps=max_steps
         )
         same_everywhere(comm, stop_condition=stop is not None, rays=bool(rays))
+        same_everywhere(comm, a_record=record is not None)
         self._require_no_time()
         self.parametric.check_parameter(limits)
-        if self._moment is None:
-            self._moment = self._begin()
-        found = limits, direction, control, max_steps, bool(rays)
-        return self._follow(*found, stop, observer, progress)
+        standing = standing or self._begin()
+        task = PathTask(limits, direction, control, max_steps, bool(rays))
+        standing = begun(task, standing)
+        return self._follow(task, standing, stop, observer, record, progress, new=True)
+
+    def go_on(
+        self,
+        task: PathTask,
+        standing: PathStanding,
+        *,
+        stop: Stop | None = None,
+        observer: Observer | None = None,
+        record: PathRecorder | None = None,
+        progress: bool | None = None,
+    ) -> PathHistory:
+        """Go on with a run from where it stood, as a record does. Collective.
+
+        Args:
+            task: what was asked of the run.
+            standing: where it stood.
+            stop: as in the run, as for what follows, the errors and the result.
+            observer: told of the points from there on.
+            record: keeps them.
+            progress: whether to say where it is.
+        """
+        with everywhere(self.problem.comm, "a path by arc length"):
+            _check_told(stop, observer)
+        same_everywhere(self.problem.comm, stop_condition=stop is not None)
+        return self._follow(task, standing, stop, observer, record, progress)
+
+    def put(self, standing: PathStanding) -> None:
+        """Put the path where a run of it ended, from which the next goes on. Collective."""
+        self._standing = standing
+        self._restore(standing)
+
+    def _restore(self, standing: PathStanding) -> None:
+        """Put the state of a standing into the problem. Collective."""
+        self._stepper.put(standing.moment)
+        self.parametric.set(standing.gamma)
+
+    def recalled(
+        self,
+        time: float,
+        gamma: float,
+        memory: Sequence[Memory | None],
+        energies: Energies,
+        *,
+        first: bool,
+    ) -> AtRest:
+        """The state that stands in Functions, statuses and rigid bodies, as one of it. Collective.
+
+        Args:
+            time: arc length from the start.
+            gamma: the load.
+            memory: that it left.
+            energies: since the start.
+            first: whether it is a start whose statuses are not known.
+        """
+        with self.parametric.restored():
+            self.parametric.set(gamma)
+            moment = self._stepper.recalled(time, memory, energies, first=first)
+        assert isinstance(moment, AtRest)
+        return moment
 
     def _follow(
         self,
-        limits: tuple[float, float],
-        direction: Direction,
-        control: StepControl,
-        max_steps: int,
-        rays: bool,
+        task: PathTask,
+        standing: PathStanding,
         stop: Stop | None,
         observer: Observer | None,
+        record: PathRecorder | None,
         progress: bool | None,
+        *,
+        new: bool = False,
     ) -> PathHistory:
-        """A run whose arguments fit. Collective."""
-        gamma = float(self.parametric.constant.value)
-        if self._moment is None:
-            self._moment = self._begin()
-        bordered = Bordered(self.parametric, gamma_scale=limits[1] - limits[0])
-        bordered.x_scale = self._x_scale * bordered.gamma_scale**2
-        steps = ArcSteps(Corrector(bordered, control))
-        run = _Run(self.parametric, self._stepper, steps, self._moment, self._last, limits, rays)
-        said = SaidOfPath(self.problem.comm, progress, limits)
-        history = PathHistory(self._moment.time, self._moment.energies, gamma=gamma)
+        """A run from where it stands to its end. Collective."""
+        comm, (low, high) = self.problem.comm, task.gamma_range
+        bordered = Bordered(self.parametric, gamma_scale=high - low)
+        steps = ArcSteps(Corrector(bordered, task.control))
+        run = PathRun(self.parametric, self._stepper, steps, task, standing)
+        said = SaidOfPath(comm, progress, task.gamma_range)
+        moment = standing.moment
+        history = PathHistory(moment.time, moment.energies, gamma=standing.gamma)
         try:
-            run.put(self._moment, gamma)
-            run.leave(direction)
-            while not run.reason and len(history.steps) < max_steps:
-                taken = run.step(self._number + 1)
+            self._restore(run.standing)
+            if not run.reason:
+                run.leave()
+            if record is not None and new:
+                self._restore(run.standing)
+                record.begin(task, standing)
+            self._standing = standing
+            while not run.reason and run.taken < task.max_steps:
+                taken = run.step()
                 if taken is None:
                     break
                 step, whole = taken
                 history.steps.append(step)
-                self._moment, self._last = run.moment, run.arrived
-                self._number, gamma = step.number, step.gamma
+                self._standing = run.standing
+                self._restore(run.standing)
+                run.reason = run.reason or self._asked(stop, step) or run.stuck()
+                if record is not None:
+                    record.step(step, run.standing)
                 self._tell(whole, step, observer)
-                run.put(run.moment, gamma)
-                run.reason = run.reason or self._asked(stop, step) or self._stuck(history.steps)
+                self._restore(run.standing)
                 said.step(step)
-            exhausted = f"the budget of {max_steps} steps is exhausted"
+            exhausted = f"the budget of {task.max_steps} steps is exhausted"
             history.reason = run.reason or exhausted
             history.complete = run.reason == AT_END
         finally:
-            run.put(self._moment, gamma)
-            self._x_scale = bordered.x_scale / bordered.gamma_scale**2
+            self._restore(self._standing or standing)
             for thing in (steps, steps.corrector, bordered):
                 thing.destroy()
             said.end(history)
+        if record is not None:
+            record.end(history)
         return history
 
-    def _begin(self) -> AtRest:
-        """The state in the Functions as a moment. Collective."""
-        eq = self.problem.equations
-        self.parametric.set(float(self.parametric.constant.value))
+    def _begin(self) -> PathStanding:
+        """The state in the Functions, from which a path begins. Collective."""
+        eq, gamma = self.problem.equations, float(self.parametric.constant.value)
+        self.parametric.set(gamma)
         if all(m is None for m in eq.memory):
             moment = self._stepper.start(0.0)
             assert isinstance(moment, AtRest)
-            return moment
-        state = self.problem.state()
-        forces = forces_at(eq, state)
-        return self._stepper.moment(0.0, state.statuses, eq.memory, forces, Energies())
+        else:
+            state = self.problem.state()
+            forces = forces_at(eq, state)
+            moment = self._stepper.moment(0.0, state.statuses, eq.memory, forces, Energies())
+        return PathStanding(moment, gamma, known=Known(scales=self.parametric.scales))
 
     def _tell(self, taken: Taken, step: PathStep, observer: Observer | None) -> None:
         comm = self.problem.comm
@@ -238,18 +310,6 @@ class ArcLength:
         with everywhere(comm, "the observer"):
             if observer is not None:
                 observer(step)
-
-    def _stuck(self, steps: Sequence[PathStep]) -> str:
-        """Why the path gets nowhere; "" if it does."""
-        points = sum(s.points.number for s in self.problem.surfaces)
-        number = 2 * self.problem.comm.allreduce(points) + _PATIENT
-        last = steps[-number:]
-        if len(last) < number or last[-1].time - last[0].start > number * _NOWHERE:
-            return ""
-        return (
-            f"statuses change without end at gamma = {last[-1].gamma:.10g}, where no step of more "
-            f"than {_NOWHERE:g} succeeds"
-        )
 
     def _asked(self, stop: Stop | None, step: PathStep) -> str:
         if stop is None:
@@ -265,135 +325,8 @@ class ArcLength:
         return answer
 
 
-class _Run:
-    """A run: where it is, and how it goes on."""
-
-    def __init__(
-        self,
-        system: ParametricContact,
-        stepper: Stepper,
-        steps: ArcSteps,
-        moment: AtRest,
-        arrived: BranchPoint | None,
-        limits: tuple[float, float],
-        rays: bool,
-    ):
-        self._rays = rays
-        self._system, self._stepper, self._steps, self._limits = system, stepper, steps, limits
-        #: Accepted state; the point of the path there, as it was come to; why the run ends.
-        self.moment, self.arrived, self.reason = moment, arrived, ""
-        self._leaves: BranchPoint | None = None
-        self._h = steps.control.initial
-
-    def put(self, moment: AtRest, gamma: float) -> None:
-        """Put an accepted state into the problem. Collective."""
-        self._stepper.put(moment)
-        self._system.set(gamma)
-
-    def leave(self, direction: Direction) -> None:
-        """Find the way by which the path leaves its state. Collective."""
-        steps = self._steps
-        if self.arrived is None:
-            point = self._start(1.0 if direction == "increasing" else -1.0)
-            ways = steps.rate_problem(point.y, point.piece).begun(point.piece, point.tangent)
-        else:
-            point = self.arrived
-            rates = steps.rate_problem(point.y, point.piece)
-            way_on = rates.back if direction == "back" else rates.onwards
-            ways = way_on(point.piece, point.tangent)
-        self._take(point, ways)
-
-    def _start(self, sense: float) -> BranchPoint:
-        """The point at the state of the start, with the rate of the load as its tangent."""
-        b, problem, known = self._steps.bordered, self._stepper.problem, self.moment.statuses
-        y, gamma = b.vector(), float(self._system.constant.value)
-        x = problem.create_vector()
-        problem.write(x)
-        b.join(x, gamma, y)
-        piece = self._system.piece_at(x, gamma) if known is None else self._system.piece(known)
-        x.destroy()
-        if not self._steps.corrector.natural(y, gamma, piece):
-            raise ValueError(f"the start is no solution at gamma = {gamma:g}; solve() first")
-        t = b.last_unit()
-        t.scale(sense * b.gamma_scale)
-        return BranchPoint(y, t, piece, b.gamma(y), 0.0, 0)
-
-    def _take(self, point: BranchPoint, ways: Ways) -> None:
-        self._leaves = None
-        if ways.onwards is not None:
-            self._leaves = self._steps.go_on(point, ways.onwards)
-            return
-        self.reason = (
-            f"no way on was found from gamma = {point.gamma:.10g}, by {ways.method}: the evolution "
-            "jumps there, or statuses change that were not found together"
-        )
-
-    def step(self, number: int) -> tuple[PathStep, Taken] | None:
-        """The next accepted point; None, with a reason, where there is none. Collective."""
-        assert self._leaves is not None
-        system, weak = (
-            self._system,
-            any(s.points.E is not None for s in self._stepper.problem.surfaces),
-        )
-        while True:
-            found = self._steps.arrive(self._leaves, self._h, self._limits)
-            if found is None:
-                self.reason = (
-                    f"no step of at least {self._steps.control.minimum:g} succeeds beyond "
-                    f"gamma = {self._leaves.gamma:.10g}"
-                )
-                return None
-            before, point = self.moment, found.point
-            result = system.result_at(point)
-            if weak or result.kkt_violation <= _VIOLATION:
-                break
-            # Bonds were taken for damaging that are not, or the other way round, within the step.
-            self._h = 0.5 * min(self._h, point.step)
-        self._h = found.next_h
-        eq, state = system.equations, self._stepper.problem.state()
-        energies = before.energies.advanced(
-            before.forces, forces := forces_at(eq, state), result.energies["friction"]
-        )
-        self.moment = self._stepper.moment(
-            before.time + point.step, state.statuses, eq.advanced(state), forces, energies
-        )
-        self.arrived = point
-        eq.remember(self.moment.memory)
-        ways = Ways(None)
-        event: PathEvent = ""
-        if found.at == "end":
-            self.reason = AT_END
-        else:
-            rates = self._steps.rate_problem(point.y, point.piece)
-            ways = rates.onwards(point.piece, point.tangent, every=self._rays)
-            self._take(point, ways)
-            event = self._event(found)
-        letters = system.letters(point.piece)
-        after = letters if self._leaves is None else system.letters(self._leaves.piece)
-        step = PathStep(
-            number,
-            before.time,
-            self.moment.time,
-            result,
-            energies,
-            gamma=point.gamma,
-            event=event,
-            before=letters,
-            after=after,
-            ways=1 + 2 * len(found.bifurcations) if found.bifurcations else ways.number,
-            method="a bifurcation of one piece" if found.bifurcations else ways.method,
-            corrections=point.corrections,
-        )
-        return step, Taken(before, self.moment, result)
-
-    def _event(self, found: Arrival) -> PathEvent:
-        """What happens at an accepted point."""
-        if found.at == "fold":
-            return "smooth fold"
-        a, b = found.point, self._leaves
-        if b is None:
-            return "kink"
-        comm = self._system.comm
-        if not comm.allreduce(int(np.any(a.piece.codes != b.piece.codes))):
-            return ""
-        return "nonsmooth fold" if self._steps.turned(a.tangent, b.tangent) else "kink"
+def _check_told(stop: Stop | None, observer: Observer | None) -> None:
+    """Raise ``ValueError`` for what is no stop condition or observer. Not collective."""
+    check_listeners(None, stop)
+    if observer is not None and not callable(observer):
+        raise ValueError(f"observer must be a function of a point, got {observer!r}")

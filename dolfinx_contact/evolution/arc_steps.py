@@ -22,6 +22,7 @@ import numpy as np
 from dolfinx_contact.continuation.branch import BranchPoint, Ray, SpecialPoint
 from dolfinx_contact.continuation.steps import ExactSteps
 from dolfinx_contact.continuation.system import Piece
+from dolfinx_contact.evolution.path_standing import Known
 from dolfinx_contact.evolution.rate_problem import RateProblem
 
 __all__ = ["ArcSteps", "Arrival"]
@@ -50,6 +51,20 @@ class Arrival:
 
 class ArcSteps(ExactSteps):
     """Steps with the memory that stands; it is for the caller to accept it at their ends."""
+
+    @property
+    def known(self) -> Known:
+        """What has been found out on the way."""
+        b = self.bordered
+        x_scale, signs = b.x_scale / b.gamma_scale**2, tuple(map(float, self.test.signs))
+        return Known(x_scale, self.largest_distance, tuple(self.system.scales), signs)
+
+    def know(self, known: Known) -> None:
+        """Know what was found out before."""
+        self.bordered.x_scale = known.x_scale * self.bordered.gamma_scale**2
+        self.largest_distance, self.system.scales = known.largest_distance, tuple(known.scales)
+        if len(known.signs) == len(self.test.signs):
+            self.test.signs[:] = known.signs
 
     def rate_problem(self, y: PETSc.Vec, piece: Piece) -> RateProblem:
         """The rate problem at a state, with the memory that stands. Collective."""

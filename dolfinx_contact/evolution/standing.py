@@ -7,14 +7,17 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, Protocol, TypeAlias
+from typing import Literal, Protocol, TypeAlias, TypeVar
 
 import numpy as np
 
 from dolfinx_contact.evolution.history import EvolutionStep, History
 from dolfinx_contact.evolution.moment import Moment
 
-__all__ = ["AtJump", "Recorder", "Standing", "Task", "aim", "checked_times"]
+__all__ = ["AtJump", "Keeper", "Recorder", "Standing", "Task", "aim", "checked_times"]
+
+T = TypeVar("T", contravariant=True)
+S = TypeVar("S", contravariant=True)
 
 _ROUND_OFF = 1e-9  # of the whole time
 #: What to do where no solution continues the evolution.
@@ -55,17 +58,21 @@ class Standing:
     settled: bool = True
 
 
-class Recorder(Protocol):
+class Keeper(Protocol[T, S]):
     """Keeps a run. Its methods are collective; the problem is at the state they are told of."""
 
-    def begin(self, task: Task, standing: Standing) -> None:
+    def begin(self, task: T, standing: S) -> None:
         """A new run begins."""
 
-    def step(self, step: EvolutionStep, standing: Standing) -> None:
+    def step(self, step: EvolutionStep, standing: S) -> None:
         """A step was accepted; the next one is computed when this returns."""
 
     def end(self, history: History) -> None:
         """A run has ended otherwise than by an error of somebody else."""
+
+
+#: Keeps a run through times.
+Recorder: TypeAlias = Keeper[Task, Standing]
 
 
 def aim(start: float, end: float, length: float) -> float:

@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Where a run by arc length stands between two points, and who keeps it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal, TypeAlias
+
+from dolfinx_contact.continuation.branch import BranchPoint
+from dolfinx_contact.continuation.parameters import StepControl
+from dolfinx_contact.evolution.moment import AtRest
+from dolfinx_contact.evolution.standing import Keeper
+
+__all__ = ["Direction", "Known", "PathRecorder", "PathStanding", "PathTask", "begun"]
+
+#: By which way a path leaves its state: that with more load or less, or, later, on or back.
+Direction: TypeAlias = Literal["increasing", "decreasing", "onwards", "back"]
+
+
+@dataclass(frozen=True)
+class PathTask:
+    """What was asked of a run; see `ArcLength.run`."""
+
+    gamma_range: tuple[float, float]
+    direction: Direction
+    control: StepControl
+    max_steps: int
+    rays: bool
+
+
+@dataclass(frozen=True)
+class Known:
+    """What steps have found out on their way, and judge by.
+
+    Attributes:
+        x_scale: square of the length of x that counts as 1 where one unit of gamma does; 0 if no
+            tangent has moved x yet.
+        largest_distance: of all events of the run.
+        scales: what residuals are measured by (`System.scales`).
+        signs: of the test for bifurcations; none before the first step of a run.
+    """
+
+    x_scale: float = 0.0
+    largest_distance: float = 0.0
+    scales: Sequence[float] = ()
+    signs: Sequence[float] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class PathStanding:
+    """All that the next step of a run depends on.
+
+    Attributes:
+        moment: the last accepted state.
+        gamma: the load there.
+        arrived: the point of the path there, with piece and tangent by which it was come to; None
+            at the start.
+        length: of the next step.
+        known: to the steps.
+        number: of the last step, over all runs of the path; 0 before the first.
+        passed: arc lengths of the start of the run and of the points that it has accepted.
+        reason: why the run ends here; "" if it goes on.
+    """
+
+    moment: AtRest
+    gamma: float
+    arrived: BranchPoint | None = None
+    length: float = 0.0
+    known: Known = field(default_factory=Known)
+    number: int = 0
+    passed: Sequence[float] = ()
+    reason: str = ""
+
+
+#: Keeps a run by arc length.
+PathRecorder: TypeAlias = Keeper[PathTask, PathStanding]
+
+
+def begun(task: PathTask, standing: PathStanding) -> PathStanding:
+    """A new run, where another one has ended or nothing has been followed yet."""
+    before = standing.known
+    return replace(
+        standing,
+        length=task.control.initial,
+        known=Known(before.x_scale, scales=before.scales),
+        passed=(standing.moment.time,),
+        reason="",
+    )
