@@ -79,6 +79,8 @@ class ArcLength:
             back = path.run((0.0, 1.0), direction="back")
     """
 
+    account: type[Energies] = Energies
+
     def __init__(self, parametric: ParametricContact):
         if not isinstance(parametric, ParametricContact):
             raise ValueError(f"a ParametricContact is needed, got {type(parametric).__name__}")

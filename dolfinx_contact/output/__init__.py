@@ -24,6 +24,8 @@ from dolfinx_contact.output.functionals import leftmost, rightmost, total
 from dolfinx_contact.output.hertz import Hertz
 from dolfinx_contact.output.journal import Journal, read_journal
 from dolfinx_contact.output.panels import draw_panels
+from dolfinx_contact.output.path_journal import PathJournal, read_path
+from dolfinx_contact.output.path_record import PathRecord
 from dolfinx_contact.output.pictures import picture_of_body, picture_of_contact
 from dolfinx_contact.output.progress import Progress
 from dolfinx_contact.output.record import BranchRecord
@@ -44,6 +46,8 @@ __all__ = [
     "EvolutionSeries",
     "Hertz",
     "Journal",
+    "PathJournal",
+    "PathRecord",
     "Progress",
     "Report",
     "animate",
@@ -64,6 +68,7 @@ __all__ = [
     "picture_of_vibration",
     "read_evolution",
     "read_journal",
+    "read_path",
     "resume",
     "rightmost",
     "total",

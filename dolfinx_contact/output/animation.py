@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 
 from dolfinx_contact._errors import everywhere, on_root, same_everywhere
-from dolfinx_contact.output.evolution_record import EvolutionRecord
 from dolfinx_contact.output.folder import agreed_path
 from dolfinx_contact.output.pictures import body_seen, draw
+from dolfinx_contact.output.steps_record import StepsRecord
 
 __all__ = ["animate"]
 
@@ -32,7 +32,7 @@ _SKIN = 0.04  # of the size, by which obstacles are thick in a picture
 
 def animate(
     file: str | os.PathLike[str],
-    record: EvolutionRecord,
+    record: StepsRecord[Any, Any],
     *,
     steps: Sequence[int] | None = None,
     stress: Any = None,
@@ -44,7 +44,7 @@ def animate(
 
     Args:
         file: ``.gif``, or ``.mp4``, for which imageio-ffmpeg must be installed.
-        record: of the history. The problem stays as it is.
+        record: an `EvolutionRecord` or `PathRecord`. The problem stays as it is.
         steps: which are shown, in this order, 0 the start; by default all.
         stress: 3 x 3 UFL stress of the displacement, for the colours.
         scale: factor of the displacement.

@@ -16,9 +16,6 @@ from dolfinx_contact.output.lines import FILE_NAME, Lines, parse
 
 __all__ = ["EvolutionJournal", "EvolutionRun", "read_evolution"]
 
-_OF_STATES = ("time", "status", "norm", "energies", "data", "checkpoint", "sum")
-_OF_STEPS = ("row", "number", "length", "rate", "settled")
-
 
 @dataclass
 class EvolutionRun:
@@ -54,6 +51,11 @@ class EvolutionJournal(Lines):
     """
 
     kind: ClassVar[str] = "an evolution"
+    #: What lines must have.
+    of_states: ClassVar[tuple[str, ...]] = (
+        *("time", "status", "norm", "energies", "data", "checkpoint", "sum"),
+    )
+    of_steps: ClassVar[tuple[str, ...]] = ("row", "number", "length", "rate", "settled")
     states: list[dict[str, Any]] = field(default_factory=list)
     runs: list[EvolutionRun] = field(default_factory=list)
 
@@ -65,7 +67,7 @@ class EvolutionJournal(Lines):
         if kind == "state":
             if entry["index"] != len(self.states):
                 raise ValueError(f"state {entry['index']} follows after {len(self.states)} states")
-            for name in (*_OF_STATES, *(_OF_STEPS if self.states else ())):
+            for name in (*self.of_states, *(self.of_steps if self.states else ())):
                 entry[name]
             if self.states:
                 self.runs[-1].reason = ""
