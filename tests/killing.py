@@ -1,6 +1,7 @@
 """Runs in processes of their own, and their ends."""
 
 import os
+import random
 import signal
 import subprocess
 import tempfile
@@ -55,3 +56,51 @@ def alive(pid):
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
     except OSError:
         return False
+
+
+def killed_and_resumed(script, arguments, first, folder, known, kills, read):
+    """Sessions of a script with a record that are killed at random moments, and one that ends.
+
+    Every one is on another number of ranks, records something, and loses or changes nothing of
+    what was recorded before.
+
+    Args:
+        script: of the tests, with the folder as its first argument.
+        arguments: of all sessions.
+        first: further ones of the first; all others have ``--resume``.
+        folder: of the record.
+        known: folder of a record of the same, of which nothing was killed.
+        kills: number of them.
+        read: of a folder, the journal.
+    """
+    random.seed(5)
+    path = folder / "journal.jsonl"
+    total = (known / path.name).stat().st_size
+    moments = [0.1 + 0.8 / kills * (i + random.uniform(0.0, 0.8)) for i in range(kills)]
+    recorded = []
+    for session, moment in enumerate(moments):
+        more = ["--resume"] if session else first
+        process = launch(1 + session % 3, script, folder, *arguments, *more)
+        # Time passes between a look at the file and the kill: any moment of a step may be hit.
+        delay = random.uniform(0.0, 0.05)
+        before = len(recorded[-1]) if recorded else 0
+        while (
+            (path.stat().st_size if path.exists() else 0) < moment * total
+            or len(read(folder).rows()) == before  # every session records something
+        ):
+            if process.poll() is not None:  # the last steps may be written between two looks
+                assert process.returncode == 0, (folder / "said.0").read_text()
+                break
+            time.sleep(0.002)
+        time.sleep(delay)
+        kill(process)
+        recorded.append(read(folder).rows())
+    process = launch(2, script, folder, *arguments, "--resume")
+    assert process.wait(timeout=300) == 0, (folder / "said.0").read_text()
+    journal = read(folder)
+    assert [s["ranks"] for s in journal.sessions] == [*(1 + i % 3 for i in range(kills)), 2]
+    for rows in recorded:
+        assert rows == journal.rows()[: len(rows)]
+    lengths = [len(rows) for rows in recorded]
+    assert sorted(set(lengths)) == lengths
+    assert len(journal.rows()) > lengths[-1]

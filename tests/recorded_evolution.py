@@ -43,8 +43,8 @@ def pair(comm, friction=0.25, way=0.012, n=4):
     return QuasiStatic(both, load)
 
 
-def cracked(comm, friction=0.25, way=0.012, n=4):
-    """A block with a crack from its left side to its middle, and the rest of it whole."""
+def cracked_block(comm, friction, n=4):
+    """A block with a crack from its left side to its middle, and what moves its top."""
     domain = box(comm, n, "tri")
     domain.topology.create_entities(1)
     inside = mesh.locate_entities(domain, 1, lambda x: np.isclose(x[1], 0.5) & (x[0] < 0.75 + 1e-9))
@@ -59,7 +59,12 @@ def cracked(comm, friction=0.25, way=0.012, n=4):
     bcs = [fem.dirichletbc(np.zeros(2), lower, V), fem.dirichletbc(top, upper)]
     sides = ContactPair(u, body, slave=5, master="5_opposite", law=Coulomb(friction))
     energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
-    problem = ContactProblem(energy, u, [sides], bcs=bcs)
+    return ContactProblem(energy, u, [sides], bcs=bcs), top
+
+
+def cracked(comm, friction=0.25, way=0.012, n=4):
+    """The block with a crack, whose top goes its way."""
+    problem, top = cracked_block(comm, friction, n)
 
     def load(time):
         top.x.array[:] = np.tile(motion(time, way), len(top.x.array) // 2)

@@ -1,0 +1,223 @@
+"""The record of paths by arc length: runs that are interrupted or killed and resumed, and back."""
+
+import shutil
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from blocks import same_tables
+from killing import killed_and_resumed, launch
+from recorded_path import CASES, LONGEST, enough, made, record, resume
+from test_evolution_record import Stop, require_same, stopping
+
+from dolfinx_contact.continuation import StepControl
+from dolfinx_contact.output import EvolutionRecord, PathRecord, read_evolution, read_path
+from dolfinx_contact.output.lines import FILE_NAME
+
+COMM = MPI.COMM_WORLD
+serial = pytest.mark.skipif(COMM.size > 1, reason="starts processes of its own")
+
+
+def require_same_path(folder, other):
+    """The same points to 1e-10: journals, memory, and unknowns and tangents where they end."""
+    require_same(folder, other, read=read_path)
+    a, b = (read_path(path) for path in (folder, other))
+    np.testing.assert_allclose(a.gammas, b.gammas, rtol=0, atol=1e-10 * np.ptp(b.gammas))
+    for s, t in zip(a.states, b.states, strict=True):
+        assert s["reason"] == t["reason"]
+        for name in ("tangent", "piece", "step") if t["arrived"] else ():
+            found, wanted = s["arrived"][name], t["arrived"][name]
+            assert found == (wanted if name == "piece" else pytest.approx(wanted, abs=1e-10))
+    assert [(r.reason, r.after) for r in a.runs] == [(r.reason, r.after) for r in b.runs]
+
+
+def fields_at(folder, case, index):
+    """Displacement and multipliers of a recorded point on this rank."""
+    path = made(case, anew=False)
+    with PathRecord(folder, path, resume=True) as kept:
+        kept.show(index)
+        return [f.x.array.copy() for f in path.problem.fields]
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """Runs that nothing ends, on all ranks of the test; made when they are asked for."""
+    found = {}
+
+    def get(case, longest=LONGEST):
+        if (case, longest) not in found:
+            folder = COMM.bcast(tmp_path_factory.mktemp(case) if COMM.rank == 0 else None)
+            assert record(case, folder, longest=longest).runs[-1].complete
+            found[case, longest] = folder
+        return found[case, longest]
+
+    return get
+
+
+def test_the_journal_says_what_was_followed(folder):
+    path = made("bonds")
+    control, ends = StepControl(maximum=LONGEST), CASES["bonds"][1]
+    with PathRecord(folder, path) as kept:
+        history = path.run(ends, control=control, stop=enough, record=kept, max_steps=30)
+        journal = read_path(folder)
+        assert journal.rows() == [s.row() | {"status": s.status} for s in history.steps]
+        np.testing.assert_array_equal(journal.gammas, [0.0, *(s.gamma for s in history.steps)])
+        assert [r["gamma"] for r in journal.folds] == [s.gamma for s in history.folds]
+        assert [r["step"] for r in journal.kinks] == [s.number for s in history.kinks]
+        assert [r["event"] for r in journal.folds][:2] == ["nonsmooth fold", "smooth fold"]
+        assert journal.runs[0].reason == "the budget of 30 steps is exhausted"
+        # A point that is shown is the point that was.
+        at = history.folds[1]
+        standing = path.problem.u.x.array.copy()
+        with kept.looking():
+            kept.show(at.number)
+            assert float(path.parametric.constant.value) == at.gamma
+            found = path.problem.table(path.problem.surfaces[0])
+            same_tables(found, at.result.tables["contact"], 1e-12)
+        np.testing.assert_array_equal(path.problem.u.x.array, standing)
+        assert float(path.parametric.constant.value) == history.steps[-1].gamma
+        kept.write_contact(folder / "contact", at.number)
+        if COMM.rank == 0:
+            assert (folder / "contact/contact.csv").exists()
+        COMM.barrier()
+        # A run that has ended stays as it is, and the next one is on the same record.
+        again = kept.go_on()
+        assert (again.reason, again.steps) == (history.reason, [])
+        assert again.energies == history.energies
+        assert path.run(ends, control=control, stop=enough, record=kept).reason == "far enough"
+    assert [r.after for r in read_path(folder).runs] == [0, 30]
+
+
+@pytest.mark.parametrize("case", ["crack", "pair", "bonds"])
+def test_an_interrupted_path_resumes(case, whole, folder):
+    """On the way there, by an observer; in the midst of a line; and on the way back."""
+    with pytest.raises(Stop):
+        record(case, folder, observer=stopping(5))
+    assert len(read_path(folder).states) == 6
+    seen = []
+    with pytest.raises(Stop):
+        resume(case, folder, observer=lambda s: (seen.append(s.number), stopping(7)(s)))
+    assert seen == [6, 7]
+    file = folder / FILE_NAME
+    if COMM.rank == 0:
+        data = file.read_bytes()
+        file.write_bytes(data[: data.rindex(b'{"type": "state"') + 50])
+        (folder / "checkpoints/.state_000007.part").mkdir()
+    COMM.barrier()
+    assert read_path(folder).torn
+    turn = read_path(whole(case)).runs[1].after
+    with pytest.raises(Stop):
+        resume(case, folder, observer=stopping(turn + 2))
+    assert len(read_path(folder).runs) == 2
+    resume(case, folder)
+    require_same_path(folder, whole(case))
+    last = len(read_path(folder).states) - 1
+    fields = (fields_at(path, case, last) for path in (folder, whole(case)))
+    for found, wanted in zip(*fields, strict=True):
+        scale = COMM.allreduce(np.abs(wanted).max(initial=0), op=MPI.MAX)
+        np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-10 * scale)
+
+
+@pytest.mark.parametrize("after", ["the start", "the last point", "the turn"])
+def test_killed_between_two_points(after, whole, folder):
+    """When a run has begun there or back; when it is over, and the journal does not say so yet."""
+    if COMM.rank == 0:
+        lines = (whole("crack") / FILE_NAME).read_bytes().splitlines(keepends=True)
+        kinds = [line.split(b'"')[3].decode() for line in lines]
+        assert kinds[:4] == ["header", "session", "state", "run"]
+        turn = kinds.index("end")
+        ends = {"the start": 4, "the last point": turn, "the turn": turn + 2}
+        (folder / FILE_NAME).write_bytes(b"".join(lines[: ends[after]]))
+        for state in range(kinds[: ends[after]].count("state")):
+            name = f"checkpoints/state_{state:06d}"
+            shutil.copytree(whole("crack") / name, folder / name)
+    COMM.barrier()
+    resume("crack", folder)
+    require_same_path(folder, whole("crack"))
+
+
+def test_a_damaged_checkpoint_is_passed_over(whole, folder, caplog):
+    with pytest.raises(Stop):
+        record("bonds", folder, observer=stopping(6))
+    if COMM.rank == 0:
+        (folder / "checkpoints/state_000006/arrays.npz").write_bytes(b"nothing")
+    COMM.barrier()
+    seen = []
+    with pytest.raises(Stop):
+        resume("bonds", folder, observer=lambda s: (seen.append(s.number), stopping(9)(s)))
+    assert seen == [6, 7, 8, 9]
+    assert COMM.rank or "going back to one before" in caplog.text
+    found, wanted = (read_path(path).gammas for path in (folder, whole("bonds")))
+    np.testing.assert_allclose(found, wanted[:10], rtol=0, atol=1e-10)
+
+
+def test_what_is_refused(whole, folder):
+    """Records of other problems, loads and ranges, and those that would be overwritten."""
+    known, before = whole("crack"), (whole("crack") / FILE_NAME).read_bytes()
+    for other, message in [
+        (made("pair", anew=False), "another mesh"),
+        (made("crack", friction=0.26, anew=False), "other loads, materials or friction"),
+        (made("crack", way=0.013, anew=False), "other loads, materials or friction"),
+    ]:
+        with pytest.raises(ValueError, match=f"that of another problem: {message}"):
+            PathRecord(known, other, resume=True)
+    path = made("crack")
+    with pytest.raises(FileExistsError, match="nothing is overwritten"):
+        PathRecord(known, path)
+    with pytest.raises(FileNotFoundError, match="there is no journal"):
+        PathRecord(folder / "nowhere", path, resume=True)
+    with pytest.raises(ValueError, match="an ArcLength is needed, got ParametricContact"):
+        PathRecord(folder, path.parametric)
+    with pytest.raises(ValueError, match="the journal of a path, not of an evolution"):
+        read_evolution(known)
+    with pytest.raises(ValueError, match="a QuasiStatic or NSCD is needed, got ArcLength"):
+        EvolutionRecord(folder, path)
+    assert (known / FILE_NAME).read_bytes() == before
+    with PathRecord(folder / "run", path) as kept:
+        with pytest.raises(ValueError, match="no run is in"):
+            kept.go_on()
+        with pytest.raises(Stop):
+            path.run((-1.0, 1.0), record=kept, observer=stopping(2))
+        with pytest.raises(ValueError, match="steps 0 to 2 are recorded, not 3"):
+            kept.show(3)
+    with PathRecord(folder / "run", made("crack"), resume=True) as kept:
+        with pytest.raises(ValueError, match=r"has gamma_range \(-1.0, 1.0\), not \(-1.0, 2.0\)"):
+            kept.path.run((-1.0, 2.0), record=kept)
+        with pytest.raises(ValueError, match="the path is at the arc length 0 and not at the end"):
+            kept.path.run((-1.0, 1.0), record=kept)
+
+
+# -- kills -----------------------------------------------------------------------------------------
+
+
+@serial
+@pytest.mark.parametrize(
+    ("case", "kills"),
+    [
+        ("bonds", 1),
+        *(pytest.param(case, 20, marks=pytest.mark.long) for case in ("bonds", "crack", "pair")),
+    ],
+)
+def test_killed_at_random_moments(case, kills, whole, folder):
+    """Every session on another number of ranks; each is killed, but for the last."""
+    longest = LONGEST if kills == 1 else LONGEST / 8
+    known, words = whole(case, longest), ("--case", case, "--longest", longest)
+    killed_and_resumed("recorded_path.py", words, (), folder, known, kills, read_path)
+    require_same_path(folder, known)
+
+
+@serial
+@pytest.mark.long
+@pytest.mark.parametrize("ranks", [2, 3])
+def test_errors_reach_every_rank(ranks, whole, folder):
+    """The journal of another problem, on several ranks: one message, no hang."""
+    content = (whole("crack") / FILE_NAME).read_bytes()
+    (folder / FILE_NAME).write_bytes(content)
+    options = ("--resume", "--case", "crack", "--friction", 0.4)
+    process = launch(ranks, "recorded_path.py", folder, *options)
+    assert process.wait(timeout=300) == 3
+    said = {(folder / f"said.{rank}").read_text() for rank in range(ranks)}
+    assert len(said) == 1
+    assert "that of another problem: other loads, materials or friction" in said.pop()
+    assert (folder / FILE_NAME).read_bytes() == content
