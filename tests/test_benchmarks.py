@@ -16,6 +16,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 import contact_vs_getfem
 import elastic_solve
 import elasticity_ratio
+import history_step
 import pair_ratio
 import scaling
 import timing
@@ -175,3 +176,27 @@ def test_bodies_that_are_tied(folder, monkeypatch):
 def test_seconds_of_the_surface():
     args = elasticity_ratio.arguments(["--n", "3"])
     assert scaling.surface_seconds(args, 3, COMM) > 0
+
+
+def test_step_of_a_history_is_one_solve(folder):
+    """Its parts are those of its seconds; the statuses of the step before cost no second solve."""
+    words = ["--n", "8", "--steps", "5", "--skip", "2", "--repeats", "1"]
+    multigrid = ["-contact_linear_solver", "amg"]
+    file = folder / "history.json"
+    history_step.main([*words, "--output", str(file), *multigrid])
+    COMM.barrier()
+    record = json.loads(file.read_text())
+    assert record["linear_solver"] == "amg"
+    counted = record["steps"][2:], record["static"][2:]
+    assert len(counted[0]) == len(counted[1]) == 3
+    seconds, static = (sum(r["seconds"] for r in side) for side in counted)
+    assert record["ratio"] == pytest.approx(seconds / static)
+    assert sum(record["parts"].values()) == pytest.approx(record["step_seconds"])
+    assert record["parts"]["other"] > -0.05 * record["step_seconds"]
+    assert {"newton", "energies", "memory", "result", "moments"} <= set(record["parts"])
+    assert [r["strategy"] for r in counted[0]] == 3 * ["expected statuses"]
+    assert record["step_changes"] > 0
+    krylov = record["step_krylov_iterations"] / record["static_krylov_iterations"]
+    assert krylov < 1.25  # 1.6 where what is expected is solved to the end
+    assert 0 < record["dissipated"] < 1
+    assert abs(record["residue"]) < 0.01

@@ -2,10 +2,10 @@
 """Solving a contact problem: Newton's method, and what is tried when full steps fail.
 
 Full steps converge in a few iterations from nearly everywhere, but they can cycle between statuses.
-Where the caller expects statuses, as those of the step before, H is solved with these held first,
-and Newton's method goes on from there: at the start of a step of an evolution every point that
-slips is at the border of stick, and its own state does not tell. The strategies, cheap ones first
-and each from the caller's state:
+Where the caller expects statuses, as those of the step before, the first Newton step is taken with
+these held, and Newton's method goes on from there: at the start of a step of an evolution every
+point that slips is at the border of stick, and its own state does not tell. The strategies, cheap
+ones first and each from the caller's state:
 
 1. full Newton steps;
 2. full steps with the automatic augmentation parameter, if the caller forced another;
@@ -65,6 +65,7 @@ _EXPECTED = "expected statuses"
 _INCREMENTS = "load increments"
 #: Cost at which a strategy gives up, in Newton steps.
 _LIMITS = {"pivoting": 500.0, "line search": 80.0, _INCREMENTS: 400.0}
+_HELD = 1  # Newton steps in which expected statuses are held
 _LATE = 2.0  # times the time that was predicted are worth a word in the log,
 _SHORT = 1.0  # if they are more than so many seconds
 
@@ -224,10 +225,10 @@ def _ladder(
         def run(x: PETSc.Vec, attempt: Attempt, monitor: Any) -> bool:
             start = x.copy()
             with Newton(eq, linear(), "none", monitor) as solver:
-                solver.held = statuses
+                solver.held, solver.most = statuses, _HELD
                 if not solver.run(x, attempt):
                     start.copy(x)
-                solver.held = None
+                solver.held = solver.most = None
                 start.destroy()
                 return solver.run(x, attempt)
 

@@ -52,6 +52,7 @@ class Newton:
     Attributes:
         load: part of the load that is applied.
         held: statuses by which H is taken; None for those that iterates ask for.
+        most: steps after which a run ends wherever it is; None for no end but a solution.
         state: that was evaluated last.
     """
 
@@ -71,6 +72,7 @@ class Newton:
         self._full_steps = line_search == "none"
         self.load = 1.0
         self.held: Statuses | None = None
+        self.most: int | None = None
         self.scales = Scales(equations)
         given = equations.options
         defaults = {**_DEFAULTS, **linear.defaults, "snes_linesearch_type": line_search}
@@ -230,6 +232,8 @@ class Newton:
             if self._floats(statuses):
                 return int(_STOPPED)
             return int(PETSc.SNES.ConvergedReason.CONVERGED_FNORM_RELATIVE)
+        if self.most is not None and it >= self.most:
+            return int(PETSc.SNES.ConvergedReason.CONVERGED_ITS)
         if self.attempt.gives_up():
             return int(_STOPPED)
         if it >= snes.getTolerances()[3]:
