@@ -255,6 +255,38 @@ def test_cohesion_with_friction():
     assert last.energies.damage == pytest.approx(2.0 * 0.012 / 2, rel=0.05)
 
 
+@dataclass(frozen=True)
+class Magnet(Interface):
+    """It draws with the traction s, which fades with the opening; friction of what is pressed."""
+
+    strength: Any
+    reach: Any
+    friction: Any
+
+    def energy(self, state):
+        return -self.strength * self.reach * ufl.exp(-state.opening / self.reach)
+
+    def dissipation(self, rates, state):
+        return self.friction * state.pressure * rates.slip
+
+
+def test_a_traction_without_opening():
+    """What draws at closed points presses them, and friction knows; they open beyond it."""
+    problem, top = bonded("quad", law=Magnet(3.0, 0.01, 0.5))
+    load = along(top, (0.01, 0.0), (0.01, 0.0025), (0.01, 0.02))
+    history = QuasiStatic(problem, load).run([1.0, 2.0, 3.0])
+    drawn, lifted, away = (s.result.tables["contact"] for s in history.steps)
+    np.testing.assert_allclose(drawn.pressure, 0.0, atol=1e-9)
+    assert drawn.status == "+++"
+    np.testing.assert_allclose(drawn.bound, 0.5 * 3.0 * drawn.area, rtol=1e-9)
+    np.testing.assert_allclose(drawn.along(drawn.rt), -drawn.bound, rtol=1e-9)
+    np.testing.assert_allclose(lifted.pressure, -2.5, rtol=1e-9)
+    np.testing.assert_allclose(lifted.bound, 0.5 * 0.5 * drawn.area, rtol=1e-8)
+    assert away.status == "ooo"
+    np.testing.assert_allclose(away.pressure, -3.0 * np.exp(-away.un / 0.01), rtol=1e-8)
+    assert away.un.min() > 0.01
+
+
 @pytest.mark.parametrize("k", [1.0, 8.0])
 def test_a_bar_on_cohesion(k):
     """By arc length, back where the bond softens faster than the bar, to where it is broken."""

@@ -27,6 +27,7 @@ rate, which leaves of dissipation what does not depend on the time.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 import ufl
@@ -152,6 +153,9 @@ class Interface(Law):
     def bound(self, a: ContactPoint, p: Any) -> Any:
         now = self._now(a)
         return now.resistance(p, now.speed)
+
+    def soft(self, a: ContactPoint) -> ContactPoint:
+        return replace(a, pressure=self._now(a).pressure)
 
     def bond(self, a: ContactPoint) -> Bond | None:
         if not self.bonded:
