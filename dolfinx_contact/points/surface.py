@@ -17,6 +17,7 @@ from dolfinx_contact._agreement import described, refuse_displacement, refuse_ot
 from dolfinx_contact._compat import create_facet_submesh
 from dolfinx_contact._errors import everywhere, same_everywhere
 from dolfinx_contact.laws import Law, LawAtPoints, PointData
+from dolfinx_contact.laws.status import closed
 from dolfinx_contact.meshing import GmshMesh, tagged_facets
 from dolfinx_contact.obstacles import Obstacle
 from dolfinx_contact.points.contact_points import ContactPoints, Given, Method
@@ -370,12 +371,9 @@ class ContactSurface:
 
     def _bound(self, jump: Array, traction: Array, data: PointData) -> Array:
         """Radius of the friction disc (n,); 0 where nothing grips."""
-        bound = self.law_at_points(jump, traction, data).bound
-        if not self.law.needs_pressure:
-            return np.maximum(bound, 0.0)
-        u_n = np.sum(jump * data.n, axis=1) - data.gap
-        p = -(np.sum(traction * data.n, axis=1) - data.r * u_n)
-        return np.where(p > 0, bound, 0.0)
+        answers = self.law_at_points(jump, traction, data)
+        acts = closed(answers.asked) | (not self.law.needs_pressure)
+        return np.where(acts, np.maximum(answers.bound, 0.0), 0.0)
 
     def bond(self, name: str) -> Array:
         """What `Answers.bond` has at the points, of a law that remembers. Collective."""
