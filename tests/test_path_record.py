@@ -122,8 +122,9 @@ def test_an_interrupted_path_resumes(case, whole, folder):
 @pytest.mark.parametrize("after", ["the start", "the last point", "the turn"])
 def test_killed_between_two_points(after, whole, folder):
     """When a run has begun there or back; when it is over, and the journal does not say so yet."""
+    known = whole("crack")
     if COMM.rank == 0:
-        lines = (whole("crack") / FILE_NAME).read_bytes().splitlines(keepends=True)
+        lines = (known / FILE_NAME).read_bytes().splitlines(keepends=True)
         kinds = [line.split(b'"')[3].decode() for line in lines]
         assert kinds[:4] == ["header", "session", "state", "run"]
         turn = kinds.index("end")
@@ -131,10 +132,10 @@ def test_killed_between_two_points(after, whole, folder):
         (folder / FILE_NAME).write_bytes(b"".join(lines[: ends[after]]))
         for state in range(kinds[: ends[after]].count("state")):
             name = f"checkpoints/state_{state:06d}"
-            shutil.copytree(whole("crack") / name, folder / name)
+            shutil.copytree(known / name, folder / name)
     COMM.barrier()
     resume("crack", folder)
-    require_same_path(folder, whole("crack"))
+    require_same_path(folder, known)
 
 
 def test_a_damaged_checkpoint_is_passed_over(whole, folder, caplog):
