@@ -197,20 +197,34 @@ class Bulk:
             Owned entries; None if the body is not linear or its stiffness has changed, so that the
             residual is cheaper assembled than multiplied.
         """
-        values = self.product(u)
-        if values is None:
+        f = self.affine_load()
+        return None if f is None else np.asarray(self.times(u) + f)
+
+    def affine_load(self) -> npt.NDArray[np.float64] | None:
+        """The residual at zero displacement (owned), if K is at hand. Collective.
+
+        It is kept: the caller does not change it, and it is another array once the data are others.
+        """
+        if not self._stands():
             return None
         mark = self._mark(self._loads)
         if self._f is None or not self._same(mark, self._f_mark):
             self._f, self._f_mark = self._load(), mark
-        return np.asarray(values + self._f)
+        return self._f
 
     def product(self, u: npt.NDArray[np.float64]) -> npt.NDArray[np.float64] | None:
         """K u, as `affine_residual`. Collective."""
+        return self.times(u) if self._stands() else None
+
+    def _stands(self) -> bool:
+        """Whether K is that of all displacements, and of the data as they are. Collective."""
         if not self.linear or self._K is None:
-            return None
-        if not self._same(self._mark(self._data), self._K_mark):
-            return None
+            return False
+        return self._same(self._mark(self._data), self._K_mark)
+
+    def times(self, u: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """The stiffness assembled last times ``u`` (owned). Collective."""
+        assert self._K is not None
         x, y = self._K.createVecRight(), self._K.createVecLeft()
         x.array[:] = u[: x.getLocalSize()]
         self.for_products.mult(x, y)

@@ -133,6 +133,8 @@ class MovingBody:
         self._half: PETSc.Mat | None = None
         self._of: tuple[int, TimeStep] | None = None
         self._symmetric = damping is None or is_symmetric(damping)
+        #: Rows at w_0, with what they were found from: R(0), and the stiffness.
+        self._start: tuple[Array, tuple[int, TimeStep], Array] | None = None
 
     def begin(self, step: TimeStep, u: Array, v: Array, rows: Array) -> None:
         """Begin a step. Collective.
@@ -143,7 +145,7 @@ class MovingBody:
             v: velocity there, likewise.
             rows: R(u) + C v there (owned).
         """
-        self.step, self._origin = step, step.origin(u, v)
+        self.step, self._origin, self._start = step, step.origin(u, v), None
         before = self.times(self.mass, v) / step.length
         self._given = (1.0 - step.theta) * rows - before
         self.reach = float(np.max(np.abs(self._origin), initial=0.0))
@@ -176,6 +178,11 @@ class MovingBody:
         inner = self.body.residual_at(u) if inner is None else inner
         return inner if self.damping is None else inner + self.times(self.damping, v)
 
+    def load(self) -> Array:
+        """-R(0), the loads as they are now (owned). Collective."""
+        f = self.body.affine_load()
+        return -(self.body.residual_at(np.zeros_like(self._origin)) if f is None else f)
+
     # -- the face of a Bulk ----------------------------------------------------------------------
 
     def energy_at(self, w: Array) -> float | None:
@@ -187,9 +194,20 @@ class MovingBody:
         return self._rows(w, self.body.residual_at(self.step.displacement(w, self._origin)))
 
     def affine_residual(self, w: Array) -> Array | None:
-        """Owned rows if the stiffness is at hand, as `Bulk.affine_residual`. Collective."""
-        inner = self.body.affine_residual(self.step.displacement(w, self._origin))
-        return None if inner is None else self._rows(w, inner)
+        """Owned rows if the stiffness is at hand, as `Bulk.affine_residual`. Collective.
+
+        They are those at w_0, which are found once in a step, and the stiffness times w - w_0.
+        """
+        f = self.body.affine_load()
+        if f is None:
+            return None
+        if self._of != (self.body.assemblies, self.step):
+            self.stiffness(w)
+        assert self._of is not None
+        if self._start is None or self._start[0] is not f or self._start[1] != self._of:
+            at = self._rows(self._origin, f + self.body.times(self._origin))
+            self._start = f, self._of, at
+        return self._start[2] + self.times(self.for_products, w - self._origin)
 
     def local_rows(self, w: Array) -> Array:
         """Rows (n, dim) whose sum over all ranks is that of all. Collective."""

@@ -147,7 +147,7 @@ class MotionStepper(Stepper):
     def renewed(self, moment: Moment) -> Moment:
         assert isinstance(moment, MotionMoment)
         u, v = moment.motion.u, moment.motion.v
-        rows, load = self._body.forces(u, v), -self._body.forces(0.0 * u, 0.0 * v)
+        rows, load = self._body.forces(u, v), self._body.load()
         motion = replace(moment.motion, rows=rows, load=load)
         return replace(moment, data=GivenData(self.problem.equations), motion=motion)
 
