@@ -17,6 +17,7 @@ from typing import Any
 from petsc4py import PETSc
 
 import numpy as np
+import numpy.typing as npt
 
 from dolfinx_contact._errors import everywhere
 from dolfinx_contact._petsc import as_raised, logged, options_in_database
@@ -87,6 +88,8 @@ class Newton:
         self._guess: Statuses | None = None
         self._warm = False
         self._history: list[tuple[Statuses, float]] = []
+        #: Unknowns, and H there, that the line search asks for after the surface was put right.
+        self._known: tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]] | None = None
 
     def _create(self) -> None:
         """Make the SNES. Collective.
@@ -128,7 +131,7 @@ class Newton:
 
     def run(self, x: PETSc.Vec, attempt: Attempt) -> bool:
         """Solve H(x) = (1 - load) offset from ``x``, which is overwritten. Collective."""
-        self.attempt, self._history, self.floating = attempt, [], None
+        self.attempt, self._history, self.floating, self._known = attempt, [], None, None
         given, ksp, y = self.equations.options, self.snes.getKSP(), x.copy()
         try:
             with options_in_database(given.prefix, self.options), as_raised():
@@ -177,6 +180,17 @@ class Newton:
         return bool(self.snes.getConvergedReason() == _LINEAR)
 
     def _function(self, _snes: PETSc.SNES, x: PETSc.Vec, b: PETSc.Vec) -> None:
+        known, self._known = self._known, None
+        if known is not None and self._everywhere(np.array_equal(x.array_r, known[0])):
+            b.array[:] = known[1]
+            return
+        self._evaluate(x, b)
+
+    def _everywhere(self, here: bool) -> bool:
+        return not self.comm.allreduce(int(not here))
+
+    def _evaluate(self, x: PETSc.Vec, b: PETSc.Vec) -> None:
+        """H(x) into ``b``. Collective."""
         with logged("ContactResidual"):
             self.state = self.equations.residual(x, b, self.held)
         self.attempt.evaluations += 1
@@ -196,16 +210,21 @@ class Newton:
         """Put the contact surface right after the full step x - step; see `settle`."""
         after, b, d = self._after
         after.waxpy(-1.0, step, x)
-        rounds = ROUNDS if self._warm else 1
+        rounds, there = ROUNDS if self._warm else 1, np.zeros(0)
 
         def evaluate(x: PETSc.Vec, b: PETSc.Vec) -> None:
-            self._function(self.snes, x, b)
+            nonlocal there
+            self._evaluate(x, b)
+            there = x.array_r.copy()
 
         def correct(_x: PETSc.Vec, b: PETSc.Vec, d: PETSc.Vec) -> bool:
             return self.linear.correct(self.state, b, d)
 
         if settle(evaluate, correct, after, b, d, rounds):
             step.waxpy(-1.0, after, x)
+        if self._everywhere(np.array_equal(after.array_r, there)):  # no correction was refused
+            after.waxpy(-1.0, step, x)  # as the line search will
+            self._known = after.array_r.copy(), b.array_r.copy()
 
     def _test(self, snes: PETSc.SNES, it: int, _norms: tuple[float, float, float]) -> int:
         eq, tolerance = self.equations, snes.getTolerances()[0]
