@@ -27,7 +27,9 @@ class Forcing:
             statuses change that are right already.
         gamma: factor of the squared reduction.
         smallest: the tightest tolerance.
+        tightest: the same while statuses change.
         reserve: part of the remaining reduction that the last step is solved to.
+        near: times the target; a step that would end nearer to it is solved to the end.
         many: share of the contact points whose change counts as many.
         patience: steps without a new minimum of the residual before the tolerances shrink.
     """
@@ -37,7 +39,9 @@ class Forcing:
     warm: float = 1e-3
     gamma: float = 0.9
     smallest: float = 1e-10
+    tightest: float = 1e-6
     reserve: float = 0.01
+    near: float = 1.0
     many: float = 0.02
     patience: int = 8
     _cap: float = field(default=1e-1, init=False)
@@ -45,6 +49,11 @@ class Forcing:
     _waited: int = field(default=0, init=False)
     _last: float = field(default=0.0, init=False)
     _eta: float = field(default=0.0, init=False)
+
+    @classmethod
+    def in_motion(cls) -> Forcing:
+        """For steps of time, where mass makes systems well conditioned and a step more is cheap."""
+        return cls(warm=3e-2, reserve=0.1, near=30.0)
 
     def restart(self, *, warm: bool) -> None:
         """Begin anew, from a state that is close to a solution or not."""
@@ -54,7 +63,7 @@ class Forcing:
 
     def tighten(self) -> bool:
         """Solve more exactly from now on; False if that is done already."""
-        if self._cap <= self.warm**2:
+        if self._cap <= self.tightest:
             return False
         self._cap *= 0.03
         self._waited = 0
@@ -80,5 +89,7 @@ class Forcing:
             if safeguard > 0.1:
                 eta = max(eta, safeguard)
         least = max(self.reserve * target / max(residual, 1e-300), self.smallest)
+        if eta * residual <= self.near * target:
+            eta = least
         self._last, self._eta = residual, max(min(eta, self._cap), least)
         return self._eta

@@ -4,6 +4,9 @@
 Algebraic multigrid by PETSc (GAMG, or BoomerAMG of hypre) with the rigid motions as near null
 space, built from the stiffness with the nodes glued that were closed when it was built. Statuses
 may move on: the surface filter corrects what the hierarchy gets wrong at the contact nodes.
+
+In a step of time mass may make the stiffness so well conditioned that a hierarchy is not worth its
+cost: then a short polynomial of it stands there instead.
 """
 
 from __future__ import annotations
@@ -19,7 +22,7 @@ from dolfinx import fem, la
 
 from dolfinx_contact._petsc import half_of, logged, options_in_database
 
-__all__ = ["Hierarchy", "rigid_body_space"]
+__all__ = ["Hierarchy", "condition", "rigid_body_space"]
 
 _GAMG: dict[str, Any] = {
     "pc_type": "gamg",
@@ -39,6 +42,19 @@ _HYPRE: dict[str, Any] = {
     "pc_hypre_boomeramg_P_max": 4,
     "pc_hypre_boomeramg_agg_nl": 1,
 }
+#: Two steps of Chebyshev's method. What takes iterations is the coupling to the contact nodes: more
+#: of these steps, or a hierarchy, save none (measured).
+_POLYNOMIAL: dict[str, Any] = {
+    "pc_type": "ksp",
+    "pc_use_amat": True,
+    "ksp_ksp_type": "chebyshev",
+    "ksp_ksp_max_it": 2,
+    "ksp_ksp_norm_type": "none",
+    "ksp_ksp_chebyshev_esteig": "0,0.1,0,1.1",
+    "ksp_pc_type": "jacobi",
+}
+_WELL = 30.0  # condition, scaled by the diagonal, up to which that is faster (measured)
+_LANCZOS = 20  # steps that find it
 #: PETSc's own way of Galerkin products on one rank takes twice as long.
 _PRODUCTS = {"matptap_via": "rap"}
 
@@ -50,12 +66,16 @@ class Hierarchy:
         V: displacement space.
         prefix: of PETSc options; those of the hierarchy follow with ``amg_``.
         symmetric: whether the stiffness is symmetric and positive definite.
+        massive: whether it has a mass in it, so that a polynomial may do.
 
     Attributes:
         null_space: rigid motions, for `Mat.setNearNullSpace`.
     """
 
-    def __init__(self, V: fem.FunctionSpace, prefix: str, *, symmetric: bool = True):
+    def __init__(
+        self, V: fem.FunctionSpace, prefix: str, *, symmetric: bool = True, massive: bool = False
+    ):
+        self._default, self._massive = "gamg", massive and symmetric
         self.comm, self.prefix, self._symmetric = V.mesh.comm, prefix + "amg_", symmetric
         self.null_space, self._vectors = rigid_body_space(V)
         self._bs = V.dofmap.index_map_bs
@@ -66,13 +86,14 @@ class Hierarchy:
         self.builds = 0
 
     @property
-    def _kind(self) -> str:
-        return str(PETSc.Options().getString(self.prefix + "pc_type", "gamg"))
+    def kind(self) -> str:
+        """The type of the PC."""
+        return str(PETSc.Options().getString(self.prefix + "pc_type", self._default))
 
     @property
     def options(self) -> dict[str, Any]:
         """The options of the PC where the database says nothing else."""
-        return {"gamg": _GAMG, "hypre": _HYPRE}.get(self._kind, {})
+        return {"gamg": _GAMG, "hypre": _HYPRE, "ksp": _POLYNOMIAL}.get(self.kind, {})
 
     def build(
         self,
@@ -101,12 +122,16 @@ class Hierarchy:
             self.matrix.setNearNullSpace(self.null_space)
             if self._symmetric:
                 self.matrix.setOption(PETSc.Mat.Option.SPD, True)
-                if self._kind == "gamg":
+                if self._massive:
+                    well = condition(self.matrix, _LANCZOS) <= _WELL
+                    self._default = "ksp" if well else "gamg"
+                if self.kind in ("gamg", "ksp"):
                     self._half = half_of(self.matrix)
             self.pc = PETSc.PC().create(self.comm)
-            self.pc.setOperators(self.matrix)
+            halved = self.kind == "ksp" and self._half is not None
+            self.pc.setOperators(self._half if halved else self.matrix, self.matrix)
             self.set_up(self.pc)
-            if self._half is not None and self.pc.getMGLevels() > 1:
+            if self.kind == "gamg" and self._half is not None and self.pc.getMGLevels() > 1:
                 finest = self.pc.getMGSmoother(self.pc.getMGLevels() - 1)
                 finest.setOperators(self._half, self.matrix)
         self.builds += 1
@@ -126,6 +151,26 @@ class Hierarchy:
             if thing is not None:
                 thing.destroy()
         self.pc = self.matrix = self._half = None
+
+
+def condition(A: PETSc.Mat, steps: int) -> float:
+    """Condition of a symmetric positive matrix scaled by its diagonal, from below. Collective.
+
+    By the eigenvalues that so many steps of conjugate gradients see.
+    """
+    ksp = PETSc.KSP().create(A.comm)
+    ksp.setOperators(A)
+    ksp.setType("cg")
+    ksp.getPC().setType("jacobi")
+    ksp.setComputeEigenvalues(True)
+    ksp.setTolerances(rtol=1e-12, max_it=steps)
+    x, b = A.createVecs()
+    b.array[:] = np.random.default_rng(A.comm.rank).standard_normal(b.getLocalSize())
+    ksp.solve(b, x)
+    values = ksp.computeEigenvalues().real
+    for thing in (ksp, x, b):
+        thing.destroy()
+    return float(values.max() / values.min()) if len(values) and values.min() > 0 else np.inf
 
 
 def rigid_body_space(V: fem.FunctionSpace) -> tuple[PETSc.NullSpace, list[PETSc.Vec]]:

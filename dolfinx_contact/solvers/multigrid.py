@@ -71,7 +71,7 @@ class Multigrid(LinearSolver):
     name, corrects = "amg", True
     defaults: dict[str, Any] = {
         "ksp_type": "fgmres",
-        "ksp_initial_guess_knoll": True,
+        "ksp_knoll": True,
         "ksp_gmres_restart": 60,
         "ksp_max_it": 200,
     }
@@ -83,8 +83,9 @@ class Multigrid(LinearSolver):
             self.operator = ContactOperator(equations)
         self.matrix = self.operator.matrix
         self.filter = SurfaceFilter(self.operator, prefix)
-        self.hierarchy = Hierarchy(equations.V, prefix, symmetric=equations.bulk.energy is not None)
-        self.forcing = Forcing()
+        symmetric, massive = equations.bulk.energy is not None, equations.bulk.has_mass
+        self.hierarchy = Hierarchy(equations.V, prefix, symmetric=symmetric, massive=massive)
+        self.forcing = Forcing.in_motion() if massive else Forcing()
         self._glued: _Glued | None = None
         self._excess = 0.0  # iterations that a new hierarchy would have saved
         self._assemblies = 0  # of the stiffness, when the hierarchy was built
@@ -145,7 +146,9 @@ class Multigrid(LinearSolver):
         self.filter.cycle = self.hierarchy.build(A.stiffness, held, A.diagonal, added)
         self._assemblies, self._excess = self._equations.bulk.assemblies, 0.0
         if self.comm.rank == 0:
-            logger.info("multigrid hierarchy %d built", self.hierarchy.builds)
+            logger.info(
+                "multigrid hierarchy %d built: %s", self.hierarchy.builds, self.hierarchy.kind
+            )
 
     def _closed(self, state: State) -> _Glued:
         """What to glue: what is closed, or a guess where nothing is closed yet. Collective."""

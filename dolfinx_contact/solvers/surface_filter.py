@@ -9,7 +9,7 @@ A_ss the block of the Jacobian on s, factorised by a sparse LU, and M a multigri
 stiffness that knows nothing of the status (compare the AMG with filtering of Petrides, Hartland,
 Kolev et al., arXiv:2505.18576). After it the residual vanishes on s: the multipliers are those of
 the displacement, exactly, as if they had been condensed out of the system, and every later vector
-of a Krylov method that starts from an application (``-ksp_initial_guess_knoll``) vanishes on s as
+of a Krylov method that starts from an application (``-ksp_knoll``) vanishes on s as
 well, so that its first step is left out.
 """
 
