@@ -213,7 +213,7 @@ def test_records_have_what_recovers(folder):
     (memory,) = problem.equations.memory
     names = {".rate", ".length", ".rest", ".closed", ".origin_0", ".origin_1", "beta"}
     assert set(memory.fields) == names
-    moment = record._moment(len(times) - 1)
+    moment = record._standing(len(times) - 1).moment
     for name, values in moment.memory[0].fields.items():
         np.testing.assert_array_equal(values, memory.fields[name])
 
