@@ -157,11 +157,18 @@ def test_a_damaged_checkpoint_is_passed_over(whole, folder):
 def test_what_is_refused(whole, folder):
     """Records of other problems and loads, damaged ones, and those that would be overwritten."""
     known, before = whole("pair"), (whole("pair") / FILE_NAME).read_bytes()
+    of_time = r"other loads, materials or friction at the time \S+: the "
     for other, message in [
         (cracked(COMM), "another mesh"),
         (pair(COMM, n=6), "another mesh"),
-        (pair(COMM, friction=0.26), "other loads, materials or friction"),
-        (pair(COMM, way=0.013), "other loads, materials or friction"),
+        (
+            pair(COMM, friction=0.26),
+            of_time + "friction of Coulomb of 'contact': 0.25 was recorded, 0.26 is given",
+        ),
+        (
+            pair(COMM, way=0.013),
+            of_time + r"value of the Dirichlet condition 1: \(\S+, \S+\) was recorded, \(",
+        ),
     ]:
         with pytest.raises(ValueError, match=f"that of another problem: {message}"):
             EvolutionRecord(known, other, resume=True)

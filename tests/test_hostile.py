@@ -438,7 +438,7 @@ MISUSE = {
     ),
     # solves
     "start 1e200": (lambda w: started(1e200), "the residual overflows at the start"),
-    "start inf": (lambda w: started(np.inf), "the residual is not finite at the start"),
+    "start inf": (lambda w: started(np.inf), "the displacement at the start is not finite"),
     "stiffness 1e300": (lambda w: solved(young=1e300), "the residual overflows at the start"),
     "motion 1e200": (lambda w: solved(top=(0.0, -1e200)), "the residual overflows at the start"),
     "monitor that raises": (

@@ -190,7 +190,11 @@ def test_a_damaged_line_is_an_error(whole, folder):
         (dict(n=5), "another mesh"),
         (dict(cell="tri"), "another mesh"),
         (dict(degree=2), "another number of unknowns"),
-        (dict(friction=0.31), "other materials, loads or friction"),
+        (
+            dict(friction=0.31),
+            "other materials, loads or friction: the friction of Coulomb of 'contact': 0.3 was "
+            "recorded, 0.31 is given",
+        ),
         (dict(method="mixed"), "other contact surfaces"),
         (dict(tilt=0.11), "is no solution of this problem"),
     ],

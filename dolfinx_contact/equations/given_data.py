@@ -45,10 +45,14 @@ class Datum(NamedTuple):
     value: Any
 
 
-def placed_data(eq: ContactEquations) -> list[Datum]:
+def placed_data(eq: ContactEquations, *, conditions: bool = True) -> list[Datum]:
     """Functions and Constants in bulk, obstacles, laws, rigid bodies and Dirichlet conditions.
 
     None of them is the displacement; one that is in several places is there several times.
+
+    Args:
+        eq: the contact problem.
+        conditions: whether those of Dirichlet conditions are among them.
     """
     found = list(_within(eq.bulk.residual, "the form of the body"))
     for s in eq.surfaces:
@@ -56,7 +60,7 @@ def placed_data(eq: ContactEquations) -> list[Datum]:
     for body in eq.rigid.bodies:
         for component, e in zip(body.components, body.expressions, strict=True):
             found += _within(e, f"what is given for {component} of {body.name!r}")
-    for i, bc in enumerate(eq.bcs, 1):
+    for i, bc in enumerate(eq.bcs if conditions else [], 1):
         found.append(Datum(f"the value of the Dirichlet condition {i}", dirichlet_value(bc)))
     return [d for d in found if d.value is not eq.bulk.displacement]
 

@@ -18,17 +18,17 @@ import numpy.typing as npt
 
 import ufl
 from dolfinx import mesh
-from ufl.algorithms.analysis import extract_constants
 
 from dolfinx_contact._compat import geometry_dofmap
+from dolfinx_contact.equations.given_data import Datum, placed_data
 
 if TYPE_CHECKING:
     from dolfinx_contact.points.surface import ContactSurface
     from dolfinx_contact.problem import ContactProblem
 
-__all__ = ["difference", "identity", "mesh_hash"]
+__all__ = ["difference", "identity", "mesh_hash", "other_data"]
 
-_TOLERANCE = 1e-9
+_TOLERANCE = 1e-9  # of numbers that are given
 
 
 def mesh_hash(domain: mesh.Mesh) -> str:
@@ -99,14 +99,14 @@ def identity(problem: ContactProblem, *, but: Sequence[Any] = ()) -> dict[str, A
     eq, domain = problem.equations, problem.V.mesh
     words = [eq.bulk.residual.signature()]
     for s in problem.surfaces:
-        words += [_signature(e, domain) for e in _given(s)]
+        words += [_signature(e, domain) for e in s.given.all]
         words.append(s.law_at_points.compiled.signature)
         words += [] if s.law.spread is None else [repr(s.law.spread)]
         words += ["axisymmetric"] if s.axisymmetric else []
     for body in problem.rigid_bodies:
         words.append(f"{body.about.tolist()} {body.fixed.tolist()}")
         words += [_signature(e, domain) for e in body.expressions]
-    fixed = eq.fixed[: eq.owned_sizes[0]]
+    fixed, constants = eq.fixed[: eq.owned_sizes[0]], _constants(problem, but)
     x = problem.create_vector()
     unknowns = int(x.getSize())
     x.destroy()
@@ -121,7 +121,8 @@ def identity(problem: ContactProblem, *, but: Sequence[Any] = ()) -> dict[str, A
         "fixed": problem.comm.allreduce(int(fixed.sum())),
         "ufl": ufl.__version__,
         "forms": hashlib.sha256("".join(words).encode()).hexdigest()[:32],
-        "numbers": _numbers(problem, but),
+        "numbers": [float(v) for d in constants for v in np.real(np.ravel(d.value.value))],
+        "places": [d.place for d in constants for _ in np.ravel(d.value.value)],
     }
 
 
@@ -133,23 +134,15 @@ def _signature(e: Any, domain: mesh.Mesh) -> str:
     return str((ufl.inner(e, e) * ufl.dx(domain=domain)).signature())
 
 
-def _given(s: ContactSurface) -> list[Any]:
-    """What is given on a surface, in UFL."""
-    return list(s.given.all)
-
-
-def _numbers(problem: ContactProblem, but: Sequence[Any]) -> list[float]:
-    """Values of the Constants in the problem: materials, loads, friction."""
-    expressions = [e for s in problem.surfaces for e in _given(s)]
-    expressions += [e for body in problem.rigid_bodies for e in body.expressions]
-    values: list[float] = []
+def _constants(problem: ContactProblem, but: Sequence[Any]) -> list[Datum]:
+    """The Constants in the problem, each once: materials, loads, friction."""
+    found: list[Datum] = []
     seen: list[Any] = list(but)
-    for e in (problem.equations.bulk.residual, *expressions):
-        for c in extract_constants(e):
-            if not any(c is other for other in seen):
-                seen.append(c)
-                values.extend(float(v) for v in np.real(np.ravel(c.value)))
-    return values
+    for d in placed_data(problem.equations, conditions=False):
+        if not hasattr(d.value, "x") and not any(d.value is other for other in seen):
+            seen.append(d.value)
+            found.append(d)
+    return found
 
 
 def difference(recorded: Mapping[str, Any], present: Mapping[str, Any]) -> str:
@@ -172,12 +165,55 @@ def difference(recorded: Mapping[str, Any], present: Mapping[str, Any]) -> str:
             continue
         a, b = recorded[key], present[key]
         if key == "numbers":
-            scale = np.maximum(np.abs(a), np.abs(b)) if len(a) == len(b) else None
-            same = scale is not None and bool(
-                np.all(np.abs(np.subtract(a, b)) <= _TOLERANCE * scale)
-            )
-        else:
-            same = a == b
-        if not same:
+            other = _other_number(a, b, present["places"])
+            if other is not None:
+                return words + other
+        elif a != b:
             return words
     return ""
+
+
+def _other_number(
+    recorded: Sequence[float], found: Sequence[float], places: Sequence[str]
+) -> str | None:
+    """Where numbers differ first, in words that begin with a colon; None if they do not."""
+    if len(recorded) != len(found):
+        return ""
+    a, b = np.array(recorded), np.array(found)
+    # Every one by itself: moduli and loads are of different sizes.
+    other = np.abs(a - b) > _TOLERANCE * np.maximum(np.abs(a), np.abs(b))
+    if not other.any():
+        return None
+    mine = np.array(places) == places[int(np.argmax(other))]
+    return f": {_changed(places[int(np.argmax(other))], a[mine], b[mine])}"
+
+
+def other_data(
+    problem: ContactProblem, recorded: Sequence[Sequence[float]], found: Sequence[Sequence[float]]
+) -> str | None:
+    """Where data differ first, in words that begin with a colon; None if they do not.
+
+    Args:
+        problem: whose data they are.
+        recorded: of data that were recorded, what `numbers_of` has.
+        found: the same of those that are given.
+    """
+    data = placed_data(problem.equations)
+    if not len(recorded) == len(found) == len(data):
+        return ""
+    for d, a, b in zip(data, recorded, found, strict=True):
+        size = float(np.max(np.abs(a), initial=0.0))
+        if len(a) != len(b) or not np.allclose(a, b, rtol=0, atol=_TOLERANCE * size):
+            mean = ", mean and root mean square" if hasattr(d.value, "x") else ""
+            return f": {_changed(d.place + mean, a, b)}"
+    return None
+
+
+def _changed(place: str, recorded: Sequence[float], found: Sequence[float]) -> str:
+    """What was and what is in a place, with so many digits that they differ."""
+    for digits in (6, 10, 17):
+        a, b = (", ".join(f"{v:.{digits}g}" for v in values) for values in (recorded, found))
+        if a != b:
+            break
+    a, b = (f"({v})" if len(recorded) > 1 else v for v in (a, b))
+    return f"{place}: {a} was recorded, {b} is given"

@@ -29,7 +29,7 @@ from dolfinx_contact.evolution.moment import Moment
 from dolfinx_contact.output.at_points import AtPoints
 from dolfinx_contact.output.evolution_journal import EvolutionJournal, EvolutionRun
 from dolfinx_contact.output.folder import output_folder
-from dolfinx_contact.output.identity import identity
+from dolfinx_contact.output.identity import identity, other_data
 from dolfinx_contact.output.problem_record import ProblemRecord
 from dolfinx_contact.output.table import write_contact_table
 from dolfinx_contact.parametric import ParametricContact
@@ -40,7 +40,6 @@ __all__ = ["StepsRecord"]
 logger = logging.getLogger(__name__)
 
 _COINCIDE = 1e-8  # of the values that are compared
-_SAME_DATA = 1e-9  # of the values of loads and other data
 
 
 class Stands(Protocol):
@@ -112,16 +111,12 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
             self._require_data(state, numbers_of(self.problem.equations))
 
     def _require_data(self, state: Mapping[str, Any], found: list[list[float]]) -> None:
-        recorded = state["data"]
-        same = [len(a) for a in recorded] == [len(b) for b in found] and all(
-            np.allclose(a, b, rtol=0, atol=_SAME_DATA * np.max(np.abs(a), initial=0.0))
-            for a, b in zip(recorded, found, strict=True)
-        )
+        other = other_data(self.problem, state["data"], found)
         message = (
             f"the journal in {self.folder} is that of another problem: other loads, materials or "
-            f"friction at {self._along} {state['time']:.10g}"
+            f"friction at {self._along} {state['time']:.10g}{other}"
         )
-        require(self.comm, same, message)
+        require(self.comm, other is None, message)
 
     # -- what records of one kind have ---------------------------------------------------------
 
