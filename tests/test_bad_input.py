@@ -24,7 +24,7 @@ from dolfinx_contact import (
     Tresca,
 )
 from dolfinx_contact.body.rigid import parts
-from dolfinx_contact.evolution import NSCD
+from dolfinx_contact.evolution import NSCD, NoContinuation
 from dolfinx_contact.materials import CiarletGeymonat, LinearElastic, lame
 from dolfinx_contact.solvers.errors import FloatingBodyError
 
@@ -212,6 +212,27 @@ def test_a_motion_whose_start_is_not_finite(what):
     with pytest.raises(ValueError, match=f"the {what} at the start is not finite") as info:
         NSCD(problem, 1.0, dt=0.1, velocity=velocity).run([0.0, 1.0])
     same_on_every_rank(info)
+
+
+def test_a_tolerance_below_round_off():
+    """In free flight, where no status changes: it is said, and nothing is called a cycle."""
+    domain, u = square()
+    domain.geometry.x[:, 1] += 1.0
+    energy, start = MATERIAL.energy(u) * ufl.dx, fem.Function(u.function_space)
+    start.interpolate(lambda x: np.vstack([0.0 * x[0], 0.1 * x[0] - 1.0]))
+
+    def motion(tolerance):
+        above = surface(u, where=facets(domain, 1, 1.0))
+        options = {"snes_rtol": tolerance}
+        problem = ContactProblem(energy, u, [above], bcs=[], petsc_options=options)
+        return NSCD(problem, 1.0, dt=0.01, velocity=start)
+
+    said = "which is round-off: snes_rtol 1e-14 asks for less"
+    with pytest.raises(NoContinuation, match=said) as info:
+        motion(1e-14).run([0.0, 0.01], locate=0.01)
+    assert "cycle" not in str(info.value)
+    same_on_every_rank(info)
+    assert motion(1e-10).run([0.0, 0.01]).complete
 
 
 def test_functions_that_jump(caplog):

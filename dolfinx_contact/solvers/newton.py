@@ -263,7 +263,8 @@ class Newton:
             and not self.linear.tighten()
         ):
             doubt = self.linear.doubt(snes.getKSP())
-            self.attempt.reason = doubt or "the status repeats in a cycle"
+            floor = self._at_round_off(statuses, measures.worst, tolerance)
+            self.attempt.reason = floor or doubt or "the status repeats in a cycle"
             self.attempt.restless = _restless(eq, self._history[-1][0], statuses)
             return int(_STOPPED)
         self._history.append((statuses, measures.worst))
@@ -326,6 +327,20 @@ class Newton:
         same = self.comm.allreduce(same.astype(np.int32), op=np.minimum)
         return bool(same.any())
 
+    def _at_round_off(self, statuses: Statuses, worst: float, tolerance: float) -> str:
+        """That the residual cannot fall further, in words; "" if it may. Collective.
+
+        So it is where it stays small from step to step while no status changes.
+        """
+        last = [old for old, _ in self._history[-2:]]
+        changed = sum(int(c.sum()) for old in last for c in differs(statuses, old))
+        if len(last) < 2 or worst > _SMALL or self.comm.allreduce(changed):
+            return ""
+        return (
+            f"the residual stays at {worst:.2g} while no status changes, which is round-off: "
+            f"snes_rtol {tolerance:g} asks for less"
+        )
+
     def _explain(self) -> str:
         """The reason of a failed SNES in words."""
         reasons = PETSc.SNES.ConvergedReason
@@ -345,6 +360,7 @@ class Newton:
         return names.get(reason, str(reason))
 
 
+_SMALL = 1e-8  # residuals that may be round-off
 _FAR = 1e6  # scales of the start over those of a state beside which it does not count any more
 _STOPPED = PETSc.SNES.ConvergedReason.DIVERGED_LOCAL_MIN
 _LINEAR = PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE
