@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """What does a step of a motion with contact cost over a step of plain elastodynamics?
 
-A cube is thrown at a floor aslant and slides on it as it rebounds. Every step of `NSCD` in which a
-point is closed counts, those in which statuses change apart. The denominator is a step of the same
-body without contact by the same scheme and length: right-hand side by products with the mass and
-the stiffness, conjugate gradients from free flight until ||b - A x|| <= tolerance ||b||, with the
-hierarchy that the contact problem would take (GAMG, rigid motions) set up once, untimed, or with
-the diagonal: the faster of the two counts. Steps of both go in turns of as many as are asked for.
+Two motions of a cube on a floor, with friction. *Thrown*, it hits the floor aslant and slides on it
+as it rebounds: points close and open all the time. *Sliding*, it lies there by its weight and is
+pushed: once all points slip, no status changes any more. Every step of `NSCD` in which a point is
+closed counts, those in which statuses change apart. The denominator is a step of the same body
+without contact by the same scheme and length: right-hand side by products with the mass and the
+stiffness, conjugate gradients from free flight until ||b - A x|| <= tolerance ||b||, with a
+hierarchy (GAMG, rigid motions) that is set up once, untimed, and with the diagonal; there are
+ratios to both. Steps of all go in turns of as many as are asked for.
 
     mpirun -n 2 python3 benchmarks/motion_step.py --n 43 --output motion_step.json
 """
@@ -15,13 +17,12 @@ from __future__ import annotations
 
 import argparse
 import logging
-import time
 
 from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
-from timing import save
+from timing import Timer, save
 
 import ufl
 from dolfinx import fem, mesh
@@ -31,7 +32,9 @@ from dolfinx_contact.evolution import NSCD
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.solvers.hierarchy import Hierarchy
 
-E, NU, RHO, FALL, ACROSS = 1000.0, 0.3, 1.0, 1.0, 1.0
+E, NU, RHO, FALL, ACROSS, WEIGHT = 1000.0, 0.3, 1.0, 1.0, 1.0, 20.0
+CASES = ("thrown", "sliding")
+WARM_UP = 2  # first steps of each case that do not count
 
 
 def arguments(argv=None):
@@ -42,34 +45,42 @@ def arguments(argv=None):
         "--courant", type=float, default=2.0, help="waves cross so many cells a step"
     )
     parser.add_argument("--steps", type=int, default=16, help="of each")
-    parser.add_argument("--friction", type=float, default=0.3)
+    parser.add_argument("--friction", type=float, default=0.3, help="of what is thrown")
+    parser.add_argument("--cases", nargs="+", choices=CASES, default=CASES)
     parser.add_argument("--mass", default="redistributed")
     parser.add_argument("--tolerance", type=float, default=1e-8)
     parser.add_argument("--output", default="motion_step.json")
     return parse_arguments(parser, argv)
 
 
-def cube(args, comm):
-    """The problem, its motion just before it hits, and the length of a step."""
+def cube(args, comm, case="thrown"):
+    """The problem, its motion just before it hits or is pushed, and the length of a step."""
     kind = {"tet": mesh.CellType.tetrahedron, "hex": mesh.CellType.hexahedron}[args.cell]
     domain = mesh.create_unit_cube(comm, args.n, args.n, args.n, kind)
-    # The sole is slightly round, so that points close one after the other.
-    x = domain.geometry.x
-    away = (x[:, 0] - 0.46) ** 2 + (x[:, 1] - 0.53) ** 2
-    x[:, 2] += 0.02 * (1 - x[:, 2]) * away
-    sole = mesh.locate_entities_boundary(domain, 2, lambda x: x[2] < 0.011 * (1 - 1e-9) + 1e-6)
+    sole = mesh.locate_entities_boundary(domain, 2, lambda x: np.isclose(x[2], 0.0))
+    thrown = case == "thrown"
+    if thrown:
+        # The sole is slightly round, so that points close one after the other.
+        x = domain.geometry.x
+        away = (x[:, 0] - 0.46) ** 2 + (x[:, 1] - 0.53) ** 2
+        x[:, 2] += 0.02 * (1 - x[:, 2]) * away
     V = fem.functionspace(domain, ("Lagrange", 1, (3,)))
     u, velocity = fem.Function(V), fem.Function(V)
-    velocity.x.array[:] = np.tile([ACROSS, 0.2, -FALL], len(velocity.x.array) // 3)
+    friction = args.friction if thrown else 0.1
     surface = ContactSurface(
-        u, sole, obstacle=HalfSpace((0, 0, 0), (0, 0, 1)), law=Coulomb(args.friction)
+        u, sole, obstacle=HalfSpace((0, 0, 0), (0, 0, 1)), law=Coulomb(friction)
     )
+    body = LinearElastic.from_young(E, NU).energy(u) * ufl.dx
     problem = ContactProblem(
-        LinearElastic.from_young(E, NU).energy(u) * ufl.dx,
+        body if thrown else body + WEIGHT * u[2] * ufl.dx,
         u,
         [surface],
         petsc_options={"snes_rtol": args.tolerance, "linear_solver": "amg"},
     )
+    if not thrown:
+        problem.solve(progress=False)
+    pushed = [ACROSS, 0.2, -FALL if thrown else 0.0]
+    velocity.x.array[:] = np.tile(pushed, len(velocity.x.array) // 3)
     speed = np.sqrt(E * (1 - NU) / ((1 + NU) * (1 - 2 * NU)) / RHO)
     dt = args.courant / args.n / speed
     return problem, NSCD(problem, RHO, dt=dt, velocity=velocity, mass=args.mass), dt
@@ -103,10 +114,8 @@ class Elastodynamics:
         self.K.mult(self.u, self.rows)
 
     def step(self):
-        """One step; its seconds and iterations."""
-        comm = self.A.comm.tompi4py()
-        comm.barrier()
-        start, step = time.perf_counter(), self.body.step
+        """One step; its iterations."""
+        step = self.body.step
         h, theta = step.length, step.theta
         w0 = self.u.copy()
         w0.axpy(h * (1 - theta), self.v)
@@ -124,74 +133,88 @@ class Elastodynamics:
         self.v.scale(step.rate)
         self.u = w
         self.K.mult(self.u, self.rows)
-        comm.barrier()
-        return comm.allreduce(time.perf_counter() - start, op=max), self.ksp.getIterationNumber()
+        return self.ksp.getIterationNumber()
 
 
-def main(argv=None):
-    logging.getLogger("dolfinx_contact").setLevel(logging.ERROR)
-    args, comm = arguments(argv), MPI.COMM_WORLD
-    problem, motion, dt = cube(args, comm)
-    plain = {}
-    for kind in ("amg", "jacobi"):
-        other = cube(args, comm)[1]
-        plain[kind] = Elastodynamics(other, dt, args.tolerance, kind)
-        plain[kind].step()
-    steps, before, seconds = [], "", {"amg": [], "jacobi": []}
-    moment = 0.0
+def measured(args, comm, case, plain):
+    """The record of a case, with steps of plain elastodynamics in between."""
+    problem, motion, dt = cube(args, comm, case)
+    steps, before, moment = [], "", 0.0
+    elastic = {kind: [] for kind in plain}
     for i in range(args.steps):
-        comm.barrier()
-        start = time.perf_counter()
-        history = motion.run([moment, (i + 1) * dt], progress=False)
-        comm.barrier()
-        taken = comm.allreduce(time.perf_counter() - start, op=max)
-        moment = (i + 1) * dt
+        times = [moment, (i + 1) * dt]
+        timer = Timer(comm)
+        history = timer("step", lambda t=times: motion.run(t, progress=False))
+        moment = times[1]
         result = history.steps[-1].result
         letters = history.steps[-1].status
-        changed = sum(a != b for a, b in zip(letters, before, strict=False))
-        krylov = sum(s.krylov for a in result.attempts for s in a.steps)
         steps.append(
             {
-                "seconds": taken,
+                "seconds": timer.total,
+                "processor_seconds": timer.processor,
                 "closed": len(letters) - letters.count("o"),
-                "changed": changed,
+                "changed": sum(a != b for a, b in zip(letters, before, strict=False)),
                 "newton": result.iterations,
-                "krylov": krylov,
+                "krylov": sum(a.krylov_iterations for a in result.attempts),
+                "evaluations": sum(a.evaluations for a in result.attempts),
                 "strategy": result.reason,
             }
         )
         before = letters
         for kind, each in plain.items():
-            seconds[kind].append(each.step())
-    elastic = {k: float(np.median([s for s, _ in v[2:]])) for k, v in seconds.items()}
-    denominator = min(elastic.values())
-    touching = [s for s in steps[2:] if s["closed"]]
+            timer = Timer(comm)
+            iterations = timer("step", each.step)
+            elastic[kind].append((timer.total, timer.processor, iterations))
+    wall, processor, iterations = (
+        {kind: float(np.median([v[i] for v in each[WARM_UP:]])) for kind, each in elastic.items()}
+        for i in range(3)
+    )
+    touching = [s for s in steps[WARM_UP:] if s["closed"]]
     groups = {
         "contact": touching,
         "no_change": [s for s in touching if s["changed"] == 0],
         "changes": [s for s in touching if s["changed"]],
     }
     record = {
-        "n": args.n,
-        "ranks": comm.size,
         "dofs": problem.V.dofmap.index_map.size_global * 3,
         "points": problem.surfaces[0].number_everywhere,
-        "courant": args.courant,
-        "elastic_seconds": elastic,
-        "elastic_iterations": {k: int(np.median([i for _, i in v])) for k, v in seconds.items()},
-        "steps": steps,
+        "elastic_seconds": wall,
+        "elastic_processor_seconds": processor,
+        "elastic_iterations": iterations,
+        "preconditioner": motion.problem.linear_solver.hierarchy.kind,
+        "residue": history.energies.residue / history.energies.at_start,
     }
     for name, group in groups.items():
         if group:
-            median = float(np.median([s["seconds"] for s in group]))
-            record[f"{name}_seconds"] = median
-            record[f"{name}_ratio"] = median / denominator
+            for of, plainly in (("seconds", wall), ("processor_seconds", processor)):
+                median = record[f"{name}_{of}"] = float(np.median([s[of] for s in group]))
+                for kind, denominator in plainly.items():
+                    word = "" if of == "seconds" else "processor_"
+                    record[f"{name}_over_{kind}_{word}ratio"] = median / denominator
+            for count in ("newton", "krylov"):
+                record[f"{name}_{count}"] = float(np.mean([s[count] for s in group]))
             record[f"{name}_steps"] = len(group)
+    return record | {"steps": steps}
+
+
+def main(argv=None):
+    logging.getLogger("dolfinx_contact").setLevel(logging.ERROR)
+    args, comm = arguments(argv), MPI.COMM_WORLD
+    plain = {}
+    for kind in ("amg", "jacobi"):
+        _, other, dt = cube(args, comm)
+        plain[kind] = Elastodynamics(other, dt, args.tolerance, kind)
+        plain[kind].step()
+    record = {"n": args.n, "ranks": comm.size, "courant": args.courant}
+    for case in args.cases:
+        record[case] = measured(args, comm, case, plain)
+        if comm.rank == 0:
+            print(case, {k: v for k, v in record[case].items() if k != "steps"})
+            for s in record[case]["steps"]:
+                print(" ", s)
     if comm.rank == 0:
         save(args.output, record)
-        print({k: v for k, v in record.items() if k != "steps"})
-        for s in steps:
-            print(s)
+    return record
 
 
 if __name__ == "__main__":

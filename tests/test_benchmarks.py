@@ -17,6 +17,7 @@ import contact_vs_getfem
 import elastic_solve
 import elasticity_ratio
 import history_step
+import motion_step
 import pair_ratio
 import scaling
 import timing
@@ -200,3 +201,21 @@ def test_step_of_a_history_is_one_solve(folder):
     assert krylov < 1.25  # 1.6 where what is expected is solved to the end
     assert 0 < record["dissipated"] < 1
     assert abs(record["residue"]) < 0.01
+
+
+def test_step_of_a_motion(folder):
+    """Both cases, their energies, and ratios of what stands beside them."""
+    file = folder / "motion.json"
+    motion_step.main(["--n", "6", "--steps", "6", "--output", str(file)])
+    COMM.barrier()
+    record = json.loads(file.read_text())
+    for case in motion_step.CASES:
+        found = record[case]
+        assert len(found["steps"]) == 6
+        assert abs(found["residue"]) < 1e-7
+        assert found["contact_steps"] == 6 - motion_step.WARM_UP
+        for kind, seconds in found["elastic_seconds"].items():
+            assert found[f"contact_over_{kind}_ratio"] == found["contact_seconds"] / seconds
+    assert record["thrown"]["changes_steps"] > 0
+    assert record["sliding"]["no_change_steps"] == 6 - motion_step.WARM_UP
+    assert all(s["closed"] == record["sliding"]["points"] for s in record["sliding"]["steps"])
