@@ -232,7 +232,26 @@ def test_cohesion_at_a_point():
         code = 0 if d <= a or d < far else DAMAGING if d < a + b else BROKEN
         assert point.answers.asked[0] == (BROKEN if far >= a + b else code)
         assert point.answers.bond("broken")[0] == (far >= a + b)
-    assert spent == pytest.approx(strength * (a + b) / 2, rel=1e-5)
+    assert spent == pytest.approx(strength * (a + b) / 2, rel=1e-13)
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="one point")
+def test_what_a_brittle_bond_costs():
+    """Is what it says however few the steps: softening over a thousand times the elastic size."""
+    strength, a, b = 2.0, 1e-4, 0.1
+    for ways in ([1.0], [0.01, 0.03, 1.0], [0.01, 0.005, 0.0999, 0.2]):
+        point = Point(BilinearCohesive(strength, a, b), r=1000.0)
+        point.to(0, (0.0, 0.0))
+        spent, far = 0.0, a
+        for k, d in enumerate(ways, start=1):
+            point.to(k, (0.0, d))
+            spent += point.answers.bond("spent")[0]
+            far = min(max(far, d), a + b)
+            # What was put in, less the triangle under the secant.
+            under = strength * (a / 2 + (far - a) * (1 - (far - a) / b / 2))
+            under -= strength * (a + b - far) / b * far / 2
+            assert spent == pytest.approx(under, rel=1e-12)
+        assert spent == pytest.approx(strength * (a + b) / 2, rel=1e-12)
 
 
 def test_cohesion_with_friction():
@@ -288,6 +307,26 @@ def test_a_traction_without_opening():
     assert away.status == "ooo"
     np.testing.assert_allclose(away.pressure, -3.0 * np.exp(-away.un / 0.01), rtol=1e-8)
     assert away.un.min() > 0.01
+
+
+def test_a_broken_bond_sticks_and_slips():
+    """Dragged to and fro: letters are those of the friction, stick within its bound, slip at it."""
+    law = BilinearCohesive(4.0, 0.004, 0.03, 0.5)
+    problem, top = bonded("quad", law=law)
+    corners = (0.0, -0.01), (0.1, -0.01), (-0.1, -0.01)
+    times = [0.0, 1.0, *np.linspace(1.25, 2.0, 4), 2.005, 2.02, 2.05, 2.5]
+    seen = set()
+    for step in QuasiStatic(problem, along(top, *corners)).run(times).steps:
+        t = step.result.tables["contact"]
+        if set(t.bond) != {"b"}:
+            continue
+        share, slip = t.along(t.friction) / (0.5 * t.rn), t.along(t.increment)
+        assert (np.abs(share) < 1 + 1e-8).all()
+        np.testing.assert_allclose(share[t.letters == "+"], -1.0, rtol=1e-8)
+        np.testing.assert_allclose(share[t.letters == "-"], 1.0, rtol=1e-8)
+        np.testing.assert_allclose(slip[t.letters == "k"], 0.0, atol=1e-12)
+        seen |= set(t.letters)
+    assert seen == {"k", "+", "-"}
 
 
 @pytest.mark.parametrize("k", [1.0, 8.0])

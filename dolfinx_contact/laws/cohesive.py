@@ -52,10 +52,17 @@ class BilinearCohesive(Interface):
         return (1.0 - state["damage"]) * self.strength / self.elastic * size / 2.0
 
     def dissipation(self, rates: Rates, state: InterfaceState) -> Any:
-        a, b, damage = self.elastic, self.softening, state["damage"]
-        reached = a * (a + b) / (a + b - damage * b)
-        breaking = self.strength / a * reached**2 / 2.0 * rates["damage"]
-        return breaking + self.friction * damage * state.pressure * rates.slip
+        breaking = self.strength / self.elastic * self._reached(state) ** 2 / 2.0 * rates["damage"]
+        return breaking + self.friction * state["damage"] * state.pressure * rates.slip
+
+    def cost(self, start: InterfaceState, end: InterfaceState) -> Any:
+        k, lost = self.strength / self.elastic, end["damage"] - start["damage"]
+        return k * self._reached(start) * self._reached(end) * lost / 2.0
+
+    def _reached(self, state: InterfaceState) -> Any:
+        """K, the size of the jump at which the traction begins to fall."""
+        a, b = self.elastic, self.softening
+        return a * (a + b) / (a + b - state["damage"] * b)
 
 
 @dataclass(frozen=True)

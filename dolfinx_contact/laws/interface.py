@@ -87,6 +87,15 @@ class Interface(Law):
         """Phi, UFL power per area, of the rates; of the state no derivatives are taken."""
         return 0.0
 
+    def cost(self, start: InterfaceState, end: InterfaceState) -> Any:
+        """What the variables dissipate from one state to another, UFL energy per area.
+
+        None where no closed form is given: then Gauss' rule of four points between the two values
+        of the variables integrates dPhi/da', which is not enough where that grows many times over
+        in a step.
+        """
+        return None
+
     def broken(self, state: InterfaceState) -> Any:
         """UFL condition under which the interface counts as broken, by default at its end."""
         x = self._monotone
