@@ -232,11 +232,13 @@ def _letters(
     s: ContactSurface, found: ContactState, known: dict[str, npt.NDArray[np.float64]]
 ) -> npt.NDArray[np.str_]:
     """Letters of the statuses; where nothing grips a closed point the sense of its motion."""
-    touching = closed(found.statuses)
-    letters = np.where(touching, status.letters(s.dim)[without_damage(found.statuses)], "o")
+    touching, contact = closed(found.statuses), without_damage(found.statuses)
+    letters = np.where(touching, status.letters(s.dim)[contact], "o")
     if s.dim == 3:
         return letters
-    free = touching & ~found.answers.may_be(STICK)
+    free, bond = touching.copy(), found.statuses - contact
+    for of_bond in np.unique(bond):
+        free &= (bond != of_bond) | ~found.answers.may_be(STICK + of_bond)
     moved, n = known["increment"], known["n"]
     along = moved[:, 1] * n[:, 0] - moved[:, 0] * n[:, 1]
     return np.where(free, np.where(along < 0, "-", "+"), letters)
