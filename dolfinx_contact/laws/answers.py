@@ -163,6 +163,14 @@ class Answers:
             return np.zeros(len(self._values), dtype=bool)
         return self._borders(code)[1]
 
+    def holds(self, codes: Codes) -> npt.NDArray[np.bool_]:
+        """Which points have statuses whose borders are all beyond (n,)."""
+        can = np.zeros(len(self._values), dtype=bool)
+        for code in np.unique(codes):
+            mine = codes == code
+            can[mine] = self.may_be(int(code))[mine]
+        return can & (np.min(self.borders(codes).distance, axis=1, initial=np.inf) >= 0)
+
     def every_distance(self, code: int) -> Array:
         """Distances to all borders of a status (n, borders), also where there are none."""
         return self._values[:, [c for c, _, _ in self._law.borders[self._law.rows[code]]]]

@@ -209,20 +209,25 @@ def violation(eq: ContactEquations, state: State, force: float, length: float) -
 
     The natural residual t - tau(j, t) at every point that is not clamped, with the augmentation
     parameter for which a gap of ``length`` counts as much as ``force``: it vanishes where the law
-    holds and nowhere else. Points that no status of the law holds violate it too. In the integral
-    method, whose conditions are weak, it measures the discretisation as well.
+    holds and nowhere else. Points that no status of the law holds violate it too. Of several
+    statuses that hold, as where the law softens by more than that parameter, that of the state
+    counts. In the integral method, whose conditions are weak, it measures the discretisation as
+    well.
     """
     worst = 0.0
     for number, (s, found) in enumerate(zip(eq.surfaces, state.surfaces, strict=True)):
         points = s.points
         r = np.asarray(force / (length * points.areas), dtype=np.float64)
         answers = s.law_at_points(found.jump, found.traction, replace(found.data, r=r))
-        off = (found.traction - answers.traction(answers.asked)) * points.areas[:, None]
+        held = answers.holds(found.statuses)
+        codes = np.where(held, found.statuses, answers.asked)
+        off = (found.traction - answers.traction(codes)) * points.areas[:, None]
         if s.method != "integral":
             off[eq.constraints.removed[number][: points.number]] = 0.0
             missed = np.where(eq.constraints.clamped[number][: points.number], 0.0, answers.missed)
         else:
             missed = answers.missed
+        missed = np.where(held, 0.0, missed)
         off = np.maximum(np.abs(off), (missed * points.areas)[:, None])
         worst = max(worst, float(np.max(off, initial=0.0)))
     return float(eq.comm.allreduce(worst / force, op=np.maximum))
