@@ -215,11 +215,12 @@ class ContactProblem:
         """H(x) into ``b``, and what was found; see `ContactEquations.residual`. Collective."""
         return self.equations.residual(x, b, statuses)
 
-    def state(self) -> State:
-        """The state in the Functions, by the statuses of the surfaces. Collective."""
+    def state(self, statuses: Statuses | None = None) -> State:
+        """The state in the Functions, by statuses, by default those of the surfaces. Collective."""
         x, b = self.create_vector(), self.create_vector()
         self.write(x)
-        state = self.equations.residual(x, b, [s.statuses for s in self.surfaces])
+        known = [s.statuses for s in self.surfaces] if statuses is None else statuses
+        state = self.equations.residual(x, b, known)
         x.destroy(), b.destroy()
         return state
 
