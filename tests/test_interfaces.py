@@ -329,6 +329,48 @@ def test_a_broken_bond_sticks_and_slips():
     assert seen == {"k", "+", "-"}
 
 
+@dataclass(frozen=True)
+class Strip(Interface):
+    """Rigid, then a strength that falls from one opening to another; along it nothing holds."""
+
+    strength: Any
+    first: Any
+    last: Any
+    damage: Any = 0.0
+    internal = (Internal("damage", "grows", end=1.0),)
+
+    def energy(self, state):
+        return (1 - state["damage"]) * self.strength * state.opening
+
+    def dissipation(self, rates, state):
+        reached = self.first + (self.last - self.first) * state["damage"]
+        return self.strength * reached * rates["damage"]
+
+
+@pytest.mark.parametrize("cell", ["quad", "tet"])
+def test_opening_alone(cell, caplog):
+    """What knows neither slip nor time remembers its damage: opened, closed, opened, broken."""
+    s, a, b, young = 10.0, 0.1, 0.5, 100.0
+    problem, top = bonded(cell, law=Strip(s, a, b), young=young, snes_rtol=1e-10)
+    aside = [0.0] * (cell == "tet")
+    corners = [(0.0, *aside, z) for z in (0.35, -0.05, 0.8)]
+    load, lifts = along(top, *corners), np.array([0.0, 0.35, -0.05, 0.8])
+    times = np.linspace(0.0, 3.0, 31)
+    history = QuasiStatic(problem, load).run(times)
+    far = 0.0
+    for step in history.steps:
+        lift, t = np.interp(step.time, np.arange(4), lifts), step.result.tables["contact"]
+        far = max(far, (young * lift - s * b / (b - a)) / (young - s / (b - a)) - a)
+        damage = np.clip(far / (b - a), 0.0, 1.0)
+        gap = max(lift - (1 - damage) * s / young, 0.0)
+        np.testing.assert_allclose(t.internal["damage"], damage, rtol=0, atol=1e-10)
+        np.testing.assert_allclose(t.un, gap, rtol=0, atol=1e-10)
+        assert step.result.kkt_violation < 1e-4
+    assert set(t.bond) == {"b"}
+    assert history.energies.damage == pytest.approx(s * (a + b) / 2, rel=1e-9)
+    assert "no solution" not in caplog.text  # it began bonded, though no solve had said so
+
+
 @pytest.mark.parametrize("k", [1.0, 8.0])
 def test_a_bar_on_cohesion(k):
     """By arc length, back where the bond softens faster than the bar, to where it is broken."""

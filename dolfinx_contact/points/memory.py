@@ -84,7 +84,8 @@ def with_memory(law: CompiledLaw, memory: Memory | None, data: PointData) -> Poi
     if memory is not None and memory.gap is not None:
         data = replace(data, gap=memory.gap)
     n, dim = data.n.shape
-    if not set(law.names) & set(from_memory(dim)):
+    held = {} if memory is None else memory.fields
+    if not set(law.names) & {*from_memory(dim, law.keeps), *held}:
         return data
     known = Memory(np.zeros((n, dim)), step=-1.0) if memory is None else memory
     added: dict[str, Array] = dict(zip(before(dim), list(known.jump.T), strict=True))
