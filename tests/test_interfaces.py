@@ -450,16 +450,24 @@ def test_jacobian_by_taylor(cell):
         ((Internal("d"), Internal("d")), {}, "of different names"),
         ((Internal("d", vector=True),), {}, "is a vector, and so no field"),
         ((Internal("d"),), {"power": 2}, "needs_time must name"),
+        (Internal("d", "grows"), {}, "internal of Own must be a tuple of Internal.* a comma"),
+        (("d",), {}, "must be a tuple of Internal"),
+        ((), {"time": "d"}, "needs_time of Own must be a tuple of str"),
+        ((), {"time": ("zeta",)}, "names zeta, which is no field"),
+        ((Internal("y", vector=True),), {}, "nothing determines y of Own"),
+        ((Internal("e"),), {}, "nothing determines e of Own"),
+        ((Internal("d", "grows", end=-1.0),), {}, "d of Own is beyond its end -1"),
     ],
 )
 def test_interfaces_that_are_none(internal, more, message):
-    power, mine = more.get("power", 1), internal
+    power, mine, time = more.get("power", 1), internal, more.get("time", ())
 
     @dataclass(frozen=True)
     class Own(Interface):
         d: Any = 0.0
         e: Any = 0.0
         internal = mine
+        needs_time = time
 
         def energy(self, state):
             return state.opening**2
@@ -468,7 +476,44 @@ def test_interfaces_that_are_none(internal, more, message):
             return abs(rates["d"]) ** power if "d" in rates.internal else 0.0
 
     with pytest.raises(ValueError, match=message):
-        block(n=1, law=Own())
+        block(n=1, law=Own()).solve()
+
+
+def test_law_that_is_not_finite():
+    """What has a kink at rest says so, and which law it is."""
+
+    @dataclass(frozen=True)
+    class Rooted(Interface):
+        strength: Any
+
+        def energy(self, state):
+            return self.strength * ufl.sqrt(ufl.dot(state.jump, state.jump))
+
+    with pytest.raises(ValueError, match="look at the law Rooted of contact, whose answer"):
+        block(n=2, law=Rooted(10.0)).solve()
+
+
+def test_resisted_without_bound_at_the_end():
+    """A bond that is broken at the start costs nothing, though its threshold is infinite there."""
+
+    @dataclass(frozen=True)
+    class Hardening(Interface):
+        stiffness: Any
+        work: Any
+        damage: Any = 0.0
+        internal = (Internal("damage", "grows", end=1.0),)
+
+        def energy(self, state):
+            return (1 - state["damage"]) * self.stiffness / 2 * ufl.dot(state.jump, state.jump)
+
+        def dissipation(self, rates, state):
+            return self.work / (1 - state["damage"]) * rates["damage"]
+
+    problem, top = bonded("quad", law=Hardening(100.0, 1.0, 1.0), snes_rtol=1e-10)
+    history = QuasiStatic(problem, along(top, (0.0, 0.1))).run(np.linspace(0.0, 1.0, 3))
+    np.testing.assert_allclose(history.steps[-1].result.tables["contact"].un, 0.1, rtol=1e-12)
+    assert history.energies.damage == 0.0
+    assert history.energies.residue == pytest.approx(0.0, abs=1e-12)
 
 
 @pytest.mark.parametrize(

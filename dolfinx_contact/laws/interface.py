@@ -28,7 +28,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import ufl
 
@@ -40,6 +40,11 @@ from dolfinx_contact.laws.interface_point import (
 )
 from dolfinx_contact.laws.law import Bond, Border, ContactPoint, Equations, Law, StatusPiece
 from dolfinx_contact.laws.status import BROKEN, DAMAGING, OPEN, PLUS, WHERE_OPEN
+
+if TYPE_CHECKING:
+    from typing import Self
+
+    from dolfinx import mesh
 
 __all__ = ["Interface", "InterfaceState", "Internal", "Rates"]
 
@@ -126,6 +131,14 @@ class Interface(Law):
     def keeps(self, dim: int) -> tuple[str, ...]:
         return tuple(name for x in self.internal if x.vector for name in x.components(dim))
 
+    def bind(self, domain: mesh.Mesh) -> Self:
+        self._check()
+        return super().bind(domain)
+
+    @property
+    def ends(self) -> Mapping[str, tuple[int, float]]:
+        return {x.name: (x.sense, x.end) for x in self.internal if x.end is not None}
+
     def solves(self, dim: int) -> Mapping[str, int]:
         self._check()
         smooth = sum(dim if x.vector else 1 for x in self.internal if x is not self._monotone)
@@ -139,6 +152,13 @@ class Interface(Law):
             side = self._side(a, *_which(name), level=0)
             start = [s for v in side.unknown for s in _scalars(side.start[v.name])]
             residual = [f for v in side.unknown for f in _scalars(side.driven(v.name))]
+            for v in side.unknown:
+                if v is not x and not side.determines(v.name):
+                    raise ValueError(
+                        f"nothing determines {v.name} of {self.name}: neither the force on it nor "
+                        "what resists its rate changes with it; a variable needs an energy that is "
+                        "no linear function of it, or a dissipation that is none of its rate"
+                    )
             monotone = x is not None and x in side.unknown
             sense = x.sense if monotone and x is not None else 0
             found[name] = Equations(residual, start, sense, x.end if monotone and x else None)
@@ -193,8 +213,19 @@ class Interface(Law):
 
     def _check(self) -> None:
         """Raise ``ValueError`` if the variables are none."""
-        kind, names = self.name, [getattr(x, "name", None) for x in self.internal]
-        if not all(isinstance(x, Internal) for x in self.internal) or len(set(names)) < len(names):
+        kind = self.name
+        for what, one in (("internal", Internal), ("needs_time", str)):
+            given = getattr(self, what)
+            if not isinstance(given, tuple) or not all(isinstance(x, one) for x in given):
+                raise ValueError(
+                    f"{what} of {kind} must be a tuple of {one.__name__}, got {given!r}; one alone "
+                    "needs a comma after it"
+                )
+        for name in self.needs_time:
+            if name not in self.given:
+                raise ValueError(f"needs_time of {kind} names {name}, which is no field of it")
+        names = [x.name for x in self.internal]
+        if len(set(names)) < len(names):
             raise ValueError(f"internal of {kind} must be Internals of different names")
         for x in self.internal:
             if not x.vector and x.name not in self.given:

@@ -281,7 +281,10 @@ class InterfacePoint:
             phi, rates = self._potential(self.pressure, self._own_speed, share)
             for name in self._moves:
                 moved = self.values[name] - self.start[name]
-                found += 0.5 * float(weight) * ufl.inner(_slope(phi, rates[name]), moved)
+                lost = ufl.inner(_slope(phi, rates[name]), moved)
+                # What has come to its end may be resisted without bound there.
+                some = ufl.ne(ufl.inner(moved, moved), 0.0)
+                found += 0.5 * float(weight) * ufl.conditional(some, lost, 0.0)
         return found
 
     @property
@@ -299,6 +302,11 @@ class InterfacePoint:
     def driven(self, name: str) -> Any:
         """dPsi/da + dPhi/da', of a variable; 0 where it changes."""
         return _slope(self.energy, self.values[name]) + self.resisted(name)
+
+    def determines(self, name: str) -> bool:
+        """Whether that depends on any of the unknown variables, so that it can be solved for."""
+        force = self.driven(name)
+        return not all(isinstance(_slope(force, self.values[x.name]), Zero) for x in self.unknown)
 
     def resistance(self, pressure: Any, speed: Any) -> Any:
         """dPhi/d|[u_t]'|, the radius of the friction disc."""

@@ -300,6 +300,11 @@ class Law:
         """What memory has of the law that tables show, by the name that it has there."""
         return {name: name for name in self.remembers}
 
+    @property
+    def ends(self) -> Mapping[str, tuple[int, float]]:
+        """Fields that do not go beyond an end: 1 if they grow to it, -1 if they fall; and it."""
+        return {}
+
     def sign(self, field: str) -> Sign:
         """What a field must be."""
         return "nonnegative" if self.nonnegative else "any"
@@ -325,6 +330,7 @@ class Law:
         kind = self.name
         hiding = sorted(set(self.given) & set(dir(Law)))
         if hiding:
+            kind = type(self).__name__  # the name may be one of them
             raise ValueError(f"fields of {kind} must not have the names of methods: {hiding}")
         return self.having(
             {

@@ -44,7 +44,7 @@ from dolfinx_contact._progress import SolveProgress
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.given_data import not_finite, placed_data, require_obstacles
 from dolfinx_contact.equations.normals import without_normal
-from dolfinx_contact.equations.state import Statuses
+from dolfinx_contact.equations.state import State, Statuses
 from dolfinx_contact.equations.touching import bring_together
 from dolfinx_contact.points.law_checks import check_law
 from dolfinx_contact.solvers.choice import LinearSolverChoice
@@ -277,13 +277,25 @@ def check_data(eq: ContactEquations, x0: PETSc.Vec) -> None:
     require(eq.comm, given, "a load or motion of a rigid body is not finite")
     eq.constraints.check_values(eq.surfaces, eq.body_size)
     b = eq.create_vector()
-    eq.residual(x0, b)
+    state = eq.residual(x0, b)
     finite = bool(np.isfinite(b.array_r).all())
     b.destroy()
     if not eq.comm.allreduce(int(finite), op=MPI.MIN):
-        place = not_finite(eq, placed_data(eq)) or "loads and material data, for NaN"
+        place = not_finite(eq, placed_data(eq)) or _not_finite_law(eq, state)
+        place = place or "loads and material data, for NaN"
         raise ValueError(f"the residual is not finite at the start: look at {place}")
     eq.scaling.follow(eq.displacement(x0))
+
+
+def _not_finite_law(eq: ContactEquations, state: State) -> str:
+    """The first law that answers what is not finite, on any rank; "" if none. Collective."""
+    for s, rows in zip(eq.surfaces, state.rows[1:-1], strict=True):
+        if not eq.comm.allreduce(int(np.isfinite(rows).all()), op=MPI.MIN):
+            return (
+                f"the law {s.law.name} of {s.name}, whose answer or its derivatives are not finite "
+                "there: powers and roots at 0, quotients"
+            )
+    return ""
 
 
 def _require_start(eq: ContactEquations, x0: PETSc.Vec) -> None:
