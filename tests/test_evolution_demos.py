@@ -8,6 +8,7 @@ import demo_indenter
 import demo_mindlin
 import demo_own_interface
 import demo_peeling
+import demo_pile
 import demo_pull_out
 import demo_refrigerator
 import demo_steel_concrete
@@ -277,3 +278,81 @@ def test_indenter_converges(folder):
     first, second, third = (indenter(folder, f"--n={n}") for n in (16, 24, 32))
     assert 1.1 < third < second < first < 1.3
     assert second - third < 0.6 * (first - second)
+
+
+def at_rest(problem):
+    """Tables of the shaft, and the displacement that is left of a balance of stresses."""
+    result = problem.solve()
+    left = np.linalg.norm(problem.u.x.array, ord=np.inf)
+    return result.tables["contact"], problem.u.function_space.mesh.comm.allreduce(left, op=MPI.MAX)
+
+
+def gives(*words):
+    """What a stiff pile gives way by, over a slip all along and cylinders of soil."""
+    args = demo_pile.arguments(list(words))
+    problem, drawn = demo_pile.pile_in_soil(args, MPI.COMM_WORLD)
+    problem.solve()
+    drawn.value = 1e-4
+    table = problem.solve().tables["contact"]
+    slip = table.area @ table.ut[:, 1] / table.area.sum()
+    return (1e-4 - slip) / -table.force[:, 1].sum() / demo_pile.closed_form(args, slip)[2]
+
+
+@pytest.mark.chatty
+def test_the_earth_pressure_at_rest():
+    """Stresses, weight and the pressure from below leave nothing displaced: K0 g z on the shaft."""
+    args = demo_pile.arguments(["--n=8"])
+    table, left = at_rest(demo_pile.pile_in_soil(args, MPI.COMM_WORLD)[0])
+    assert left < 1e-12
+    z, h = -table.x[:, 1], args.depth / args.n
+    exact = 5.0 * z
+    np.testing.assert_allclose(table.pressure[1:-1], exact[1:-1], rtol=1e-8)
+    # The force on a node at an end is that of half a cell, whose pressure is not that of its end.
+    np.testing.assert_allclose(table.pressure[[0, -1]], [5.0 * (10 - h / 3), 5.0 * h / 3])
+    assert table.rn.sum() == pytest.approx(np.pi * 0.3 * 5.0 * 10**2, rel=1e-8)
+    np.testing.assert_allclose(table.shear, 0.0, atol=1e-8)
+
+
+@pytest.mark.chatty
+def test_a_pile_is_drawn(folder, no_pictures):
+    """The load follows one slip all along the shaft, from the bond to the friction left."""
+    summary = demo_pile.main(["--n=8", "--steps=6", f"--output={folder}"])
+    head, force, closed = (np.array(summary[k]) for k in ("head", "force", "closed_form"))
+    assert summary["at_rest"] == pytest.approx(summary["friction_limit"], rel=1e-8)
+    assert summary["friction_limit"] == pytest.approx(np.pi * 0.3 * 0.5 * 0.5 * 10.0 * 10**2)
+    assert summary["peak"] == pytest.approx(summary["peak_closed_form"], rel=0.03)
+    assert summary["plateau"] == pytest.approx(summary["friction_limit"], rel=0.015)
+    np.testing.assert_allclose(force[-3:], closed[-3:], rtol=0.015)
+    # Soil with free ends gives way by a tenth more, of a fifth of the whole.
+    assert summary["gives"] / summary["gives_closed_form"] == pytest.approx(1.1, abs=0.04)
+    # No bond is left, and nothing is lost but by the steps.
+    bond = 2 * np.pi * 0.3 * 10 * demo_pile.BOND * demo_pile.U0**2
+    slip = head[-1] - force[-1] * summary["gives"]
+    broken = 1 - (demo_pile.U0 / slip) ** 2
+    assert summary["damage"] == pytest.approx(broken * bond, rel=2e-3)
+    assert summary["external"] == pytest.approx(summary["work_of_pull"], rel=1e-4)
+    assert abs(summary["residue"]) < 0.03 * summary["external"]
+    assert all((folder / name).exists() for name in ("load.png", "shear.png"))
+
+
+@pytest.mark.long
+def test_a_pile_converges(folder, no_pictures, monkeypatch):
+    """In steps: what is left over; in L/R: ends of the soil; in cells: the load."""
+    runs = []
+    for steps in (8, 16):
+        words = ["--n=10", f"--steps={steps}", f"--output={folder / str(steps)}"]
+        runs.append(demo_pile.main(words))
+    shares = [abs(run["residue"]) / run["external"] for run in runs]
+    assert shares[1] < 0.6 * shares[0]
+    fine = demo_pile.main(["--n=40", "--steps=16", f"--output={folder / 'fine'}"])
+    middle = demo_pile.main(["--n=20", "--steps=16", f"--output={folder / 'middle'}"])
+    for name in ("peak", "gives"):
+        near, far = (abs(run[name] - fine[name]) for run in (middle, runs[1]))
+        assert near < 0.35 * far, name
+    # The pressure at the corner of the base grows with finer cells, and what friction it is hardly.
+    assert middle["plateau"] == pytest.approx(fine["plateau"], rel=1e-3)
+    assert fine["plateau"] == pytest.approx(fine["friction_limit"], rel=2e-3)
+    monkeypatch.setattr(demo_pile, "PILE", (30e9, 0.2))
+    more = [gives(f"--depth={L}", f"--n={2 * L}") - 1 for L in (10, 20, 40)]
+    for near, far in zip(more[1:], more[:-1], strict=True):
+        assert 0.45 < near / far < 0.55
