@@ -12,10 +12,10 @@
 # a bar of the stiffness EA knows the force by the slip u where it leaves the matrix,
 #   P^2 = 4 pi a EA Phi(u),  Phi = C u^2/2 up to u0 = (w/C)^(1/2), beyond it
 #   Phi = w - w u0^2/(2 u^2) + mu p (u - u0 + u0 (u0/u - 1)).
-#
-# When the crack has run through, what the fibre has stored is more than the rest of the bond takes:
-# the state jumps, and friction alone is left, 2 pi a L mu p. Sliding is small: the length L stays.
-# The numbers (mm, N) are no source's. Poisson's ratio is 0: tension does not thin the fibre.
+# The matrix is held around. Its face may be one of a crack that the fibre bridges: by symmetry that
+# opens by 2 u, until the load is highest. When the bond has broken all along, the fibre has stored
+# more than is left of it takes: the state jumps to friction alone, 2 pi a L mu p (sliding is small:
+# L stays). The numbers (mm, N) are no source's; with Poisson's ratio 0 tension thins no fibre.
 
 from mpi4py import MPI
 
