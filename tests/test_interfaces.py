@@ -371,6 +371,41 @@ def test_opening_alone(cell, caplog):
     assert "no solution" not in caplog.text  # it began bonded, though no solve had said so
 
 
+@dataclass(frozen=True)
+class Exponential(Interface):
+    """A traction s exp(-u/e) by a damage that comes to its end at an infinite jump."""
+
+    strength: Any
+    length: Any
+    damage: Any = 0.0
+    internal = (Internal("damage", "grows", end=1.0),)
+
+    def _stiffness(self, damage):
+        return self.strength / self.length * (1 - damage)
+
+    def energy(self, state):
+        return self._stiffness(state["damage"]) * state.opening**2 / 2
+
+    def dissipation(self, rates, state):
+        reached = -self.length * ufl.ln(1 - state["damage"])
+        return self.strength / self.length * reached**2 / 2 * rates["damage"]
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="one point")
+def test_an_end_that_is_never_reached():
+    """Also where the damage is the last number before 1, and its threshold infinite at it."""
+    point = Point(Exponential(2.0, 0.1), r=1000.0)
+    for k, far in enumerate([0.5, 5.0, 20.0, 30.0, 36.0, 40.0, 100.0, 1000.0], 1):
+        damage = point.to(k, (0.0, 0.1 * far))
+        assert damage == pytest.approx(-np.expm1(-far), rel=1e-12, abs=2e-16)
+        traction = point.answers.bond("traction")[0]
+        assert np.isfinite(point.answers.traction(point.answers.asked)).all()
+        if far <= 20:
+            assert traction[1] == pytest.approx(-2.0 * far * np.exp(-far), rel=1e-6)
+        else:
+            assert abs(traction[1]) < 1e-12
+
+
 @pytest.mark.parametrize("k", [1.0, 8.0])
 def test_a_bar_on_cohesion(k):
     """By arc length, back where the bond softens faster than the bar, to where it is broken."""

@@ -45,7 +45,9 @@ class BilinearCohesive(Interface):
     internal = (Internal("damage", "grows", end=1.0),)
 
     def sign(self, field: str) -> Sign:
-        return {"damage": "fraction", "friction": "nonnegative"}.get(field, "positive")  # type: ignore[return-value]
+        positive: dict[str, Sign] = dict.fromkeys(("strength", "elastic", "softening"), "positive")
+        known: dict[str, Sign] = {"damage": "fraction", **positive}
+        return known.get(field, "nonnegative")
 
     def energy(self, state: InterfaceState) -> Any:
         size = state.opening**2 + ufl.dot(state.moved, state.moved)

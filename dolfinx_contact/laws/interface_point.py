@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -61,8 +60,9 @@ class Internal:
         if one_way and self.vector:
             raise ValueError(f"{self.name} is a vector: it neither falls nor grows")
         end = self.end
-        good = isinstance(end, int | float) and not isinstance(end, bool) and math.isfinite(end)
-        if end is not None and not (one_way and good):
+        number = isinstance(end, int | float | np.number) and not isinstance(end, bool)
+        good = one_way and number and bool(np.isfinite(end))
+        if end is not None and not good:
             raise ValueError(
                 f"the end of {self.name} must be a number, of a variable that falls or grows; "
                 f"got {end!r}"

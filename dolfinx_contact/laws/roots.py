@@ -131,7 +131,11 @@ class _Root:
         middle = (start[:, 0] + end) / 2
         begin = z.copy()
         begin[:, 0] = middle if self._ends else far
-        return self._solved(full, begin, start, end=end)
+        found = self._solved(full, begin, start, end=end)
+        # Nearer to its end than numbers are, where what drives it may have no bound.
+        beyond = self._sense * (end - found[:, 0]) <= 0
+        found[beyond, 0] = np.nextafter(end[beyond], start[beyond, 0])
+        return found
 
     def _solved(
         self,
