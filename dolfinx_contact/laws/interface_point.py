@@ -59,7 +59,7 @@ class Internal:
         one_way = self.change != "any"
         if one_way and self.vector:
             raise ValueError(f"{self.name} is a vector: it neither falls nor grows")
-        end = self.end
+        end: Any = self.end
         number = isinstance(end, int | float | np.number) and not isinstance(end, bool)
         good = one_way and number and bool(np.isfinite(end))
         if end is not None and not good:
