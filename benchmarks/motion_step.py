@@ -198,7 +198,6 @@ def measured(args, comm, case, plain):
 
 
 def main(argv=None):
-    logging.getLogger("dolfinx_contact").setLevel(logging.ERROR)
     args, comm = arguments(argv), MPI.COMM_WORLD
     plain = {}
     for kind in ("amg", "jacobi"):
@@ -218,4 +217,5 @@ def main(argv=None):
 
 
 if __name__ == "__main__":
+    logging.getLogger("dolfinx_contact").setLevel(logging.ERROR)
     main()
