@@ -120,6 +120,45 @@ def test_corner_that_is_a_fold():
     assert x[0] == pytest.approx(-2.0, abs=1e-10)
 
 
+def moment(low, high):
+    """x = g, in another piece from ``low`` to ``high``."""
+    d = lambda g: max(low - g, g - high)  # noqa: E731
+    return Textbook(
+        1,
+        lambda x, g, s: np.array([x[0] - g]),
+        lambda x, g, s: [[1.0]],
+        lambda x, g, s: [-1.0],
+        lambda x, g, s: [[(-d(g) if s[0] else d(g), 1 - s[0])]],
+        lambda x, g: [int(d(g) < 0)],
+        (0, 1),
+    )
+
+
+@pytest.mark.parametrize("low", [0.3, 0.4375, 0.45])
+def test_a_piece_that_is_shorter_than_a_step(low, algebra):
+    """The border by which a piece is entered and left is met twice, and the branch goes on."""
+    met = 0
+    for first in (0.06, 0.07, 0.1):
+        system, control = moment(low, low + 0.0625), StepControl(initial=first, kinks="exact")
+        branch = follow(system, start(system, [0.0]), 0.0, gamma_range=(0.0, 1.0), control=control)
+        assert branch.reason == "gamma reached the end of its range"
+        assert branch.points[-1].gamma == 1.0
+        found = [s.gamma for s in branch.special]
+        met += len(found) > 0  # else a step led from one side of the piece to the other
+        if found:
+            assert [(s.kind, s.parity) for s in branch.special] == [("event", 1)] * 2
+            np.testing.assert_allclose(found, [low, low + 0.0625], rtol=0, atol=1e-12)
+    assert met
+
+
+def test_a_branch_does_not_go_back_where_it_came():
+    """Where no step may be as short as a piece the branch ends, and says so."""
+    system, control = moment(0.4375, 0.5), StepControl(0.07, minimum=0.055, kinks="exact")
+    branch = follow(system, start(system, [0.0]), 0.0, gamma_range=(0.0, 1.0), control=control)
+    assert branch.reason == "no step of at least 0.055 succeeds"
+    assert branch.points[-1].gamma == pytest.approx(0.4375, abs=1e-12)
+
+
 def test_three_pieces_meet():
     """H = |x| - |g| ... four rays meet at the origin: x = g and x = -g, each twice."""
 

@@ -24,11 +24,11 @@ LAWS = {
 }
 
 
-def pushed(law, push, cell, friction):
+def pushed(law, push, cell, friction, n=2):
     """A block that is pressed and pushed to one side, its bonds half broken; solved."""
     aside = () if cell == "tri" else (0.001,)
     given = {"top": (push, *aside, -0.01), "options": {"snes_rtol": 1e-12}}
-    problem = block(n=2, cell=cell, law=LAWS[law](friction), **given)
+    problem = block(n=n, cell=cell, law=LAWS[law](friction), **given)
     (surface,) = problem.surfaces
     if law != "coulomb":
         n = surface.points.number
@@ -78,6 +78,33 @@ def test_from_zero_and_back(law, push, cell, kinks):
     assert events[0]
     if kinks == "exact":
         np.testing.assert_allclose(events[0], events[1][::-1], rtol=0, atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("law", "push", "span", "length"),
+    [("coulomb", -0.004, (0.075, 0.085), 0.19), ("soft bonds", 0.004, (0.17, 0.1995), 0.48)],
+)
+def test_a_point_that_sticks_for_a_moment(law, push, span, length):
+    """Its slip comes to zero and begins again within one step: the branch does not turn back."""
+    low, high = span
+    problem = pushed(law, push, "tet", high, 4)
+    system = ParametricContact(problem, problem.surfaces[0].law.friction)
+    x = system.create_vector()
+    problem.write(x)
+    control = StepControl(initial=length, maximum=length, kinks="exact")
+    branch = follow(system, x, high, gamma_range=span, increasing=False, control=control)
+    assert branch.reason == "gamma reached the end of its range"
+    assert branch.points[-1].gamma == low
+    assert [(s.kind, s.parity) for s in branch.special] == [("event", 1)] * 2
+    (first,), (second,) = (s.changes for s in branch.special)
+    assert (first.rank, first.point) == (second.rank, second.point)
+    assert (first.before, first.after) == (second.after, second.before) == (2, 1)
+    there = problem.u.x.array.copy()
+    wanted = pushed(law, push, "tet", low, 4)
+    np.testing.assert_allclose(there, wanted.u.x.array, rtol=0, atol=1e-9)
+    middle = float(np.mean([s.gamma for s in branch.special]))
+    stuck = branch.points[branch.special[0].index].piece
+    assert system.letters(stuck) == statuses_of(pushed(law, push, "tet", middle, 4))
 
 
 def statuses_of(problem):

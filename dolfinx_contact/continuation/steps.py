@@ -4,6 +4,11 @@
 A step stays on one piece, which is smooth, by predictor and corrector. Then the events of the piece
 are looked at: if one has become negative, the first change of status is located along the branch to
 round-off, and the branch goes on in the piece beyond (`crossing.py`), its tangent oriented into it.
+
+An event at which a step begins is zero there. Where it grows along the tangent and is negative at
+the end of the step it vanishes a second time on the way, as where a point sticks for a moment: then
+the step is shortened until it ends before that. Taken for the first zero, the start would be
+crossed once more, and the branch would go back by the piece that it came by.
 """
 
 from __future__ import annotations
@@ -16,7 +21,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from dolfinx_contact.continuation.bifurcation import BifurcationTest
-from dolfinx_contact.continuation.borders import reached
+from dolfinx_contact.continuation.borders import again, reached
 from dolfinx_contact.continuation.branch import BranchPoint, Ray, SpecialPoint
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.crossing import cross
@@ -25,6 +30,9 @@ from dolfinx_contact.continuation.system import Events, Piece
 __all__ = ["ExactSteps"]
 
 _AT_BORDER = 1e-9  # of the largest distance: an event that counts as located
+_PROBE = 1e-6  # length over which it is seen whether an event grows
+_IDLE = 1e-7  # of the largest rate of an event: no rate
+_NO_STEP = 1e-9  # a step that is round-off
 
 
 class ExactSteps:
@@ -42,6 +50,8 @@ class ExactSteps:
         self.largest_distance = 0.0
         #: Why the branch cannot be followed further.
         self.dead_end = ""
+        #: The kink that was crossed last, and the ray by which the branch came to it.
+        self._came: tuple[PETSc.Vec, Ray] | None = None
 
     def destroy(self) -> None:
         """Free the PETSc objects."""
@@ -79,10 +89,14 @@ class ExactSteps:
             tau = self.test(accepted=True)
             new = BranchPoint(y, tangent, point.piece, b.gamma(y), h, corrections, tau)
             if self._least_distance(new) < 0:
+                shorter = h * control.decrease
+                if shorter >= control.minimum and self._there_and_back(point, y):
+                    h = shorter
+                    continue
                 crossed = self._to_the_border(point, h, y)
-                if crossed[0] is not None or h * control.decrease < control.minimum:
+                if crossed[0] is not None or shorter < control.minimum:
                     return crossed
-                h *= control.decrease
+                h = shorter
                 continue
             special = self.smooth_points(point, new)
             return self.rescaled(new), special, next_h
@@ -108,6 +122,25 @@ class ExactSteps:
         distance = self._distances(point.y, point.piece)
         least = self.bordered.comm.allreduce(float(np.min(distance, initial=np.inf)), op=min)
         return least if least < -_AT_BORDER * self._unit(point.y, point.piece) else 0.0
+
+    def _there_and_back(self, point: BranchPoint, y_high: PETSc.Vec) -> bool:
+        """Whether an event that is zero at ``point`` grows and is negative at the end. Collective.
+
+        It vanishes twice, the second time at a distance from ``point``.
+        """
+        border = _AT_BORDER * self._unit(point.y, point.piece)
+        probe = point.y.copy()
+        probe.axpy(_PROBE, point.tangent)
+        low, high = (self._events(y, point.piece) for y in (point.y, y_high))
+        before = again(high, low, np.full_like(high.distance, np.inf))
+        ahead = again(high, self._events(probe, point.piece), before)
+        probe.destroy()
+        known = np.isfinite(before)
+        slope = np.subtract(ahead, before, out=np.zeros_like(before), where=known) / _PROBE
+        rate = float(np.max(np.abs(slope), initial=0.0))
+        least = _IDLE * self.bordered.comm.allreduce(rate, op=max)
+        twice = (high.distance < -border) & (np.abs(before) <= border) & (slope > least)
+        return bool(self.bordered.comm.allreduce(int(twice.any())))
 
     def _to_the_border(
         self, point: BranchPoint, h: float, y_high: PETSc.Vec
@@ -135,6 +168,9 @@ class ExactSteps:
             )
             special.append(SpecialPoint("end", False, here.gamma, y, 0, complete=crossing.complete))
             return here, special, h
+        if self._goes_back(here, onwards, point):
+            return None, [], h
+        self._came = (y, Ray(point.piece, tangent))
         turned = self.turned(tangent, onwards.tangent)
         kind = "bifurcation" if crossing.others else "fold" if turned else "event"
         special.append(
@@ -155,6 +191,18 @@ class ExactSteps:
         )
         new = BranchPoint(y, onwards.tangent, onwards.piece, here.gamma, s, here.corrections)
         return self.rescaled(new), special, h
+
+    def _goes_back(self, here: BranchPoint, ray: Ray, point: BranchPoint) -> bool:
+        """Whether ``ray`` leads back from the kink that was crossed last. Collective.
+
+        It is then, reversed, the ray by which the branch came to ``point``, where ``here`` is too.
+        """
+        if self._came is None or self._came[0] is not point.y:
+            return False
+        came = self._came[1]
+        same = bool(np.array_equal(came.piece.codes, ray.piece.codes))
+        same = self.bordered.comm.allreduce(same, op=min) and here.step <= _NO_STEP
+        return same and self.bordered.inner(came.tangent, ray.tangent) < 0
 
     def _leads_nowhere(self, here: BranchPoint, ray: Ray) -> bool:
         """Whether ``ray`` is in the piece that was left after no step at all. Collective.
