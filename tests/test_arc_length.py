@@ -123,6 +123,37 @@ def test_going_back_unloads():
     assert (kink.before, kink.after) == ("oo", "aa")
 
 
+@pytest.mark.parametrize(("k", "n", "event"), [(0.3, 8, "nonsmooth fold"), (2.0, 8, "kink")])
+def test_back_to_nothing(k, n, event):
+    """The path ends at gamma = 0, where all bonds close at once, and begins there again."""
+    path = ArcLength(bar(k, n))
+    there = path.run(ENDS, stop=broken_by_half)
+    r = opening(there.steps[-1])[0]
+    back = path.run(ENDS, direction="back")
+    assert back.reason == "gamma reached the end of its range"
+    assert back.steps[-1].gamma == 0.0
+    assert [s.event for s in back.steps if s.event] == []
+    np.testing.assert_allclose(opening(back.steps[-1]), 0.0, atol=1e-12)
+    again = path.run(ENDS, direction="back", stop=lambda s: s.event)
+    assert again.reason == event
+    np.testing.assert_allclose(opening(again.steps[-1]), r, rtol=1e-8)
+
+
+@pytest.mark.parametrize(("k", "n"), [(1.0, 2), (2.0, 8)])
+def test_back_through_nothing(k, n):
+    """Beyond the state without forces the bar is pressed, as hard as its stiffness says."""
+    path, ends = ArcLength(bar(k, n)), (-0.5 * U0, ENDS[1])
+    path.run(ends, stop=broken_by_half)
+    back = path.run(ends, direction="back")
+    assert back.reason == "gamma reached the end of its range"
+    (kink,) = (s for s in back.steps if s.event)
+    assert (kink.event, kink.before) == ("kink", "oo")
+    assert abs(kink.gamma) < 1e-10 * U0
+    table = back.steps[-1].result.tables["contact"]
+    np.testing.assert_allclose(table.un, 0.0, atol=1e-12)
+    np.testing.assert_allclose(table.pressure, k * C * 0.5 * U0, rtol=1e-9)
+
+
 def test_one_node():
     """The same folds by a load, of one element; in other units of gamma too."""
     k, gaps = 0.3, []

@@ -29,6 +29,7 @@ __all__ = ["ArcSteps", "Arrival"]
 
 _AT_BORDER = 1e-10  # of the largest distance: a point whose rate decides
 _BEYOND = 1e-9  # of the largest distance: beyond round-off
+_AT_END = 1e-10  # of the range of gamma: an end that is reached
 
 
 @dataclass(frozen=True)
@@ -107,9 +108,9 @@ class ArcSteps(ExactSteps):
             folds = [s for s in special if s.kind == "fold"]
             if folds:
                 new, at, next_h = self._at_fold(point, new, folds[0]), "fold", h
-            low, high = gamma_range
-            if not low <= new.gamma <= high:
-                new, at = self._at_end(point, new, gamma_range), "end"
+            end = _end_reached(point.gamma, new.gamma, gamma_range)
+            if end is not None:
+                new, at = self._at_end(point, new, end), "end"
             before = [s for s in special if s.kind == "bifurcation"]
             return Arrival(new, at, tuple(before), next_h)
         return None
@@ -148,13 +149,27 @@ class ArcSteps(ExactSteps):
         s = float(np.sqrt(self.bordered.inner(away, away)))
         return self._there(point, s, fold.y) or new
 
-    def _at_end(
-        self, point: BranchPoint, new: BranchPoint, gamma_range: tuple[float, float]
-    ) -> BranchPoint:
-        end, _ = self.end_at(point, new, (), gamma_range)
+    def _at_end(self, point: BranchPoint, new: BranchPoint, gamma: float) -> BranchPoint:
+        end, _ = self.end_at(point, new, (), (gamma, gamma))
+        if end is not new:
+            x, _ = self.bordered.split(end.y)
+            self.bordered.join(x, gamma, end.y)  # without the round-off of the corrector
         away = end.y - point.y
         s = float(np.sqrt(self.bordered.inner(away, away)))
         return self._there(point, s, end.y) or end
 
     def _any(self, which: np.ndarray) -> bool:
         return bool(self.bordered.comm.allreduce(int(which.any())))
+
+
+def _end_reached(before: float, gamma: float, gamma_range: tuple[float, float]) -> float | None:
+    """The end of the range that a step from ``before`` to ``gamma`` reaches; None if it does not.
+
+    A kink at the very end, as where all bonds close without load, is found on either side of it.
+    """
+    low, high = gamma_range
+    if not low <= gamma <= high:
+        return low if gamma < low else high
+    near = _AT_END * (high - low)
+    ends = [end for end in gamma_range if abs(gamma - end) <= near < abs(before - end)]
+    return ends[0] if ends else None

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from dolfinx_contact.continuation.branch import AT_END, BranchPoint
+from dolfinx_contact.equations.state import State
 from dolfinx_contact.evolution.arc_steps import ArcSteps, Arrival
 from dolfinx_contact.evolution.energy import forces_at
 from dolfinx_contact.evolution.moment import Stepper, Taken
@@ -15,6 +16,7 @@ from dolfinx_contact.evolution.path import PathEvent, PathStep
 from dolfinx_contact.evolution.path_standing import PathStanding, PathTask
 from dolfinx_contact.evolution.rate_problem import Ways
 from dolfinx_contact.parametric import ParametricContact
+from dolfinx_contact.results.tables import violation
 
 __all__ = ["PathRun"]
 
@@ -137,13 +139,13 @@ class PathRun:
                 )
                 return None
             before, point = self._moment, found.point
-            result = system.result_at(point)
-            if self._weak or result.kkt_violation <= _VIOLATION:
+            result, state = system.result_at(point), self._stepper.problem.state()
+            if self._weak or self._violation(state) <= _VIOLATION:
                 break
             # Bonds were taken for damaging that are not, or the other way round, within the step.
             self._h = 0.5 * min(self._h, point.step)
         self._h = found.next_h
-        eq, state = system.equations, self._stepper.problem.state()
+        eq = system.equations
         energies = before.energies.advanced(
             before.forces, forces := forces_at(eq, state), result.energies["friction"]
         )
@@ -179,6 +181,11 @@ class PathRun:
             corrections=point.corrections,
         )
         return step, Taken(before, self._moment, result)
+
+    def _violation(self, state: State) -> float:
+        """Of the law, beside the largest forces on the path: one may pass where there are none."""
+        eq, (force, length) = self._system.equations, self._system.scales
+        return violation(eq, state, force, length) if force > 0 else 0.0
 
     def _event(self, found: Arrival) -> PathEvent:
         """What happens at an accepted point."""
