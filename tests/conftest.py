@@ -14,6 +14,7 @@ EVERY_CASE = ("test_bad_input", "test_disk", "test_hostile", "test_messages", "t
 #: Tests on three ranks, of what depends on who owns what; the rest is seen on two.
 ON_THREE = {
     "test_adhesion": ("as_on_one_rank",),
+    "test_arc_length": ("of_two_that_are_alike",),
     "test_bad_input": ("bad_numbers_on_one_rank_only", "a_rank_without_any_cell"),
     "test_blocks": ("oracle_forces", "ranks_and_ghost_modes", "patch"),
     "test_classical": ("in_space",),

@@ -123,6 +123,7 @@ def test_going_back_unloads():
     assert (kink.before, kink.after) == ("oo", "aa")
 
 
+@pytest.mark.chatty
 @pytest.mark.parametrize(("k", "n", "event"), [(0.3, 8, "nonsmooth fold"), (2.0, 8, "kink")])
 def test_back_to_nothing(k, n, event):
     """The path ends at gamma = 0, where all bonds close at once, and begins there again."""
@@ -186,6 +187,17 @@ def test_ways_on(free, ways):
     # That on which both damage is unstable to bending: its determinant has the other sign.
     assert fold.after in (("ao", "oa") if free else ("aa",))
     assert fold.method == "all statuses that meet"
+
+
+def test_of_two_that_are_alike():
+    """Where the corners would take turns one of them damages: the left one, whatever the ranks."""
+    history = ArcLength(bar(1.0, 16, free=True)).run(
+        ENDS, max_steps=8, control=StepControl(kinks="exact")
+    )
+    (fold,) = history.folds
+    assert (fold.before, fold.after) == ("oo", "ao")
+    assert fold.gamma / U0 == pytest.approx(2.0, rel=1e-9)
+    assert fold.method == "Newton's method for the rate problem"
 
 
 def test_klarbring():

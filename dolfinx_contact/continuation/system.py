@@ -123,6 +123,13 @@ class System:
         """All statuses that the local ``point`` can have; by default none."""
         return ()
 
+    def order(self) -> npt.NDArray[np.intp]:
+        """Place of each local point in an order of all that no numbering decides, nor ranks (n,).
+
+        It is asked for where one of several points is to be chosen on a path with memory.
+        """
+        raise NotImplementedError
+
     def correct(
         self,
         x: PETSc.Vec,

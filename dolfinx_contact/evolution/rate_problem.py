@@ -39,6 +39,8 @@ _IDLE = 1e-10  # of the largest rate: no rate
 _ROUNDS = 40  # of Newton's method
 _MOST_PIECES = 256
 _SAME = 1e-6  # of unit vectors
+_ALIKE = 1e-6  # of the steepest fall: as steep but for round-off
+_DIGITS = 6  # of cosines that tell directions apart
 _LENGTHS = (1e-3, 1e-2, 1e-4, 1e-5)  # of steps on H itself
 
 
@@ -105,7 +107,8 @@ class RateProblem:
         if not rays:
             return Ways(None, (), method, complete)
         if found is None:
-            rays.sort(key=lambda r: -self._b.inner(r.tangent, t))
+            # Those that are alike keep their order.
+            rays.sort(key=lambda r: -round(self._b.inner(r.tangent, t), _DIGITS))
         first, *others = rays
         return Ways(first, tuple(others), method, complete)
 
@@ -124,8 +127,8 @@ class RateProblem:
 
     def _falling(
         self, ray: Ray
-    ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int8], npt.NDArray[np.int32]]:
-        """Local points that a direction leads over a border, their statuses beyond; kinks.
+    ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int8], npt.NDArray[np.float64]]:
+        """Local points that a direction leads over a border, their statuses beyond; how steeply.
 
         A point is there as often as it is at a border, the steepest last.
         """
@@ -136,7 +139,8 @@ class RateProblem:
         over = (at_border & (slope < -_IDLE * largest)) | (here.distance < -self._outside)
         falling = np.flatnonzero(over)
         falling = falling[np.argsort(-slope[falling], kind="stable")]
-        return here.point[falling], here.target[falling], here.point[at_border]
+        fall = np.asarray(-slope[falling], dtype=np.float64)
+        return here.point[falling], here.target[falling], fall
 
     def _distances(self, ray: Ray, away: float) -> Events:
         """To the borders of the piece of a direction, at a distance along it."""
@@ -177,21 +181,31 @@ class RateProblem:
             if oriented and len(seen) > 1 and self._parity(come_by, Ray(piece, tangent)) < 0:
                 tangent.scale(-1.0)
             ray = Ray(piece, tangent)
-            points, targets, _ = self._falling(ray)
+            points, targets, fall = self._falling(ray)
             if not self._any(points):
                 return ray
             if not at_once:
-                points, targets = self._first(points, targets)
+                points, targets = self._steepest(points, targets, fall)
             piece = piece.with_codes(points, targets)
         return None
 
-    def _first(
-        self, points: npt.NDArray[np.int32], targets: npt.NDArray[np.int8]
+    def _steepest(
+        self,
+        points: npt.NDArray[np.int32],
+        targets: npt.NDArray[np.int8],
+        fall: npt.NDArray[np.float64],
     ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int8]]:
-        """One of the points of all ranks."""
-        first = next(r for r, n in enumerate(self._comm.allgather(len(points))) if n)
-        number = int(self._comm.rank == first)
-        return points[-number:][:number], targets[-number:][:number]
+        """One of the points of all ranks: the steepest; of several the first by its place."""
+        steepest = self._comm.allreduce(float(np.max(fall, initial=-np.inf)), op=max)
+        least = steepest - _ALIKE * abs(steepest)
+        places = self._b.system.order()[points]
+        mine = [
+            (int(places[k]), int(targets[k]), self._comm.rank, int(k))
+            for k in np.flatnonzero(fall >= least)
+        ]
+        *_, rank, k = min(one for part in self._comm.allgather(mine) for one in part)
+        number = int(self._comm.rank == rank)
+        return points[k:][:number], targets[k:][:number]
 
     def _parity(self, a: Ray, c: Ray) -> int:
         return parity(self._corrector, self._y, a.piece, a.tangent, c)
@@ -200,19 +214,20 @@ class RateProblem:
 
     def _enumerated(self, piece: Piece, t: PETSc.Vec) -> tuple[list[Ray], bool]:
         """Directions by all statuses of the points at a border, and whether all were tried."""
-        rank, choices = self._comm.rank, []
+        rank, choices, order = self._comm.rank, [], self._b.system.order()
         x, gamma = self._b.split(self._y)
         events = self._b.system.events(x, gamma, piece)
         at_border = np.abs(events.distance) <= self._tolerance
         for i in np.unique(events.point[at_border]):
             targets = events.target[at_border & (events.point == i)]
-            choices.append((rank, int(i), sorted({int(piece.codes[i]), *map(int, targets)})))
-        kinks = [k for part in self._comm.allgather(choices) for k in part]
+            every = sorted({int(piece.codes[i]), *map(int, targets)})
+            choices.append((int(order[i]), rank, int(i), every))
+        kinks = sorted(k for part in self._comm.allgather(choices) for k in part)
         if math.prod(len(codes) for *_, codes in kinks) > _MOST_PIECES:
             return [], False
         rays = []
         for codes in itertools.product(*(codes for *_, codes in kinks)):
-            mine = [(i, c) for (r, i, _), c in zip(kinks, codes, strict=True) if r == rank]
+            mine = [(i, c) for (_, r, i, _), c in zip(kinks, codes, strict=True) if r == rank]
             points = np.array([i for i, _ in mine], dtype=np.int32)
             new = piece.with_codes(points, [c for _, c in mine])
             tangent = self._corrector.tangent(self._y, t, new)
