@@ -236,6 +236,24 @@ def test_cohesion_at_a_point():
 
 
 @pytest.mark.skipif(COMM.size > 1, reason="one point")
+@pytest.mark.parametrize(
+    ("strength", "a", "b"), [(2.0, 0.1, 0.3), (0.05, 0.01, 0.1), (7.0, 3.0, 1e-2)]
+)
+def test_cohesion_at_its_strength(strength, a, b):
+    """Where paths come to kinks: of what damages by less than round-off no digit is known."""
+    law = BilinearCohesive(strength, a, b)
+    for ulps in range(-3, 8):
+        point = Point(law, r=1000.0)
+        point.to(0, (0.0, 0.5 * a))
+        damage = point.to(1, (0.0, a * (1 + ulps * np.finfo(float).eps)))
+        assert 0.0 <= damage <= 20 * (1 + a / b) * np.finfo(float).eps
+        assert point.answers.bond("traction")[0, 1] == pytest.approx(-strength, rel=1e-12)
+        assert 0.0 <= point.answers.bond("spent")[0] <= 1e-12 * strength * (a + b)
+        later = point.to(2, (0.0, a + b / 2))
+        assert later == pytest.approx(1 - 0.5 * a / (a + b / 2), rel=1e-12)
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="one point")
 def test_what_a_brittle_bond_costs():
     """Is what it says however few the steps: softening over a thousand times the elastic size."""
     strength, a, b = 2.0, 1e-4, 0.1

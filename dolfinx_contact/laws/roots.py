@@ -24,6 +24,7 @@ Marks = npt.NDArray[np.bool_]
 
 _MOST_STEPS, _MOST_CUTS = 100, 30
 _ENOUGH = 1e-10  # of the numbers, a last step: what is left is its square
+_MOST_GROWN, _MOST_HALVED = 60, 120
 _TO_THE_END = 0.9  # of the way, a step is cut to
 
 
@@ -132,10 +133,38 @@ class _Root:
         begin = z.copy()
         begin[:, 0] = middle if self._ends else far
         found = self._solved(full, begin, start, end=end)
+        lost = ~np.isfinite(found).all(axis=1)
+        if lost.any():
+            found[lost] = self._bisected(full[lost], start[lost], begin[lost, 0], end[lost])
         # Nearer to its end than numbers are, where what drives it may have no bound.
         beyond = self._sense * (end - found[:, 0]) <= 0
         found[beyond, 0] = np.nextafter(end[beyond], start[beyond, 0])
         return found
+
+    def _bisected(self, full: Array, start: Array, first: Array, end: Array) -> Array:
+        """The same where Newton's method fails; NaN if this does too.
+
+        As where the first number leaves a start at 0 by less than its equation is off by round-off:
+        of such a number no digit is known, and no correction is small beside it.
+        """
+        low, high = start[:, 0].copy(), end.copy()
+        if not self._ends:
+            high = first.copy()
+            for _ in range(_MOST_GROWN):
+                short = self._sense * self._first_force(full, start, high) < 0
+                if not short.any():
+                    break
+                low[short] = high[short]
+                high[short] += 2.0 * (high[short] - start[short, 0])
+        for _ in range(_MOST_HALVED):
+            middle = low + (high - low) / 2
+            short = self._sense * self._first_force(full, start, middle) < 0
+            low, high = np.where(short, middle, low), np.where(short, high, middle)
+        return self._held(full, start, high)
+
+    def _first_force(self, full: Array, start: Array, value: Array) -> Array:
+        """The equation of the first number, where that has a value."""
+        return self._at(full, self._held(full, start, value))[0][:, 0]
 
     def _solved(
         self,
