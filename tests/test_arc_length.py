@@ -86,6 +86,19 @@ def test_bar_in_series(k, n):
     np.testing.assert_allclose([r["gamma"] for r in rows], [s.gamma for s in history.steps])
 
 
+@pytest.mark.parametrize("off", [-1e-14, 0.0, 1e-14])
+def test_a_range_that_ends_at_a_fold(off):
+    """To round-off on either side of a fold, smooth or not, the path ends there."""
+    highest, lowest = 2 * U0, 4 / 3 * 3**0.25 * U0
+    path = ArcLength(bar(1.0, 2))
+    for ends, last in [((0.0, highest * (1 + off)), highest), ((lowest * (1 + off), 1.0), lowest)]:
+        history = path.run(ends)
+        assert history.complete
+        assert not history.folds
+        assert history.steps[-1].gamma == pytest.approx(last, rel=1e-12)
+    assert path.run((0.0, 1.0), max_steps=3).steps[-1].gamma > lowest
+
+
 @pytest.mark.chatty
 def test_energy():
     """What the account lacks falls with the steps."""

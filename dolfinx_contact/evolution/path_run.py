@@ -149,6 +149,11 @@ class PathRun:
         energies = before.energies.advanced(
             before.forces, forces := forces_at(eq, state), result.energies["friction"]
         )
+        if not np.isfinite(energies.residue):
+            self.reason = (
+                f"beyond gamma = {self._gamma:.10g} a law gives a number that is not finite"
+            )
+            return None
         self._moment = self._stepper.moment(
             before.time + point.step, state.statuses, eq.advanced(state), forces, energies
         )
