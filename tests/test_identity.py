@@ -2,12 +2,15 @@
 
 from mpi4py import MPI
 
-from blocks import block, box
+import numpy as np
+from blocks import block, box, facets
 
-from dolfinx import fem
+import ufl
+from dolfinx import fem, mesh
 
-from dolfinx_contact import Coulomb, Sphere
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, Sphere
 from dolfinx_contact.equations.given_data import numbers_of
+from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.output.identity import difference, identity, other_data
 
 COMM = MPI.COMM_WORLD
@@ -35,3 +38,30 @@ def test_what_has_changed_is_named():
     )
     assert other_data(problem, data, numbers_of(problem.equations)) == wanted
     assert difference(known, identity(problem)) == "other materials, loads or friction" + wanted
+
+
+def test_other_places_are_other_problems():
+    """As many facets are loaded, as many components held, but not the same."""
+
+    def known(loaded, held, comm=COMM):
+        square = box(comm, 4, "quad")
+        V = fem.functionspace(square, ("Lagrange", 1, (2,)))
+        u = fem.Function(V)
+        load = mesh.meshtags(square, 1, np.sort(facets(square, 0, loaded)), 1)
+        ds = ufl.Measure("ds", square, subdomain_data=load)
+        energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx - 2.0 * u[0] * ds(1)
+        W = V.sub(held)
+        bc = fem.dirichletbc(0.0, fem.locate_dofs_topological(W, 1, facets(square, 1, 1.0)), W)
+        floor = HalfSpace((0, 0), (0, 1))
+        surface = ContactSurface(u, facets(square, 1, 0.0), obstacle=floor, law=Coulomb(0.3))
+        return identity(ContactProblem(energy, u, [surface], bcs=[bc]))
+
+    before = known(0.0, 1)
+    assert difference(before, known(0.0, 1)) == ""
+    # On any number of ranks.
+    alone = COMM.bcast(known(0.0, 1, MPI.COMM_SELF) if COMM.rank == 0 else None)
+    assert difference(alone, before) == ""
+    assert difference(before, known(1.0, 1)) == "integrals over other cells or facets"
+    assert difference(before, known(0.0, 0)) == "Dirichlet conditions at other places"
+    old = {k: v for k, v in before.items() if k not in ("parts", "held")}
+    assert difference(old, known(1.0, 0)) == ""

@@ -78,6 +78,37 @@ def _faces(s: ContactSurface) -> list[str]:
     return found
 
 
+def _parts(form: ufl.Form, domain: mesh.Mesh) -> list[str]:
+    """Hashes of the cells or facets that the integrals of a form are over. Collective."""
+    nodes = np.asarray(domain.geometry.input_global_indices, dtype=np.int64)
+    found = []
+    for integral in form.integrals():
+        tags, ids = integral.subdomain_data(), integral.subdomain_id()
+        if not isinstance(tags, mesh.MeshTags) or ids == "everywhere":
+            continue
+        owned = domain.topology.index_map(tags.dim).size_local
+        here = [i for i in (ids if isinstance(ids, tuple) else (ids,)) if not isinstance(i, str)]
+        marked = tags.indices[np.isin(tags.values, here)] if here else tags.indices
+        mine = marked[marked < owned]
+        at = mesh.entities_to_geometry(domain, tags.dim, mine) if len(mine) else None
+        rows = np.zeros((0, 1), int) if at is None else np.sort(nodes[at], axis=1)
+        found.append(f"{integral.integral_type()} {ids} {_hash(domain.comm, rows)}")
+    return sorted(found)
+
+
+def _held(problem: ContactProblem, fixed: npt.NDArray[np.bool_]) -> list[float]:
+    """Of each component, how many are held, and mean and root mean square of where. Collective."""
+    n = problem.V.dofmap.index_map_bs
+    which = fixed[: len(fixed) - len(fixed) % n].reshape(-1, n)
+    x = problem.V.tabulate_dof_coordinates()[: len(which)]
+    places = [x[k] for k in which.T]
+    sums = [[len(at), *at.sum(axis=0), *(at**2).sum(axis=0)] for at in places]
+    total = problem.comm.allreduce(np.array(sums, dtype=float))
+    means = total[:, 1:] / np.maximum(total[:, :1], 1.0)
+    means[:, 3:] **= 0.5
+    return [float(v) for v in np.column_stack([total[:, :1], means]).ravel()]
+
+
 def _mix(rows: npt.NDArray[np.uint64], seed: int) -> npt.NDArray[np.uint64]:
     """A hash of every row, by the finaliser of splitmix64."""
     h: npt.NDArray[np.uint64] = np.full(len(rows), seed, dtype=np.uint64)
@@ -118,7 +149,9 @@ def identity(problem: ContactProblem, *, but: Sequence[Any] = ()) -> dict[str, A
             [s.name, s.method, problem.comm.allreduce(s.num_owned_points)] for s in problem.surfaces
         ],
         "faces": [_faces(s) for s in problem.surfaces],
+        "parts": _parts(eq.bulk.residual, domain),
         "fixed": problem.comm.allreduce(int(fixed.sum())),
+        "held": _held(problem, fixed),
         "ufl": ufl.__version__,
         "forms": hashlib.sha256("".join(words).encode()).hexdigest()[:32],
         "numbers": [float(v) for d in constants for v in np.real(np.ravel(d.value.value))],
@@ -154,20 +187,26 @@ def difference(recorded: Mapping[str, Any], present: Mapping[str, Any]) -> str:
         "surfaces": "other contact surfaces",
         "faces": "contact on other facets",
         "fixed": "other Dirichlet conditions",
+        "held": "Dirichlet conditions at other places",
         "forms": "other forms",
+        "parts": "integrals over other cells or facets",
         "numbers": "other materials, loads or friction",
     }
     for key, words in names.items():
         # Another UFL may write the same form in another way.
         if key == "forms" and recorded["ufl"] != present["ufl"]:
             continue
-        if key == "faces" and key not in recorded:  # in journals of old
+        if key in ("faces", "held", "parts") and key not in recorded:  # in journals of old
             continue
         a, b = recorded[key], present[key]
         if key == "numbers":
             other = _other_number(a, b, present["places"])
             if other is not None:
                 return words + other
+        elif key == "held":
+            size = float(np.max(np.abs(a), initial=0.0))
+            if len(a) != len(b) or not np.allclose(a, b, rtol=0.0, atol=_TOLERANCE * size):
+                return words
         elif a != b:
             return words
     return ""
