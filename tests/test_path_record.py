@@ -194,6 +194,10 @@ def test_what_is_refused(whole, folder):
             kept.path.run((-1.0, 2.0), record=kept)
         with pytest.raises(ValueError, match="the path is at the arc length 0 and not at the end"):
             kept.path.run((-1.0, 1.0), record=kept)
+    before = (folder / "run" / FILE_NAME).read_bytes()
+    with pytest.raises(ValueError, match="is closed: open it with resume=True"):
+        kept.path.run((-1.0, 1.0), record=kept)
+    assert (folder / "run" / FILE_NAME).read_bytes() == before
 
 
 # -- kills -----------------------------------------------------------------------------------------
