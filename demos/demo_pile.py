@@ -108,7 +108,7 @@ def main(argv=None):
     found |= {"head": head, "force": pull, "closed_form": np.interp(head, lift, force)}
     if comm.rank == 0:
         names, dotted = ("head, m", "load, kN"), {"one slip, cylinders": (lift, force)}
-        output.draw_curves(folder / "load.png", {"": (head, pull)}, dotted=dotted, labels=names)
+        output.draw_curves(folder / "load.png", {"pile": (head, pull)}, dotted=dotted, labels=names)
         at = {f"head at {1e3 * head[i]:.3g} mm": tables[i] for i in (n // 2, n, 5 * n // 4, -1)}
         shear = {name: (t.shear[:, 1], t.x[:, 1]) for name, t in at.items()}
         output.draw_curves(folder / "shear.png", shear, labels=("shear on the pile, kPa", "y, m"))

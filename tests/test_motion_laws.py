@@ -12,6 +12,7 @@ from dolfinx import fem
 
 from dolfinx_contact import (
     RCCM,
+    BilinearCohesive,
     ContactProblem,
     ContactSurface,
     Coulomb,
@@ -109,6 +110,17 @@ def test_a_bond_that_breaks():
     assert e.damage + e.stored == pytest.approx(left, rel=0.01)
     assert 0.5 - e.kinetic == pytest.approx(left, rel=0.02)
     assert abs(e.residue) < 0.03 * w
+
+
+def test_an_interface_that_breaks():
+    """The same of an interface by energy and dissipation, whose cost is exact."""
+    problem = block(BilinearCohesive(10.0, 0.005, 0.015), young=1e7, weight=0.0)
+    motion = NSCD(problem, 1.0, dt=5e-4, velocity=velocity(problem, 0.0, 1.0), mass="lumped")
+    e = motion.run([0.0, 0.06], progress=False).energies
+    assert problem.table(problem.surfaces[0]).un.min() > 0.02
+    assert e.damage == pytest.approx(0.1, rel=1e-9)
+    assert 0.5 - e.kinetic == pytest.approx(0.1, rel=0.02)
+    assert abs(e.residue) < 0.03 * 0.1
 
 
 def test_a_load_that_is_changed_between_runs():

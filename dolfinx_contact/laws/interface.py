@@ -32,12 +32,8 @@ from typing import TYPE_CHECKING, Any
 
 import ufl
 
-from dolfinx_contact.laws.interface_point import (
-    InterfacePoint,
-    InterfaceState,
-    Internal,
-    Rates,
-)
+from dolfinx_contact.laws.interface_point import InterfacePoint
+from dolfinx_contact.laws.interface_state import InterfaceState, Internal, Rates
 from dolfinx_contact.laws.law import Bond, Border, ContactPoint, Equations, Law, StatusPiece
 from dolfinx_contact.laws.status import BROKEN, DAMAGING, OPEN, PLUS, WHERE_OPEN
 

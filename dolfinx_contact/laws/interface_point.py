@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Literal, Protocol, TypeAlias, get_args
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -17,111 +17,16 @@ from ufl.corealg.map_dag import map_expr_dag
 from ufl.corealg.multifunction import MultiFunction
 
 from dolfinx_contact.laws.friction import FrictionLaw
+from dolfinx_contact.laws.interface_state import InterfaceState, Internal, Rates
 from dolfinx_contact.laws.law import ContactPoint, StatusPiece
 from dolfinx_contact.laws.symbols import variable
 
-__all__ = ["Change", "InterfacePoint", "InterfaceState", "Internal", "Rates"]
+__all__ = ["InterfacePoint"]
 
 _FIRST = 5000  # number of a variable to differentiate by
 _PER_LEVEL = 100
 _POINTS = 4  # of a quadrature
 _SHORTEST, _NO_PACE = 1e-60, 1e-290
-
-#: How a variable may change.
-Change: TypeAlias = Literal["any", "falls", "grows"]
-
-
-@dataclass(frozen=True)
-class Internal:
-    """An internal variable of an interface.
-
-    Attributes:
-        name: of a scalar that of the field of the law that has its value at the start.
-        change: ``"any"``; or ``"falls"``, ``"grows"``, of one scalar at most.
-        end: number beyond which it does not fall or grow; None for no end.
-        vector: whether it is one, of as many components as the jump; 0 at the start.
-
-    Raises:
-        ValueError: if something of this does not fit the rest.
-    """
-
-    name: str
-    change: Change = "any"
-    end: float | None = None
-    vector: bool = False
-
-    def __post_init__(self) -> None:
-        if not isinstance(self.name, str) or not self.name.isidentifier():
-            raise ValueError(f"an internal variable needs a name, got {self.name!r}")
-        if self.change not in get_args(Change):
-            known = ", ".join(map(repr, get_args(Change)))
-            raise ValueError(f"{self.name} may change by one of {known}, not {self.change!r}")
-        one_way = self.change != "any"
-        if one_way and self.vector:
-            raise ValueError(f"{self.name} is a vector: it neither falls nor grows")
-        end: Any = self.end
-        number = isinstance(end, int | float | np.number) and not isinstance(end, bool)
-        good = one_way and number and bool(np.isfinite(end))
-        if end is not None and not good:
-            raise ValueError(
-                f"the end of {self.name} must be a number, of a variable that falls or grows; "
-                f"got {end!r}"
-            )
-
-    @property
-    def sense(self) -> int:
-        """1 if it only grows, -1 if it only falls, else 0."""
-        return {"any": 0, "falls": -1, "grows": 1}[self.change]
-
-    def components(self, dim: int) -> list[str]:
-        """Names of the components of a vector in memory."""
-        return [f".{self.name}_{i}" for i in range(dim)]
-
-
-@dataclass(frozen=True)
-class InterfaceState:
-    """What an interface is in, UFL.
-
-    Attributes:
-        opening: [u_n] >= 0.
-        moved: [u_t], a vector along the surface, since the start of the history.
-        n: unit normal, from the body into the obstacle.
-        internal: variables by name; ``state[name]`` is the same.
-        pressure: p of contact, 0 where it is open. For the dissipation alone.
-        reaction: pressure of contact and adhesion together, 0 where they pull. For the dissipation
-            alone.
-    """
-
-    opening: Any
-    moved: Any
-    n: Any
-    internal: Mapping[str, Any]
-    pressure: Any = None
-    reaction: Any = None
-
-    @property
-    def jump(self) -> Any:
-        """[u], of the body to the obstacle, a vector."""
-        return self.moved - self.opening * self.n
-
-    def __getitem__(self, name: str) -> Any:
-        return self.internal[name]
-
-
-@dataclass(frozen=True)
-class Rates:
-    """How fast it changes, UFL.
-
-    Attributes:
-        slip: speed |[u_t]'| >= 0.
-        internal: rates of the variables by name; ``rates[name]`` is the same.
-    """
-
-    slip: Any
-    internal: Mapping[str, Any]
-
-    def __getitem__(self, name: str) -> Any:
-        return self.internal[name]
 
 
 class Potentials(Protocol):
@@ -314,6 +219,12 @@ class InterfacePoint:
         return _slope(phi, rates[""])
 
     @property
+    def _viscous(self) -> bool:
+        """Whether that depends on the speed."""
+        phi, rates = self._potential(ufl.as_ufl(1.0), self.speed)
+        return not isinstance(_slope(_slope(phi, rates[""]), rates[""]), Zero)
+
+    @property
     def knows_speed(self) -> bool:
         """Whether Phi is no linear function of the rates."""
         phi, rates = self._potential(self.pressure, self.speed)
@@ -338,9 +249,9 @@ class InterfacePoint:
 
     @cached_property
     def _friction(self) -> _Friction:
-        law = self._law
-        viscous = not isinstance(_slope_of_resistance(self), Zero)
-        return _Friction(self.resistance, self.speed, self._pace, viscous, law.needs_pressure)
+        viscous, presses = self._viscous, self._law.needs_pressure
+        free = bool(self._is_open) and not presses
+        return _Friction(self.resistance, self.speed, self._pace, viscous, presses, free)
 
     @property
     def contact(self) -> Mapping[int, StatusPiece]:
@@ -363,6 +274,7 @@ class _Friction(FrictionLaw):
         pace: over its distance.
         viscous: whether the radius depends on the speed.
         presses: whether it acts at closed points alone.
+        free: whether it acts at an open point, where there is no pressure.
     """
 
     resistance: Callable[[Any, Any], Any]
@@ -370,13 +282,14 @@ class _Friction(FrictionLaw):
     pace: Any
     viscous: bool
     presses: bool
+    free: bool
 
     @property
     def needs_pressure(self) -> bool:  # type: ignore[override]
         return self.presses
 
     def _pressure(self, p: Any) -> Any:
-        return p if self.presses else ufl.as_ufl(0.0)
+        return ufl.as_ufl(0.0) if self.free else p
 
     def bound(self, a: ContactPoint, p: Any) -> Any:
         return self.resistance(self._pressure(p), self.speed)
@@ -388,11 +301,6 @@ class _Friction(FrictionLaw):
         if self.viscous:
             return None
         return ufl.gt(self.resistance(self._pressure(1.0), ufl.as_ufl(0.0)), 0.0)
-
-
-def _slope_of_resistance(side: InterfacePoint) -> Any:
-    phi, rates = side._potential(ufl.as_ufl(1.0), side.speed)
-    return _slope(_slope(phi, rates[""]), rates[""])
 
 
 class _Signed(MultiFunction):  # type: ignore[misc]

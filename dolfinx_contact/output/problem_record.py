@@ -109,18 +109,19 @@ class ProblemRecord(Generic[J]):
 
     def _append(self, entry: Mapping[str, Any]) -> None:
         """Write a line of the journal; a checkpoint that it cannot name is removed. Collective."""
+        self._require_open()
         try:
-            on_root(self.comm, lambda: self._opened().append(entry))
+            on_root(self.comm, lambda: self._file.append(entry) if self._file else None)
         except OSError:
             if "checkpoint" in entry:
                 self._checkpoints.remove(entry["checkpoint"])
             raise
 
-    def _opened(self) -> JournalFile[J]:
-        """The journal, on rank 0; ``ValueError`` if it is closed."""
-        if self._file is None:
-            raise ValueError(f"the record in {self.folder} is closed: open it with resume=True")
-        return self._file
+    def _require_open(self) -> None:
+        """Raise ``ValueError`` on every rank if the journal is closed. Collective."""
+        closed = self.comm.rank == 0 and self._file is None
+        message = f"the record in {self.folder} is closed: open it with resume=True"
+        require(self.comm, not closed, message)
 
     def close(self) -> None:
         """Close the journal; the record can then be resumed."""

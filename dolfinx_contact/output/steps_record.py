@@ -22,7 +22,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._errors import everywhere, on_root, require, same_everywhere
+from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact.equations.given_data import GivenData, given_data, numbers_of
 from dolfinx_contact.evolution import EvolutionStep, History
 from dolfinx_contact.evolution.moment import Moment
@@ -162,7 +162,7 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
             ValueError: on every rank, if this is closed, or it does not begin where the record
                 ends.
         """
-        on_root(self.comm, lambda: self._opened() and None)
+        self._require_open()
         states, moment = self.journal.states, standing.moment
         if not states:
             self._keep(0, standing, self._letters(), {})
