@@ -480,6 +480,27 @@ def test_a_bar_on_cohesion(k):
     assert history.energies.damage == pytest.approx(0.05 * strength * (a + b) / 2, rel=1e-6)
 
 
+@dataclass(frozen=True)
+class Torn(Interface):
+    """A spring whose energy is no number beyond an opening, though its traction is."""
+
+    stiffness: Any
+    limit: Any
+
+    def energy(self, state):
+        return self.stiffness / 2 * state.opening**2 + 1e-30 * ufl.ln(self.limit - state.opening)
+
+
+def test_energies_that_are_no_numbers():
+    """A path ends before, and says why."""
+    path = ArcLength(bar(1.0, 2, law=Torn(C, 0.5)))
+    history = path.run((0.0, 3.0))
+    assert not history.complete
+    assert "a law gives a number that is not finite" in history.reason
+    assert 0.9 < history.steps[-1].gamma < 1.0
+    assert np.isfinite(history.energies.residue)
+
+
 @pytest.mark.skipif(COMM.size > 1, reason="one point")
 @pytest.mark.parametrize("dim", [2, 3])
 def test_coupled_variables(dim):
