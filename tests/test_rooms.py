@@ -90,11 +90,6 @@ def test_the_continuation_knows_petsc_alone():
             assert "import ufl" not in file.read_text()
 
 
-def test_modules_are_short():
-    long = {n: len(f.read_text().splitlines()) for n, f in MODULES.items()}
-    assert {n: lines for n, lines in long.items() if lines > 420} == {}
-
-
 def test_what_three_ranks_run_is_there():
     for stem, names in ON_THREE.items():
         text = (Path(__file__).parent / f"{stem}.py").read_text()
