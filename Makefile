@@ -5,8 +5,9 @@ OUTPUT = output
 export OUTPUT
 # mpirun gives its ranks a terminal, so that pytest would colour what goes to a log.
 PYTEST = python3 -m pytest --color=no tests
+ATTACKS = python3 tests/attacks/run.py
 
-.PHONY: help demo test test-long test-paraview lint clean
+.PHONY: help demo test test-long test-paraview attacks lint clean
 
 help:
 	@echo "make demo       all branches of a triangle on a floor, and a body dragged over one, on two"
@@ -15,6 +16,8 @@ help:
 	@echo "make test-long  all tests in all cases, on one and two ranks, and test-paraview"
 	@echo "make test-paraview  results opened in ParaView (an environment of its own, 3 GB more);"
 	@echo "                pictures in OUTPUT=$$OUTPUT/paraview"
+	@echo "make attacks    data for which an assumption may not hold: is every answer right, refused, or"
+	@echo "                doubted in words? on one and two ranks"
 	@echo "make lint       ruff and mypy alone"
 	@echo "make clean      remove what demos, tests and tools wrote"
 
@@ -26,6 +29,11 @@ test: lint
 	$(RUN) $(PYTEST) --numprocesses 2 --dist worksteal
 	$(RUN) mpirun -n 2 $(PYTEST)
 	$(RUN) mpirun -n 3 $(PYTEST)
+	$(RUN) $(ATTACKS) --sample
+
+attacks:
+	$(RUN) $(ATTACKS)
+	$(RUN) mpirun -n 2 $(ATTACKS)
 
 test-long:
 	$(RUN) $(PYTEST) --long --numprocesses 2 --dist worksteal
