@@ -46,6 +46,30 @@ def test_circle():
     assert branch.reason == "gamma reached the end of its range"
 
 
+def test_an_end_of_the_range_that_cannot_be_solved_for():
+    """No point beyond the range, and no word that its end was reached."""
+
+    def cubic(x, g):
+        return x**3 + x - g if abs(g - 1) > 1e-9 else np.nan * x
+
+    system = smooth(1, cubic, lambda x, g: [[3 * x[0] ** 2 + 1]], lambda x, g: [-1.0])
+    branch = follow(system, start(system, [0.0]), 0.0, gamma_range=(0.0, 1.0))
+    assert branch.reason == "the point at the end of the range of gamma was not solved for"
+    assert max(p.gamma for p in branch.points) < 1
+
+
+@pytest.mark.parametrize("end", [0.3, 1e-20, 0.0, -1 / 3])
+def test_the_end_of_the_range_to_the_last_bit(end):
+    system = smooth(
+        1,
+        lambda x, g: x**3 + x - g,
+        lambda x, g: [[3 * x[0] ** 2 + 1]],
+        lambda x, g: [-1.0],
+    )
+    branch = follow(system, start(system, [1.0]), 2.0, gamma_range=(end, 3.0), increasing=False)
+    assert branch.points[-1].gamma == values(system, branch.points[-1])[1] == end
+
+
 def test_path_with_two_nonsmooth_folds():
     """The one-node S: kt = kn = 2, k = 1, F = 3, p = (-g, -1); folds at 3 and 2."""
     system = one_node(2.0, 2.0, 1.0, 3.0, (0.0, -1.0), (-1.0, 0.0))

@@ -11,10 +11,22 @@ from petsc4py import PETSc
 
 from dolfinx_contact.continuation.system import Piece
 
-__all__ = ["AT_END", "CLOSED", "Branch", "BranchPoint", "Change", "Ray", "SpecialPoint", "Stop"]
+__all__ = [
+    "AT_END",
+    "CLOSED",
+    "NOT_SOLVED_AT_END",
+    "Branch",
+    "BranchPoint",
+    "Change",
+    "Ray",
+    "SpecialPoint",
+    "Stop",
+]
 
 #: Why a branch ended that was followed to the end of the range of gamma.
 AT_END = "gamma reached the end of its range"
+#: Why a branch ended of which the next point is beyond the range, and the one at its end failed.
+NOT_SOLVED_AT_END = "the point at the end of the range of gamma was not solved for"
 #: Why a branch ended that came back to its start.
 CLOSED = "the branch is closed"
 

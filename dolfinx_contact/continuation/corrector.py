@@ -109,7 +109,7 @@ class Corrector:
         return ok
 
     def natural(self, y: PETSc.Vec, gamma: float, piece: Piece | None) -> bool:
-        """Correct ``y`` in place at fixed gamma."""
+        """Correct ``y`` in place at fixed gamma, which it then has to the last bit."""
         b = self.bordered
         start, t = b.vector(), b.last_unit()
         t.scale(2 * b.gamma_scale**2)  # whose dual vector is the unit vector of gamma
@@ -117,6 +117,8 @@ class Corrector:
         ok = self.pseudo_arclength(y, start, t, gamma, piece)
         for v in (start, t):
             v.destroy()
+        if ok:  # no more than round-off is taken away here
+            b.join(b.split(y)[0], gamma, y)
         return ok
 
     def tangent(

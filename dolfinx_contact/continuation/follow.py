@@ -32,6 +32,7 @@ from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.branch import (
     AT_END,
     CLOSED,
+    NOT_SOLVED_AT_END,
     Branch,
     BranchPoint,
     Ray,
@@ -291,6 +292,9 @@ class Follower:
                 branch.reason = CLOSED
             elif not low <= new.gamma <= high:
                 new, special = self._steps.end_at(point, new, special, (low, high))
+                if not low <= new.gamma <= high:
+                    branch.reason = NOT_SOLVED_AT_END
+                    break
                 branch.reason = AT_END
             special = [replace(s, index=len(branch.points)) for s in special]
             branch.special += special
