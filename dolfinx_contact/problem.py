@@ -23,6 +23,7 @@ from dolfinx_contact._agreement import (
     described_number,
 )
 from dolfinx_contact._errors import everywhere, require, same_everywhere
+from dolfinx_contact._kept import keep
 from dolfinx_contact._numbers import is_count, is_number
 from dolfinx_contact._options import ProblemOptions, check_options, in_database
 from dolfinx_contact._petsc import require_real, staged
@@ -106,6 +107,7 @@ class ContactProblem:
         if not isinstance(u, fem.Function):
             raise ValueError(f"the displacement must be a Function, got {type(u).__name__}")
         self.u, self.V, self.comm = u, u.function_space, u.function_space.mesh.comm
+        keep(self.V.mesh)
         with everywhere(self.comm, "a contact problem"):
             self.surfaces, self.bcs = lists(surfaces, bcs)
             check(bulk, u, self.surfaces, self.bcs)

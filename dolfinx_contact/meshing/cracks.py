@@ -21,6 +21,7 @@ import basix
 from dolfinx import mesh
 
 from dolfinx_contact._errors import everywhere, on_root, same_everywhere
+from dolfinx_contact._kept import keep
 from dolfinx_contact.meshing.gmsh import GmshMesh, NamedTags
 from dolfinx_contact.meshing.whole import WholeMesh, distributed, gathered
 
@@ -70,6 +71,7 @@ def crack(
         domain, cell_tags, facet_tags, names = body
     else:
         domain, names = body, {}
+    keep(domain)
     comm, tdim = domain.comm, domain.topology.dim
     with everywhere(comm, "a crack"):
         if isinstance(groups, str | int):

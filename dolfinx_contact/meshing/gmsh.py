@@ -24,6 +24,7 @@ from dolfinx import fem, mesh
 
 from dolfinx_contact._compat import gmsh_io
 from dolfinx_contact._errors import everywhere, require, same_everywhere
+from dolfinx_contact._kept import keep
 from dolfinx_contact._optional import optional
 
 __all__ = [
@@ -326,6 +327,7 @@ def _distribute(comm: MPI.Comm, model: Any) -> GmshMesh:
         model.mesh.renumberNodes()  # DOLFINx wants numbers without holes
     names, body = comm.bcast((names, body))
     domain, cell_tags, facet_tags = gmsh_io.model_to_mesh(model, comm, 0, gdim=body)[:3]
+    keep(domain)
     if facet_tags is None:
         domain.topology.create_entities(body - 1)
         none = np.empty(0, dtype=np.int32)

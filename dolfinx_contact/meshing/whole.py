@@ -21,6 +21,7 @@ from dolfinx import mesh
 
 from dolfinx_contact._compat import create_mesh, geometry_dofmap, tags_of_entities
 from dolfinx_contact._errors import everywhere, require, same_everywhere
+from dolfinx_contact._kept import keep
 from dolfinx_contact.meshing.gmsh import GmshMesh, NamedTags
 
 __all__ = ["WholeMesh", "distributed", "gathered", "join"]
@@ -129,6 +130,7 @@ def distributed(
         cells, facets = none.reshape(0, shape[0]), none.reshape(0, shape[2])
         whole = WholeMesh(cells, np.empty((0, shape[1])), none, tags, facets, tags)
     domain = create_mesh(comm, whole.cells, whole.x, element)
+    keep(domain)
     tdim = domain.topology.dim
     cell_tags = tags_of_entities(domain, tdim, whole.cells[whole.tagged_cells], whole.cell_values)
     facet_tags = tags_of_entities(domain, tdim - 1, whole.facets, whole.facet_values)
@@ -162,6 +164,8 @@ def join(
         facet_tags = facet_tags or [m.facet_tags for m in bodies]
         bodies = [m.mesh for m in bodies]
     known = bool(bodies) and all(isinstance(m, mesh.Mesh) for m in bodies)
+    for body in bodies if known else []:
+        keep(body)
     comm = bodies[0].comm if known else MPI.COMM_WORLD
     with everywhere(comm, "joining meshes"):
         if not known:

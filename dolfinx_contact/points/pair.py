@@ -12,6 +12,7 @@ import ufl
 from dolfinx import fem, la, mesh
 
 from dolfinx_contact._errors import everywhere, require, same_everywhere
+from dolfinx_contact._kept import keep
 from dolfinx_contact._numbers import is_number
 from dolfinx_contact.laws import Law
 from dolfinx_contact.meshing import GmshMesh, tagged_facets
@@ -97,6 +98,7 @@ class ContactPair(ContactSurface):
         if not isinstance(u, fem.Function):
             raise ValueError(f"the displacement must be a Function, got {type(u).__name__}")
         V, comm = u.function_space, u.function_space.mesh.comm
+        keep(V.mesh)
         with everywhere(comm, "a contact pair"):
             if not isinstance(name, str) or not name:
                 raise ValueError(f"the name of a contact pair must be a word, got {name!r}")

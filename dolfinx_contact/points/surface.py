@@ -16,6 +16,7 @@ from ufl.algorithms.analysis import extract_constants
 from dolfinx_contact._agreement import described, refuse_displacement, refuse_other_mesh
 from dolfinx_contact._compat import create_facet_submesh
 from dolfinx_contact._errors import everywhere, same_everywhere
+from dolfinx_contact._kept import keep
 from dolfinx_contact.laws import Law, LawAtPoints, PointData
 from dolfinx_contact.laws.status import closed
 from dolfinx_contact.meshing import GmshMesh, tagged_facets
@@ -97,6 +98,7 @@ class ContactSurface:
         if not isinstance(u, fem.Function):
             raise ValueError(f"the displacement must be a Function, got {type(u).__name__}")
         domain = u.function_space.mesh
+        keep(domain)
         self.u, self.domain, self.name, self.dim = u, domain, name, domain.geometry.dim
         self.comm = domain.comm
         with everywhere(self.comm, "a contact surface"):
@@ -155,6 +157,7 @@ class ContactSurface:
         if self.axisymmetric:
             check_section(domain, local, name)
         self.submesh = create_facet_submesh(domain, local)
+        keep(self.submesh.mesh)
         self.given = Given(self.gap, self.normal, given)
         self._scatter()
         self.points = ContactPoints(

@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Meshes that outlive what was made on them, until it is safe to free them.
+
+DOLFINx frees the communicator of a mesh with the mesh. mpi4py keeps a lock for every communicator
+on which objects were sent, and takes a lock of its own to forget it then. If that happens while an
+exception travels, as where `make_problem().solve(wrong)` drops the problem, that lock is taken and
+never given back: the next collective of mpi4py, of any communicator, hangs. A mesh that is kept is
+freed when a later one is kept or Python has collected garbage, where no exception travels.
+"""
+
+from __future__ import annotations
+
+import atexit
+import gc
+import sys
+from typing import Any
+
+from petsc4py import PETSc
+
+from dolfinx import mesh
+
+__all__ = ["keep"]
+
+#: C++ meshes, each with something that keeps the communicator that PETSc made of theirs.
+_kept: list[tuple[Any, PETSc.IS]] = []
+_ALONE = 2  # references to a mesh that nothing else holds: ours, and that of the count
+
+
+def keep(domain: mesh.Mesh) -> None:
+    """Keep a mesh until nothing else holds it and it is safe to free it. Collective."""
+    if _collected not in gc.callbacks:
+        gc.callbacks.append(_collected)
+    _free()
+    held = domain._cpp_object
+    if not any(other is held for other, _ in _kept):
+        _kept.append((held, PETSc.IS().createGeneral([], comm=domain.comm)))
+
+
+def _free() -> None:
+    """Free the meshes that nothing else holds."""
+    for k in reversed(range(len(_kept))):
+        if sys.getrefcount(_kept[k][0]) <= _ALONE:
+            held, of_petsc = _kept.pop(k)
+            of_petsc.destroy()
+            del held
+
+
+def _collected(phase: str, info: dict[str, int]) -> None:
+    if phase == "stop":
+        _free()
+
+
+@atexit.register
+def _end() -> None:
+    _kept.clear()
+    if _collected in gc.callbacks:
+        gc.callbacks.remove(_collected)
