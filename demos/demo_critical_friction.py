@@ -112,7 +112,8 @@ def main(argv=None):
             output.draw_curves(folder / "slip.png", slip, labels=("$x$", "$v$"))
     summary = {"converged": True, "newton_iterations": 0, "dofs": problem.create_vector().getSize()}
     summary |= {"critical_friction": found.friction, "one_signed": found.one_signed}
-    summary |= {"others": [[F.real, F.imag] for F in found.others], "levels": levels}
+    summary |= {"others": [[F.real, F.imag] for F in found.others], "mixed": found.mixed}
+    summary |= {"levels": levels}
     return output.write_summary(comm, folder, summary | {"heights": heights, "falls": falls})
 
 

@@ -17,6 +17,7 @@ from dolfinx import fem, mesh
 
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace
 from dolfinx_contact.analysis import critical_friction
+from dolfinx_contact.laws import MINUS, PLUS
 from dolfinx_contact.materials import LinearElastic
 
 COMM = MPI.COMM_WORLD
@@ -303,3 +304,101 @@ def test_without_slepc(monkeypatch):
     assert critical_friction(problem).friction > 0
     with pytest.raises(ModuleNotFoundError, match="slepc4py is not installed"):
         critical_friction(problem, dense=False)
+
+
+# -- how far they are known, and what slips of both signs bring ------------------------------------
+
+
+def test_how_far_they_are_known():
+    """lambda = 0: the first real one, with slips of both signs, is behind 26 complex ones."""
+    expected = {16: 4.62417046, 32: 4.47983436, 64: 4.43722393}
+    for n, friction in expected.items():
+        found = critical_friction(linear_triangle(n, 0.3, lame=(0.0, 1.0)).problem)
+        assert (found.friction, found.one_signed, found.known_up_to) == (None, [], np.inf)
+        assert found.mixed[0] == pytest.approx(friction, abs=1e-8)
+        assert all(abs(F.imag) > 1e-3 for F in found.unreal)
+        assert found.others == sorted(found.others, key=lambda F: round(abs(F), 9))
+        assert len(found.others) == n
+    some = critical_friction(linear_triangle(n, 0.3, lame=(0.0, 1.0)).problem, dense=False)
+    assert (some.friction, some.mixed, some.complete) == (None, [], False)
+    every = np.abs(found.others)
+    # There is none between those that are listed and what is said to be known.
+    assert np.abs(some.others).max() < some.known_up_to < found.mixed[0]
+    assert np.count_nonzero(every < some.known_up_to) == len(some.others)
+    problem = linear_triangle(n, 0.3, lame=(0.0, 1.0)).problem
+    more = critical_friction(problem, dense=False, count=40)
+    assert more.known_up_to > more.mixed[0] == pytest.approx(friction, abs=1e-7)
+
+
+def test_double_coefficients():
+    """Two like bodies side by side have every coefficient twice, and a search may see one alone."""
+    domain = mesh.create_rectangle(COMM, [[0, 0], [3, 2]], [9, 6], mesh.CellType.quadrilateral)
+    cells = domain.topology.index_map(2)
+    kept = np.arange(cells.size_local, dtype=np.int32)
+    x = mesh.compute_midpoints(domain, 2, kept)[:, 0]
+    domain = mesh.create_submesh(domain, 2, kept[(x < 1) | (x > 2)])[0]
+    domain.geometry.x[:, 0] += 0.5 * domain.geometry.x[:, 1]
+    problem = on_box(domain)
+    whole = critical_friction(problem)
+    every = np.abs([*whole.one_signed, *whole.others])
+    for count in (1, 2, 3):
+        found = critical_friction(problem, dense=False, count=count)
+        listed = np.abs([*found.one_signed, *found.others])
+        assert (listed < found.known_up_to).sum() == (every < found.known_up_to).sum()
+
+
+@pytest.mark.parametrize("which", [0, 1])
+def test_slips_of_both_signs_bring_continua(which):
+    """Where all points have slipped under load, such a slip may be added with either sign."""
+    domain = leaning(5, offset=1.0, comm=MPI.COMM_SELF).V.mesh
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u, slid = fem.Function(V), fem.Function(V)
+    bottom, top = (
+        mesh.locate_entities_boundary(domain, 1, lambda x, y=y: np.isclose(x[1], y))
+        for y in (0.0, 2.0)
+    )
+    clamped = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, top), V)
+    tags = mesh.meshtags(domain, 1, np.sort(bottom), np.ones(len(bottom), dtype=np.int32))
+    ds = ufl.Measure("ds", domain=domain, subdomain_data=tags)
+    friction, pushed = fem.Constant(domain, 1.0), fem.Constant(domain, np.zeros(2))
+    material = LinearElastic.from_young(1.0, 0.3)
+    # The load is the one under which `slid`, and the forces `pushed` of contact, are a solution.
+    load = ufl.derivative(material.energy(slid) * ufl.dx, slid, u) - ufl.dot(pushed, u) * ds(1)
+    floor = ContactSurface(u, bottom, obstacle=HalfSpace((0, 0), (0, 1)), law=Coulomb(friction))
+    problem = ContactProblem(material.energy(u) * ufl.dx - load, u, [floor], bcs=[clamped])
+    F = critical_friction(problem).mixed[which]
+    friction.value, pushed.value[:] = abs(F), (0.1 * F, 0.1)
+    slid.interpolate(lambda x: np.stack([-0.05 * np.sign(F) * (2.0 - x[1]), 0 * x[0]]))
+
+    # v, the motion with it, and the forces that it takes.
+    K = problem.equations.bulk.stiffness(u.x.array).getValuesCSR()
+    K = scipy.sparse.csr_matrix((K[2], K[1], K[0])).toarray()
+    x, places = V.tabulate_dof_coordinates(), floor.Q.tabulate_dof_coordinates()
+    nodes = [int(np.abs(x - place).sum(axis=1).argmin()) for place in places]
+    t, n = 2 * np.array(nodes), 2 * np.array(nodes) + 1
+    free = np.flatnonzero(np.repeat(x[:, 1] < 2.0 - 1e-9, 2))
+    inside = np.setdiff1d(free, np.concatenate([t, n]))
+    within = -np.linalg.solve(K[np.ix_(inside, inside)], K[np.ix_(inside, t)])
+    S = [K[np.ix_(rows, t)] + K[np.ix_(rows, inside)] @ within for rows in (t, n)]
+    values, vectors = scipy.linalg.eig(*S)
+    v = vectors[:, np.abs(values - F).argmin()].real
+    assert v.min() < 0 < v.max()
+    motion = np.zeros(len(K))
+    motion[t], motion[inside] = v, within @ v
+    lengths = np.where(np.isin(places[:, 0], [0.0, 1.0]), 0.1, 0.2)
+    forces = np.stack([rows @ v / lengths for rows in S], axis=1).reshape(-1)
+
+    def is_solution(part, coefficient):
+        friction.value = coefficient
+        u.x.array[:] = slid.x.array + part * motion
+        floor.multiplier.x.array[:] = np.tile(pushed.value, len(places)) + part * forces
+        floor.statuses[:] = MINUS if F > 0 else PLUS
+        start = u.x.array.copy()
+        result = problem.solve()
+        stays = np.allclose(u.x.array, start, rtol=0, atol=1e-12)
+        return result.iterations == 0 and stays and result.kkt_violation < 1e-12
+
+    pressure = 0.1 / np.abs(S[1] @ v / lengths).max()
+    most = 0.9 * min(0.1 / np.abs(v).max(), pressure)
+    assert all(is_solution(part, abs(F)) for part in (0.0, most, -most, 0.3 * most))
+    assert not is_solution(most, 1.01 * abs(F))

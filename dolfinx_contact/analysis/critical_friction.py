@@ -7,21 +7,28 @@ r_n = S_nt v. Where
 
     S_tt v = F S_nt v
 
-v may be added to a solution that slips with this F, as long as it goes on slipping the same way: v
-must be real and of one sign (Hassani, Hild, Ionescu and Sakki, A mixed finite element method and
+v may be added to a solution that slips with this F, as long as v is real, pressure is left and
+slip goes on the same way (Hassani, Hild, Ionescu and Sakki, A mixed finite element method and
 solution multiplicity for Coulomb frictional contact, Comput. Methods Appl. Mech. Engrg. 192, 2003;
 Hassani, Hild and Ionescu, Sufficient conditions of non-uniqueness for the Coulomb friction problem,
 Math. Methods Appl. Sci. 27, 2004). F > 0 belongs to slip against d (r_t = F r_n), F < 0 to slip
 along d: mirroring the body changes the sign.
 
+A slip of one sign may be added to every state at the bound of friction, also where nothing has
+slipped yet, and as far as pressure is left. A slip of both signs may be added where all points have
+slipped already and are pressed, as far as the smallest of these slips allows: sliding states under
+load come in continua there too. A complex pair brings none.
+
 With the shear f = S_tt v as the unknown this is T f = f/F, where T f is the pressure that a shear f
 brings about at contact points that stay closed: one solve with the stiffness of the body held so,
-and the largest eigenvalues of T are the smallest coefficients.
+and the largest eigenvalues of T are the smallest coefficients. Where only these are computed, a
+second search, from another start and among what the first has left, says how far it has come.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 from petsc4py import PETSc
 
@@ -46,6 +53,7 @@ _DENSE = 512  # points up to which all eigenvalues are computed
 _REAL = 1e-9  # relative imaginary part that is none
 _SIGN = 1e-8  # of the largest slip, by which another may have the other sign
 _NOTHING = 1e-11  # eigenvalues of T, over the largest, that are none
+_FAR = 1e-6  # relative margin of the size up to which coefficients are known
 _DEFAULTS = {"eps_type": "krylovschur", "eps_tol": 1e-12, "eps_max_it": 500}
 
 
@@ -55,12 +63,17 @@ class CriticalFriction:
 
     Attributes:
         friction: that of smallest size with a real slip of one sign; positive against the
-            directions, negative along them; None if none was found.
+            directions, negative along them; None if there is none up to `known_up_to`, which says
+            nothing of what is beyond.
         slips: v of `friction`, one value a point, nonnegative, the largest 1; empty if there is
             none.
         positions: of the points that slip (m, dim), in the order of coordinates.
         one_signed: all F found with real slips of one sign, by size.
-        others: those with real slips of both signs or complex ones, by size.
+        mixed: those with real slips of both signs, by size: continua of states in which all points
+            have slipped, under load.
+        unreal: complex ones, by size: they bring no continua.
+        known_up_to: size below which all F are among these; infinite if all were computed. A finite
+            one is where a second search found the next, which is a check and no proof.
         complete: whether all F were computed; else those of smallest size were.
         displacement: of the body with `slips`.
     """
@@ -69,9 +82,18 @@ class CriticalFriction:
     slips: Array
     positions: Array
     one_signed: list[float]
-    others: list[complex]
+    mixed: list[float]
+    unreal: list[complex]
+    known_up_to: float
     complete: bool
     displacement: fem.Function
+
+    @property
+    def others(self) -> list[complex]:
+        """Coefficients that have no slip of one sign, mixed and complex, by size."""
+        # Of two that mirror each other the positive one comes first, as in the lists.
+        others = [*map(complex, self.mixed), *self.unreal]
+        return sorted(others, key=lambda F: (float(f"{abs(F):.9e}"), -F.real, -F.imag))
 
 
 @staged("ContactCriticalFriction")
@@ -85,7 +107,9 @@ def critical_friction(
     """Critical coefficients of friction of a body in contact. Collective.
 
     The friction of the law does not matter. A bulk that is not linear is taken at the displacement
-    in the Functions.
+    in the Functions. With more than 512 points only the coefficients of smallest size are computed,
+    and nothing is known of those beyond `CriticalFriction.known_up_to`: raise ``count``, or ask for
+    all with ``dense=True``.
 
     Args:
         problem: the contact problem, nodal or mixed.
@@ -94,7 +118,7 @@ def critical_friction(
             that slip in the solution in the Functions, as they do; others are stuck or open.
         count: of eigenvalues that are computed where there are too many points for all; if none of
             them is real and of one sign, up to 16 times as many. Beyond the first they often lie
-            close together, and take long.
+            close together, and take long. How far they reach is `CriticalFriction.known_up_to`.
         dense: whether all are computed; by default with up to 512 points.
 
     Raises:
@@ -150,7 +174,7 @@ class _PressureByShear:
         def modes() -> _Modes:
             flexibility, T = (np.concatenate(p) for p in zip(*parts, strict=True))
             values, shears = np.linalg.eig(T)
-            return _Modes.of(values, flexibility @ shears, shears)
+            return _Modes.of(values, flexibility @ shears, shears, np.inf)
 
         return on_root(self.comm, modes)
 
@@ -158,25 +182,19 @@ class _PressureByShear:
         """The smallest F, and more of them if none is of one sign."""
         for more in (1, 4, 16):
             modes = self._by_slepc(more * count)
-            if modes.one_signed.any() or more * count >= self._slip.number:
+            first = np.abs(modes.friction[modes.one_signed]).min(initial=np.inf)
+            if first <= modes.known_up_to or more * count >= self._slip.number:
                 break
         return modes
 
     def _by_slepc(self, count: int) -> _Modes:
         """Eigenvalues of T of largest size; SLEPc applies T alone."""
-        SLEPc = slepc()
         size = (len(self._slip.places), None)
         T = PETSc.Mat().createPython((size, size), _Product(self), comm=self.comm)
         T.setUp()
-        solver = SLEPc.EPS().create(self.comm)
-        solver.setOperators(T)
-        solver.setProblemType(SLEPc.EPS.ProblemType.NHEP)
-        solver.setWhichEigenpairs(SLEPc.EPS.Which.LARGEST_MAGNITUDE)
-        solver.setDimensions(min(count, self._slip.number))
-        solver.setOptionsPrefix("analysis_")
-        with options_in_database("analysis_", _DEFAULTS):
-            solver.setFromOptions()
-            solver.solve()
+        solver = self._largest(T, min(count, self._slip.number), [])
+        # SLEPc gives its subspace away before it computes eigenvectors.
+        found = solver.getInvariantSubspace() if solver.getConverged() else []
         values, slips, shears = [], [], []
         real, imaginary = T.createVecs()
         for i in range(solver.getConverged()):
@@ -184,12 +202,43 @@ class _PressureByShear:
             shears.append(real.array_r + 1j * imaginary.array_r)
             a, b = (self.slips(self.solve(v.array_r)[0]) for v in (real, imaginary))
             slips.append(a + 1j * b)
-        for thing in (real, imaginary, solver, T):
+        known = self._known_up_to(T, found) if values else 0.0
+        for thing in (real, imaginary, solver, *found, T):
             thing.destroy()
         if not values:
             raise RuntimeError("SLEPc found no critical friction: raise analysis_eps_max_it")
-        whole = (np.concatenate(self.comm.allgather(np.array(v).T)) for v in (slips, shears))
-        return _Modes.of(np.array(values), *whole)
+        slip, shear = (np.concatenate(self.comm.allgather(np.array(v).T)) for v in (slips, shears))
+        return _Modes.of(np.array(values), slip, shear, known)
+
+    def _known_up_to(self, T: PETSc.Mat, found: list[PETSc.Vec]) -> float:
+        """Size of the smallest F that belongs to none of the vectors found; 0 if it is not found.
+
+        In what an invariant subspace leaves T has its other eigenvalues. The search begins anew,
+        with a random vector of its own, so that it meets what the first has missed.
+        """
+        if len(found) >= self._slip.number:
+            return np.inf
+        rest = self._largest(T, 1, found)
+        sizes = [abs(rest.getEigenvalue(i)) for i in range(rest.getConverged())]
+        rest.destroy()
+        largest = max(sizes, default=np.inf)
+        return (1.0 - _FAR) / largest if largest > 0 else np.inf
+
+    def _largest(self, T: PETSc.Mat, count: int, without: list[PETSc.Vec]) -> Any:
+        """The solver that has looked for the largest eigenvalues outside of a subspace."""
+        SLEPc = slepc()
+        solver = SLEPc.EPS().create(self.comm)
+        solver.setOperators(T)
+        solver.setProblemType(SLEPc.EPS.ProblemType.NHEP)
+        solver.setWhichEigenpairs(SLEPc.EPS.Which.LARGEST_MAGNITUDE)
+        solver.setDimensions(count)
+        if without:
+            solver.setDeflationSpace(without)
+        solver.setOptionsPrefix("analysis_")
+        with options_in_database("analysis_", _DEFAULTS):
+            solver.setFromOptions()
+            solver.solve()
+        return solver
 
     def destroy(self) -> None:
         """Free the PETSc objects."""
@@ -209,14 +258,18 @@ class _Product:
 
 @dataclass(frozen=True)
 class _Modes:
-    """Coefficients F by size (k,), slips and shears of all points, rank by rank (m, k)."""
+    """Coefficients F by size (k,), slips and shears of all points, rank by rank (m, k).
+
+    All F below the size `known_up_to` are among them.
+    """
 
     friction: Complex
     slips: Complex
     shears: Complex
+    known_up_to: float
 
     @classmethod
-    def of(cls, values: Complex, slips: Complex, shears: Complex) -> _Modes:
+    def of(cls, values: Complex, slips: Complex, shears: Complex, known_up_to: float) -> _Modes:
         """From eigenvalues of T."""
         there = np.abs(values) > _NOTHING * max(np.abs(values).max(initial=0.0), _NOTHING)
         F = 1.0 / values[there]
@@ -226,7 +279,7 @@ class _Modes:
         order = np.lexsort((-F.imag, -F.real, np.round(size / size.min(initial=np.inf), 9)))
         slips, shears = (v[:, there][:, order] for v in (slips, shears))
         largest = slips[np.abs(slips).argmax(axis=0), np.arange(len(order))]
-        return cls(F[order], slips / largest, shears / largest)
+        return cls(F[order], slips / largest, shears / largest, known_up_to)
 
     @property
     def one_signed(self) -> npt.NDArray[np.bool_]:
@@ -238,6 +291,7 @@ def _collected(
     problem: Problem, operator: _PressureByShear, slip: Slip, modes: _Modes, complete: bool
 ) -> CriticalFriction:
     friction, chosen = modes.friction, np.flatnonzero(modes.one_signed)
+    real = friction.imag == 0
     displacement = fem.Function(problem.equations.V, name="critical_slip")
     first, end = slip.D.getOwnershipRange()
     slips = np.zeros((end - first, 0))
@@ -252,7 +306,9 @@ def _collected(
         slips=slips.reshape(-1),
         positions=positions,
         one_signed=[float(f.real) for f in friction[chosen]],
-        others=[complex(f) for f in friction[~modes.one_signed]],
+        mixed=[float(f.real) for f in friction[real & ~modes.one_signed]],
+        unreal=[complex(f) for f in friction[~real]],
+        known_up_to=modes.known_up_to,
         complete=complete,
         displacement=displacement,
     )
