@@ -32,13 +32,16 @@ Of a body of revolution half of a section is meshed, r = x >= 0 and z = y. Its e
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 import ufl
 from dolfinx import fem, mesh
+
+from dolfinx_contact._frozen import ReadOnly
 
 __all__ = [
     "Axisymmetric",
@@ -56,18 +59,22 @@ __all__ = [
 _NUMBER = int | float | np.integer | np.floating
 
 
-def lame(young: float, poisson: float) -> tuple[float, float]:
+def lame(young: Any, poisson: Any) -> tuple[Any, Any]:
     """Lame coefficients (lambda, mu) of Young's modulus and Poisson's ratio (3D, plane strain).
 
+    Of Constants and other UFL scalars they are UFL, which follows the values of these.
+
     Raises:
-        ValueError: if one is no number, ``young`` is not positive, or ``poisson`` not in (-1, 1/2).
+        ValueError: if one is neither a number nor a UFL scalar, ``young`` is not positive, or
+            ``poisson`` not in (-1, 1/2); of UFL that is not looked at.
     """
     for what, value in (("Young's modulus", young), ("Poisson's ratio", poisson)):
-        if not isinstance(value, _NUMBER):
+        scalar = isinstance(value, ufl.core.expr.Expr) and value.ufl_shape == ()
+        if not scalar and not isinstance(value, _NUMBER):
             raise ValueError(f"{what} must be a number, got {value!r}")
-    if not np.isfinite(young) or young <= 0:
+    if isinstance(young, _NUMBER) and (not np.isfinite(young) or young <= 0):
         raise ValueError(f"Young's modulus must be positive, got {young}")
-    if not -1 < poisson < 0.5:
+    if isinstance(poisson, _NUMBER) and not -1 < poisson < 0.5:
         raise ValueError(f"Poisson's ratio must lie in (-1, 1/2), got {poisson}")
     return young * poisson / ((1 + poisson) * (1 - 2 * poisson)), young / (2 * (1 + poisson))
 
@@ -132,8 +139,17 @@ def _in_space(A: Any, across: Any) -> Any:
     return ufl.as_tensor([[A[0, 0], A[0, 1], 0], [A[1, 0], A[1, 1], 0], [0, 0, across]])
 
 
-class Material:
-    """A bulk material; ``u`` is always the displacement, a vector Function (length)."""
+class Material(ReadOnly):
+    """A bulk material; ``u`` is always the displacement, a vector Function (length).
+
+    Its energy is made of what it is given, and read-only then: moduli that are to change are
+    Constants, whose values the next solve takes.
+    """
+
+    _instead: ClassVar[Mapping[str, str]] = {
+        "": "give a Constant of the mesh for it and change the value of that, or make another "
+        "material, energy and problem"
+    }
 
     def energy(self, u: fem.Function) -> Any:
         """Stored energy per reference volume (per area in 2D), in units of stress."""
@@ -186,9 +202,7 @@ class LinearElastic(Material):
         _check_lame(self.lmbda, self.mu)
 
     @classmethod
-    def from_young(
-        cls, young: float, poisson: float, *, plane_stress: bool = False
-    ) -> LinearElastic:
+    def from_young(cls, young: Any, poisson: Any, *, plane_stress: bool = False) -> LinearElastic:
         """The material of Young's modulus and Poisson's ratio; errors as in `lame`."""
         return cls(*lame(young, poisson), plane_stress=plane_stress)
 

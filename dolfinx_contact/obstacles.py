@@ -10,9 +10,9 @@ large sliding both are those at the displaced point (`points.displaced`).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -24,6 +24,7 @@ from ufl.algorithms.apply_derivatives import apply_derivatives
 from ufl.corealg.traversal import traverse_unique_terminals
 
 from dolfinx_contact._agreement import refuse_other_mesh
+from dolfinx_contact._frozen import ReadOnly
 from dolfinx_contact._numbers import is_number
 
 __all__ = [
@@ -100,13 +101,23 @@ def _radius(domain: mesh.Mesh, value: Any) -> Any:
     return fem.Constant(domain, float(value))
 
 
-class Obstacle:
+class Obstacle(ReadOnly):
     """A rigid foundation, bound to a mesh by `on`.
+
+    What it is made of is read when a surface is made with it, and then read-only: what is to move
+    are Constants and Functions, whose values may be changed between two solves. Numbers and arrays
+    are copied.
 
     An obstacle of your own defines `at`, or `on` alone; then nothing is known of it at displaced
     points: sliding has to be small, which is not checked.
     """
 
+    _sealed_when_made = False
+    _instead: ClassVar[Mapping[str, str]] = {
+        "": "give a Constant of the mesh for it and change the value of that, as in "
+        "HalfSpace(point=fem.Constant(mesh, (0.0, 0.0)), ...), or make another obstacle, surface "
+        "and problem"
+    }
     #: What moves with the displacement (`points.opposite.Opposite`); None where nothing does.
     opposite: Any = None
 
@@ -160,8 +171,9 @@ class HalfSpace(Obstacle):
     """The half-space behind a plane (in 2D, a line) of any orientation.
 
     Attributes:
-        point: a point of the plane; an array or a vector Constant, which may be changed later.
-        normal: of the plane, out of the obstacle towards the body; of any length.
+        point: a point of the plane; numbers, of which a copy is kept, or a vector Constant, whose
+            value may be changed later.
+        normal: of the plane, out of the obstacle towards the body; of any length. The same kinds.
     """
 
     point: npt.ArrayLike | fem.Constant
@@ -185,7 +197,7 @@ class Sphere(Obstacle):
     """A rigid ball; in 2D a rigid disc (a cylinder across the plane).
 
     Attributes:
-        centre: its centre, an array or a Constant.
+        centre: its centre; numbers, of which a copy is kept, or a Constant.
         radius: its radius, a positive number or a Constant.
     """
 
@@ -230,7 +242,8 @@ class LevelSet(Obstacle):
     distance.
 
     Attributes:
-        phi: takes the UFL position vector and returns a UFL scalar.
+        phi: takes the UFL position vector and returns a UFL scalar. Numbers in it are those that it
+            has when a surface is made; what is to move are Constants.
     """
 
     phi: Callable[[Any], Any]

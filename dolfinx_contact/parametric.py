@@ -8,9 +8,9 @@ by gamma is exact, by UFL.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, ClassVar
 
 from petsc4py import PETSc
 
@@ -23,6 +23,7 @@ from dolfinx import fem
 from dolfinx_contact._agreement import described, refuse_other_mesh
 from dolfinx_contact._compat import is_mesh_of, is_value_of
 from dolfinx_contact._errors import everywhere, on_root, require, same_everywhere
+from dolfinx_contact._frozen import ReadOnly
 from dolfinx_contact.analysis.contact import obstacle_to_proof, proved, proved_rays
 from dolfinx_contact.continuation import BranchPoint, Piece
 from dolfinx_contact.continuation.affine import AffineSystem
@@ -45,7 +46,7 @@ _RAY_SECONDS = 10.0
 _MOST_PROVED = 128  # contact points up to which all solutions are proved by default
 
 
-class ParametricContact(ParametricEquations):
+class ParametricContact(ReadOnly, ParametricEquations):
     """H(x, gamma) = 0 for a contact problem, with the statuses of contact points as pieces.
 
     Statuses are those of `laws.status`: 0 open, 1 stick, 2 slip with u_t > 0, 3 slip with u_t < 0;
@@ -64,12 +65,18 @@ class ParametricContact(ParametricEquations):
 
     Attributes:
         ray_seconds: for a proof that the rays out of a point are all, for each sense of gamma; 0
-            for none.
+            for none. It may be set, all else is read-only.
 
     Raises:
         ValueError: on every rank, if ``gamma`` is no scalar Constant of the mesh, something of
             ``driven`` is of another mesh or shape or in no Dirichlet condition, or ranks differ.
     """
+
+    _may_be_set = ("ray_seconds",)
+    _instead: ClassVar[Mapping[str, str]] = {
+        "": "set_parameter(gamma) sets the parameter; for another one, other driven Functions or "
+        "another problem make another ParametricContact"
+    }
 
     def __init__(
         self,

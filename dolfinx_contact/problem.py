@@ -5,9 +5,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from copy import copy
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 from petsc4py import PETSc
 
@@ -23,6 +22,7 @@ from dolfinx_contact._agreement import (
     described_number,
 )
 from dolfinx_contact._errors import everywhere, require, same_everywhere
+from dolfinx_contact._frozen import ReadOnly, ReadOnlyList, copy_with
 from dolfinx_contact._kept import keep
 from dolfinx_contact._numbers import is_count, is_number
 from dolfinx_contact._options import ProblemOptions, check_options, in_database
@@ -58,13 +58,25 @@ __all__ = ["ContactProblem"]
 Answer = TypeVar("Answer")
 
 
-class ContactProblem:
+_ANOTHER = "make another problem"
+_CONDITIONS = (
+    "values of Dirichlet conditions are those of their Constants and Functions, which may be "
+    f"changed; for other conditions {_ANOTHER}"
+)
+_SURFACES = f"numbers of a law change as surface.law.friction.value = 0.5; for others {_ANOTHER}"
+
+
+class ContactProblem(ReadOnly):
     """Static equilibrium of a body with unilateral contact and friction on some surfaces.
 
     The displacement, the multipliers and the statuses of the surfaces are read when a solve begins
     and written when it has found a solution; nothing else touches them.
 
     Of a body of revolution (``axisymmetric=True`` in all surfaces) u_r = 0 is held on the axis.
+
+    Forms, surfaces and conditions are read once, and compiled: attributes and lists are read-only.
+    What may be changed between two solves are the values of Constants and Functions in them, and
+    `petsc_options`, name by name. Numbers and arrays are copied, also by ``fem.dirichletbc``.
 
     Args:
         bulk: UFL energy (a functional of ``u``) or residual (linear in a test function of the space
@@ -82,14 +94,37 @@ class ContactProblem:
 
     Attributes:
         equations: H, in which the Functions do not occur.
+        u, surfaces, bcs: as given; of a body of revolution bcs with those of the axis.
+        petsc_options: as given.
 
     Raises:
         ValueError: on every rank, if the arguments do not fit together, something is of another
             mesh, arguments differ between ranks, contact nodes are all clamped, a mesh coordinate
             is not finite, a cell has no volume, some surfaces are axisymmetric and others not, or
             all are but for the bulk.
+        AttributeError: where attributes or lists are changed afterwards.
         RuntimeError: if PETSc has complex scalars.
+
+    Example:
+        One problem for many loads, stiffnesses and coefficients of friction::
+
+            young, load = fem.Constant(domain, 1000.0), fem.Constant(domain, (0.0, -1.0))
+            steel = materials.LinearElastic.from_young(young, 0.3)
+            energy = steel.energy(u) * ufl.dx - ufl.dot(load, u) * ds(top)
+            surface = ContactSurface(u, facets, obstacle=floor, law=Coulomb(0.1))
+            problem = ContactProblem(energy, u, [surface], bcs=bcs)
+            for friction, stiffness, force in cases:
+                surface.law.friction.value = friction
+                young.value, load.value[1] = stiffness, -force
+                result = problem.solve()
     """
+
+    _instead: ClassVar[Mapping[str, str]] = {
+        "bcs": _CONDITIONS,
+        "surfaces": _SURFACES,
+        "petsc_options": 'problem.petsc_options["snes_rtol"] = 1e-10 changes one of them',
+        "": "give Constants and Functions and change their values, or " + _ANOTHER,
+    }
 
     @staged("ContactSetUp")
     def __init__(
@@ -138,8 +173,10 @@ class ContactProblem:
         if len(fem.bcs_by_block(spaces, self.bcs)[0]) != len(self.bcs):
             raise ValueError("a Dirichlet condition is not on the space of u or a component of it")
         if self.surfaces[0].axisymmetric:
-            self.bcs += axis_condition(self.V)
+            self.bcs = [*self.bcs, *axis_condition(self.V)]
         body.displacement.x.array[:] = u.x.array
+        self.surfaces = ReadOnlyList(self.surfaces, "surfaces of a problem", _SURFACES)
+        self.bcs = ReadOnlyList(self.bcs, "Dirichlet conditions of a problem", _CONDITIONS)
         self.equations = ContactEquations(body, self.V, self.surfaces, self.bcs, r=r, options=given)
         self._linear = LinearSolverChoice(self.equations)
         warn_of_obstacles(self.equations)
@@ -149,12 +186,11 @@ class ContactProblem:
 
         It has a linear solver of its own.
         """
-        moving, eq = copy(self), self.equations
-        moving.equations = ContactEquations(
+        eq = self.equations
+        equations = ContactEquations(
             body, self.V, self.surfaces, self.bcs, r=eq.forced_r, options=eq.options
         )
-        moving._linear = LinearSolverChoice(moving.equations)
-        return moving
+        return copy_with(self, equations=equations, _linear=LinearSolverChoice(equations))
 
     # -- Functions and vectors -------------------------------------------------------------------
 
@@ -166,7 +202,7 @@ class ContactProblem:
     @property
     def rigid_bodies(self) -> list[RigidBody]:
         """The rigid bodies that surfaces touch, in the order of the surfaces."""
-        return self.equations.rigid.bodies
+        return list(self.equations.rigid.bodies)
 
     def create_vector(self) -> PETSc.Vec:
         """A vector of all unknowns, rank by rank displacement, multipliers, rigid bodies."""

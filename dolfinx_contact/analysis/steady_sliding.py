@@ -29,6 +29,7 @@ import ufl
 from dolfinx import fem
 
 from dolfinx_contact._errors import everywhere, require
+from dolfinx_contact._frozen import ReadOnly
 from dolfinx_contact._petsc import staged
 from dolfinx_contact.analysis.rows import Problem
 from dolfinx_contact.analysis.slip import Direction, Slip, SlipPattern
@@ -85,7 +86,7 @@ class Onset:
     frequency: float
 
 
-class SteadySliding:
+class SteadySliding(ReadOnly):
     """A body that slides steadily over an obstacle, and its vibrations. Collective.
 
     Args:

@@ -17,12 +17,13 @@ Time has no meaning on such a path: laws must not depend on it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import TypeAlias, get_args
+from collections.abc import Callable, Mapping, Sequence
+from typing import ClassVar, TypeAlias, get_args
 
 import numpy as np
 
 from dolfinx_contact._errors import everywhere, require, same_everywhere
+from dolfinx_contact._frozen import ReadOnly
 from dolfinx_contact.continuation.arguments import check_listeners, checked_range
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.branch import AT_END
@@ -55,7 +56,7 @@ Stop: TypeAlias = Callable[[PathStep], str]
 _LONGEST = 0.005  # of the range of gamma and the first tangent
 
 
-class ArcLength:
+class ArcLength(ReadOnly):
     """The path of a contact problem with a memory under a load that is unknown.
 
     It begins with the state in the problem's Functions, a solution under the load at which the
@@ -79,6 +80,9 @@ class ArcLength:
             back = path.run((0.0, 1.0), direction="back")
     """
 
+    _instead: ClassVar[Mapping[str, str]] = {
+        "": "make another ArcLength; what may be changed are values of Constants and Functions"
+    }
     account: type[Energies] = Energies
 
     def __init__(self, parametric: ParametricContact):

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import TypeAlias, get_args
+from typing import ClassVar, TypeAlias, get_args
 
 from mpi4py import MPI
 
@@ -20,6 +20,7 @@ import numpy as np
 from dolfinx import fem
 
 from dolfinx_contact._errors import everywhere, same_everywhere
+from dolfinx_contact._frozen import ReadOnly
 from dolfinx_contact._numbers import is_number
 from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.evolution.forks import Forked, Forks
@@ -42,7 +43,7 @@ _MOST_FORKS = 16  # evolutions along other rays
 _HALVINGS = 20  # of the whole time, to the least step
 
 
-class Evolution:
+class Evolution(ReadOnly):
     """A contact problem in time: runs through times, step by step, which a `Stepper` takes.
 
     Args:
@@ -51,6 +52,8 @@ class Evolution:
             to what they are then.
 
     Attributes:
+        problem: as given.
+        load: as given; it may be set between two runs, all else is read-only.
         account: what its energies are.
         method: what it is known by beside the problem, in words.
         kept: Functions that a state has beside those of the problem, by name.
@@ -59,6 +62,11 @@ class Evolution:
         ValueError: on every rank, if arguments do not fit.
     """
 
+    _may_be_set = ("load",)
+    _instead: ClassVar[Mapping[str, str]] = {
+        "": "what changes in time are values of Constants and Functions, which the load sets; else "
+        "make another evolution"
+    }
     account: type[Energies] = Energies
     method: Sequence[str] = ()
     kept: Mapping[str, fem.Function] = {}

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass, replace
-from typing import Any, Literal, NamedTuple, Self, TypeAlias
+from typing import Any, ClassVar, Literal, NamedTuple, Self, TypeAlias
 
 import numpy as np
 
@@ -27,6 +27,7 @@ import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact._agreement import refuse_other_mesh
+from dolfinx_contact._frozen import ReadOnly
 from dolfinx_contact.laws.status import BROKEN, DAMAGING, MINUS, WHERE_OPEN
 
 __all__ = [
@@ -207,7 +208,7 @@ class StatusPiece:
     exists: Any = None
 
 
-class Law:
+class Law(ReadOnly):
     """A law of contact: a frozen dataclass whose fields are what it is given, with `pieces`.
 
     Fields may be numbers, Constants, Functions or UFL expressions of the body's mesh, and may
@@ -218,6 +219,12 @@ class Law:
     on r.
     """
 
+    _sealed_when_made = False
+    _instead: ClassVar[Mapping[str, str]] = {
+        "": "of the law of a surface a number is a Constant, surface.law.{name}.value = 0.5; or "
+        "give a Constant of the mesh for it and change the value of that; or make another law, "
+        "surface and problem"
+    }
     #: Whether all that the law knows of a body that touches nothing is that it is free.
     needs_pressure: bool = True
     #: Whether its fields must not be negative.

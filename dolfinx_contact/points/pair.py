@@ -188,7 +188,7 @@ class ContactPair(ContactSurface):
         marks.array[trace] = given
         marks.scatter_reverse(la.InsertMode.add)
         marks.scatter_forward()
-        self.obstacle.opposite = in_place(self._apart, marks.array > 0)
+        object.__setattr__(self.obstacle, "opposite", in_place(self._apart, marks.array > 0))
 
 
 def _checked_gap(gap: Any, name: str) -> Any:

@@ -15,7 +15,7 @@ with a rigid body whose motion is unknown).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -26,6 +26,7 @@ from dolfinx import fem, mesh
 from ufl.algorithms.analysis import extract_constants
 
 from dolfinx_contact._agreement import refuse_other_mesh
+from dolfinx_contact._frozen import ReadOnlyDict
 from dolfinx_contact.obstacles import Obstacle, gap_at
 
 __all__ = ["COMPONENTS", "RigidBody", "number"]
@@ -64,11 +65,21 @@ class RigidBody(Obstacle):
         given: by component its load or motion.
         fixed: which components are prescribed (3,) or (6,).
         values: displacement and rotation that were found last, where a solve begins (3,) or (6,).
+            They may be set, all else is read-only: loads and motions that are to change are
+            Constants.
 
     Raises:
         ValueError: if something is said twice, or nothing, of a component, or a value is no finite
             number and no UFL scalar.
+        AttributeError: where attributes are set afterwards.
     """
+
+    _sealed_when_made = True
+    _may_be_set = ("values",)
+    _instead: ClassVar[Mapping[str, str]] = {
+        "": "loads and motions that are to change are Constants of the mesh, load={{'y': force}} "
+        "and force.value = -2.0; else make another rigid body, surface and problem"
+    }
 
     def __init__(
         self,
@@ -88,25 +99,29 @@ class RigidBody(Obstacle):
         self.shape, self.name, self.about = shape, name, _point(about, name)
         self.dim = len(self.about)
         self.components = COMPONENTS[self.dim]
-        self.given: dict[str, Any] = {}
+        known: dict[str, Any] = {}
         loads, motions = (_mapping(m, name) for m in (load, motion))
         zeros = [dict.fromkeys(_names(words, name), 0.0) for words in (free, held)]
         for part in (loads, zeros[0], motions, zeros[1]):
             for component, value in part.items():
                 if component not in self.components:
-                    known = ", ".join(self.components)
-                    raise ValueError(f"{name}: unknown component {component!r}; known: {known}")
-                if component in self.given:
+                    names = ", ".join(self.components)
+                    raise ValueError(f"{name}: unknown component {component!r}; known: {names}")
+                if component in known:
                     raise ValueError(f"{name}: the component {component} is given twice")
-                self.given[component] = _scalar(value, f"{name}: what is given for {component}")
-        missing = [c for c in self.components if c not in self.given]
+                known[component] = _scalar(value, f"{name}: what is given for {component}")
+        missing = [c for c in self.components if c not in known]
         if missing:
             raise ValueError(
                 f"{name}: nothing is said of {', '.join(missing)}: a component has a load or a "
                 "motion, or is named in free or held"
             )
         prescribed = {**motions, **zeros[1]}
+        way = "loads and motions that are to change are Constants of the mesh"
+        self.given: dict[str, Any] = ReadOnlyDict(known, f"loads and motions of {name}", way)
         self.fixed = np.array([c in prescribed for c in self.components])
+        for array in (self.about, self.fixed):
+            array.flags.writeable = False
         self.values: Array = np.zeros(len(self.components))
         self._places: list[tuple[fem.Constant, fem.Constant]] = []
 

@@ -4,7 +4,9 @@
 from __future__ import annotations
 
 import zlib
+from collections.abc import Mapping
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +18,7 @@ from ufl.algorithms.analysis import extract_constants
 from dolfinx_contact._agreement import described, refuse_displacement, refuse_other_mesh
 from dolfinx_contact._compat import create_facet_submesh
 from dolfinx_contact._errors import everywhere, same_everywhere
+from dolfinx_contact._frozen import ReadOnly, seal
 from dolfinx_contact._kept import keep
 from dolfinx_contact.laws import Law, LawAtPoints, PointData
 from dolfinx_contact.laws.status import closed
@@ -42,8 +45,17 @@ __all__ = ["ContactSurface"]
 Array = npt.NDArray[np.float64]
 
 
-class ContactSurface:
+_ANOTHER = "make another surface, and a problem with it"
+_NUMBERS = "surface.law.friction.value = 0.5, by the name that it has in the law, changes a number"
+
+
+class ContactSurface(ReadOnly):
     """A part of the boundary that may touch an obstacle, with a law.
+
+    What it is made of is read once, and compiled: its attributes are read-only, but for `memory`
+    and `statuses`. What may be changed between two solves are the values of Constants and
+    Functions in law and obstacle. Numbers of the law have become Constants, in `law`; arrays and
+    numbers of an obstacle are copied, so give Constants for what is to move.
 
     Args:
         u: displacement of the body, a vector Lagrange Function of degree 1 or 2.
@@ -72,13 +84,35 @@ class ContactSurface:
         law: the law with its numbers as Constants, which may be changed between solves.
         points: the contact points of this rank, and the operators that lead to them.
         law_at_points: the law, compiled.
-        displaced: gap and normal at displaced points; None where they stay.
-        memory: of the last accepted step of an evolution; None, the default: the static law.
+        memory: of the last accepted step of an evolution; None, the default: the static law. It may
+            be set.
 
     Raises:
         ValueError: on every rank, if the facets or elements do not fit, something is of another
             mesh, or the arguments differ between ranks.
+        AttributeError: where attributes are set afterwards.
+
+    Example:
+        One problem for many coefficients of friction and places of the floor::
+
+            at = fem.Constant(domain, (0.0, 0.0))
+            surface = ContactSurface(
+                u, facets, obstacle=HalfSpace(at, (0, 1)), law=Coulomb(0.1)
+            )
+            problem = ContactProblem(energy, u, [surface], bcs=bcs)
+            for friction, height in product((0.1, 0.3), (0.0, 0.01)):
+                surface.law.friction.value = friction
+                at.value[1] = height
+                result = problem.solve()
     """
+
+    _may_be_set = ("memory", "statuses")
+    _instead: ClassVar[Mapping[str, str]] = {
+        "law": f"{_NUMBERS}; for another law {_ANOTHER}",
+        "friction": _NUMBERS,
+        "obstacle": f"give Constants for what is to move, and change their values, or {_ANOTHER}",
+        "": _ANOTHER,
+    }
 
     def __init__(
         self,
@@ -121,6 +155,8 @@ class ContactSurface:
             rule_degree = check_quadrature(name, self.degrees, quadrature_degree, weighted=turned)
             self.law = law.bind(domain)
             self.obstacle = obstacle
+            for given_object in (law, self.law, obstacle):
+                seal(given_object)
             self.gap, self.normal = obstacle.on(domain)
             refuse_displacement(u, f"{name}: the obstacle", self.gap, self.normal)
             given = self.law.given
@@ -179,7 +215,7 @@ class ContactSurface:
         self.multiplier = fem.Function(self.points.Q, name=f"{name}_traction")
         self.statuses: npt.NDArray[np.int8] = np.full(number, self.law_at_points.codes[0], np.int8)
         self.sliding = sliding
-        self.displaced: DisplacedPoints | None = None
+        self._displaced: DisplacedPoints | None = None
         self.memory: Memory | None = None
         #: Distances to the obstacle of the contact points where they are now, or None.
         self.true_gaps = TrueGaps(u, self.points, obstacle)
@@ -222,7 +258,12 @@ class ContactSurface:
             ValueError: if sliding cannot be large where it has to.
         """
         given = self.points, self.domain, self.obstacle, self.law_at_points, self.sliding
-        self.displaced = displaced_points(*given, linear=linear, name=self.name)
+        self._displaced = displaced_points(*given, linear=linear, name=self.name)
+
+    @property
+    def displaced(self) -> DisplacedPoints | None:
+        """Gap and normal at displaced points; None where they stay."""
+        return self._displaced
 
     # -- nodes and points ------------------------------------------------------------------------
 
