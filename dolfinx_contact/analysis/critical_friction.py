@@ -43,6 +43,7 @@ from dolfinx_contact.analysis.held import HeldBody, columns_of, slepc, with_diri
 from dolfinx_contact.analysis.rows import Problem
 from dolfinx_contact.analysis.slip import Direction, Slip, SlipPattern
 from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.points.law_checks import check_times
 
 __all__ = ["CriticalFriction", "critical_friction"]
 
@@ -130,6 +131,7 @@ def critical_friction(
     with everywhere(eq.comm, "critical friction"):
         if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 1:
             raise ValueError(f"the number of eigenvalues must be 1 or more, got {count!r}")
+    check_times(eq.surfaces)
     state = problem.state()
     slip = Slip(eq, SlipPattern.of(eq, direction, state), hold_across=True)
     slip.require_held()

@@ -49,6 +49,7 @@ from dolfinx_contact.analysis.weighted import WeightedForm
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.laws import Coulomb, Frictionless, Tresca
+from dolfinx_contact.points.law_checks import check_times
 
 __all__ = ["Renard", "criterion_at", "renard_criterion"]
 
@@ -113,6 +114,7 @@ def renard_criterion(
     require_nodes(eq)
     require(eq.comm, eq.bulk.linear, "the criterion needs a bulk that is linear in u")
     require(eq.comm, not (weights and dense is False), "weights need the dense eigenproblem")
+    check_times(eq.surfaces)
     state, effort = problem.state(), _EFFORT if weights else 0
     return criterion_at(
         eq, state, directions=directions, dense=dense or (weights or None), effort=effort

@@ -42,6 +42,7 @@ from dolfinx_contact.analysis.vibrations import Body, body_of, null_space, on_ro
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.laws.status import MINUS, PLUS, closed, senses
+from dolfinx_contact.points.law_checks import check_times
 
 __all__ = ["Stability", "stability_at_rest"]
 
@@ -96,6 +97,7 @@ def stability_at_rest(
     eq = problem.equations
     require_nodes(eq)
     require(eq.comm, most > 0, f"the number of eigenproblems must be 1 or more, got {most}")
+    check_times(eq.surfaces)
     state = problem.state()
     body = body_of(eq, state.u, density, damping)
     unknowns = int(eq.comm.allreduce(int((~eq.fixed[: eq.owned_sizes[0]]).sum())))

@@ -40,6 +40,7 @@ from dolfinx_contact.analysis.vibrations import (
     is_number,
     require_positive,
 )
+from dolfinx_contact.points.law_checks import check_times
 
 __all__ = ["Onset", "SlidingModes", "SteadySliding"]
 
@@ -122,6 +123,7 @@ class SteadySliding(ReadOnly):
         with everywhere(eq.comm, "steady sliding"):
             if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 1:
                 raise ValueError(f"the number of eigenvalues must be 1 or more, got {count!r}")
+        check_times(eq.surfaces)
         state = problem.state()
         pattern = SlipPattern.of(eq, direction, state)
         self._slip = Slip(eq, pattern, hold_across=hold_across)

@@ -33,7 +33,7 @@ from dolfinx_contact.equations.rates import (
 )
 from dolfinx_contact.equations.state import State, Statuses
 from dolfinx_contact.laws.status import OPEN
-from dolfinx_contact.points.law_checks import check_law, check_time
+from dolfinx_contact.points.law_checks import check_law, check_times
 from dolfinx_contact.points.surface import ContactSurface
 
 __all__ = ["ParametricEquations"]
@@ -160,8 +160,7 @@ class ParametricEquations(System):
                 self.constant.value = gamma
 
     def check_parameter(self, gammas: Sequence[float]) -> None:
-        for s in self.equations.surfaces:
-            check_time(s)
+        check_times(self.equations.surfaces)
         varying = [
             s
             for s, rates in zip(self.equations.surfaces, self._rates, strict=True)

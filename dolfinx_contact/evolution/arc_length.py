@@ -44,6 +44,7 @@ from dolfinx_contact.evolution.path_standing import (
 )
 from dolfinx_contact.evolution.said import SaidOfPath
 from dolfinx_contact.parametric import ParametricContact
+from dolfinx_contact.points.law_checks import check_times
 from dolfinx_contact.points.memory import Memory
 
 __all__ = ["ArcLength", "Direction"]
@@ -94,6 +95,7 @@ class ArcLength(ReadOnly):
         self._standing: PathStanding | None = None
 
     def _require_no_time(self) -> None:
+        check_times(self.problem.surfaces)
         for s in self.problem.surfaces:
             s.update_geometry()
             fields = s.points.data.fields
@@ -103,6 +105,13 @@ class ArcLength(ReadOnly):
                 not slow,
                 f"{s.name}: the law {s.law.name} answers to the time or length of a step, by its "
                 f"{' and '.join(slow)}; a path by arc length has none: use QuasiStatic",
+            )
+            compiled = s.law_at_points.compiled
+            require(
+                self.problem.comm,
+                bool(s.law.needs_time) or not compiled.needs_time(0.0),
+                f"{s.name}: the law {s.law.name} looks at the time of a step (a.step); a path "
+                "by arc length has none: use QuasiStatic",
             )
             slip = s.law_at_points.compiled.knows_slip
             require(

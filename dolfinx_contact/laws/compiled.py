@@ -27,6 +27,7 @@ from dolfinx_contact._errors import everywhere
 from dolfinx_contact.laws.answers import Answers, Array, Codes, PointData
 from dolfinx_contact.laws.law import Law, StatusPiece, checked_pieces
 from dolfinx_contact.laws.roots import Roots
+from dolfinx_contact.laws.still import known_step
 from dolfinx_contact.laws.symbols import SLID, Symbols, from_memory
 from dolfinx_contact.laws.values import Flat, Values
 
@@ -143,7 +144,22 @@ class CompiledLaw:
             self.places["spreads"] = [flat.add(e) for e in (q, *slopes)]
         self.values = Values(flat.components, self._w, comm)
         roots = written.equations
+        self._needs: dict[float, bool] = {}
         self._roots = Roots(roots, symbols.solved, self._w, comm) if roots else None
+        self._step, self._says = symbols.step, written.scalars
+
+    def needs_time(self, step: float) -> bool:
+        """Whether the law is not said without a time: at a step of no length, or a negative one.
+
+        It is said if the step occurs nowhere once it is known to be so; see `known_step`.
+        """
+        if self._step is None:
+            return False
+        if step not in self._needs:
+            said = [known_step(ufl.as_ufl(e), self._step, step) for e in self._says]
+            nodes = set(unique_pre_traversal(ufl.as_vector(said)))
+            self._needs[step] = self._step in nodes
+        return self._needs[step]
 
     @property
     def signature(self) -> str:

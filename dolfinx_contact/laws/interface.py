@@ -54,7 +54,8 @@ class Interface(Law):
     of a scalar at the start, and then at the last accepted state; all else is as in `Law`. With
     ``needs_pressure = False`` friction acts at open points too. Results depend on the time if the
     dissipation is no linear function of the rates: then ``needs_time`` names the fields without
-    which it is.
+    which it is. In a static problem all rates are 0: friction is that of the speed 0, and what is
+    viscous does not resist.
 
     Example:
         A bond whose strength falls with the opening, linearly, and which does not heal::

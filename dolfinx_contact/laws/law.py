@@ -83,8 +83,12 @@ class ContactPoint:
         around: mean of what the points around spread (`Law.spreads`); None if the law is local.
         before: jump of the last accepted state of an evolution, a vector, of which ``jump`` has the
             normal part alone; zero under the static law.
-        step: time since that state, negative under the static law.
-        slid_before: of ``slid`` what was slipped up to that state; 0 under the static law.
+        step: time since that state. The static law has none, and a negative number here: say what
+            holds then by comparing it with 0, as in the speed ``ufl.conditional(ufl.gt(a.step,
+            0.0), (a.slid - a.slid_before) / a.step, 0.0)``. A law that looks at the step where
+            none is known is refused without a history.
+        slid_before: of ``slid`` what was slipped up to that state; 0 under the static law, whose
+            ``slid`` is the whole slip.
         kept: what memory has of that state for the law alone (`Law.keeps`), by name.
         solved: numbers that equations of the law give (`Law.equations`), by the names of these.
     """

@@ -151,6 +151,11 @@ class Symbols:
             solved={name: of.numbers for name, of in self.solved.items()},
         )
 
+    @property
+    def step(self) -> Any | None:
+        """The symbol for the time since the last accepted state; None if nothing looks at it."""
+        return self._known.get(STEP)
+
     def exact(self, equations: Mapping[str, Equations]) -> dict[str, tuple[Any, ...]]:
         """The numbers that equations give, with their derivatives by all that these depend on.
 

@@ -3,13 +3,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from dolfinx_contact._errors import require
 from dolfinx_contact.laws.law import obeys
 from dolfinx_contact.points.surface import ContactSurface
 
-__all__ = ["check_law", "check_time"]
+__all__ = ["check_law", "check_time", "check_times"]
 
 
 def check_law(s: ContactSurface, where: str = "") -> None:
@@ -39,9 +41,26 @@ def check_law(s: ContactSurface, where: str = "") -> None:
 def check_time(s: ContactSurface) -> None:
     """Raise ``ValueError`` if the law lacks something, with the memory that stands. Collective.
 
-    See `Law.lacks`.
+    See `Law.lacks`; and a law that looks at the time needs one (`CompiledLaw.needs_time`).
     """
     history = s.memory is not None and s.memory.step > 0
     lack = s.law.lacks(history=history)
     kind = "in a history" if history else "statically"
     require(s.comm, not lack, f"{s.name}: {kind} the law {s.law.name} lacks {lack}")
+    step = -1.0 if s.memory is None else min(s.memory.step, 0.0)
+    # Laws that name the fields by which they need a time say what holds in a step of no length.
+    said = history or (step == 0 and bool(s.law.needs_time))
+    require(
+        s.comm,
+        said or not s.law_at_points.compiled.needs_time(step),
+        f"{s.name}: the law {s.law.name} looks at the time of a step (a.step), and no time passes "
+        "without a history: use evolution.QuasiStatic or NSCD, or say in the law what holds at "
+        "rest, as in the speed ufl.conditional(ufl.gt(a.step, 0.0), (a.slid - a.slid_before) / "
+        "a.step, 0.0)",
+    )
+
+
+def check_times(surfaces: Sequence[ContactSurface]) -> None:
+    """`check_time` of all surfaces. Collective."""
+    for s in surfaces:
+        check_time(s)

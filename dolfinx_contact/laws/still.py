@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Laws that know the time, where no time passes: what is left of their UFL."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from operator import eq, ge, gt, le, lt, ne
+from typing import Any
+
+import ufl
+from ufl.algorithms import expand_derivatives
+from ufl.classes import (
+    EQ,
+    GE,
+    GT,
+    LE,
+    LT,
+    NE,
+    AndCondition,
+    NotCondition,
+    OrCondition,
+    Variable,
+)
+from ufl.corealg.map_dag import map_expr_dag
+from ufl.corealg.multifunction import MultiFunction
+
+__all__ = ["known_step"]
+
+_COMPARED: dict[type, Callable[[float, float], bool]] = {
+    EQ: eq, GE: ge, GT: gt, LE: le, LT: lt, NE: ne
+}  # fmt: skip
+
+
+def known_step(e: Any, symbol: Variable, step: float) -> Any:
+    """UFL in which comparisons of the step with a number are decided.
+
+    Args:
+        e: UFL, a scalar.
+        symbol: of the step.
+        step: 0, or negative for any negative number, which is compared with numbers from 0 on.
+    """
+    return map_expr_dag(_Decided(symbol, step), expand_derivatives(e))
+
+
+class _Decided(MultiFunction):  # type: ignore[misc]
+    """Takes the branch of conditionals that the step decides."""
+
+    def __init__(self, symbol: Variable, step: float):
+        super().__init__()
+        self._symbol, self._step = symbol, step
+
+    def expr(self, o: Any, *operands: Any) -> Any:
+        return self.reuse_if_untouched(o, *operands)
+
+    def variable(self, o: Any, *operands: Any) -> Any:
+        # What is differentiated by stays itself; what stands for an expression is that.
+        return o if o == self._symbol else self.reuse_if_untouched(o, *operands)
+
+    def conditional(self, o: Any, condition: Any, yes: Any, no: Any) -> Any:
+        answer = self._answer(condition)
+        if answer is None:
+            return self.reuse_if_untouched(o, condition, yes, no)
+        return yes if answer else no
+
+    def _answer(self, c: Any) -> bool | None:
+        """Whether a condition holds; None if that depends on more."""
+        if isinstance(c, NotCondition):
+            inside = self._answer(c.ufl_operands[0])
+            return None if inside is None else not inside
+        if isinstance(c, AndCondition | OrCondition):
+            decides = isinstance(c, OrCondition)
+            both = [self._answer(part) for part in c.ufl_operands]
+            if decides in both:
+                return decides
+            return None if None in both else not decides
+        compare = _COMPARED.get(type(c))
+        if compare is None:
+            return None
+        left, right = (self._number(part) for part in c.ufl_operands)
+        if left is None or right is None or not self._is_known(left, right):
+            return None
+        return compare(left, right)
+
+    def _number(self, e: Any) -> float | None:
+        if e == self._symbol:
+            return self._step
+        return float(e) if isinstance(e, ufl.constantvalue.ScalarValue | ufl.classes.Zero) else None
+
+    def _is_known(self, left: float, right: float) -> bool:
+        """Whether a comparison is the same of every step that is meant."""
+        return self._step == 0 or max(left, right) >= 0
