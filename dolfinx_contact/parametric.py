@@ -148,13 +148,16 @@ class ParametricContact(ReadOnly, ParametricEquations):
         """The problem condensed onto its contact points, or its linearisation at (x, gamma).
 
         None where the statuses of the points are no polyhedral cones (3D friction, integral
-        contact, gamma in the law or in the obstacle) or there are too many points. Collective.
+        contact, gamma in the law or in the obstacle), the bulk has kinks in u, or there are too
+        many points. Collective.
 
         Args:
             x: the state.
             gamma: there.
             conic: whether there is none under a friction bound given in advance either.
         """
+        if self.kinks:
+            return None
         cones = can_condense(self)
         if not (cones or (not conic and self.is_linear and can_condense(self, bounded=True))):
             return None

@@ -1,9 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """The body without contact: its residual and its stiffness, assembled once where they are linear.
 
-A residual that is affine in the displacement is K u + f with K and f that change only when the
-user's data do. Both are kept, and thrown away when a coefficient, a Constant or the mesh differs
-from what it was.
+A residual that is affine in the displacement (by what it is made of, `_affine`) is K u + f with K
+and f that change only when the user's data do. Both are kept, and thrown away when a coefficient, a
+Constant or the mesh differs from what it was.
+
+One that is continuous with kinks is nonlinear, and its derivative that of the side at which a state
+is: Newton's method is semismooth there, as it is for contact. One that jumps has in general no root
+that Newton's method could find, and is refused: friction is a law of a surface.
 """
 
 from __future__ import annotations
@@ -22,6 +26,7 @@ import dolfinx.fem.petsc
 import ufl
 from dolfinx import fem, la
 
+from dolfinx_contact._affine import dependence, has_branches, is_affine, jumps_in
 from dolfinx_contact._forms import compiled_form
 from dolfinx_contact._petsc import half_of
 from dolfinx_contact.body.discontinuous import check_jumps
@@ -46,9 +51,11 @@ class Bulk:
         displacement: Function of the forms, which follows what is evaluated.
         residual_form, jacobian_form: compiled.
         linear: whether the residual is affine in ``u``.
+        kinks: what makes it one with kinks in ``u``, in words; "" if it is none.
 
     Raises:
-        ValueError: if ``form`` is neither an energy nor a residual of ``u``.
+        ValueError: on every rank, if ``form`` is neither an energy nor a residual of ``u``, or it
+            jumps where ``u`` changes.
     """
 
     #: Whether motions are resisted by mass.
@@ -71,12 +78,16 @@ class Bulk:
         self.jacobian_form = compiled_form(derivative)
         self._energy_form: fem.Form | None = None
         coefficients, constants = _given_in(derivative)
-        self.linear: bool = own not in coefficients
+        self.linear: bool = own not in coefficients and is_affine(self.residual, own)
+        self._branching = [f for f in _different(form, self.residual) if has_branches(f)]
+        self.kinks = dependence(form, own).text_of_kinks if self._branching else ""
+        self._smooth_mark: int | None = None
         #: Constants of the stiffness.
         self.jacobian_constants = constants
         self._data = [*coefficients, *constants]
         self._loads = [c for c in self.residual.coefficients() if c is not own]
         self._loads += self.residual.constants()
+        self.require_continuous()
         self._owned = self._V.dofmap.index_map.size_local * self._V.dofmap.index_map_bs
         self._K: PETSc.Mat | None = None
         self._half: PETSc.Mat | None = None
@@ -87,6 +98,29 @@ class Bulk:
         self.assemblies = 0
         #: Seconds of the first assembly of the stiffness, and of a product with it, on this rank.
         self.seconds = (0.0, 0.0)
+
+    def require_continuous(self) -> None:
+        """Raise ``ValueError`` if the form jumps in ``u`` with the data as they are. Collective."""
+        if not self.kinks:
+            return
+        mark = self._mark(self._loads)
+        if self._smooth_mark is not None and self._same(mark, self._smooth_mark):
+            return
+        jumps = [jump for form in self._branching for jump in jumps_in(form, self.displacement)]
+        certain = [jump for jump in jumps if jump.decided]
+        if certain:
+            raise ValueError(
+                f"the bulk jumps in u where {certain[0].text} changes, by {self.kinks}: Newton's "
+                "method has in general no root of it; friction, or a threshold, on a face is a law "
+                "of a contact surface there, as Tresca"
+            )
+        if jumps:
+            raise ValueError(
+                f"the bulk has kinks in u, by {self.kinks}, and it is not decided whether it jumps "
+                f"where {jumps[0].text} changes: no values of u were found at which it does; write "
+                "it without that condition"
+            )
+        self._smooth_mark = mark
 
     def energy_at(self, u: npt.NDArray[np.float64]) -> float | None:
         """The energy that the user gave; None if it was a residual. Collective."""
@@ -277,6 +311,11 @@ def _given_in(derivative: ufl.Form) -> tuple[list[fem.Function], list[fem.Consta
         )
     kept = _left[key]
     return [coefficients[i] for i in kept[0]], [constants[i] for i in kept[1]]
+
+
+def _different(form: ufl.Form, residual: ufl.Form) -> list[ufl.Form]:
+    """The user's form, and the residual if that is another."""
+    return [form] if form is residual else [form, residual]
 
 
 def _seconds_of_product(K: PETSc.Mat) -> float:

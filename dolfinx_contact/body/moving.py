@@ -113,8 +113,8 @@ class MovingBody:
         body: as given.
         mass, damping: as given.
         step: of time.
-        linear, energy, residual, displacement, jacobian_constants, assemblies, seconds: as those of
-            a `Bulk`; ``residual`` is the form without inertia, for the data in it.
+        linear, kinks, energy, residual, displacement, jacobian_constants, assemblies, seconds: as
+            those of a `Bulk`; ``residual`` is the form without inertia, for the data in it.
     """
 
     has_mass = True
@@ -123,7 +123,7 @@ class MovingBody:
         self.body, self.mass, self.damping, self.comm = body, mass, damping, body.comm
         self.linear, self.energy, self.residual = body.linear, body.energy, body.residual
         self.displacement, self.residual_form = body.displacement, body.residual_form
-        self.jacobian_constants = body.jacobian_constants
+        self.jacobian_constants, self.kinks = body.jacobian_constants, body.kinks
         self.seconds, self.assemblies = (0.0, 0.0), 0
         self._owned = mass.getLocalSize()[0]
         self.step = step
@@ -184,6 +184,10 @@ class MovingBody:
         return -(self.body.residual_at(np.zeros_like(self._origin)) if f is None else f)
 
     # -- the face of a Bulk ----------------------------------------------------------------------
+
+    def require_continuous(self) -> None:
+        """As `Bulk.require_continuous`. Collective."""
+        self.body.require_continuous()
 
     def energy_at(self, w: Array) -> float | None:
         """The energy that the user gave at u_1; None if it was a residual. Collective."""

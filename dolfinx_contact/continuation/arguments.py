@@ -30,6 +30,7 @@ __all__ = [
     "check_system",
     "checked_gamma",
     "checked_range",
+    "require_smooth",
     "told",
 ]
 
@@ -43,6 +44,18 @@ def check_system(system: Any) -> None:
         raise ValueError(
             "what is followed must be a System, such as a ParametricContact of a contact problem "
             f"and its parameter; got {type(system).__name__}"
+        )
+
+
+def require_smooth(system: System) -> None:
+    """Raise ``ValueError`` if H has kinks within its pieces, which no status tells of.
+
+    Folds, events and branch points are looked for as those of a smooth H on every piece.
+    """
+    if system.kinks:
+        raise ValueError(
+            f"{system.kinks}; branches are followed where H is smooth as long as no status "
+            "changes: solve at single values, or take a bulk without kinks"
         )
 
 

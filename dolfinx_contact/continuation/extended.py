@@ -22,7 +22,12 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact._errors import everywhere, require, same_everywhere
-from dolfinx_contact.continuation.arguments import check_system, checked_gamma, checked_range
+from dolfinx_contact.continuation.arguments import (
+    check_system,
+    checked_gamma,
+    checked_range,
+    require_smooth,
+)
 from dolfinx_contact.continuation.branch import Branch, Change, SpecialPoint
 from dolfinx_contact.continuation.conditions import (
     Condition,
@@ -287,6 +292,7 @@ def follow_special(
             point is of another kind, or there is no curve through it.
     """
     check_system(system)
+    require_smooth(system)
     with everywhere(system.comm, "follow_special"):
         mu = checked_gamma(mu, "mu")
         low, high = checked_range(mu_range, [mu], "mu")

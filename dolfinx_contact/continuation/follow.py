@@ -25,6 +25,7 @@ from dolfinx_contact.continuation.arguments import (
     check_system,
     checked_gamma,
     checked_range,
+    require_smooth,
     told,
 )
 from dolfinx_contact.continuation.batch import BatchedSteps, Locate
@@ -93,8 +94,8 @@ def follow(
 
     Raises:
         ValueError: on every rank, if an argument does not fit or differs between ranks, the range
-            is empty or does not contain ``gamma``, gamma does not appear in H, or there is no
-            solution near the start.
+            is empty or does not contain ``gamma``, gamma does not appear in H, there is no solution
+            near the start, or H has kinks within its pieces, as where those of a bulk are.
     """
     check_system(system)
     with everywhere(system.comm, "follow"):
@@ -143,9 +144,11 @@ def follower_for(
             corrector; ``"auto"`` by pivoting where that is possible.
 
     Raises:
-        ValueError: if the pieces are not affine and pivoting is asked for, or the scale of gamma is
-            not positive.
+        ValueError: if the pieces are not affine and pivoting is asked for, the scale of gamma is
+            not positive, or H is not smooth on its pieces: folds, events and branch points are not
+            told from kinks there.
     """
+    require_smooth(system)
     if not (np.isfinite(gamma_scale) and gamma_scale > 0):
         raise ValueError(f"the scale of gamma must be positive, got {gamma_scale}")
     if route not in ("auto", "pivoting", "steps"):
@@ -285,6 +288,8 @@ class Follower:
             new, special, h = self._steps.step(point, h)
             if new is None:
                 branch.reason = f"no step of at least {self.control.minimum:g} succeeds"
+                if self.system.kinks_in_gamma:
+                    branch.reason += f"; {self.system.kinks_in_gamma}"
                 break
             node = any(s.kind == "bifurcation" for s in special)
             if not node and self._is_closed(origin or start, point, new):
@@ -379,7 +384,12 @@ class Follower:
             moved = len(here) != len(there) or bool(np.any(here != there))
             size = float(self.system.comm.allreduce(int(moved)))
         if not size > 0:
-            raise ValueError("gamma does not appear in H: its derivative by gamma vanishes")
+            where = self.system.kinks_in_gamma
+            raise ValueError(
+                f"the derivative of H by gamma vanishes here; {where}"
+                if where
+                else "gamma does not appear in H: its derivative by gamma vanishes"
+            )
 
 
 def _steps(corrector: Corrector, locate: Locate | None) -> ExactSteps:

@@ -76,6 +76,10 @@ class System:
     #: Whether kinks are passed in batches unless `StepControl.kinks` says otherwise: where branches
     #: pass so many that not all need be located. By default not.
     has_many_pieces: bool = False
+    #: Why H is not smooth on a piece, in words; "" if it is.
+    kinks: str = ""
+    #: Where H is not smooth in gamma alone, in words; "" if it is.
+    kinks_in_gamma: str = ""
     #: Whether every piece is affine in (x, gamma), so that `condensed` is the whole problem.
     is_piecewise_affine: bool = False
     #: Of the Jacobian; None, the default, where that is to be factorised.

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import logging
 import zlib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -37,6 +38,8 @@ from dolfinx_contact.points.law_checks import check_law, check_times
 from dolfinx_contact.points.surface import ContactSurface
 
 __all__ = ["ParametricEquations"]
+
+logger = logging.getLogger(__name__)
 
 _MANY_POINTS = 50
 
@@ -104,14 +107,20 @@ class ParametricEquations(System):
         )
         self._offsets = np.concatenate([[0], np.cumsum(counts)]).astype(int)
         self._num_points = self.comm.allreduce(int(self._offsets[-1]))
-        #: Whether the body is linear in u and gamma enters the data linearly.
+        body, driven_by = equations.bulk, [d.not_affine for d in self._driven]
+        curved = [rate.not_affine(body.residual), *driven_by, self._rigid_rates.not_affine]
+        #: What makes loads and motions not affine in gamma, in words; "" if they are.
+        self.not_affine = next(filter(None, curved), "")
+        #: Whether the body is linear in u, by a stiffness without gamma, and the data are affine.
         self.is_linear = (
-            equations.linear
-            and self.constant not in equations.bulk.jacobian_constants
-            and rate.is_linear(equations.bulk.residual)
-            and all(d.is_affine for d in self._driven)
-            and self._rigid_rates.is_affine
+            equations.linear and gamma not in body.jacobian_constants and not self.not_affine
         )
+        if self.not_affine and self.comm.rank == 0:
+            logger.info("the data are not affine in gamma: %s", self.not_affine)
+        rough = [rate.kinks(body.residual), self._rigid_rates.kinks]
+        rough += [d.kinks for d in self._driven] + [r.kinks for r in self._rates]
+        kinks = next(filter(None, rough), "")
+        self.kinks_in_gamma = f"the data have kinks or jumps in gamma: {kinks}" if kinks else ""
         self._data = self._given()
 
     # -- data ------------------------------------------------------------------------------------
@@ -194,6 +203,12 @@ class ParametricEquations(System):
         return not any(rates.applies for rates in self._rates)
 
     # -- System ----------------------------------------------------------------------------------
+
+    @property
+    def kinks(self) -> str:  # type: ignore[override]
+        """What makes the bulk one with kinks in u, which the statuses say nothing of."""
+        text = self.equations.bulk.kinks
+        return f"the bulk has kinks in u: {text}" if text else ""
 
     @property
     def preconditioner(self) -> Preconditioner | None:  # type: ignore[override]

@@ -14,6 +14,7 @@ import ufl
 from dolfinx import fem
 from ufl.algorithms.analysis import extract_constants
 
+from dolfinx_contact._affine import dependence, has_branches, is_affine
 from dolfinx_contact._compat import interpolation_points
 from dolfinx_contact._forms import compiled_expression, compiled_form
 from dolfinx_contact.equations.rigid_bodies import RigidBodies
@@ -60,14 +61,20 @@ class Rate:
         rate = ufl.algorithms.expand_derivatives(self.of(form))
         return None if rate.empty() else compiled_form(rate)
 
-    def is_linear(self, form: ufl.Form) -> bool:
-        """Whether the second derivative of a form vanishes."""
-        if self.gamma not in form.constants():
-            return True
-        once = ufl.algorithms.expand_derivatives(self.of(form))
-        if once.empty() or self.gamma not in once.constants():
-            return True
-        return bool(ufl.algorithms.expand_derivatives(self.of(once)).empty())
+    def not_affine(self, e: Any) -> str:
+        """What makes a form or an expression not affine in gamma, in words; "" if it is affine."""
+        if isinstance(e, ufl.Form) and is_affine(e, self.gamma):
+            return ""
+        found = dependence(e, self.gamma)
+        return "" if found.is_affine else found.text
+
+    def kinks(self, e: Any) -> str:
+        """Where a form or an expression has kinks or jumps in gamma, in words; "" if nowhere."""
+        if isinstance(e, ufl.Form):
+            present = self.gamma in e.constants() and has_branches(e)
+        else:
+            present = depends_on(self.gamma, e)
+        return dependence(e, self.gamma).text_of_kinks if present else ""
 
 
 class Driven:
@@ -81,9 +88,10 @@ class Driven:
         # FFCx compiles no expression in which nothing but constants occurs.
         nothing = fem.Constant(domain, 0.0) * (x if expression.ufl_shape else x[0])
         self.function, slope = function, rate.of_expression(expression)
-        curvature = rate.of_expression(slope)
-        #: Whether gamma enters linearly.
-        self.is_affine = isinstance(curvature, ufl.constantvalue.Zero)
+        #: What makes it not affine in gamma; "" if it is.
+        self.not_affine = rate.not_affine(expression)
+        #: Where it has kinks or jumps in gamma; "" if nowhere.
+        self.kinks = rate.kinks(expression)
         self._value = compiled_expression(expression + nothing, points)
         self._rate = compiled_expression(slope + nothing, points)
 
@@ -106,8 +114,12 @@ class SurfaceRates:
         given = s.given if s.displaced is None else s.displaced.given
         self.moves = depends_on(rate.gamma, given.gap, given.normal)
         self.law_changes = depends_on(rate.gamma, *given.fields.values())
+        self.kinks = ""
         if not self.applies:
             return
+        every = given.gap, given.normal, *given.fields.values()
+        #: Where the obstacle or the law has kinks or jumps in gamma; "" if nowhere.
+        self.kinks = next(filter(None, map(rate.kinks, every)), "")
         fields = {name: rate.of_expression(e) for name, e in given.fields.items()}
         normal = rate.of_expression(given.normal)
         self._rates = Given(rate.of_expression(given.gap), normal, fields)
@@ -153,10 +165,11 @@ class RigidRates:
 
     def __init__(self, bodies: RigidBodies, rate: Rate):
         self._bodies = bodies
-        self._rates = [rate.of_expression(e) for b in bodies.bodies for e in b.expressions]
-        curvatures = [rate.of_expression(e) for e in self._rates]
-        #: Whether gamma enters linearly.
-        self.is_affine = all(isinstance(e, ufl.constantvalue.Zero) for e in curvatures)
+        given = [e for b in bodies.bodies for e in b.expressions]
+        self._rates = [rate.of_expression(e) for e in given]
+        self.kinks = next(filter(None, map(rate.kinks, given)), "")
+        #: What makes one of them not affine in gamma; "" if all are.
+        self.not_affine = next(filter(None, map(rate.not_affine, given)), "")
 
     def __call__(self) -> tuple[Array, Array]:
         return self._bodies.rates(self._rates)

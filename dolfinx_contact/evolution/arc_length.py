@@ -25,6 +25,7 @@ import numpy as np
 from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact._frozen import ReadOnly
 from dolfinx_contact.continuation.arguments import check_listeners, checked_range
+from dolfinx_contact.continuation.arguments import check_listeners, checked_range, require_smooth
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.branch import AT_END
 from dolfinx_contact.continuation.corrector import Corrector
@@ -70,7 +71,7 @@ class ArcLength(ReadOnly):
 
     Raises:
         ValueError: on every rank, if that is none, or a law depends on the time or length of a
-            step, or on the distance slipped.
+            step, or on the distance slipped, or the bulk has kinks in u.
 
     Example:
         ::
@@ -90,6 +91,7 @@ class ArcLength(ReadOnly):
         if not isinstance(parametric, ParametricContact):
             raise ValueError(f"a ParametricContact is needed, got {type(parametric).__name__}")
         self.parametric, self.problem = parametric, parametric.problem
+        require_smooth(parametric)
         self._stepper = Stepper(self.problem, lambda _: None, None)
         self._require_no_time()
         self._standing: PathStanding | None = None

@@ -257,6 +257,7 @@ def check_data(eq: ContactEquations, x0: PETSc.Vec) -> None:
     """Raise ``ValueError`` for data that no solver can work with; else follow them. Collective."""
     same_everywhere(eq.comm, "data of the problem", Constants=_given_numbers(eq))
     eq.require_same_mesh()
+    eq.bulk.require_continuous()
     for s in eq.surfaces:
         s.update_geometry()
         check_law(s)
