@@ -8,6 +8,7 @@ a time (`batch.py`) or by stepping over each (`passage.py`).
 from __future__ import annotations
 
 import logging
+import math
 from dataclasses import replace
 from itertools import pairwise
 from typing import Literal, TypeAlias
@@ -58,6 +59,8 @@ Route: TypeAlias = Literal["auto", "pivoting", "steps"]
 logger = logging.getLogger(__name__)
 
 _HAIR = 1e-9  # of the scale of gamma: beside a gamma at which borders begin
+_HOP = 1e-6  # of the scale of gamma, over a kink of the data
+_FURTHER = 4.0  # times the length by the slopes on both sides: no continuous branch
 
 
 def follow(
@@ -287,6 +290,8 @@ class Follower:
         for index in range(first + 1, max_steps + 1):
             new, special, h = self._steps.step(point, h)
             if new is None:
+                new, special, h = self._beyond_kink(point, (low, high)), [], self.control.initial
+            if new is None:
                 branch.reason = f"no step of at least {self.control.minimum:g} succeeds"
                 if self.system.kinks_in_gamma:
                     branch.reason += f"; {self.system.kinks_in_gamma}"
@@ -321,6 +326,34 @@ class Follower:
         if b.comm.rank == 0:
             logger.info("branch ended: %s", branch.reason)
         return branch
+
+    def _beyond_kink(
+        self, point: BranchPoint, gamma_range: tuple[float, float]
+    ) -> BranchPoint | None:
+        """The branch just beyond a kink of the data in gamma, at which steps end. Collective.
+
+        None if there is none, or the branch does not go on continuously with the same statuses.
+        """
+        b, slope = self.bordered, self.bordered.gamma(point.tangent)
+        if not self.system.kinks_in_gamma or slope == 0:
+            return None
+        low, high = gamma_range
+        hop = math.copysign(_HOP * b.gamma_scale, slope)
+        gamma = min(max(point.gamma + hop, low), high)
+        if gamma == point.gamma:
+            return None
+        try:
+            new = self.start(b.split(point.y)[0], gamma, increasing=slope > 0)
+        except ValueError as error:
+            logger.info("no way beyond gamma = %g: %s", point.gamma, error)
+            return None
+        moved, onwards = new.y - point.y, b.gamma(new.tangent)
+        distance = math.sqrt(b.inner(moved, moved))
+        moved.destroy()
+        most = abs(gamma - point.gamma) * (1 / abs(slope) + 1 / abs(onwards)) if onwards else 0.0
+        same = bool(np.array_equal(new.piece.codes, point.piece.codes))
+        same = b.comm.allreduce(same, op=_all)
+        return new if same and distance <= _FURTHER * most else None
 
     def restore(self, stepping: Stepping) -> None:
         """Know again what was known at a point that was followed to before."""
