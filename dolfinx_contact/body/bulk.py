@@ -99,6 +99,14 @@ class Bulk:
         #: Seconds of the first assembly of the stiffness, and of a product with it, on this rank.
         self.seconds = (0.0, 0.0)
 
+    def loaded(self, load: ufl.Form) -> Bulk:
+        """This body with a load beside: a form in a test function, without the displacement."""
+        own = self.displacement
+        if self.energy is None:
+            return Bulk(self.residual + load, own)
+        (test,) = load.arguments()
+        return Bulk(self.energy + ufl.replace(load, {test: own}), own)
+
     def require_continuous(self) -> None:
         """Raise ``ValueError`` if the form jumps in ``u`` with the data as they are. Collective."""
         if not self.kinks:

@@ -28,6 +28,7 @@ import dolfinx.fem.petsc
 import ufl
 from dolfinx import fem
 
+from dolfinx_contact._affine import dependence
 from dolfinx_contact._agreement import described, refuse_other_mesh
 from dolfinx_contact._errors import everywhere, same_everywhere
 from dolfinx_contact._forms import compiled_form
@@ -77,10 +78,12 @@ class NSCD(Evolution):
             a cell, so that a body that floats turns a little under a uniform force, less on finer
             meshes. The velocity of nodes without mass means nothing by itself, and no momentum is
             to be taken from `velocity` there: ask the impulses of contact, or take another mass.
-        damping: forces linear in the velocity, as of a viscoelastic body: a UFL form in
+        damping: forces affine in the velocity, as of a viscoelastic body: a UFL form in
             ``velocity`` and a test function, or in a trial and a test function; or a pair (a, b)
             for Rayleigh's a M + b K, a per time, b a time. K is that of the undeformed body, M
-            consistent.
+            consistent. What a form has at no velocity, as that of a wind, c (v - w), is a load.
+            A form that holds the displacement is refused, and one with kinks or jumps in the
+            velocity (dry friction, which is a law of a contact surface).
         restitution: coefficient e, 0 to 1, at the velocity level.
 
     Attributes:
@@ -125,6 +128,7 @@ class NSCD(Evolution):
             if velocity is not None and getattr(velocity, "function_space", None) != V:
                 raise ValueError("velocity must be a Function of the displacement's space")
             refuse_other_mesh(ufl.as_ufl(density), V.mesh, "the density")
+            _refuse_state(ufl.as_ufl(density), problem.u, velocity)
             if isinstance(density, int | float) and not (math.isfinite(density) and density > 0):
                 raise ValueError(f"the density must be positive, got {density!r}")
         same_everywhere(comm, a_velocity=velocity is not None, damping=_described(damping, V))
@@ -141,11 +145,13 @@ class NSCD(Evolution):
         weight = 2 * math.pi * ufl.SpatialCoordinate(V.mesh)[0]
         mass_of = density * weight if problem.equations.axisymmetric else density
         M = mass_matrix(V, mass_of, mass, _touching(problem.equations))
-        C = _damping(problem, self.velocity, mass_of, damping)
+        C, wind = _damping(problem, self.velocity, mass_of, damping)
         step = TimeStep(self._dt, method.theta, method.scheme)
         body = problem.equations.bulk
         if isinstance(body, MovingBody):
             body = body.body
+        if wind is not None:
+            body = body.loaded(wind)
         super().__init__(problem.moving(MovingBody(body, M, C, step)), load or _constant)
         self.kept = {"velocity": self.velocity}
         words = (f"scheme {scheme}", f"theta {method.theta!r}", f"level {level}", f"mass {mass}")
@@ -343,49 +349,76 @@ def _touching(eq: ContactEquations) -> npt.NDArray[np.bool_]:
     return np.repeat(nodes, eq.dim)
 
 
+def _refuse_state(density: Any, *state: fem.Function | None) -> None:
+    """Raise ``ValueError`` if a density depends on what moves."""
+    known = ufl.algorithms.extract_coefficients(density)
+    if any(f is given for f in known for given in state):
+        raise ValueError(
+            "the density depends on the displacement or the velocity: it is that of the undeformed "
+            "body, and stays"
+        )
+
+
 def _damping(
     problem: ContactProblem,
     velocity: fem.Function,
     density: Any,
     damping: ufl.Form | tuple[float, float] | None,
-) -> PETSc.Mat | None:
-    """The matrix C. Collective.
+) -> tuple[PETSc.Mat | None, ufl.Form | None]:
+    """The matrix C, and the form of what acts at no velocity. Collective.
 
     Raises:
-        ValueError: on every rank, if that is neither a pair nor a form linear in the velocity.
+        ValueError: on every rank, if that is neither a pair nor a form affine in the velocity.
     """
     if damping is None:
-        return None
+        return None, None
     V, body = problem.V, problem.equations.bulk
     with everywhere(problem.comm, "damping"):
         if isinstance(damping, ufl.Form):
-            form = _damping_form(V, velocity, damping)
+            form, wind = _damping_form(problem.u, velocity, damping)
         else:
             a, b = _rayleigh(damping)
     if isinstance(damping, ufl.Form):
         C = dolfinx.fem.petsc.assemble_matrix(compiled_form(form))
         C.assemble()
-        return C
+        return C, wind
     C = body.stiffness(np.zeros_like(velocity.x.array)).copy()
     C.scale(b)
     M = mass_matrix(V, density, "consistent", np.zeros(C.getLocalSize()[0], dtype=bool))
     C.axpy(a, M, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
     M.destroy()
-    return C
+    return C, None
 
 
-def _damping_form(V: fem.FunctionSpace, velocity: fem.Function, form: ufl.Form) -> ufl.Form:
-    arguments = form.arguments()
+def _damping_form(
+    u: fem.Function, velocity: fem.Function, form: ufl.Form
+) -> tuple[ufl.Form, ufl.Form | None]:
+    """The derivative of damping by the velocity, and what is left at none, if anything is."""
+    V, arguments, given = u.function_space, form.arguments(), form.coefficients()
     if not arguments or any(a.ufl_function_space() != V for a in arguments):
         raise ValueError("damping must have a test function of the displacement's space")
+    if u in given:
+        raise ValueError(
+            "damping depends on the displacement: it is that of the undeformed body; what depends "
+            "on the displacement alone belongs into the bulk"
+        )
     if len(arguments) == 2:
-        return form
-    if velocity not in form.coefficients():
+        if velocity in given:
+            raise ValueError("damping in a trial and a test function must not hold the velocity")
+        return form, None
+    if velocity not in given:
         raise ValueError("damping must be a form in the Function that is given as velocity")
+    found = dependence(form, velocity)
+    if not found.is_affine:
+        what = found.text_of_kinks or found.text
+        raise ValueError(
+            f"damping must be affine in the velocity, and is not by {what}; dry friction is a law "
+            "of a contact surface"
+        )
+    at_rest = ufl.replace(form, {velocity: ufl.zero(velocity.ufl_shape)})
+    wind = ufl.algorithms.expand_derivatives(at_rest)
     C = ufl.derivative(form, velocity, ufl.TrialFunction(V))
-    if velocity in ufl.algorithms.expand_derivatives(C).coefficients():
-        raise ValueError("damping must be linear in the velocity")
-    return C
+    return C, None if wind.empty() else wind
 
 
 def _described(damping: Any, V: fem.FunctionSpace) -> str:
