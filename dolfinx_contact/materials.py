@@ -28,6 +28,10 @@ Of a body of revolution half of a section is meshed, r = x >= 0 and z = y. Its e
     steel = Axisymmetric(LinearElastic.from_young(210e3, 0.3))
     around = circumference(domain)  # 2 pi r
     bulk = steel.energy(u) * around * ufl.dx - pull * u[1] * around * ds
+
+`ContactProblem` refuses integrals that lack the weight, or have x[0] with no 2 pi beside it. It
+finds the weight as a factor, in other words too; where it does not, and the values of the integral
+over 2 pi r do not vary like r or 1/r, it warns that this is not decided.
 """
 
 from __future__ import annotations

@@ -33,6 +33,7 @@ from dolfinx_contact.analysis.contact import uniqueness
 from dolfinx_contact.analysis.theory import theory_of
 from dolfinx_contact.body.bulk import Bulk
 from dolfinx_contact.body.cells import check_cells
+from dolfinx_contact.body.circumference import check_circumference, refuse_revolution
 from dolfinx_contact.body.moving import MovingBody
 from dolfinx_contact.equations.arguments import check, fit, listed, lists
 from dolfinx_contact.equations.contact import ContactEquations
@@ -100,8 +101,10 @@ class ContactProblem(ReadOnly):
     Raises:
         ValueError: on every rank, if the arguments do not fit together, something is of another
             mesh, arguments differ between ranks, contact nodes are all clamped, a mesh coordinate
-            is not finite, a cell has no volume, some surfaces are axisymmetric and others not, or
-            all are but for the bulk.
+            is not finite, a cell has no volume, some surfaces are axisymmetric and others not, the
+            bulk of a body of revolution is that of a plane one, or the other way round, or one of
+            its integrals has not the weight ``materials.circumference(mesh)``: one without any, or
+            with x[0] and no 2 pi. Where that is not decided a warning is logged.
         AttributeError: where attributes or lists are changed afterwards.
         RuntimeError: if PETSc has complex scalars.
 
@@ -166,6 +169,10 @@ class ContactProblem(ReadOnly):
         require(self.comm, finite, "the mesh has a coordinate that is not finite")
         check_cells(self.V.mesh)
         given = ProblemOptions(petsc_options_prefix, self.petsc_options)
+        if self.surfaces[0].axisymmetric:
+            check_circumference(bulk, u)
+        else:
+            refuse_revolution(bulk, u)
         body = Bulk(bulk, u)
         #: The UFL energy of the body, if that was given.
         self.energy: ufl.Form | None = None if body.energy is None else bulk

@@ -33,6 +33,7 @@ from dolfinx_contact._agreement import described, refuse_other_mesh
 from dolfinx_contact._errors import everywhere, same_everywhere
 from dolfinx_contact._forms import compiled_form
 from dolfinx_contact._numbers import is_number
+from dolfinx_contact.body.circumference import check_circumference
 from dolfinx_contact.body.inertia import Mass, mass_matrix
 from dolfinx_contact.body.moving import MovingBody, Scheme, TimeStep
 from dolfinx_contact.equations.contact import ContactEquations
@@ -84,6 +85,7 @@ class NSCD(Evolution):
             consistent. What a form has at no velocity, as that of a wind, c (v - w), is a load.
             A form that holds the displacement is refused, and one with kinks or jumps in the
             velocity (dry friction, which is a law of a contact surface).
+            A form of a body of revolution has the weight `materials.circumference`.
         restitution: coefficient e, 0 to 1, at the velocity level.
 
     Attributes:
@@ -379,6 +381,8 @@ def _damping(
         else:
             a, b = _rayleigh(damping)
     if isinstance(damping, ufl.Form):
+        if problem.equations.axisymmetric:
+            check_circumference(damping, velocity, "the damping")
         C = dolfinx.fem.petsc.assemble_matrix(compiled_form(form))
         C.assemble()
         return C, wind
