@@ -39,6 +39,7 @@ class Uzawa(Algorithm):
             augmentation of Newton's method.
         augmented: whether contact yields about its force.
         on: ``body`` for the whole finite element problem, ``points`` for the reduced one.
+            Integral contact is refused but for the augmented method on the body.
     """
 
     name: ClassVar[str] = "uzawa"

@@ -67,7 +67,7 @@ class Constraints:
             self.clamped.append(np.asarray(removed.all(axis=1)))
             n = s.Q.dofmap.index_map.size_local
             left = s.comm.allreduce(int((~self.clamped[-1][:n]).sum()))
-            require(s.comm, left > 0, f"{s.name}: Dirichlet data clamp every contact node")
+            require(s.comm, left > 0, _why_none_is_left(s))
 
     def values(self, fill: float = np.nan) -> npt.NDArray[np.float64]:
         """Dirichlet values at the local nodes x dim, ``fill`` where the displacement is free."""
@@ -156,6 +156,18 @@ class Constraints:
             closing = np.linalg.norm(np.where(fixed, 0.0, normal), axis=1) < _TOLERANCE
             if s.displaced is not None:
                 closing = fixed.all(axis=1)
+            opposite = s.obstacle.opposite
+            if opposite is not None:
+                alone = opposite.none[s.points.vertex_trace_dofs]
+                least = s.comm.allreduce(float(np.min(gap[alone], initial=np.inf)), op=min)
+                require(
+                    s.comm,
+                    not opposite.matching or bool(least > -1e-9 * size),
+                    f"{s.name}: the gap is {least:.3g} at the front of the crack, where both sides "
+                    "have a node in common and no gap; let the interference fade there, as UFL of "
+                    "the position",
+                )
+                closing &= ~alone
             worst = np.min(gap[closing], initial=np.inf)
             worst = s.comm.allreduce(worst, op=min)
             require(
@@ -194,6 +206,16 @@ class Constraints:
         free = (~self.fixed[: self._V.dofmap.index_map.size_local]).astype(float)
         moves = opposite.values(s.comm, free, len(self.fixed), sizes=True) > _TOLERANCE
         return np.asarray((self.fixed & ~moves) | opposite.none[:, None])
+
+
+def _why_none_is_left(s: ContactSurface) -> str:
+    """Why no contact node of a surface may carry anything. Not collective."""
+    if not s.between_bodies or not s.obstacle.opposite.none.any():
+        return f"{s.name}: Dirichlet data clamp every contact node"
+    return (
+        f"{s.name}: every contact node is clamped by Dirichlet data, has nothing opposite, or is "
+        "at the front of a crack, where both sides have it in common"
+    )
 
 
 def _removed(s: ContactSurface, held: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:

@@ -175,13 +175,16 @@ class ParametricEquations(System):
             for s, rates in zip(self.equations.surfaces, self._rates, strict=True)
             if rates.law_changes
         ]
-        if varying:
+        looked_at = [s for s in self.equations.surfaces if s in varying or s.between_bodies]
+        if looked_at:
             with self.restored(always=True):
                 for gamma in gammas:
                     self.set(gamma)
-                    for s in varying:
+                    for s in looked_at:
                         s.update_geometry()
-                        check_law(s, f" at gamma = {gamma:g}")
+                        s.check_gaps()
+                        if s in varying:
+                            check_law(s, f" at gamma = {gamma:g}")
 
     @property
     def scales(self) -> tuple[float, ...]:  # type: ignore[override]

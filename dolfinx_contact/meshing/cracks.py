@@ -23,7 +23,7 @@ from dolfinx import mesh
 from dolfinx_contact._errors import everywhere, on_root, same_everywhere
 from dolfinx_contact._kept import keep
 from dolfinx_contact.meshing.gmsh import GmshMesh, NamedTags
-from dolfinx_contact.meshing.whole import WholeMesh, distributed, gathered
+from dolfinx_contact.meshing.whole import WholeMesh, check_tags, distributed, gathered
 
 __all__ = ["crack"]
 
@@ -65,22 +65,29 @@ def crack(
 
     Raises:
         ValueError: on every rank, if there is no such group, a facet of it lies on the boundary, a
-            group has no two sides, no node of a group can be doubled, or the cells are curved.
+            group has no two sides, no node of a group can be doubled, the cells are curved, or tags
+            are none, of another mesh, or of other entities.
     """
     if isinstance(body, GmshMesh):
         domain, cell_tags, facet_tags, names = body
     else:
+        if not isinstance(body, mesh.Mesh):
+            raise ValueError(f"a mesh to crack is needed, got {body!r}")
         domain, names = body, {}
     keep(domain)
     comm, tdim = domain.comm, domain.topology.dim
     with everywhere(comm, "a crack"):
-        if isinstance(groups, str | int):
+        if isinstance(groups, str | int) or not isinstance(groups, Iterable):
             raise ValueError(f"groups must be a list of names or tags, got {groups!r}")
         chosen = list(groups)
-        if not chosen or not all(isinstance(g, str | int | np.integer) for g in chosen):
+        kinds = str | int | np.integer
+        if not chosen or not all(isinstance(g, kinds) and g is not True for g in chosen):
             raise ValueError(f"a crack needs names or tags of groups, got {chosen!r}")
-        if facet_tags is None or facet_tags.dim != tdim - 1:
+        if facet_tags is None:
             raise ValueError("a crack needs MeshTags of facets")
+        check_tags(domain, facet_tags, tdim - 1, "the facet_tags of a crack")
+        if cell_tags is not None:
+            check_tags(domain, cell_tags, tdim, "the cell_tags of a crack")
         known = {name: tag for name, (d, tag) in names.items() if d == tdim - 1}
         for g in chosen:
             if isinstance(g, str) and g not in known:

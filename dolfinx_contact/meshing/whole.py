@@ -19,12 +19,17 @@ import numpy.typing as npt
 import basix
 from dolfinx import mesh
 
-from dolfinx_contact._compat import create_mesh, geometry_dofmap, tags_of_entities
+from dolfinx_contact._compat import (
+    create_mesh,
+    geometry_dofmap,
+    is_topology_of,
+    tags_of_entities,
+)
 from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact._kept import keep
 from dolfinx_contact.meshing.gmsh import GmshMesh, NamedTags
 
-__all__ = ["WholeMesh", "distributed", "gathered", "join"]
+__all__ = ["WholeMesh", "check_tags", "distributed", "gathered", "join"]
 
 Nodes = npt.NDArray[np.int64]
 Tags = npt.NDArray[np.int32]
@@ -103,6 +108,25 @@ def gathered(
     )
 
 
+def check_tags(domain: mesh.Mesh, tags: Any, dim: int, what: str) -> None:
+    """Raise ``ValueError`` if these are no MeshTags of entities of this mesh. Not collective.
+
+    Args:
+        domain: the mesh.
+        tags: should be of it.
+        dim: of the entities.
+        what: they are, for the message.
+    """
+    if not isinstance(tags, mesh.MeshTags | NamedTags):
+        raise ValueError(f"{what} must be MeshTags, got {tags!r}")
+    if tags.dim != dim:
+        names = {domain.topology.dim: "cells", domain.topology.dim - 1: "facets"}
+        found = names.get(tags.dim, f"entities of dimension {tags.dim}")
+        raise ValueError(f"{what} must be those of {names[dim]}, and are those of {found}")
+    if not is_topology_of(domain, tags):
+        raise ValueError(f"{what} are those of another mesh")
+
+
 def _tagged(tags: mesh.MeshTags | None, owned: int) -> tuple[npt.NDArray[np.int32], Tags]:
     """Owned entities with a tag, and their tags."""
     if tags is None:
@@ -156,7 +180,8 @@ def join(
         Mesh, cell tags and facet tags; no group has a name.
 
     Raises:
-        ValueError: on every rank, if the meshes differ in their kind or dimension, or are curved.
+        ValueError: on every rank, if the meshes differ in their kind or dimension, or are curved,
+            or tags are none, of another mesh, or of other entities.
     """
     bodies: list[Any] = list(meshes) if isinstance(meshes, list | tuple) else []
     if bodies and all(isinstance(m, GmshMesh) for m in bodies):
@@ -174,9 +199,16 @@ def join(
         if len(kinds) > 1:
             kind = sorted(map(str, kinds))
             raise ValueError(f"meshes of different kinds cannot be joined: {kind}")
-        for tags in (cell_tags, facet_tags):
-            if tags is not None and len(tags) != len(bodies):
+        tdim = bodies[0].topology.dim
+        for what, dim, tags in (("cell", tdim, cell_tags), ("facet", tdim - 1, facet_tags)):
+            if tags is None:
+                continue
+            if not isinstance(tags, list | tuple):
+                raise ValueError(f"{what}_tags must be a list of MeshTags, got {tags!r}")
+            if len(tags) != len(bodies):
                 raise ValueError(f"{len(bodies)} meshes need as many tags, got {len(tags)}")
+            for i, (m, t) in enumerate(zip(bodies, tags, strict=True), 1):
+                check_tags(m, t, dim, f"the {what}_tags of mesh {i}")
     same_everywhere(comm, number_of_meshes=len(bodies))
     none = [None] * len(bodies)
     parts = [

@@ -52,7 +52,8 @@ class ContactPair(ContactSurface):
         master: likewise.
         master_facets: local indices of the facets of the master, where those of the slave are
             given by indices.
-        gap: initial gap, UFL or a number; by default that of the geometry.
+        gap: initial gap, UFL or a number; by default that of the geometry. Where Constants and
+            Functions in it change, it may not become negative either, without ``interference``.
         surface: the true shape of the master, an obstacle, where facets are chords of a curve: gap
             and normal are then its at the nodes of the slave, and not off by the sagitta of chords.
         normal: direction from the slave to the master (dim,), along which faces are opposite to
@@ -164,14 +165,21 @@ class ContactPair(ContactSurface):
         )
         #: What is opposite while no function of a node is given away.
         self._apart: Opposite = self.obstacle.opposite
-        worst = comm.allreduce(float(np.min(self.points.vertex_gaps, initial=np.inf)), op=min)
-        if gap is not None or surface is not None:
-            what = "given gap" if surface is None else "gap to the given surface"
-            require(
-                comm,
-                interference or worst >= 0,
-                f"{name}: the {what} is {worst:.3g}; interference=True for a press fit",
-            )
+        self._given_gap = ""
+        if not interference and (gap is not None or surface is not None):
+            self._given_gap = "given gap" if surface is None else "gap to the given surface"
+        self.check_gaps()
+
+    def check_gaps(self) -> None:
+        if not self._given_gap:
+            return
+        gaps = self.points.vertex_gaps
+        worst = self.comm.allreduce(float(np.min(gaps, initial=np.inf)), op=min)
+        require(
+            self.comm,
+            not worst < 0,
+            f"{self.name}: the {self._given_gap} is {worst:.3g}; interference=True for a press fit",
+        )
 
     def hold(self, fixed: npt.NDArray[np.bool_]) -> None:
         """Give away the dual functions of nodes whose jump is fixed; see `held_ends`. Collective.

@@ -248,6 +248,9 @@ class ContactSurface(ReadOnly):
         self.points.update()
         self._mark = self._marked()
 
+    def check_gaps(self) -> None:
+        """Raise ``ValueError`` if gaps that were given are none as they are now. Collective."""
+
     def hold(self, fixed: npt.NDArray[np.bool_]) -> None:
         """Take notice of the local nodes x dim that Dirichlet data fix. Collective."""
 

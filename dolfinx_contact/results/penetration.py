@@ -44,7 +44,7 @@ def penetrations(eq: ContactEquations, tables: dict[str, ContactTable]) -> dict[
         if not s.law.compliant:
             continue
         size, table = s.mean_width, tables[s.name]
-        depth = np.maximum(-table.un, 0.0)
+        depth = np.nan_to_num(np.maximum(-table.un, 0.0), nan=0.0)
         area = table.area[depth > 0]
         # Of points with the same depth, up to round-off, the first in the table.
         i = int(np.flatnonzero(depth >= (1 - 1e-9) * depth.max())[0])

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact._errors import require
+from dolfinx_contact._named import Named
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.measures import least_scales
 from dolfinx_contact.equations.normals import without_normal
@@ -105,7 +106,11 @@ class Result:
 
     @property
     def counts(self) -> dict[str, int]:
-        """Numbers of open, stuck, slipping and clamped points over all surfaces."""
+        """Numbers of open, stuck, slipping and clamped points over all surfaces.
+
+        Clamped are those without contact of their own: held by Dirichlet data, at the front of a
+        crack, or opposite to nothing.
+        """
         return status.count("".join(t.status for t in self.tables.values()))
 
     @property
@@ -115,7 +120,7 @@ class Result:
         Of a pair that on the slave; `pairs` has both. Of a body of revolution they are axial, as
         the resultants of support and loads: across the axis forces cancel.
         """
-        return {name: t.resultant(t.force) for name, t in self.tables.items()}
+        return Named({name: t.resultant(t.force) for name, t in self.tables.items()})
 
     @property
     def misfit(self) -> float | None:
@@ -237,21 +242,23 @@ def collect(eq: ContactEquations, state: State, attempts: Sequence[Attempt]) -> 
             violated,
         )
     return Result(
-        tables,
+        Named(tables),
         list(attempts),
-        energies,
+        Named(energies),
         violated,
         sum(eq.global_sizes),
         forces.support,
         forces.external,
         forces.imbalance,
-        {
-            s.name: pair_balance(eq, number, state)
-            for number, s in enumerate(eq.surfaces)
-            if s.between_bodies
-        },
-        misfits(eq, state),
+        Named(
+            {
+                s.name: pair_balance(eq, number, state)
+                for number, s in enumerate(eq.surfaces)
+                if s.between_bodies
+            }
+        ),
+        Named(misfits(eq, state)),
         warn_of_inversion(eq, state.u),
-        penetrations(eq, tables),
-        rigid_body_results(eq, state),
+        Named(penetrations(eq, tables)),
+        Named(rigid_body_results(eq, state)),
     )

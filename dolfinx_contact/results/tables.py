@@ -42,14 +42,15 @@ class ContactTable:
         dim: 2 or 3.
         x: positions (n, dim).
         area: area (length in 2D) of each point.
-        un: gap.
+        un: gap; NaN where a node of a pair has nothing opposite.
         ut: tangential displacement (n, dim).
         increment: that since the last accepted step of an evolution (n, dim); else the same.
         n: normals (n, dim).
         force: contact force on the body (n, dim), 0 where Dirichlet data clamp the point.
         pressure: contact pressure.
         shear: tangential traction on the body (n, dim).
-        letters: status, one letter a point: o, k, + or - (2D), s (3D), d.
+        letters: status, one letter a point: o, k, + or - (2D), s (3D); d of one without contact of
+            its own: held by Dirichlet data, at the front of a crack, or opposite to nothing.
         bound: radius of the friction disc, a force.
         support: reaction of Dirichlet data on the body at the node (n, dim), 0 in the components
             that none fix; zeros in the integral method, whose points are no nodes. A node that two
@@ -167,10 +168,14 @@ def contact_table(
         moved = _letters_of_motion(known["increment"], normal, 1e-12 * eq.body_size)
         letters = np.where(guided & (letters != "o"), moved, letters)
     pressure = -np.sum(traction * normal, axis=1) + 0.0
+    gap = known["un"] + 0.0
+    opposite = s.obstacle.opposite
+    if s.method != "integral" and opposite is not None and not opposite.matching:
+        gap[opposite.none[s.points.vertex_trace_dofs[:n]]] = np.nan
     columns = {
         "x": known["x"],
         "area": area,
-        "un": known["un"] + 0.0,
+        "un": gap,
         "ut": known["ut"],
         "increment": known["increment"],
         "n": normal,

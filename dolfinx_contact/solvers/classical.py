@@ -115,6 +115,8 @@ def solve_by(
         whole = None
     if whole is None or (isinstance(whole, Uzawa) and not whole.augmented):
         _require_held(equations)
+    if isinstance(whole, Uzawa) and not whole.augmented:
+        _require_nodes(equations)
     if isinstance(algorithm, TrescaFixedPoint):
         _require_bounds(equations)
     body = BodySolver(equations, direct=whole is None or linear().name == "direct")
@@ -173,6 +175,17 @@ def _require_held(eq: ContactEquations) -> None:
             "this algorithm needs a body that is linear and that Dirichlet data hold; take "
             "Newton's method"
         )
+
+
+def _require_nodes(eq: ContactEquations) -> None:
+    """Raise ``ValueError`` if multipliers are no tractions at contact points."""
+    for s in eq.surfaces:
+        if s.method == "integral":
+            raise ValueError(
+                f"{s.name}: Uzawa's method raises tractions at contact points, which in integral "
+                "contact are no unknowns (those of the multipliers are at nodes): it needs nodal "
+                "or mixed contact; take Newton's method"
+            )
 
 
 def _require_bounds(eq: ContactEquations) -> None:

@@ -260,6 +260,7 @@ def check_data(eq: ContactEquations, x0: PETSc.Vec) -> None:
     eq.bulk.require_continuous()
     for s in eq.surfaces:
         s.update_geometry()
+        s.check_gaps()
         check_law(s)
     _require_start(eq, x0)
     require_obstacles(eq)
