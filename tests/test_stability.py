@@ -7,11 +7,22 @@ import pytest
 from demo_linear_triangle import linear_triangle
 from test_critical_friction import block, leaning, on_box
 
-from dolfinx import mesh
+import ufl
+from dolfinx import fem, mesh
 
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    Frictionless,
+    HalfSpace,
+    NormalCompliance,
+    Tresca,
+)
 from dolfinx_contact.analysis import SteadySliding, critical_friction, stability_at_rest
 from dolfinx_contact.continuation import find_solutions
 from dolfinx_contact.laws import MINUS, PLUS, STICK
+from dolfinx_contact.materials import LinearElastic, NeoHookean, lame
 
 COMM = MPI.COMM_WORLD
 
@@ -144,3 +155,144 @@ def test_bad_input():
     domain = mesh.create_unit_square(COMM, 2, 2)
     with pytest.raises(ValueError, match="nodal or mixed"):
         stability_at_rest(on_box(domain, method="integral"), density=1.0)
+
+
+# -- the stiffness where no point is at a border ---------------------------------------------------
+
+
+class Column:
+    """A column 1 x 10 that stands on its contact points with much friction, E = 1000.
+
+    With a load P it is pressed at its free top, by a force that keeps its direction or follows the
+    body; else the top is held.
+    """
+
+    def __init__(self, poisson, *, load=None, law=None):
+        cells = [3, 30] if load else [4, 20]
+        domain = mesh.create_rectangle(COMM, [[0, 0], [1, 10]], cells, mesh.CellType.quadrilateral)
+        bottom, top = (
+            mesh.locate_entities_boundary(domain, 1, lambda x, y=y: np.isclose(x[1], y))
+            for y in (0.0, 10.0)
+        )
+        self.V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+        u, v = fem.Function(self.V), ufl.TestFunction(self.V)
+        tags = mesh.meshtags(domain, 1, np.sort(top), np.ones(len(top), dtype=np.int32))
+        ds = ufl.Measure("ds", domain=domain, subdomain_data=tags)
+        self.P, self.top = fem.Constant(domain, 0.0), fem.Constant(domain, np.zeros(2))
+        F = ufl.derivative(NeoHookean(*lame(1000.0, poisson)).energy(u) * ufl.dx, u, v)
+        bcs = []
+        if load == "follows":
+            turned = ufl.cofac(ufl.Identity(2) + ufl.grad(u)) * ufl.FacetNormal(domain)
+            F += self.P * ufl.dot(turned, v) * ds(1)
+        elif load == "dead":
+            F += self.P * v[1] * ds(1)
+        else:
+            held = fem.locate_dofs_topological(self.V, 1, top)
+            bcs = [fem.dirichletbc(self.top, held, self.V)]
+        floor = HalfSpace((0, 0), (0, 1))
+        self.surface = ContactSurface(u, bottom, obstacle=floor, law=law or Coulomb(10.0))
+        self.problem = ContactProblem(F, u, [self.surface], bcs=bcs)
+
+    def pressed(self, by):
+        for self.top.value[1] in -np.arange(0.05, by + 0.01, 0.05):
+            assert self.problem.solve().converged
+        assert set(self.problem.table(self.surface).letters) <= {"k"}
+        return self.problem
+
+    def loaded(self, by):
+        """By a multiple of EI/L^2."""
+        self.P.value = by * 1000.0 / 12.0 / 100.0
+        assert self.problem.solve().converged
+        assert set(self.problem.table(self.surface).letters) <= {"k"}
+        return self.problem
+
+
+def test_buckled_column():
+    """All points stick, and the constrained stiffness has the eigenvalue -0.0535."""
+    column = Column(0.3)
+    found = stability_at_rest(column.pressed(0.05), density=1.0)
+    assert (found.label, found.border, found.growth) == ("stable", 0, 0.0)
+    found = stability_at_rest(column.pressed(0.4), density=1.0)
+    assert (found.label, found.border, found.frequency) == ("unstable", 0, 0.0)
+    assert found.reason.endswith("has a negative eigenvalue")
+    # mu of K v = mu M v, by a dense solver; with C = eta K it is l^2 + eta mu l + mu = 0, with
+    # C = c M it is l^2 + c l + mu = 0.
+    mu, eta, c = -0.5399788468, 0.7, 0.3
+    assert found.growth == pytest.approx(np.sqrt(-mu), rel=2e-6)
+    found = stability_at_rest(column.problem, density=1.0, damping=eta)
+    grows = 0.5 * (-eta * mu + np.sqrt((eta * mu) ** 2 - 4 * mu))
+    assert found.growth == pytest.approx(grows, rel=2e-6)
+    v, w = ufl.TrialFunction(column.V), ufl.TestFunction(column.V)
+    for sign in (1.0, -1.0):
+        damping = sign * c * ufl.dot(v, w) * ufl.dx
+        found = stability_at_rest(column.problem, density=1.0, damping=damping)
+        grows = 0.5 * (-sign * c + np.sqrt(c**2 - 4 * mu))
+        assert (found.label, found.growth) == ("unstable", pytest.approx(grows, rel=2e-6))
+    # Four times the mass makes it half as fast.
+    heavy = stability_at_rest(column.problem, density=4.0)
+    assert heavy.growth == pytest.approx(0.5 * np.sqrt(-mu), rel=2e-6)
+
+
+def test_damping_that_feeds_in_energy():
+    """A straight column that is stable begins to swing."""
+    column = Column(0.3)
+    problem = column.pressed(0.05)
+    v, w = ufl.TrialFunction(column.V), ufl.TestFunction(column.V)
+    found = stability_at_rest(problem, density=1.0, damping=-0.02 * ufl.dot(v, w) * ufl.dx)
+    assert (found.label, found.growth) == ("unstable", pytest.approx(0.01, rel=1e-6))
+    assert found.frequency > 0
+
+
+def test_euler_and_beck():
+    """pi^2/4 under a dead load; 20.05 under one that follows, by flutter, never by divergence."""
+    column = Column(0.0, load="dead")
+    assert stability_at_rest(column.loaded(2.3), density=1.0).label == "stable"
+    assert stability_at_rest(column.loaded(2.8), density=1.0).label == "unstable"
+    column = Column(0.0, load="follows")
+    for load in (2.8, 19.0):
+        assert stability_at_rest(column.loaded(load), density=1.0).label == "stable"
+    problem = column.loaded(24.0)
+    found = stability_at_rest(problem, density=1.0)
+    assert (found.label, found.border) == ("unstable", 0)
+    # The frequency of the onset is 11.016 of (EI/(rho A L^4))^(1/2) for a slender column.
+    assert found.growth > 0.1
+    assert found.frequency == pytest.approx(11.016 * np.sqrt(1000 / 12) / 100, rel=0.1)
+    assert "flutter" in found.reason
+    # With a point at the border nothing is said of oscillations.
+    surface, friction = column.surface, 0.01
+    surface.law.friction.value = friction
+    surface.statuses[np.isclose(surface.positions[:, 0], 0.0)] = PLUS
+    traction = surface.multiplier.x.array.reshape(-1, 2)
+    corner = np.isclose(surface.Q.tabulate_dof_coordinates()[:, 0], 0.0)
+    traction[corner, 0] = -friction * traction[corner, 1]
+    found = stability_at_rest(problem, density=1.0)
+    assert (found.label, found.border) == ("not decided", 1)
+    assert "an oscillation grows" in found.reason
+
+
+def test_no_resistance():
+    """A block on a floor without friction slides: neither stable nor unstable."""
+    domain = mesh.create_unit_square(COMM, 3, 3)
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    bottom = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 0.0))
+    for law, label in ((Frictionless(), "not decided"), (Coulomb(0.5), "stable")):
+        floor = ContactSurface(u, bottom, obstacle=HalfSpace((0, 0), (0, 1)), law=law)
+        energy = LinearElastic.from_young(1.0, 0.3).energy(u) * ufl.dx + 0.01 * u[1] * ufl.dx
+        problem = ContactProblem(energy, u, [floor])
+        pressed(problem, 0.0, STICK, 0.0)
+        found = stability_at_rest(problem, density=1.0)
+        assert (found.label, found.border) == (label, 0)
+    assert stability_at_rest(problem, density=1.0).growth == 0
+
+
+def test_laws_and_masses_that_are_refused():
+    for law in (Tresca(0.1), NormalCompliance(100.0, friction=Coulomb(0.3))):
+        column = Column(0.3, law=law)
+        with pytest.raises(ValueError, match="for Coulomb's friction or none, not"):
+            stability_at_rest(column.problem, density=1.0)
+    column = Column(0.3)
+    density = fem.Function(column.V.sub(0).collapse()[0])
+    density.interpolate(lambda x: x[1] - 1.0)
+    with pytest.raises(ValueError, match="density must be positive everywhere"):
+        stability_at_rest(column.problem, density=density)

@@ -98,6 +98,8 @@ class HeldBody:
         K: stiffness with Dirichlet rows put in.
         rows: A, blocks of rows; their order is that of the multipliers p.
         forces: C, by default A.
+        counted: whether the matrix may be indefinite or singular, and its signs are asked for; by
+            default without rows.
 
     Attributes:
         sizes: numbers of unknowns of this rank: the displacement, then the blocks of p.
@@ -113,6 +115,8 @@ class HeldBody:
         K: PETSc.Mat,
         rows: Sequence[PETSc.Mat],
         forces: Sequence[PETSc.Mat] | None = None,
+        *,
+        counted: bool | None = None,
     ):
         self.comm, self.unit = eq.comm, eq.stiffness_scale
         self.sizes = [A.getLocalSize()[0] for A in (K, *rows)]
@@ -121,7 +125,8 @@ class HeldBody:
         self._ksp.setOptionsPrefix("analysis_")
         self._ksp.setOperators(self.matrix)
         # Alone the body's matrix may be indefinite or singular, and says so by its signs.
-        signs: dict[str, int] = {} if rows else {"mat_mumps_icntl_24": 1}
+        counted = not rows if counted is None else counted
+        signs: dict[str, int] = {"mat_mumps_icntl_24": 1} if counted else {}
         with options_in_database("analysis_", factor_kind(self.matrix) | signs | _DEFAULTS):
             self._ksp.setFromOptions()
             self._ksp.setUp()
@@ -148,6 +153,19 @@ class HeldBody:
         """Whether a body without rows is symmetric and positive definite. Collective."""
         pc = self._ksp.getPC()
         return pc.getType() == "cholesky" and pc.getFactorMatrix().getInertia()[:2] == (0, 0)
+
+    @property
+    def signs(self) -> tuple[int, int]:
+        """Numbers of negative and zero eigenvalues on the motions that are left. Collective.
+
+        With m independent rows the whole matrix has m more that are negative (N. I. M. Gould, On
+        practical conditions for the existence and uniqueness of solutions to the general equality
+        quadratic programming problem, Math. Programming 32, 1985). The body must be symmetric, and
+        `counted`.
+        """
+        rows = int(self.comm.allreduce(sum(self.sizes[1:])))
+        negative, zero, _ = self._ksp.getPC().getFactorMatrix().getInertia()
+        return int(negative) - rows, int(zero)
 
     @property
     def _starts(self) -> npt.NDArray[np.int64]:

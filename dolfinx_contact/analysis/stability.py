@@ -9,27 +9,41 @@ equilibrium is directionally unstable if there are lambda > 0 and v with
 
 with v and r in the cones of these points: then v e^{lambda t} is a motion from arbitrarily near
 (A. P. da Costa, J. A. C. Martins, I. N. Figueiredo and J. J. Judice, The directional instability
-problem in systems with frictional contacts, Comput. Methods Appl. Mech. Engrg. 193, 2004). Where no
-point is at a border the matrices are symmetric, and nothing grows. Else every choice of what these
-points do is an eigenproblem, whose vectors must lie in the cones. They are enumerated if they are
-few, and what was not looked at is not decided.
+problem in systems with frictional contacts, Comput. Methods Appl. Mech. Engrg. 193, 2004).
+
+Where no point is at a border the motions are a linear space: points that stick are held, others
+slide without friction or are open. With a symmetric stiffness, and a damping that feeds in no
+energy, the negative eigenvalues of K on that space are counted by a factorisation, and
+K + lambda C + lambda^2 M has as many as there are motions that grow faster than lambda. Loads that
+follow the body (a pressure on a part of its surface) make K nonsymmetric: then all eigenvalues
+decide, real or not (flutter), and they depend on the mass and the damping, a little of which may
+take the stability away.
+
+Else every choice of what the points at a border do is an eigenproblem, whose real vectors must lie
+in the cones. They are enumerated if they are few. What was not looked at, a motion that meets no
+resistance, and oscillations that grow in a piece where K or C themselves feed in energy, are not
+decided.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
 from typing import Any, Literal
 
+from petsc4py import PETSc
+
 import numpy as np
 import numpy.typing as npt
+from scipy.linalg import eig
 
 import ufl
 
+from dolfinx_contact._columns import is_symmetric
 from dolfinx_contact._errors import on_root, require
 from dolfinx_contact._petsc import staged
+from dolfinx_contact.analysis.held import HeldBody, with_dirichlet_rows
 from dolfinx_contact.analysis.rows import (
     Problem,
     component_rows,
@@ -38,9 +52,10 @@ from dolfinx_contact.analysis.rows import (
     point_normals,
     require_nodes,
 )
-from dolfinx_contact.analysis.vibrations import Body, body_of, null_space, on_root_dense
+from dolfinx_contact.analysis.vibrations import Body, body_of, damped, null_space, on_root_dense
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.state import State
+from dolfinx_contact.laws import Coulomb, Frictionless
 from dolfinx_contact.laws.status import MINUS, PLUS, closed, senses
 from dolfinx_contact.points.law_checks import check_times
 
@@ -53,6 +68,10 @@ _LARGEST = 700  # unknowns of dense eigenproblems
 _BORDER = 1e-8  # of forces over the largest, of gaps over the body's size
 _REAL = 1e-9  # relative imaginary part that is none
 _CONE = 1e-9  # of the largest component, by which a cone may be left
+_ROUND_OFF = 1e-13  # of the largest squared frequency: what is less is no resistance
+_HIGHEST = 30.0  # times the frequency of single unknowns: above those of the body
+_SURE = 1e-6  # relative error of an eigenvalue up to which a part of its size is none
+_DOUBLE = 1e-8  # relative distance of eigenvalues that are taken for equal
 
 #: What a point does: it is open, free along the surface, sticks, or slips with or against its d.
 OPEN, FREE, STICK, SLIP, BACK = range(5)
@@ -63,11 +82,13 @@ class Stability:
     """What is known of an equilibrium.
 
     Attributes:
-        label: whether there is a direction in which it leaves by itself.
-        growth: lambda of the fastest such motion; 0 if none was found.
+        label: whether there is a direction in which it leaves by itself, in the linearised motion
+            with the mass and damping that were given.
+        growth: lambda of the fastest such motion, its real part; 0 if none was found.
         border: number of points at a border.
-        pieces: eigenproblems that were solved.
+        pieces: eigenproblems of points at a border that were solved.
         reason: in words.
+        frequency: imaginary part of that lambda: 0 where the motion does not turn back.
     """
 
     label: Label
@@ -75,6 +96,7 @@ class Stability:
     border: int
     pieces: int
     reason: str
+    frequency: float = 0.0
 
 
 @staged("ContactStability")
@@ -83,36 +105,50 @@ def stability_at_rest(
 ) -> Stability:
     """Whether the equilibrium in the Functions is one that stays. Collective.
 
+    The stiffness counts too: a column that is pressed beyond its buckling load is unstable with all
+    its contact points stuck. "not decided" says in its reason which bound was reached: a motion
+    without resistance, points at a border, or, with loads that follow the body, size.
+
     Args:
-        problem: a contact problem that has been solved, nodal or mixed; points whose status is slip
-            are at the bound of friction.
-        density: of mass, a number, Constant, Function or UFL expression.
+        problem: a contact problem that has been solved, nodal or mixed, with Coulomb's friction or
+            none; points whose status is slip are at the bound of friction.
+        density: of mass, a number, Constant, Function or UFL expression, positive. Which motions
+            grow depends on it where K is not symmetric, with loads that follow the body.
         damping: eta of the damping C = eta K, a time, or a UFL form C(trial, test).
         most: eigenproblems that are solved; with more the answer is "unstable" or "not decided".
 
     Raises:
-        ValueError: on every rank, for arguments that do not fit, or a law without a coefficient of
-            friction.
+        ValueError: on every rank, for arguments that do not fit, and other laws: what gives way, or
+            has a bound of its own, is no border of this kind.
     """
     eq = problem.equations
     require_nodes(eq)
+    for s in eq.surfaces:
+        known = type(s.law) in (Coulomb, Frictionless)
+        message = f"{s.name}: stability at rest is for Coulomb's friction or none, not {s.law.name}"
+        require(eq.comm, known, message)
     require(eq.comm, most > 0, f"the number of eigenproblems must be 1 or more, got {most}")
     check_times(eq.surfaces)
     state = problem.state()
     body = body_of(eq, state.u, density, damping)
     unknowns = int(eq.comm.allreduce(int((~eq.fixed[: eq.owned_sizes[0]]).sum())))
     try:
+        require(eq.comm, _is_positive(eq, body.M), "the density must be positive everywhere")
         points = _Points(eq, state)
+        conserves = _is_symmetric(eq, body.K)
+        dissipates = body.C is None or _is_dissipative(eq, body)
         if points.border == 0:
-            return Stability("stable", 0.0, 0, 0, "no point is at a border")
+            if conserves and dissipates:
+                return _by_inertia(eq, body, points)
+            return _by_eigenvalues(eq, body, points, unknowns)
         if points.rounds:
             reason = "points with friction just touch, and may go anywhere on a surface"
             return Stability("not decided", 0.0, points.border, 0, reason)
         if unknowns > _LARGEST:
             reason = f"{unknowns} unknowns are too many"
             return Stability("not decided", 0.0, points.border, 0, reason)
-        gathered = _Gathered(eq, body, points)
-        return on_root(eq.comm, lambda: _decided(gathered, most))
+        gathered, quiet = _Gathered(eq, body, points), conserves and dissipates
+        return on_root(eq.comm, lambda: _decided(gathered, most, quiet=quiet))
     finally:
         body.destroy()
 
@@ -202,30 +238,202 @@ class _Gathered:
         self.held = np.abs(self.N).max(axis=1, initial=0.0) == 0
 
 
-def _decided(g: _Gathered, most: int) -> Stability:
-    """Look at the pieces, those in which all points at a border slip first."""
+def _is_positive(eq: ContactEquations, M: PETSc.Mat) -> bool:
+    """Whether a symmetric matrix is positive definite on free displacements. Collective."""
+    if eq.comm.allreduce(int((M.getDiagonal().array_r <= 0).any())):
+        return False
+    A = with_dirichlet_rows(M, eq, eq.stiffness_scale)
+    held = HeldBody(eq, A, [])
+    definite = held.definite
+    held.destroy()
+    A.destroy()
+    return definite
+
+
+def _is_symmetric(eq: ContactEquations, A: PETSc.Mat) -> bool:
+    """Whether a matrix is symmetric for free displacements. Collective."""
+    free = with_dirichlet_rows(A, eq, 0.0)
+    symmetric = is_symmetric(free)
+    free.destroy()
+    return symmetric
+
+
+def _scale(eq: ContactEquations, A: PETSc.Mat, M: PETSc.Mat) -> float:
+    """The largest quotient of diagonal entries of free displacements. Collective."""
+    free = ~eq.fixed[: eq.owned_sizes[0]]
+    a, m = (np.abs(X.getDiagonal().array_r[free]) for X in (A, M))
+    return float(eq.comm.allreduce(float(np.max(a / m, initial=0.0)), op=max))
+
+
+def _is_dissipative(eq: ContactEquations, body: Body) -> bool:
+    """Whether a damping is symmetric and takes energy out, or none. Collective."""
+    if not _is_symmetric(eq, body.C):
+        return False
+    scale = _scale(eq, body.C, body.M)
+    return scale == 0 or _signs(eq, body, [], (0.0, 1.0, _ROUND_OFF * scale)) == (0, 0)
+
+
+def _signs(
+    eq: ContactEquations,
+    body: Body,
+    rows: list[PETSc.Mat],
+    parts: tuple[float, float, float],
+) -> tuple[int, int]:
+    """Negative and zero eigenvalues of a sum of K, C and M on the motions that rows leave.
+
+    Collective.
+    """
+    k, c, m = parts
+    A = body.M.copy()
+    A.scale(m)
+    for part, B in ((k, body.K), (c, body.C)):
+        if B is not None and part != 0:
+            A.axpy(part, B, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+    inside = with_dirichlet_rows(A, eq, eq.stiffness_scale)
+    held = HeldBody(eq, inside, rows, counted=True)
+    signs = held.signs
+    held.destroy()
+    inside.destroy(), A.destroy()
+    return signs
+
+
+def _by_inertia(eq: ContactEquations, body: Body, points: _Points) -> Stability:
+    """Without points at a border, with symmetric matrices. Collective."""
+    doing, n = points.choices[:, 0], point_normals(eq)
+    movable = np.linalg.norm(n * free_components(eq), axis=1) > 0.5
+    pressed = np.flatnonzero((doing != OPEN) & movable)
+    owner, tangents = free_tangents(eq)
+    stuck = (doing == STICK)[owner]
+    rows = [
+        component_rows(eq, pressed, n[pressed]),
+        component_rows(eq, owner[stuck], tangents[stuck]),
+    ]
+
+    def grow(growth: float) -> bool:
+        """Whether motions grow faster."""
+        parts = (1.0 + growth * body.eta, growth, growth**2)
+        return _signs(eq, body, rows, parts)[0] > 0
+
+    highest = _scale(eq, body.K, body.M)
+    nothing = _ROUND_OFF * highest
+    try:
+        if _signs(eq, body, rows, (1.0, 0.0, -nothing)) == (0, 0):
+            reason = "no point is at a border, and the stiffness is positive definite"
+            return Stability("stable", 0.0, 0, 0, reason)
+        number, _ = _signs(eq, body, rows, (1.0, 0.0, nothing))
+        if number == 0:
+            return Stability("not decided", 0.0, 0, 0, "a motion meets no resistance")
+        slow, fast = 0.0, _HIGHEST * math.sqrt(highest)
+        while grow(fast):
+            slow, fast = fast, 2 * fast
+        while fast - slow > _SURE * fast:
+            middle = 0.5 * (slow + fast) if slow > 0 else 0.1 * fast
+            slow, fast = (middle, fast) if grow(middle) else (slow, middle)
+    finally:
+        for A in rows:
+            A.destroy()
+    reason = f"no point is at a border, and the stiffness has {_many(number)}"
+    return Stability("unstable", 0.5 * (slow + fast), 0, 0, reason)
+
+
+def _many(number: int) -> str:
+    return "a negative eigenvalue" if number == 1 else f"{number} negative eigenvalues"
+
+
+def _by_eigenvalues(eq: ContactEquations, body: Body, points: _Points, unknowns: int) -> Stability:
+    """Without points at a border, where K or C feed in energy: all eigenvalues. Collective."""
+    # Without a damping of another kind the eigenproblem is half as large.
+    if unknowns > _LARGEST * (2 if body.C is None else 1):
+        which = "stiffness" if body.C is None else "stiffness or the damping"
+        reason = f"the {which} is not symmetric, and {unknowns} unknowns are too many"
+        return Stability("not decided", 0.0, 0, 0, reason)
+    gathered = _Gathered(eq, body, points)
+    return on_root(eq.comm, lambda: _of_spectrum(gathered, body.C is None, body.eta))
+
+
+def _of_spectrum(g: _Gathered, proportional: bool, eta: float) -> Stability:
+    K, M, C, _ = _piece(g, g.choices[:, 0])
+    if len(K) == 0:
+        return Stability("stable", 0.0, 0, 0, "all motions are held")
+    inertia = np.linalg.inv(np.linalg.cholesky((M + M.T) / 2))
+    K, C = (inertia @ A @ inertia.T for A in (K, C))
+    n = len(K)
+    A = K if proportional else np.block([[np.zeros((n, n)), np.eye(n)], [-K, -C]])
+    values, left, right = eig(A, left=True, right=True)
+    # First-order errors of eigenvalues, by their condition.
+    share = np.abs(np.sum(left.conj() * right, axis=0))
+    off = len(A) * np.finfo(float).eps * np.linalg.norm(A, 2) / np.maximum(share, 1e-300)
+    if proportional:
+        # A real mu > 0 makes a motion that keeps its size, or is damped.
+        real = (np.abs(values.imag) <= off) & (off <= _SURE * np.abs(values))
+        values = np.where(real, values.real + 0j, values)
+        around = [damped(values + off * turn, eta) for turn in (1, -1, 1j, -1j)]
+        most = np.max([w.real.reshape(2, -1).max(axis=0) for w in around], axis=0)
+        least = np.min([w.real.reshape(2, -1).max(axis=0) for w in around], axis=0)
+        most = np.where(real & (values.real > 0), 0.0, most)
+        least = np.where((eta == 0) & (np.abs(values.imag) <= off) & (values.real > -off), 0, least)
+        roots = damped(values, eta).reshape(2, -1)
+        values = np.take_along_axis(roots, roots.real.argmax(axis=0)[None], axis=0)[0]
+    else:
+        most, least = values.real + off, values.real - off
+    if (least > 0).any():
+        fastest = values[np.where(least > 0, values.real, -np.inf).argmax()]
+        how = "an oscillation grows (flutter)" if fastest.imag != 0 else "a motion grows"
+        reason = f"no point is at a border, and {how} with this mass and damping"
+        growth, turn = float(fastest.real), abs(float(fastest.imag))
+        return Stability("unstable", growth, 0, 0, reason, turn)
+    if (most > 0).any():
+        reason = "an eigenvalue is at the border of growth, or a motion meets no resistance"
+        return Stability("not decided", 0.0, 0, 0, reason)
+    reason = "no point is at a border, and nothing grows with this mass and damping"
+    return Stability("stable", 0.0, 0, 0, reason)
+
+
+@dataclass
+class _Seen:
+    """What the pieces have shown.
+
+    Attributes:
+        growth: lambda of the fastest motion in the cones.
+        doubt: why there may be another; "" if there is no doubt.
+    """
+
+    growth: float = 0.0
+    doubt: str = ""
+
+
+def _decided(g: _Gathered, most: int, *, quiet: bool) -> Stability:
+    """Look at the pieces, those in which all points at a border slip first.
+
+    Args:
+        g: the body and its points.
+        most: number of pieces that are looked at.
+        quiet: whether neither K nor C feeds in energy.
+    """
     border = np.flatnonzero(g.choices[:, 1] >= 0)
     ways = [g.choices[p][g.choices[p] >= 0][::-1] for p in border]
     number = math.prod(len(w) for w in ways)
-    growth, looked = 0.0, 0
+    seen, looked = _Seen(), 0
     for chosen in product(*ways):
         if looked == most:
             break
         looked += 1
         doing = g.choices[:, 0].copy()
         doing[border] = chosen
-        growth = max(growth, max(_growths(g, doing), default=0.0))
-    if growth > 0:
+        _look(g, doing, seen, quiet=quiet)
+    if seen.growth > 0:
         reason = "a motion that grows leaves in the cones of the points at a border"
-        return Stability("unstable", growth, len(border), looked, reason)
+        return Stability("unstable", seen.growth, len(border), looked, reason)
     if looked < number:
         reason = f"{looked} of {number} pieces were looked at"
         return Stability("not decided", 0.0, len(border), looked, reason)
+    if seen.doubt:
+        return Stability("not decided", 0.0, len(border), looked, seen.doubt)
     return Stability("stable", 0.0, len(border), looked, f"nothing grows in any of {number} pieces")
 
 
-def _growths(g: _Gathered, doing: npt.NDArray[np.int64]) -> Iterator[float]:
-    """Lambda > 0 of a piece whose vectors lie in its cones."""
+def _piece(g: _Gathered, doing: npt.NDArray[np.int64]) -> tuple[Array, Array, Array, Array]:
+    """K, M and C of a piece, and the motions Z that it allows."""
     slips, stuck = (doing == SLIP) | (doing == BACK), doing == STICK
     sign = np.where(doing == BACK, -1.0, 1.0)
     pressed = (slips | stuck | (doing == FREE)) & ~g.held
@@ -236,19 +444,41 @@ def _growths(g: _Gathered, doing: npt.NDArray[np.int64]) -> Iterator[float]:
     np.add.at(D, g.owner, g.along[:, None] * g.T)
     G = g.N + (np.where(slips, sign * g.friction, 0.0))[:, None] * D
     Z = null_space(np.concatenate([g.N[pressed], g.T[tangents]]))
-    Y = null_space(np.concatenate([G[pressed], g.T[tangents]]))
+    Y = null_space(np.concatenate([G[pressed], g.T[tangents]])) if slips.any() else Z
     K, M, C = (Y.T @ A @ Z for A in (g.K, g.M, g.C))
+    return K, M, C, Z
+
+
+def _look(g: _Gathered, doing: npt.NDArray[np.int64], seen: _Seen, *, quiet: bool) -> None:
+    """Look for lambda > 0 of a piece whose vectors lie in its cones."""
+    K, M, C, Z = _piece(g, doing)
     n = len(K)
+    if n == 0:
+        return
     inertia = np.linalg.inv(M)
     first = np.block([[np.zeros((n, n)), np.eye(n)], [-inertia @ K, -inertia @ C]])
     values, vectors = np.linalg.eig(first)
     size = np.sqrt(np.abs(inertia @ K).max(initial=0.0))
+    outside = []
     for value, x in zip(values, vectors[:n].T, strict=True):
-        if abs(value.imag) <= _REAL * size and value.real > _REAL * size:
-            turned = x / x[np.argmax(np.abs(x))]
-            v = Z @ turned.real
-            if any(_in_cones(g, doing, way * v, value.real) for way in (1.0, -1.0)):
-                yield float(value.real)
+        if value.real <= _REAL * size:
+            continue
+        if abs(value.imag) > _REAL * size:
+            if not quiet:
+                seen.doubt = "an oscillation grows in a piece of the points at a border"
+            continue
+        turned = x / x[np.argmax(np.abs(x))]
+        v = Z @ turned.real
+        if any(_in_cones(g, doing, way * v, value.real) for way in (1.0, -1.0)):
+            seen.growth = max(seen.growth, float(value.real))
+        else:
+            outside.append(float(value.real))
+    if (np.diff(np.sort(outside)) <= _DOUBLE * size).any():
+        seen.doubt = "motions that grow alike may leave together where none does alone"
+    resistance, motions = np.linalg.svd(K)[1:]
+    for v in motions[resistance <= _ROUND_OFF * resistance[0]]:
+        if any(_in_cones(g, doing, way * (Z @ v), 0.0) for way in (1.0, -1.0)):
+            seen.doubt = "a motion in the cones of the points at a border meets no resistance"
 
 
 def _in_cones(g: _Gathered, doing: npt.NDArray[np.int64], v: Array, growth: float) -> bool:
