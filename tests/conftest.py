@@ -26,6 +26,7 @@ ON_THREE = {
     "test_evolution": ("energy", "a_load_that_fails_on_one_rank"),
     "test_held_ends": ("patch",),
     "test_interfaces": ("adhesion_of_a_block", "jacobian_by_taylor"),
+    "test_kept_data": ("an_honest_resume_on_other_ranks",),
     "test_large_sliding": ("jacobian_by_taylor",),
     "test_law": ("jacobian_by_taylor",),
     "test_mortar": ("patch", "patch_in_space", "a_slave_that_is_held"),

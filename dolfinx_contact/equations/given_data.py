@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import fields, is_dataclass
 from typing import Any, NamedTuple
 
@@ -24,7 +24,9 @@ from dolfinx_contact.points.surface import ContactSurface
 __all__ = [
     "Datum",
     "GivenData",
+    "data_in",
     "data_of_surface",
+    "data_within",
     "given_data",
     "not_finite",
     "numbers_of",
@@ -54,12 +56,12 @@ def placed_data(eq: ContactEquations, *, conditions: bool = True) -> list[Datum]
         eq: the contact problem.
         conditions: whether those of Dirichlet conditions are among them.
     """
-    found = list(_within(eq.bulk.residual, "the form of the body"))
+    found = list(data_in(eq.bulk.residual, "the form of the body"))
     for s in eq.surfaces:
         found += data_of_surface(s)
     for body in eq.rigid.bodies:
         for component, e in zip(body.components, body.expressions, strict=True):
-            found += _within(e, f"what is given for {component} of {body.name!r}")
+            found += data_in(e, f"what is given for {component} of {body.name!r}")
     for i, bc in enumerate(eq.bcs if conditions else [], 1):
         found.append(Datum(f"the value of the Dirichlet condition {i}", dirichlet_value(bc)))
     return [d for d in found if d.value is not eq.bulk.displacement]
@@ -76,16 +78,25 @@ def data_of_surface(s: ContactSurface) -> list[Datum]:
     parts = [f.name for f in fields(obstacle)] if is_dataclass(obstacle) else []
     kind, found = type(obstacle).__name__, []
     for e in (s.given.gap, s.given.normal):
-        for d in _within(e, f"the obstacle {kind} of {s.name!r}"):
+        for d in data_in(e, f"the obstacle {kind} of {s.name!r}"):
             mine = [name for name in parts if getattr(obstacle, name) is d.value]
             found.append(Datum(f"the {mine[0]} of {kind} of {s.name!r}", d.value) if mine else d)
     for name, e in s.given.fields.items():
-        found += _within(e, f"the {name} of {s.law.name} of {s.name!r}")
+        found += data_in(e, f"the {name} of {s.law.name} of {s.name!r}")
     return found
 
 
-def _within(e: Any, place: str) -> Iterator[Datum]:
-    """Functions, then Constants, in UFL that stands in a place."""
+def data_within(expressions: Sequence[Any]) -> list[Datum]:
+    """What stands in expressions by which gamma drives Dirichlet data."""
+    return [
+        d
+        for i, e in enumerate(expressions, 1)
+        for d in data_in(e, f"the expression {i} of gamma that drives Dirichlet data")
+    ]
+
+
+def data_in(e: Any, place: str) -> Iterator[Datum]:
+    """Functions, then Constants, in UFL that stands in a place, in words."""
     is_form, constants = isinstance(e, ufl.Form), extract_constants(e)
     for f in e.coefficients() if is_form else ufl.algorithms.extract_coefficients(e):
         yield Datum(place if f is e else f"the Function {f.name!r} in {place}", f)

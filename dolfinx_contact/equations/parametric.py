@@ -136,6 +136,16 @@ class ParametricEquations(System):
         found = given_data(self.equations)
         return [f for f in found if not any(f is other for other in ours)]
 
+    @property
+    def driven_functions(self) -> list[fem.Function]:
+        """Functions of Dirichlet conditions that gamma drives."""
+        return [d.function for d in self._driven]
+
+    @property
+    def driven_expressions(self) -> list[Any]:
+        """What these are to be, in UFL."""
+        return [d.expression for d in self._driven]
+
     def data_mark(self) -> int:
         """A checksum of what the user may change, and of the mesh, on this rank."""
         mark = zlib.crc32(np.ascontiguousarray(self.equations.V.mesh.geometry.x))

@@ -87,6 +87,7 @@ class Driven:
         x = ufl.SpatialCoordinate(domain)
         # FFCx compiles no expression in which nothing but constants occurs.
         nothing = fem.Constant(domain, 0.0) * (x if expression.ufl_shape else x[0])
+        self.expression = expression
         self.function, slope = function, rate.of_expression(expression)
         #: What makes it not affine in gamma; "" if it is.
         self.not_affine = rate.not_affine(expression)

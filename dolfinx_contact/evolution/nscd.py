@@ -37,6 +37,7 @@ from dolfinx_contact.body.circumference import check_circumference
 from dolfinx_contact.body.inertia import Mass, mass_matrix
 from dolfinx_contact.body.moving import MovingBody, Scheme, TimeStep
 from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.given_data import Datum, data_in
 from dolfinx_contact.evolution.history import EvolutionStep, History
 from dolfinx_contact.evolution.motion import Level, Method, MotionStepper
 from dolfinx_contact.evolution.motion_energy import MotionEnergies
@@ -156,6 +157,8 @@ class NSCD(Evolution):
             body = body.loaded(wind)
         super().__init__(problem.moving(MovingBody(body, M, C, step)), load or _constant)
         self.kept = {"velocity": self.velocity}
+        self.data = _data(density, damping, self.velocity)
+        self.forms = [damping] if isinstance(damping, ufl.Form) else []
         words = (f"scheme {scheme}", f"theta {method.theta!r}", f"level {level}", f"mass {mass}")
         restores = f"restitution {method.restitution!r}"
         of = f"density {described(ufl.as_ufl(density), V.mesh)}"
@@ -423,6 +426,14 @@ def _damping_form(
     wind = ufl.algorithms.expand_derivatives(at_rest)
     C = ufl.derivative(form, velocity, ufl.TrialFunction(V))
     return C, None if wind.empty() else wind
+
+
+def _data(density: Any, damping: Any, velocity: fem.Function) -> list[Datum]:
+    """Functions and Constants in density and damping."""
+    found = list(data_in(ufl.as_ufl(density), "the density"))
+    if isinstance(damping, ufl.Form):
+        found += data_in(damping, "the damping")
+    return [d for d in found if d.value is not velocity]
 
 
 def _described(damping: Any, V: fem.FunctionSpace) -> str:

@@ -17,11 +17,13 @@ from mpi4py import MPI
 
 import numpy as np
 
+import ufl
 from dolfinx import fem
 
 from dolfinx_contact._errors import everywhere, same_everywhere
 from dolfinx_contact._frozen import ReadOnly
 from dolfinx_contact._numbers import is_number
+from dolfinx_contact.equations.given_data import Datum
 from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.evolution.forks import Forked, Forks
 from dolfinx_contact.evolution.history import EvolutionStep, History, NoContinuation
@@ -57,6 +59,8 @@ class Evolution(ReadOnly):
         account: what its energies are.
         method: what it is known by beside the problem, in words.
         kept: Functions that a state has beside those of the problem, by name.
+        data: Functions and Constants beside those of the problem, as in a density.
+        forms: beside those of the problem, as one of damping.
 
     Raises:
         ValueError: on every rank, if arguments do not fit.
@@ -70,6 +74,8 @@ class Evolution(ReadOnly):
     account: type[Energies] = Energies
     method: Sequence[str] = ()
     kept: Mapping[str, fem.Function] = {}
+    data: Sequence[Datum] = ()
+    forms: Sequence[ufl.Form] = ()
 
     def __init__(self, problem: ContactProblem, load: Callable[[float], object]):
         if not isinstance(problem, ContactProblem):

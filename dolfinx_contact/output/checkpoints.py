@@ -63,11 +63,12 @@ class Checkpoints:
         name: str,
         vectors: dict[str, PETSc.Vec],
         arrays: Mapping[str, npt.NDArray[Any]] | None = None,
+        functions: Mapping[str, fem.Function] | None = None,
     ) -> str:
         """Keep ``vectors`` of unknowns under ``name``; a check sum of the files. Collective.
 
-        The last of them stays in the problem's Functions, and ``arrays`` are those of rank 0.
-        Returns when all is on the disk.
+        The last of them stays in the problem's Functions, ``arrays`` are those of rank 0, and
+        ``functions`` others on the mesh of the body. Returns when all is on the disk.
 
         Raises:
             OSError: on every rank, with the path, if they cannot be written; nothing is left then.
@@ -75,7 +76,7 @@ class Checkpoints:
         part, final = self.folder / f".{name}.part", self.folder / name
         on_root(self.comm, lambda: shutil.rmtree(part) if part.exists() else None)
         try:
-            return self._write(part, final, vectors, arrays or {})
+            return self._write(part, final, vectors, arrays or {}, functions or {})
         except BaseException:
             if self.comm.rank == 0:
                 shutil.rmtree(part, ignore_errors=True)
@@ -92,10 +93,12 @@ class Checkpoints:
         final: Path,
         vectors: dict[str, PETSc.Vec],
         arrays: Mapping[str, npt.NDArray[Any]],
+        others: Mapping[str, fem.Function],
     ) -> str:
         kept = [self._whole[i] or f for i, f in enumerate(self.problem.fields)]
         motions: dict[str, list[list[float]]] = {}
-        reserve(self.comm, final, len(vectors) * sum(_size(f) for f in kept))
+        size = len(vectors) * sum(_size(f) for f in kept) + sum(_size(f) for f in others.values())
+        reserve(self.comm, final, size)
         for prefix, x in vectors.items():
             self.problem.read(x)
             motions[prefix] = [[float(v) for v in b.values] for b in self.problem.rigid_bodies]
@@ -104,6 +107,8 @@ class Checkpoints:
                 functions[f"{prefix}_{i}"] = self._on_the_body(i, f)
             with disk_errors(self.comm, final):
                 write_checkpoint(part, functions)
+        with disk_errors(self.comm, final):
+            write_checkpoint(part, dict(others))
 
         def finish() -> str:
             if arrays:
@@ -129,13 +134,7 @@ class Checkpoints:
         Raises:
             ValueError: on every rank, if the files are not those that were written.
         """
-        path = self.folder / name
-
-        def check() -> None:
-            if not path.is_dir() or _check_sum(path) != check_sum:
-                raise ValueError(f"the checkpoint {path} is damaged or missing")
-
-        on_root(self.comm, check)
+        path = self._checked(name, check_sum)
         bodies = self.problem.rigid_bodies
         motions: dict[str, list[list[float]]] = {}
         if bodies:
@@ -152,6 +151,25 @@ class Checkpoints:
             for body, values in zip(bodies, motions.get(prefix, []), strict=True):
                 body.values = np.array(values)
             self.problem.write(x)
+
+    def read_functions(self, name: str, check_sum: str, functions: dict[str, fem.Function]) -> None:
+        """Fill Functions on the mesh of the body that were kept under ``name``. Collective.
+
+        Raises:
+            ValueError: on every rank, if the files are not those that were written.
+        """
+        read_checkpoint(self._checked(name, check_sum), functions)
+
+    def _checked(self, name: str, check_sum: str) -> Path:
+        """The folder of a checkpoint, or ``ValueError`` if it is damaged. Collective."""
+        path = self.folder / name
+
+        def check() -> None:
+            if not path.is_dir() or _check_sum(path) != check_sum:
+                raise ValueError(f"the checkpoint {path} is damaged or missing")
+
+        on_root(self.comm, check)
+        return path
 
     def arrays(self, name: str) -> dict[str, npt.NDArray[Any]]:
         """The arrays kept under ``name``, which has been read, on every rank. Collective."""

@@ -32,6 +32,12 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, Standing]):
     While it is open no other process can record there. Ranks that ``mpirun`` has started end with
     it from then on, also when it is killed.
 
+    A record is resumed with the same problem only: mesh, forms and the cells and facets of their
+    integrals, Dirichlet conditions, surfaces and laws, the values of Constants, and those of
+    Functions node by node (of density and damping as well), to 1e-9 of their size, all under the
+    load at the last recorded time. The forces at the first state after it are evaluated and
+    compared with those of then. What the load will do later cannot be compared.
+
     Args:
         folder: of the record, made if need be.
         evolution: whose runs are recorded.
@@ -69,8 +75,15 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, Standing]):
         if not isinstance(evolution, Evolution):
             raise ValueError(f"a QuasiStatic or NSCD is needed, got {type(evolution).__name__}")
         self.evolution = evolution
-        method = evolution.method
-        super().__init__(folder, evolution.problem, EvolutionJournal, method=method, resume=resume)
+        super().__init__(
+            folder,
+            evolution.problem,
+            EvolutionJournal,
+            method=evolution.method,
+            resume=resume,
+            data=evolution.data,
+            forms=evolution.forms,
+        )
 
     def _load(self, state: Mapping[str, Any]) -> None:
         self.evolution.load(state["time"])

@@ -8,6 +8,7 @@ journal of another problem.
 from __future__ import annotations
 
 import hashlib
+import re
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -26,9 +27,10 @@ if TYPE_CHECKING:
     from dolfinx_contact.points.surface import ContactSurface
     from dolfinx_contact.problem import ContactProblem
 
-__all__ = ["difference", "identity", "mesh_hash", "other_data"]
+__all__ = ["difference", "driven_words", "identity", "mesh_hash", "other_data", "same_words"]
 
 _TOLERANCE = 1e-9  # of numbers that are given
+_ROUND_OFF = 1e-14  # of the largest of the numbers of a Constant
 
 
 def mesh_hash(domain: mesh.Mesh) -> str:
@@ -46,13 +48,16 @@ def mesh_hash(domain: mesh.Mesh) -> str:
         raise ValueError(message) from error
     n = domain.topology.index_map(domain.topology.dim).size_local
     cells = geometry_dofmap(domain)[:n]
-    columns = [
-        original[:n, None],
-        np.asarray(domain.geometry.input_global_indices)[cells],
-        # Adding zero makes -0.0 the same as 0.0.
-        (domain.geometry.x[cells].reshape(n, -1) + 0.0).view(np.int64),
-    ]
-    return _hash(domain.comm, np.concatenate([np.asarray(c, np.int64) for c in columns], axis=1))
+    # Adding zero makes -0.0 the same as 0.0.
+    x = (domain.geometry.x[cells].reshape(n, -1) + 0.0).view(np.int64)
+    return _hash(domain.comm, np.concatenate([_numbered(domain, original[:n]), x], axis=1))
+
+
+def _numbered(domain: mesh.Mesh, original: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    """Numbers of the owned cells and of their nodes in the input."""
+    nodes = np.asarray(domain.geometry.input_global_indices)
+    cells = nodes[geometry_dofmap(domain)[: len(original)]]
+    return np.concatenate([np.asarray(original, np.int64)[:, None], cells.astype(np.int64)], axis=1)
 
 
 def _hash(comm: MPI.Comm, rows: npt.NDArray[np.int64]) -> str:
@@ -83,17 +88,36 @@ def _parts(form: ufl.Form, domain: mesh.Mesh) -> list[str]:
     nodes = np.asarray(domain.geometry.input_global_indices, dtype=np.int64)
     found = []
     for integral in form.integrals():
-        tags, ids = integral.subdomain_data(), integral.subdomain_id()
-        if not isinstance(tags, mesh.MeshTags) or ids == "everywhere":
+        data, ids = integral.subdomain_data(), integral.subdomain_id()
+        if data is None or ids == "everywhere":
             continue
-        owned = domain.topology.index_map(tags.dim).size_local
         here = [i for i in (ids if isinstance(ids, tuple) else (ids,)) if not isinstance(i, str)]
-        marked = tags.indices[np.isin(tags.values, here)] if here else tags.indices
-        mine = marked[marked < owned]
-        at = mesh.entities_to_geometry(domain, tags.dim, mine) if len(mine) else None
+        if isinstance(data, mesh.MeshTags):
+            dim = data.dim
+            marked = data.indices[np.isin(data.values, here)] if here else data.indices
+        else:
+            dim, marked = _listed(data, here, integral.integral_type(), domain)
+        mine = marked[marked < domain.topology.index_map(dim).size_local]
+        at = mesh.entities_to_geometry(domain, dim, mine) if len(mine) else None
         rows = np.zeros((0, 1), int) if at is None else np.sort(nodes[at], axis=1)
         found.append(f"{integral.integral_type()} {ids} {_hash(domain.comm, rows)}")
     return sorted(found)
+
+
+def _listed(
+    lists: Sequence[tuple[int, npt.ArrayLike]], ids: Sequence[int], kind: str, domain: mesh.Mesh
+) -> tuple[int, npt.NDArray[np.int32]]:
+    """Dimension and local indices of what lists of cells, or of their facets, are of."""
+    tdim = domain.topology.dim
+    arrays = [np.asarray(part, np.int32).reshape(-1) for i, part in lists if not ids or i in ids]
+    listed = np.concatenate([np.zeros(0, np.int32), *arrays])
+    if kind == "cell":
+        return tdim, np.unique(listed)
+    domain.topology.create_connectivity(tdim, tdim - 1)
+    facets = domain.topology.connectivity(tdim, tdim - 1)
+    pairs = listed.reshape(-1, 2)
+    of_pairs = [facets.links(cell)[facet] for cell, facet in pairs]
+    return tdim - 1, np.unique(np.array(of_pairs, dtype=np.int32))
 
 
 def _held(problem: ContactProblem, fixed: npt.NDArray[np.bool_]) -> list[float]:
@@ -109,6 +133,16 @@ def _held(problem: ContactProblem, fixed: npt.NDArray[np.bool_]) -> list[float]:
     return [float(v) for v in np.column_stack([total[:, :1], means]).ravel()]
 
 
+def _held_at(problem: ContactProblem) -> str:
+    """A hash of the unknowns that are held, cell by cell of the input. Collective."""
+    domain, held = problem.V.mesh, problem.equations.constraints.fixed
+    n = domain.topology.index_map(domain.topology.dim).size_local
+    original = np.asarray(domain.topology.original_cell_index[:n], np.int64)
+    in_cells = held[problem.V.dofmap.list[:n]].reshape(n, -1)
+    cell, place = np.nonzero(in_cells)
+    return _hash(problem.comm, np.stack([original[cell], place.astype(np.int64)], axis=1))
+
+
 def _mix(rows: npt.NDArray[np.uint64], seed: int) -> npt.NDArray[np.uint64]:
     """A hash of every row, by the finaliser of splitmix64."""
     h: npt.NDArray[np.uint64] = np.full(len(rows), seed, dtype=np.uint64)
@@ -120,12 +154,22 @@ def _mix(rows: npt.NDArray[np.uint64], seed: int) -> npt.NDArray[np.uint64]:
     return h
 
 
-def identity(problem: ContactProblem, *, but: Sequence[Any] = ()) -> dict[str, Any]:
+def identity(
+    problem: ContactProblem,
+    *,
+    but: Sequence[Any] = (),
+    forms: Sequence[ufl.Form] = (),
+    more: Sequence[Datum] = (),
+) -> dict[str, Any]:
     """What the problem is known by, in words and numbers for the journal. Collective.
+
+    Values of Functions are not in it (`output.kept_data`).
 
     Args:
         problem: the problem.
         but: Constants whose values vary.
+        forms: others that go with it, as one of damping.
+        more: data beside those of the problem, of which the Constants are taken.
     """
     eq, domain = problem.equations, problem.V.mesh
     words = [eq.bulk.residual.signature()]
@@ -137,21 +181,27 @@ def identity(problem: ContactProblem, *, but: Sequence[Any] = ()) -> dict[str, A
     for body in problem.rigid_bodies:
         words.append(f"{body.about.tolist()} {body.fixed.tolist()}")
         words += [_signature(e, domain) for e in body.expressions]
-    fixed, constants = eq.fixed[: eq.owned_sizes[0]], _constants(problem, but)
+    fixed, constants = eq.fixed[: eq.owned_sizes[0]], _constants(problem, but, more)
     x = problem.create_vector()
     unknowns = int(x.getSize())
     x.destroy()
+    whole = mesh_hash(domain)
+    n = domain.topology.index_map(domain.topology.dim).size_local
     return {
-        "mesh": mesh_hash(problem.V.mesh),
+        "mesh": whole,
+        "cells": _hash(problem.comm, _numbered(domain, domain.topology.original_cell_index[:n])),
         "unknowns": unknowns,
         "elements": [str(f.function_space.ufl_element()) for f in problem.fields],
         "surfaces": [
             [s.name, s.method, problem.comm.allreduce(s.num_owned_points)] for s in problem.surfaces
         ],
         "faces": [_faces(s) for s in problem.surfaces],
+        "kinds": [[*s.degrees, s.displaced is not None] for s in problem.surfaces],
         "parts": _parts(eq.bulk.residual, domain),
+        "other parts": [part for form in forms for part in _parts(form, domain)],
         "fixed": problem.comm.allreduce(int(fixed.sum())),
         "held": _held(problem, fixed),
+        "held at": _held_at(problem),
         "ufl": ufl.__version__,
         "forms": hashlib.sha256("".join(words).encode()).hexdigest()[:32],
         "numbers": [float(v) for d in constants for v in np.real(np.ravel(d.value.value))],
@@ -167,11 +217,41 @@ def _signature(e: Any, domain: mesh.Mesh) -> str:
     return str((ufl.inner(e, e) * ufl.dx(domain=domain)).signature())
 
 
-def _constants(problem: ContactProblem, but: Sequence[Any]) -> list[Datum]:
+def driven_words(problem: ContactProblem, expressions: Sequence[Any]) -> list[str]:
+    """What tells expressions by which a load drives Dirichlet data from others."""
+    return [
+        hashlib.sha256(_signature(e, problem.V.mesh).encode()).hexdigest()[:32] for e in expressions
+    ]
+
+
+_NUMBER = re.compile(r"(?<![\w.])([-+]?\d+\.?\d*(?:e[-+]?\d+)?)(?![\w.])")
+
+
+def same_words(recorded: Sequence[str], found: Sequence[str]) -> bool:
+    """Whether words are the same, numbers in them to 1e-9 of their size.
+
+    Numbers that were integrals differ in their last digits on other ranks.
+    """
+    if len(recorded) != len(found):
+        return False
+    for a, b in zip(recorded, found, strict=True):
+        if a == b:
+            continue
+        # Every other one of the parts is a number.
+        parts = _NUMBER.split(a), _NUMBER.split(b)
+        if len(parts[0]) != len(parts[1]) or parts[0][::2] != parts[1][::2]:
+            return False
+        was, now = (np.array([float(v) for v in part[1::2]]) for part in parts)
+        if not np.allclose(was, now, rtol=_TOLERANCE, atol=0.0):
+            return False
+    return True
+
+
+def _constants(problem: ContactProblem, but: Sequence[Any], more: Sequence[Datum]) -> list[Datum]:
     """The Constants in the problem, each once: materials, loads, friction."""
     found: list[Datum] = []
     seen: list[Any] = list(but)
-    for d in placed_data(problem.equations, conditions=False):
+    for d in (*placed_data(problem.equations, conditions=False), *more):
         if not hasattr(d.value, "x") and not any(d.value is other for other in seen):
             seen.append(d.value)
             found.append(d)
@@ -185,18 +265,25 @@ def difference(recorded: Mapping[str, Any], present: Mapping[str, Any]) -> str:
         "unknowns": "another number of unknowns",
         "elements": "other elements",
         "surfaces": "other contact surfaces",
+        "kinds": "other multipliers, or another kind of sliding",
         "faces": "contact on other facets",
         "fixed": "other Dirichlet conditions",
         "held": "Dirichlet conditions at other places",
+        "held at": "Dirichlet conditions at other places",
         "forms": "other forms",
         "parts": "integrals over other cells or facets",
+        "other parts": "damping over other cells or facets",
+        "driven": "driven in another way, so that what was recorded is no solution of this problem",
+        "functions": "Functions of other elements",
         "numbers": "other materials, loads or friction",
     }
+    if "held" not in recorded:
+        names.pop("held at")
     for key, words in names.items():
         # Another UFL may write the same form in another way.
         if key == "forms" and recorded["ufl"] != present["ufl"]:
             continue
-        if key in ("faces", "held", "parts") and key not in recorded:  # in journals of old
+        if key not in recorded or key not in present:  # in journals of old
             continue
         a, b = recorded[key], present[key]
         if key == "numbers":
@@ -228,7 +315,11 @@ def _other_number(
 
 
 def other_data(
-    problem: ContactProblem, recorded: Sequence[Sequence[float]], found: Sequence[Sequence[float]]
+    problem: ContactProblem,
+    recorded: Sequence[Sequence[float]],
+    found: Sequence[Sequence[float]],
+    *,
+    functions: bool = True,
 ) -> str | None:
     """Where data differ first, in words that begin with a colon; None if they do not.
 
@@ -236,16 +327,30 @@ def other_data(
         problem: whose data they are.
         recorded: of data that were recorded, what `numbers_of` has.
         found: the same of those that are given.
+        functions: whether Functions are compared, of which little is known by numbers.
     """
     data = placed_data(problem.equations)
     if not len(recorded) == len(found) == len(data):
         return ""
     for d, a, b in zip(data, recorded, found, strict=True):
-        size = float(np.max(np.abs(a), initial=0.0))
-        if len(a) != len(b) or not np.allclose(a, b, rtol=0, atol=_TOLERANCE * size):
-            mean = ", mean and root mean square" if hasattr(d.value, "x") else ""
+        is_function = hasattr(d.value, "x")
+        if is_function and not functions:
+            continue
+        mean = ", mean and root mean square" if is_function else ""
+        if len(a) != len(b) or _differ(a, b, each=not is_function):
             return f": {_changed(d.place + mean, a, b)}"
     return None
+
+
+def _differ(recorded: Sequence[float], found: Sequence[float], *, each: bool) -> bool:
+    """Whether numbers differ, each beside itself but for the round-off of the largest, or not."""
+    a, b = np.array(recorded), np.array(found)
+    size = float(np.max(np.abs(a), initial=0.0))
+    tolerance = np.full(len(a), _TOLERANCE * size)
+    if each:  # components of one Constant may be moduli and ratios
+        own = np.maximum(np.abs(a), np.abs(b))
+        tolerance = np.maximum(_TOLERANCE * own, _ROUND_OFF * size)
+    return not bool((np.abs(a - b) <= tolerance).all())
 
 
 def _changed(place: str, recorded: Sequence[float], found: Sequence[float]) -> str:

@@ -71,7 +71,10 @@ class PathRecord(StepsRecord[PathJournal, PathStanding]):
         if not isinstance(path, ArcLength):
             raise ValueError(f"an ArcLength is needed, got {type(path).__name__}")
         self.path = path
-        super().__init__(folder, path.parametric, PathJournal, method=(), resume=resume)
+        driven = path.parametric.driven_expressions
+        super().__init__(
+            folder, path.parametric, PathJournal, method=(), resume=resume, driven=driven
+        )
 
     def _load(self, state: Mapping[str, Any]) -> None:
         self.path.parametric.set(state["gamma"])

@@ -9,10 +9,13 @@ import time
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
+from dolfinx import fem
+
 from dolfinx_contact._errors import on_root, require
 from dolfinx_contact.output.checkpoints import Checkpoints
 from dolfinx_contact.output.folder import agreed_path, output_folder
-from dolfinx_contact.output.identity import difference
+from dolfinx_contact.output.identity import difference, same_words
+from dolfinx_contact.output.kept_data import KeptData, nodes_of, other_values, owned_values
 from dolfinx_contact.output.lines import FORMAT, JournalFile, Lines
 from dolfinx_contact.output.lock import end_with_launcher
 from dolfinx_contact.output.points import places
@@ -23,6 +26,8 @@ if TYPE_CHECKING:
 __all__ = ["ProblemRecord"]
 
 logger = logging.getLogger(__name__)
+
+_DATA = "data"  # the checkpoint of what is known from the beginning
 
 J = TypeVar("J", bound=Lines)
 R = TypeVar("R", bound="ProblemRecord[Any]")
@@ -61,6 +66,7 @@ class ProblemRecord(Generic[J]):
         known = agreed_path(self.comm, folder, "folder")
         self.folder = known if resume else output_folder(self.comm, known)
         self._file: JournalFile[J] | None = None
+        self._made: Checkpoints | None = None
         end_with_launcher()
         self.journal: J = on_root(self.comm, lambda: self._open(kind, new=not resume))
 
@@ -80,16 +86,49 @@ class ProblemRecord(Generic[J]):
         """
         recorded = self.journal.header
         if recorded:
-            differs = difference(recorded["problem"], problem)
+            differs = self._nodes_differ(recorded, problem) or difference(
+                recorded["problem"] | {"mesh": problem["mesh"]}, problem
+            )
             for name, value in more.items():
                 words = recorded.get(name, [])  # what is new has no words in older records
-                if not differs and words != value:
+                if not differs and not same_words(words, value):
                     differs = f"other {name} ({', '.join(words)})"
             message = f"the journal in {self.folder} is that of another problem: {differs}"
             require(self.comm, not differs, message)
 
-    def _begin(self, problem: Mapping[str, Any], **more: Any) -> None:
-        """Write the header, if there is none, and begin a session. Collective."""
+    def _nodes_differ(self, recorded: Mapping[str, Any], problem: Mapping[str, Any]) -> str:
+        """In which respect the meshes differ, "" if they are the same. Collective.
+
+        Nodes that were moved by what was solved for are elsewhere in their last digits on other
+        ranks. So they are compared where the hash of the whole mesh is another.
+        """
+        known, kept = recorded["problem"], recorded.get("nodes")
+        if known["mesh"] == problem["mesh"]:
+            return ""
+        if kept is None or known["cells"] != problem["cells"]:
+            return "another mesh"
+        nodes = nodes_of(self.problem)
+        found = fem.Function(nodes.function_space)
+        self._checkpoints.read_functions(kept["checkpoint"], kept["sum"], {"nodes": found})
+        least = 1e-9 * self.problem.equations.body_size
+        other = other_values(nodes, owned_values(found), least)
+        return "" if other is None else f"another mesh: a coordinate of a node: {other}"
+
+    @property
+    def _checkpoints(self) -> Checkpoints:
+        """What is kept of states. Collective."""
+        if self._made is None:
+            self._made = Checkpoints(self.folder / "checkpoints", self.problem)
+        return self._made
+
+    def _begin(self, problem: Mapping[str, Any], data: KeptData | None = None, **more: Any) -> None:
+        """Write the header, if there is none, and begin a session. Collective.
+
+        Args:
+            problem: what it is known by (`identity`).
+            data: whose values the header is to name, if they do not go with states.
+            more: words of the header, by name.
+        """
         from dolfinx_contact import __version__
 
         recorded = self.journal.header
@@ -100,12 +139,17 @@ class ProblemRecord(Generic[J]):
         if not recorded:
             header = {"package": __version__, "of": self.journal.kind, **more, "problem": problem}
             header["points"] = places(self.problem)
+            kept = {} if data is None else data.changed()
+            functions = {"nodes": nodes_of(self.problem), **kept}
+            total = self._checkpoints.write(_DATA, {}, functions=functions)
+            header["nodes"] = {"checkpoint": _DATA, "sum": total}
+            if data is not None:
+                header["values"] = data.are_kept(_DATA, kept)
             self._append({"type": "header", "format": FORMAT, **header})
             self.journal.header = header
         session = {"time": time.time(), "ranks": self.comm.size, "package": __version__}
         self._append({"type": "session", **session})
         self.journal.sessions.append(session)
-        self._checkpoints = Checkpoints(self.folder / "checkpoints", self.problem)
 
     def _append(self, entry: Mapping[str, Any]) -> None:
         """Write a line of the journal; a checkpoint that it cannot name is removed. Collective."""

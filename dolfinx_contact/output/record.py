@@ -34,10 +34,12 @@ from dolfinx_contact.continuation import (
     follower_for,
 )
 from dolfinx_contact.continuation.branch import Stop
+from dolfinx_contact.equations.given_data import data_within
 from dolfinx_contact.laws import status
 from dolfinx_contact.output.checkpoints import joined, last_entry
-from dolfinx_contact.output.identity import identity
+from dolfinx_contact.output.identity import driven_words, identity
 from dolfinx_contact.output.journal import Journal, JournalBranch
+from dolfinx_contact.output.kept_data import KeptData
 from dolfinx_contact.output.points import Functional, compiled, described
 from dolfinx_contact.output.problem_record import ProblemRecord
 
@@ -56,6 +58,11 @@ class BranchRecord(ProblemRecord[Journal], Observer):
 
     While it is open no other process can record there. Ranks that ``mpirun`` has started end with
     it from then on, also when it is killed.
+
+    A record is resumed with the same problem only: mesh, forms and the cells and facets of their
+    integrals, Dirichlet conditions and what gamma drives, surfaces and laws, the values of
+    Constants, and those of Functions node by node, to 1e-9 of their size. The point from which a
+    branch goes on must be a solution.
 
     Args:
         folder: of the record, made if need be.
@@ -109,9 +116,21 @@ class BranchRecord(ProblemRecord[Journal], Observer):
         self._last: tuple[BranchPoint, Stepping] | None = None
         self._starts = False
         try:
-            known = identity(system.problem, but=[system.constant])
+            driven = system.driven_expressions
+            data = KeptData(
+                system.problem,
+                self._checkpoints,
+                more=data_within(driven),
+                but=[*system.driven_functions, system.constant],
+            )
+            known = identity(system.problem, but=[system.constant], more=data_within(driven))
+            known |= {"functions": data.elements, "driven": driven_words(system.problem, driven)}
             self._require_same(known, functionals=list(self._functionals))
-            self._begin(known, functionals=list(self._functionals))
+            gamma = float(self.journal.header.get("gamma", system.constant.value))
+            with system.restored(always=True):
+                system.set(gamma)
+                self._require_data(data)
+                self._begin(known, data, functionals=list(self._functionals), gamma=gamma)
         except Exception:
             self.close()
             raise
@@ -121,6 +140,27 @@ class BranchRecord(ProblemRecord[Journal], Observer):
         super().close()
         for v in (self._x, self._mx):
             v.destroy()
+
+    def _require_data(self, data: KeptData) -> None:
+        """Refuse Functions that are not those that were recorded. Collective."""
+        header = self.journal.header
+        if not header:
+            return
+        if "values" not in header:
+            if self.comm.rank == 0:
+                logger.warning(
+                    "the journal in %s is of an earlier version, which did not keep the values of "
+                    "Functions: that they are the same is not known",
+                    self.folder,
+                )
+            return
+        kept = header["nodes"]
+        other = data.difference(header["values"], {kept["checkpoint"]: kept["sum"]})
+        message = (
+            f"the journal in {self.folder} is that of another problem: other loads, materials or "
+            f"friction{other}"
+        )
+        require(self.comm, other is None, message)
 
     # -- Observer --------------------------------------------------------------------------------
 

@@ -22,14 +22,19 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
+import ufl
+
 from dolfinx_contact._errors import everywhere, require, same_everywhere
-from dolfinx_contact.equations.given_data import GivenData, given_data, numbers_of
+from dolfinx_contact.equations.given_data import Datum, GivenData, given_data, numbers_of
+from dolfinx_contact.equations.measures import Scales
 from dolfinx_contact.evolution import EvolutionStep, History
 from dolfinx_contact.evolution.moment import Moment
+from dolfinx_contact.evolution.motion import MotionMoment
 from dolfinx_contact.output.at_points import AtPoints
 from dolfinx_contact.output.evolution_journal import EvolutionJournal, EvolutionRun
 from dolfinx_contact.output.folder import output_folder
-from dolfinx_contact.output.identity import identity, other_data
+from dolfinx_contact.output.identity import driven_words, identity, other_data
+from dolfinx_contact.output.kept_data import KeptData
 from dolfinx_contact.output.problem_record import ProblemRecord
 from dolfinx_contact.output.table import write_contact_table
 from dolfinx_contact.parametric import ParametricContact
@@ -40,6 +45,14 @@ __all__ = ["StepsRecord"]
 logger = logging.getLogger(__name__)
 
 _COINCIDE = 1e-8  # of the values that are compared
+_BALANCED = 1e-6  # of forces that are evaluated once more
+_ROUND_OFF = 1e-9  # of a stiffness times a displacement
+#: What forces are known by: in words, and the size of one that is none.
+_FORCES = {
+    "residual": ("the relative residual", 1.0),
+    "rows": ("the norm of the forces of the body", 0.0),
+    "kinetic": ("the kinetic energy", 0.0),
+}
 
 
 class Stands(Protocol):
@@ -62,6 +75,9 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         system: the contact problem, or it and its load, which are put back after a look.
         kind: of the journal.
         method: what the runs are known by beside the problem, in words.
+        data: Functions and Constants beside those of the problem, with their places.
+        forms: beside those of the problem.
+        driven: expressions by which a load drives Dirichlet data.
         resume: whether to go on with a record that exists. Else there must be none.
 
     Attributes:
@@ -83,6 +99,9 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         *,
         method: Sequence[str],
         resume: bool,
+        data: Sequence[Datum] = (),
+        forms: Sequence[ufl.Form] = (),
+        driven: Sequence[Any] = (),
     ):
         problem = system if isinstance(system, ContactProblem) else system.problem
         same_everywhere(problem.comm, resume=bool(resume))
@@ -91,9 +110,12 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         self._points = AtPoints(problem)
         self._last: Moment | None = None  # where the runs stand
         self._index = -1  # of that state
+        self._old = False  # whether the journal lacks values of Functions, and that was said
         try:
+            self._data = KeptData(problem, self._checkpoints, more=data)
             # The values of all data are compared state by state.
-            known = identity(problem, but=given_data(problem.equations))
+            known = identity(problem, but=given_data(problem.equations), forms=forms)
+            known |= {"functions": self._data.elements, "driven": driven_words(problem, driven)}
             words = list(method)
             self._require_same(known, method=words)
             if self.journal.states:
@@ -111,7 +133,20 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
             self._require_data(state, numbers_of(self.problem.equations))
 
     def _require_data(self, state: Mapping[str, Any], found: list[list[float]]) -> None:
-        other = other_data(self.problem, state["data"], found)
+        """Refuse data that are not those of a state. Collective."""
+        values = state.get("values")
+        other = other_data(self.problem, state["data"], found, functions=values is None)
+        if other is None and values is not None:
+            sums = {s["checkpoint"]: s["sum"] for s in self.journal.states}
+            other = self._data.difference(values, sums)
+        elif other is None and not self._old:
+            self._old = True
+            if self.comm.rank == 0:
+                logger.warning(
+                    "the journal in %s is of an earlier version, which knew Functions by mean and "
+                    "root mean square alone: that they are the same is not known",
+                    self.folder,
+                )
         message = (
             f"the journal in {self.folder} is that of another problem: other loads, materials or "
             f"friction at {self._along} {state['time']:.10g}{other}"
@@ -200,15 +235,18 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
     def _keep(self, index: int, standing: S, letters: str, more: Mapping[str, Any]) -> None:
         """Put a state on the disk, which stands in the problem. Collective."""
         entry = {"index": index} | self._entry(standing.moment, letters) | dict(more)
+        entry |= {"forces": self._forces(standing.moment)}
         entry |= {"first": standing.moment.statuses is None} | self._entry_of(standing)
         name, vectors = f"state_{index:06d}", self._vectors()
         self._fill(vectors, standing)
         self.problem.write(vectors["x"])
         arrays = self._points.gathered(standing.moment)
-        check_sum = self._checkpoints.write(name, vectors, arrays)
+        functions = self._data.changed()
+        check_sum = self._checkpoints.write(name, vectors, arrays, functions)
         for x in vectors.values():
             x.destroy()
         entry |= {"checkpoint": name, "sum": check_sum}
+        entry |= {"values": self._data.are_kept(name, functions)}
         self._append({"type": "state", **entry})
         self.journal.states.append(entry)
         self._index, self._last = index, standing.moment
@@ -303,7 +341,43 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         for x in vectors.values():
             x.destroy()
         self._require_data(state, numbers_of(problem.equations))
+        self._require_forces(state, standing.moment)
         return standing
+
+    def _require_forces(self, state: Mapping[str, Any], moment: Moment) -> None:
+        """Refuse a problem whose forces at a recorded state are not those of then. Collective."""
+        if "forces" not in state:  # in journals of old
+            return
+        recorded, found = state["forces"], self._forces(moment)
+        least = found["least"]
+        for name, (words, unit) in _FORCES.items():
+            if name not in recorded or name not in found:
+                continue
+            a, b = recorded[name], found[name]
+            size = max(abs(a), abs(b), unit)
+            allowed = _BALANCED * size + (least if name == "rows" else 0.0)
+            same = abs(a - b) <= allowed or (np.isnan(a) and np.isnan(b))
+            message = (
+                f"the journal in {self.folder} is that of another problem: at {self._along} "
+                f"{state['time']:.10g} {words} was {a:.6g} and is now {b:.6g}: something is not "
+                "as it was recorded that data and forms do not show"
+            )
+            require(self.comm, bool(same), message)
+
+    def _forces(self, moment: Moment) -> dict[str, float]:
+        """What forces at a moment, which stands in the problem, are known by. Collective."""
+        eq = self.problem.equations
+        if isinstance(moment, MotionMoment):
+            rows, u = moment.motion.rows, moment.motion.u
+            square = self.comm.allreduce(float(np.dot(rows, rows)))
+            largest = self.comm.allreduce(float(np.max(np.abs(u), initial=0.0)), op=max)
+            return {
+                "rows": float(np.sqrt(square)),
+                "kinetic": moment.motion.kinetic,
+                "least": _ROUND_OFF * eq.stiffness_scale * largest,
+            }
+        residual = Scales(eq, settled=True).measure(self.problem.state()).worst
+        return {"residual": residual, "least": 0.0}
 
     def show(self, index: int) -> None:
         """Put a recorded state into the problem, for tables, fields and pictures. Collective.

@@ -1,0 +1,318 @@
+"""Records know values of Functions, and where forms and conditions hold, on any number of ranks.
+
+What is resumed with other data is refused by name; an honest resume on other ranks, where what was
+solved for or projected differs in its last bits, is not.
+"""
+
+import json
+import logging
+import zlib
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+import pytest
+from blocks import facets
+
+import basix.ufl
+import dolfinx.fem.petsc
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace
+from dolfinx_contact.continuation import follow
+from dolfinx_contact.evolution import NSCD, QuasiStatic
+from dolfinx_contact.output import BranchRecord, EvolutionRecord, read_evolution
+from dolfinx_contact.parametric import ParametricContact
+
+COMM = MPI.COMM_WORLD
+RULE = {"quadrature_degree": 2}
+
+
+class Stop(Exception):
+    """What ends a run that is to be resumed."""
+
+
+def stop(step):
+    if step.number == 2:
+        raise Stop
+
+
+def solved(V, right):
+    """The solution of w - div grad w = right, which differs in its last bits on other ranks."""
+    w, v = ufl.TrialFunction(V), ufl.TestFunction(V)
+    a = (ufl.inner(w, v) + ufl.inner(ufl.grad(w), ufl.grad(v))) * ufl.dx
+    A = dolfinx.fem.petsc.assemble_matrix(fem.form(a))
+    A.assemble()
+    b = dolfinx.fem.petsc.assemble_vector(fem.form(ufl.inner(right, v) * ufl.dx))
+    b.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+    solver = PETSc.KSP().create(V.mesh.comm)
+    solver.setOperators(A)
+    solver.setType("preonly")
+    solver.getPC().setType("lu")
+    solver.getPC().setFactorSolverType("mumps")
+    found, x = fem.Function(V), A.createVecRight()
+    solver.solve(b, x)
+    found.x.array[: x.getLocalSize()] = x.array_r
+    found.x.scatter_forward()
+    for thing in (A, b, x, solver):
+        thing.destroy()
+    return found
+
+
+def body(
+    comm=COMM,
+    *,
+    friction=lambda x: 0.2 + 0.2 * x[0],
+    young=lambda x: 1000.0 + 500.0 * (x[0] > 0.5),
+    pull=(1.0, 0.5),
+    heat=lambda x: x[0],
+    modulus=(2e11, 0.3),
+    tags=(1, 2),
+    held=((0.0, 0.0), (1.0, 1.0)),
+    dips=(-0.01, 0.0),
+    warp=0.0,
+    stiff=1000.0,
+):
+    """A square on a floor with data of every kind, in which nothing is uniform.
+
+    Its top goes down. Two inner points are held along x by conditions of one node each.
+    """
+    domain = mesh.create_unit_square(comm, 3, 3)
+    if warp:
+        moved = solved(fem.functionspace(domain, ("Lagrange", 1)), fem.Constant(domain, warp))
+        x = domain.geometry.x
+        at = fem.Function(moved.function_space)
+        at.interpolate(lambda x: 16 * x[0] * (1 - x[0]) * x[1] * (1 - x[1]))
+        nodes = np.empty(len(x), dtype=np.int32)
+        cells = domain.geometry.dofmap
+        nodes[cells] = moved.function_space.dofmap.list
+        x[:, 0] += (at.x.array * moved.x.array)[nodes]
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    P1, DG0 = (fem.functionspace(domain, kind) for kind in (("Lagrange", 1), ("DG", 0)))
+    P2 = fem.functionspace(domain, ("Lagrange", 2, (2,)))
+    at_points = basix.ufl.quadrature_element("triangle", degree=2)
+    Q = fem.functionspace(domain, at_points)
+    u, rough, E = fem.Function(V), fem.Function(P1, name="rough"), fem.Function(DG0, name="E")
+    rough.interpolate(friction)
+    E.interpolate(young)
+    x = ufl.SpatialCoordinate(domain)
+    load = solved(P2, ufl.as_vector([pull[0] * x[1], pull[1] * (1 + x[0])]))
+    load.name = "load"
+    warm = fem.Function(Q, name="warm")
+    points = Q.element.interpolation_points
+    points = points() if callable(points) else points
+    warm.interpolate(fem.Expression(ufl.as_ufl(heat(x)), points))
+    moduli = fem.Constant(domain, modulus)
+    n = domain.topology.index_map(2).size_local
+    right = mesh.compute_midpoints(domain, 2, np.arange(n, dtype=np.int32))[:, 0] > 0.5
+    lists = [(tag, np.flatnonzero(right == i).astype(np.int32)) for i, tag in enumerate(tags)]
+    dx = ufl.Measure("dx", domain, subdomain_data=sorted(lists, key=lambda pair: pair[0]))
+    eps = ufl.sym(ufl.grad(u))
+    energy = 0.5 * (E + moduli[0] / 2e11) * ufl.inner(eps, eps) * dx
+    energy += 0.5 * moduli[1] * stiff * ufl.div(u) ** 2 * dx
+    energy -= ufl.inner(load, u) * dx + warm * u[1] * dx(metadata=RULE)
+    energy += 3.0 * u[1] * dx(1) + 4.0 * u[1] * dx(2)
+    top = fem.Function(V)
+    high = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
+    third = fem.locate_dofs_geometrical(
+        (V.sub(0), V.sub(0).collapse()[0]),
+        lambda x: (
+            np.logical_or.reduce([np.isclose(x[0], a) & np.isclose(x[1], b) for a, b in held])
+            & (x[1] < 0.9)
+        ),
+    )
+    zero = fem.Function(V.sub(0).collapse()[0])
+    bcs = [fem.dirichletbc(top, high), fem.dirichletbc(zero, third, V.sub(0))]
+    law = Coulomb(rough)
+    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=HalfSpace((0, 0), (0, 1)), law=law)
+
+    def lower(time):
+        top.x.array[0::2] = 0.001 * time
+        shape = fem.Function(top.function_space)
+        shape.interpolate(lambda x: np.vstack([0 * x[0], dips[0] + dips[1] * (1 - 2 * x[0])]))
+        top.x.array[1::2] = time * shape.x.array[1::2]
+
+    return ContactProblem(energy, u, [surface], bcs=bcs), lower
+
+
+def history(comm=COMM, **how):
+    return QuasiStatic(*body(comm, **how))
+
+
+def motion(comm=COMM, *, heavy=lambda x: 1.0 + (x[0] > 0.5), drag=lambda x: x[0], **how):
+    """The square with a mass and a drag that are Functions."""
+    problem, lower = body(comm, **how)
+    domain = problem.V.mesh
+    density = fem.Function(fem.functionspace(domain, ("DG", 0)), name="density")
+    density.interpolate(heavy)
+    slow = fem.Function(fem.functionspace(domain, ("Lagrange", 1)), name="slow")
+    slow.interpolate(drag)
+    v = fem.Function(problem.V)
+    damping = slow * ufl.inner(v, ufl.TestFunction(problem.V)) * ufl.dx
+    made = NSCD(problem, density, dt=0.25, load=lower, velocity=v, damping=damping)
+    return made
+
+
+def recorded(evolution, folder):
+    """A run with a record that ends after two steps of four."""
+    times = [0.0, 0.25, 0.5, 0.75, 1.0]
+    with EvolutionRecord(folder, evolution) as kept, pytest.raises(Stop):
+        evolution.run(times, record=kept, observer=stop)
+
+
+@pytest.fixture(scope="module")
+def stopped(tmp_path_factory):
+    """Folders of a history and a motion that ended early."""
+    made = {}
+    for make in (history, motion):
+        folder = COMM.bcast(tmp_path_factory.mktemp(make.__name__) if COMM.rank == 0 else None)
+        recorded(make(), folder / "record")
+        made[make] = folder / "record"
+    return made
+
+
+OTHERS = [
+    ({"friction": lambda x: 0.4 - 0.2 * x[0]}, r"the friction of Coulomb of 'contact': \S+ was"),
+    (
+        {"young": lambda x: 1500.0 - 500.0 * (x[0] > 0.5)},
+        "'E' in the form of the body: 1.00 was",
+    ),
+    ({"pull": (0.5, 1.0)}, "the Function 'load' in the form of the body: "),
+    ({"heat": lambda x: 1 - x[0]}, "the Function 'warm' in the form of the body: "),
+    ({"modulus": (2e11, 0.31)}, "the Constant in the form of the body: "),
+    ({"tags": (2, 1)}, "integrals over other cells or facets"),
+    ({"held": ((0.0, 2 / 3), (1.0, 1 / 3))}, "Dirichlet conditions at other places"),
+    ({"dips": (-0.01, 0.001)}, "what is prescribed to the body: "),
+    ({"warp": 1e-5}, "another mesh: a coordinate of a node: "),
+]
+
+
+@pytest.mark.parametrize(("other", "message"), OTHERS, ids=[next(iter(o)) for o, _ in OTHERS])
+def test_other_data_are_refused(other, message, stopped):
+    """Exchanged, mirrored, at other places: means and root mean squares may be the same."""
+    before = {"held": ((0.0, 1 / 3), (1.0, 2 / 3))}
+    folder = stopped[history]
+    if "held" in other:
+        folder = folder.parent / "held"
+        if not COMM.bcast(folder.exists() if COMM.rank == 0 else None):
+            recorded(history(**before), folder)
+    with pytest.raises(ValueError, match=f"that of another problem: .*{message}") as info:
+        EvolutionRecord(folder, history(**other), resume=True)
+    assert len(set(COMM.allgather(str(info.value)))) == 1
+
+
+@pytest.mark.parametrize(
+    ("other", "message"),
+    [
+        ({"heavy": lambda x: 2.0 - (x[0] > 0.5)}, "the density: [12] was recorded, [12] is given"),
+        ({"drag": lambda x: 1 - x[0]}, "the Function 'slow' in the damping: "),
+    ],
+    ids=["density", "damping"],
+)
+def test_other_masses_are_refused(other, message, stopped):
+    with pytest.raises(ValueError, match=message):
+        EvolutionRecord(stopped[motion], motion(**other), resume=True)
+
+
+@pytest.mark.parametrize("make", [motion, history])
+def test_an_honest_resume_on_other_ranks(make, folder):
+    """Written on all ranks but one, resumed on one and on all; data differ in their last bits."""
+    few = COMM.Split(int(COMM.rank >= max(COMM.size - 1, 1)), COMM.rank)
+    warp = {"warp": 1e-3}
+    for where in ("one", "all"):
+        if COMM.rank < max(COMM.size - 1, 1):
+            recorded(make(few, **warp), folder / where)
+        COMM.barrier()
+    if COMM.rank == 0:
+        with EvolutionRecord(folder / "one", make(MPI.COMM_SELF, **warp), resume=True) as kept:
+            assert kept.go_on().complete
+    with EvolutionRecord(folder / "all", make(**warp), resume=True) as kept:
+        assert kept.go_on().complete
+    assert len(read_evolution(folder / "all").states) == 5
+    few.Free()
+
+
+def rewritten(path, change):
+    """Change lines of a journal, whose ends are the CRC-32 of what is before."""
+    if COMM.rank == 0:
+        lines = []
+        for line in path.read_text().splitlines():
+            entry = json.loads(line)
+            del entry["crc"]
+            change(entry)
+            text = json.dumps(entry)[:-1]
+            lines.append(f'{text}, "crc": "{zlib.crc32(text.encode()):08x}"}}\n')
+        path.write_text("".join(lines))
+    COMM.barrier()
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [(motion, "the norm of the forces of the body"), (history, "the relative residual")],
+)
+def test_what_neither_data_nor_forms_show(make, message, folder):
+    """Of another UFL forms are not compared: the forces at the state are."""
+    recorded(make(), folder / "record")
+
+    def of_another_ufl(entry):
+        if entry["type"] == "header":
+            entry["problem"]["ufl"] = "2019.1"
+            entry["problem"]["forms"] = "0" * 32
+
+    rewritten(folder / "record/journal.jsonl", of_another_ufl)
+    said = rf"at the time 0.5 {message} was \S+ and is now"
+    other = EvolutionRecord(folder / "record", make(stiff=1001.0), resume=True)
+    with other, pytest.raises(ValueError, match=said):
+        other.go_on()
+    with EvolutionRecord(folder / "record", make(), resume=True) as kept:
+        assert kept.go_on().complete
+
+
+def test_a_journal_of_an_earlier_version(folder, caplog):
+    """It knows no values: it is resumed, and the log says what is not known."""
+    recorded(history(), folder / "record")
+
+    def as_before(entry):
+        for key in ("values", "forces", "nodes"):
+            entry.pop(key, None)
+        for key in ("cells", "kinds", "other parts", "held at", "driven", "functions"):
+            entry.get("problem", {}).pop(key, None)
+
+    rewritten(folder / "record/journal.jsonl", as_before)
+    caplog.set_level(logging.WARNING, "dolfinx_contact")
+    with EvolutionRecord(folder / "record", history(), resume=True) as kept:
+        assert kept.go_on().complete
+    said = [r.message for r in caplog.records if "earlier version" in r.message]
+    assert len(said) == (COMM.rank == 0)
+
+
+def test_a_branch_knows_its_functions(folder):
+    """Friction that is mirrored while everything sticks, which no residual tells."""
+
+    def system(mirrored=False):
+        domain = mesh.create_unit_square(COMM, 2, 2)
+        V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+        u, gamma = fem.Function(V), fem.Constant(domain, 0.0)
+        rough = fem.Function(fem.functionspace(domain, ("Lagrange", 1)))
+        rough.interpolate(lambda x: 5.0 + (1 - x[0] if mirrored else x[0]))
+        eps = ufl.sym(ufl.grad(u))
+        energy = (50.0 * ufl.inner(eps, eps) - (gamma - 1.0) * u[1]) * ufl.dx
+        floor = HalfSpace((0, 0), (0, 1))
+        surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(rough))
+        held = fem.locate_dofs_topological(V.sub(0), 1, facets(domain, 1, 1.0))
+        bcs = [fem.dirichletbc(0.0, held, V.sub(0))]
+        problem = ContactProblem(energy, u, [surface], bcs=bcs)
+        return problem, ParametricContact(problem, gamma)
+
+    problem, parametric = system()
+    problem.solve()
+    x = parametric.create_vector()
+    problem.write(x)
+    with BranchRecord(folder / "branch", parametric) as kept:
+        follow(parametric, x, 0.0, gamma_range=(0.0, 0.5), max_steps=2, observer=kept)
+    with BranchRecord(folder / "branch", system()[1], resume=True) as kept:
+        assert kept.last_state() is not None
+    with pytest.raises(ValueError, match="the friction of Coulomb of 'contact': "):
+        BranchRecord(folder / "branch", system(mirrored=True)[1], resume=True)
