@@ -55,6 +55,11 @@ class InteriorPoint(Algorithm):
         check(self, boundary=0 < self.boundary < 1)
 
     def _iterate(self, contact: ReducedContact, r: Array, iteration: Iteration) -> None:
+        nothing = np.zeros_like(r)
+        # Without contact forces there is no interior, and nothing to look for.
+        if iteration.measure(contact.free, nothing).worst <= iteration.trend.tolerance:
+            iteration.stops(contact.free, nothing, gap=0.0)
+            return
         state = _Interior(contact, r)
         while not iteration.stops(state.a, state.r, gap=state.mu):
             if not state.step(self.boundary):

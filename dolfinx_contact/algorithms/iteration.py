@@ -29,6 +29,7 @@ _LONGEST_CYCLE = 24  # iterates that are remembered
 _SAME = 1e-6  # of the last change, by which an iterate that returns may differ
 _STILL = 1e-15  # of the size of an iterate: changes that are none
 _FAR = 1e8  # times the smallest measure so far, beyond which an algorithm diverges
+_APART = 10.0  # scales of iterates on the way over those of one beside which they do not count
 
 
 @dataclass
@@ -147,11 +148,22 @@ class Iteration:
         self.outcome = Outcome(start, start)
 
     def measure(self, a: Array, r: Array) -> Measures:
-        """Measures of a state; the scales only grow."""
+        """Measures of a state; the scales only grow, but for a state that looks converged.
+
+        Where an algorithm has been far away everything is small beside that: then the state is
+        judged by its own scales from now on.
+        """
         if np.isfinite(a).all() and np.isfinite(r).all():
             self.force = max(self.force, float(np.abs(r).max()))
             self.length = max(self.length, float(np.abs(a).max()))
-        return self.contact.measure(a, r, self.force, self.length)
+        measures = self.contact.measure(a, r, self.force, self.length)
+        if measures.worst <= self.trend.tolerance:
+            force = max(self.contact.force, float(np.abs(r).max()))
+            length = max(self.contact.length, float(np.abs(a).max()))
+            if self.force > _APART * force or self.length > _APART * length:
+                self.force, self.length = force, length
+                measures = self.contact.measure(a, r, force, length)
+        return measures
 
     def stops(self, a: Array, r: Array, given: Array | None = None, **series: float) -> bool:
         """Whether the algorithm is to stop at this iterate.

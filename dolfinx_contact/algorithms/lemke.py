@@ -33,6 +33,9 @@ Array = npt.NDArray[np.float64]
 
 _TIE = 1e-11  # of ratios that count as equal, relative to the largest unknown
 _LARGEST_VIOLATION = 1e-7  # of the law, relative, by which an answer counts as none
+_ROUND_OFF = 1e-12  # violations that need no second look,
+_ROUNDS = 4  # looks at the statuses at most
+_NOTHING = 1e-9  # of the largest unknown, z_0 that is 0
 _PIVOT = 1e-11  # entries that count as zero, relative to the largest of their column
 
 
@@ -89,14 +92,64 @@ def coulomb_by_lemke(
     q = np.concatenate([c[n], c[t], -c[t], given])
     z, pivots = lemke(M, q)
     rn, plus, minus, _ = z.reshape(4, m)
-    r = np.empty(2 * m)
+    r: Array = np.empty(2 * m)
     r[t], r[n] = plus - minus, rn
-    a = A @ r + c
+    a: Array = np.asarray(A @ r + c, dtype=np.float64)
     worst = _violation(a[t], a[n], r[t], r[n], friction, given)
+    scaled, load = np.asarray(S / stiffness), np.asarray(p / (stiffness * length))
+    near: tuple[Array, Array] | None = (a, r)
+    for _ in range(_ROUNDS):
+        if worst <= _ROUND_OFF or near is None:
+            break
+        near = _with_statuses(scaled, load, friction, given, *near)
+        if near is not None:
+            off = _violation(near[0][t], near[0][n], near[1][t], near[1][n], friction, given)
+            if off < worst:
+                worst, (a, r) = off, near
     if not worst < _LARGEST_VIOLATION:
         raise RayTermination(f"round-off: the law is violated by {worst:.1e} of the load")
     state = np.stack([a[t], a[n], r[t] * stiffness, r[n] * stiffness], axis=1)
     return state * length, pivots
+
+
+def _with_statuses(
+    S: Array, p: Array, friction: Array, bound: Array, a: Array, r: Array
+) -> tuple[Array, Array] | None:
+    """The state with the statuses of (a, r), both up to round-off; None if there is none.
+
+    Args:
+        S: stiffness (2 m, 2 m).
+        p: load (2 m,).
+        friction: coefficients (m,).
+        bound: friction bounds beside these (m,).
+        a: displacements (2 m,).
+        r: forces (2 m,).
+
+    Returns:
+        Displacements and forces, (2 m,) each.
+    """
+    size = len(p)
+    t, n = np.arange(0, size, 2), np.arange(1, size, 2)
+    closed = r[n] > a[n]
+    radius = np.where(closed, friction * r[n], 0.0) + bound
+    stuck = (closed | (bound > 0)) & (radius - np.abs(r[t]) > np.abs(a[t]))
+    sense = np.where(a[t] == 0, -np.sign(r[t]), np.sign(a[t]))
+    # Rows of a, then of r: S a - r = p, and at every point two that the status tells.
+    rows, right = np.zeros((2 * size, 2 * size)), np.zeros(2 * size)
+    rows[:size, :size] = S
+    rows[:size, size:] = -np.eye(size)
+    right[:size] = p
+    law = np.arange(size, 2 * size)
+    rows[law[n], np.where(closed, n, size + n)] = 1.0
+    rows[law[t], np.where(stuck, t, size + t)] = 1.0
+    slips = ~stuck
+    rows[law[t[slips & closed]], size + n[slips & closed]] = (sense * friction)[slips & closed]
+    right[law[t[slips]]] = -(sense * bound)[slips]
+    try:
+        x = np.linalg.solve(rows, right)
+    except np.linalg.LinAlgError:
+        return None
+    return np.asarray(x[:size], np.float64), np.asarray(x[size:], np.float64)
 
 
 def _violation(ut: Array, un: Array, rt: Array, rn: Array, friction: Array, bound: Array) -> float:
@@ -145,7 +198,12 @@ def lemke(
         if leaving == table.artificial:
             return table.solution(), pivots
         entering = leaving + n if leaving < n else leaving - n
-        leaving = table.enter(entering)
+        try:
+            leaving = table.enter(entering)
+        except RayTermination:
+            if table.covers():
+                raise
+            return table.solution(), pivots
         if path is not None:
             path.append(table.corner())
     raise RayTermination(f"Lemke's method took more than {pivots} pivots")
@@ -174,6 +232,16 @@ class _Tableau:
         """Let a variable enter; the variable that leaves."""
         column = int(np.flatnonzero(self.nonbasic == variable)[0])
         return self._pivot(self._row(column), column)
+
+    def covers(self) -> bool:
+        """Whether z_0 is more than round-off, so that the basis is not that of a solution.
+
+        Where z_0 might have left with others, round-off may have kept it, and it is 0 all the same.
+        """
+        self._refresh()
+        known = np.abs(self.values).max(initial=np.abs(self._q).max())
+        held = self.values[self.basic == self.artificial]
+        return bool((held > _NOTHING * known).any())
 
     def _row(self, column: int) -> int:
         """The lexicographic ratio test."""

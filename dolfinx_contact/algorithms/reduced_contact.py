@@ -27,6 +27,7 @@ __all__ = ["ReducedContact", "project"]
 
 Array = npt.NDArray[np.float64]
 _TINY = 1e-300
+_ROUND_OFF = 1e-4  # of stiffness times displacement, forces beside which none is looked at
 
 
 def project(s: Array, radius: Array) -> Array:
@@ -172,6 +173,8 @@ class ReducedContact:
 
     def measure(self, a: Array, r: Array, force: float, length: float) -> Measures:
         """What is left of the equations, over a force and a length."""
+        # Where the load moves what hardly resists, forces are small differences of large products.
+        force = max(force, _ROUND_OFF * float(self.S.diagonal().mean()) * length)
         off, closed, stuck = r - self.answer(a, r), self.closed(a, r), self.stuck(a, r)
         along, across = np.abs(off[:, -1]), np.linalg.norm(off[:, :-1], axis=1)
         lengths = np.where(closed, along, 0.0), np.where(closed | stuck, across, 0.0)

@@ -35,20 +35,33 @@ class SemismoothNewton(Algorithm):
     max_iterations: int = 40
 
     def _iterate(self, contact: ReducedContact, r: Array, iteration: Iteration) -> None:
-        a, k = contact.displacements(r), contact.augmentation
+        a = contact.displacements(r)
         while not iteration.stops(a, r):
-            # H of Newton's method: its forces are unknowns of their own.
-            s = r - k[:, None] * a
-            D, m, d = derivative(contact, s), contact.number, contact.dim
-            off = (r - contact.allowed(s)).reshape(-1)
-            spread = np.zeros((m, d, m, d))
-            spread[np.arange(m), :, np.arange(m)] = D
-            D = spread.reshape(m * d, m * d)
-            J = (np.eye(m * d) - D) @ contact.S + D * np.repeat(k, d)
-            rest = contact.forces(a).reshape(-1) - r.reshape(-1)
-            step = np.linalg.solve(J, off + (np.eye(m * d) - D) @ rest)
-            a = a - step.reshape(a.shape)
-            r = contact.forces(a)
+            a, r = newton_step(contact, a, r)
+
+
+def newton_step(contact: ReducedContact, a: Array, r: Array) -> tuple[Array, Array]:
+    """A full step of Newton's method from displacements and forces (m, dim).
+
+    In 2D it ends in the state that has the statuses of the one before, where a and r balance to the
+    last digits of their products.
+
+    Raises:
+        numpy.linalg.LinAlgError: if these statuses have no state, or many.
+    """
+    # H of Newton's method: its forces are unknowns of their own.
+    k = contact.augmentation
+    s = r - k[:, None] * a
+    D, m, d = derivative(contact, s), contact.number, contact.dim
+    off = (r - contact.allowed(s)).reshape(-1)
+    spread = np.zeros((m, d, m, d))
+    spread[np.arange(m), :, np.arange(m)] = D
+    D = spread.reshape(m * d, m * d)
+    J = (np.eye(m * d) - D) @ contact.S + D * np.repeat(k, d)
+    rest = contact.forces(a).reshape(-1) - r.reshape(-1)
+    step = np.linalg.solve(J, off + (np.eye(m * d) - D) @ rest)
+    a = a - step.reshape(a.shape)
+    return a, contact.forces(a)
 
 
 def solve_semismooth(

@@ -23,8 +23,11 @@ _NO_HOOP = 1e-12  # of the stiffness, a resistance that is none
 
 def automatic_augmentation(
     K: PETSc.Mat, V: fem.FunctionSpace, surfaces: Sequence[ContactSurface], body_size: float
-) -> tuple[float, list[npt.NDArray[np.float64]]]:
-    """Mean diagonal entry of the stiffness, and r at the local vertices of each surface.
+) -> tuple[float, list[npt.NDArray[np.float64]], list[npt.NDArray[np.float64]]]:
+    """Mean diagonal entry of the stiffness; at the local vertices of each surface r, and stiffness.
+
+    The stiffness of a vertex is that of its node alone, over its area: a traction over it is what
+    the node would give way under that traction.
 
     The automatic r is near Young's modulus over the size of the body, taken from the diagonal of
     the stiffness. A small r sends a point that slips the wrong way to stick; a large one (the nodal
@@ -49,7 +52,8 @@ def automatic_augmentation(
     )
     per_node = diagonal.x.array.reshape(-1, bs).mean(axis=1)
     around = surfaces[0].axisymmetric
-    automatic, soft = [], np.sqrt(min(2.0 * softness(K, V, axisymmetric=around), 1.0))
+    automatic, at_vertices = [], []
+    soft = np.sqrt(min(2.0 * softness(K, V, axisymmetric=around), 1.0))
     for s in surfaces:
         # Of two bodies that touch both yield.
         other = s.opposite(per_node)
@@ -57,7 +61,8 @@ def automatic_augmentation(
         width = (s.points.vertex_areas / s.points.circumferences) ** (1 / (s.dim - 1))
         stiffness = pair[s.points.vertex_trace_dofs] / s.points.vertex_areas
         automatic.append(soft * stiffness * width / body_size)
-    return size / (V.dofmap.index_map.size_global * bs), automatic
+        at_vertices.append(stiffness)
+    return size / (V.dofmap.index_map.size_global * bs), automatic, at_vertices
 
 
 def require_hoop_stiffness(K: PETSc.Mat) -> None:

@@ -2,8 +2,10 @@
 """How far a state is from a solution, block by block and in physical measures.
 
 Forces are compared with the largest nodal force at work (reactions, contact forces, the first
-residual), gaps and slips with the largest displacement. So the test does not change with the units
-of the input, and a small contact row cannot hide behind a large force row.
+residual), gaps and slips with the largest displacement, or with what contact keeps a node from:
+where the body is held everywhere, as one that sticks all over, displacements are round-off, and the
+length is that by which a contact force would move its node alone. So the test does not change with
+the units of the input, and a small contact row cannot hide behind a large force row.
 """
 
 from __future__ import annotations
@@ -21,7 +23,7 @@ from dolfinx_contact.points.surface import ContactSurface
 
 Array = npt.NDArray[np.float64]
 
-__all__ = ["Measures", "Scales", "least_scales"]
+__all__ = ["Measures", "Scales", "held_back", "least_scales"]
 
 _NOTHING = 1e-12  # of the body's size, a displacement that is none
 
@@ -83,10 +85,12 @@ class Scales:
         lengths = [_largest(state.u), _largest(state.q), eq.bulk.reach]
         lengths.append(dirichlet / eq.stiffness_scale)
         constraint, cone = [dirichlet / eq.stiffness_scale], [0.0]
-        for s, found, rows in zip(eq.surfaces, state.surfaces, state.rows[1:-1], strict=True):
+        contacts = zip(eq.surfaces, state.surfaces, state.rows[1:-1], strict=True)
+        for (s, found, rows), stiffness in zip(contacts, eq.scaling.at_vertices, strict=True):
             length, size, contact = _row_measures(s, found, rows)
             for part, value in ((constraint, length), (cone, size), (forces, contact)):
                 part.append(value)
+            lengths.append(held_back(s, found, stiffness))
             lengths.append(float(np.max(-s.points.vertex_gaps, initial=0.0)))
         values = np.array([max(forces), max(lengths), force, max(constraint), max(cone)])
         # np.maximum carries NaN over to every rank.
@@ -98,6 +102,23 @@ class Scales:
             self.force, self.length = max(self.force, none[0]), max(self.length, none[1])
         force_scale = max(self.force, eq.round_off_force(self.length))
         return Measures(values[2] / force_scale, values[3] / self.length, values[4] / force_scale)
+
+
+def held_back(s: ContactSurface, found: ContactState, stiffness: Array) -> float:
+    """The largest displacement from which contact keeps a node of this rank, taken alone.
+
+    Args:
+        s: the surface.
+        found: its state.
+        stiffness: of the nodes at its local vertices, by area.
+    """
+    if len(stiffness) == 0:
+        return 0.0
+    traction = np.linalg.norm(found.traction, axis=1)
+    # Tractions between vertices belong to several; a length that is too small asks for more.
+    nodal = s.points.E is None
+    resists = stiffness[: len(traction)] if nodal else float(stiffness.max())
+    return _largest(np.divide(traction, resists, out=np.zeros_like(traction), where=resists > 0))
 
 
 def _row_measures(

@@ -39,6 +39,7 @@ class Scaling:
     Attributes:
         stiffness: mean diagonal entry.
         automatic_r: at the local vertices of each surface.
+        at_vertices: stiffness of a node by its area, there.
         loose: rigid motions that neither stiffness nor Dirichlet data hold.
 
     Raises:
@@ -60,6 +61,7 @@ class Scaling:
         self._size, self._forced = body_size, forced_r
         self.stiffness, self._mark = 0.0, -1
         self.automatic_r = [0.0 * s.points.r for s in surfaces]
+        self.at_vertices = [0.0 * s.points.r for s in surfaces]
         self.loose: LooseMotions
         self.follow(bulk.displacement.x.array.copy())
 
@@ -78,14 +80,14 @@ class Scaling:
         K, around = self._bulk.stiffness(u), surfaces[0].axisymmetric
         if around:
             require_hoop_stiffness(K)
-        scale, automatic = automatic_augmentation(K, self._V, surfaces, self._size)
+        scale, automatic, at_vertices = automatic_augmentation(K, self._V, surfaces, self._size)
         moves = None if self._bulk.has_mass else K
         self.loose = LooseMotions(moves, self._V, surfaces, fixed, rigid, axisymmetric=around)
         self._mark = self._bulk.stiffness_mark
         a = np.concatenate([[self.stiffness], *self.automatic_r])
         b = np.concatenate([[scale], *automatic])
         if self._anywhere(bool(np.any(np.maximum(a, b) > _MUCH * np.minimum(a, b)))):
-            self.stiffness, self.automatic_r = scale, automatic
+            self.stiffness, self.automatic_r, self.at_vertices = scale, automatic, at_vertices
 
     def _anywhere(self, here: bool) -> bool:
         return bool(self._comm.allreduce(int(here)))

@@ -102,7 +102,8 @@ class Compliance:
             points.bound,
             r * points.areas,
             scales.force,
-            scales.length,
+            # A body that contact holds everywhere does not move: then the load tells.
+            max(scales.length, float(np.abs(free).max())),
             place,
         )
         b.destroy()

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from dolfinx_contact._errors import require
 from dolfinx_contact._named import Named
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.measures import least_scales
+from dolfinx_contact.equations.measures import held_back, least_scales
 from dolfinx_contact.equations.normals import without_normal
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.laws import status
@@ -230,7 +230,10 @@ def collect(eq: ContactEquations, state: State, attempts: Sequence[Attempt]) -> 
         max(float(np.max(np.abs(t.force), initial=0.0)) for t in tables.values()),
         comm.allreduce(float(np.max(np.abs(state.reactions), initial=0.0)), op=max),
     )
-    u = comm.allreduce(float(np.max(np.abs(state.u), initial=0.0)), op=max)
+    moved = float(np.max(np.abs(state.u), initial=0.0))
+    contacts = zip(eq.surfaces, state.surfaces, eq.scaling.at_vertices, strict=True)
+    kept = max(held_back(s, found, stiffness) for s, found, stiffness in contacts)
+    u = comm.allreduce(max(moved, kept), op=max)
     none = least_scales(eq, u)
     force, length = max(force, eq.round_off_force(u), none[0]), max(u, none[1])
     forces, violated = balance(eq, state, tables.values()), violation(eq, state, force, length)

@@ -217,6 +217,9 @@ def _on_points(
         start = compliance.forces(x)
         scales = Scales(equations)
         scales.measure(equations.residual(x, b))
+        # The body is judged as the points are.
+        scales.force = max(scales.force, compliance.contact.force)
+        scales.length = max(scales.length, compliance.contact.length)
         outcome = on_root(
             equations.comm,
             lambda: algorithm.run(compliance.contact, tolerance=tolerance, start=start),
