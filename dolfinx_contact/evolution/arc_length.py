@@ -24,7 +24,6 @@ import numpy as np
 
 from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact._frozen import ReadOnly
-from dolfinx_contact.continuation.arguments import check_listeners, checked_range
 from dolfinx_contact.continuation.arguments import check_listeners, checked_range, require_smooth
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.branch import AT_END
