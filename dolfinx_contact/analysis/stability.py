@@ -123,12 +123,12 @@ def stability_at_rest(
     """
     eq = problem.equations
     require_nodes(eq)
+    check_times(eq.surfaces)
     for s in eq.surfaces:
         known = type(s.law) in (Coulomb, Frictionless)
         message = f"{s.name}: stability at rest is for Coulomb's friction or none, not {s.law.name}"
         require(eq.comm, known, message)
     require(eq.comm, most > 0, f"the number of eigenproblems must be 1 or more, got {most}")
-    check_times(eq.surfaces)
     state = problem.state()
     body = body_of(eq, state.u, density, damping)
     unknowns = int(eq.comm.allreduce(int((~eq.fixed[: eq.owned_sizes[0]]).sum())))
