@@ -4,7 +4,7 @@ OUTPUT = output
 # The shell takes it from its environment as it is, blanks and all.
 export OUTPUT
 # mpirun gives its ranks a terminal, so that pytest would colour what goes to a log.
-PYTEST = python3 -m pytest --color=no tests
+PYTEST = python3 -m pytest --color=no --durations=40 --durations-min=1 tests
 ATTACKS = python3 tests/attacks/run.py
 
 .PHONY: help demo test test-long test-paraview attacks lint clean
