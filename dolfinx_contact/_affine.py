@@ -84,8 +84,12 @@ class Dependence:
 
     @property
     def text_of_kinks(self) -> str:
-        """The first kinks, for messages; "" if there are none."""
-        return " and ".join(dict.fromkeys(_text(node) for node in self.kinks[:_SHOWN]))
+        """The outermost kinks, for messages; "" if there are none."""
+        shown: list[Any] = []
+        for node in reversed(self.kinks):
+            if not any(node in set(unique_pre_traversal(other)) for other in shown):
+                shown.append(node)
+        return " and ".join(dict.fromkeys(_text(node) for node in shown[:_SHOWN]))
 
 
 def dependence(e: Any, *terminals: Any) -> Dependence:

@@ -2,8 +2,8 @@
 """Curves of folds and events of a contact problem with two parameters.
 
 The first parameter is that of the branches, the second a Constant: the friction coefficient or
-another load. The problem is condensed onto its contact points at three values of the second one,
-between which its data must be affine.
+another load, in which the data must be affine by what they are made of (`_affine`). The problem is
+condensed onto its contact points at two values of it, and at a third between them for a check.
 """
 
 from __future__ import annotations
@@ -32,6 +32,10 @@ __all__ = ["contact_family", "event_curves"]
 
 Array = npt.NDArray[np.float64]
 
+_MUST = (
+    "the load and the friction must be affine in the second parameter, and the stiffness and the "
+    "rate of the first must not depend on it"
+)
 _AFFINE = 1e-9  # relative error of what counts as affine
 
 
@@ -56,6 +60,8 @@ def contact_family(
             raise ValueError("the second parameter must be another Constant than gamma")
         low, high = checked_range(values, [], "mu")
     same_everywhere(system.comm, values=(low, high))
+    curved = system.not_affine_in(other)
+    require(system.comm, not curved, f"{_MUST} ({curved})")
     found = [_condensed(system, other, mu) for mu in (low, high, (low + high) / 2)]
     (a, b, middle), errors_at = [data for data, _ in found], [errors for _, errors in found]
     slopes = [np.asarray((y - x) / (high - low)) for x, y in zip(a, b, strict=True)]
@@ -66,8 +72,7 @@ def contact_family(
         require(
             system.comm,
             affine and held,
-            "the load and the friction must be affine in the second parameter, and the stiffness "
-            "and the rate of the first must not depend on it",
+            _MUST,
         )
     present = any(
         float(np.abs(y - x).max(initial=0.0)) > 1e-14 * float(np.abs(y).max(initial=0.0))

@@ -30,6 +30,7 @@ from dolfinx_contact.equations.rates import (
     Rate,
     RigidRates,
     SurfaceRates,
+    depends_on,
     dirichlet_rates,
 )
 from dolfinx_contact.equations.state import State, Statuses
@@ -145,6 +146,24 @@ class ParametricEquations(System):
     def driven_expressions(self) -> list[Any]:
         """What these are to be, in UFL."""
         return [d.expression for d in self._driven]
+
+    def not_affine_in(self, other: fem.Constant) -> str:
+        """What keeps another parameter from shifting the loads and bounds evenly; "" if nothing.
+
+        By what the data are made of: loads, gaps and fields of the laws are to be affine in it,
+        while the stiffness, the normals and the rates by gamma must not hold it.
+        """
+        eq, rate, by_gamma = self.equations, Rate(other), Rate(self.constant)
+        if other in eq.bulk.jacobian_constants:
+            return "the stiffness depends on it"
+        loads = [eq.bulk.residual, *(d.expression for d in self._driven)]
+        loads += [e for b in eq.rigid.bodies for e in b.expressions]
+        if any(c is other for e in loads for c in by_gamma.constants_of(e)):
+            return "a rate by the first depends on it"
+        if any(depends_on(other, s.given.normal) for s in eq.surfaces):
+            return "a normal depends on it"
+        laws = [e for s in eq.surfaces for e in (s.given.gap, *s.given.fields.values())]
+        return next(filter(None, map(rate.not_affine, [*loads, *laws])), "")
 
     def data_mark(self) -> int:
         """A checksum of what the user may change, and of the mesh, on this rank."""

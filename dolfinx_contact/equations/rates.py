@@ -61,6 +61,14 @@ class Rate:
         rate = ufl.algorithms.expand_derivatives(self.of(form))
         return None if rate.empty() else compiled_form(rate)
 
+    def constants_of(self, e: Any) -> list[fem.Constant]:
+        """Constants in the derivative of a form or an expression."""
+        if isinstance(e, ufl.Form):
+            if self.gamma not in e.constants():
+                return []
+            return list(ufl.algorithms.expand_derivatives(self.of(e)).constants())
+        return list(extract_constants(self.of_expression(e)))
+
     def not_affine(self, e: Any) -> str:
         """What makes a form or an expression not affine in gamma, in words; "" if it is affine."""
         if isinstance(e, ufl.Form) and is_affine(e, self.gamma):
