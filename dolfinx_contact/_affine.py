@@ -97,14 +97,14 @@ def dependence(e: Any, *terminals: Any) -> Dependence:
 
     Args:
         e: UFL expression of any shape, or form.
-        terminals: what may change; a ``ufl.variable`` counts with all that it is made of.
+        terminals: what may change, or components of it; a ``ufl.variable`` counts as a whole.
     """
     labels = {t.ufl_operands[1] for t in terminals if isinstance(t, classes.Variable)}
     wanted = {t for t in terminals if not isinstance(t, classes.Variable)}
     found = Dependence(Kind.ABSENT)
     for integrand in _integrands(expand_derivatives(_as_ufl(e))):
         part = _walked(integrand, wanted, labels)
-        if part.kinks:
+        if part.kinks and not labels:
             # Of a vector or tensor only some components may be used.
             part = _walked(expand_indices(remove_complex_nodes(integrand)), wanted, labels)
         found = _joined(found, part)
@@ -212,10 +212,12 @@ def _walked(e: Any, terminals: set[Any], labels: set[Any]) -> Dependence:
     known: dict[Any, _Part] = {}
     kinks: list[Any] = []
     for node in unique_post_traversal(e):
-        if isinstance(node, classes.Variable) and node.ufl_operands[1] in labels:
+        if (
+            isinstance(node, classes.Variable) and node.ufl_operands[1] in labels
+        ) or node in terminals:
             known[node] = _Part(Kind.POLYNOMIAL, 1)
         elif not node.ufl_operands:
-            known[node] = _Part(Kind.POLYNOMIAL, 1) if node in terminals else _ABSENT
+            known[node] = _ABSENT
         else:
             known[node] = part = _combined(node, [known[o] for o in node.ufl_operands])
             if part.node is node and part.kind in (Kind.KINKED, Kind.JUMPING):

@@ -19,10 +19,8 @@ import numpy as np
 import numpy.typing as npt
 
 import ufl
-from ufl.algorithms import expand_derivatives, expand_indices
-from ufl.classes import Indexed
-from ufl.corealg.traversal import unique_pre_traversal
 
+from dolfinx_contact._affine import Kind, dependence
 from dolfinx_contact._errors import everywhere
 from dolfinx_contact.laws.answers import Answers, Array, Codes, PointData
 from dolfinx_contact.laws.law import Law, StatusPiece, checked_pieces
@@ -168,22 +166,22 @@ class CompiledLaw:
 
     @cached_property
     def is_piecewise_linear(self) -> bool:
-        """Whether derivatives of answers and borders by jump and traction know neither.
+        """Whether answers and borders are affine in jump, traction and gap, status by status.
 
-        By their UFL: two states say nothing of a law that is nearly linear at both.
+        By their UFL: two states say nothing of a law that is nearly linear at both, nor does a
+        derivative of one that jumps. Which statuses there are must not depend on them.
         """
         if self._roots is not None:
             return False
-        moving = range(2 * self.dim)
+        moving = self._jump, self._traction, self._w[3 * self.dim]
         for piece in self._pieces.values():
-            for e in (piece.answer, *(b.distance for b in piece.borders)):
-                for by in (self._jump, self._traction):
-                    slope = expand_derivatives(ufl.diff(ufl.as_ufl(e), by))
-                    for i in np.ndindex(slope.ufl_shape):
-                        nodes = unique_pre_traversal(expand_indices(slope[i]))
-                        used = [n.ufl_operands[1] for n in nodes if isinstance(n, Indexed)]
-                        if any(int(k) in moving for place in used for k in place):
-                            return False
+            values = [piece.answer, *(b.distance for b in piece.borders)]
+            if not all(dependence(e, *moving).is_affine for e in values):
+                return False
+            if piece.exists is None:
+                continue
+            if dependence(_number(piece.exists), *moving).kind != Kind.ABSENT:
+                return False
         return True
 
     @cached_property

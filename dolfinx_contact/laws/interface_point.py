@@ -16,6 +16,7 @@ from ufl.classes import Variable, Zero
 from ufl.corealg.map_dag import map_expr_dag
 from ufl.corealg.multifunction import MultiFunction
 
+from dolfinx_contact._affine import Kind, dependence
 from dolfinx_contact.laws.friction import FrictionLaw
 from dolfinx_contact.laws.interface_state import InterfaceState, Internal, Rates
 from dolfinx_contact.laws.law import ContactPoint, StatusPiece
@@ -222,14 +223,14 @@ class InterfacePoint:
     def _viscous(self) -> bool:
         """Whether that depends on the speed."""
         phi, rates = self._potential(ufl.as_ufl(1.0), self.speed)
-        return not isinstance(_slope(_slope(phi, rates[""]), rates[""]), Zero)
+        return _holds(_slope(phi, rates[""]), rates[""])
 
     @property
     def knows_speed(self) -> bool:
         """Whether Phi is no linear function of the rates."""
         phi, rates = self._potential(self.pressure, self.speed)
         pairs = ((v, w) for v in rates.values() for w in rates.values())
-        return any(not isinstance(_slope(_slope(phi, v), w), Zero) for v, w in pairs)
+        return any(_holds(_slope(phi, v), w) for v, w in pairs)
 
     # -- contact and friction --------------------------------------------------------------------
 
@@ -316,6 +317,11 @@ class _Signed(MultiFunction):  # type: ignore[misc]
     def abs(self, o: Any, operand: Any) -> Any:
         sign = self._signs.get(operand)
         return self.reuse_if_untouched(o, operand) if sign is None else sign * operand
+
+
+def _holds(e: Any, by: Variable) -> bool:
+    """Whether an expression depends on a variable, as jumps do whose derivative vanishes."""
+    return dependence(e, by).kind != Kind.ABSENT
 
 
 def _slope(e: Any, by: Variable) -> Any:
