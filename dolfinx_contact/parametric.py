@@ -56,8 +56,8 @@ class ParametricContact(ReadOnly, ParametricEquations):
     are left at its gamma: `set_parameter` before a solve of the problem itself.
 
     Args:
-        problem: the contact problem; its Functions receive what is `put` there, as the last point
-            of a branch is.
+        problem: the contact problem; its Functions receive what is `put` there, as every point is
+            of which an observer is told, and the last one of a branch.
         gamma: the parameter, a scalar Constant in the bulk, a law, an obstacle, or the load or
             motion of a rigid body.
         driven: pairs of a Function used in a Dirichlet condition and the UFL expression of gamma
@@ -111,11 +111,15 @@ class ParametricContact(ReadOnly, ParametricEquations):
         self.set(gamma)
 
     def put(self, x: PETSc.Vec, gamma: float, piece: Piece) -> None:
-        """Put a point of a branch into the Functions of the problem, its statuses included."""
+        """Put a point of a branch into the Functions of the problem, its statuses included.
+
+        Gamma and what it drives follow, obstacles too. Collective.
+        """
         self.set(gamma)
         statuses = self.statuses_of(piece)
         assert statuses is not None
         self.problem.put(x, statuses)
+        self.equations.refresh()
 
     def result_at(self, point: BranchPoint) -> Result:
         """The tables of a point of a branch, which is left in the Functions. Collective.

@@ -6,7 +6,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
@@ -14,6 +13,7 @@ import numpy as np
 from dolfinx_contact._errors import everywhere, same_everywhere
 from dolfinx_contact._numbers import is_count, is_number
 from dolfinx_contact.continuation.branch import BranchPoint, SpecialPoint, Stop
+from dolfinx_contact.continuation.layout import Layout
 from dolfinx_contact.continuation.observer import (
     Observer,
     Stepping,
@@ -128,42 +128,55 @@ def check_listeners(
 
 
 def asked(
-    comm: MPI.Comm, stop: Stop | None, point: BranchPoint, special: Sequence[SpecialPoint]
+    layout: Layout, stop: Stop | None, point: BranchPoint, special: Sequence[SpecialPoint]
 ) -> str:
-    """What ``stop`` answers at a point. Collective.
+    """What ``stop`` answers at a point, which stands in the problem then. Collective.
 
     Raises:
         ValueError: on every rank, if that is no reason, or not the same on every rank.
     """
     if stop is None:
         return ""
-    with everywhere(comm, "stop"):
+    _show(layout, point)
+    with everywhere(layout.comm, "stop"):
         answer = stop(point, special)
         if not isinstance(answer, str):
             raise ValueError(
                 "stop must answer with the reason to end the branch, a str, or with '' to go on; "
                 f"it answered {answer!r}"
             )
-    same_everywhere(comm, the_answer_of_stop=answer)
+    same_everywhere(layout.comm, the_answer_of_stop=answer)
     return answer
 
 
-def told(comm: MPI.Comm, observer: Observer | None) -> Observer:
+def told(layout: Layout, observer: Observer | None, start: BranchPoint) -> Observer:
     """The observer, whose exceptions on one rank are raised on every rank. Collective.
 
-    Ranks without one, beside others with one, have one that does nothing.
+    What it is told of stands in the problem then. Ranks without one, beside others with one, have
+    one that does nothing.
+
+    Args:
+        layout: of the points, which knows their system.
+        observer: of the user.
+        start: where the branch begins.
     """
-    anywhere = comm.allreduce(int(observer is not None))
+    anywhere = layout.comm.allreduce(int(observer is not None))
     observer = Observer() if observer is None else observer
-    return _Told(comm, observer) if anywhere else observer
+    return _Told(layout, observer, start) if anywhere else observer
+
+
+def _show(layout: Layout, point: BranchPoint) -> None:
+    """Put a point into what the user sees of the system. Collective."""
+    layout.system.put(*layout.split(point.y), point.piece)
 
 
 class _Told(Observer):
-    def __init__(self, comm: MPI.Comm, observer: Observer):
-        self._comm, self._observer = comm, observer
+    def __init__(self, layout: Layout, observer: Observer, start: BranchPoint):
+        self._layout, self._observer, self._last = layout, observer, start
 
     def _tell(self, do: Callable[..., None], *what: Any) -> None:
-        with everywhere(self._comm, f"the observer {type(self._observer).__name__}"):
+        _show(self._layout, self._last)
+        with everywhere(self._layout.comm, f"the observer {type(self._observer).__name__}"):
             do(*what)
 
     def begin(self, branch: int, task: Task) -> None:
@@ -177,6 +190,7 @@ class _Told(Observer):
         special: Sequence[SpecialPoint],
         stepping: Stepping,
     ) -> None:
+        self._last = point
         self._tell(self._observer.point, branch, index, point, special, stepping)
 
     def end(self, branch: int, reason: str) -> None:

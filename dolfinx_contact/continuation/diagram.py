@@ -141,7 +141,8 @@ def explore(
         max_steps: budget of every branch.
         max_branches: budget of branches.
         max_seconds: no branch is begun later than this.
-        observer: told of the points of all branches, which it knows by their numbers.
+        observer: told of the points of all branches, which it knows by their numbers; each stands
+            in the problem then.
         route: see `follower_for`.
 
     Returns:

@@ -86,10 +86,11 @@ def follow(
         increasing: whether gamma is to grow at the start.
         control: step lengths.
         max_steps: budget; when it is exhausted what was found is returned, and said.
-        observer: told of every accepted point.
-        stop: asked at every accepted point, with the special points on the way to it, whether the
-            branch ends there: it answers with the reason, or "" to go on. A branch that comes back
-            to its start ends in any case.
+        observer: told of every accepted point, which stands in the problem then: its Functions,
+            statuses, gamma and what gamma drives are those of the point (`System.put`).
+        stop: asked likewise at every accepted point, with the special points on the way to it,
+            whether the branch ends there: it answers with the reason, or "" to go on. A branch that
+            comes back to its start ends in any case.
         route: see `follower_for`.
 
     Returns:
@@ -283,7 +284,7 @@ class Follower:
         if stepping is not None:
             first, h = stepping.index, stepping.next_step
             self.restore(stepping)
-        observer = told(b.comm, observer)
+        observer = told(b, observer, start)
         observer.begin(branch_id, Task((low, high), b.gamma_scale, self.control, max_steps))
         observer.point(branch_id, first, start, (), self._stepping(first, h))
         point = start
@@ -313,7 +314,7 @@ class Follower:
             observer.point(branch_id, index, point, special, self._stepping(index, h))
             if any(s.kind == "end" for s in special):
                 branch.reason = self._steps.dead_end
-            branch.reason = branch.reason or asked(b.comm, stop, point, special)
+            branch.reason = branch.reason or asked(b, stop, point, special)
             if branch.reason:
                 break
         else:

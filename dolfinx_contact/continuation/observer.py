@@ -50,6 +50,12 @@ class Stepping:
 class Observer:
     """Is called while branches are followed; every call is collective. Does nothing by itself.
 
+    A point stands in the problem when the observer is told of it, and while a branch begins (its
+    first point) and ends (its last one): of a `ParametricContact` the displacement, the
+    multipliers, the statuses, gamma and what it drives, so that ``problem.table``,
+    ``problem.support_forces`` and assembled forms are those of the point. What the observer does to
+    them is lost at the next point. That costs no assembly.
+
     An exception that it raises on every rank ends the run.
     """
 

@@ -116,7 +116,7 @@ class Pivoting:
         w, ray = self._state(point)
         origin, (low, high) = origin or start, gamma_range
         w_origin = self._state(origin)[0]
-        observer = told(b.comm, observer)
+        observer = told(b, observer, start)
         observer.begin(branch_id, Task((low, high), b.gamma_scale, StepControl(), max_steps))
         observer.point(branch_id, first, start, (), self._stepping(first))
         for index in range(first + 1, max_steps + 1):
@@ -145,7 +145,7 @@ class Pivoting:
             branch.special += special
             branch.points.append(point)
             observer.point(branch_id, index, point, special, self._stepping(index))
-            branch.reason = branch.reason or asked(b.comm, stop, point, special)
+            branch.reason = branch.reason or asked(b, stop, point, special)
             if branch.reason:
                 break
         else:

@@ -197,7 +197,10 @@ class System:
         return None
 
     def put(self, x: PETSc.Vec, gamma: float, piece: Piece) -> None:
-        """Show a state to the user, as the last one of a branch is; by default nowhere."""
+        """Show a state to the user; by default nowhere.
+
+        So is every point shown of which an observer is told, and the last one of a branch.
+        """
 
     def check_parameter(self, gammas: Sequence[float]) -> None:
         """Raise ``ValueError`` if there is no problem at one of these; by default there is."""

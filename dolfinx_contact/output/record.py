@@ -370,9 +370,12 @@ class BranchRecord(ProblemRecord[Journal], Observer):
         # Pivoting has no length of steps.
         route: Route = "steps" if stepping.next_step > 0 else "pivoting"
         self._unknowns(point.y)
-        with follower_for(
-            self.system, self._x, point.gamma, control, gamma_scale=scale, route=route
-        ) as follower:
+        with (
+            self.system.restored(),
+            follower_for(
+                self.system, self._x, point.gamma, control, gamma_scale=scale, route=route
+            ) as follower,
+        ):
             return follower.run(
                 point,
                 (task["gamma_range"][0], task["gamma_range"][1]),

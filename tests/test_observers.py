@@ -1,0 +1,191 @@
+"""Observers of branches: the point that they are told of stands in the problem."""
+
+from mpi4py import MPI
+
+import demo_linear_triangle
+import numpy as np
+import pytest
+from recorded_run import CONTROL, moved_block, start
+from test_parametric import driven_block
+
+from dolfinx import fem
+
+from dolfinx_contact.continuation import Observer, explore, follow
+from dolfinx_contact.output import BranchRecord, resume
+
+COMM = MPI.COMM_WORLD
+
+
+class Killed(Exception):
+    """What an observer raises."""
+
+
+class Looks(Observer):
+    """Looks at the problem where it is told of something, as `seen` does; raises at ``last``."""
+
+    def __init__(self, system, last=None):
+        self.system, self.last, self.points, self.seen, self.calls = system, last, [], [], []
+
+    def begin(self, branch, task):
+        self.calls.append(("begin", seen(self.system)))
+
+    def point(self, branch, index, point, special, stepping):
+        self.points.append(point)
+        self.seen.append(seen(self.system))
+        assert self.seen[-1][1] == self.system.letters(point.piece)
+        if index == self.last:
+            raise Killed
+        # What it does is no affair of the branch.
+        self.system.problem.u.x.array[:] = 7.0
+
+    def end(self, branch, reason):
+        self.calls.append(("end", seen(self.system)))
+
+
+def table_of(system):
+    """Statuses, gaps and contact forces at the state in the Functions, of the first surface."""
+    table = system.problem.table(system.problem.surfaces[0])
+    return "".join(table.status), table.un, table.rn
+
+
+def seen(system):
+    """What stands in the problem, the same on every rank."""
+    problem = system.problem
+    status, un, rn = table_of(system)
+    given = [bc.g for bc in problem.bcs if hasattr(bc.g, "x")]
+    fields = [f.x.array.copy() for f in (*problem.fields, *given)]
+    return float(system.constant.value), status, un, rn, fields
+
+
+def same(a, b):
+    assert a[0] == b[0]
+    assert a[1] == b[1]
+    for mine, theirs in zip((*a[2:4], *a[4]), (*b[2:4], *b[4]), strict=True):
+        np.testing.assert_allclose(mine, theirs, atol=1e-12)
+
+
+def expected(system, point):
+    """What stands there once the point is put there by hand."""
+    system.result_at(point)
+    return seen(system)
+
+
+def check(system, looks):
+    for point, found in zip(looks.points, looks.seen, strict=True):
+        same(found, expected(system, point))
+
+
+@pytest.mark.parametrize(
+    "kind", [pytest.param("load", marks=pytest.mark.long), "obstacle", "dirichlet"]
+)
+def test_every_point_stands_in_the_problem(kind):
+    """By steps: the load, the obstacle or Dirichlet data have the gamma of the point as well."""
+    system = driven_block(kind, n=3)
+    x = start_of(system)
+    looks, asked = Looks(system), []
+
+    def stop(point, special):
+        asked.append(seen(system))
+        return ""
+
+    branch = follow(
+        system, x, 0.5, gamma_range=(0.4, 0.8), route="steps", observer=looks, stop=stop
+    )
+    assert len(looks.points) == len(branch.points) > 2
+    last = seen(system)
+    assert [name for name, _ in looks.calls] == ["begin", "end"]
+    same(looks.calls[0][1], looks.seen[0])
+    same(looks.calls[1][1], last)
+    same(last, expected(system, branch.points[-1]))
+    # The branch ends of itself at its last point.
+    for a, b in zip(asked, looks.seen[1:-1], strict=True):
+        same(a, b)
+    check(system, looks)
+    assert len({found[0] for found in looks.seen}) == len(looks.seen)
+    plain = follow(system, x, 0.5, gamma_range=(0.4, 0.8), route="steps")
+    gammas = [[p.gamma for p in b.points] for b in (plain, branch)]
+    np.testing.assert_allclose(*gammas, atol=1e-9)
+
+
+@pytest.mark.parametrize("route", [pytest.param("steps", marks=pytest.mark.long), "pivoting"])
+def test_points_of_all_branches(route):
+    """An exploration leaves the problem as it was."""
+    system = demo_linear_triangle.linear_triangle(8, 2.0)
+    system.set_parameter(-1.0)
+    x = start_of(system)
+    looks, before = Looks(system), seen(system)
+    diagram = explore(system, [(x, -1.0)], gamma_range=(-1.0, 1.0), route=route, observer=looks)
+    same(seen(system), before)
+    assert len(diagram.edges) > 2
+    assert len(looks.calls) == 2 * len(diagram.edges)
+    assert len({found[1] for found in looks.seen}) > 3
+    check(system, looks)
+
+
+def start_of(system):
+    system.problem.solve()
+    x = system.create_vector()
+    system.problem.write(x)
+    return x
+
+
+def test_no_assembly(monkeypatch):
+    """That the point stands in the problem costs neither assembly nor factorisation."""
+    count = [0]
+
+    def counted(assemble):
+        def counts(*args, **kwargs):
+            count[0] += 1
+            return assemble(*args, **kwargs)
+
+        return counts
+
+    for where, name in ((fem.petsc, "assemble_matrix"), (fem, "assemble_vector")):
+        monkeypatch.setattr(where, name, counted(getattr(where, name)))
+    work = []
+    for observer in (None, Observer()):
+        system = driven_block("load", n=3)
+        x = start_of(system)
+        count[0] = 0
+        branch = follow(system, x, 0.5, gamma_range=(0.4, 0.8), route="steps", observer=observer)
+        work.append((count[0], branch.factorisations, branch.solves))
+    assert work[0] == work[1]
+    assert min(work[0]) > 0
+
+
+def test_after_a_kill(folder):
+    """Points that come again, and those that follow, have statuses, gamma and driven data."""
+    system, functionals = moved_block(COMM, n=3)
+    x, whole = start(system), Looks(system)
+    task = dict(gamma_range=(-0.1, 1.0), control=CONTROL, max_steps=12)
+    follow(system, x, 0.0, observer=whole, **task)
+    assert len({found[1] for found in whole.seen}) > 1
+
+    class Both(Looks):
+        def __init__(self, record, last):
+            super().__init__(system, last)
+            self.record = record
+
+        def begin(self, *told):
+            self.record.begin(*told)
+
+        def point(self, *told):
+            self.record.point(*told)
+            super().point(*told)
+
+        def end(self, *told):
+            self.record.end(*told)
+
+    with BranchRecord(folder, system, functionals, every=5) as record, pytest.raises(Killed):
+        follow(system, x, 0.0, observer=Both(record, 8), **task)
+    again, functionals = moved_block(COMM, n=3)
+    looks = Looks(again)
+    resume(folder, again, functionals, every=5, max_steps=12, observer=looks)
+    again_from = len(whole.seen) - len(looks.seen)
+    assert 5 <= again_from <= 8  # a point whose fields were kept
+    for a, b in zip(looks.seen, whole.seen[again_from:], strict=True):
+        assert a[1] == b[1]
+        assert a[0] == pytest.approx(b[0], abs=1e-9)
+        np.testing.assert_allclose(a[2], b[2], atol=1e-8)
+        np.testing.assert_allclose(a[3], b[3], atol=1e-5)
+    check(again, looks)
