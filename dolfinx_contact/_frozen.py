@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from copy import copy
 from dataclasses import fields, is_dataclass
-from inspect import isfunction
+from inspect import Signature, isfunction, signature
 from typing import Any, ClassVar, NoReturn, SupportsIndex, TypeVar
 
 import numpy as np
@@ -24,6 +24,12 @@ _SEALED = "_sealed"
 
 class _SealedWhenMade(type):
     """Seals what it makes, or leaves that to `seal`."""
+
+    @property
+    def __signature__(cls) -> Signature:
+        """That of the class, which documentation asks for, and not of `__call__`."""
+        whole = signature(cls.__init__)  # type: ignore[misc]
+        return whole.replace(parameters=list(whole.parameters.values())[1:])
 
     def __call__(cls, *args: Any, **kwargs: Any) -> Any:
         made = super().__call__(*args, **kwargs)

@@ -46,6 +46,7 @@ import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact._frozen import ReadOnly
+from dolfinx_contact._numbers import require_kind
 
 __all__ = [
     "Axisymmetric",
@@ -89,6 +90,7 @@ def circumference(domain: mesh.Mesh) -> Any:
     Raises:
         ValueError: if the mesh is not 2D.
     """
+    require_kind(domain, mesh.Mesh)
     if domain.geometry.dim != 2:
         raise ValueError("the section of a body of revolution is a 2D mesh")
     return 2 * np.pi * ufl.SpatialCoordinate(domain)[0]

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from dolfinx import fem, la
 
+from dolfinx_contact._numbers import require_kind
 from dolfinx_contact._petsc import logged
 from dolfinx_contact.points.trace import trace_dofs
 from dolfinx_contact.results.result import Result
@@ -39,7 +40,14 @@ def solve_nested(
 
     Returns:
         The results, coarse to fine.
+
+    Raises:
+        ValueError: if these are no contact problems, and as `prolong` and `ContactProblem.solve`.
     """
+    if not isinstance(problems, list | tuple):
+        raise ValueError(f"a list of ContactProblems is needed, got {problems!r}")
+    for problem in problems:
+        require_kind(problem, ContactProblem)
     results = []
     for i, problem in enumerate(problems):
         if i > 0:

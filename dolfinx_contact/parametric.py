@@ -228,6 +228,8 @@ class ParametricContact(ReadOnly, ParametricEquations):
         Raises:
             ValueError: on every rank, if they are not statuses of these points.
         """
+        is_word = isinstance(letters, str)
+        require(self.comm, is_word, f"the letters of a piece are a word, got {letters!r}")
         parts, start = [], 0
         for s, a, b in self.parts():
             counts = self.comm.allgather(b - a)
@@ -269,6 +271,8 @@ def _checked(problem: ContactProblem, gamma: Any, driven: Any) -> list[tuple[fem
         raise ValueError("gamma must be a scalar Constant")
     if gamma.ufl_domain() != domain.ufl_domain():
         raise ValueError("gamma is a Constant of another mesh")
+    if not isinstance(driven, list | tuple):
+        raise ValueError(f"driven must be a list of pairs, got {driven!r}")
     pairs = []
     for pair in driven:
         if not isinstance(pair, tuple | list) or len(pair) != 2:

@@ -277,13 +277,21 @@ class ContactProblem(ReadOnly):
 
     def table(self, s: ContactSurface) -> ContactTable:
         """The contact points of ``s`` at the state in the Functions. Collective."""
+        self._require_mine(s)
         state, number = self.state(), self.surfaces.index(s)
         return contact_table(self.equations, number, state, support_at_nodes(self.equations, state))
 
     def support_forces(self, s: ContactSurface) -> npt.NDArray[np.float64]:
         """Reactions of Dirichlet data on the body at the local vertices of ``s``. Collective."""
+        self._require_mine(s)
         reactions = support_at_nodes(self.equations, self.state())
         return forces_at_vertices(self.V, s.submesh, s.points.vertex_trace_dofs, reactions)
+
+    def _require_mine(self, s: ContactSurface) -> None:
+        """Raise ``ValueError`` if this is no surface of the problem. Not collective."""
+        if not any(s is mine for mine in self.surfaces):
+            names = [mine.name for mine in self.surfaces]
+            raise ValueError(f"a surface of this problem is needed, one of {names}; got {s!r}")
 
     # -- solve -----------------------------------------------------------------------------------
 
@@ -324,6 +332,8 @@ class ContactProblem(ReadOnly):
             if not is_count(increments):
                 raise ValueError(f"the number of increments must be 1 or more, got {increments!r}")
             chosen = algorithm_named(algorithm)
+            if monitor is not None and not callable(monitor):
+                raise ValueError(f"monitor must be a function of a step, got {monitor!r}")
             if progress not in (None, True, False):
                 raise ValueError(f"progress must be True, False or None, got {progress!r}")
         same_everywhere(

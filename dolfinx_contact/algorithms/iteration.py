@@ -11,12 +11,12 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._numbers import is_count
+from dolfinx_contact._numbers import is_count, is_number
 from dolfinx_contact.algorithms.reduced_contact import ReducedContact
 from dolfinx_contact.equations.measures import Measures
 
@@ -208,6 +208,10 @@ class Algorithm:
     max_iterations: int = 1000
 
     def __post_init__(self) -> None:
+        kinds = {"float": is_number, "int": is_number, "bool": _is_truth}
+        for f in fields(self):
+            is_kind = kinds.get(str(f.type))
+            check(self, **{f.name: is_kind is None or is_kind(getattr(self, f.name))})
         check(self, max_iterations=is_count(self.max_iterations))
 
     def run(
@@ -254,3 +258,7 @@ def check(options: Algorithm, **valid: bool) -> None:
     wrong: Mapping[str, bool] = {name: ok for name, ok in valid.items() if not ok}
     for name in wrong:
         raise ValueError(f"{options.name}: {name} must not be {getattr(options, name)!r}")
+
+
+def _is_truth(value: Any) -> bool:
+    return isinstance(value, bool | np.bool_)

@@ -40,10 +40,9 @@ from dolfinx import fem
 from dolfinx_contact._errors import everywhere, on_root
 from dolfinx_contact._petsc import options_in_database, staged
 from dolfinx_contact.analysis.held import HeldBody, columns_of, slepc, with_dirichlet_rows
-from dolfinx_contact.analysis.rows import Problem
+from dolfinx_contact.analysis.rows import Problem, static_equations
 from dolfinx_contact.analysis.slip import Direction, Slip, SlipPattern
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.points.law_checks import check_times
 
 __all__ = ["CriticalFriction", "critical_friction"]
 
@@ -127,11 +126,10 @@ def critical_friction(
             can slip, or the body slides freely.
         RuntimeError: if SLEPc does not converge.
     """
-    eq = problem.equations
+    eq = static_equations(problem)
     with everywhere(eq.comm, "critical friction"):
         if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 1:
             raise ValueError(f"the number of eigenvalues must be 1 or more, got {count!r}")
-    check_times(eq.surfaces)
     state = problem.state()
     slip = Slip(eq, SlipPattern.of(eq, direction, state), hold_across=True)
     slip.require_held()

@@ -44,12 +44,12 @@ from dolfinx_contact.analysis.rows import (
     point_normals,
     require_nodes,
     stacked,
+    static_equations,
 )
 from dolfinx_contact.analysis.weighted import WeightedForm
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.laws import Coulomb, Frictionless, Tresca
-from dolfinx_contact.points.law_checks import check_times
 
 __all__ = ["Renard", "criterion_at", "renard_criterion"]
 
@@ -110,11 +110,10 @@ def renard_criterion(
             a problem that is not to be dense.
         RuntimeError: if SLEPc does not converge.
     """
-    eq = problem.equations
+    eq = static_equations(problem)
     require_nodes(eq)
     require(eq.comm, eq.bulk.linear, "the criterion needs a bulk that is linear in u")
     require(eq.comm, not (weights and dense is False), "weights need the dense eigenproblem")
-    check_times(eq.surfaces)
     state, effort = problem.state(), _EFFORT if weights else 0
     return criterion_at(
         eq, state, directions=directions, dense=dense or (weights or None), effort=effort
@@ -193,6 +192,8 @@ def _given(eq: ContactEquations, directions: Field) -> Array:
     """Directions of a field, the tangential part. Collective."""
     x, n = np.concatenate([s.positions for s in eq.surfaces]), point_normals(eq)
     with everywhere(eq.comm, "directions"):
+        if not callable(directions):
+            raise ValueError(f"directions must be a function of positions, got {directions!r}")
         xi = np.asarray(directions(x), dtype=np.float64)
         fits = xi.shape == x.shape and bool(np.isfinite(xi).all())
         if not fits or np.linalg.norm(xi, axis=1).max(initial=0.0) > 1 + 1e-12:

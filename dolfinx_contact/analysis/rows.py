@@ -8,7 +8,7 @@ displacements that do not. Points of a rank are those of all surfaces, one surfa
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Any, Protocol
 
 from petsc4py import PETSc
 
@@ -19,6 +19,7 @@ from dolfinx_contact._entries import Entries, matrix_of
 from dolfinx_contact._errors import require
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.state import State
+from dolfinx_contact.points.law_checks import check_times
 
 __all__ = [
     "Problem",
@@ -29,6 +30,7 @@ __all__ = [
     "point_normals",
     "require_nodes",
     "stacked",
+    "static_equations",
 ]
 
 Array = npt.NDArray[np.float64]
@@ -43,6 +45,19 @@ class Problem(Protocol):
 
     def state(self) -> State:
         """The state in the Functions. Collective."""
+
+
+def static_equations(problem: Any) -> ContactEquations:
+    """The equations of a contact problem, whose laws need no time. Collective.
+
+    Raises:
+        ValueError: on every rank, if it is none, or a law needs one (`points.law_checks`).
+    """
+    eq = getattr(problem, "equations", None)
+    if not isinstance(eq, ContactEquations):
+        raise ValueError(f"a ContactProblem is needed, got {type(problem).__name__}")
+    check_times(eq.surfaces)
+    return eq
 
 
 def point_normals(eq: ContactEquations) -> Array:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._numbers import is_number, require_kind
 from dolfinx_contact.analysis.branching import search
 from dolfinx_contact.analysis.certificate import Certificate
 from dolfinx_contact.analysis.checker import Proved, Verdict
@@ -86,6 +87,13 @@ def prove_solutions(
     Raises:
         ValueError: if statuses do not fit the points.
     """
+    require_kind(problem, ReducedProblem)
+    if not isinstance(known, Iterable) or isinstance(known, str):
+        raise ValueError(f"known must be a list of statuses, got {known!r}")
+    if not (is_number(seconds) and seconds >= 0):
+        raise ValueError(f"seconds must be a number from 0 on, got {seconds!r}")
+    if not callable(progress):
+        raise ValueError(f"progress must be a function of a word, got {progress!r}")
     starts = [np.asarray(codes, dtype=np.int8) for codes in known]
     for codes in starts:
         if codes.shape != (problem.points,) or codes.min() < 0 or codes.max() > 6:

@@ -42,6 +42,7 @@ import ufl
 
 from dolfinx_contact._columns import is_symmetric
 from dolfinx_contact._errors import on_root, require
+from dolfinx_contact._numbers import is_count
 from dolfinx_contact._petsc import staged
 from dolfinx_contact.analysis.held import HeldBody, with_dirichlet_rows
 from dolfinx_contact.analysis.rows import (
@@ -51,13 +52,13 @@ from dolfinx_contact.analysis.rows import (
     free_tangents,
     point_normals,
     require_nodes,
+    static_equations,
 )
 from dolfinx_contact.analysis.vibrations import Body, body_of, damped, null_space, on_root_dense
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.laws import Coulomb, Frictionless
 from dolfinx_contact.laws.status import MINUS, PLUS, closed, senses
-from dolfinx_contact.points.law_checks import check_times
 
 __all__ = ["Stability", "stability_at_rest"]
 
@@ -121,14 +122,13 @@ def stability_at_rest(
         ValueError: on every rank, for arguments that do not fit, and other laws: what gives way, or
             has a bound of its own, is no border of this kind.
     """
-    eq = problem.equations
+    eq = static_equations(problem)
     require_nodes(eq)
-    check_times(eq.surfaces)
     for s in eq.surfaces:
         known = type(s.law) in (Coulomb, Frictionless)
         message = f"{s.name}: stability at rest is for Coulomb's friction or none, not {s.law.name}"
         require(eq.comm, known, message)
-    require(eq.comm, most > 0, f"the number of eigenproblems must be 1 or more, got {most}")
+    require(eq.comm, is_count(most), f"the number of eigenproblems must be 1 or more, got {most}")
     state = problem.state()
     body = body_of(eq, state.u, density, damping)
     unknowns = int(eq.comm.allreduce(int((~eq.fixed[: eq.owned_sizes[0]]).sum())))

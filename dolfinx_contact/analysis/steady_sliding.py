@@ -31,7 +31,7 @@ from dolfinx import fem
 from dolfinx_contact._errors import everywhere, require
 from dolfinx_contact._frozen import ReadOnly
 from dolfinx_contact._petsc import staged
-from dolfinx_contact.analysis.rows import Problem
+from dolfinx_contact.analysis.rows import Problem, static_equations
 from dolfinx_contact.analysis.slip import Direction, Slip, SlipPattern
 from dolfinx_contact.analysis.vibrations import (
     Spectrum,
@@ -40,7 +40,6 @@ from dolfinx_contact.analysis.vibrations import (
     is_number,
     require_positive,
 )
-from dolfinx_contact.points.law_checks import check_times
 
 __all__ = ["Onset", "SlidingModes", "SteadySliding"]
 
@@ -118,12 +117,13 @@ class SteadySliding(ReadOnly):
         dense: bool | None = None,
         count: int = 40,
     ):
-        eq = problem.equations
+        eq = static_equations(problem)
         self._eq = eq
         with everywhere(eq.comm, "steady sliding"):
+            if not isinstance(hold_across, bool | np.bool_):
+                raise ValueError(f"hold_across is True or False, got {hold_across!r}")
             if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 1:
                 raise ValueError(f"the number of eigenvalues must be 1 or more, got {count!r}")
-        check_times(eq.surfaces)
         state = problem.state()
         pattern = SlipPattern.of(eq, direction, state)
         self._slip = Slip(eq, pattern, hold_across=hold_across)

@@ -110,6 +110,8 @@ def body_of(eq: ContactEquations, u: Array, density: Any, damping: float | ufl.F
         if isinstance(density, int | float | np.number):
             require_positive("density", density)
             density = fem.Constant(domain, float(density))
+        elif not isinstance(density, ufl.core.expr.Expr) or density.ufl_shape != ():
+            raise ValueError(f"the density must be a number or a UFL scalar, got {density!r}")
         mass = density * ufl.dot(v, w) * ufl.dx(domain=domain)
         if isinstance(damping, ufl.Form):
             if len(damping.arguments()) != 2:

@@ -18,7 +18,7 @@ from typing import Any
 from petsc4py import PETSc
 
 from dolfinx_contact._errors import everywhere, same_everywhere
-from dolfinx_contact._numbers import is_count
+from dolfinx_contact._numbers import is_count, is_number
 from dolfinx_contact.continuation.arguments import (
     check_listeners,
     check_states,
@@ -164,7 +164,7 @@ def explore(
         check_listeners(observer, None, control, max_steps)
         if not is_count(max_branches):
             raise ValueError(f"the budget of branches must be positive, got {max_branches!r}")
-        if not max_seconds > 0:
+        if not (is_number(max_seconds) and max_seconds > 0):
             raise ValueError(f"the budget of seconds must be positive, got {max_seconds!r}")
     same_everywhere(
         system.comm,

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import itertools
 import logging
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from petsc4py import PETSc
@@ -29,7 +29,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from dolfinx_contact._errors import everywhere, same_everywhere
-from dolfinx_contact._numbers import is_count
+from dolfinx_contact._numbers import is_count, is_number
 from dolfinx_contact.continuation.arguments import (
     check_states,
     check_system,
@@ -155,16 +155,19 @@ def find_solutions(
         gamma = checked_gamma(gamma)
         if any(isinstance(states, PETSc.Vec) for states in (guesses, known)):
             raise ValueError("guesses and known must be lists of states")
+        for name, states in dict(guesses=guesses, known=known, lengths=lengths).items():
+            if isinstance(states, str) or not isinstance(states, Iterable):
+                raise ValueError(f"{name} must be a list, got {states!r}")
         guesses, known, lengths = list(guesses), list(known), list(lengths)
         if not guesses:
             raise ValueError("at least one guess is needed")
-        positive = all(0 < part < np.inf for part in lengths)
-        if not (positive and tolerance > 0):
+        positive = all(is_number(part) and 0 < part < np.inf for part in lengths)
+        if not (positive and is_number(tolerance) and tolerance > 0):
             raise ValueError("lengths and tolerance must be positive")
         if not is_count(max_iterations):
             raise ValueError(f"max_iterations must be positive and whole, got {max_iterations!r}")
-        if not proof_seconds >= 0:
-            raise ValueError("proof_seconds must not be negative")
+        if not (is_number(proof_seconds) and proof_seconds >= 0):
+            raise ValueError(f"proof_seconds must be a number from 0 on, got {proof_seconds!r}")
     same_everywhere(
         system.comm,
         gamma=gamma,

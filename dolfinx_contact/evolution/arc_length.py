@@ -176,6 +176,8 @@ class ArcLength(ReadOnly):
             if control.kinks not in (None, "exact"):
                 raise ValueError(f"a path with memory passes kinks exactly, not {control.kinks!r}")
             direction = direction or ("increasing" if first else "onwards")
+            if record is not None and not hasattr(record, "begin"):
+                raise ValueError(f"record must be an output.PathRecord, got {record!r}")
             known = get_args(Direction)[:2] if first else get_args(Direction)[2:]
             if direction not in known:
                 run = "the first run" if first else "a later run"

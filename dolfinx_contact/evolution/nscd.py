@@ -252,7 +252,7 @@ class NSCD(Evolution):
         """
         with everywhere(self.problem.comm, "settling"):
             most = _positive("most", most)
-            if not 0 < rest < 1:
+            if not (is_number(rest) and 0 < rest < 1):
                 raise ValueError(f"rest must be between 0 and 1, got {rest!r}")
         same_everywhere(self.problem.comm, most=most, rest=float(rest))
         start = 0.0 if self._moment is None else self._moment.time

@@ -128,6 +128,8 @@ class Evolution(ReadOnly):
             for name, call in (("accept", accept), ("observer", observer)):
                 if call is not None and not callable(call):
                     raise ValueError(f"{name} must be a function of a step, got {call!r}")
+            if record is not None and not hasattr(record, "begin"):
+                raise ValueError(f"record must be an output.EvolutionRecord, got {record!r}")
         same_everywhere(comm, times=given, longest=longest, shortest=shortest, at_jump=at_jump)
         same_everywhere(comm, sudden=float(sudden), rays=rays, follow_rays=bool(follow_rays))
         same_everywhere(comm, a_record=record is not None)

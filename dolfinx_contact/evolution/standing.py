@@ -83,7 +83,10 @@ def aim(start: float, end: float, length: float) -> float:
 
 def checked_times(times: Sequence[float], moment: Moment | None) -> list[float]:
     """The times as numbers, or ``ValueError``. Not collective."""
-    found = [float(t) for t in np.asarray(times, dtype=np.float64).reshape(-1)]
+    try:
+        found = [float(t) for t in np.asarray(times, dtype=np.float64).reshape(-1)]
+    except (TypeError, ValueError):
+        raise ValueError(f"two or more times are needed, as numbers, got {times!r}") from None
     if len(found) < 2 or not all(math.isfinite(t) for t in found):
         raise ValueError(f"two or more finite times are needed, the first of them now: {times!r}")
     for a, b in itertools.pairwise(found):

@@ -222,7 +222,7 @@ class Regularised(_AroundFriction):
     creeps = True
 
     def __post_init__(self) -> None:
-        if self.shape not in _SHAPES:
+        if not isinstance(self.shape, str) or self.shape not in _SHAPES:
             raise ValueError(
                 f"the shape of Regularised must be one of {', '.join(_SHAPES)}, got {self.shape!r}"
             )

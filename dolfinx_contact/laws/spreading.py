@@ -90,7 +90,7 @@ class NonlocalCoulomb(FrictionLaw):
             raise ValueError(
                 f"the radius of NonlocalCoulomb must be a finite and positive number, got {rho!r}"
             )
-        if self.kernel not in KERNELS:
+        if not isinstance(self.kernel, str) or self.kernel not in KERNELS:
             raise ValueError(
                 f"the kernel of NonlocalCoulomb must be one of {', '.join(KERNELS)}, got "
                 f"{self.kernel!r}"

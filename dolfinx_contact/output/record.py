@@ -105,6 +105,8 @@ class BranchRecord(ProblemRecord[Journal], Observer):
         every: int = 10,
         resume: bool = False,
     ):
+        if not (functionals is None or isinstance(functionals, Mapping)):
+            raise ValueError(f"functionals are a dictionary by their names, got {functionals!r}")
         comm = system.comm
         whole = isinstance(every, int | np.integer) and every >= 1
         require(comm, whole, f"fields must be kept at every 1 or more points, got {every!r}")

@@ -7,6 +7,8 @@ import numpy as np
 
 from dolfinx import fem
 
+from dolfinx_contact._numbers import is_count
+
 __all__ = ["check_elements", "check_quadrature", "displacement_degree"]
 
 #: Stable pairs of displacement and multiplier degrees, by method. P1 multipliers are traces of the
@@ -41,8 +43,10 @@ def displacement_degree(u: fem.Function) -> int:
 
 def check_elements(name: str, method: str, degrees: tuple[int, int]) -> None:
     """Raise ``ValueError`` if the pair of degrees is not stable in the method."""
-    if method not in _STABLE:
+    if not isinstance(method, str) or method not in _STABLE:
         raise ValueError(f"unknown contact method {method!r}; known: {sorted(_STABLE)}")
+    if not is_count(degrees[1]):
+        raise ValueError(f"{name}: the degree of the multiplier must be 1 or 2, got {degrees[1]!r}")
     if degrees not in _STABLE[method]:
         stable = ", ".join(f"P{d}/P{m}" for d, m in sorted(_STABLE[method]))
         raise ValueError(

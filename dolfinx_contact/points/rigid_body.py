@@ -272,6 +272,8 @@ def _names(given: Any, name: str) -> list[str]:
     if isinstance(given, str) or not isinstance(given, Sequence | set | frozenset):
         raise ValueError(f"{name}: free and held are lists of components, got {given!r}")
     words = list(given)
+    if not all(isinstance(word, str) for word in words):
+        raise ValueError(f"{name}: components are named by words, got {given!r}")
     if len(set(words)) < len(words):
         raise ValueError(f"{name}: a component is named twice in {given!r}")
     return words
