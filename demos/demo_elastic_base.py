@@ -10,7 +10,9 @@
 # The rocker is that of `demo_dragged_body.py`, whose floor is now a block of elastic material, held
 # below. Its top is moved down and sideways as a rigid plate. The base gives way to both: where the
 # floor would let the edges of the contact slip, a part of the base is drawn along. `--base` is its
-# modulus; the stiffer it is, the nearer the forces are to those on the floor, `--rigid`.
+# modulus; the stiffer it is, the nearer the forces are to those on the floor, `--rigid`. Between
+# bodies sliding and turning are small; here the faces turn by some degrees, of which a warning
+# tells.
 
 from mpi4py import MPI
 

@@ -8,6 +8,7 @@ by gamma is exact, by UFL.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any, ClassVar
@@ -36,11 +37,15 @@ from dolfinx_contact.laws.status import OPEN
 from dolfinx_contact.points.surface import ContactSurface
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.reduced.condensed import CondensedContact, can_condense
+from dolfinx_contact.results.checks import slidings
 from dolfinx_contact.results.result import Result
 from dolfinx_contact.results.uniqueness import checked_seconds
+from dolfinx_contact.solvers.errors import ConvergenceError
 from dolfinx_contact.solvers.history import Attempt
 
 __all__ = ["ParametricContact"]
+
+logger = logging.getLogger(__name__)
 
 _RAY_SECONDS = 10.0
 _MOST_PROVED = 128  # contact points up to which all solutions are proved by default
@@ -98,6 +103,8 @@ class ParametricContact(ReadOnly, ParametricEquations):
         super().__init__(problem.equations, gamma, lambda: problem.linear_solver, driven=driven)
         self._condensed: CondensedContact | None = None
         self._condensed_from = 0  # mark of the data
+        #: Surfaces of which it has been said that the sliding is not small.
+        self._told: set[str] = set()
 
     def set_parameter(self, gamma: float) -> None:
         """Put gamma into the forms and the Dirichlet data, for a solve at this value. Collective.
@@ -113,13 +120,46 @@ class ParametricContact(ReadOnly, ParametricEquations):
     def put(self, x: PETSc.Vec, gamma: float, piece: Piece) -> None:
         """Put a point of a branch into the Functions of the problem, its statuses included.
 
-        Gamma and what it drives follow, obstacles too. Collective.
+        Gamma and what it drives follow, obstacles too. Where the sliding is not small that is said,
+        once a surface. Collective.
         """
         self.set(gamma)
         statuses = self.statuses_of(piece)
         assert statuses is not None
         self.problem.put(x, statuses)
         self.equations.refresh()
+        if all(s.motion is None and s.obstacle.flat for s in self.problem.surfaces):
+            return
+        state = self.equations.contact(x, statuses)
+        for name, sliding in slidings(self.equations, state).items():
+            if sliding.doubt and name not in self._told and self.comm.rank == 0:
+                logger.warning("%s: at gamma = %.6g %s", name, gamma, sliding.doubt)
+            if sliding.doubt:
+                self._told.add(name)
+
+    def solution_from(self, x: PETSc.Vec, gamma: float) -> tuple[PETSc.Vec | None, str]:
+        """What `ContactProblem.solve` finds at gamma from x; see `System`. Collective."""
+        with self.restored(always=True), self.problem.telling_once():
+            self.set(gamma)
+            self.problem.read(x)
+            try:
+                result = self.problem.solve(progress=False)
+            except ConvergenceError as error:
+                tried = "; ".join(f"{a.strategy}: {a.reason}" for a in error.attempts)
+                return None, f"solve() found no solution ({tried})"
+            found = self.create_vector()
+            self.problem.write(found)
+        return found, f"solve() by {result.reason}"
+
+    def doubt(self, x: PETSc.Vec, gamma: float, piece: Piece) -> str:
+        """Where the sliding of a solution is not small, and in what way. Collective."""
+        with self.restored(always=True):
+            self.set(gamma)
+            statuses = self.statuses_of(piece)
+            assert statuses is not None
+            self.problem.put(x, statuses)
+            found = slidings(self.equations, self.equations.contact(x, statuses))
+        return "; ".join(f"{name}: {s.doubt}" for name, s in found.items() if s.doubt)
 
     def result_at(self, point: BranchPoint) -> Result:
         """The tables of a point of a branch, which is left in the Functions. Collective.
@@ -131,6 +171,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         self.set(point.gamma)
         done = Attempt("continuation", "a point of a branch", converged=True)
         result = self.problem.collect(x, [done], self.statuses_of(point.piece))
+        self.problem.tell(result)
         x.destroy()
         return result
 

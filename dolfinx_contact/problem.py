@@ -43,7 +43,7 @@ from dolfinx_contact.points.rigid_body import RigidBody
 from dolfinx_contact.points.surface import ContactSurface
 from dolfinx_contact.results.balance import forces_at_vertices, support_at_nodes
 from dolfinx_contact.results.checks import warn_of_obstacles
-from dolfinx_contact.results.result import Result, collect
+from dolfinx_contact.results.result import Result, collect, tell
 from dolfinx_contact.results.tables import ContactTable, contact_table
 from dolfinx_contact.results.theory import Theory
 from dolfinx_contact.results.uniqueness import OTHER_DATA, Uniqueness, checked_seconds
@@ -187,6 +187,8 @@ class ContactProblem(ReadOnly):
         self.bcs = ReadOnlyList(self.bcs, "Dirichlet conditions of a problem", _CONDITIONS)
         self.equations = ContactEquations(body, self.V, self.surfaces, self.bcs, r=r, options=given)
         self._linear = LinearSolverChoice(self.equations)
+        #: In a run, surfaces of which it has been said that the sliding is not small.
+        self._told: set[str] | None = None
         warn_of_obstacles(self.equations)
 
     def moving(self, body: MovingBody) -> ContactProblem:
@@ -368,6 +370,8 @@ class ContactProblem(ReadOnly):
             result = replace(result, prove=prove, theorems=theorems)
             x.destroy()
             said.end(result.iterations)
+            if self._told is None:
+                self.tell(result)
             return result
         finally:
             said.end()
@@ -428,6 +432,23 @@ class ContactProblem(ReadOnly):
         b.destroy()
         self.put(x, state.statuses)
         return collect(self.equations, state, attempts)
+
+    @contextmanager
+    def telling_once(self) -> Iterator[None]:
+        """Let solves not warn of sliding that is not small; `tell` does, once a surface.
+
+        So that a run warns once, and of steps that are accepted.
+        """
+        before, self._told = self._told, set()
+        try:
+            yield
+        finally:
+            self._told = before
+
+    def tell(self, result: Result) -> None:
+        """Warn of sliding that is not small, in a run once a surface. Not collective."""
+        if self.comm.rank == 0:
+            tell(result, self._told)
 
     def destroy(self) -> None:
         """Free matrices and solvers."""

@@ -131,6 +131,10 @@ def find_solutions(
     """Solutions at ``gamma``, as many as can be found. Collective.
 
     What the system writes to (of a contact problem Functions, statuses, gamma) is left as it was.
+    Where pieces are not affine the first solution is what the system's own solver finds from a
+    guess (of a contact problem `ContactProblem.solve`). That nothing was found is no proof that
+    there is nothing; `Solutions.method` says what was tried. Of solutions that the system doubts
+    (between bodies, and on curved obstacles, where the sliding is not small) nothing is proved.
 
     Args:
         system: H with its pieces.
@@ -180,6 +184,35 @@ def find_solutions(
     check_states(system, guesses, "a guess")
     check_states(system, known, "a known solution")
     system.check_parameter([gamma])
+    arguments = guesses, gamma, known, lengths, max_iterations, tolerance, deflation, proof_seconds
+    return _doubted(system, _found(system, *arguments))
+
+
+def _doubted(system: System, solutions: Solutions) -> Solutions:
+    """Without a proof if the system doubts one of the solutions. Collective."""
+    if not solutions.complete and solutions.proof is None:
+        return solutions
+    with system.restored(always=True):
+        doubts = (system.doubt(s.x, solutions.gamma, s.piece) for s in solutions.found)
+        doubt = next((d for d in doubts if d), "")
+    if not doubt:
+        return solutions
+    method = f"{solutions.method}; nothing is proved: {doubt}"
+    return replace(solutions, complete=False, method=method, proof=None)
+
+
+def _found(
+    system: System,
+    guesses: Sequence[PETSc.Vec],
+    gamma: float,
+    known: Sequence[PETSc.Vec],
+    lengths: Sequence[float],
+    max_iterations: int,
+    tolerance: float,
+    deflation: bool,
+    proof_seconds: float,
+) -> Solutions:
+    """Solutions by enumeration, a proof or deflation; see `find_solutions`. Collective."""
     sure: Solutions | None = None
     if not deflation:
         with system.restored(always=True):
@@ -195,6 +228,9 @@ def find_solutions(
         solutions = [x.copy() for x in known]
         if sure is not None:
             solutions += [s.x for s in sure.found if not deflated.is_known(s.x, solutions)]
+        first, tried = deflated.first(guesses, solutions)
+        if first is not None:
+            solutions.append(first)
         runs, fruitless = 0, False
         while not fruitless:
             fruitless = True
@@ -207,7 +243,9 @@ def find_solutions(
                     solutions.append(x)
                     fruitless = False
         found_ones = tuple(Solution(x, system.piece_at(x, gamma)) for x in solutions)
-    method = f"deflation, {runs} runs of Newton's method"
+    method = f"{tried}deflation, {runs} runs of Newton's method"
+    if not found_ones:
+        method = f"not found: {method}"
     if sure is None:
         return Solutions(gamma, found_ones, False, method)
     return Solutions(gamma, found_ones, False, f"{method}, {sure.method}", proof=sure.proof)
@@ -307,6 +345,27 @@ class _Deflated:
                 y = x.copy()
                 y.axpy(part, x - guess)
                 yield y
+
+    def first(
+        self, guesses: Sequence[PETSc.Vec], known: Sequence[PETSc.Vec]
+    ) -> tuple[PETSc.Vec | None, str]:
+        """A new solution by the system's own solver, and what was tried, for `Solutions.method`."""
+        tried = ""
+        for guess in guesses:
+            x, how = self.system.solution_from(guess, self.gamma)
+            if x is None:
+                # The guesses after this one are tried too.
+                tried = tried or (f"{how}; " if how else "")
+                continue
+            exact = self.solve(x, None, [], 1.0)
+            if exact is not None:
+                x.destroy()
+                x = exact
+            if self.is_known(x, known):
+                x.destroy()
+                return None, f"{how}, "
+            return x, f"{how}, "
+        return None, tried
 
     def pieces(self, guess: PETSc.Vec) -> list[Piece | None]:
         """None, and pieces in which all points have one status: of the first step from a guess."""

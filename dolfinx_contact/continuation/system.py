@@ -196,6 +196,28 @@ class System:
         """
         return None
 
+    def solution_from(self, x: PETSc.Vec, gamma: float) -> tuple[PETSc.Vec | None, str]:
+        """A solution at gamma by the system's own solver, and what it tried, human-readable.
+
+        The solution is a new vector, or None if none was found. By default there is no solver, and
+        nothing is tried: None and "".
+
+        Args:
+            x: start, which is left as it is.
+            gamma: parameter.
+        """
+        return None, ""
+
+    def doubt(self, x: PETSc.Vec, gamma: float, piece: Piece) -> str:
+        """Why H does not tell the truth of a state, so that nothing is proved; by default "".
+
+        Args:
+            x: a solution.
+            gamma: there.
+            piece: its statuses.
+        """
+        return ""
+
     def put(self, x: PETSc.Vec, gamma: float, piece: Piece) -> None:
         """Show a state to the user; by default nowhere.
 

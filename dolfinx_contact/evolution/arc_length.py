@@ -280,20 +280,22 @@ class ArcLength(ReadOnly):
                 self._restore(run.standing)
                 record.begin(task, standing)
             self._standing = standing
-            while not run.reason and run.taken < task.max_steps:
-                taken = run.step()
-                if taken is None:
-                    break
-                step, whole = taken
-                history.steps.append(step)
-                self._standing = run.standing
-                self._restore(run.standing)
-                run.reason = run.reason or self._asked(stop, step) or run.stuck()
-                if record is not None:
-                    record.step(step, run.standing)
-                self._tell(whole, step, observer)
-                self._restore(run.standing)
-                said.step(step)
+            with self.problem.telling_once():
+                while not run.reason and run.taken < task.max_steps:
+                    taken = run.step()
+                    if taken is None:
+                        break
+                    step, whole = taken
+                    history.steps.append(step)
+                    self._standing = run.standing
+                    self._restore(run.standing)
+                    run.reason = run.reason or self._asked(stop, step) or run.stuck()
+                    if record is not None:
+                        record.step(step, run.standing)
+                    self._tell(whole, step, observer)
+                    self._restore(run.standing)
+                    self.problem.tell(step.result)
+                    said.step(step)
             exhausted = f"the budget of {task.max_steps} steps is exhausted"
             history.reason = run.reason or exhausted
             history.complete = run.reason == AT_END

@@ -35,6 +35,7 @@ from dolfinx_contact.evolution.motion_energy import Motion, MotionEnergies, acco
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.results.balance import support_at_nodes
+from dolfinx_contact.results.checks import slidings
 from dolfinx_contact.results.result import Result
 from dolfinx_contact.results.tables import contact_table
 
@@ -236,11 +237,12 @@ class MotionStepper(Stepper):
         return replace(state, u=u, surfaces=surfaces)
 
     def _shown(self, result: Result, shown: State, lost: float) -> Result:
-        """A result with the tables of the step's end, and what friction has dissipated in it."""
+        """A result with tables and checks of the step's end, and what friction dissipated."""
         eq = self.problem.equations
         supports = support_at_nodes(eq, shown)
         tables = {s.name: contact_table(eq, i, shown, supports) for i, s in enumerate(eq.surfaces)}
-        return replace(result, tables=tables, energies=result.energies | {"friction": lost})
+        energies = result.energies | {"friction": lost}
+        return replace(result, tables=tables, energies=energies, slidings=slidings(eq, shown))
 
     # -- moments ---------------------------------------------------------------------------------
 

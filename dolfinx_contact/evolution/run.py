@@ -208,8 +208,9 @@ class Evolution(ReadOnly):
         run = _Run(stepper, task, standing, accept, observer, record, said)
         history, failure = run.history, None
         try:
-            for end in task.times[1:]:
-                run.to(end)
+            with stepper.problem.telling_once():
+                for end in task.times[1:]:
+                    run.to(end)
             history.reason, history.complete = "the last time is reached", True
         except _Ended as ended:
             history.reason, failure = str(ended), ended
@@ -361,6 +362,7 @@ class _Run:
                 if self._observer is not None:
                     self._observer(step)
         self._stepper.put(taken.after)
+        self._stepper.problem.tell(step.result)
         self._said.step(step)
 
 

@@ -21,6 +21,7 @@ from dolfinx_contact.points.contact_points import Method
 from dolfinx_contact.points.elements import displacement_degree
 from dolfinx_contact.points.held_ends import held_in_place, in_place
 from dolfinx_contact.points.opposite import Opposite, OppositeFacets
+from dolfinx_contact.points.pair_motion import PairMotion
 from dolfinx_contact.points.revolution import check_section
 from dolfinx_contact.points.rigid_body import RigidBody
 from dolfinx_contact.points.surface import ContactSurface
@@ -30,7 +31,7 @@ __all__ = ["ContactPair"]
 
 
 class ContactPair(ContactSurface):
-    """Two faces of one mesh that may touch each other, with a law; small sliding.
+    """Two faces of one mesh that may touch each other, with a law; small sliding and turning.
 
     The mesh has several parts, or a crack (`meshing.crack`). The contact points, the multiplier and
     everything that is written are those of the *slave*: n points from it to the master, tractions
@@ -42,7 +43,18 @@ class ContactPair(ContactSurface):
     at Gauss points of the parts that a facet of the slave and one of the master have in common;
     mixed contact is refused. Nodes of the slave that have nothing opposite carry no contact either,
     of its facets the covered part counts, and those of which less than 5 % is covered are dropped.
-    The slave should be the finer face, and not one whose nodes are all held.
+    The slave should be the finer face, and not one whose nodes are all held; of two that are alike
+    the one that is smaller, softer or more curved, so that every point of it keeps something
+    opposite: the wheel, not the rail.
+
+    Sliding and turning are small: what is opposite to a point stays opposite, along the normal of
+    the reference configuration, wherever the bodies go. A solve measures how far that is off
+    (`Result.slidings`), and warns if a closed point has gone half a facet along the master or has
+    left its face, if normals have turned by 3 degrees, or if a gap is off by 1e-3 of the size of
+    the bodies; then nothing is proved either (`Result.unique`, `find_solutions`). Histories,
+    motions and paths measure every accepted step, and warn once a run; branches warn of the points
+    that they put into the problem, as the last one. Make facets larger than the way, start from a
+    mesh in which the bodies lie where they will touch, or take an obstacle for one of them.
 
     Args:
         u: displacement of all bodies, a vector Lagrange Function of degree 1 or 2.
@@ -163,6 +175,8 @@ class ContactPair(ContactSurface):
             axisymmetric=axisymmetric,
             name=name,
         )
+        #: How the bodies have slid and turned.
+        self.motion = PairMotion(u, self.points, sides[0], sides[1])
         #: What is opposite while no function of a node is given away.
         self._apart: Opposite = self.obstacle.opposite
         self._given_gap = ""

@@ -35,6 +35,7 @@ from dolfinx_contact.points.elements import check_elements, check_quadrature, di
 from dolfinx_contact.points.memory import Memory, with_memory
 from dolfinx_contact.points.neighbours import LawAmongPoints
 from dolfinx_contact.points.opposite import Opposite
+from dolfinx_contact.points.pair_motion import PairMotion
 from dolfinx_contact.points.revolution import check_revolution, check_section
 from dolfinx_contact.points.rigid_body import RigidBody
 from dolfinx_contact.points.trace import exterior_facets
@@ -219,6 +220,8 @@ class ContactSurface(ReadOnly):
         self.memory: Memory | None = None
         #: Distances to the obstacle of the contact points where they are now, or None.
         self.true_gaps = TrueGaps(u, self.points, obstacle)
+        #: Of two bodies, how they have slid and turned.
+        self.motion: PairMotion | None = None
         self._numbers = [c for e in self.given.all for c in extract_constants(e)]
         self._mark = self._marked()
 

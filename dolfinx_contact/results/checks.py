@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """What is to be doubted in a state or a problem, measured and said.
 
-- Gap and normal are those of the reference configuration. At the points of a curved obstacle the
-  distance to it is measured where they are now: the *misfit*.
+- Gap and normal are those of the reference configuration, and so is what lies opposite on another
+  body. At the points of a curved obstacle or a pair the distance to it is measured where they are
+  now: the *misfit*; of pairs also how far they have gone along the other body, and turned.
 - det F = det(I + grad u) <= 0 where a hyperelastic body is turned inside out. Energies that do not
   grow without bound there (St Venant-Kirchhoff), and large Newton steps, let that pass.
 - An obstacle on the wrong side, or so far away that a friction bound given in advance acts on a
@@ -12,6 +13,7 @@
 from __future__ import annotations
 
 import logging
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -22,15 +24,19 @@ from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.order import by_coordinates
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.laws.status import closed
+from dolfinx_contact.points.pair_motion import Moved
 from dolfinx_contact.points.surface import ContactSurface
 
-__all__ = ["misfits", "warn_of_inversion", "warn_of_obstacles"]
+__all__ = ["Sliding", "slidings", "warn_of_inversion", "warn_of_obstacles"]
 
 logger = logging.getLogger(__name__)
 
 Array = npt.NDArray[np.float64]
+Marks = npt.NDArray[np.bool_]
 
 _LARGEST_MISFIT = 1e-3  # of the body's size, above which there is a warning
+_LARGEST_WAY = 0.5  # of a facet
+_LARGEST_TURN = 3.0  # degrees
 _FAR = 10.0  # body sizes
 
 
@@ -55,51 +61,140 @@ def warn_of_inversion(eq: ContactEquations, u: Array) -> float | None:
     return value
 
 
-def misfits(eq: ContactEquations, state: State) -> dict[str, float | None]:
-    """By surface, how far the gap of the law is off where the points are now. Collective.
+@dataclass(frozen=True)
+class Sliding:
+    """How far a state is from the reference configuration, in which small sliding has its gaps.
 
-    At closed points, which the law has on the obstacle, the distance by which they hang above or in
-    it; at open points how deep they are in it, which the law does not see. Zero on flat obstacles,
-    None where the obstacle does not say (`obstacles.gap_at`). Logs a warning if one is above 1e-3
-    of the body's size.
+    Attributes:
+        misfit: a length, by which the gap of the law is off at the displaced contact points; None
+            if the obstacle does not say. At closed points, which the law has on the obstacle, the
+            distance by which they hang above or in it; at open points how deep they are in it,
+            which the law does not see. Of a pair that of the slave from the displaced master, which
+            counts by how much it is off by more than in the reference configuration, and at points
+            that have left the master's face the distance by which.
+        way: of a pair, how far a closed point has gone along the master, in widths of the facet
+            that was opposite; else 0.
+        turn: of a pair, the angle in degrees by which normals have turned at closed points: its
+            root mean square by the normal forces, or half the largest if that is more, which counts
+            where a body bends to the shape of the other and the pressure falls off; else 0.
+        doubt: why nothing is proved of the state, "" where the sliding is small: a misfit of 1e-3
+            of the body's size, half a facet, 3 degrees, or a point that has left the face of the
+            master by half a facet.
     """
-    found: dict[str, float | None] = {}
-    for s, clamped, contact in zip(
-        eq.surfaces, eq.constraints.clamped, state.surfaces, strict=True
-    ):
-        if s.obstacle.flat:
-            found[s.name] = 0.0
-            continue
-        true_gaps = s.true_gaps()
-        if true_gaps is None:
-            found[s.name] = None
-            continue
-        true, law = true_gaps, eq.gaps(s, state)
-        depth = np.maximum(np.maximum(-true, 0) - np.maximum(-law, 0), 0)
-        off = np.where(closed(contact.statuses), np.abs(true - law), depth)
+
+    misfit: float | None
+    way: float = 0.0
+    turn: float = 0.0
+    doubt: str = ""
+
+
+def slidings(eq: ContactEquations, state: State) -> dict[str, Sliding]:
+    """By surface, whether the sliding is small in the state in the Functions. Collective.
+
+    It is zero on flat obstacles, for which any sliding is exact.
+    """
+    found: dict[str, Sliding] = {}
+    parts = zip(eq.surfaces, eq.constraints.clamped, state.surfaces, strict=True)
+    for s, clamped, contact in parts:
+        closed_points = closed(contact.statuses)
+        held: Marks = np.zeros(len(closed_points), dtype=bool)
         if s.method != "integral":
-            off = np.where(clamped[: len(off)], 0.0, off)
-        gather = s.comm.allgather
-        found_there = (s.positions, s.points.ids, true, off)
-        x, ids, true, off = (np.concatenate(gather(v)) for v in found_there)
-        order = by_coordinates(x, ids)
-        x, true, off = x[order], true[order], off[order]
-        # Of points with the same value, up to round-off, the first in the table.
-        i = int(np.flatnonzero(~(off < (1 - 1e-9) * np.max(off)))[0])
-        found[s.name] = float(off[i])
-        if not off[i] <= _LARGEST_MISFIT * eq.body_size and s.comm.rank == 0:
-            logger.warning(
-                "%s: the sliding is not small: gap and normal are those of the reference "
-                "configuration, and that of the point which was at %s is off by %.3g (%.2g of the "
-                "body's size); the point is %.3g %s the obstacle",
-                s.name,
-                _shown(x[i]),
-                off[i],
-                off[i] / eq.body_size,
-                abs(true[i]),
-                "inside" if true[i] < 0 else "away from",
-            )
+            held = clamped[: len(held)]
+        if s.motion is not None:
+            normal = -np.sum(contact.traction * s.points.data.n, axis=1)
+            forces = np.where(held, 0.0, s.points.areas * np.maximum(normal, 0.0))
+            found[s.name] = _of_pair(eq, s, s.motion(), closed_points & ~held, held, forces)
+        elif s.obstacle.flat:
+            found[s.name] = Sliding(0.0)
+        else:
+            found[s.name] = _of_obstacle(eq, s, eq.gaps(s, state), closed_points, held)
     return found
+
+
+def _of_obstacle(
+    eq: ContactEquations, s: ContactSurface, law: Array, closed_points: Marks, held: Marks
+) -> Sliding:
+    """By the distances of the displaced points from a curved obstacle. Collective."""
+    true = s.true_gaps()
+    if true is None:
+        return Sliding(None)
+    depth = np.maximum(np.maximum(-true, 0) - np.maximum(-law, 0), 0)
+    off = np.where(held, 0.0, np.where(closed_points, np.abs(true - law), depth))
+    misfit, x, above = _worst(s, off, true)
+    if misfit <= _LARGEST_MISFIT * eq.body_size:
+        return Sliding(misfit)
+    return Sliding(
+        misfit,
+        doubt="the sliding is not small: gap and normal are those of the reference configuration, "
+        f"and that of the point which was at {_shown(x)} is off by {misfit:.3g} "
+        f"({misfit / eq.body_size:.2g} of the body's size); the point is {abs(above):.3g} "
+        f"{'inside' if above < 0 else 'away from'} the obstacle",
+    )
+
+
+def _of_pair(
+    eq: ContactEquations,
+    s: ContactSurface,
+    moved: Moved,
+    closed_points: Marks,
+    held: Marks,
+    forces: Array,
+) -> Sliding:
+    """By what the points of the slave have opposite now. Collective."""
+    left = moved.beyond > _LARGEST_WAY * s.mean_width
+    # What the law has at the gap of the reference configuration less -j.n is somewhere else.
+    true = s.points.data.gap + moved.opened
+    law = s.points.data.gap + moved.linear
+    depth = np.maximum(np.maximum(-true, 0) - np.maximum(-law, 0), 0)
+    depth = np.where(moved.facing & ~held, depth, 0.0)
+    off = np.where(closed_points, np.abs(true - law), depth)
+    off = np.where(closed_points & left, np.hypot(moved.beyond, true), off)
+    misfit, at, above = _worst(s, off, true)
+    way, along, gone = _worst(s, np.where(closed_points, moved.way / moved.facet, 0.0), moved.way)
+    degrees = np.where(closed_points, np.degrees(moved.turn), 0.0)
+    turn, turned, _ = _worst(s, degrees, degrees)
+    sums = s.comm.allreduce(np.array([forces @ degrees**2, forces.sum()]))
+    if sums[1] > 0:
+        turn = max(turn / 2, float(np.sqrt(sums[0] / sums[1])))
+    beyond, edge, _ = _worst(s, np.where(closed_points, moved.beyond, 0.0), moved.beyond)
+    reasons = []
+    if way > _LARGEST_WAY:
+        reasons.append(
+            f"the point which was at {_shown(along)} has gone {gone:.3g} along the other body, "
+            f"{way:.2g} of the facet that was opposite"
+        )
+    if beyond > _LARGEST_WAY * s.mean_width:
+        reasons.append(
+            f"the point which was at {_shown(edge)} is closed {beyond:.3g} beyond the edge of the "
+            "master"
+        )
+    if turn > _LARGEST_TURN:
+        reasons.append(f"normals have turned by {turn:.2g} degrees, most at {_shown(turned)}")
+    if misfit > _LARGEST_MISFIT * eq.body_size:
+        where = "inside" if above < 0 else "away from"
+        reasons.append(
+            f"the gap of the point which was at {_shown(at)} is off by {misfit:.3g} "
+            f"({misfit / eq.body_size:.2g} of the body's size), {abs(above):.3g} {where} the master"
+        )
+    if not reasons:
+        return Sliding(misfit, way, turn)
+    doubt = (
+        "the sliding is not small: what is opposite, gap and normal are those of the reference "
+        f"configuration; {'; '.join(reasons)}"
+    )
+    return Sliding(misfit, way, turn, doubt)
+
+
+def _worst(s: ContactSurface, values: Array, others: Array) -> tuple[float, Array, float]:
+    """The largest value at the points of all ranks, its place, and another number there."""
+    gather = s.comm.allgather
+    found_there = (s.positions, s.points.ids, values, others)
+    x, ids, values, others = (np.concatenate(gather(v)) for v in found_there)
+    order = by_coordinates(x, ids)
+    x, values, others = x[order], values[order], others[order]
+    # Of points with the same value, up to round-off, the first in the table.
+    i = int(np.flatnonzero(~(values < (1 - 1e-9) * np.max(values)))[0])
+    return float(values[i]), x[i], float(others[i])
 
 
 # -- obstacles -----------------------------------------------------------------------------------

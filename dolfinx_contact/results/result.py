@@ -23,7 +23,7 @@ from dolfinx_contact.equations.normals import without_normal
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.laws import status
 from dolfinx_contact.results.balance import balance, support_at_nodes
-from dolfinx_contact.results.checks import misfits, warn_of_inversion
+from dolfinx_contact.results.checks import Sliding, slidings, warn_of_inversion
 from dolfinx_contact.results.pairs import PairBalance, pair_balance
 from dolfinx_contact.results.penetration import Penetration, penetrations
 from dolfinx_contact.results.rigid import RigidBodyResult, rigid_body_results
@@ -32,7 +32,7 @@ from dolfinx_contact.results.theory import Theory
 from dolfinx_contact.results.uniqueness import Uniqueness
 from dolfinx_contact.solvers.history import Attempt, Step
 
-__all__ = ["Result", "collect"]
+__all__ = ["Result", "collect", "tell"]
 
 logger = logging.getLogger(__name__)
 
@@ -56,8 +56,8 @@ class Result:
         imbalance: |contact + support + external| over the sum of the sizes of all forces, each
             taken from a source of its own (`balance`). Moments are not compared.
         pairs: by name, the forces on both faces of every pair of bodies (`pairs.PairBalance`).
-        misfits: by surface name, the length by which the gap of the law is off at the displaced
-            contact points (`checks.misfits`); None if the obstacle does not say.
+        slidings: by surface name, whether the sliding is small, in numbers and in words
+            (`checks.Sliding`).
         min_det_F: the smallest det(I + grad u) of a body that is not linear in u, else None; of a
             body of revolution with the stretch around.
         penetrations: of surfaces with a compliant law, by name.
@@ -76,7 +76,7 @@ class Result:
     external: npt.NDArray[np.float64]
     imbalance: float
     pairs: dict[str, PairBalance]
-    misfits: dict[str, float | None]
+    slidings: dict[str, Sliding]
     min_det_F: float | None
     penetrations: dict[str, Penetration]
     rigid_bodies: dict[str, RigidBodyResult]
@@ -123,6 +123,16 @@ class Result:
         return Named({name: t.resultant(t.force) for name, t in self.tables.items()})
 
     @property
+    def misfits(self) -> dict[str, float | None]:
+        """By surface name, the length by which the gap of the law is off; see `checks.Sliding`."""
+        return Named({name: sliding.misfit for name, sliding in self.slidings.items()})
+
+    @property
+    def doubts(self) -> dict[str, str]:
+        """By name of the surfaces on which the sliding is not small, in what way."""
+        return {name: s.doubt for name, s in self.slidings.items() if s.doubt}
+
+    @property
     def misfit(self) -> float | None:
         """The largest of `misfits`, a length; None if no obstacle says."""
         return max((v for v in self.misfits.values() if v is not None), default=None)
@@ -136,7 +146,8 @@ class Result:
         holds but for round-off. Where it fails, and another solution is found quickly, that comes
         with it, and a warning. In 3D up to some hundred points there is Renard's criterion
         (`analysis.renard_criterion`), which is weaker, and beyond these certificates, without
-        Coulomb's friction, the theorems of `theory`.
+        Coulomb's friction, the theorems of `theory`. Where the sliding is not small (`doubts`)
+        nothing is proved: the problem that was solved is not that of the bodies where they are now.
 
         Args:
             seconds: for more effort and a proof by branch and bound in 2D, where the certificate of
@@ -148,7 +159,12 @@ class Result:
         """
         if self.prove is None:
             raise ValueError("uniqueness is looked at for results of ContactProblem.solve")
-        found = self._proofs[seconds] = self.prove(seconds)
+        found = self.prove(seconds)
+        if self.doubts and found.verdict == "proved":
+            # Of another problem than that of the bodies where they are now.
+            reasons = "; ".join(f"{name}: {doubt}" for name, doubt in self.doubts.items())
+            found = Uniqueness("not proved", reasons)
+        self._proofs[seconds] = found
         return found
 
     @property
@@ -206,7 +222,8 @@ class Result:
 def collect(eq: ContactEquations, state: State, attempts: Sequence[Attempt]) -> Result:
     """The result at a solution, which stands in the user's Functions. Collective.
 
-    What is to be doubted in it is logged as warnings, on rank 0 only.
+    What is to be doubted in it is logged as warnings, on rank 0 only, but for sliding that is not
+    small, which `tell` says.
 
     Args:
         eq: the contact problem.
@@ -260,8 +277,22 @@ def collect(eq: ContactEquations, state: State, attempts: Sequence[Attempt]) -> 
                 if s.between_bodies
             }
         ),
-        Named(misfits(eq, state)),
+        slidings(eq, state),
         warn_of_inversion(eq, state.u),
         Named(penetrations(eq, tables)),
         Named(rigid_body_results(eq, state)),
     )
+
+
+def tell(result: Result, known: set[str] | None = None) -> None:
+    """Log a warning of each surface on which the sliding is not small. For rank 0.
+
+    Args:
+        result: of a solve.
+        known: names of surfaces of which it has been said; those that follow are added.
+    """
+    for name, doubt in result.doubts.items():
+        if known is None or name not in known:
+            logger.warning("%s: %s", name, doubt)
+        if known is not None:
+            known.add(name)

@@ -1,0 +1,280 @@
+"""Between bodies sliding and turning are small: what says that they were not."""
+
+import logging
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact import (
+    ContactPair,
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    Frictionless,
+    RigidBody,
+    Sphere,
+    meshing,
+)
+from dolfinx_contact.continuation import find_solutions, follow
+from dolfinx_contact.evolution import NSCD, QuasiStatic
+from dolfinx_contact.materials import LinearElastic, NeoHookean, lame
+from dolfinx_contact.parametric import ParametricContact
+
+COMM = MPI.COMM_WORLD
+SAID = "the sliding is not small"
+
+
+@pytest.fixture
+def log():
+    """Warnings, of rank 0 on every rank."""
+    records = []
+
+    class Keep(logging.Handler):
+        def emit(self, record):
+            records.append(record.getMessage())
+
+    handler, logger = Keep(logging.WARNING), logging.getLogger("dolfinx_contact")
+    logger.addHandler(handler)
+    yield records
+    logger.removeHandler(handler)
+
+
+def said(log):
+    """How often, on rank 0."""
+    count = sum(SAID in line for line in log)
+    return COMM.bcast(count)
+
+
+def boxes(cell, n, width=3):
+    """A unit block on one that is ``width`` wide, whose top is at 0; facets by tag 1 to 4."""
+    flat = cell in ("triangle", "quadrilateral")
+    kind = mesh.CellType[cell]
+    side = (width - 1) / 2
+    if flat:
+        upper = mesh.create_rectangle(COMM, [[0, 0], [1, 1]], [n[0], n[0]], kind)
+        size = [width * n[1], n[1]]
+        lower = mesh.create_rectangle(COMM, [[-side, -1], [1 + side, 0]], size, kind)
+    else:
+        upper = mesh.create_box(COMM, [[0, 0, 0], [1, 1, 1]], [n[0]] * 3, kind)
+        corners = [[-side, -side, -1], [1 + side, 1 + side, 0]]
+        lower = mesh.create_box(COMM, corners, [width * n[1], width * n[1], n[1]], kind)
+    parts = []
+    for part, tags in ((upper, {1: 1.0, 2: 0.0}), (lower, {3: 0.0, 4: -1.0})):
+        fdim = part.topology.dim - 1
+        found = {
+            tag: mesh.locate_entities_boundary(
+                part, fdim, lambda x, axis=fdim, z=z: np.isclose(x[axis], z)
+            )
+            for tag, z in tags.items()
+        }
+        facets = np.concatenate(list(found.values()))
+        values = np.concatenate([np.full(len(f), tag) for tag, f in found.items()])
+        order = np.argsort(facets)
+        marked = facets[order].astype(np.int32), values[order].astype(np.int32)
+        parts.append(mesh.meshtags(part, fdim, *marked))
+    return meshing.join([upper, lower], facet_tags=parts)
+
+
+def stacked(
+    cell="quadrilateral",
+    n=(4, 4),
+    *,
+    degree=1,
+    method=None,
+    law=Coulomb(0.1),  # noqa: B008
+    material=None,
+    size=1.0,
+):
+    """A block on another, each held on its far side, by Functions.
+
+    Returns:
+        The problem, what moves it: `move(slide, degrees)`, and the Function of the upper one.
+    """
+    body = boxes(cell, n)
+    body.mesh.geometry.x[:] *= size
+    domain, dim = body.mesh, body.mesh.geometry.dim
+    V = fem.functionspace(domain, ("Lagrange", degree, (dim,)))
+    u, above, below = fem.Function(V), fem.Function(V), fem.Function(V)
+    held = [
+        fem.dirichletbc(f, fem.locate_dofs_topological(V, dim - 1, body.facet_tags.find(tag)))
+        for f, tag in ((above, 1), (below, 4))
+    ]
+    pair = ContactPair(u, body.facet_tags, slave=2, master=3, law=law, method=method)
+    material = material or LinearElastic.from_young(1000.0, 0.3)
+    problem = ContactProblem(material.energy(u) * ufl.dx, u, [pair], bcs=held)
+
+    def move(slide=0.0, degrees=0.0, down=0.01):
+        angle = np.radians(degrees)
+        turn = np.eye(dim)
+        turn[[0, 0, -1, -1], [0, -1, 0, -1]] = np.array(
+            [np.cos(angle), -np.sin(angle), np.sin(angle), np.cos(angle)]
+        )
+        way = size * (turn @ (slide * np.eye(dim)[0] - down * np.eye(dim)[-1]))
+        below.interpolate(lambda x: (turn - np.eye(dim)) @ x[:dim])
+        above.interpolate(lambda x: (turn - np.eye(dim)) @ x[:dim] + way[:, None])
+
+    return problem, move, above
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        dict(),
+        dict(cell="triangle", n=(4, 3)),
+        dict(n=(3, 4), method="integral"),
+        dict(cell="triangle", n=(4, 4), degree=2),
+        dict(method="mixed"),
+        dict(cell="hexahedron", n=(2, 2)),
+        dict(cell="tetrahedron", n=(2, 1), method="integral"),
+        dict(size=1e-4, n=(4, 3)),
+    ],
+    ids=str,
+)
+def test_far_and_turned(options, log):
+    """Two per cent of a facet are none; most of one, beyond the edge, and degrees are said."""
+    problem, move, _ = stacked(**options)
+    facet = 1 / options.get("n", (4, 4))[1]
+    length = options.get("size", 1.0)
+    move(0.02 * facet)
+    result = problem.solve()
+    (small,) = result.slidings.values()
+    assert small.way < 0.03
+    assert small.turn < 1
+    assert result.misfit == small.misfit < 5e-4 * length
+    assert result.doubts == {}
+    assert said(log) == 0
+    move(1.2 * facet)
+    result = problem.solve()
+    (far,) = result.slidings.values()
+    assert 0.9 < far.way < 1.8  # of the root of the area of a triangle
+    assert said(log) == 1
+    assert "along the other body" in far.doubt
+    assert result.unique == "not proved"
+    move(3.0)  # the block stands beyond the other one, on nothing
+    result = problem.solve()
+    (off,) = result.slidings.values()
+    assert "beyond the edge of the master" in off.doubt
+    assert result.misfit == pytest.approx(2.0 * length, rel=0.2)
+    assert said(log) == 2
+    for angle, few in ((1.5, True), (6.0, False), (90.0, False)):
+        move(degrees=angle)
+        sliding = problem.solve().slidings["contact"]
+        assert (sliding.doubt == "") == few
+        # Linear strains are off by the square of the angle: blocks swell.
+        assert sliding.turn == pytest.approx(angle, rel=0.35 if angle < 45 else 0.6)
+    assert said(log) == 4
+
+
+@pytest.mark.parametrize("slide", [0.005, 0.6])
+def test_uniqueness(slide):
+    """What is proved of a small slide is not of a large one."""
+    problem, move, _ = stacked(law=Coulomb(0.05))
+    move(slide)
+    result = problem.solve()
+    assert result.unique == ("proved" if slide < 0.1 else "not proved")
+    assert result.summary()["unique"] == result.unique
+    assert (SAID in result.uniqueness().reason) == (slide > 0.1)
+
+
+@pytest.mark.parametrize("slide", [0.005, 0.6])
+def test_solutions_at_one_load(slide, log):
+    problem, move, above = stacked(n=(2, 2), law=Coulomb(0.05))
+    gamma = fem.Constant(problem.V.mesh, 0.0)
+    move(slide)
+    whole = above.copy()
+    system = ParametricContact(problem, gamma, driven=[(above, gamma * whole)])
+    x = system.create_vector()
+    problem.write(x)
+    found = find_solutions(system, [x], 1.0)
+    assert len(found.found) == 1
+    assert found.complete == (slide < 0.1)
+    assert (SAID in found.method) == (slide > 0.1)
+    if slide > 0.1:
+        assert found.proof is None
+    log.clear()
+    follow(system, x, 0.0, gamma_range=(0.0, 1.0))
+    assert said(log) == (slide > 0.1)
+
+
+def test_a_history_says_it_once(log):
+    """Of accepted steps, each of which has its numbers; so do paths."""
+    problem, move, _ = stacked(n=(3, 3), law=Coulomb(0.05))
+    evolution = QuasiStatic(problem, lambda t: move(0.8 * t, down=0.01 + 0 * t))
+    move(0.0)
+    problem.solve()
+    history = evolution.run([0.0, 0.01, 0.5, 0.8, 1.0])
+    ways = [step.result.slidings["contact"].way for step in history.steps]
+    assert ways == sorted(ways)
+    assert ways[0] < 0.05
+    assert ways[-1] > 2.0
+    assert said(log) == 1
+    evolution.run([1.0, 1.1])
+    assert said(log) == 2
+
+
+def test_a_motion_says_it_once(log):
+    """A block that slides beyond the edge of the one below."""
+    body = boxes("quadrilateral", (2, 2))
+    V = fem.functionspace(body.mesh, ("Lagrange", 1, (2,)))
+    u, velocity, force = fem.Function(V), fem.Function(V), fem.Function(V)
+    low = fem.locate_dofs_topological(V, 1, body.facet_tags.find(4))
+    pair = ContactPair(u, body.facet_tags, slave=2, master=3, law=Frictionless())
+    velocity.interpolate(lambda x: np.stack([1 + 0 * x[0], 0 * x[0]]), body.cell_tags.find(1))
+    velocity.x.scatter_forward()
+    force.interpolate(lambda x: np.stack([0 * x[0], np.where(x[1] > 1e-9, -1.0, 0.0)]))
+    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
+    problem = ContactProblem(
+        energy - ufl.dot(force, u) * ufl.dx,
+        u,
+        [pair],
+        bcs=[fem.dirichletbc(np.zeros(2), low, V)],
+    )
+    motion = NSCD(problem, 1.0, dt=0.05, velocity=velocity)
+    history = motion.run([0.0, 0.4])
+    ways = [step.result.slidings["contact"].way for step in history.steps]
+    assert ways[0] < 0.15
+    assert ways[-1] > 0.7
+    assert said(log) == 1
+
+
+def test_large_rotations_of_both(log):
+    """Hyperelastic bodies turned together by 90 degrees have their forces in the old direction."""
+    problem, move, _ = stacked(n=(2, 2), material=NeoHookean(*lame(1000.0, 0.3)))
+    for angle in (0.0, 30.0, 60.0, 90.0):
+        move(degrees=angle)
+        result = problem.solve()
+    assert result.slidings["contact"].turn > 40
+    assert said(log) == 3
+
+
+def test_a_rigid_sphere_that_turns_in_a_history(log):
+    """Curved obstacles have had a misfit: a run says it once, of rigid bodies too."""
+    domain = mesh.create_unit_square(COMM, 3, 3)
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u, way = fem.Function(V), fem.Constant(domain, 0.0)
+    top = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 1.0))
+    below = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 0.0))
+    disc = RigidBody(
+        Sphere((0.5, -1.0), 1.0),
+        about=(0.5, -1.0),
+        motion={"x": way, "y": 0.02, "rz": 0.0},
+        name="disc",
+    )
+    contact = ContactSurface(u, below, obstacle=disc, law=Coulomb(0.1))
+    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
+    held = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, top), V)
+    problem = ContactProblem(energy, u, [contact], bcs=[held])
+    problem.solve()
+
+    def load(t):
+        way.value = 0.3 * t
+
+    history = QuasiStatic(problem, load).run([0.0, 0.01, 0.5, 1.0])
+    misfits = [step.result.misfit for step in history.steps]
+    assert misfits[0] < 1e-3 < misfits[-1]
+    assert said(log) == 1
