@@ -78,7 +78,8 @@ def test_bar_in_series(k, n):
     np.testing.assert_allclose(pull, k * C * u * U0 / 3, rtol=1e-6)
     assert history.kinks == []
     for step in history.steps:  # on the closed form all the way
-        (r,) = set(np.round(opening(step), 12))
+        r, other = opening(step)
+        assert r == pytest.approx(other, abs=1e-12)
         assert step.gamma / U0 == pytest.approx(r + min(r, r**-3) / k, rel=1e-9)
         assert step.energies.damage == pytest.approx(0.05 * W * (1 - min(1, r**-2)), abs=1e-10)
     rows = history.rows()
@@ -361,3 +362,93 @@ def test_two_bonds_one_after_the_other():
     ]
     np.testing.assert_allclose(at[0][0], 0.20047856846, rtol=1e-9)
     np.testing.assert_allclose([at[3][0], at[4][0]], [0.17855839, 0.249938], rtol=2e-6)
+
+
+def tilted_lid(young, cells, cell, seed):
+    """A body on bonds, its inner nodes moved at random, whose lid tilts as it rises."""
+    kind = getattr(mesh.CellType, cell)
+    domain = mesh.create_rectangle(COMM, [[0, 0], [1, 0.5]], [cells, 2], kind)
+    x, table = domain.geometry.x, np.random.default_rng(seed).uniform(-0.2, 0.2, (cells + 1, 3, 2))
+    i, j = np.rint(x[:, 0] * cells).astype(int), np.rint(x[:, 1] * 4).astype(int)
+    aside, up = table[i, j].T
+    beside = (i > 0) & (i < cells)
+    x[:, 0] += np.where(beside & (j < 2), aside / cells, 0)
+    x[:, 1] += np.where(beside & (j == 1), up / 4, 0)
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u, lid, gamma = fem.Function(V), fem.Function(V), fem.Constant(domain, 0.0)
+    low = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 0))
+    top = fem.locate_dofs_geometrical(V, lambda x: np.isclose(x[1], 0.5))
+    law, floor = RCCM(100.0, 0.0, 0.01), HalfSpace((0, 0), (0, 1))
+    surface = ContactSurface(u, low, obstacle=floor, law=law)
+    energy = LinearElastic.from_young(young, 0.3).energy(u) * ufl.dx
+    problem = ContactProblem(energy, u, [surface], bcs=[fem.dirichletbc(lid, top)])
+    rise = ufl.as_vector((0.0, gamma * (1 + 0.6 * ufl.SpatialCoordinate(domain)[0])))
+    return ParametricContact(problem, gamma, driven=[(lid, rise)])
+
+
+#: Loads of kinks (k), nonsmooth (N) and smooth folds (S), of a code that traces the condensed
+#: problem of the contact nodes from event to event.
+TRACED = {
+    (32.25, 5, "quadrilateral", 1): (
+        "NSNkSNS",
+        (
+            0.0155326907,
+            0.0139205004,
+            0.0145706661,
+            0.0127005825,
+            0.0126415435,
+            0.0157892093,
+            0.0141113122,
+        ),
+    ),
+    (30.43, 5, "triangle", 0): (
+        "NSNkSNS",
+        (
+            0.0162195932,
+            0.0145462059,
+            0.0149333237,
+            0.0142125316,
+            0.0135522371,
+            0.0148708491,
+            0.0141407182,
+        ),
+    ),
+    (23.76, 4, "quadrilateral", 3): (
+        "NSNSkNS",
+        (
+            0.0187105154,
+            0.0143145263,
+            0.0175778219,
+            0.013840605,
+            0.0149716415,
+            0.019388606,
+            0.015659635,
+        ),
+    ),
+}
+
+
+@pytest.mark.parametrize(
+    ("body", "longest"),
+    [
+        *[pytest.param(body, 0.002, marks=pytest.mark.long) for body in TRACED],
+        *zip(TRACED, (0.005, 0.003, 0.005), strict=True),
+    ],
+)
+def test_every_longest_step_gives_the_same_folds(body, longest):
+    """A corrector may end far from where a step leads, or behind it, with a tangent alike."""
+    letters = {"kink": "k", "nonsmooth fold": "N", "smooth fold": "S"}
+    kinds, loads = TRACED[body]
+    seen = []
+
+    def enough(step):
+        seen.extend([step] if step.event else [])
+        return "enough was seen" if len(seen) == len(loads) else ""
+
+    control = StepControl(initial=longest, maximum=longest)
+    history = ArcLength(tilted_lid(*body)).run((0, 0.3), control=control, stop=enough)
+    assert history.reason == "enough was seen"
+    assert "".join(letters[s.event] for s in seen) == kinds
+    np.testing.assert_allclose([s.gamma for s in seen], loads, rtol=1e-6)
+    assert all(s.time > s.start for s in history.steps)
+    assert max(s.result.kkt_violation for s in history.steps) < 1e-6

@@ -86,14 +86,7 @@ class FreeSteps(ExactSteps):
         before = self._orientation(point) if changes else 0.0
         several = bool(changes)
         tangent = self.corrector.tangent(y, point.tangent, piece, factorise=several, precise=False)
-        chord = y - point.y
-        length = np.sqrt(b.inner(chord, chord))
-        least = self.control.cosine * length
-        if (
-            tangent is None
-            or b.inner(tangent, point.tangent) < self.control.cosine
-            or min(b.inner(chord, point.tangent), b.inner(chord, tangent)) < least
-        ):
+        if tangent is None or not self.lands(point, h, y, tangent):
             return Crossed(None, changes)
         tau = self.test(accepted=True)
         after = self.corrector.orientation() if several else 0.0
@@ -101,6 +94,9 @@ class FreeSteps(ExactSteps):
         turned = self.turned(point.tangent, tangent)
         if several:
             # Two folds in between: gamma goes on by less than both rates say.
+            chord = y - point.y
+            length = np.sqrt(b.inner(chord, chord))
+            chord.destroy()
             rates = b.gamma(point.tangent), b.gamma(tangent)
             slower = min(rates, key=abs)
             turned |= (new.gamma - point.gamma) * np.sign(slower) < abs(slower) * length / 2
@@ -214,9 +210,10 @@ class BatchedSteps(FreeSteps):
             new = step.new
             if new is not None and not step.changes:
                 special = self.smooth_points(point, new)
-                if not any(s.kind == "bifurcation" for s in special):
-                    self.keep_orientation(point, new)
-                return self.rescaled(new), special, self.longer(h, new)
+                if not self.lacks_fold(point, new, special):
+                    if not any(s.kind == "bifurcation" for s in special):
+                        self.keep_orientation(point, new)
+                    return self.rescaled(new), special, self.longer(h, new)
             monotone = new is not None and not step.turned and step.parity > 0
             asked = self._first_asked(step) if monotone else 1.0
             if new is not None and monotone and asked > 1:

@@ -12,6 +12,7 @@ looked for.
 from __future__ import annotations
 
 import logging
+from dataclasses import replace
 
 from petsc4py import PETSc
 
@@ -44,9 +45,10 @@ class SteppingSteps(FreeSteps):
             new = step.new
             if new is not None and not step.changes:
                 special = self.smooth_points(point, new)
-                if not any(s.kind == "bifurcation" for s in special):
-                    self.keep_orientation(point, new)
-                return self.rescaled(new), special, self.longer(h, new)
+                if not self.lacks_fold(point, new, special):
+                    if not any(s.kind == "bifurcation" for s in special):
+                        self.keep_orientation(point, new)
+                    return self.rescaled(new), special, self.longer(h, new)
             if new is not None and not step.turned and step.parity > 0:
                 return self.rescaled(new), self.events(point, new, step), self.longer(h, new)
             h *= self.control.decrease
@@ -90,11 +92,11 @@ class SteppingSteps(FreeSteps):
         piece = self.system.piece_at(*b.split(y))
         way = y - point.y
         back = self._same(piece, point.piece) and b.inner(way, point.tangent) < 0
-        length = np.sqrt(b.inner(way, way))
-        if back or not b.inner(way, t) >= self.control.cosine * length > 0:
+        way.destroy()
+        if back:
             return None
         tangent = self.corrector.tangent(y, t, piece, factorise=True)
-        if tangent is None or b.inner(tangent, t) < self.control.cosine * np.sqrt(b.inner(t, t)):
+        if tangent is None or not self.lands(replace(point, tangent=t), h, y, tangent):
             return None
         taken = self.corrector.iterations
         return BranchPoint(y, tangent, piece, b.gamma(y), h, taken, self.test(accepted=True))

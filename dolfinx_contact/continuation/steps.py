@@ -5,6 +5,11 @@ A step stays on one piece, which is smooth, by predictor and corrector. Then the
 are looked at: if one has become negative, the first change of status is located along the branch to
 round-off, and the branch goes on in the piece beyond (`crossing.py`), its tangent oriented into it.
 
+A corrector ends somewhere on the solutions of the piece, be it far from where it began, or behind
+it, with a tangent alike. So it is seen where it landed: a point is refused, and the step shortened,
+where its advance along the tangent differs from the length of the step by more than a share, or it
+lies aside of both tangents, or further from the prediction than the step is long.
+
 An event at which a step begins is zero there. Where it grows along the tangent and is negative at
 the end of the step it vanishes a second time on the way, as where a point sticks for a moment: then
 the step is shortened until it ends before that. Taken for the first zero, the start would be
@@ -33,6 +38,7 @@ _AT_BORDER = 1e-9  # of the largest distance: an event that counts as located
 _PROBE = 1e-6  # length over which it is seen whether an event grows
 _IDLE = 1e-7  # of the largest rate of an event: no rate
 _NO_STEP = 1e-9  # a step that is round-off
+_SHARE = 0.5  # of the length of a step, by which its advance may differ from it
 
 
 class ExactSteps:
@@ -78,7 +84,7 @@ class ExactSteps:
             corrections = self.corrector.iterations
             t.destroy()
             tangent = self.corrector.tangent(y, point.tangent, point.piece, precise=False)
-            if tangent is None or b.inner(tangent, point.tangent) < control.cosine:
+            if tangent is None or not self.lands(point, h, y, tangent):
                 if h * control.decrease >= control.minimum:
                     h *= control.decrease
                     continue
@@ -99,8 +105,44 @@ class ExactSteps:
                 h = shorter
                 continue
             special = self.smooth_points(point, new)
+            if self.lacks_fold(point, new, special):
+                h *= control.decrease
+                continue
             return self.rescaled(new), special, next_h
         return None, [], h
+
+    def lacks_fold(
+        self, point: BranchPoint, new: BranchPoint, special: Sequence[SpecialPoint]
+    ) -> bool:
+        """Whether gamma turns back between two points of a piece at a fold that was not located.
+
+        Args:
+            point: where a step begins.
+            new: where it ends.
+            special: what was located in between.
+        """
+        turned = self.turned(point.tangent, new.tangent)
+        return turned and not any(s.kind == "fold" for s in special)
+
+    def lands(self, point: BranchPoint, h: float, y: PETSc.Vec, tangent: PETSc.Vec) -> bool:
+        """Whether a corrector ended where a step leads, or elsewhere. Collective.
+
+        Args:
+            point: where the step begins.
+            h: its length.
+            y: where the corrector ended.
+            tangent: there.
+        """
+        b, away = self.bordered, y - point.y
+        length = self._length(away)
+        along = b.inner(away, point.tangent)
+        least = self.control.cosine
+        turns = b.inner(tangent, point.tangent) < least
+        aside = min(along, b.inner(away, tangent)) < least * length
+        away.axpy(-h, point.tangent)
+        off = self._length(away)
+        away.destroy()
+        return not (turns or aside or abs(along - h) > _SHARE * h or off > h)
 
     def _events(self, y: PETSc.Vec, piece: Piece) -> Events:
         x, gamma = self.bordered.split(y)
@@ -224,6 +266,7 @@ class ExactSteps:
         b, comm = self.bordered, self.bordered.comm
         y_low, piece = point.y, point.piece
         low, high = 0.0, b.inner(point.tangent, y_high) - b.inner(point.tangent, point.y)
+        reach = self._length(y_high - point.y)
         e_low, e_high = (self._events(y, piece) for y in (y_low, y_high))
         w_low, w_high = 1.0, 1.0
         end, s, y, side = high, high, y_high, 0
@@ -237,6 +280,8 @@ class ExactSteps:
                 y, point.y, point.tangent, s, piece, polish=True
             ):
                 return None
+            if self._strays(point, y, reach):
+                return None
             events = self._events(y, piece)
             least = comm.allreduce(float(np.min(events.distance, initial=np.inf)), op=min)
             if abs(least) <= 1e-13 * self._unit(y, piece) or high - low <= 1e-15 * end:
@@ -248,6 +293,17 @@ class ExactSteps:
                 w_high = w_high / 2 if side < 0 else w_high
                 low, e_low, w_low, y_low, side = s, events, 1.0, y, -1
         return s, y
+
+    def _length(self, away: PETSc.Vec) -> float:
+        return float(np.sqrt(self.bordered.inner(away, away)))
+
+    def _strays(self, point: BranchPoint, y: PETSc.Vec, reach: float) -> bool:
+        """Whether ``y`` is further aside of the tangent at ``point`` than a step is long."""
+        away = y - point.y
+        away.axpy(-self.bordered.inner(away, point.tangent), point.tangent)
+        aside = self._length(away)
+        away.destroy()
+        return aside > reach
 
     def turned(self, t: PETSc.Vec, new: PETSc.Vec) -> bool:
         """Whether gamma turns back between two tangents."""
@@ -320,6 +376,7 @@ class ExactSteps:
         b, y_low = self.bordered, point.y
         end = b.inner(point.tangent, y_high) - b.inner(point.tangent, y_low)
         low, high, (f_low, f_high) = 0.0, end, values
+        reach = self._length(y_high - y_low)
         y, s, f, side = None, 0.0, np.inf, 0
         for _ in range(100):
             fraction = -f_low / (f_high - f_low)
@@ -331,6 +388,8 @@ class ExactSteps:
             else:
                 found.axpy(fraction, y_high - y_low)
             if not self.corrector.pseudo_arclength(found, point.y, point.tangent, s, piece):
+                break
+            if self._strays(point, found, reach):
                 break
             tangent = self.corrector.tangent(found, point.tangent, piece)
             if tangent is None:

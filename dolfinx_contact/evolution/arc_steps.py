@@ -4,10 +4,11 @@
 A step begins at an accepted state, in the piece and along the direction that solve its rate problem
 (`rate_problem.py`), and stays on that piece with the memory of its start: so a bond that damages
 goes on to, and a point that slips goes on slipping. It ends where the state first comes to another
-border, or where gamma turns back, both located to round-off; a step in which a bond would heal or
-a slip be taken back, in the end, is too long. Where a bond ceases to damage, or a point to slip,
-somewhere in a step, the rate problem at its end says so: what that misses is of second order in
-the step.
+border, or where gamma turns back, both located to round-off. A step is too long in which a bond
+would heal or a slip be taken back, in the end; one whose end is elsewhere on the piece than where
+it leads to (`ExactSteps.lands`); and one in which gamma turns twice, or a border is reached and
+left. Where a bond ceases to damage, or a point to slip, somewhere in a step, the rate problem at
+its end says so: what that misses is of second order in the step.
 """
 
 from __future__ import annotations
@@ -18,10 +19,12 @@ from typing import Literal
 from petsc4py import PETSc
 
 import numpy as np
+import numpy.typing as npt
 
+from dolfinx_contact.continuation.borders import again
 from dolfinx_contact.continuation.branch import BranchPoint, Ray, SpecialPoint
 from dolfinx_contact.continuation.steps import ExactSteps
-from dolfinx_contact.continuation.system import Piece
+from dolfinx_contact.continuation.system import Events, Piece
 from dolfinx_contact.evolution.path_standing import Known
 from dolfinx_contact.evolution.rate_problem import RateProblem
 
@@ -30,6 +33,9 @@ __all__ = ["ArcSteps", "Arrival"]
 _AT_BORDER = 1e-10  # of the largest distance: a point whose rate decides
 _BEYOND = 1e-9  # of the largest distance: beyond round-off
 _AT_END = 1e-10  # of the range of gamma: an end that is reached
+_PROBE = 1e-4  # length over which rates of distances are taken, either way
+_IDLE = 1e-7  # of the range of gamma: no rate
+_SAMPLES = 17  # of what happens within a step
 
 
 @dataclass(frozen=True)
@@ -91,6 +97,9 @@ class ArcSteps(ExactSteps):
             if new is None:
                 h *= control.decrease
                 continue
+            if self._turns_twice(point, new):
+                h *= control.decrease
+                continue
             easy = new.corrections <= control.easy
             next_h = min(h * control.increase if easy else h, control.maximum)
             beyond = self._distances(new.y, new.piece)
@@ -106,6 +115,9 @@ class ArcSteps(ExactSteps):
                 new, at, next_h = border, "kink", h
             special = self.smooth_points(point, new)
             folds = [s for s in special if s.kind == "fold"]
+            if self.lacks_fold(point, new, special):
+                h *= control.decrease
+                continue
             if folds:
                 new, at, next_h = self._at_fold(point, new, folds[0]), "fold", h
             end = _end_reached(point.gamma, new.gamma, gamma_range)
@@ -124,10 +136,42 @@ class ArcSteps(ExactSteps):
         taken = self.corrector.iterations
         t.destroy()
         tangent = self.corrector.tangent(y, point.tangent, point.piece)
-        if tangent is None or b.inner(tangent, point.tangent) < self.control.cosine:
+        if tangent is None or not self.lands(point, h, y, tangent):
             return None
         tau = self.test(accepted=True)
         return self.rescaled(BranchPoint(y, tangent, point.piece, b.gamma(y), h, taken, tau))
+
+    def _turns_twice(self, point: BranchPoint, new: BranchPoint) -> bool:
+        """Whether gamma turns twice in a step, or a border is reached and left again. Collective.
+
+        As far as the cubics through values and rates at the two ends say: a shorter step tells.
+        """
+        b, ends = self.bordered, (point, new)
+        away = new.y - point.y
+        length = self._length(away)
+        away.destroy()
+        rates = [b.gamma(p.tangent) / self._length(p.tangent) for p in ends]
+        if min(rates) * max(rates) > 0 and min(map(abs, rates)) > _IDLE * b.gamma_scale:
+            _, slopes = _cubic([p.gamma for p in ends], rates, length)
+            if np.any(slopes * rates[0] < 0):
+                return True
+        events = self._events(point.y, point.piece)
+        here, before, after = (
+            [self._again(events, p, shift) for p in ends] for shift in (0.0, -_PROBE, _PROBE)
+        )
+        rises = [(c - a) / (2 * _PROBE) for a, c in zip(before, after, strict=True)]
+        values, _ = _cubic(here, rises, length)
+        dips = (rises[0] < 0) & (rises[1] > 0) & (np.minimum(*here) >= 0)
+        dips &= values.min(axis=0) < -_BEYOND * self._unit(new.y, new.piece)
+        return self._any(dips)
+
+    def _again(self, events: Events, point: BranchPoint, away: float) -> np.ndarray:
+        """Distances to the borders of a piece, away from a point along its tangent."""
+        y = point.y.copy()
+        y.axpy(away, point.tangent)
+        there = self._events(y, point.piece)
+        y.destroy()
+        return again(events, there)
 
     def _border(self, point: BranchPoint, new: BranchPoint) -> BranchPoint | None:
         """Where the first other border is, between two points."""
@@ -160,6 +204,18 @@ class ArcSteps(ExactSteps):
 
     def _any(self, which: np.ndarray) -> bool:
         return bool(self.bordered.comm.allreduce(int(which.any())))
+
+
+def _cubic(
+    values: npt.ArrayLike, rates: npt.ArrayLike, length: float
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Values and derivatives within a step of the cubic that fits its ends (Hermite)."""
+    a, c = np.asarray(values)
+    da, dc = np.asarray(rates) * length
+    s = np.linspace(0.0, 1.0, _SAMPLES)[1:-1, np.newaxis]
+    value = a + (c - a) * s**2 * (3 - 2 * s) + s * (1 - s) * (da * (1 - s) - dc * s)
+    slope = 6 * (c - a) * s * (1 - s) + da * (1 - s) * (1 - 3 * s) + dc * s * (3 * s - 2)
+    return value, slope / length
 
 
 def _end_reached(before: float, gamma: float, gamma_range: tuple[float, float]) -> float | None:
