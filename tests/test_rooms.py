@@ -1,6 +1,7 @@
 """The rooms of the package: what imports what."""
 
 import ast
+import sys
 from pathlib import Path
 
 import pytest
@@ -22,7 +23,10 @@ FLOORS = [
     ("problem", "parametric", "nested", "command_line"),
     ("evolution",),
     ("output",),
+    ("__main__",),
 ]
+#: What has to be trusted of proofs: one file that stands by itself.
+CHECKER = f"{PACKAGE}.analysis.check_proof"
 
 
 def module_of(file):
@@ -51,7 +55,7 @@ def floor(name):
     if name == PACKAGE:
         return None
     room = name.split(".")[1]
-    if room.startswith("_"):
+    if room.startswith("_") and room != "__main__":
         return -1
     return next(i for i, rooms in enumerate(FLOORS) if room in rooms)
 
@@ -88,6 +92,19 @@ def test_the_continuation_knows_petsc_alone():
         if name.startswith(f"{PACKAGE}.continuation"):
             assert "dolfinx import" not in file.read_text().replace("dolfinx_contact import", "")
             assert "import ufl" not in file.read_text()
+
+
+def test_the_checker_stands_alone():
+    """It imports the standard library and numpy, so that it runs where there is nothing else."""
+    found = set()
+    for node in ast.walk(ast.parse(MODULES[CHECKER].read_text())):
+        if isinstance(node, ast.Import):
+            found |= {alias.name.split(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0
+            found.add(node.module.split(".")[0])
+    assert "numpy" in found
+    assert found <= {"numpy", *sys.stdlib_module_names}
 
 
 def test_what_three_ranks_run_is_there():

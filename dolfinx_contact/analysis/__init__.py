@@ -1,16 +1,20 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """What is known of the solutions of a contact problem: whether they are all, unique, and stable.
 
-Of the proofs what has to be trusted is in `checker.py` and what it imports (`rounding`,
-`reduced_problem`, `energy`, `duality`, `pieces`, `differences`); the rest looks for proofs.
+Of the proofs what has to be trusted is in one file, `check_proof.py`, which needs numpy alone; the
+rest looks for proofs.
 """
 
-from dolfinx_contact.analysis.certificate import Certificate
 from dolfinx_contact.analysis.charts import Chart, ChartCell, count_solutions
-from dolfinx_contact.analysis.checker import InvalidCertificate, Proved, check
+from dolfinx_contact.analysis.check_proof import (
+    Certificate,
+    InvalidCertificate,
+    Proved,
+    ReducedProblem,
+    check,
+)
 from dolfinx_contact.analysis.critical_friction import CriticalFriction, critical_friction
 from dolfinx_contact.analysis.event_curves import EventCurve, EventCurves, Meeting, Segment
-from dolfinx_contact.analysis.reduced_problem import ReducedProblem
 from dolfinx_contact.analysis.regions import Region, Regions, solution_regions
 from dolfinx_contact.analysis.renard import Renard, renard_criterion
 from dolfinx_contact.analysis.solutions import ProvedSolution, ProvedSolutions, prove_solutions

@@ -2,7 +2,7 @@
 """The search for a proof: branch and bound on the statuses of contact points.
 
 A region is closed, in this order, by the solution of all its pieces, where these are few; by the
-proof that no solution is other than one that is known (`differences.py`); or by linear programs
+proof that no solution is other than one that is known (`check_proof.py`); or by linear programs
 that leave nothing (`probing.py`). Else it is branched at the point that counts most where the
 second fell short. Every leaf is taken by the steps of the checker, or left open.
 """
@@ -20,14 +20,21 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact.analysis.candidates import candidates
-from dolfinx_contact.analysis.certificate import Certificate
-from dolfinx_contact.analysis.checker import InvalidCertificate, Proved, Region, follow
-from dolfinx_contact.analysis.differences import differences
-from dolfinx_contact.analysis.energy import restricted
+from dolfinx_contact.analysis.check_proof import (
+    CLOSED,
+    OPENED,
+    Certificate,
+    InvalidCertificate,
+    Proved,
+    ReducedProblem,
+    Region,
+    differences,
+    follow,
+    restricted,
+    solve_piece,
+)
 from dolfinx_contact.analysis.multipliers import find_weights
-from dolfinx_contact.analysis.pieces import solve_piece
 from dolfinx_contact.analysis.probing import probe, prove_empty
-from dolfinx_contact.analysis.reduced_problem import CLOSED, OPENED, ReducedProblem
 
 __all__ = ["search"]
 

@@ -13,8 +13,7 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.analysis.pieces import matrix_of
-from dolfinx_contact.analysis.reduced_problem import (
+from dolfinx_contact.analysis.check_proof import (
     CLOSED,
     IS_FREE,
     IS_OPEN,
@@ -23,6 +22,7 @@ from dolfinx_contact.analysis.reduced_problem import (
     Masks,
     ReducedProblem,
     has_status,
+    matrix_of,
 )
 
 __all__ = ["candidates"]

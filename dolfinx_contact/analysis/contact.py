@@ -16,8 +16,8 @@ from dolfinx import fem
 
 from dolfinx_contact._errors import on_root
 from dolfinx_contact._progress import Line
+from dolfinx_contact.analysis.check_proof import ReducedProblem
 from dolfinx_contact.analysis.rays import ProvedRays, apex_problem, prove_rays
-from dolfinx_contact.analysis.reduced_problem import ReducedProblem
 from dolfinx_contact.analysis.renard import criterion_at
 from dolfinx_contact.analysis.solutions import ProvedSolutions, prove_solutions
 from dolfinx_contact.analysis.theory import theory_of

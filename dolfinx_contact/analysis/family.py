@@ -30,7 +30,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.analysis.reduced_problem import ReducedProblem
+from dolfinx_contact.analysis.check_proof import ReducedProblem
 
 __all__ = ["BORDERS", "FIRST_BORDER", "ContactFamily", "Frame"]
 

@@ -4,7 +4,7 @@ r"""Weights of the inequalities of differences that make their sum positive defi
 With the rows f = 0 eliminated and the form scaled to a unit diagonal, the least eigenvalue of the
 weighted sum is maximised over the logarithms of the weights, and over theta; of several small
 eigenvalues the soft minimum -tau log sum exp(-lambda / tau), whose derivatives are those of the
-eigenvalues. Nothing is proved here (`differences.py`).
+eigenvalues. Nothing is proved here (`check_proof.Differences`).
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import minimize
 
-from dolfinx_contact.analysis.differences import Differences
+from dolfinx_contact.analysis.check_proof import Differences
 
 __all__ = ["Weights", "find_weights"]
 

@@ -2,8 +2,9 @@
 """Taking statuses out that linear programs find impossible.
 
 Each point is held in each of its statuses in turn. Where the relaxation has no point its
-multipliers are a proof (`duality.py`), and mostly one for other statuses of other points as well:
-all that they exclude goes. Statuses that a point of a relaxation shows to be possible are left.
+multipliers are a proof (`check_proof.py`), and mostly one for other statuses of other points as
+well: all that they exclude goes. Statuses that a point of a relaxation shows to be possible are
+left.
 """
 
 from __future__ import annotations
@@ -13,10 +14,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.analysis.certificate import Certificate
-from dolfinx_contact.analysis.checker import Region
-from dolfinx_contact.analysis.energy import used
-from dolfinx_contact.analysis.reduced_problem import has_status
+from dolfinx_contact.analysis.check_proof import Certificate, Region, has_status, used
 from dolfinx_contact.analysis.relaxation import Relaxation
 
 __all__ = ["probe", "prove_empty"]

@@ -30,8 +30,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.analysis.reduced_problem import ReducedProblem
-from dolfinx_contact.analysis.rounding import gamma, least_eigenvalue, up
+from dolfinx_contact.analysis.check_proof import ReducedProblem, gamma, least_eigenvalue, up
 from dolfinx_contact.analysis.solutions import prove_solutions
 from dolfinx_contact.continuation.affine import AffineSystem
 from dolfinx_contact.laws.status import OPEN, STICK

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Linear programs that tell which statuses may be possible.
 
-S a = r + p with the slots (`energy.py`) between 0 and their bounds X; of slots that no allowed
+S a = r + p with the slots (`check_proof.py`) between 0 and their bounds X; of slots that no allowed
 status uses together x / X + y / Y <= 1 holds, and for all five of a point with Coulomb friction,
 which exclude each other in a cycle, sum x / X <= 2: that is the convex hull of its statuses. Such
 rows are added when they are violated.
@@ -9,8 +9,8 @@ rows are added when they are violated.
 Slots of forces are affine in those of displacements, so that no equation has to be solved to begin
 with. The dual simplex method goes from one program to the next, in which a few
 bounds differ. Its objective is drawn at random, so that it does not cycle. Where it ends without a
-point it has a row that proves so, whose multipliers y are returned; `duality.py` decides what they
-prove.
+point it has a row that proves so, whose multipliers y are returned; `check_proof.Dual` decides what
+they prove.
 """
 
 from __future__ import annotations
@@ -21,8 +21,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.linalg.blas import dger
 
-from dolfinx_contact.analysis.energy import used
-from dolfinx_contact.analysis.reduced_problem import Masks, ReducedProblem, has_status
+from dolfinx_contact.analysis.check_proof import Masks, ReducedProblem, has_status, used
 
 __all__ = ["Relaxation"]
 

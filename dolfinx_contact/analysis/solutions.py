@@ -11,10 +11,14 @@ import numpy.typing as npt
 
 from dolfinx_contact._numbers import is_number, require_kind
 from dolfinx_contact.analysis.branching import search
-from dolfinx_contact.analysis.certificate import Certificate
-from dolfinx_contact.analysis.checker import Proved, Verdict
-from dolfinx_contact.analysis.pieces import Piece
-from dolfinx_contact.analysis.reduced_problem import Masks, ReducedProblem
+from dolfinx_contact.analysis.check_proof import (
+    Certificate,
+    Masks,
+    Piece,
+    Proved,
+    ReducedProblem,
+    Verdict,
+)
 
 __all__ = ["ProvedSolution", "ProvedSolutions", "prove_solutions"]
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Whether one solution of a reduced problem is the only one.
 
-The certificate of one point (`differences.py`) over all statuses costs some eigenvalue problems of
+The certificate of one point (`check_proof.py`) over all statuses costs some eigenvalue problems of
 the size of the reduced problem, most often few. Where these bring no proof another solution is
 looked for, from uniform statuses, then more weights. If there is time for it more starts and more
 effort follow, and in the end a proof by branch and bound.
@@ -16,12 +16,15 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact.analysis.candidates import candidates
-from dolfinx_contact.analysis.certificate import Certificate
-from dolfinx_contact.analysis.checker import Region
-from dolfinx_contact.analysis.differences import differences
+from dolfinx_contact.analysis.check_proof import (
+    Certificate,
+    Piece,
+    ReducedProblem,
+    Region,
+    differences,
+    solve_piece,
+)
 from dolfinx_contact.analysis.multipliers import find_weights
-from dolfinx_contact.analysis.pieces import Piece, solve_piece
-from dolfinx_contact.analysis.reduced_problem import ReducedProblem
 from dolfinx_contact.analysis.solutions import prove_solutions
 
 __all__ = ["OnePoint", "is_only"]

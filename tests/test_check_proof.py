@@ -1,0 +1,268 @@
+"""The checker of proofs as a referee runs it: one file, numpy alone, and nothing believed."""
+
+import copy
+import json
+import runpy
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from test_certificates import enumerated, random_problem
+
+from dolfinx_contact import analysis
+from dolfinx_contact.analysis import (
+    Certificate,
+    InvalidCertificate,
+    ReducedProblem,
+    check,
+    prove_solutions,
+)
+
+pytestmark = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="numpy alone, one process")
+CHECKER = Path(analysis.__file__).with_name("check_proof.py")
+DATA = ("S", "p", "friction", "bound", "S_error", "p_error")
+#: Runs a script where nothing but the standard library, and what else is named, can be imported.
+ALONE = """
+import runpy, sys
+allowed = {*sys.stdlib_module_names, *sys.argv[1].split(",")}
+for name in [n for n in sys.modules if n.split(".")[0] not in allowed | {"__main__"}]:
+    del sys.modules[name]
+
+class Nothing:
+    def find_spec(self, name, path=None, target=None):
+        if name.split(".")[0] not in allowed:
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+
+sys.meta_path.insert(0, Nothing())
+sys.argv = sys.argv[2:]
+runpy.run_path(sys.argv[0], run_name="__main__")
+"""
+
+
+def alone(script, *arguments, modules="numpy"):
+    command = [sys.executable, "-I", "-c", ALONE, modules, script, *arguments]
+    return subprocess.run(list(map(str, command)), capture_output=True, text=True, check=False)
+
+
+@pytest.fixture(scope="module")
+def proofs():
+    """Proofs that together hold every kind of step, with problems that have several solutions."""
+    rng, found, kinds = np.random.default_rng(5), [], set()
+    while not {"exclude", "only", "branch", "empty", "pieces"} <= kinds or len(found) < 12:
+        S, p, F = random_problem(rng)
+        m = len(F)
+        g = np.where((F == 0) & (rng.random(m) < 0.5), rng.random(m), 0.0)
+        errors = 1e-12 * np.abs(S).max() * np.ones_like(S), 1e-12 * np.ones_like(p)
+        new = prove_solutions(ReducedProblem(S, p, F, g, *errors)).certificate
+        of_these = {step["do"] for step in new.steps}
+        if len(found) < 12 or not of_these <= kinds:
+            found.append(new)
+            kinds |= of_these
+    return found
+
+
+@pytest.fixture
+def stored(tmp_path):
+    """A proof of three solutions: one node, kt = kn = 2, k = 1, F = 3, p = (-2.5, -1)."""
+    S, p = np.array([[2.0, 1.0], [1.0, 2.0]]), np.array([-2.5, -1.0])
+    prove_solutions(ReducedProblem(S, p, np.array([3.0]))).certificate.save(tmp_path / "proof.npz")
+    return tmp_path / "proof.npz"
+
+
+def test_one_file_and_numpy(stored, tmp_path):
+    """A copy of the file by itself says what is proved, of what, and what is not."""
+    script = shutil.copy(CHECKER, tmp_path / "copied.py")
+    done = alone(script, stored)
+    assert (done.returncode, done.stderr) == (0, "")
+    proof = Certificate.load(stored)
+    for words in (
+        "data: 1 contact points",
+        proof.problem.digest,
+        proof.digest,
+        "3 solutions as follows",
+        "all there are",
+        "is not part of the proof",
+        "the proof holds",
+    ):
+        assert words in done.stdout
+    letters = {line.split()[0] for line in done.stdout.splitlines() if "sum rn" in line}
+    assert letters == {"o", "k", "-"}
+
+
+def test_without_numpy(stored):
+    done = alone(CHECKER, stored, modules="")
+    assert done.returncode == 2
+    assert done.stderr == "check_proof needs numpy, which this Python does not have\n"
+
+
+def run(arguments, monkeypatch, capsys):
+    """The exit status, output and errors of `python3 -m dolfinx_contact`."""
+    monkeypatch.setattr(sys, "argv", ["dolfinx_contact", *map(str, arguments)])
+    with pytest.raises(SystemExit) as end:
+        runpy.run_module("dolfinx_contact", run_name="__main__")
+    return end.value.code, *capsys.readouterr()
+
+
+def test_the_command_is_the_same_code(stored, monkeypatch, capsys):
+    code, out, _ = run(["check", stored], monkeypatch, capsys)
+    assert code == 0
+    assert out == alone(CHECKER, stored).stdout
+    assert run([], monkeypatch, capsys)[0] == 2
+    assert run(["check", stored.with_name("none.npz")], monkeypatch, capsys)[0] == 2
+
+
+def test_files_that_are_no_proofs(stored, monkeypatch, capsys):
+    def status():
+        code, out, errors = run(["check", stored], monkeypatch, capsys)
+        assert out == ""
+        return code, errors
+
+    whole = stored.read_bytes()
+    with np.load(stored) as archive:
+        parts = dict(archive)
+    for content in (b"", b"no proof", whole[: len(whole) // 2], whole[:-30]):
+        stored.write_bytes(content)
+        code, errors = status()
+        assert (code, "is no proof" in errors) == (1, True)
+    for name, value, words in (
+        ("format", np.array("dolfinx_contact proof 2"), "of the format"),
+        ("S", parts["S"].astype(np.float32), "no double numbers"),
+        ("S", parts["S"].astype(object), "is no proof"),
+        ("S", -parts["S"], "not positive definite"),
+        ("p", parts["p"][:1], "must have the shape"),
+        ("p", parts["p"] * np.nan, "not finite"),
+        ("steps", np.array("[" * 100_000), "is no proof"),
+        ("steps", np.array("[{"), "is no proof"),
+        ("steps", np.array("3"), "was changed"),
+        ("digests", np.array(["", ""]), "was changed"),
+    ):
+        np.savez(stored, **{**parts, name: value})
+        code, errors = status()
+        assert (code, words in errors) == (1, True), (name, errors)
+    del parts["p"]
+    np.savez(stored, **parts)
+    assert "parts are missing" in status()[1]
+
+
+def test_an_open_proof_is_not_decided(stored, monkeypatch, capsys):
+    proof = Certificate.load(stored)
+    Certificate(proof.problem, [{"do": "open"}], []).save(stored)
+    code, out, _ = run(["check", stored], monkeypatch, capsys)
+    assert (code, out.splitlines()[-1]) == (1, "not decided")
+
+
+def test_proofs_stored_before_there_were_digests(stored):
+    """They are read as before, and proved of the numbers that stand in them."""
+    proof = Certificate.load(stored)
+    with np.load(stored) as archive:
+        old = {k: v for k, v in archive.items() if k not in ("format", "digests")}
+    np.savez_compressed(stored, **old)
+    again = Certificate.load(stored)
+    assert (again.digest, again.problem.digest) == (proof.digest, proof.problem.digest)
+    assert check(again).verdict == "complete"
+
+
+def mutated(steps, rng):
+    """The steps with one number, list or word of any of them changed."""
+    steps = copy.deepcopy(steps)
+    step = steps[rng.integers(len(steps))]
+    place, key = step, list(step)[rng.integers(len(step))]
+    while isinstance(place[key], list) and place[key] and rng.random() < 0.9:
+        place, key = place[key], int(rng.integers(len(place[key])))
+    old = place[key]
+    others = [None, "x", [], {}, True, -1, 0, 1, 2, 3, 10**30, 0.5, -1e300, float("nan"), 1e308]
+    if isinstance(old, int | float) and not isinstance(old, bool):
+        others += [old + 1, old - 1, -old, old * 1.5]
+    elif isinstance(old, list):
+        others += [old[:-1], [*old, *old], old[::-1]]
+    elif isinstance(old, str):
+        others += ["exclude", "bound", "empty", "only", "pieces", "branch", "rest", "open"]
+    place[key] = others[rng.integers(len(others))]
+    return steps
+
+
+def says(proved):
+    """What is said of the solutions, without what is left open."""
+    return sorted(tuple(piece.codes.tolist()) for piece in proved.inside)
+
+
+def test_a_changed_file_is_refused(proofs, tmp_path):
+    """Whatever is changed in what is stored, the digests beside it say so."""
+    rng = np.random.default_rng(6)
+    for proof in proofs:
+        path = tmp_path / "proof.npz"
+        proof.save(path)
+        with np.load(path) as archive:
+            parts = dict(archive)
+        for name in (*DATA, "vectors"):
+            if parts[name].size == 0:
+                continue
+            other = parts[name].copy()
+            k = rng.integers(other.size)
+            other.flat[k] = np.nextafter(other.flat[k], np.inf)
+            np.savez(path, **{**parts, name: other})
+            with pytest.raises(InvalidCertificate):
+                Certificate.load(path)
+        for _ in range(5):
+            steps = mutated(proof.steps, rng)
+            np.savez(path, **{**parts, "steps": np.array(json.dumps(steps))})
+            if json.dumps(steps) != json.dumps(proof.steps):
+                with pytest.raises(InvalidCertificate, match="was changed"):
+                    Certificate.load(path)
+
+
+@pytest.mark.parametrize("tries", [15, pytest.param(1500, marks=pytest.mark.long)])
+def test_a_forged_proof_proves_nothing_that_is_false(proofs, tries):
+    """With the digests put right as well: refused, or another proof of the same solutions.
+
+    A change may leave a proof: of weights that are larger than they must be, of a bound or an
+    exclusion that is weaker, of an order of parts. What it says is then still true.
+    """
+    rng, taken = np.random.default_rng(7), 0
+    for proof in proofs:
+        expected = says(check(proof))
+        for _ in range(tries):
+            forged = Certificate(proof.problem, mutated(proof.steps, rng), proof.vectors)
+            try:
+                proved = check(forged)
+            except InvalidCertificate:
+                continue
+            taken += 1
+            if proved.verdict == "complete":
+                assert says(proved) == expected
+            assert set(says(proved)) <= set(expected)
+            assert not proved.at_rest
+    assert taken > 0
+
+
+@pytest.mark.parametrize("number", [25, pytest.param(1000, marks=pytest.mark.long)])
+def test_what_is_proved_is_what_is_there(number, tmp_path):
+    """Stored, read and checked proofs against all 4^m pieces; other data are not proved by them."""
+    rng, several = np.random.default_rng(8), 0
+    for _ in range(number):
+        S, p, F = random_problem(rng, most=4)
+        F *= 3.0  # with more friction there are more solutions
+        problem = ReducedProblem(S, p, F)
+        certificate = prove_solutions(problem).certificate
+        certificate.save(tmp_path / "proof.npz")
+        proved = check(Certificate.load(tmp_path / "proof.npz"))
+        expected, near = enumerated(S, p, F)
+        if proved.verdict == "complete" and not near:
+            assert says(proved) == expected
+            several += len(expected) > 1
+        # The same steps of other data prove what is true of these, or nothing.
+        other = p + rng.standard_normal(len(p)) * 10.0 ** rng.integers(-4, 1)
+        moved = Certificate(ReducedProblem(S, other, F), certificate.steps, certificate.vectors)
+        try:
+            proved = check(moved)
+        except InvalidCertificate:
+            continue
+        expected, near = enumerated(S, other, F)
+        if proved.verdict == "complete" and not near and not proved.at_rest:
+            assert says(proved) == expected
+    assert several > 0
