@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 import ufl
+from ufl.corealg.traversal import unique_pre_traversal
 
 from dolfinx_contact._affine import Kind, dependence
 from dolfinx_contact._errors import everywhere
