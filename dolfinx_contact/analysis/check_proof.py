@@ -1300,7 +1300,7 @@ def report(certificate: Certificate, proved: Proved) -> list[str]:
         lines.append("  rest, without forces")
     for piece in proved.inside:
         sums = ", ".join(
-            f"sum {name} = {force * v.value.sum():.10g} +- {force * up(v.away.sum()):.2g}"
+            f"sum {name} = {force * v.value.sum():.12g} +- {force * 1.01 * v.away.sum():.2g}"
             for name, v in (("rt", piece.rt), ("rn", piece.rn))
         )
         lines.append(f"  {_letters(problem, piece.codes)}  {sums}")
