@@ -22,6 +22,12 @@ An energy of your own needs no class. Write it as a function of a 3 x 3 deformat
     problem = ContactProblem(W(F) * ufl.dx, u, surfaces, bcs=bcs)
     stress = ufl.diff(W(F), F) * F.T / ufl.det(F)  # Cauchy, 3 x 3: for `output.write_fields`
 
+A body of several materials has integrals over cell tags, and a stress of each tag::
+
+    dx = ufl.Measure("dx", domain, subdomain_data=cell_tags)
+    bulk = steel.energy(u) * dx(1) + rubber.energy(u) * dx(2)
+    stress = {1: steel.full_stress(u), 2: rubber.full_stress(u)}
+
 Of a body of revolution half of a section is meshed, r = x >= 0 and z = y. Its energy is that of
 `Axisymmetric` with the weight `circumference`, and its loads have that weight too::
 
@@ -167,6 +173,9 @@ class Material(ReadOnly):
 
     def full_stress(self, u: fem.Function) -> Any:
         """Cauchy stress, 3 x 3 in 2D too: with the stress across the plane, for invariants.
+
+        It is that of this material everywhere, in parts of other materials too: `output` takes one
+        expression of each cell tag, ``stress={1: steel.full_stress(u), 2: wood.full_stress(u)}``.
 
         The head of this module shows how to get it from an energy of your own.
         """

@@ -46,7 +46,8 @@ def animate(
         file: ``.gif``, or ``.mp4``, for which imageio-ffmpeg must be installed.
         record: an `EvolutionRecord` or `PathRecord`. The problem stays as it is.
         steps: which are shown, in this order, 0 the start; by default all.
-        stress: 3 x 3 UFL stress of the displacement, for the colours.
+        stress: 3 x 3 UFL stress of the displacement, by cell tags if there are several materials,
+            as for `write_fields`, for the colours.
         scale: factor of the displacement.
         title: above the pictures, before the time.
         rate: pictures a second.

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -30,7 +30,9 @@ import numpy as np
 import numpy.typing as npt
 
 import ufl
-from dolfinx import fem
+from dolfinx import fem, mesh
+from ufl.algorithms import expand_derivatives, extract_coefficients
+from ufl.corealg.traversal import unique_pre_traversal
 
 from dolfinx_contact._agreement import described, refuse_other_mesh
 from dolfinx_contact._compat import interpolation_points
@@ -82,8 +84,10 @@ def write_fields(
         folder: where to, made if need be. Files of an earlier state are replaced when all of the
             new ones are complete.
         problem: a contact problem, usually solved.
-        stress: 3 x 3 UFL stress, in 2D too: ``material.full_stress(u)``. Without it no stresses
-            are written.
+        stress: 3 x 3 UFL stress, in 2D too: ``material.full_stress(u)``. Of several materials, in
+            a bulk of integrals over cell tags, one of each tag: ``{1: steel.full_stress(u), 2:
+            rubber.full_stress(u)}``; one for all is refused there, but for one with a Function
+            that is constant in each cell. Without it no stresses are written.
         format: "vtx" (``.bp``) or "vtk" (``.vtu``, which PyVista and every ParaView read); by
             default "vtx" unless DOLFINx was built without ADIOS2.
 
@@ -93,14 +97,15 @@ def write_fields(
     Raises:
         OSError: on every rank, with the path and the reason, if the folder cannot be written to,
             or has no room. It is then as it was.
-        ValueError: on every rank, if the stress is not 3 x 3 or of another mesh, two surfaces would
-            have one file, the format cannot be written, or arguments differ between ranks.
+        ValueError: on every rank, if the stress is not 3 x 3 or of another mesh, is that of one
+            material where the bulk has several, or has not its cell tags, two surfaces would have
+            one file, the format cannot be written, or arguments differ between ranks.
     """
-    check_stress(problem, stress)
+    tags = check_stress(problem, stress)
     comm, kind, on_faces = problem.comm, checked_format(problem.comm, format), faces(problem)
     written = [("body", comm, [problem.u])]
     if stress is not None:
-        fields = [*body_fields(problem.u, stress), _at_corners(problem.u)]
+        fields = [*body_fields(problem.u, stress, tags), _at_corners(problem.u)]
         written.append(("body_stress", comm, fields))
     path = output_folder(comm, folder)
     written += [(face.stem, face.comm, list(face.fields().values())) for face in on_faces]
@@ -176,34 +181,142 @@ def von_mises(stress: Any) -> Any:
     return ufl.sqrt(1.5 * ufl.inner(ufl.dev(stress), ufl.dev(stress)))
 
 
-def check_stress(problem: ContactProblem, stress: Any) -> None:
+def check_stress(problem: ContactProblem, stress: Any) -> mesh.MeshTags | None:
     """See that a stress, if there is one, can be that of a problem. Collective.
 
+    Returns:
+        The cell tags of the bulk if the stress is given tag by tag.
+
     Raises:
-        ValueError: on every rank, if it is not 3 x 3, of another mesh, or differs between ranks.
+        ValueError: on every rank, if it is not 3 x 3, of another mesh, of one material of several,
+            does not have the cell tags of the bulk, or differs between ranks.
     """
-    says = None
+    says: Any = None
+    tags = None
+    domain = problem.u.function_space.mesh
     with everywhere(problem.comm, "the stress"):
-        if stress is not None:
-            domain = problem.u.function_space.mesh
-            von_mises(stress)
-            refuse_other_mesh(stress, domain, "the stress")
+        if isinstance(stress, Mapping):
+            tags = _cell_tags(problem)
+        for e in _expressions(stress):
+            von_mises(e)
+            refuse_other_mesh(e, domain, "the stress")
+        if tags is not None:
+            wrong = [tag for tag in stress if not isinstance(tag, int | np.integer)]
+            if wrong:
+                raise ValueError(f"cell tags of a stress are whole numbers, not {wrong[0]!r}")
+            says = [(int(tag), described(stress[tag], domain)) for tag in sorted(stress)]
+        elif stress is not None:
+            _refuse_one_of_several(problem, stress)
             says = described(stress, domain)
     same_everywhere(problem.comm, stress=says)
+    if tags is not None:
+        _require_tags(domain, tags, {int(tag) for tag in stress})
+    return tags
 
 
-def body_fields(u: fem.Function, stress: Any) -> list[fem.Function]:
+def _expressions(stress: Any) -> list[Any]:
+    """One expression, or those of all tags."""
+    if isinstance(stress, Mapping):
+        return list(stress.values())
+    return [] if stress is None else [stress]
+
+
+def _cell_integrals(problem: ContactProblem) -> list[ufl.Integral]:
+    return list(problem.equations.bulk.residual.integrals_by_type("cell"))
+
+
+def _cell_tags(problem: ContactProblem) -> mesh.MeshTags:
+    """The tags of the cells over whose parts the bulk is integrated, or ``ValueError``."""
+    for integral in _cell_integrals(problem):
+        tags = integral.subdomain_data()
+        if isinstance(tags, mesh.MeshTags):
+            return tags
+    raise ValueError(
+        "a stress by cell tags needs a bulk with cell tags, ufl.Measure('dx', "
+        "subdomain_data=cell_tags); of a bulk without them give one expression"
+    )
+
+
+def _require_tags(domain: mesh.Mesh, tags: mesh.MeshTags, given: set[int]) -> None:
+    """``ValueError`` on every rank if cells have no stress, or a stress no cells. Collective."""
+    comm, n = domain.comm, domain.topology.index_map(domain.topology.dim).size_local
+    parts = comm.allgather((set(np.unique(tags.values).tolist()), int(np.sum(tags.indices < n))))
+    known = set().union(*(found for found, _ in parts))
+    if known != given:
+        raise ValueError(f"the stress has the cell tags {sorted(given)}, the bulk {sorted(known)}")
+    size = domain.topology.index_map(domain.topology.dim).size_global
+    if sum(count for _, count in parts) < size:
+        raise ValueError("the stress is given by cell tags, but some cells have none")
+
+
+def _refuse_one_of_several(problem: ContactProblem, stress: Any) -> None:
+    """``ValueError`` if a stress without parts stands beside a bulk of several materials."""
+    u = problem.u
+    if any(f is not u and _is_cellwise(f) for f in extract_coefficients(stress)):
+        return
+    materials: dict[Any, list[str]] = {}
+    beside = False
+    for integral in _cell_integrals(problem):
+        if not _has_strain(problem, integral):
+            continue
+        names = integral.subdomain_id()
+        for name in names if isinstance(names, tuple) else (names,):
+            if name in ("everywhere", "otherwise"):
+                beside = True
+            else:
+                materials.setdefault(name, []).append(_said_by(integral))
+    different = {repr(sorted(said)) for said in materials.values()}
+    if len(different) > 1 or (beside and different):
+        raise ValueError(
+            "the stress is that of one material, but the bulk has different integrals over cell "
+            f"tags ({', '.join(map(str, sorted(materials)))}): give one of each tag, "
+            "stress={1: steel.full_stress(u), 2: rubber.full_stress(u)}"
+        )
+
+
+def _is_cellwise(f: Any) -> bool:
+    return bool(f.ufl_element().embedded_superdegree == 0)
+
+
+def _has_strain(problem: ContactProblem, integral: ufl.Integral) -> bool:
+    """Whether an integral resists a strain, as no load does."""
+    u = problem.equations.bulk.displacement
+    rate = expand_derivatives(ufl.derivative(ufl.Form([integral]), u))
+    nodes = (n for i in rate.integrals() for n in unique_pre_traversal(i.integrand()))
+    return any(isinstance(n, ufl.classes.Grad) for n in nodes)
+
+
+def _said_by(integral: ufl.Integral) -> str:
+    """An integrand with the values of its Constants and the Functions in it."""
+    form = ufl.Form([integral.reconstruct(subdomain_id="everywhere", metadata={})])
+    values = [np.asarray(c.value).tolist() for c in form.constants()]
+    return f"{form.signature()} {values} {[id(f) for f in form.coefficients()]}"
+
+
+def body_fields(
+    u: fem.Function, stress: Any, tags: mesh.MeshTags | None = None
+) -> list[fem.Function]:
     """``stress`` and ``von_mises`` as discontinuous Functions of degree 1. Collective.
+
+    Args:
+        u: the displacement.
+        stress: UFL, or UFL by cell tags.
+        tags: of cells, for the latter.
 
     Raises:
         ValueError: on every rank, if the stress is not a 3 x 3 UFL expression.
     """
-    domain = u.function_space.mesh
     fields = []
-    for name, e in (("stress", stress), ("von_mises", von_mises(stress))):
-        W = fem.functionspace(domain, ("DG", 1, e.ufl_shape))
-        f = fem.Function(W, name=name)
-        f.interpolate(fem.Expression(e, interpolation_points(W)))
+    for name, shape, of in (("stress", (3, 3), lambda e: e), ("von_mises", (), von_mises)):
+        W = fem.functionspace(u.function_space.mesh, ("DG", 1, shape))
+        f, points = fem.Function(W, name=name), interpolation_points(W)
+        if tags is None:
+            f.interpolate(fem.Expression(of(stress), points))
+        else:
+            for tag in sorted(stress):
+                cells = tags.find(tag)
+                f.interpolate(fem.Expression(of(stress[tag]), points), cells0=cells)
+            f.x.scatter_forward()
         fields.append(f)
     return fields
 

@@ -68,8 +68,9 @@ def picture_of_body(
     Args:
         file: the picture, ``.png``.
         problem: a contact problem, usually solved.
-        stress: 3 x 3 UFL stress (``material.full_stress(u)``), for the colours: von Mises stress,
-            averaged to the vertices.
+        stress: 3 x 3 UFL stress (``material.full_stress(u)``), of several materials one of each
+            cell tag as for `write_fields`, for the colours: von Mises stress, averaged to the
+            vertices.
         scale: factor of the displacement.
         title: above the picture.
 
@@ -94,14 +95,14 @@ def body_seen(
     u = problem.u
     domain, comm = u.function_space.mesh, problem.comm
     check_scale(comm, scale)
-    check_stress(problem, stress)
+    tags = check_stress(problem, stress)
     tdim = domain.topology.dim
     V = fem.functionspace(domain, ("Lagrange", 1))
     moved = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (tdim,))))
     moved.interpolate(u)
     values = {"u": moved.x.array.reshape(-1, tdim)}
     if stress is not None:
-        values["von_mises"] = _averaged(V, von_mises(stress))
+        values["von_mises"] = _averaged(V, stress, tags)
     cells = outer_cells(V)
     data: dict[str, Any] = {"title": title or _title(u, scale)}
     seen = gather_cells(comm, V, cells, values)
@@ -214,14 +215,27 @@ def _in_space(vectors: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     return np.pad(vectors, ((0, 0), (0, 3 - vectors.shape[1])))
 
 
-def _averaged(V: fem.FunctionSpace, e: Any) -> npt.NDArray[np.float64]:
-    """Means of a UFL scalar around the local vertices, weighted by their hat functions."""
-    q, dx = ufl.TestFunction(V), ufl.dx(metadata={"quadrature_degree": 2})
+def _averaged(
+    V: fem.FunctionSpace, stress: Any, tags: mesh.MeshTags | None
+) -> npt.NDArray[np.float64]:
+    """Means of the von Mises stress around the local vertices, weighted by their hat functions.
+
+    Args:
+        V: of the vertices.
+        stress: UFL, or UFL by cell tags.
+        tags: of cells, for the latter.
+    """
+    q = ufl.TestFunction(V)
+    dx = ufl.Measure("dx", V.mesh, subdomain_data=tags, metadata={"quadrature_degree": 2})
+    if tags is None:
+        whole = von_mises(stress) * q * dx
+    else:
+        whole = sum(von_mises(stress[tag]) * q * dx(tag) for tag in sorted(stress))
     sums = []
-    for integrand in (e * q, q):
+    for form in (whole, q * dx):
         b = la.vector(V.dofmap.index_map, 1)
         b.array[:] = 0.0
-        fem.assemble_vector(b.array, fem.form(integrand * dx))
+        fem.assemble_vector(b.array, fem.form(form))
         b.scatter_reverse(la.InsertMode.add)
         b.scatter_forward()
         sums.append(b.array.copy())

@@ -1,0 +1,104 @@
+"""The stress of bodies of several materials, by the tags of their cells."""
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from blocks import box, facets
+from test_pair import tagged
+
+import ufl
+from dolfinx import fem
+
+from dolfinx_contact import ContactPair, ContactProblem, Frictionless, output
+from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.meshing import join
+from dolfinx_contact.output.fields import body_fields
+
+COMM = MPI.COMM_WORLD
+PARTS = {1: LinearElastic.from_young(1000.0, 0.0), 2: LinearElastic.from_young(3000.0, 0.0)}
+PRESSURE = 0.01 / (1 / 1000 + 1 / 3000)
+
+
+def pressed(dim, energy):
+    """Two blocks on each other, pressed by a hundredth: the problem, and its cell tags."""
+    bodies, tags, up = [], [], dim - 1
+    for i in range(2):
+        domain = box(COMM, 3, "tri" if dim == 2 else "tet")
+        domain.geometry.x[:, up] += i
+        bodies.append(domain)
+        tags.append(tagged(domain, **{f"t{2 * i + 1}": (up, i), f"t{2 * i + 2}": (up, i + 1)}))
+    both = join(bodies, facet_tags=tags)
+    V = fem.functionspace(both.mesh, ("Lagrange", 1, (dim,)))
+    u = fem.Function(V)
+    dx = ufl.Measure("dx", both.mesh, subdomain_data=both.cell_tags)
+    bcs = []
+    for place, value in ((0.0, 0.0), (2.0, -0.01)):
+        held = np.zeros(dim)
+        held[up] = value
+        dofs = fem.locate_dofs_topological(V, up, facets(both.mesh, up, place))
+        bcs.append(fem.dirichletbc(held, dofs, V))
+    pair = ContactPair(u, both, slave=3, master=2, law=Frictionless())
+    return ContactProblem(energy(u, dx), u, [pair], bcs=bcs), both.cell_tags
+
+
+def two(u, dx):
+    return sum(part.energy(u) * dx(tag) for tag, part in PARTS.items())
+
+
+@pytest.mark.parametrize(("dim", "format"), [(3, "vtk"), (2, "vtx"), (2, "vtk")])
+def test_of_each_tag(folder, dim, format):
+    """What ParaView and pictures are given is the pressure in both bodies."""
+    problem, tags = pressed(dim, two)
+    problem.solve()
+    stress = {tag: part.full_stress(problem.u) for tag, part in PARTS.items()}
+    files = output.write_fields(folder, problem, stress=stress, format=format)
+    assert any(f.name.startswith("body_stress") for f in files)
+    full, mises = body_fields(problem.u, stress, tags)
+    exact = np.zeros((3, 3))
+    exact[dim - 1, dim - 1] = -PRESSURE
+    values = full.x.array.reshape(-1, 3, 3)
+    np.testing.assert_allclose(values, np.tile(exact, (len(values), 1, 1)), atol=1e-6)
+    np.testing.assert_allclose(mises.x.array, PRESSURE, rtol=1e-6)
+    output.picture_of_body(folder / "body.png", problem, stress=stress)
+
+
+def refused(folder, reason, problem, stress):
+    for write in (
+        lambda: output.write_fields(folder, problem, stress=stress),
+        lambda: output.picture_of_body(folder / "body.png", problem, stress=stress),
+    ):
+        with pytest.raises(ValueError, match=reason):
+            write()
+
+
+def test_what_is_refused(folder):
+    problem, _ = pressed(2, two)
+    full = {tag: part.full_stress(problem.u) for tag, part in PARTS.items()}
+    reason = r"one material, but the bulk has different integrals over cell tags \(1, 2\)"
+    refused(folder, reason, problem, full[1])
+    refused(folder, r"has the cell tags \[1\], the bulk \[1, 2\]", problem, {1: full[1]})
+    refused(folder, r"has the cell tags \[1, 2, 7\]", problem, full | {7: full[1]})
+    refused(folder, "whole numbers, not 'steel'", problem, {"steel": full[1], 2: full[2]})
+    refused(folder, "3 x 3", problem, full | {2: PARTS[2].stress(problem.u)})
+    # One material, and another beside it in one part.
+    more, _ = pressed(2, lambda u, dx: PARTS[1].energy(u) * dx + PARTS[2].energy(u) * dx(2))
+    refused(folder, "one material, but the bulk", more, PARTS[1].full_stress(more.u))
+    plain, _ = pressed(2, lambda u, dx: PARTS[1].energy(u) * ufl.dx)
+    refused(folder, "needs a bulk with cell tags", plain, {1: PARTS[1].full_stress(plain.u)})
+
+
+def test_one_for_all(folder):
+    """One material in all parts, with loads in some; or one whose modulus is one of each cell."""
+
+    def loaded(u, dx):
+        return sum(PARTS[1].energy(u) * dx(tag) for tag in PARTS) + 0.1 * u[1] * dx(2)
+
+    problem, _ = pressed(2, loaded)
+    output.write_fields(folder, problem, stress=PARTS[1].full_stress(problem.u))
+    problem, _ = pressed(2, two)
+    young = fem.Function(fem.functionspace(problem.u.function_space.mesh, ("DG", 0)))
+    young.x.array[:] = 1000.0
+    output.write_fields(
+        folder, problem, stress=LinearElastic(0.0, young / 2).full_stress(problem.u)
+    )
