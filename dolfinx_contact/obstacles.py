@@ -196,6 +196,9 @@ class HalfSpace(Obstacle):
 class Sphere(Obstacle):
     """A rigid ball; in 2D a rigid disc (a cylinder across the plane).
 
+    Contact is looked at at contact points alone. A ball smaller than a facet passes between them,
+    of which there is a warning: refine the face there.
+
     Attributes:
         centre: its centre; numbers, of which a copy is kept, or a Constant.
         radius: its radius, a positive number or a Constant.

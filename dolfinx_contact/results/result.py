@@ -23,6 +23,7 @@ from dolfinx_contact.equations.normals import without_normal
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.laws import status
 from dolfinx_contact.results.balance import balance, support_at_nodes
+from dolfinx_contact.results.between_nodes import warn_of_small_obstacles
 from dolfinx_contact.results.checks import Sliding, slidings, warn_of_inversion
 from dolfinx_contact.results.pairs import PairBalance, pair_balance
 from dolfinx_contact.results.penetration import Penetration, penetrations
@@ -237,6 +238,7 @@ def collect(eq: ContactEquations, state: State, attempts: Sequence[Attempt]) -> 
     lost = without_normal(eq, state)
     require(eq.comm, not lost, lost)
     comm, supports = eq.comm, support_at_nodes(eq, state)
+    warn_of_small_obstacles(eq, state)
     tables = {
         s.name: contact_table(eq, number, state, supports) for number, s in enumerate(eq.surfaces)
     }
