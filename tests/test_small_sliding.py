@@ -201,6 +201,22 @@ def test_solutions_at_one_load(slide, log):
     assert said(log) == (slide > 0.1)
 
 
+def test_solutions_between_bodies_in_space():
+    """What a solve finds is found, where few steps of Newton's method lead nowhere."""
+    problem, move, above = stacked("tetrahedron", (2, 1), law=Coulomb(0.3))
+    gamma = fem.Constant(problem.V.mesh, 0.0)
+    move(0.01)
+    system = ParametricContact(problem, gamma, driven=[(above, gamma * above.copy())])
+    nothing = system.create_vector()
+    nothing.set(0.0)
+    found = find_solutions(system, [nothing], 1.0, lengths=(0.5,), max_iterations=3)
+    system.set_parameter(1.0)
+    problem.solve()
+    known = system.create_vector()
+    problem.write(known)
+    assert (found.found[0].x - known).norm() <= 1e-8 * known.norm()
+
+
 def test_a_history_says_it_once(log):
     """Of accepted steps, each of which has its numbers; so do paths."""
     problem, move, _ = stacked(n=(3, 3), law=Coulomb(0.05))

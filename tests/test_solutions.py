@@ -5,9 +5,14 @@ from mpi4py import MPI
 import demo_linear_triangle
 import numpy as np
 import pytest
+from blocks import block
 from textbook import smooth
 
+from dolfinx import fem
+
+from dolfinx_contact import Coulomb, Sphere
 from dolfinx_contact.continuation import find_solutions
+from dolfinx_contact.parametric import ParametricContact
 
 serial = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="long, and the same on every rank")
 
@@ -103,3 +108,48 @@ def test_bad_input():
         find_solutions(system, [], 0.0)
     with pytest.raises(ValueError, match="must be positive"):
         find_solutions(system, [state(system, np.zeros(4))], 0.0, lengths=(0.0,))
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        dict(cell="hex"),
+        dict(cell="hex", method="integral"),
+        dict(cell="hex", obstacle=Sphere((0.5, 0.5, -3.0), 3.0), top=(0.02, 0.01, -0.015)),
+        dict(cell="tet"),
+    ],
+    ids=str,
+)
+def test_what_a_solve_finds_in_space_is_found(options):
+    """From zero, where so few steps of Newton's method lead nowhere; what stood there stays."""
+    first = block(n=2, **options)
+    friction = fem.Constant(first.V.mesh, 0.3)
+    problem = block(**options, law=Coulomb(friction), domain=first.V.mesh)
+    system = ParametricContact(problem, friction)
+    nothing = state(system, np.zeros(system.create_vector().getSize()))
+    few = dict(lengths=(0.5,), max_iterations=3)
+    solutions = find_solutions(system, [nothing], 0.3, **few)
+    assert problem.u.x.array.max(initial=0.0) == 0.0
+    assert nothing.norm() == 0.0
+    problem.solve()
+    known = system.create_vector()
+    problem.write(known)
+    (found,) = solutions.found
+    assert (found.x - known).norm() <= 1e-8 * known.norm()
+    assert solutions.method.startswith("solve() by full steps, deflation")
+    assert not solutions.complete
+    again = find_solutions(system, [nothing], 0.3, known=[known], **few)
+    assert len(again.found) == 1
+
+
+def test_what_was_not_found_is_said():
+    domain = block(n=2, cell="tet").V.mesh
+    friction = fem.Constant(domain, 0.3)
+    problem = block(cell="tet", domain=domain, law=Coulomb(friction), options={"snes_max_it": 0})
+    system = ParametricContact(problem, friction)
+    nothing = state(system, np.zeros(system.create_vector().getSize()))
+    solutions = find_solutions(system, [nothing], 0.3, lengths=(0.5,), max_iterations=1)
+    assert solutions.found == ()
+    assert not solutions.complete
+    assert solutions.method.startswith("not found: solve() found no solution (full steps: ")
+    assert "deflation" in solutions.method
