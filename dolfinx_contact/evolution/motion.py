@@ -26,6 +26,7 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from dolfinx_contact._errors import require
+from dolfinx_contact._named import Named
 from dolfinx_contact.body.moving import MovingBody, Scheme, TimeStep
 from dolfinx_contact.equations.given_data import GivenData, require_obstacles
 from dolfinx_contact.equations.state import State, Statuses
@@ -242,7 +243,8 @@ class MotionStepper(Stepper):
         supports = support_at_nodes(eq, shown)
         tables = {s.name: contact_table(eq, i, shown, supports) for i, s in enumerate(eq.surfaces)}
         energies = result.energies | {"friction": lost}
-        return replace(result, tables=tables, energies=energies, slidings=slidings(eq, shown))
+        found = Named(slidings(eq, shown))
+        return replace(result, tables=tables, energies=energies, slidings=found)
 
     # -- moments ---------------------------------------------------------------------------------
 
