@@ -416,9 +416,8 @@ def test_sudden_but_no_jump():
     assert [s.time for s in sticky.steps] == [1.0, 1.001, 1.5, 3.0]
 
 
-@pytest.mark.chatty
-def test_where_no_step_is_solved():
-    """A block that forces pull: at the bound of friction it goes away, which is said in time."""
+def pulled():
+    """A block that forces press on a floor and pull along it; the force that pulls."""
     domain = box(COMM, 2, "quad")
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
     u, pull = fem.Function(V), fem.Constant(domain, 0.0)
@@ -428,7 +427,13 @@ def test_where_no_step_is_solved():
     top = mesh.meshtags(domain, 1, above, np.full(len(above), 1, dtype=np.int32))
     load = ufl.dot(ufl.as_vector([pull, -10.0]), u) * ufl.ds(subdomain_data=top)(1)
     energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx - load
-    problem = ContactProblem(energy, u, [surface])
+    return ContactProblem(energy, u, [surface]), pull
+
+
+@pytest.mark.chatty
+def test_where_no_step_is_solved():
+    """A block that forces pull: at the bound of friction it goes away, which is said in time."""
+    problem, pull = pulled()
 
     def loaded(t):
         pull.value = 10 * t
@@ -437,6 +442,24 @@ def test_where_no_step_is_solved():
         QuasiStatic(problem, loaded).run([0.0, 0.2, 0.4], shortest=0.05)
     (table,) = problem.solve().tables.values()
     assert abs(table.rt.sum()) == pytest.approx(pull.value)
+
+
+@pytest.mark.chatty
+@pytest.mark.parametrize("at_jump", ["jump", "raise"])
+def test_a_step_that_is_not_solved_proves_no_jump(at_jump):
+    """The load changes faster, and at one time in between nothing holds: it goes on around that."""
+    problem, pull = pulled()
+
+    def loaded(t):
+        pull.value = 100.0 if t == 0.375 else 0.5 * t + 4 * max(t - 0.25, 0.0)
+
+    loaded(0.0)
+    problem.solve()
+    history = QuasiStatic(problem, loaded).run([0.0, 0.25, 0.5], at_jump=at_jump)
+    assert history.complete
+    assert not any(s.jump for s in history.steps)
+    (table,) = history.steps[-1].result.tables.values()
+    assert abs(table.rt.sum()) == pytest.approx(1.25)
 
 
 def test_large_deformation():

@@ -3,8 +3,9 @@
 
 A step that no strategy solves is tried with a quarter of the length, down to a least one. A step in
 which the state changes much faster than in the one before is looked at more closely, by halves
-(`jumps`): where the change does not shrink with the step no solution continues the evolution, and
-what was found is beyond a jump. Times that the user asks for are hit exactly.
+(`jumps`): where the change does not shrink with the step what was found is beyond a jump, if it is
+proved that no solution continues the evolution; else none was found that does, and that is said.
+Times that the user asks for are hit exactly.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from dolfinx_contact.equations.given_data import Datum
 from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.evolution.forks import Forked, Forks
 from dolfinx_contact.evolution.history import EvolutionStep, History, NoContinuation
-from dolfinx_contact.evolution.jumps import find_jump, where_it_changes
+from dolfinx_contact.evolution.jumps import Found, find_jump, where_it_changes
 from dolfinx_contact.evolution.moment import Moment, Stepper, Taken, change
 from dolfinx_contact.evolution.said import Said
 from dolfinx_contact.evolution.standing import AtJump, Recorder, Standing, Task, aim, checked_times
@@ -228,7 +229,7 @@ class Evolution(ReadOnly):
 
 
 class _Ended(Exception):
-    """No solution continues the evolution."""
+    """A run cannot go on: no solution continues it, none was found, or a step was not solved."""
 
 
 class _Run:
@@ -273,33 +274,50 @@ class _Run:
                 self._shorten(goal, error)
                 continue
             taken = forked.taken
-            path = self._jump(taken)
-            if path is not None:
-                for before in path[:-1]:
-                    self._accept(Forked(before), settled=False)
-                self._jump_over(path[-1])
+            found = self._jump(taken)
+            if found is not None:
+                for before in found.steps:
+                    settled = found.far is None and before is found.steps[-1]
+                    self._accept(Forked(before), settled=settled)
+                if found.far is not None:
+                    self._jump_over(found, found.far)
             elif self._wanted(taken):
                 self._accept(forked)
             else:
                 self._shorten(goal)
 
-    def _jump(self, taken: Taken) -> list[Taken] | None:
-        """The steps up to a jump in a step that changes the state suddenly; None if none does."""
+    def _jump(self, taken: Taken) -> Found | None:
+        """What is found in a step that changes the state suddenly; None if it is no jump."""
         rate = _rate(self._stepper.problem.comm, taken)
         sudden = self._task.sudden
         if self.rate is None or math.isinf(sudden) or rate <= sudden * self.rate:
             return None
         return find_jump(self._stepper, taken, self._task.shortest)
 
-    def _jump_over(self, taken: Taken) -> None:
-        a, b = taken.before, taken.after
+    def _jump_over(self, found: Found, far: Taken) -> None:
+        """Accept a step whose end is far as a jump, or end the run there and say why."""
+        a, b = far.before, far.after
         if self._task.at_jump == "jump":
-            self._accept(Forked(taken), jump=True)
+            self._accept(Forked(far), jump=True)
             return
-        raise _Ended(
-            f"no solution continues the evolution beyond the time {a.time:.10g}; in the next one, "
-            f"found at {b.time:.10g}, {where_it_changes(self._stepper, a, b)}"
-        )
+        beyond, least = f"beyond the time {a.time:.10g}", self._task.shortest
+        there = f"found at {b.time:.10g}, {where_it_changes(self._stepper, a, b)}"
+        if found.proved:
+            said = f"no solution continues the evolution {beyond}; in the next one, {there}"
+            said += f" ({found.why})"
+        elif found.failure is not None:
+            said = (
+                f"no step {beyond} was solved, down to {least:.2g}, that leads on from it; in a "
+                f"solution further off, {there}. Whether one continues the evolution is not "
+                f"decided: {found.failure}"
+            )
+        else:
+            said = (
+                f"no solution {beyond} was found that continues the evolution, in a step of "
+                f"{b.time - a.time:.2g}; in the next one, {there}. Whether one does is not "
+                f"decided: {found.why}"
+            )
+        raise _Ended(said) from found.failure
 
     def _shorten(self, aim: float, error: ConvergenceError | None = None) -> None:
         """Try half the step next time, or a quarter if there was an error; end if too short."""
@@ -307,7 +325,7 @@ class _Run:
         if length / part < self._task.shortest:
             raise _Ended(
                 f"no solution was found beyond the time {self.moment.time:.10g}, in a step of "
-                f"{length:.2g}: {error}"
+                f"{length:.2g}, which was not solved: {error}"
             ) from error
         self._length, self._rejected = length / part, self._rejected + 1
 

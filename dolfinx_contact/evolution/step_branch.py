@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The branch of solutions on which a quasi-static step begins, followed while its load goes on.
+
+A step that ends far from its start proves no jump: the solver may have passed over a solution that
+is near. So the branch is followed with the memory of the start, from kink to kink. Either it leads
+to the load of the end, and then a solution continues the evolution; or the load turns back on it,
+at a smooth fold, or at a kink at which all pieces that meet were tried and none leads to more load:
+then no solution does. Where it ends otherwise nothing is proved, and it is said why.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dolfinx_contact.continuation import Follower, StepControl
+from dolfinx_contact.continuation.branch import BranchPoint, SpecialPoint
+from dolfinx_contact.continuation.crossing import kinks_at, outgoing_rays
+from dolfinx_contact.equations.state import Statuses
+from dolfinx_contact.evolution.moment import Moment, Stepper
+from dolfinx_contact.solvers.following import Loaded
+
+__all__ = ["StepBranch", "branch_of_step"]
+
+_MOST_STEPS = 400
+_MOST_PIECES = 256
+_AT_BORDER = 1e-8  # of the largest distance to a border: at it
+_NO_MORE = 1e-9  # of the load of a step, along a unit ray: not more
+_TURNS = "the load turns back"
+
+
+@dataclass(frozen=True)
+class StepBranch:
+    """What was found of it.
+
+    Attributes:
+        goes_on: whether it leads to the load of the end.
+        statuses: then those there, on this rank.
+        ends: whether it is proved that the load turns back on it before, and nothing else leads on.
+        why: why it ends where it does, in words.
+    """
+
+    goes_on: bool = False
+    statuses: Statuses | None = None
+    ends: bool = False
+    why: str = ""
+
+
+def branch_of_step(stepper: Stepper, moment: Moment, time: float) -> StepBranch:
+    """Follow the solutions from a moment under a load that goes on to that of a time. Collective.
+
+    The problem is left at the moment.
+    """
+    problem = stepper.problem
+    stepper.prepare(moment, time)
+    equations, x = problem.equations, problem.create_vector()
+    try:
+        problem.write(x)
+        with equations.ramped(x):
+            equations.prescribed.part = 0.0
+            system = Loaded(equations, lambda: problem.linear_solver, x)
+            control = StepControl(kinks="exact")
+            try:
+                with Follower(system, control, gamma_scale=1.0) as follower:
+                    start = follower.start(x, 0.0)
+                    branch = follower.run(start, (0.0, 1.0), max_steps=_MOST_STEPS, stop=_turned)
+                    last = branch.points[-1]
+                    if last.gamma >= 1.0:
+                        return StepBranch(True, system.statuses_of(last.piece))
+                    special = [s for s in branch.special if s.kind in ("fold", "bifurcation")]
+                    if branch.reason == _TURNS and special:
+                        return _at_turn(follower, special[-1])
+                    return StepBranch(
+                        why=f"the solutions were followed in the step: {branch.reason}"
+                    )
+            except ValueError as error:
+                return StepBranch(why=f"the solutions were not followed in the step: {error}")
+            finally:
+                system.destroy()
+    finally:
+        x.destroy()
+        stepper.put(moment)
+
+
+def _turned(_point: BranchPoint, special: Sequence[SpecialPoint]) -> str:
+    return _TURNS if any(s.kind in ("fold", "bifurcation") for s in special) else ""
+
+
+def _at_turn(follower: Follower, special: SpecialPoint) -> StepBranch:
+    """Whether nothing leads to more load from a fold, or where branches meet. Collective."""
+    if special.kind == "fold" and special.smooth:
+        return StepBranch(ends=True, why="the load turns back there while all statuses stay")
+    b = follower.bordered
+    onwards = special.onwards
+    if special.smooth or onwards is None:
+        return StepBranch(why="branches of solutions meet there")
+    if special.complete:
+        rates = [b.gamma(ray.tangent) for ray in (onwards, *special.others)]
+        method = special.method
+    else:
+        incoming = onwards if special.incoming is None else special.incoming
+        events = b.system.events(*b.split(special.y), incoming.piece)
+        largest = float(np.max(np.abs(events.distance), initial=0.0))
+        tolerance = _AT_BORDER * b.comm.allreduce(largest, op=max)
+        kinks = kinks_at(follower.corrector, special.y, incoming.piece, tolerance)
+        number = math.prod(len(k.statuses) for k in kinks)
+        if number > _MOST_PIECES:
+            return StepBranch(why=f"{number} pieces meet there, too many to be tried")
+        given = follower.corrector, special.y, incoming.piece, kinks
+        rates = [
+            b.gamma(ray.tangent)
+            for codes in itertools.product(*(k.statuses for k in kinks))
+            for ray in outgoing_rays(*given, codes, incoming.tangent)
+        ]
+        method = f"enumeration of {number} pieces"
+    if any(rate > _NO_MORE for rate in rates):
+        return StepBranch(why=f"other solutions with more load meet there, by {method}")
+    return StepBranch(ends=True, why=f"the load turns back there, by {method}")
