@@ -449,3 +449,37 @@ def test_bad_input():
     jump = np.zeros((surface.points.number, 2))
     with pytest.raises(ValueError, match="memory is that of other contact surfaces"):
         problem.equations.remember([Memory(jump, {"beta": np.ones(surface.points.number + 1)})])
+
+
+@pytest.mark.chatty
+@pytest.mark.parametrize("n", [1, 2])
+def test_a_bar_that_snaps_back(n):
+    """A spring E = 50 in series with a bond: its whole strength goes at once where the bond yields.
+
+    Beyond the jump R = w^2/(C u^3), and u + R/E is what is prescribed.
+    """
+    young = 50.0
+    problem, top = bonded(law=RCCM(C, C, W, 0.2), young=young, n=n)
+    evolution = QuasiStatic(problem, along(top, (0.0, 0.5)))
+    history = evolution.run(np.linspace(0, 1, 6), shortest=2e-3, at_jump="jump")
+    assert history.complete
+    (jump,) = [step for step in history.steps if step.jump]
+    assert 0.596 < jump.start <= 0.6 + 1e-9 < jump.time < 0.606
+    u = history.steps[-1].result.tables["contact"].un
+    np.testing.assert_allclose(u + W**2 / (C * u**3) / young, 0.5, rtol=1e-9)
+    force = history.steps[-1].result.resultants["contact"]
+    np.testing.assert_allclose(force, [0.0, -(W**2) / (C * u[0] ** 3)], atol=1e-9)
+
+
+def test_bonds_that_break_in_one_step():
+    """From rest to beyond the jump in one step: the state at its end is that of many."""
+    ends = []
+    for steps in (1, 12):
+        problem, top = bonded(law=RCCM(C, C, W), young=20.0, n=2)
+        evolution = QuasiStatic(problem, along(top, (0.0, 3.0)))
+        history = evolution.run(np.linspace(0, 1, steps + 1), sudden=np.inf)
+        assert history.complete
+        ends.append(history.steps[-1].result)
+    a, b = (r.tables["contact"] for r in ends)
+    np.testing.assert_allclose(a.un, b.un, rtol=1e-9)
+    assert a.un.min() > 2.9

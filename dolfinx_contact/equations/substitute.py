@@ -2,7 +2,8 @@
 """The contact problem with other answers at its points, for methods that lead to it by others.
 
 A friction bound that is given (Tresca's problem) in the place of Coulomb's, or contact that yields:
-the law answers to tractions that are held in the place of those that it answers with.
+the law answers to tractions that are held in the place of those that it answers with; or bonds that
+are held as they are.
 """
 
 from __future__ import annotations
@@ -18,10 +19,10 @@ import numpy.typing as npt
 
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.state import ContactState, Statuses
-from dolfinx_contact.laws import Answers, LawAtPoints, Tresca
+from dolfinx_contact.laws import Answers, HeldAnswers, LawAtPoints, Tresca
 from dolfinx_contact.laws.status import OPEN, PLUS, WHERE_OPEN
 
-__all__ = ["GivenBounds", "YieldingContact"]
+__all__ = ["GivenBounds", "HeldBonds", "YieldingContact"]
 
 Array = npt.NDArray[np.float64]
 
@@ -77,6 +78,28 @@ class GivenBounds(_Substitute):
     def as_possible(self, statuses: Statuses) -> Statuses:
         # A friction bound rubs on open points too.
         return [np.where(c == OPEN, PLUS + WHERE_OPEN, c).astype(np.int8) for c in statuses]
+
+
+class HeldBonds(_Substitute):
+    """Bonds of a strength that is given, which neither weaken nor heal.
+
+    Args:
+        equations: the contact problem.
+        strengths: what memory has of the bonds (n,), surface by surface (`Law.weakens`); None where
+            a law has none.
+    """
+
+    def __init__(self, equations: ContactEquations, strengths: list[Array | None]):
+        def answers(i: int, state: ContactState) -> Answers:
+            s, strength = equations.surfaces[i], strengths[i]
+            if strength is None:
+                return state.answers
+            assert s.law.weakens is not None
+            fields = {**state.data.fields, s.law.weakens[0]: strength}
+            data = replace(state.data, fields=fields)
+            return HeldAnswers(s.law_at_points(state.jump, state.traction, data))
+
+        super().__init__(equations, answers, ContactState)
 
 
 class YieldingContact(_Substitute):

@@ -34,7 +34,7 @@ springs, which forget.
 """
 
 from dolfinx_contact.laws.adhesion import RCCM
-from dolfinx_contact.laws.answers import Answers, PointData
+from dolfinx_contact.laws.answers import Answers, HeldAnswers, PointData
 from dolfinx_contact.laws.cohesive import BilinearCohesive, MaxwellLayer
 from dolfinx_contact.laws.compiled import LawAtPoints
 from dolfinx_contact.laws.compliant import NormalCompliance, Regularised
@@ -58,6 +58,7 @@ __all__ = [
     "Coulomb",
     "FrictionLaw",
     "Frictionless",
+    "HeldAnswers",
     "Interface",
     "InterfaceState",
     "Internal",

@@ -11,7 +11,9 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["Answers", "Borders", "Columns", "PointData", "Spreading"]
+from dolfinx_contact.laws.status import DAMAGING
+
+__all__ = ["Answers", "Borders", "Columns", "HeldAnswers", "PointData", "Spreading"]
 
 Array = npt.NDArray[np.float64]
 Codes = npt.NDArray[np.int8]
@@ -220,3 +222,21 @@ class Answers:
     def _column(self, name: str) -> Array:
         places = self._law.places[name]
         return self._values[:, places[0][0]] if places else np.full(len(self._values), np.nan)
+
+
+class HeldAnswers(Answers):
+    """The answers of a law whose bonds are held as they are: none of its points is damaging.
+
+    Args:
+        answers: of the law.
+    """
+
+    def __init__(self, answers: Answers):
+        super().__init__(answers._law, answers._values, answers.spreading, answers._turning)
+
+    def _borders(self, code: int) -> tuple[Array, npt.NDArray[np.bool_], list[int]]:
+        distance, exists, targets = super()._borders(code)
+        if code >= DAMAGING:
+            return distance, np.zeros_like(exists), targets
+        changes = np.array(targets, dtype=np.int64) >= DAMAGING
+        return np.where(changes, np.inf, distance), exists, targets

@@ -9,6 +9,7 @@ ones first and each from the caller's state:
 
 1. full Newton steps;
 2. full steps with the automatic augmentation parameter, if the caller forced another;
+   of surfaces with bonds that weaken then all these held in turn and let go (`bonds.py`);
 3. pivoting: the pieces of H are solved one after the other, and when the number of points with a
    wrong status stops shrinking only one point changes at a time (`pivoting.py`); last but one where
    the body is not linear, since every piece then takes a Newton solve of its own;
@@ -47,6 +48,7 @@ from dolfinx_contact.equations.normals import without_normal
 from dolfinx_contact.equations.state import State, Statuses
 from dolfinx_contact.equations.touching import bring_together
 from dolfinx_contact.points.law_checks import check_law
+from dolfinx_contact.solvers.bonds import have_bonds, let_go
 from dolfinx_contact.solvers.choice import LinearSolverChoice
 from dolfinx_contact.solvers.errors import ConvergenceError, FloatingBodyError
 from dolfinx_contact.solvers.following import follow_load
@@ -62,9 +64,10 @@ __all__ = ["check_data", "solve"]
 logger = logging.getLogger(__name__)
 
 _EXPECTED = "expected statuses"
+_BONDS = "bonds let go in turn"
 _INCREMENTS = "load increments"
 #: Cost at which a strategy gives up, in Newton steps.
-_LIMITS = {"pivoting": 500.0, "line search": 80.0, _INCREMENTS: 400.0}
+_LIMITS = {_BONDS: 2000.0, "pivoting": 500.0, "line search": 80.0, _INCREMENTS: 400.0}
 _HELD = 1  # Newton steps in which expected statuses are held
 _LATE = 2.0  # times the time that was predicted are worth a word in the log,
 _SHORT = 1.0  # if they are more than so many seconds
@@ -234,10 +237,15 @@ def _ladder(
 
         return run
 
+    def by_bonds(x: PETSc.Vec, attempt: Attempt, monitor: Any) -> bool:
+        return let_go(eq, linear, x, attempt)
+
     ladder = [(_EXPECTED, by_statuses(statuses)) for statuses in expected]
     ladder.append(("full steps", newton("none")))
     if eq.forced_r is not None and not weak:
         ladder.append(("full steps with the automatic r", with_automatic_r(newton("none"))))
+    if have_bonds(eq):
+        ladder.append((_BONDS, with_automatic_r(by_bonds)))
     rungs = {
         "pivoting": by_pivoting,
         "line search": newton("bt"),
