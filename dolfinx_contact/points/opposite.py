@@ -312,7 +312,8 @@ def _matched(
         comm,
         not ambiguous,
         f"{name}: {ambiguous} nodes of the slave have two or more of the master opposite, as where "
-        "an arm of a crack ends on the other side; exchange slave and master",
+        "an arm of a crack ends on the other side: exchange slave and master; where cracks cross, "
+        "or both sides have an arm, each arm needs a group of its own",
     )
     rows, none = np.full(len(x), -1, dtype=np.int64), np.zeros(len(x), dtype=bool)
     rows[mine], none[mine] = np.arange(len(mine)), itself
