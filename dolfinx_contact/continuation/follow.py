@@ -98,7 +98,7 @@ def follow(
 
     Raises:
         ValueError: on every rank, if an argument does not fit or differs between ranks, the range
-            is empty or does not contain ``gamma``, gamma does not appear in H, there is no solution
+            is empty or does not contain ``gamma``, gamma does not appear in H, no solution is found
             near the start, or H has kinks within its pieces, as where those of a bulk are.
     """
     check_system(system)
@@ -209,7 +209,7 @@ class Follower:
         piece = self._piece_from(y, increasing)
         self._require_parameter(y, piece)
         if not self.corrector.natural(y, gamma, piece):
-            raise ValueError(f"there is no solution near the given state at gamma = {gamma}")
+            raise ValueError(f"no solution near the given state was found at gamma = {gamma}")
         sense = b.last_unit()
         sense.scale((1.0 if increasing else -1.0) * b.gamma_scale)
         tangent = self.corrector.tangent(y, sense, piece)

@@ -80,7 +80,7 @@ class Pivoting:
             raise ValueError("gamma does not appear in H: its derivative by gamma vanishes")
         codes = affine.solve(gamma, self.condensed.codes(self.system.piece_at(x, gamma)))
         if codes is None:
-            raise ValueError(f"there is no solution near the given state at gamma = {gamma}")
+            raise ValueError(f"no solution near the given state was found at gamma = {gamma}")
         piece = affine.piece(codes)
         if piece is None:
             raise ValueError("the start is a singular point: its tangent is not unique")

@@ -157,8 +157,8 @@ class ArcLength(ReadOnly):
                 it takes more than some seconds.
 
         Returns:
-            The accepted points, and in words why the path ended. It never jumps: where no way leads
-            on it ends, and `complete` is False.
+            The accepted points, and in words why the path ended. It never jumps: where no way on
+            is found, or no step is solved, it ends, and `complete` is False.
 
         Raises:
             ValueError: on every rank, for arguments that do not fit, a law that depends on the

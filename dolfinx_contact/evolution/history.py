@@ -126,7 +126,10 @@ class History:
 
 
 class NoContinuation(RuntimeError):
-    """No solution continues an evolution; the problem is at the last accepted state.
+    """An evolution does not go on; the problem is at the last accepted state.
+
+    The message says which it is: no solution continues it, which is proved; none was found that
+    does, by what was tried; or steps were not solved, and why.
 
     Attributes:
         history: the evolution up to there.

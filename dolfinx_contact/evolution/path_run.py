@@ -122,8 +122,8 @@ class PathRun:
             self._leaves = self._steps.go_on(point, ways.onwards)
             return
         self.reason = (
-            f"no way on was found from gamma = {point.gamma:.10g}, by {ways.method}: the evolution "
-            "jumps there, or statuses change that were not found together"
+            f"no way on was found from gamma = {point.gamma:.10g}, by {ways.method}; "
+            "whether there is one is not decided"
         )
 
     def step(self) -> tuple[PathStep, Taken] | None:

@@ -80,9 +80,13 @@ class QuasiStatic(Evolution):
             longest: no step is longer.
             shortest: no step is shorter, unless two times are; by default the whole time halved
                 twenty times.
-            at_jump: where no solution continues the evolution, "raise" `NoContinuation`, "stop"
-                with the reason in the history, or "jump" to the solution that was found under the
-                load a moment later, which is labelled so. If none was found a "jump" raises.
+            at_jump: where no solution continues the evolution, or none is found that does, "raise"
+                `NoContinuation`, "stop" with the reason in the history, or "jump" to the solution
+                that was found under the load a moment later, which is labelled so. If none was
+                found a "jump" raises. It is proved that none continues where the load turns back
+                along the solutions that lead on from the state, and nothing else leads on there;
+                the reason says whether it is, and else what was tried. A step that was not solved
+                proves nothing: shorter ones are tried from the same state.
             sudden: times the rate at which the state changed in the step before, beyond which a
                 step is looked at for a jump; ``inf`` for never. That takes some steps more, which
                 are not kept if there is none. A jump that is smaller passes for a step, and so does
@@ -124,7 +128,7 @@ class QuasiStatic(Evolution):
         )
 
     def jump(self, motion: NSCD, time: float, most: float, *, rest: float = 1e-6) -> History:
-        """Go on by dynamics where no solution continues the evolution. Collective.
+        """Go on by dynamics where an evolution has come to its end. Collective.
 
         From the last accepted state the body moves under the load of a time until it is at rest
         again. `run` then goes on from there. What motion has dissipated otherwise than by friction

@@ -20,7 +20,7 @@ T = TypeVar("T", contravariant=True)
 S = TypeVar("S", contravariant=True)
 
 _ROUND_OFF = 1e-9  # of the whole time
-#: What to do where no solution continues the evolution.
+#: What to do where no solution continues the evolution, or none is found that does.
 AtJump: TypeAlias = Literal["raise", "stop", "jump"]
 
 
