@@ -20,6 +20,7 @@ from dolfinx_contact import (
     Sphere,
     meshing,
 )
+from dolfinx_contact.analysis import contact_family, count_solutions
 from dolfinx_contact.continuation import find_solutions, follow
 from dolfinx_contact.evolution import NSCD, QuasiStatic
 from dolfinx_contact.materials import LinearElastic, NeoHookean, lame
@@ -294,3 +295,17 @@ def test_a_rigid_sphere_that_turns_in_a_history(log):
     misfits = [step.result.misfit for step in history.steps]
     assert misfits[0] < 1e-3 < misfits[-1]
     assert said(log) == 1
+
+
+@pytest.mark.parametrize("slide", [0.005, 0.6])
+def test_a_chart(slide):
+    """Numbers of solutions are not proved where slips are beyond half a facet."""
+    problem, move, above = stacked(n=(2, 2), law=Coulomb(0.05))
+    gamma = fem.Constant(problem.V.mesh, 0.0)
+    move(slide)
+    system = ParametricContact(problem, gamma, driven=[(above, gamma * above.copy())])
+    (pair,) = problem.surfaces
+    family = contact_family(system, pair.law.friction, (0.04, 0.06))
+    chart = count_solutions(COMM, family, (0.04, 0.06), (0.9, 1.1), cells=(1, 1), depth=0)
+    assert [cell.count for cell in chart.cells] == [1]
+    assert chart.proved == (slide < 0.1)

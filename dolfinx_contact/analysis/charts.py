@@ -40,7 +40,8 @@ class ChartCell:
         mu: its ends.
         gamma: its ends.
         solutions: statuses of those found in the middle, letters of the points, sorted.
-        proved: whether it is proved that there are no others.
+        proved: whether it is proved that there are no others; not where slips of one are beyond
+            small sliding (`ContactFamily.reach`).
     """
 
     mu: tuple[float, float]
@@ -196,7 +197,9 @@ class _Counting:
                 problem = self.family.problem(mu, gamma)
                 proof = prove_solutions(problem, known=starts, seconds=self.seconds)
                 codes = tuple(sorted(s.codes.tobytes() for s in proof.solutions))
-                mine.append(replace(leaf, codes=codes, proved=proof.verdict == "complete"))
+                small = self.family.are_small(s.state[:, 0] for s in proof.solutions)
+                proved = proof.verdict == "complete" and small
+                mine.append(replace(leaf, codes=codes, proved=proved))
         self._line.clear()
         for part in self.comm.allgather(mine):
             for leaf in part:

@@ -24,6 +24,7 @@ a border are found, without steps.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -86,6 +87,8 @@ class ContactFamily:
         S_error: by which entries of S may be off (2 m, 2 m); None: not at all.
         p_error: the same of the load (2 m,).
         q_error: how that grows with the size of gamma (2 m,).
+        reach: slips up to which sliding is small (m,), half a facet where what is opposite moves or
+            is curved, infinite on flat obstacles; None: everywhere infinite.
     """
 
     S: Array
@@ -97,6 +100,12 @@ class ContactFamily:
     S_error: Array | None = None
     p_error: Array | None = None
     q_error: Array | None = None
+    reach: Array | None = None
+
+    def are_small(self, slips: Iterable[Array]) -> bool:
+        """Whether the slips (m,) of solutions are small, so that a proof is one of the bodies."""
+        reach = self.reach
+        return reach is None or all(bool(np.all(np.abs(slip) <= reach)) for slip in slips)
 
     @property
     def points(self) -> int:

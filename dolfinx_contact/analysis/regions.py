@@ -185,7 +185,8 @@ def solution_regions(
                 line.update(f"solutions in regions: {number + 1} of {len(bare)}")
             proof = prove_solutions(family.problem(*bare[number].middle), seconds=seconds)
             words = ("".join("ok+-"[code] for code in s.codes) for s in proof.solutions)
-            mine[number] = tuple(sorted(words)), proof.verdict == "complete"
+            small = family.are_small(s.state[:, 0] for s in proof.solutions)
+            mine[number] = tuple(sorted(words)), proof.verdict == "complete" and small
     line.clear()
     found = {number: what for part in comm.allgather(mine) for number, what in part.items()}
     return Regions(

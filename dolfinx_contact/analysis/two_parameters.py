@@ -63,7 +63,7 @@ def contact_family(
     curved = system.not_affine_in(other)
     require(system.comm, not curved, f"{_MUST} ({curved})")
     found = [_condensed(system, other, mu) for mu in (low, high, (low + high) / 2)]
-    (a, b, middle), errors_at = [data for data, _ in found], [errors for _, errors in found]
+    (a, b, middle), errors_at = [data for data, *_ in found], [errors for _, errors, _ in found]
     slopes = [np.asarray((y - x) / (high - low)) for x, y in zip(a, b, strict=True)]
     for number, (x, y, between) in enumerate(zip(a, b, middle, strict=True)):
         size = max(float(np.abs(v).max(initial=0.0)) for v in (x, y, between))
@@ -86,13 +86,14 @@ def contact_family(
     errors[1] = errors[1] + 8 * np.finfo(float).eps * (np.abs(p) + np.abs(low * v))
     at_zero = (np.asarray(x - low * slope) for x, slope in ((p, v), (friction, rate)))
     p, friction = at_zero
-    return ContactFamily(S, p, q, v, friction, rate, *errors)
+    of_S, of_p, of_q = errors
+    return ContactFamily(S, p, q, v, friction, rate, of_S, of_p, of_q, found[0][2])
 
 
 def _condensed(
     system: ParametricEquations, other: fem.Constant, mu: float
-) -> tuple[tuple[Array, ...], tuple[Array, ...]]:
-    """S, q, p and the friction at one mu, and errors of S, p and q. Collective."""
+) -> tuple[tuple[Array, ...], tuple[Array, ...], Array]:
+    """S, q, p and the friction at one mu, errors of S, p and q, and the reach. Collective."""
     before, nothing = other.value.copy(), system.create_vector()
     other.value = mu
     try:
@@ -109,10 +110,11 @@ def _condensed(
                 affine = condensed.system
                 S = affine.matrix[:, :, :2].reshape(len(affine.load), -1).copy()
                 data = S, affine.rate.copy(), affine.load.copy(), condensed.friction.copy()
+                reach = condensed.reach
                 (of_S, of_load), (_, at_one) = (condensed.errors(gamma) for gamma in (0.0, 1.0))
                 condensed.destroy()
             require(system.comm, not obstacle, f"two parameters: {obstacle}")
-            return data, (of_S, of_load, at_one - of_load)
+            return data, (of_S, of_load, at_one - of_load), reach
     finally:
         other.value = before
         nothing.destroy()

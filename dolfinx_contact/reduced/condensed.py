@@ -109,6 +109,7 @@ class CondensedContact:
         system: the affine system of the contact points, in the order of their coordinates.
         exact: as given.
         friction: radii of the friction discs at unit pressure (m,); 0 without friction.
+        reach: slips up to which sliding is small (m,); see `GatheredPoints`.
         bound: shear up to which Tresca's law holds points, in units of w (m,); 0 for other laws.
         force_unit: what forces in w and in the system are divided by.
     """
@@ -152,6 +153,7 @@ class CondensedContact:
         self._w = self.contract(x)
         load = np.einsum("nmk,mk->n", M, self._w) - rest + gamma * rate
         self.friction, self.bound = points.friction, points.bound / k
+        self.reach = points.reach
         laws = points.laws(k)
         bases, inequalities, exists = laws.cones() if conic else no_cones(m)
         self.system = AffineSystem(M, load, -rate, bases, inequalities, laws.classify, exists)

@@ -36,6 +36,8 @@ class GatheredPoints:
         areas: (m,).
         friction: radii of the friction discs at unit pressure (m,); 0 without friction.
         bound: shear forces up to which Tresca's law holds points (m,); 0 for other laws.
+        reach: slips up to which sliding is small (m,): half a facet where what is opposite is
+            another body or curved, infinite on flat obstacles.
         guided: whether Dirichlet data prescribe tangential displacements of some.
     """
 
@@ -55,16 +57,22 @@ class GatheredPoints:
             bound = answers.bound * s.points.areas if given else np.zeros(n)
             data = s.points.data
             which = np.full(n, number)
-            columns.append((which, s.positions, data.n, s.points.areas, data.r, held, slope, bound))
+            flat = s.obstacle.flat and not s.between_bodies
+            reach = np.full(n, np.inf if flat else s.mean_width / 2)
+            columns.append(
+                (which, s.positions, data.n, s.points.areas, data.r, held, slope, bound, reach)
+            )
         mine = [np.concatenate(c)[self.local] for c in zip(*columns, strict=True)]
         parts = self.comm.allgather(mine)
         everywhere: list[Any] = [np.concatenate(c) for c in zip(*parts, strict=True)]
         # In the order of coordinates, so that neither numbering nor ranks matter.
         self._sorted = by_coordinates(everywhere[1], np.concatenate(self.comm.allgather(ids)))
-        which, _, normals, areas, r, held, slope, bound = (v[self._sorted] for v in everywhere)
+        which, _, normals, areas, r, held, slope, bound, reach = (
+            v[self._sorted] for v in everywhere
+        )
         self.frames: Array = np.stack([*_tangents(normals), -normals], axis=2)
         self._which, self._r, self._held = which, r, held.astype(bool)
-        self.number, self.normals, self.areas = len(normals), normals, areas
+        self.number, self.normals, self.areas, self.reach = len(normals), normals, areas, reach
         self.friction, self.bound = (np.where(self._held, 0.0, v) for v in (slope, bound))
         self.guided = bool(self._held.any())
         self._starts = np.concatenate([[0], np.cumsum([len(p[0]) for p in parts])])
