@@ -436,6 +436,14 @@ def _data(density: Any, damping: Any, velocity: fem.Function) -> list[Datum]:
     return [d for d in found if d.value is not velocity]
 
 
+def _data(density: Any, damping: Any, velocity: fem.Function) -> list[Datum]:
+    """Functions and Constants in density and damping."""
+    found = list(data_in(ufl.as_ufl(density), "the density"))
+    if isinstance(damping, ufl.Form):
+        found += data_in(damping, "the damping")
+    return [d for d in found if d.value is not velocity]
+
+
 def _described(damping: Any, V: fem.FunctionSpace) -> str:
     """Damping in words, by which records and ranks know it."""
     return described(damping, V.mesh) if isinstance(damping, ufl.Form) else repr(damping)

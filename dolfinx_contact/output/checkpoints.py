@@ -43,13 +43,12 @@ class Checkpoints:
     """Checkpoints of one problem in one folder.
 
     Args:
-        folder: made if need be.
+        folder: made when something is written.
         problem: whose unknowns are kept. Its Functions follow what is written and read.
     """
 
     def __init__(self, folder: Path, problem: ContactProblem):
         self.folder, self.problem, self.comm = folder, problem, problem.comm
-        on_root(self.comm, lambda: folder.mkdir(exist_ok=True))
         self._whole: list[fem.Function | None] = [None]
         self._nodes: list[npt.NDArray[np.int32]] = [np.zeros(0, dtype=np.int32)]
         for s in problem.surfaces:
@@ -73,6 +72,7 @@ class Checkpoints:
         Raises:
             OSError: on every rank, with the path, if they cannot be written; nothing is left then.
         """
+        on_root(self.comm, lambda: self.folder.mkdir(exist_ok=True))
         part, final = self.folder / f".{name}.part", self.folder / name
         on_root(self.comm, lambda: shutil.rmtree(part) if part.exists() else None)
         try:

@@ -63,6 +63,10 @@ class EvolutionJournal(Lines):
         """The table of all steps, with their ``status``, for `write_rows`."""
         return [s["row"] | {"status": s["status"]} for s in self.states[1:]]
 
+    @property
+    def is_empty(self) -> bool:
+        return not self.states
+
     def _take(self, kind: str, entry: dict[str, Any]) -> None:
         if kind == "state":
             if entry["index"] != len(self.states):

@@ -273,7 +273,10 @@ def difference(recorded: Mapping[str, Any], present: Mapping[str, Any]) -> str:
         "forms": "other forms",
         "parts": "integrals over other cells or facets",
         "other parts": "damping over other cells or facets",
-        "driven": "driven in another way, so that what was recorded is no solution of this problem",
+        "driven": (
+            "other loads, materials or friction: Dirichlet data are driven in another way, so that "
+            "what was recorded is no solution of this problem"
+        ),
         "functions": "Functions of other elements",
         "numbers": "other materials, loads or friction",
     }

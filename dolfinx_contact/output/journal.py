@@ -150,6 +150,10 @@ class Journal(Lines):
         ]
         return optional("pandas", "output").DataFrame(rows, columns=names)
 
+    @property
+    def is_empty(self) -> bool:
+        return not self.branches
+
     def _take(self, kind: str, entry: dict[str, Any]) -> None:
         if kind == "branch":
             if entry["branch"] in self.branches:

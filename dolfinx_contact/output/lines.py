@@ -42,6 +42,8 @@ class Lines:
     Attributes:
         header: what identifies the problem, and (not in journals of old) the places of the contact
             points.
+        data: the checkpoint with the nodes of the mesh and, of branches, the values of Functions
+            (not in journals of old).
         sessions: one dictionary for every run that recorded: ranks, versions, time of its start.
         length: of the file in bytes, without a last line that was not finished.
         torn: whether there is such a line.
@@ -49,6 +51,7 @@ class Lines:
 
     kind: ClassVar[str]
     header: dict[str, Any] = field(default_factory=dict)
+    data: dict[str, Any] = field(default_factory=dict)
     sessions: list[dict[str, Any]] = field(default_factory=list)
     length: int = 0
     torn: bool = False
@@ -78,9 +81,15 @@ class Lines:
                 raise ValueError(f"its format is {entry['format']}, known is {FORMAT}")
             self.header = entry
         elif kind == "session":
+            self.data = entry.pop("data", self.data)
             self.sessions.append(entry)
         else:
             self._take(kind, entry)
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing was recorded yet."""
+        raise NotImplementedError
 
     def _take(self, kind: str, entry: dict[str, Any]) -> None:
         """Add a line that not every journal has."""

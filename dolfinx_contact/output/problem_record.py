@@ -102,10 +102,10 @@ class ProblemRecord(Generic[J]):
         Nodes that were moved by what was solved for are elsewhere in their last digits on other
         ranks. So they are compared where the hash of the whole mesh is another.
         """
-        known, kept = recorded["problem"], recorded.get("nodes")
+        known, kept = recorded["problem"], self.journal.data
         if known["mesh"] == problem["mesh"]:
             return ""
-        if kept is None or known["cells"] != problem["cells"]:
+        if not kept or known["cells"] != problem["cells"]:
             return "another mesh"
         nodes = nodes_of(self.problem)
         found = fem.Function(nodes.function_space)
@@ -126,7 +126,7 @@ class ProblemRecord(Generic[J]):
 
         Args:
             problem: what it is known by (`identity`).
-            data: whose values the header is to name, if they do not go with states.
+            data: whose values are kept from the beginning, if they do not go with states.
             more: words of the header, by name.
         """
         from dolfinx_contact import __version__
@@ -139,17 +139,24 @@ class ProblemRecord(Generic[J]):
         if not recorded:
             header = {"package": __version__, "of": self.journal.kind, **more, "problem": problem}
             header["points"] = places(self.problem)
-            kept = {} if data is None else data.changed()
-            functions = {"nodes": nodes_of(self.problem), **kept}
-            total = self._checkpoints.write(_DATA, {}, functions=functions)
-            header["nodes"] = {"checkpoint": _DATA, "sum": total}
-            if data is not None:
-                header["values"] = data.are_kept(_DATA, kept)
             self._append({"type": "header", "format": FORMAT, **header})
             self.journal.header = header
         session = {"time": time.time(), "ranks": self.comm.size, "package": __version__}
-        self._append({"type": "session", **session})
+        more_of_it = {}
+        if not self.journal.data and self.journal.is_empty:
+            more_of_it["data"] = self.journal.data = self._keep_data(data)
+        self._append({"type": "session", **session, **more_of_it})
         self.journal.sessions.append(session)
+
+    def _keep_data(self, data: KeptData | None) -> dict[str, Any]:
+        """Keep the nodes of the mesh, and data; what the journal says of it. Collective."""
+        kept = {} if data is None else data.changed()
+        functions = {"nodes": nodes_of(self.problem), **kept}
+        total = self._checkpoints.write(_DATA, {}, functions=functions)
+        entry: dict[str, Any] = {"checkpoint": _DATA, "sum": total}
+        if data is not None:
+            entry["values"] = data.are_kept(_DATA, kept)
+        return entry
 
     def _append(self, entry: Mapping[str, Any]) -> None:
         """Write a line of the journal; a checkpoint that it cannot name is removed. Collective."""

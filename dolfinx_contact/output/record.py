@@ -105,8 +105,6 @@ class BranchRecord(ProblemRecord[Journal], Observer):
         every: int = 10,
         resume: bool = False,
     ):
-        if not (functionals is None or isinstance(functionals, Mapping)):
-            raise ValueError(f"functionals are a dictionary by their names, got {functionals!r}")
         comm = system.comm
         whole = isinstance(every, int | np.integer) and every >= 1
         require(comm, whole, f"fields must be kept at every 1 or more points, got {every!r}")
@@ -145,10 +143,10 @@ class BranchRecord(ProblemRecord[Journal], Observer):
 
     def _require_data(self, data: KeptData) -> None:
         """Refuse Functions that are not those that were recorded. Collective."""
-        header = self.journal.header
-        if not header:
+        kept = self.journal.data
+        if self.journal.is_empty:
             return
-        if "values" not in header:
+        if "values" not in kept:
             if self.comm.rank == 0:
                 logger.warning(
                     "the journal in %s is of an earlier version, which did not keep the values of "
@@ -156,8 +154,7 @@ class BranchRecord(ProblemRecord[Journal], Observer):
                     self.folder,
                 )
             return
-        kept = header["nodes"]
-        other = data.difference(header["values"], {kept["checkpoint"]: kept["sum"]})
+        other = data.difference(kept["values"], {kept["checkpoint"]: kept["sum"]})
         message = (
             f"the journal in {self.folder} is that of another problem: other loads, materials or "
             f"friction{other}"
@@ -372,12 +369,9 @@ class BranchRecord(ProblemRecord[Journal], Observer):
         # Pivoting has no length of steps.
         route: Route = "steps" if stepping.next_step > 0 else "pivoting"
         self._unknowns(point.y)
-        with (
-            self.system.restored(),
-            follower_for(
-                self.system, self._x, point.gamma, control, gamma_scale=scale, route=route
-            ) as follower,
-        ):
+        with follower_for(
+            self.system, self._x, point.gamma, control, gamma_scale=scale, route=route
+        ) as follower:
             return follower.run(
                 point,
                 (task["gamma_range"][0], task["gamma_range"][1]),
