@@ -283,6 +283,11 @@ class Bulk:
         """A checksum, on this rank, of all that the stiffness depends on but the displacement."""
         return self._mark([d for d in self._data if d is not self.displacement])
 
+    @property
+    def stiffness_data(self) -> list[Any]:
+        """Functions and Constants that the stiffness depends on but the displacement."""
+        return [d for d in self._data if d is not self.displacement]
+
     def _mark(self, data: list[Any]) -> int:
         """A checksum of the values of ``data`` and of the mesh, on this rank."""
         mark = zlib.crc32(np.ascontiguousarray(self._V.mesh.geometry.x))

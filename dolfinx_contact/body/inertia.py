@@ -25,16 +25,20 @@ import numpy.typing as npt
 import dolfinx.fem.petsc
 import ufl
 from dolfinx import fem
+from ufl.corealg.traversal import unique_pre_traversal
 
 from dolfinx_contact._errors import require
 from dolfinx_contact._forms import compiled_form
+from dolfinx_contact.body.rigid import combine, rigid_motions
 
-__all__ = ["Mass", "mass_matrix"]
+__all__ = ["Mass", "mass_matrix", "rigid_errors"]
 
 #: How the mass of a body is put into a matrix.
 Mass: TypeAlias = Literal["consistent", "lumped", "redistributed"]
 
 Array = npt.NDArray[np.float64]
+_FINE = 6  # degree of the rule at whose points a density is looked at
+_ROUND_OFF = 1e-12  # of the mass of a cell
 
 
 def mass_matrix(
@@ -69,6 +73,70 @@ def mass_matrix(
     return M
 
 
+def rigid_errors(
+    V: fem.FunctionSpace,
+    M: PETSc.Mat,
+    consistent: PETSc.Mat,
+    fixed: npt.NDArray[np.bool_],
+    *,
+    axisymmetric: bool,
+) -> tuple[float, dict[str, float]]:
+    """How wrong the inertia of a mass matrix is for what moves as if it were rigid. Collective.
+
+    Of rigid motions R that Dirichlet data leave free, with G = R^T M R and G_0 likewise of the
+    consistent matrix, which has the moments of the body, a uniform field of accelerations a is
+    answered by G^-1 G_0 a.
+
+    Args:
+        V: space of the displacement.
+        M: mass matrix.
+        consistent: the consistent one.
+        fixed: local nodes x dim that Dirichlet data hold.
+        axisymmetric: whether the body is one of revolution.
+
+    Returns:
+        The largest share by which a free motion is accelerated otherwise than it should be. And the
+        largest displacement of a node by the turning of a body that falls freely, over its fall, by
+        the axes along which it can fall.
+    """
+    comm, n = V.mesh.comm, V.dofmap.index_map.size_local
+    modes = rigid_motions(V, axisymmetric=axisymmetric)
+    held = np.where(fixed[None, :n], modes[:, :n], 0.0).reshape(len(modes), -1)
+    modes = combine(comm.allreduce(held @ held.T), modes)
+    if not len(modes):
+        return 0.0, {}
+    rows = modes[:, :n].reshape(len(modes), -1)
+    G, G0 = (comm.allreduce(rows @ np.array(_products(A, rows)).T) for A in (M, consistent))
+    lower = np.linalg.inv(np.linalg.cholesky(G0))
+    shares = 1.0 / np.maximum(np.linalg.eigvalsh(lower @ G @ lower.T), 1e-300)
+    falls: dict[str, float] = {}
+    for i in range(V.mesh.geometry.dim):
+        uniform = np.zeros((n, V.mesh.geometry.dim))
+        uniform[:, i] = 1.0
+        square = comm.allreduce(rows @ rows.T)
+        a = np.linalg.solve(square, comm.allreduce(rows @ uniform.reshape(-1)))
+        left = comm.allreduce(
+            float(np.max(np.abs(a @ rows - uniform.reshape(-1)), initial=0.0)), op=max
+        )
+        if left > 1e-9:  # held in this direction
+            continue
+        off = (np.linalg.solve(G, G0 @ a) - a) @ rows
+        falls["xyz"[i]] = comm.allreduce(float(np.max(np.abs(off), initial=0.0)), op=max)
+    return float(np.max(np.abs(shares - 1.0))), falls
+
+
+def _products(A: PETSc.Mat, rows: Array) -> list[Array]:
+    """Owned entries of a matrix times each of some vectors. Collective."""
+    x, y = A.createVecs()
+    found = []
+    for row in rows:
+        x.array[:] = row
+        A.mult(x, y)
+        found.append(y.array_r.copy())
+    x.destroy(), y.destroy()
+    return found
+
+
 def _check_density(V: fem.FunctionSpace, density: Any) -> None:
     """Refuse a density that is not positive. Collective."""
     comm, domain = V.mesh.comm, V.mesh
@@ -81,7 +149,23 @@ def _check_density(V: fem.FunctionSpace, density: Any) -> None:
     n = W.dofmap.index_map.size_local
     values = mean[0].array[:n] / mean[1].array[:n]
     good = bool(np.isfinite(values).all() and (values > 0).all())
+    if _varies(density * one):
+        # Of one that varies within cells, what is negative there.
+        dx = ufl.dx(domain, metadata={"quadrature_degree": _FINE})
+        below = ufl.min_value(density * one, 0.0) * ufl.TestFunction(W) * dx
+        negative = fem.assemble_vector(compiled_form(below)).array[:n]
+        good = good and bool((negative >= -_ROUND_OFF * np.abs(mean[0].array[:n])).all())
     require(comm, good, "the density must be positive everywhere")
+
+
+def _varies(e: Any) -> bool:
+    """Whether an expression may vary within a cell."""
+    terminals = [t for t in unique_pre_traversal(ufl.as_ufl(e)) if not t.ufl_operands]
+    elements = [t.ufl_element() for t in terminals if isinstance(t, fem.Function)]
+    if any(element.has_custom_quadrature for element in elements):  # known at its points alone
+        return False
+    by_place = any(isinstance(t, ufl.geometry.GeometricQuantity) for t in terminals)
+    return by_place or any(element.embedded_superdegree > 0 for element in elements)
 
 
 def _lumped(M: PETSc.Mat, degree: int) -> PETSc.Mat:

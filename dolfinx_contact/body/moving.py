@@ -28,7 +28,7 @@ from __future__ import annotations
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 from petsc4py import PETSc
 
@@ -273,6 +273,11 @@ class MovingBody:
     def stiffness_mark(self) -> int:
         """A checksum, on this rank, of all that the stiffness depends on but the displacement."""
         return zlib.crc32(repr(self.step).encode(), self.body.stiffness_mark)
+
+    @property
+    def stiffness_data(self) -> list[Any]:
+        """As `Bulk` has."""
+        return self.body.stiffness_data
 
     def _forget_half(self) -> None:
         if self._half is not None:

@@ -22,6 +22,7 @@ from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.points.surface import ContactSurface
 
 __all__ = [
+    "Constancy",
     "Datum",
     "GivenData",
     "data_in",
@@ -33,6 +34,9 @@ __all__ = [
     "placed_data",
     "require_obstacles",
 ]
+
+
+_SAME = 1e-9  # of the size of data that are to stay
 
 
 class Datum(NamedTuple):
@@ -141,6 +145,42 @@ class GivenData:
         """Put the values back, bit by bit. Not collective."""
         for f, values in self._values:
             _values(f)[...] = values
+
+
+class Constancy:
+    """Data that are to stay what they are when this is made.
+
+    Args:
+        comm: communicator of all that have them.
+        data: with their places.
+    """
+
+    def __init__(self, comm: MPI.Comm, data: Sequence[Datum]):
+        self._comm, self._data = comm, list(data)
+        self._values = [_values(d.value).copy() for d in self._data]
+
+    def changed(self) -> str:
+        """What has changed beyond 1e-9 of its size, in words; "" if nothing has. Collective."""
+        if not self._data:
+            return ""
+        off = [np.abs(_values(d.value) - v) for d, v in zip(self._data, self._values, strict=True)]
+        mine = [
+            (np.max(a, initial=0.0), np.max(np.abs(v), initial=0.0))
+            for a, v in zip(off, self._values, strict=True)
+        ]
+        found = self._comm.allreduce(np.array(mine, dtype=float), op=np.maximum)
+        for d, v, (away, size) in zip(self._data, self._values, found, strict=True):
+            if not away <= _SAME * size:
+                if hasattr(d.value, "x"):
+                    return d.place
+                was, now = (np.asarray(a).tolist() for a in (v, d.value.value))
+                return f"{d.place} ({was} before, {now} now)"
+        return ""
+
+    def restore(self) -> None:
+        """Put the values back, bit by bit. Not collective."""
+        for d, values in zip(self._data, self._values, strict=True):
+            _values(d.value)[...] = values
 
 
 def numbers_of(eq: ContactEquations) -> list[list[float]]:

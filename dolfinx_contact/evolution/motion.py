@@ -16,6 +16,7 @@ velocity
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
@@ -28,7 +29,7 @@ from dolfinx import fem
 from dolfinx_contact._errors import require
 from dolfinx_contact._named import Named
 from dolfinx_contact.body.moving import MovingBody, Scheme, TimeStep
-from dolfinx_contact.equations.given_data import GivenData, require_obstacles
+from dolfinx_contact.equations.given_data import Constancy, GivenData, require_obstacles
 from dolfinx_contact.equations.state import State, Statuses
 from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.evolution.moment import Moment, Stepper, Taken, extended
@@ -42,6 +43,8 @@ from dolfinx_contact.results.tables import contact_table
 
 __all__ = ["Level", "Method", "MotionMoment", "MotionStepper"]
 
+logger = logging.getLogger(__name__)
+
 Array = npt.NDArray[np.float64]
 #: What Signorini's law is about.
 Level: TypeAlias = Literal["position", "velocity"]
@@ -49,6 +52,11 @@ Level: TypeAlias = Literal["position", "velocity"]
 _ROUND_OFF = 1e-9  # of a step, by which it differs from an equal one
 _FAR = 1e6  # of the size of the body, a gap that is never closed
 _PENETRATION = 1e-9  # of the size of the body, a gap that counts as closed
+_AGAINST = 1e-6  # of the largest displacement or velocity, off what is prescribed
+_LASTING = 0.51  # theta, below which velocities that turn keep their size
+_TURNS = 0.1  # of what is off, by which it is not the same with the other sign
+_PERCENT = 0.01  # of the velocities, what is off and matters
+_MOST_TURNS = 3  # changes of sign, after which it is said
 
 
 @dataclass(frozen=True)
@@ -82,9 +90,12 @@ class MotionMoment(Moment):
 
     Attributes:
         motion: displacement, velocity and what goes with them.
+        turns: velocities of held nodes less their mean in the step that led here (owned), and in
+            how many steps these have changed their sign; None at a start.
     """
 
     motion: Motion
+    turns: tuple[Array, int] | None = None
 
 
 class MotionStepper(Stepper):
@@ -95,6 +106,7 @@ class MotionStepper(Stepper):
         velocity: Function that follows what is taken or put.
         load: puts the data of a time into Functions and Constants.
         method: of the steps.
+        constancy: of the data in mass and damping.
         progress: of the solves.
     """
 
@@ -104,12 +116,14 @@ class MotionStepper(Stepper):
         velocity: fem.Function,
         load: Callable[[float], object],
         method: Method,
+        constancy: Constancy,
         progress: bool | None,
     ):
         super().__init__(problem, load, progress)
         body = problem.equations.bulk
         assert isinstance(body, MovingBody)
         self._body, self._velocity, self._method = body, velocity, method
+        self._constancy, self._said = constancy, False
 
     def start(self, time: float) -> Moment:
         """The state in the Functions. Collective.
@@ -122,6 +136,7 @@ class MotionStepper(Stepper):
             self._set(time)
             eq.refresh()
             self._require_finite()
+            self._require_held()
             eq.remember([None] * len(eq.surfaces))
             state = self._contact()
             self._require_no_penetration(state)
@@ -170,6 +185,8 @@ class MotionStepper(Stepper):
         try:
             self._set(time)
             eq.refresh()
+            if moment.statuses is None:
+                self._require_speed(a)
             body.begin(step, a.u, a.v, a.rows)
             eq.prescribed.unknowns = lambda values: step.seen(values, body.origin)
             motion = np.where(eq.rigid.fixed, eq.prescribed_motions() - eq.rigid.given, 0.0)
@@ -195,7 +212,19 @@ class MotionStepper(Stepper):
         finally:
             eq.prescribed.unknowns = None
         after = self._moment(time, state.statuses, memory, energies)
-        return Taken(moment, self._moving(after, b), result)
+        turns = self._turns(moment, b, step)
+        return Taken(moment, self._moving(after, b, turns), result)
+
+    def _set(self, time: float) -> None:
+        super()._set(time)
+        changed = self._constancy.changed()
+        if changed:
+            self._constancy.restore()
+            raise ValueError(
+                f"the motion is refused at the time {time:g}: {changed} is not what it was when "
+                "the NSCD was made, and mass and damping are assembled once; what changes there "
+                "needs a new NSCD, with the displacement and velocity of then"
+            )
 
     # -- what contact sees -----------------------------------------------------------------------
 
@@ -261,8 +290,99 @@ class MotionStepper(Stepper):
         u, v = (f.x.array.copy() for f in (self.problem.u, self._velocity))
         return motion_at(self.problem.equations, state, u, v)
 
-    def _moving(self, moment: Moment, motion: Motion) -> MotionMoment:
-        return MotionMoment(**extended(moment), motion=motion)
+    def _moving(
+        self, moment: Moment, motion: Motion, turns: tuple[Array, int] | None = None
+    ) -> MotionMoment:
+        return MotionMoment(**extended(moment), motion=motion, turns=turns)
+
+    # -- what is held ----------------------------------------------------------------------------
+
+    def _held(self) -> npt.NDArray[np.bool_]:
+        """Which of the owned dofs Dirichlet data hold."""
+        eq = self.problem.equations
+        return np.asarray(eq.fixed[: eq.owned_sizes[0]])
+
+    def _require_held(self) -> None:
+        """Refuse a start at which the displacement is not what is prescribed. Collective."""
+        eq, held = self.problem.equations, self._held()
+        n = len(held)
+        given = eq.prescribed.values().reshape(-1)[:n]
+        u = self.problem.u.x.array[:n]
+        size = eq.comm.allreduce(
+            max(float(np.max(np.abs(v), initial=0.0)) for v in (given, u)), op=max
+        )
+        off = np.where(held, np.abs(u - given), 0.0)
+        words = self._worst(off, _AGAINST * size + _PENETRATION * eq.body_size, u, given)
+        message = (
+            f"at the start the displacement is not what Dirichlet data prescribe: {words}; solve() "
+            "first, or put into the displacement what is prescribed"
+        )
+        require(eq.comm, not words, message)
+
+    def _require_speed(self, a: Motion) -> None:
+        """Refuse a start with a velocity where Dirichlet data do not move. Collective."""
+        eq, held = self.problem.equations, self._held()
+        n = len(held)
+        given = eq.prescribed.values().reshape(-1)[:n]
+        size = eq.comm.allreduce(float(np.max(np.abs(a.v), initial=0.0)), op=max)
+        still = held & (np.abs(given - a.u[:n]) <= _PENETRATION * eq.body_size)
+        speed = np.where(still, np.abs(a.v[:n]), 0.0)
+        words = self._worst(speed, _AGAINST * size, a.v[:n], np.zeros(n))
+        message = (
+            "the velocity at the start is against Dirichlet data, which do not move in the first "
+            f"step: {words}; it would change its sign in every step: set the velocity to that of "
+            "the data where they hold the body"
+        )
+        require(eq.comm, not words, message)
+
+    def _worst(self, off: Array, tolerance: float, is_: Array, prescribed: Array) -> str:
+        """Where owned values are furthest off, in words; "" where none is. Collective."""
+        V, comm = self.problem.V, self.problem.equations.comm
+        worst = comm.allreduce(float(np.max(off, initial=0.0)), op=max)
+        if worst <= tolerance:
+            return ""
+        # Of several that are as far off the first in the order of their places.
+        bs, nodes = V.dofmap.index_map_bs, V.tabulate_dof_coordinates()
+        mine, size = [], self.problem.equations.body_size
+        for i in np.flatnonzero(off >= (1 - _ROUND_OFF) * worst):
+            x = np.round(nodes[i // bs, : V.mesh.geometry.dim] / size, 9) * size + 0.0
+            mine.append((x.tolist(), int(i % bs), float(is_[i]), float(prescribed[i])))
+        x, component, found, wanted = min(place for part in comm.allgather(mine) for place in part)
+        return (
+            f"component {'xyz'[component]} at the node ({', '.join(f'{c:.6g}' for c in x)}) is "
+            f"{found:.6g}, prescribed is {wanted:.6g}"
+        )
+
+    def _turns(self, moment: MotionMoment, b: Motion, step: TimeStep) -> tuple[Array, int]:
+        """By how much velocities of held nodes are off their mean, and how often they have turned.
+
+        With theta = 1/2 the end of a step has twice the mean velocity less that of the start, so
+        that a velocity which was not that of the data once turns about it for ever. Collective.
+        """
+        held, a = self._held(), moment.motion
+        n = len(held)
+        mean: Array = np.asarray((b.u - a.u)[:n] / step.length)
+        off = np.where(held, b.v[:n] - mean, 0.0)
+        lasts = step.scheme != "theta-euler" and step.theta < _LASTING
+        if not lasts or moment.turns is None or len(moment.turns[0]) != n:
+            return off, 0
+        before, times = moment.turns
+        comm = self.problem.equations.comm
+        sizes = [float(np.max(np.abs(v), initial=0.0)) for v in (off, off + before, mean, b.v)]
+        turned = comm.allreduce(np.array(sizes), op=np.maximum)
+        again = turned[1] < _TURNS * turned[0] and turned[0] > _PERCENT * max(turned[2:])
+        times = times + 1 if again else 0
+        if times == _MOST_TURNS and not self._said:
+            self._said = True
+            words = self._worst(np.abs(off), 0.5 * turned[0], b.v[:n], mean)
+            if comm.rank == 0:
+                logger.warning(
+                    "velocities of nodes that Dirichlet data hold change from step to step about "
+                    "those of the data (%s by the data's increment): the motion began with another "
+                    "velocity than the data, or these have a kink in time; theta > 1/2 damps it",
+                    words,
+                )
+        return off, times
 
     def _require_finite(self) -> None:
         """Refuse a start that is not finite. Collective."""

@@ -34,10 +34,10 @@ from dolfinx_contact._errors import everywhere, same_everywhere
 from dolfinx_contact._forms import compiled_form
 from dolfinx_contact._numbers import is_number
 from dolfinx_contact.body.circumference import check_circumference
-from dolfinx_contact.body.inertia import Mass, mass_matrix
+from dolfinx_contact.body.inertia import Mass, mass_matrix, rigid_errors
 from dolfinx_contact.body.moving import MovingBody, Scheme, TimeStep
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.given_data import Datum, data_in
+from dolfinx_contact.equations.given_data import Constancy, Datum, data_in, placed_data
 from dolfinx_contact.evolution.history import EvolutionStep, History
 from dolfinx_contact.evolution.motion import Level, Method, MotionStepper
 from dolfinx_contact.evolution.motion_energy import MotionEnergies
@@ -59,17 +59,21 @@ class NSCD(Evolution):
     memory stays in the surfaces afterwards: ``surface.memory = None`` makes the law of the problem
     that was given static again. The multipliers are means over the step: impulses over areas and
     the length of the step.
-    Dirichlet data prescribe the displacement at the ends of steps; what they prescribe should begin
-    with the velocity that the body has there.
+    Dirichlet data prescribe the displacement at the ends of steps; what they prescribe begins with
+    the displacement and velocity that the body has there. A start that is elsewhere than they
+    prescribe, or moves where they do not, is refused. Where they have another velocity, or a kink
+    in time, velocities turn about theirs from step to step if theta is 1/2; of that the log warns.
 
     Args:
         problem: the contact problem, with loads and Dirichlet data, without inertia.
         density: mass per volume (per area in 2D, of unit thickness): a number, Constant, Function
-            or UFL expression of the coordinates. Of a body of revolution that of its volume.
+            or UFL expression of the coordinates. Of a body of revolution that of its volume. It
+            stays what it is here: a run in which it changes is refused.
         dt: length of a step, a time.
         load: called with a time, on every rank, sets Constants and Functions of the problem's data
             to what they are then; by default they stay.
-        velocity: at the first time, a Function of the displacement's space; by default at rest.
+        velocity: at the first time, a Function of the displacement's space; by default at rest. It
+            is to be that of the Dirichlet data where these hold the body: 0 where they stay.
         scheme: ``"theta"``, ``"theta-euler"`` or ``"modified-theta"`` (`body.moving`).
         theta: weight of the end of a step, 1/2 to 1.
         level: ``"position"``, Signorini's law of the gap, or ``"velocity"``, Moreau's law of impact
@@ -78,14 +82,17 @@ class NSCD(Evolution):
         mass: ``"consistent"``, ``"lumped"`` or ``"redistributed"``, without mass at the nodes that
             may touch (`body.inertia`). That keeps the whole mass and moves its centre by a part of
             a cell, so that a body that floats turns a little under a uniform force, less on finer
-            meshes. The velocity of nodes without mass means nothing by itself, and no momentum is
-            to be taken from `velocity` there: ask the impulses of contact, or take another mass.
+            meshes; beyond a percent the log warns, with the figure. The velocity of nodes without
+            mass means nothing by itself, and no momentum is to be taken from `velocity` there: ask
+            the impulses of contact, or take another mass.
         damping: forces affine in the velocity, as of a viscoelastic body: a UFL form in
             ``velocity`` and a test function, or in a trial and a test function; or a pair (a, b)
             for Rayleigh's a M + b K, a per time, b a time. K is that of the undeformed body, M
             consistent. What a form has at no velocity, as that of a wind, c (v - w), is a load.
             A form that holds the displacement is refused, and one with kinks or jumps in the
             velocity (dry friction, which is a law of a contact surface).
+            Like the density its factors stay: a run in which a Constant or Function in them (for
+            b > 0 in the stiffness) changes is refused.
             A form of a body of revolution has the weight `materials.circumference`.
         restitution: coefficient e, 0 to 1, at the velocity level.
 
@@ -148,6 +155,8 @@ class NSCD(Evolution):
         weight = 2 * math.pi * ufl.SpatialCoordinate(V.mesh)[0]
         mass_of = density * weight if problem.equations.axisymmetric else density
         M = mass_matrix(V, mass_of, mass, _touching(problem.equations))
+        if mass == "redistributed":
+            _warn_of_inertia(problem, M, mass_of)
         C, wind = _damping(problem, self.velocity, mass_of, damping)
         step = TimeStep(self._dt, method.theta, method.scheme)
         body = problem.equations.bulk
@@ -159,6 +168,8 @@ class NSCD(Evolution):
         self.kept = {"velocity": self.velocity}
         self.data = _data(density, damping, self.velocity)
         self.forms = [damping] if isinstance(damping, ufl.Form) else []
+        stay = _of_matrices(density, damping, self.velocity) + _of_stiffness(problem, damping)
+        self._constancy = Constancy(comm, stay)
         words = (f"scheme {scheme}", f"theta {method.theta!r}", f"level {level}", f"mass {mass}")
         restores = f"restitution {method.restitution!r}"
         of = f"density {described(ufl.as_ufl(density), V.mesh)}"
@@ -275,10 +286,12 @@ class NSCD(Evolution):
 
     def _stepper(self, progress: bool | None) -> MotionStepper:
         wanted = False if progress is False else None
-        return MotionStepper(self.problem, self.velocity, self.load, self._method, wanted)
+        stepper = self.problem, self.velocity, self.load, self._method, self._constancy
+        return MotionStepper(*stepper, wanted)
 
 
 _HALVINGS = 20  # of dt, to the least step
+_WRONG_INERTIA = 0.01  # of an acceleration, which is said
 _QUIET = 10  # steps in which a body at rest does not move
 
 
@@ -364,6 +377,25 @@ def _refuse_state(density: Any, *state: fem.Function | None) -> None:
         )
 
 
+def _warn_of_inertia(problem: ContactProblem, M: PETSc.Mat, density: Any) -> None:
+    """Warn where a mass that was moved lies elsewhere than that of the body. Collective."""
+    eq, V = problem.equations, problem.V
+    consistent = mass_matrix(V, density, "consistent", np.zeros(eq.owned_sizes[0], dtype=bool))
+    fixed = eq.constraints.fixed
+    share, falls = rigid_errors(V, M, consistent, fixed, axisymmetric=eq.axisymmetric)
+    consistent.destroy()
+    if max([share, *falls.values()]) > _WRONG_INERTIA and problem.comm.rank == 0:
+        turning = ", ".join(f"{100 * v:.2g} % along {axis}" for axis, v in falls.items())
+        logger.warning(
+            "mass='redistributed' has its centre and moments elsewhere than the body on this mesh: "
+            "motions that nothing holds are accelerated by up to %.2g %% otherwise than they "
+            "should be%s; take a finer mesh, mass='consistent', or mass='lumped', which keeps the "
+            "centre",
+            100 * share,
+            f", and a body that falls turns by shares of its fall ({turning})" if falls else "",
+        )
+
+
 def _damping(
     problem: ContactProblem,
     velocity: fem.Function,
@@ -436,12 +468,26 @@ def _data(density: Any, damping: Any, velocity: fem.Function) -> list[Datum]:
     return [d for d in found if d.value is not velocity]
 
 
-def _data(density: Any, damping: Any, velocity: fem.Function) -> list[Datum]:
-    """Functions and Constants in density and damping."""
-    found = list(data_in(ufl.as_ufl(density), "the density"))
-    if isinstance(damping, ufl.Form):
-        found += data_in(damping, "the damping")
-    return [d for d in found if d.value is not velocity]
+def _of_matrices(density: Any, damping: Any, velocity: fem.Function) -> list[Datum]:
+    """What mass and the factors of velocities in damping depend on; not a wind, which is a load."""
+    factors = damping
+    if isinstance(damping, ufl.Form) and len(damping.arguments()) == 1:
+        trial = ufl.TrialFunction(velocity.function_space)
+        factors = ufl.algorithms.expand_derivatives(ufl.derivative(damping, velocity, trial))
+    return _data(density, factors, velocity)
+
+
+def _of_stiffness(problem: ContactProblem, damping: Any) -> list[Datum]:
+    """What the stiffness in Rayleigh's damping depends on."""
+    if damping is None or isinstance(damping, ufl.Form) or _rayleigh(damping)[1] == 0:
+        return []
+    mine = problem.equations.bulk.stiffness_data
+    placed = placed_data(problem.equations, conditions=False)
+    return [
+        Datum(f"{d.place}, whose stiffness is in the damping,", d.value)
+        for d in placed
+        if any(d.value is f for f in mine)
+    ]
 
 
 def _described(damping: Any, V: fem.FunctionSpace) -> str:

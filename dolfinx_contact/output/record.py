@@ -105,6 +105,8 @@ class BranchRecord(ProblemRecord[Journal], Observer):
         every: int = 10,
         resume: bool = False,
     ):
+        if not (functionals is None or isinstance(functionals, Mapping)):
+            raise ValueError(f"functionals are a dictionary by their names, got {functionals!r}")
         comm = system.comm
         whole = isinstance(every, int | np.integer) and every >= 1
         require(comm, whole, f"fields must be kept at every 1 or more points, got {every!r}")
@@ -369,9 +371,12 @@ class BranchRecord(ProblemRecord[Journal], Observer):
         # Pivoting has no length of steps.
         route: Route = "steps" if stepping.next_step > 0 else "pivoting"
         self._unknowns(point.y)
-        with follower_for(
-            self.system, self._x, point.gamma, control, gamma_scale=scale, route=route
-        ) as follower:
+        with (
+            self.system.restored(),
+            follower_for(
+                self.system, self._x, point.gamma, control, gamma_scale=scale, route=route
+            ) as follower,
+        ):
             return follower.run(
                 point,
                 (task["gamma_range"][0], task["gamma_range"][1]),
