@@ -24,6 +24,7 @@ from dolfinx_contact._agreement import (
 from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact._frozen import ReadOnly, ReadOnlyList, copy_with
 from dolfinx_contact._kept import keep
+from dolfinx_contact._mesh_mark import mesh_stays
 from dolfinx_contact._numbers import is_count, is_number
 from dolfinx_contact._options import ProblemOptions, check_options, in_database
 from dolfinx_contact._petsc import require_real, staged
@@ -297,6 +298,7 @@ class ContactProblem(ReadOnly):
 
     # -- solve -----------------------------------------------------------------------------------
 
+    @mesh_stays()
     def solve(
         self,
         *,

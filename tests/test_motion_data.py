@@ -1,6 +1,7 @@
 """Motions whose data are not what they are taken for: refused, or said."""
 
 import logging
+import zlib
 
 from mpi4py import MPI
 
@@ -11,8 +12,16 @@ from blocks import box, facets
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, Frictionless, HalfSpace
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    Frictionless,
+    HalfSpace,
+    RigidBody,
+)
 from dolfinx_contact.evolution import NSCD
+from dolfinx_contact.materials import LinearElastic
 
 COMM = MPI.COMM_WORLD
 
@@ -178,3 +187,44 @@ def test_a_density_that_is_negative_within_a_cell():
     with pytest.raises(ValueError, match="the density must be positive everywhere"):
         NSCD(problem, x[0] - 0.2, dt=0.1, mass="lumped")
     NSCD(problem, x[0] + 0.01, dt=0.1, mass="lumped")
+
+
+def test_what_a_step_looks_at(monkeypatch):
+    """The mesh is looked at once a step, and no UFL is differentiated to know where a body is."""
+    domain = box(COMM, 2, "quad")
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u, t = fem.Function(V), fem.Constant(domain, 0.0)
+    shape = HalfSpace((0.0, -0.1), (0.0, 1.0))
+    wall = RigidBody(shape, about=(0.0, 0.0), motion={"y": 1.0 * t, "x": 0.1 * t}, held=("rz",))
+    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=wall, law=Coulomb(0.3))
+    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
+
+    def load(time):
+        t.value = time
+
+    problem = ContactProblem(energy, u, [surface])
+    motion = NSCD(problem, 1.0, dt=0.05, load=load)
+    motion.run([0.0, 0.1], progress=False)
+    marks, derivatives = [], []
+    checksum, expanded = zlib.crc32, ufl.algorithms.expand_derivatives
+    size = domain.geometry.x.nbytes
+
+    def counted(data, *start):
+        marks.append(memoryview(data).nbytes == size)
+        return checksum(data, *start)
+
+    def taken(*args, **kwargs):
+        derivatives.append(args)
+        return expanded(*args, **kwargs)
+
+    monkeypatch.setattr(zlib, "crc32", counted)
+    monkeypatch.setattr(ufl.algorithms, "expand_derivatives", taken)
+    history = motion.run([0.1, 0.3], progress=False)
+    assert sum(marks) <= 2 * len(history.steps)
+    assert not derivatives
+    assert max(s.result.resultants["contact"][1] for s in history.steps) > 1.0
+    np.testing.assert_allclose(wall.displacement, (0.03, 0.3), atol=1e-12)
+    # What the user moves between two solves is noticed all the same.
+    domain.geometry.x[:, 0] *= 1.01
+    with pytest.raises(ValueError, match="the mesh has moved"):
+        problem.solve()

@@ -28,6 +28,7 @@ from dolfinx import fem, la
 
 from dolfinx_contact._affine import dependence, has_branches, is_affine, jumps_in
 from dolfinx_contact._forms import compiled_form
+from dolfinx_contact._mesh_mark import mesh_mark
 from dolfinx_contact._petsc import half_of
 from dolfinx_contact.body.discontinuous import check_jumps
 
@@ -290,7 +291,7 @@ class Bulk:
 
     def _mark(self, data: list[Any]) -> int:
         """A checksum of the values of ``data`` and of the mesh, on this rank."""
-        mark = zlib.crc32(np.ascontiguousarray(self._V.mesh.geometry.x))
+        mark = mesh_mark(self._V.mesh)
         for d in data:
             values = d.value if isinstance(d, fem.Constant) else d.x.array
             mark = zlib.crc32(np.ascontiguousarray(values), mark)

@@ -16,7 +16,6 @@ what surfaces remember of earlier states is frozen (`points.memory`).
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
@@ -28,6 +27,7 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from dolfinx_contact._errors import require
+from dolfinx_contact._mesh_mark import mesh_mark, mesh_stays
 from dolfinx_contact._options import ProblemOptions
 from dolfinx_contact._petsc import logged
 from dolfinx_contact.body.bulk import Bulk
@@ -96,7 +96,7 @@ class ContactEquations:
         self.rigid = RigidBodies(V, self.surfaces, self.body_size)
         self.owned_sizes = [*(m.size_local * bs for m, bs in sizes), self.rigid.owned]
         self.global_sizes = [*(int(m.size_global) * bs for m, bs in sizes), self.rigid.size]
-        self._mesh_mark = zlib.crc32(np.ascontiguousarray(V.mesh.geometry.x))
+        self._mesh_mark = mesh_mark(V.mesh)
         self.forced_r = r
         self.scaling = Scaling(
             bulk, V, self.surfaces, self.constraints.fixed, self.rigid, self.body_size, r
@@ -144,6 +144,7 @@ class ContactEquations:
 
     # -- H ---------------------------------------------------------------------------------------
 
+    @mesh_stays()
     def contact(self, x: PETSc.Vec, statuses: Statuses | None = None) -> State:
         """The state ``x`` without the rows of H.
 
@@ -194,6 +195,7 @@ class ContactEquations:
         """Guessed statuses, by others where what answers here does not have them."""
         return statuses
 
+    @mesh_stays()
     def residual(self, x: PETSc.Vec, b: PETSc.Vec, statuses: Statuses | None = None) -> State:
         """H(x) into ``b``, and the state. Dirichlet data enter all rows linearly.
 
@@ -372,7 +374,7 @@ class ContactEquations:
 
     def require_same_mesh(self) -> None:
         """Raise ``ValueError`` if the mesh has moved since the problem was made."""
-        same = zlib.crc32(np.ascontiguousarray(self.V.mesh.geometry.x)) == self._mesh_mark
+        same = mesh_mark(self.V.mesh) == self._mesh_mark
         words = "the mesh has moved since the problem was made; make surfaces and problem anew"
         require(self.comm, same, words)
 

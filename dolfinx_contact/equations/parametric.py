@@ -20,6 +20,7 @@ from dolfinx import fem
 
 from dolfinx_contact._compat import dirichlet_value, is_value_of
 from dolfinx_contact._forms import compiled_form
+from dolfinx_contact._mesh_mark import mesh_mark
 from dolfinx_contact.continuation import Events, Piece, Preconditioner, System
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.given_data import given_data
@@ -167,7 +168,7 @@ class ParametricEquations(System):
 
     def data_mark(self) -> int:
         """A checksum of what the user may change, and of the mesh, on this rank."""
-        mark = zlib.crc32(np.ascontiguousarray(self.equations.V.mesh.geometry.x))
+        mark = mesh_mark(self.equations.V.mesh)
         for f in self._data:
             values = f.x.array if hasattr(f, "x") else np.asarray(f.value)
             mark = zlib.crc32(np.ascontiguousarray(values), mark)

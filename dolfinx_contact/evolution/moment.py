@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact._errors import everywhere
+from dolfinx_contact._mesh_mark import mesh_stays
 from dolfinx_contact.equations.given_data import GivenData
 from dolfinx_contact.equations.measures import Scales
 from dolfinx_contact.equations.state import Statuses
@@ -182,6 +183,7 @@ class Stepper:
             self.put(moment)
             raise
 
+    @mesh_stays()
     def take(self, moment: Moment, time: float, *, likely: Sequence[Statuses | None] = ()) -> Taken:
         """Step from a moment to a time; the problem is left there, with the memory of the step.
 

@@ -27,6 +27,7 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from dolfinx_contact._errors import require
+from dolfinx_contact._mesh_mark import mesh_stays
 from dolfinx_contact._named import Named
 from dolfinx_contact.body.moving import MovingBody, Scheme, TimeStep
 from dolfinx_contact.equations.given_data import Constancy, GivenData, require_obstacles
@@ -173,6 +174,7 @@ class MotionStepper(Stepper):
         assert isinstance(moment, MotionMoment)
         self._velocity.x.array[:] = moment.motion.v
 
+    @mesh_stays()
     def take(self, moment: Moment, time: float, *, likely: Sequence[Statuses | None] = ()) -> Taken:
         """Step from a moment to a time; see `Stepper.take`. Nothing is likely. Collective."""
         assert isinstance(moment, MotionMoment)

@@ -24,6 +24,7 @@ from scipy.spatial.transform import Rotation
 import ufl
 from dolfinx import fem, mesh
 from ufl.algorithms.analysis import extract_constants
+from ufl.utils.stacks import StackDict
 
 from dolfinx_contact._agreement import refuse_other_mesh
 from dolfinx_contact._frozen import ReadOnlyDict
@@ -124,6 +125,7 @@ class RigidBody(Obstacle):
             array.flags.writeable = False
         self.values: Array = np.zeros(len(self.components))
         self._places: list[tuple[fem.Constant, fem.Constant]] = []
+        self._taken: list[tuple[Any, Any]] = []  # loads and motions, given and without derivatives
 
     @property
     def displacement(self) -> Array:
@@ -222,11 +224,21 @@ class RigidBody(Obstacle):
 
     def numbers(self) -> Array:
         """Loads and motions as they are now, component by component."""
-        return np.array([number(e) for e in self.expressions])
+        return np.array([number(e) for e in self._plain()])
+
+    def _plain(self) -> list[Any]:
+        """Loads and motions without derivatives, which take time and are taken once."""
+        given = self.expressions
+        same = len(self._taken) == len(given) and all(
+            e is known for e, (known, _) in zip(given, self._taken, strict=True)
+        )
+        if not same:
+            self._taken = [(e, ufl.algorithms.expand_derivatives(e)) for e in given]
+        return [plain for _, plain in self._taken]
 
     def described(self) -> str:
         """What is to be the same on every rank."""
-        given = {c: number(e) for c, e in self.given.items()}
+        given = {c: float(v) for c, v in zip(self.components, self.numbers(), strict=True)}
         return f"{self.name} about {self.about.tolist()}, {given}, held {self.fixed.tolist()}"
 
 
@@ -234,9 +246,11 @@ _TOLERANCE = 1e-9  # of a unit motion, below which a point is where it was
 
 
 def number(e: Any) -> float:
-    """The value of a UFL scalar of Constants."""
+    """The value of a UFL scalar of Constants, in which no derivative is left to be taken."""
+    if isinstance(e, ufl.constantvalue.ScalarValue | ufl.constantvalue.Zero):
+        return float(e)
     known = {c: _value(c) for c in extract_constants(e)}
-    return float(e(None, known))
+    return float(e.evaluate(None, known, (), StackDict()))
 
 
 def _value(c: fem.Constant) -> Any:

@@ -20,6 +20,7 @@ from dolfinx_contact._compat import create_facet_submesh
 from dolfinx_contact._errors import everywhere, same_everywhere
 from dolfinx_contact._frozen import ReadOnly, seal
 from dolfinx_contact._kept import keep
+from dolfinx_contact._mesh_mark import mesh_mark
 from dolfinx_contact.laws import Law, LawAtPoints, PointData
 from dolfinx_contact.laws.status import closed
 from dolfinx_contact.meshing import GmshMesh, tagged_facets
@@ -231,7 +232,7 @@ class ContactSurface(ReadOnly):
 
     def _marked(self) -> int:
         """A checksum of what is given on the surface, on this rank."""
-        mark = zlib.crc32(np.ascontiguousarray(self.domain.geometry.x))
+        mark = mesh_mark(self.domain)
         for values in (*(f.x.array for f in self._data), *(c.value for c in self._numbers)):
             mark = zlib.crc32(np.ascontiguousarray(values), mark)
         return mark
