@@ -22,6 +22,7 @@ with a condition c. `jumps_in` compares values on both sides of the border of ev
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
@@ -106,7 +107,10 @@ def dependence(e: Any, *terminals: Any) -> Dependence:
         part = _walked(integrand, wanted, labels)
         if part.kinks and not labels:
             # Of a vector or tensor only some components may be used.
-            part = _walked(expand_indices(remove_complex_nodes(integrand)), wanted, labels)
+            scalars = [integrand[i] if i else integrand for i in np.ndindex(integrand.ufl_shape)]
+            expanded = [expand_indices(remove_complex_nodes(scalar)) for scalar in scalars]
+            parts = [_walked(scalar, wanted, labels) for scalar in expanded]
+            part = functools.reduce(_joined, parts)
         found = _joined(found, part)
     return found
 
@@ -317,8 +321,7 @@ def jumps_in(form: ufl.Form, v: fem.Function) -> list[Jump]:
         if not _walked(e, {v}, set()).kinks:
             continue
         if integral.integral_type().startswith("interior_facet"):
-            (alone,) = apply_restrictions(integral.reconstruct(integrand=e)).integrals()
-            e = alone.integrand()
+            e = apply_restrictions(integral.reconstruct(integrand=e)).integrand()
         e = expand_indices(e)
         borders = [
             node
