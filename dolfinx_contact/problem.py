@@ -83,7 +83,9 @@ class ContactProblem(ReadOnly):
 
     Args:
         bulk: UFL energy (a functional of ``u``) or residual (linear in a test function of the space
-            of ``u``) of the body, without contact terms.
+            of ``u``) of the body, without contact terms. Its residual may have kinks in ``u``, as
+            that of ``max_value(u[0], 0)**2``: it is solved, not proved or followed. It must not
+            jump, as that of ``abs(u[0])``: friction is a law of a surface.
         u: displacement.
         surfaces: contact surfaces of this body, each made with ``u``.
         bcs: Dirichlet conditions on the space of ``u`` or its components.
@@ -103,10 +105,11 @@ class ContactProblem(ReadOnly):
     Raises:
         ValueError: on every rank, if the arguments do not fit together, something is of another
             mesh, arguments differ between ranks, contact nodes are all clamped, a mesh coordinate
-            is not finite, a cell has no volume, some surfaces are axisymmetric and others not, the
-            bulk of a body of revolution is that of a plane one, or the other way round, or one of
-            its integrals has not the weight ``materials.circumference(mesh)``: one without any, or
-            with x[0] and no 2 pi. Where that is not decided a warning is logged.
+            is not finite, a cell has no volume, the bulk jumps in ``u``, some surfaces are
+            axisymmetric and others not, the bulk of a body of revolution is that of a plane one, or
+            the other way round, or one of its integrals has not the weight
+            ``materials.circumference(mesh)``: one without any, or with x[0] and no 2 pi. Where that
+            is not decided a warning is logged.
         AttributeError: where attributes or lists are changed afterwards.
         RuntimeError: if PETSc has complex scalars.
 

@@ -13,6 +13,7 @@ COMM = MPI.COMM_WORLD
 EVERY_CASE = ("test_bad_input", "test_disk", "test_hostile", "test_messages", "test_results")
 #: Tests on three ranks, of what depends on who owns what; the rest is seen on two.
 ON_THREE = {
+    "test_affine": ("a_bulk_that_jumps_is_refused", "a_kink_that_becomes_a_jump"),
     "test_adhesion": ("as_on_one_rank",),
     "test_arc_length": ("of_two_that_are_alike",),
     "test_bad_input": ("bad_numbers_on_one_rank_only", "a_rank_without_any_cell"),
