@@ -79,8 +79,10 @@ class Bulk:
         self.jacobian_form = compiled_form(derivative)
         self._energy_form: fem.Form | None = None
         coefficients, constants = _given_in(derivative)
-        self.linear: bool = own not in coefficients and is_affine(self.residual, own)
         self._branching = [f for f in _different(form, self.residual) if has_branches(f)]
+        # Of what has no branches anywhere the derivative alone tells, which is known already.
+        smooth = not self._branching or is_affine(self.residual, own)
+        self.linear: bool = own not in coefficients and smooth
         self.kinks = dependence(form, own).text_of_kinks if self._branching else ""
         self._smooth_mark: int | None = None
         #: Constants of the stiffness.
