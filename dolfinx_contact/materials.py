@@ -22,12 +22,6 @@ An energy of your own needs no class. Write it as a function of a 3 x 3 deformat
     problem = ContactProblem(W(F) * ufl.dx, u, surfaces, bcs=bcs)
     stress = ufl.diff(W(F), F) * F.T / ufl.det(F)  # Cauchy, 3 x 3: for `output.write_fields`
 
-A body of several materials has integrals over cell tags, and a stress of each tag::
-
-    dx = ufl.Measure("dx", domain, subdomain_data=cell_tags)
-    bulk = steel.energy(u) * dx(1) + rubber.energy(u) * dx(2)
-    stress = {1: steel.full_stress(u), 2: rubber.full_stress(u)}
-
 Of a body of revolution half of a section is meshed, r = x >= 0 and z = y. Its energy is that of
 `Axisymmetric` with the weight `circumference`, and its loads have that weight too::
 
@@ -38,6 +32,12 @@ Of a body of revolution half of a section is meshed, r = x >= 0 and z = y. Its e
 `ContactProblem` refuses integrals that lack the weight, or have x[0] with no 2 pi beside it. It
 finds the weight as a factor, in other words too; where it does not, and the values of the integral
 over 2 pi r do not vary like r or 1/r, it warns that this is not decided.
+
+A body of several materials has integrals over cell tags, and a stress of each tag::
+
+    dx = ufl.Measure("dx", domain, subdomain_data=cell_tags)
+    bulk = steel.energy(u) * dx(1) + rubber.energy(u) * dx(2)
+    stress = {1: steel.full_stress(u), 2: rubber.full_stress(u)}
 """
 
 from __future__ import annotations

@@ -19,10 +19,10 @@ from dolfinx import fem, la
 from dolfinx_contact._numbers import require_kind
 from dolfinx_contact._petsc import logged
 from dolfinx_contact.points.trace import trace_dofs
+from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.results.result import Result
 
 if TYPE_CHECKING:
-    from dolfinx_contact.problem import ContactProblem
     from dolfinx_contact.solvers.history import Step
 
 __all__ = ["prolong", "solve_nested"]
