@@ -1,0 +1,77 @@
+"""Two materials in one energy, of which one has the weight and the other has not.
+
+With nu = 0 the column splits by the radius: E_1 on 1 < r < 1.5, E_2 on 1.5 < r < 2. They stand in
+one integral, one weighted, or in two integrals over cell tags. The twin has weights everywhere.
+"""
+
+import numpy as np
+from bodies import block
+
+import ufl
+from dolfinx import mesh
+
+from dolfinx_contact import ContactProblem, ContactSurface, Frictionless, HalfSpace, materials
+from dolfinx_contact.materials import circumference
+
+
+def ring(case, weighted, material=None, axisymmetric=True, **data):
+    """Force on a ring, 1 < r < 2, that is pressed by 0.01 of its height."""
+    body = block(case.comm, **{"cells": (2, 2), "cell": "quadrilateral", **data})
+    body.domain.geometry.x[:, 0] += 1.0
+    body.moved.interpolate(lambda x: np.stack([0 * x[0], -0.01 + 0 * x[0]]))
+    steel = materials.LinearElastic.from_young(1000.0, 0.0)
+    steel = materials.Axisymmetric(steel) if material is None else material(steel)
+    floor = HalfSpace(point=(0, 0), normal=(0, 1))
+    contact = ContactSurface(
+        body.u, body.bottom, obstacle=floor, law=Frictionless(), axisymmetric=axisymmetric
+    )
+    problem = ContactProblem(weighted(steel.energy(body.u), body), body.u, [contact], bcs=body.bcs)
+    return problem.solve().resultants["contact"][1]
+
+
+RIGHT = 10.0 * np.pi * (2.0**2 - 1.0**2)
+
+
+def split(case, weights, tagged):
+    def weighted(psi, body):
+        domain = body.domain
+        around = circumference(domain)
+        pick = [around if has else 1.0 for has in weights]
+        r = ufl.SpatialCoordinate(domain)[0]
+        if not tagged:
+            inner = ufl.conditional(ufl.lt(r, 1.5), 1.0, 0.0)
+            return (inner * psi * pick[0] + (1 - inner) * 2 * psi * pick[1]) * ufl.dx
+        cells = np.arange(domain.topology.index_map(2).size_local, dtype=np.int32)
+        outer = mesh.compute_midpoints(domain, 2, cells)[:, 0] > 1.5
+        tags = mesh.meshtags(domain, 2, cells, np.where(outer, 2, 1).astype(np.int32))
+        dx = ufl.Measure("dx", domain, subdomain_data=tags)
+        return psi * pick[0] * dx(1) + 2 * psi * pick[1] * dx(2)
+
+    return ring(case, weighted)
+
+
+EXPECTED = 10.0 * np.pi * ((1.5**2 - 1) + 2 * (2**2 - 1.5**2))
+
+
+def told(case):
+    """How often the package has warned so far, on all ranks."""
+    return case.comm.allreduce(len(case.warnings))
+
+
+def attack(case):
+    for weights in ((True, False), (False, True)):
+        for tagged in (False, True):
+            heard = told(case)
+            try:
+                found = split(case, weights, tagged)
+            except ValueError:
+                found = EXPECTED
+            if told(case) == heard:
+                case.equal(f"force, weights {weights}, tagged {tagged}", found, EXPECTED, 1e-6)
+            else:
+                said = case.comm.bcast(case.warnings[-1] if case.comm.rank == 0 else "")
+                case.true("the warning says of what", "2 pi r" in said)
+
+
+def honest(case):
+    case.equal("force, tagged", split(case, (True, True), True), EXPECTED, 1e-6)
