@@ -30,8 +30,9 @@ import numpy as np
 import numpy.typing as npt
 
 import ufl
-from dolfinx import fem
+from dolfinx import fem, mesh
 from ufl.algorithms import expand_derivatives, extract_coefficients
+from ufl.algorithms.analysis import extract_constants
 from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 from ufl.corealg.traversal import unique_pre_traversal
 
@@ -357,7 +358,8 @@ class _Weights:
             found = self._of_values(f)
             # What has no 2 pi in it is the user's affair.
             if found is not None and _has_two_pi(found.number) in ("right", "rounded"):
-                found = _Factor(_TWO_PI, found.power)
+                # A single field 2 pi r^2 is rather a wrong weight than a right one times r.
+                found = _Factor(_TWO_PI, found.power) if found.power <= 1 else None
             elif found is not None:
                 found = _Factor(1.0, found.power)
             self._given[f] = found
@@ -480,7 +482,8 @@ def _variation(integral: ufl.Integral, u: fem.Function) -> str | None:
     """How the values of an integral vary over 2 pi r, "r" or "1/r"; None for anything else.
 
     Functions in it may vary themselves, and one of them may be the weight: it is asked whether
-    anything is constant where all, all but one, or none are replaced by their means. Collective.
+    anything is constant where all, all but one, or none are replaced by their means. What is zero
+    by now, as a load that sets in later, is taken for 1. Collective.
     """
     if integral.integral_type() not in ("cell", "exterior_facet"):
         return None
@@ -492,6 +495,9 @@ def _variation(integral: ufl.Integral, u: fem.Function) -> str | None:
     ]
     given = [f for f in extract_coefficients(integral.integrand()) if f is not u]
     copies = {f: f.copy() for f in given}
+    set_in = {
+        c: _ones(domain, c) for c in extract_constants(integral.integrand()) if not np.any(c.value)
+    }
     here, along = fem.Function(u.function_space), fem.Function(u.function_space)
     e = integral.integrand()
     # The weight is neither in normals nor in sizes of cells, which are no matter of r.
@@ -502,7 +508,7 @@ def _variation(integral: ufl.Integral, u: fem.Function) -> str | None:
         if not isinstance(node, ufl.classes.SpatialCoordinate)
     }
     tests = {a: along for a in ufl.algorithms.extract_arguments(e)}
-    form = ufl.replace(ufl.Form([integral]), {u: here, **tests, **copies, **plain})
+    form = ufl.replace(ufl.Form([integral]), {u: here, **tests, **copies, **set_in, **plain})
     form = ufl.Form([i.reconstruct(integrand=z * i.integrand()) for i in form.integrals()])
     first = form if tests else ufl.derivative(form, here, along)
     # Along (r, 0) a load without weight looks like one with it; what resists a strain does not.
@@ -542,7 +548,7 @@ def _kinds(
     choices = [[], *([f] for f in copies), list(copies)]
     for live in choices:
         for f, copy in copies.items():
-            copy.x.array[:] = f.x.array if f in live else _means(f)
+            copy.x.array[:] = _values(f) if f in live else _means(f)
         for probe in probes:
             along.interpolate(probe)
             kind = _kind(comm, _assembled(compiled), weights)
@@ -551,10 +557,21 @@ def _kinds(
     return found
 
 
+def _ones(domain: mesh.Mesh, c: fem.Constant) -> fem.Constant:
+    """A Constant of the shape of another."""
+    return fem.Constant(domain, np.ones(c.ufl_shape) if c.ufl_shape else 1.0)
+
+
+def _values(f: fem.Function) -> Array:
+    """Values of a Function on this rank, 1 where it is zero on all ranks. Collective."""
+    vanishes = f.function_space.mesh.comm.allreduce(not np.any(f.x.array), op=MPI.LAND)
+    return np.ones_like(f.x.array) if vanishes else np.asarray(f.x.array)
+
+
 def _means(f: fem.Function) -> Array:
     bs, comm = f.function_space.dofmap.index_map_bs, f.function_space.mesh.comm
     n = f.function_space.dofmap.index_map.size_local
-    mine = f.x.array[: n * bs].reshape(-1, bs)
+    mine = _values(f)[: n * bs].reshape(-1, bs)
     sums = comm.allreduce(np.append(mine.sum(axis=0), len(mine)))
     return np.asarray(np.tile(sums[:-1] / sums[-1], len(f.x.array) // bs))
 

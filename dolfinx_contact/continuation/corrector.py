@@ -77,6 +77,8 @@ class Corrector:
         self._distance, self._polish = 0.0, False
         self._T: PETSc.Vec | None = None
         self._error = self._residual = 0.0
+        self._scales: tuple[float, ...] = ()  # at the start of the run
+        self._predicted: tuple[float, ...] | None = None  # with the state it started from
         #: Relative residual to which a correction is worth solving.
         self.forcing = 0.0
         self.iterations = 0
@@ -171,12 +173,20 @@ class Corrector:
 
     def _run(self, y: PETSc.Vec, t: PETSc.Vec, piece: Piece | None) -> bool:
         self._piece, self.iterations, self._error = piece, 0, 0.0
+        self._scales, self._predicted = self.bordered.system.scales, None
         self.bordered.dual(t, self._row)
         self.snes.setJacobian(self._jacobian, self._matrix(y))
         with self.bordered.solver.options(), as_raised():
             self.snes.solve(None, y)
         self.iterations = self.snes.getIterationNumber()
-        return bool(self.snes.getConvergedReason() > 0)
+        ok = bool(self.snes.getConvergedReason() > 0)
+        if not ok:
+            self.reject()
+        return ok
+
+    def reject(self) -> None:
+        """Judge what follows as if the last run had not been: where it went is no size of H."""
+        self.bordered.system.scales = self._scales
 
     def _matrix(self, y: PETSc.Vec) -> PETSc.Mat:
         solver = self.bordered.solver
@@ -187,7 +197,12 @@ class Corrector:
     def _function(self, _snes: PETSc.SNES, y: PETSc.Vec, out: PETSc.Vec) -> None:
         b = self.bordered
         x, gamma = b.split(y)
+        # Beside a wild iterate every other one would be a solution.
+        if self._predicted is not None:
+            b.system.scales = self._predicted
         self._residual = b.system.residual(x, gamma, self._hx, self._piece)
+        if self._predicted is None:
+            self._predicted = b.system.scales
         last = 0.0
         if self._reference is not None:
             self._away.waxpy(-1.0, self._reference, y)

@@ -354,7 +354,10 @@ class Follower:
         most = abs(gamma - point.gamma) * (1 / abs(slope) + 1 / abs(onwards)) if onwards else 0.0
         same = bool(np.array_equal(new.piece.codes, point.piece.codes))
         same = b.comm.allreduce(same, op=_all)
-        return new if same and distance <= _FURTHER * most else None
+        if same and distance <= _FURTHER * most:
+            return new
+        self.corrector.reject()
+        return None
 
     def restore(self, stepping: Stepping) -> None:
         """Know again what was known at a point that was followed to before."""

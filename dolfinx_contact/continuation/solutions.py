@@ -185,7 +185,12 @@ def find_solutions(
     check_states(system, known, "a known solution")
     system.check_parameter([gamma])
     arguments = guesses, gamma, known, lengths, max_iterations, tolerance, deflation, proof_seconds
-    return _doubted(system, _found(system, *arguments))
+    scales = system.scales
+    try:
+        found = _found(system, *arguments)
+    finally:
+        system.scales = scales  # which wild states have made large
+    return _doubted(system, found)
 
 
 def _doubted(system: System, solutions: Solutions) -> Solutions:

@@ -142,7 +142,10 @@ class ExactSteps:
         away.axpy(-h, point.tangent)
         off = self._length(away)
         away.destroy()
-        return not (turns or aside or abs(along - h) > _SHARE * h or off > h)
+        landed = not (turns or aside or abs(along - h) > _SHARE * h or off > h)
+        if not landed:
+            self.corrector.reject()
+        return landed
 
     def _events(self, y: PETSc.Vec, piece: Piece) -> Events:
         x, gamma = self.bordered.split(y)
