@@ -275,7 +275,8 @@ def _power(node: Any, base: _Part) -> _Part:
 # -- jumps -----------------------------------------------------------------------------------------
 
 _EQUAL = 1e-10  # of the values around, up to which two sides of a border agree
-_PLACES = 4  # of an integral and a rank, at which they are compared
+_PLACES = 4  # of an integral and a rank, at which they are compared, but where data differ
+_LOOKED_AT, _PATTERNS = 20_000, 32  # places that are asked what data are, and such ways
 _SIZES = (1e-12, 1e-9, 1e-6, 1e-3, 1.0, 1e3)  # of v and its gradient beside the border
 _WAYS = 2  # to the border, of each size
 _REACH = 10.0 ** np.arange(-15, 12.25, 0.25)  # how far borders are looked for
@@ -330,7 +331,7 @@ def jumps_in(form: ufl.Form, v: fem.Function) -> list[Jump]:
             and not isinstance(node, classes.AndCondition | classes.OrCondition)
             and v in extract_coefficients(node)
         ]
-        sides = _Sides(e, v, _places(integral, v.function_space.mesh))
+        sides = _Sides(e, v, _covering(e, v, _places(integral, v.function_space.mesh)))
         for border in borders:
             reached, jumps = sides.compare(border)
             reached, jumps = comm.allreduce(np.array([reached, jumps], dtype=np.int64))
@@ -346,17 +347,32 @@ class _Sides:
         e: without indices that are summed over.
         v: what is moved.
         places: cells and points (n,), (n, 3), those of this rank.
+        sizes: of v and its gradient.
     """
 
-    def __init__(self, e: Any, v: fem.Function, places: tuple[npt.NDArray[np.int32], Array]):
+    def __init__(self, e: Any, v: fem.Function, places: Places, sizes: Sequence[float] = _SIZES):
         self._terms, self._v = list(_summands(e)), v
         cells, points = places
-        samples = len(_SIZES) * _WAYS
+        samples = len(sizes) * _WAYS
         self._cells = np.repeat(cells, samples)
         self._points = np.repeat(points, samples, axis=0)
-        self._size = np.tile(np.repeat(_SIZES, _WAYS), len(cells))
+        self._size = np.tile(np.repeat(sizes, _WAYS), len(cells))
         self._random = np.random.default_rng(24)
         self._leaves: dict[Any, tuple[Array, Array]] = {}
+
+    def given_signs(self) -> Array:
+        """Signs (k, n) at the places of what data make of conditions and fields without v."""
+        first = np.arange(0, len(self._cells), _WAYS)
+        rows = [np.zeros(len(first))]
+        for node in {n: None for t in self._terms for n in unique_post_traversal(t)}:
+            held = extract_coefficients(node)
+            if self._v in held or isinstance(node, classes.MultiIndex | classes.Label):
+                continue
+            if type(node) in _COMPARED:
+                rows.append(self._value(node, np.zeros(len(first)), first).astype(float))
+            elif held and not isinstance(node, classes.Condition) and _is_leaf(node):
+                rows.append(np.sign(self._leaf(node)[0][first]))
+        return np.stack(rows)
 
     def compare(self, border: Any) -> tuple[int, int]:
         """How often a border was reached, and how often it was a jump."""
@@ -568,30 +584,49 @@ def _is_known_at_points(f: fem.Function, v: fem.Function) -> bool:
     return V.mesh == v.function_space.mesh and not V.ufl_element().has_custom_quadrature
 
 
-def _places(integral: Any, domain: mesh.Mesh) -> tuple[npt.NDArray[np.int32], Array]:
-    """Cells (n,) and points in them (n, 3) of an integral, some of this rank. Not collective."""
+Places = tuple[npt.NDArray[np.int32], Array]
+
+
+def _covering(e: Any, v: fem.Function, places: Places) -> Places:
+    """Some places, with one for each way in which data decide what stands in an integrand.
+
+    A term may be that of a part of the body, by a condition on the place or a field that vanishes
+    elsewhere. Not collective.
+    """
+    cells, points = places
+    if not len(cells):
+        return places
+    few = np.unique(np.linspace(0, len(cells) - 1, _PLACES).astype(int))
+    many = np.unique(np.linspace(0, len(cells) - 1, _LOOKED_AT).astype(int))
+    with np.errstate(all="ignore"):
+        signs = _Sides(e, v, (cells[many], points[many]), _SIZES[:1]).given_signs()
+    _, first = np.unique(np.nan_to_num(signs), axis=1, return_index=True)
+    chosen = np.union1d(few, many[np.sort(first)[:_PATTERNS]])
+    return cells[chosen], points[chosen]
+
+
+def _places(integral: Any, domain: mesh.Mesh) -> Places:
+    """Cells (n,) and points in them (n, 3) of an integral, all of this rank. Collective."""
     topology, tdim = domain.topology, domain.topology.dim
     data, number = integral.subdomain_data(), integral.subdomain_id()
     of_cells = integral.integral_type() == "cell"
     dim = tdim if of_cells else tdim - 1
     size = topology.index_map(tdim).size_local
     entities = np.arange(size, dtype=np.int32)
+    if dim < tdim:
+        topology.create_connectivity(dim, tdim)
     if getattr(data, "dim", None) == dim:
         numbers = number if isinstance(number, tuple) else (number,)
         tagged = [data.find(i) for i in numbers if isinstance(i, int | np.integer)]
         entities = np.concatenate([data.indices[:0], *tagged]) if tagged else entities
+    elif integral.integral_type() == "exterior_facet":
+        entities = mesh.exterior_facet_indices(topology)
     elif not of_cells:
         dim = tdim
+    cells = entities
     if dim < tdim:
         cells_of = topology.connectivity(dim, tdim)
-        if cells_of is None:
-            topology.create_connectivity(dim, tdim)
-            cells_of = topology.connectivity(dim, tdim)
         cells = np.array([cells_of.links(f)[0] for f in entities], dtype=np.int32)
-    else:
-        cells = entities
     mine = np.flatnonzero(cells < size)
-    if len(mine):
-        mine = mine[np.unique(np.linspace(0, len(mine) - 1, _PLACES).astype(int))]
     points = mesh.compute_midpoints(domain, dim, np.asarray(entities[mine], dtype=np.int32))
     return cells[mine], points

@@ -43,8 +43,8 @@ class Disc:
         upper = mesh.compute_midpoints(self.mesh, 2, cells)[:, 1] > 0.5
         return dx(subdomain_data=mesh.meshtags(self.mesh, 2, cells, 1 + upper.astype(np.int32)))
 
-    def function(self, f):
-        g = fem.Function(fem.functionspace(self.mesh, ("Lagrange", 1)))
+    def function(self, f, degree=1):
+        g = fem.Function(fem.functionspace(self.mesh, ("Lagrange", degree)))
         g.interpolate(f)
         return g
 
@@ -118,6 +118,18 @@ WRONG = {
     "r beside numbers": (NO_TWO_PI, lambda b: own(b, None) * b.r * dx),
     "2 pi": (NO_WEIGHT, lambda b: 2 * np.pi * b.energy * dx),
     "r, a Function": (NO_TWO_PI, lambda b: b.function(lambda x: x[0]) * b.energy * dx),
+    "2 pi r^2, a Function": (
+        NO_WEIGHT,
+        lambda b: b.function(lambda x: 2 * np.pi * x[0] ** 2, 2) * b.energy * dx,
+    ),
+    "a load that sets in": (
+        NO_WEIGHT,
+        lambda b: (b.energy * b.around + fem.Constant(b.mesh, 0.0) * b.u[1]) * dx,
+    ),
+    "a field that sets in": (
+        NO_WEIGHT,
+        lambda b: (b.energy * b.around + b.function(lambda x: 0 * x[0]) * b.u[1]) * dx,
+    ),
     "a residual": (NO_WEIGHT, lambda b: own(b, ufl.TestFunction(b.V)) * dx),
     "a load": (NO_WEIGHT, lambda b: (b.energy * b.around + 3.0 * b.u[1]) * dx),
     "a pressure": (
@@ -139,7 +151,9 @@ WRONG = {
 }
 
 
-@pytest.mark.parametrize("name", some_long(WRONG, ["r", "a load", "one part", "a plane part"]))
+@pytest.mark.parametrize(
+    "name", some_long(WRONG, ["r", "one part", "a plane part", "a load that sets in"])
+)
 def test_no_weight(name):
     reason, make = WRONG[name]
     for inner in (0.0, 0.5) if name == "no weight" else (0.0,):
