@@ -11,6 +11,8 @@ import numpy as np
 
 from dolfinx import fem, mesh
 
+from dolfinx_contact import meshing
+
 _CELLS = {
     "triangle": mesh.CellType.triangle,
     "quadrilateral": mesh.CellType.quadrilateral,
@@ -65,3 +67,115 @@ def block(
     bottom, top = face(0.0), face(size[dim - 1])
     held = fem.dirichletbc(moved, fem.locate_dofs_topological(V, dim - 1, top))
     return Block(domain, V, u, bottom, top, moved, [held])
+
+
+def dense(form: Any) -> np.ndarray:
+    """Matrix of a bilinear form on a mesh of one rank, without conditions, as an array."""
+    return fem.assemble_matrix(fem.form(form)).to_dense()
+
+
+def nodes_of(V: fem.FunctionSpace, where: Any) -> np.ndarray:
+    """Nodes (not dofs) of a space on one rank where ``where(y)`` holds, by coordinates.
+
+    Args:
+        V: vector space.
+        where: mask of positions (n, 3).
+    """
+    y = V.tabulate_dof_coordinates()
+    found = np.flatnonzero(where(y))
+    return found[np.lexsort(y[found].round(12).T[::-1])]
+
+
+def condensed(K: np.ndarray, kept: np.ndarray, gone: np.ndarray) -> np.ndarray:
+    """Schur complement of ``K`` on dofs ``kept``; all but these and ``gone`` are eliminated."""
+    rest = np.setdiff1d(np.arange(len(K)), np.concatenate([kept, gone]))
+    S = K[np.ix_(kept, kept)]
+    if len(rest):
+        inner = np.linalg.solve(K[np.ix_(rest, rest)], K[np.ix_(rest, kept)])
+        S = S - K[np.ix_(kept, rest)] @ inner
+    return S
+
+
+@dataclass
+class TwoBlocks:
+    """One block on another, held at the top of the upper and the foot of the lower."""
+
+    domain: mesh.Mesh
+    parts: mesh.MeshTags  # 1 above, 2 below
+    V: fem.FunctionSpace
+    u: fem.Function
+    slave: Any  # facets of the upper
+    master: Any  # facets of the lower
+    top: fem.Function  # displacement of the top
+    foot: fem.Function  # displacement of the foot
+    bcs: list[fem.DirichletBC]
+
+
+def two_blocks(
+    comm: MPI.Comm,
+    upper: tuple[int, ...] = (2, 2),
+    lower: tuple[int, ...] = (4, 2),
+    *,
+    unit: float = 1.0,
+    wide: tuple[float, float] = (0.0, 1.0),
+    at: float = 0.0,
+    cell: str = "quadrilateral",
+    degree: int = 1,
+) -> TwoBlocks:
+    """A unit square (cube) that lies on a block of half its height, which may be wider.
+
+    Args:
+        comm: communicator.
+        upper: cells of the upper block along the axes, two or three.
+        lower: cells of the lower block.
+        unit: of length.
+        wide: ends of the lower block along x.
+        at: where the upper block begins along x.
+        cell: type of all cells.
+        degree: of the displacement.
+    """
+    dim = len(upper)
+    create = mesh.create_rectangle if dim == 2 else mesh.create_box
+    boxes = (
+        (upper, [at, *[0.0] * (dim - 1)], [at + 1.0, *[1.0] * (dim - 1)]),
+        (lower, [wide[0], *[0.0] * (dim - 2), -0.5], [wide[1], *[1.0] * (dim - 2), 0.0]),
+    )
+    both = meshing.join(
+        [create(comm, unit * np.array([a, b]), n, _CELLS[cell]) for n, a, b in boxes]
+    )
+    domain, parts = both.mesh, both.cell_tags
+
+    def face(value: float) -> Any:
+        return mesh.locate_entities_boundary(
+            domain, dim - 1, lambda x: np.isclose(x[dim - 1], value * unit, atol=1e-9 * unit)
+        )
+
+    between = face(0.0)
+    domain.topology.create_connectivity(dim - 1, dim)
+    to_cells = domain.topology.connectivity(dim - 1, dim)
+    above = np.isin(to_cells.array[to_cells.offsets[between]], parts.find(1))
+    V = fem.functionspace(domain, ("Lagrange", degree, (dim,)))
+    u = fem.Function(V, name="displacement")
+    moved = [fem.Function(V) for _ in range(2)]
+    bcs = [
+        fem.dirichletbc(f, fem.locate_dofs_topological(V, dim - 1, face(value)))
+        for f, value in zip(moved, (1.0, -0.5), strict=True)
+    ]
+    return TwoBlocks(domain, parts, V, u, between[above], between[~above], *moved, bcs)
+
+
+def copied(u: fem.Function, own: fem.Function) -> None:
+    """Values of ``u``, of all ranks, into ``own`` on one rank, by the places of nodes. Collective.
+
+    Args:
+        u: a vector Function.
+        own: one of the same element on the same mesh, on COMM_SELF.
+    """
+    dim = u.function_space.dofmap.index_map_bs
+    x = u.function_space.tabulate_dof_coordinates()
+    parts = u.function_space.mesh.comm.allgather((x, u.x.array.reshape(-1, dim)))
+    places = np.concatenate([p[0] for p in parts])
+    values = np.concatenate([p[1] for p in parts])
+    for i, y in enumerate(own.function_space.tabulate_dof_coordinates()):
+        nearest = np.argmin(np.linalg.norm(places - y, axis=1))
+        own.x.array[dim * i : dim * (i + 1)] = values[nearest]
