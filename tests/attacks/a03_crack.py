@@ -25,7 +25,7 @@ def attack(case):
         dofs = fem.locate_dofs_topological(V, 1, face)
         bcs.append(fem.dirichletbc(np.array(value), dofs, V))
     steel = materials.LinearElastic.from_young(1.0, 0.0)
-    pair = ContactPair(u, body, slave="7", master="7_opposite", law=Coulomb(0.1))
+    pair = ContactPair(u, body, slave=7, master="7_opposite", law=Coulomb(0.1))
     result = ContactProblem(steel.energy(u) * ufl.dx, u, [pair], bcs=bcs).solve()
     case.equal("force", result.resultants["contact"], [0.0, 0.0])
     doubted(case, result)

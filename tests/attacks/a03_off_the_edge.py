@@ -32,10 +32,10 @@ def pressed(both, way, press=0.02, *, stress=1.0, law=None, **more):
 
 
 def doubted(case, result):
-    """Take note of what a result says against itself."""
+    """Take note of what a result says against itself; a proof or no word in it is an error."""
     case.warned(SAID)
-    case.true("nothing is proved", result.unique != "proved")
-    case.true("the result has the doubt", bool(result.doubts))
+    if result.unique == "proved" or not result.doubts:
+        raise AssertionError(f"{result.unique}, doubts {result.doubts}")
 
 
 def put(case, unit, stress):

@@ -1,11 +1,11 @@
 """The small body is the master, against the advice, and is moved along the wide slave.
 
 The force keeps its size; where it acts has to go with the body. The centre of pressure of the table
-is compared, at the displaced place.
+is compared, at the nodes of the slave, which stay where they are.
 """
 
 import numpy as np
-from a03_off_the_edge import SAID
+from a03_off_the_edge import doubted
 from bodies import two_blocks
 
 import ufl
@@ -21,8 +21,7 @@ def attack(case):
     energy = steel.energy(both.u) * ufl.dx
     result = ContactProblem(energy, both.u, [pair], bcs=both.bcs).solve()
     table = result.tables["contact"]
-    place = table.x[:, 0] + table.ut[:, 0] * 0
+    place = table.x[:, 0]
     centre = np.sum(place * table.rn) / np.sum(table.rn)
     case.equal("centre of pressure", centre, 2.5, 0.02)
-    case.warned(SAID)
-    case.true("nothing is proved", result.unique != "proved")
+    doubted(case, result)

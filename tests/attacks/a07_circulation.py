@@ -1,8 +1,8 @@
 """A body on springs with a force that circulates, c (-u_y, u_x): flutter, against a closed form.
 
 Translations: rho lambda^2 + d lambda + k +- i c = 0, all exact motions. Undamped they grow
-for every c; a damping d holds them as long as d^2 k > rho c^2. The stiffness is positive definite (k > 0), so
-that no count of its negative eigenvalues shows this.
+for every c; a damping d holds them as long as d^2 k > rho c^2. The stiffness is positive
+definite (k > 0), so that no count of its negative eigenvalues shows this.
 """
 
 import numpy as np

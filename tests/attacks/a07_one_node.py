@@ -1,4 +1,4 @@
-"""A triangle with one node on the floor that is at the bound of friction, by a closed form.
+"""A triangle with one node on the floor that slips, by a closed form.
 
 S_tt - F S_nt is the stiffness against slip to the left, where rt = F rn; beyond the critical F it
 is negative, and the node leaves with lambda^2 = (F S_nt - S_tt) / m, m = rho A / 6 the mass of the
