@@ -37,6 +37,7 @@ def attack(case):
     end = problem.table(pair).rn.sum()
     case.equal("force at the end", end, 0.0)
     case.warned(SAID)
-    found = find_solutions(system, [branch.points[-1].x], 2.0)
+    problem.write(x)
+    found = find_solutions(system, [x], 2.0)
     if found.complete:
         raise AssertionError("called complete")

@@ -1,4 +1,4 @@
-"""A history that moves a block off the one below in steps of 2 % of a facet each.
+"""A history that moves a block off the one below in steps of a fifth of a facet each.
 
 No single step is large. At the end there is nothing below, and the force is zero; a run says once
 that the sliding is not small any more.
@@ -26,7 +26,7 @@ def run(case, end, steps):
 
 
 def attack(case):
-    result = run(case, 1.2, 60)
+    result = run(case, 1.2, 24)
     case.equal("force", result.resultants["contact"], [0.0, 0.0], 1e-9)
     doubted(case, result)
     said = sum("contact" in w for w in case.warnings)

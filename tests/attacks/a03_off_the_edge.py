@@ -35,7 +35,8 @@ def doubted(case, result):
     """Take note of what a result says against itself; a proof or no word in it is an error."""
     case.warned(SAID)
     if result.unique == "proved" or not result.doubts:
-        raise AssertionError(f"{result.unique}, doubts {result.doubts}")
+        found = f"unique {result.unique}, doubts {result.doubts}, {case.off}"
+        raise AssertionError(found)
 
 
 def put(case, unit, stress):
