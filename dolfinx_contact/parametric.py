@@ -37,7 +37,7 @@ from dolfinx_contact.laws.status import OPEN
 from dolfinx_contact.points.surface import ContactSurface
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.reduced.condensed import CondensedContact, can_condense
-from dolfinx_contact.results.checks import slidings
+from dolfinx_contact.results.checks import sliding_doubt, slidings
 from dolfinx_contact.results.result import Result
 from dolfinx_contact.results.uniqueness import checked_seconds
 from dolfinx_contact.solvers.errors import ConvergenceError
@@ -158,8 +158,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
             statuses = self.statuses_of(piece)
             assert statuses is not None
             self.problem.put(x, statuses)
-            found = slidings(self.equations, self.equations.contact(x, statuses))
-        return "; ".join(f"{name}: {s.doubt}" for name, s in found.items() if s.doubt)
+            return sliding_doubt(self.equations, self.equations.contact(x, statuses))
 
     def result_at(self, point: BranchPoint) -> Result:
         """The tables of a point of a branch, which is left in the Functions. Collective.

@@ -24,7 +24,7 @@ normal forces; they take many eigenproblems, of dense matrices.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from petsc4py import PETSc
 
@@ -50,6 +50,7 @@ from dolfinx_contact.analysis.weighted import WeightedForm
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.laws import Coulomb, Frictionless, Tresca
+from dolfinx_contact.results.checks import sliding_doubt
 
 __all__ = ["Renard", "criterion_at", "renard_criterion"]
 
@@ -74,17 +75,20 @@ class Renard:
         friction: the coefficient F_R that this is; None if it is not the same everywhere.
         definite: whether the stiffness is symmetric and positive definite, without which nothing is
             certain.
+        doubt: where the sliding of the solution is not small, and in what way: then it is not that
+            of the bodies where they are now, and nothing is certain; else "".
         unique: whether the solution is certainly the only one at the friction that it has.
     """
 
     factor: float
     friction: float | None
     definite: bool = True
+    doubt: str = ""
 
     @property
     def unique(self) -> bool:
         """Certainly the only one; False says nothing."""
-        return self.definite and self.factor > 1.0 + 1e-9
+        return self.definite and self.factor > 1.0 + 1e-9 and not self.doubt
 
 
 @staged("ContactUniqueness")
@@ -115,9 +119,11 @@ def renard_criterion(
     require(eq.comm, eq.bulk.linear, "the criterion needs a bulk that is linear in u")
     require(eq.comm, not (weights and dense is False), "weights need the dense eigenproblem")
     state, effort = problem.state(), _EFFORT if weights else 0
-    return criterion_at(
+    found = criterion_at(
         eq, state, directions=directions, dense=dense or (weights or None), effort=effort
     )
+    # Directions that are given are those of no state.
+    return found if directions is not None else replace(found, doubt=sliding_doubt(eq, state))
 
 
 def criterion_at(

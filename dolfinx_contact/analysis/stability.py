@@ -59,6 +59,7 @@ from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.laws import Coulomb, Frictionless
 from dolfinx_contact.laws.status import MINUS, PLUS, closed, senses
+from dolfinx_contact.results.checks import sliding_doubt
 
 __all__ = ["Stability", "stability_at_rest"]
 
@@ -108,7 +109,9 @@ def stability_at_rest(
 
     The stiffness counts too: a column that is pressed beyond its buckling load is unstable with all
     its contact points stuck. "not decided" says in its reason which bound was reached: a motion
-    without resistance, points at a border, or, with loads that follow the body, size.
+    without resistance, points at a border, with loads that follow the body, size; or that the
+    sliding is not small (`Result.doubts`), so that the state is not that of the bodies where they
+    are now.
 
     Args:
         problem: a contact problem that has been solved, nodal or mixed, with Coulomb's friction or
@@ -130,6 +133,9 @@ def stability_at_rest(
         require(eq.comm, known, message)
     require(eq.comm, is_count(most), f"the number of eigenproblems must be 1 or more, got {most}")
     state = problem.state()
+    doubt = sliding_doubt(eq, state)
+    if doubt:
+        return Stability("not decided", 0.0, 0, 0, doubt)
     body = body_of(eq, state.u, density, damping)
     unknowns = int(eq.comm.allreduce(int((~eq.fixed[: eq.owned_sizes[0]]).sum())))
     try:

@@ -49,11 +49,14 @@ class ContactPair(ContactSurface):
 
     Sliding and turning are small: what is opposite to a point stays opposite, along the normal of
     the reference configuration, wherever the bodies go. A solve measures how far that is off
-    (`Result.slidings`), and warns if a closed point has gone half a facet along the master or has
-    left its face, if normals have turned by 3 degrees, or if a gap is off by 1e-3 of the size of
-    the bodies; then nothing is proved either (`Result.unique`, `find_solutions`). Histories,
-    motions and paths measure every accepted step, and warn once a run; branches warn of the points
-    that they put into the problem, as the last one. Make facets larger than the way, start from a
+    (`Result.slidings`), and warns if a point that is closed, or carries something across a gap as
+    bonds do, has gone half a facet of the master, or half the face of the slave, along the master
+    or has left its face, if normals have turned by 3 degrees, or if a gap is off by 1e-3 of the
+    size of the bodies; then nothing is proved either (`Result.unique`, `find_solutions`,
+    `analysis.renard_criterion`, `analysis.stability_at_rest`). Histories, motions and paths measure
+    every accepted step, and warn once a run; branches warn of the points that they put into the
+    problem, as the last one. Charts and regions look at loads, not at states, and do not see it.
+    Make facets larger than the way, start from a
     mesh in which the bodies lie where they will touch, or take an obstacle for one of them.
 
     Args:

@@ -27,7 +27,7 @@ from dolfinx_contact.laws.status import closed
 from dolfinx_contact.points.pair_motion import Moved
 from dolfinx_contact.points.surface import ContactSurface
 
-__all__ = ["Sliding", "slidings", "warn_of_inversion", "warn_of_obstacles"]
+__all__ = ["Sliding", "sliding_doubt", "slidings", "warn_of_inversion", "warn_of_obstacles"]
 
 logger = logging.getLogger(__name__)
 
@@ -37,6 +37,7 @@ Marks = npt.NDArray[np.bool_]
 _LARGEST_MISFIT = 1e-3  # of the body's size, above which there is a warning
 _LARGEST_WAY = 0.5  # of a facet
 _LARGEST_TURN = 3.0  # degrees
+_CARRIES = 1e-3  # of the largest traction, above which an open point carries something
 _FAR = 10.0  # body sizes
 
 
@@ -72,14 +73,15 @@ class Sliding:
             which the law does not see. Of a pair that of the slave from the displaced master, which
             counts by how much it is off by more than in the reference configuration, and at points
             that have left the master's face the distance by which.
-        way: of a pair, how far a closed point has gone along the master, in widths of the facet
-            that was opposite; else 0.
+        way: of a pair, how far a point that is closed, or carries something across a gap, has gone
+            along the master, in widths of the facet that was opposite, or of the whole face of the
+            slave where that is narrower; else 0.
         turn: of a pair, the angle in degrees by which normals have turned at closed points: its
             root mean square by the normal forces, or half the largest if that is more, which counts
             where a body bends to the shape of the other and the pressure falls off; else 0.
         doubt: why nothing is proved of the state, "" where the sliding is small: a misfit of 1e-3
-            of the body's size, half a facet, 3 degrees, or a point that has left the face of the
-            master by half a facet.
+            of the body's size, half a facet or half the slave's face, 3 degrees, or a point that
+            has left the face of the master by half a facet.
     """
 
     misfit: float | None
@@ -103,12 +105,37 @@ def slidings(eq: ContactEquations, state: State) -> dict[str, Sliding]:
         if s.motion is not None:
             normal = -np.sum(contact.traction * s.points.data.n, axis=1)
             forces = np.where(held, 0.0, s.points.areas * np.maximum(normal, 0.0))
-            found[s.name] = _of_pair(eq, s, s.motion(), closed_points & ~held, held, forces)
+            acting = closed_points | _carrying(s, contact.traction)
+            moved = s.motion()
+            found[s.name] = _of_pair(
+                eq, s, moved, closed_points & ~held, acting & ~held, held, forces
+            )
         elif s.obstacle.flat:
             found[s.name] = Sliding(0.0)
         else:
             found[s.name] = _of_obstacle(eq, s, eq.gaps(s, state), closed_points, held)
     return found
+
+
+def sliding_doubt(eq: ContactEquations, state: State) -> str:
+    """Why nothing is proved of a state in the Functions, "" where sliding is small. Collective."""
+    found = slidings(eq, state)
+    return "; ".join(f"{name}: {s.doubt}" for name, s in found.items() if s.doubt)
+
+
+def _carrying(s: ContactSurface, traction: Array) -> Marks:
+    """Points that carry something, as bonds and given bounds do at open points. Collective."""
+    size = np.linalg.norm(traction, axis=1)
+    largest = s.comm.allreduce(float(size.max(initial=0.0)), op=max)
+    return np.asarray(size > _CARRIES * largest, dtype=bool)
+
+
+def _width(s: ContactSurface) -> float:
+    """Of the whole face: the diagonal of the box around its points. Collective."""
+    x = s.positions
+    low = np.array(s.comm.allgather(x.min(axis=0, initial=np.inf))).min(axis=0)
+    high = np.array(s.comm.allgather(x.max(axis=0, initial=-np.inf))).max(axis=0)
+    return max(float(np.linalg.norm(high - low)), s.mean_width)
 
 
 def _of_obstacle(
@@ -137,10 +164,21 @@ def _of_pair(
     s: ContactSurface,
     moved: Moved,
     closed_points: Marks,
+    acting: Marks,
     held: Marks,
     forces: Array,
 ) -> Sliding:
-    """By what the points of the slave have opposite now. Collective."""
+    """By what the points of the slave have opposite now. Collective.
+
+    Args:
+        eq: the contact problem.
+        s: the pair.
+        moved: its points.
+        closed_points: those that are closed, and not held.
+        acting: these, and open ones that carry something.
+        held: points that Dirichlet data hold.
+        forces: normal forces.
+    """
     left = moved.beyond > _LARGEST_WAY * s.mean_width
     # What the law has at the gap of the reference configuration less -j.n is somewhere else.
     true = s.points.data.gap + moved.opened
@@ -150,18 +188,24 @@ def _of_pair(
     off = np.where(closed_points, np.abs(true - law), depth)
     off = np.where(closed_points & left, np.hypot(moved.beyond, true), off)
     misfit, at, above = _worst(s, off, true)
-    way, along, gone = _worst(s, np.where(closed_points, moved.way / moved.facet, 0.0), moved.way)
+    # One wide facet of the master is no measure for a small body that wanders along it.
+    face = _width(s)
+    part = np.where(acting, moved.way / np.minimum(moved.facet, face), 0.0)
+    way, along, gone = _worst(s, part, moved.way)
     degrees = np.where(closed_points, np.degrees(moved.turn), 0.0)
     turn, turned, _ = _worst(s, degrees, degrees)
     sums = s.comm.allreduce(np.array([forces @ degrees**2, forces.sum()]))
     if sums[1] > 0:
         turn = max(turn / 2, float(np.sqrt(sums[0] / sums[1])))
-    beyond, edge, _ = _worst(s, np.where(closed_points, moved.beyond, 0.0), moved.beyond)
+    beyond, edge, _ = _worst(s, np.where(acting, moved.beyond, 0.0), moved.beyond)
     reasons = []
     if way > _LARGEST_WAY:
+        measure = (
+            "the whole face" if way * face < gone * (1 + 1e-9) else "the facet that was opposite"
+        )
         reasons.append(
             f"the point which was at {_shown(along)} has gone {gone:.3g} along the other body, "
-            f"{way:.2g} of the facet that was opposite"
+            f"{way:.2g} of {measure}"
         )
     if beyond > _LARGEST_WAY * s.mean_width:
         reasons.append(
