@@ -9,6 +9,7 @@ from mpi4py import MPI
 
 import numpy as np
 
+import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact import meshing
@@ -179,3 +180,53 @@ def copied(u: fem.Function, own: fem.Function) -> None:
     for i, y in enumerate(own.function_space.tabulate_dof_coordinates()):
         nearest = np.argmin(np.linalg.norm(places - y, axis=1))
         own.x.array[dim * i : dim * (i + 1)] = values[nearest]
+
+
+def springs(
+    comm: MPI.Comm,
+    stiffness: Any,
+    cells: tuple[int, ...] = (2, 1),
+    size: tuple[float, ...] = (1.0, 1.0),
+    cell: str = "quadrilateral",
+) -> tuple[Block, Any]:
+    """A block of springs that stand beside each other, and its energy.
+
+    Whatever moves its top as a whole moves its bottom as a whole, as one point that a spring of
+    the stiffness S per area (dim, dim), tangents before the normal, ties to the top. So one point
+    by hand is the right answer.
+    """
+    body = block(comm, cells, size, cell)
+    dim = len(cells)
+    strain = body.u.dx(dim - 1)
+    if isinstance(stiffness, (list, tuple, np.ndarray)):
+        stiffness = ufl.as_matrix(np.asarray(stiffness, dtype=float).tolist())
+    energy = size[dim - 1] / 2 * ufl.dot(strain, ufl.dot(stiffness, strain)) * ufl.dx
+    return body, energy
+
+
+def moves(body: Block, *components: float) -> None:
+    """Move the top as a whole."""
+    body.moved.interpolate(lambda x: np.stack([c + 0 * x[0] for c in components]))
+
+
+def one_point(comm: MPI.Comm, stiffness: Any, dim: int = 2) -> tuple[Block, Any]:
+    """A body of simplices of which the corner at the origin alone is free, and its energy.
+
+    A spring of the stiffness S (dim, dim), a force per length, tangents before the normal, ties it
+    to the corner above: S (U - u) is the force on it where the top moves by U. The other corners
+    of the bottom are held.
+    """
+    body = block(comm, (1,) * dim, (1.0,) * dim, cell="triangle" if dim == 2 else "tetrahedron")
+    strain = body.u.dx(dim - 1)
+    S = ufl.as_matrix(np.asarray(stiffness, dtype=float).tolist())
+    energy = dim / 2 * ufl.dot(strain, ufl.dot(S, strain)) * ufl.dx
+    others = fem.locate_dofs_geometrical(
+        body.V, lambda x: np.isclose(x[dim - 1], 0) & (np.sum(x, axis=0) > 0.5)
+    )
+    body.bcs.append(fem.dirichletbc(np.zeros(dim), others, body.V))
+    return body, energy
+
+
+def free_point(table: Any) -> int:
+    """Which row of the table of the bottom of `one_point` is the free corner."""
+    return int(np.argmin(np.linalg.norm(table.x, axis=1)))

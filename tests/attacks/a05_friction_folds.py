@@ -1,0 +1,50 @@
+"""One point with friction above kt/|c|: the load turns back where it begins to slip.
+
+S = [[1, -1.5], [-1.5, 4]], the top moved to the side by 1 and lifted by gamma from -1 to 1, F =
+1: by hand the point sticks to gamma = 0.2, slips while the load goes back to 0, where it comes
+off, and hangs free from there. With F = 0.5 it slips from -0.5 to 0, and nothing turns.
+"""
+
+from bodies import free_point, one_point
+
+import ufl
+from dolfinx import fem
+
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace
+from dolfinx_contact.continuation import StepControl
+from dolfinx_contact.evolution import ArcLength
+from dolfinx_contact.parametric import ParametricContact
+
+
+def followed(case, dim, friction, folds, longest):
+    S, aside = [[1.0, -1.5], [-1.5, 4.0]], [1.0]
+    body, energy = one_point(case.comm, S, dim)
+    floor = HalfSpace((0,) * dim, (0,) * (dim - 1) + (1,))
+    contact = ContactSurface(body.u, body.bottom, obstacle=floor, law=Coulomb(friction))
+    problem = ContactProblem(energy, body.u, [contact], bcs=body.bcs)
+    gamma = fem.Constant(body.domain, -1.0)
+    system = ParametricContact(
+        problem, gamma, driven=[(body.moved, ufl.as_vector((*aside, gamma)))]
+    )
+    system.set_parameter(-1.0)
+    start = problem.solve().tables["contact"]
+    k = free_point(start)
+    case.equal("pressed at the start", start.force[k, -1], 5.5)
+    control = StepControl(initial=longest / 2, maximum=longest)
+    history = ArcLength(system).run((-1.0, 1.0), control=control)
+    case.unpromised(f"not complete: {history.reason}", not history.complete)
+    case.equal("folds", [p.gamma for p in history.folds], folds)
+    end = history.steps[-1]
+    table = end.result.tables["contact"]
+    case.equal("gamma", end.gamma, 1.0)
+    case.equal("gap", table.un[k], 1.0)
+    case.equal("slip", table.ut[k], [*aside, 0.0])
+
+
+def attack(case):
+    followed(case, 2, 1.0, [0.2, 0.0], 0.1)
+    followed(case, 2, 1.0, [0.2, 0.0], 0.5)
+
+
+def honest(case):
+    followed(case, 2, 0.5, [], 0.1)
