@@ -107,10 +107,9 @@ def dependence(e: Any, *terminals: Any) -> Dependence:
         part = _walked(integrand, wanted, labels)
         if part.kinks and not labels:
             # Of a vector or tensor only some components may be used.
-            scalars = [integrand[i] if i else integrand for i in np.ndindex(integrand.ufl_shape)]
-            expanded = [expand_indices(remove_complex_nodes(scalar)) for scalar in scalars]
-            parts = [_walked(scalar, wanted, labels) for scalar in expanded]
-            part = functools.reduce(_joined, parts)
+            part = Dependence(Kind.ABSENT)
+            for component in _components(remove_complex_nodes(integrand)):
+                part = _joined(part, _walked(expand_indices(component), wanted, labels))
         found = _joined(found, part)
     return found
 
@@ -153,6 +152,11 @@ def _as_ufl(e: Any) -> Any:
 
 def _integrands(e: Any) -> list[Any]:
     return [i.integrand() for i in e.integrals()] if isinstance(e, ufl.Form) else [e]
+
+
+def _components(e: Any) -> list[Any]:
+    """The components of an expression; one that is a scalar itself."""
+    return [e[index] if index else e for index in np.ndindex(e.ufl_shape)]
 
 
 def _text(node: Any) -> str:

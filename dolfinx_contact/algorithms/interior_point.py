@@ -56,13 +56,16 @@ class InteriorPoint(Algorithm):
 
     def _iterate(self, contact: ReducedContact, r: Array, iteration: Iteration) -> None:
         nothing = np.zeros_like(r)
-        # Without contact forces there is no interior, and nothing to look for.
-        if iteration.measure(contact.free, nothing).worst <= iteration.trend.tolerance:
+        free = iteration.measure(contact.free, nothing).worst <= iteration.trend.tolerance
+        if free and not np.any(contact.p):
             iteration.stops(contact.free, nothing, gap=0.0)
             return
         state = _Interior(contact, r)
         while not iteration.stops(state.a, state.r, gap=state.mu):
             if not state.step(self.boundary):
+                if free:  # no contact forces: a state at the boundary, which the path may miss
+                    iteration.stops(contact.free, nothing, gap=0.0)
+                    return
                 iteration.fails(
                     f"the central path turns back: steps of no length at a gap of {state.mu:.1e}"
                 )
