@@ -22,7 +22,6 @@ with a condition c. `jumps_in` compares values on both sides of the border of ev
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import IntEnum

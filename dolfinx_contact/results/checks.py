@@ -209,8 +209,7 @@ def _of_pair(
         )
     if beyond > _LARGEST_WAY * s.mean_width:
         reasons.append(
-            f"the point which was at {_shown(edge)} acts {beyond:.3g} beyond the edge of the "
-            "master"
+            f"the point which was at {_shown(edge)} acts {beyond:.3g} beyond the edge of the master"
         )
     if turn > _LARGEST_TURN:
         reasons.append(f"normals have turned by {turn:.2g} degrees, most at {_shown(turned)}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +13,7 @@ import numpy as np
 import ufl
 from dolfinx import fem, mesh
 
+from dolfinx_contact import ContactProblem, ContactSurface, HalfSpace, materials
 from dolfinx_contact import meshing
 
 _CELLS = {
@@ -230,3 +232,42 @@ def one_point(comm: MPI.Comm, stiffness: Any, dim: int = 2) -> tuple[Block, Any]
 def free_point(table: Any) -> int:
     """Which row of the table of the bottom of `one_point` is the free corner."""
     return int(np.argmin(np.linalg.norm(table.x, axis=1)))
+
+
+def push(body: Block, *way: float) -> None:
+    """Move the held top by ``way``, component by component."""
+    body.moved.interpolate(lambda x: np.outer(way, np.ones_like(x[0])))
+
+
+def on_floor(
+    body: Block, law: Any, *, obstacle: Any = None, young: Any = 1000.0, **options: Any
+) -> tuple[ContactProblem, ContactSurface]:
+    """A linear body with Poisson's ratio 0 on a floor at height 0: its problem and its surface.
+
+    Args:
+        body: that touches it with its bottom.
+        law: of contact and friction.
+        obstacle: another one than the floor.
+        young: modulus.
+        options: of the surface.
+    """
+    dim = body.domain.geometry.dim
+    floor = obstacle or HalfSpace(point=np.zeros(dim), normal=np.eye(dim)[-1])
+    contact = ContactSurface(body.u, body.bottom, obstacle=floor, law=law, **options)
+    steel = materials.LinearElastic.from_young(young, 0.0)
+    problem = ContactProblem(steel.energy(body.u) * ufl.dx, body.u, [contact], bcs=body.bcs)
+    return problem, contact
+
+
+def ratio(table: Any) -> float:
+    """Of a surface along the first axis the whole tangential force over the normal one."""
+    return float(-np.sum(table.rt[:, 0]) / np.sum(table.rn))
+
+
+def refused(do: Callable[[], object]) -> str:
+    """The words with which something is refused; "" if it is not."""
+    try:
+        do()
+    except (ValueError, AttributeError) as error:
+        return str(error)
+    return ""
