@@ -2,7 +2,8 @@
 
 S = [[1, -1.5], [-1.5, 4]], the top moved to the side by 1 and lifted by gamma from -1 to 1, F =
 1: by hand the point sticks to gamma = 0.2, slips while the load goes back to 0, where it comes
-off, and hangs free from there, or is pressed again with its slip of 1. With F = 0.5 it slips from -0.5 to 0, and nothing turns.
+off, and hangs free from there, or is pressed again with its slip of 1. With F = 0.5 it slips from
+-0.5 to 0, and nothing turns.
 """
 
 from bodies import free_point, one_point

@@ -13,8 +13,7 @@ import numpy as np
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactProblem, ContactSurface, HalfSpace, materials
-from dolfinx_contact import meshing
+from dolfinx_contact import ContactProblem, ContactSurface, HalfSpace, materials, meshing
 
 _CELLS = {
     "triangle": mesh.CellType.triangle,
