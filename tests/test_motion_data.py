@@ -51,7 +51,7 @@ def warnings_of(caplog):
     return COMM.bcast(caplog.text if COMM.rank == 0 else None)
 
 
-@pytest.mark.parametrize("what", ["density", "form", "Function", "stiffness"])
+@pytest.mark.parametrize("what", ["density", "form", "Function", "factor", "stiffness"])
 def test_what_changes_in_mass_and_damping_is_refused(what):
     """By the load, and between two runs; the data are as they were, and the motion goes on."""
     problem, _, E = body()
@@ -64,12 +64,14 @@ def test_what_changes_in_mass_and_damping_is_refused(what):
         "density": None,
         "form": drag * ufl.inner(v, ufl.TestFunction(problem.V)) * ufl.dx,
         "Function": slow * ufl.inner(v, ufl.TestFunction(problem.V)) * ufl.dx,
+        "factor": (drag, 0.0),
         "stiffness": (0.0, 1e-3),
     }
     values, message = {
         "density": (heavy._cpp_object.value, r"the density \(2.0 before, 3.0 now\)"),
         "form": (drag._cpp_object.value, r"the Constant in the damping \(0.1 before, 1.1 now\)"),
         "Function": (slow.x.array, "the Function 'slow' in the damping"),
+        "factor": (drag._cpp_object.value, r"the factor a of Rayleigh's damping \(0.1 before"),
         "stiffness": (E._cpp_object.value, "the form of the body, whose stiffness is in the damp"),
     }[what]
     before = np.array(values)

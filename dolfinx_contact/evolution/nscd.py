@@ -87,8 +87,9 @@ class NSCD(Evolution):
             the impulses of contact, or take another mass.
         damping: forces affine in the velocity, as of a viscoelastic body: a UFL form in
             ``velocity`` and a test function, or in a trial and a test function; or a pair (a, b)
-            for Rayleigh's a M + b K, a per time, b a time. K is that of the undeformed body, M
-            consistent. What a form has at no velocity, as that of a wind, c (v - w), is a load.
+            of numbers or scalar Constants for Rayleigh's a M + b K, a per time, b a time. K is
+            that of the undeformed body, M consistent. What a form has at no velocity, as that of a
+            wind, c (v - w), is a load.
             A form that holds the displacement is refused, and one with kinks or jumps in the
             velocity (dry friction, which is a law of a contact surface).
             Like the density its factors stay: a run in which a Constant or Function in them (for
@@ -125,7 +126,7 @@ class NSCD(Evolution):
         theta: float = 0.5,
         level: Level = "position",
         mass: Mass = "redistributed",
-        damping: ufl.Form | tuple[float, float] | None = None,
+        damping: ufl.Form | tuple[Any, Any] | None = None,
         restitution: float = 0.0,
     ):
         if not isinstance(problem, ContactProblem):
@@ -400,7 +401,7 @@ def _damping(
     problem: ContactProblem,
     velocity: fem.Function,
     density: Any,
-    damping: ufl.Form | tuple[float, float] | None,
+    damping: ufl.Form | tuple[Any, Any] | None,
 ) -> tuple[PETSc.Mat | None, ufl.Form | None]:
     """The matrix C, and the form of what acts at no velocity. Collective.
 
@@ -465,6 +466,10 @@ def _data(density: Any, damping: Any, velocity: fem.Function) -> list[Datum]:
     found = list(data_in(ufl.as_ufl(density), "the density"))
     if isinstance(damping, ufl.Form):
         found += data_in(damping, "the damping")
+    elif damping is not None:
+        for name, factor in zip("ab", damping, strict=True):
+            if isinstance(factor, fem.Constant):
+                found.append(Datum(f"the factor {name} of Rayleigh's damping", factor))
     return [d for d in found if d.value is not velocity]
 
 
@@ -492,14 +497,34 @@ def _of_stiffness(problem: ContactProblem, damping: Any) -> list[Datum]:
 
 def _described(damping: Any, V: fem.FunctionSpace) -> str:
     """Damping in words, by which records and ranks know it."""
-    return described(damping, V.mesh) if isinstance(damping, ufl.Form) else repr(damping)
+    if isinstance(damping, ufl.Form):
+        return described(damping, V.mesh)
+    if isinstance(damping, tuple | list):  # the values of Constants are kept, and compared, apart
+        constants = [isinstance(v, fem.Constant) for v in damping]
+        if any(constants):
+            words = [
+                "a Constant" if c else repr(v) for v, c in zip(damping, constants, strict=True)
+            ]
+            return f"({', '.join(words)})"
+    return repr(damping)
 
 
 def _rayleigh(damping: Any) -> tuple[float, float]:
+    """Its factors as they are now; `_of_matrices` has the Constants among them."""
     try:
-        a, b = (float(value) for value in damping)
+        a, b = damping
     except (TypeError, ValueError):
-        raise ValueError(f"damping must be a form or a pair of numbers, got {damping!r}") from None
+        a = b = None
+    if not all(is_number(v) or _is_scalar_constant(v) for v in (a, b)):
+        raise ValueError(
+            f"damping must be a form, or a pair of numbers or scalar Constants, got {damping!r}; "
+            "what varies over the body is to be a form"
+        )
+    a, b = float(a), float(b)
     if not (math.isfinite(a) and math.isfinite(b) and min(a, b) >= 0):
-        raise ValueError(f"the factors of damping must not be negative, got {damping!r}")
+        raise ValueError(f"the factors of damping must not be negative, got {(a, b)!r}")
     return a, b
+
+
+def _is_scalar_constant(value: Any) -> bool:
+    return isinstance(value, fem.Constant) and value.ufl_shape == ()
