@@ -34,20 +34,22 @@ __all__ = [
     "Obstacle",
     "Sphere",
     "gap_at",
+    "has_ufl",
+    "is_uniform",
     "known_displaced",
 ]
 
 
-def _has_ufl(value: Any) -> bool:
-    """Whether a tuple or list has components in UFL."""
-    listed = isinstance(value, tuple | list)
+def has_ufl(value: Any) -> bool:
+    """Whether a tuple, list or array has components in UFL."""
+    listed = isinstance(value, tuple | list) or (isinstance(value, np.ndarray) and value.ndim == 1)
     return listed and any(isinstance(v, ufl.core.expr.Expr) and v.ufl_shape == () for v in value)
 
 
 def _vector(domain: mesh.Mesh, value: Any, what: str) -> Any:
     """``value`` as a UFL vector of the mesh's dimension; arrays become a Constant."""
     dim = domain.geometry.dim
-    if _has_ufl(value):
+    if has_ufl(value):
         # A float of a Constant is what it is now: it would not move with it.
         try:
             parts = [v if isinstance(v, ufl.core.expr.Expr) else float(v) for v in value]
@@ -81,10 +83,10 @@ def _direction(domain: mesh.Mesh, value: Any, what: str) -> Any:
     return vector / ufl.sqrt(ufl.dot(vector, vector))
 
 
-def _is_uniform(value: Any) -> bool:
+def is_uniform(value: Any) -> bool:
     """Whether numbers, Constants or UFL have the same value at every point."""
     if not isinstance(value, ufl.core.expr.Expr):
-        return not _has_ufl(value) or all(map(_is_uniform, value))
+        return not has_ufl(value) or all(map(is_uniform, value))
     varies = ufl.classes.GeometricQuantity | ufl.classes.Coefficient
     return not any(isinstance(part, varies) for part in traverse_unique_terminals(value))
 
@@ -181,9 +183,7 @@ class HalfSpace(Obstacle):
 
     @property
     def flat(self) -> bool:
-        return (
-            type(self).at is HalfSpace.at and _is_uniform(self.point) and _is_uniform(self.normal)
-        )
+        return type(self).at is HalfSpace.at and is_uniform(self.point) and is_uniform(self.normal)
 
     def at(self, domain: mesh.Mesh, x: Any) -> tuple[Any, Any]:
         normal = _direction(domain, self.normal, "the normal of the half-space")

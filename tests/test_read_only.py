@@ -188,6 +188,44 @@ def test_arrays_are_copied():
     assert floor.normal == (0.0, 1.0)
 
 
+@pytest.mark.parametrize("kind", ["array", "tuple", "radius"])
+def test_what_an_obstacle_is_made_of_moves_it(kind):
+    """Constants in an array as in a tuple, and a radius that is a Function."""
+    domain = box(COMM, 2, "quad")
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u, height = fem.Function(V), fem.Constant(domain, 0.0)
+    size = fem.Function(fem.functionspace(domain, ("DG", 0)))
+    size.x.array[:] = 5.0
+    obstacle = {
+        "array": lambda: HalfSpace(np.array([0.0, height]), (0.0, 1.0)),
+        "tuple": lambda: HalfSpace((0.0, height), (0.0, 1.0)),
+        "radius": lambda: Sphere((0.5, -5.0), size),
+    }[kind]()
+    surface = ContactSurface(
+        u, facets(domain, 1, 0.0), obstacle=obstacle, law=Coulomb(0.0), sliding="small"
+    )
+    top = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
+    bcs = [fem.dirichletbc(np.array([0.0, -0.01]), top, V)]
+    energy = LinearElastic.from_young(1000.0, 0.0).energy(u) * ufl.dx
+    problem = ContactProblem(energy, u, [surface], bcs=bcs)
+    before = problem.solve().resultants["contact"][1]
+    height.value, size.x.array[:] = 0.01, 5.01
+    after = problem.solve().resultants["contact"][1]
+    if kind == "radius":
+        assert after > 1.5 * before > 0
+    else:
+        np.testing.assert_allclose([before, after], [10.0, 20.0])
+
+
+def test_numbers_that_are_copied_are_no_constants():
+    """The reference point of a rigid body: a float of a Constant would stay where it is."""
+    domain = box(COMM, 1, "tri")
+    aside = fem.Constant(domain, 0.0)
+    for about in ((aside, 0.0), np.array([aside, 0.0]), fem.Constant(domain, (0.0, 0.0))):
+        with pytest.raises(ValueError, match="reference point is copied, and must be numbers"):
+            RigidBody(HalfSpace((0, 0), (0, 1)), about=about, held=["x", "y", "rz"])
+
+
 def test_what_may_be_set():
     study = Study()
     study.force()

@@ -16,7 +16,7 @@ from dolfinx_contact._kept import keep
 from dolfinx_contact._numbers import is_number
 from dolfinx_contact.laws import Law
 from dolfinx_contact.meshing import GmshMesh, tagged_facets
-from dolfinx_contact.obstacles import Obstacle
+from dolfinx_contact.obstacles import Obstacle, has_ufl
 from dolfinx_contact.points.contact_points import Method
 from dolfinx_contact.points.elements import displacement_degree
 from dolfinx_contact.points.held_ends import held_in_place, in_place
@@ -235,6 +235,8 @@ def _checked_normal(
     """A given normal of length one, or ``ValueError`` if it is no direction."""
     if normal is None:
         return None
+    if isinstance(normal, ufl.core.expr.Expr) or has_ufl(normal):
+        raise ValueError(f"{name}: the normal is copied, and must be numbers, got {normal!r}")
     try:
         n = np.asarray(normal, dtype=np.float64)
     except (TypeError, ValueError):

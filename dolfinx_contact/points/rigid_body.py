@@ -28,7 +28,7 @@ from ufl.utils.stacks import StackDict
 
 from dolfinx_contact._agreement import refuse_other_mesh
 from dolfinx_contact._frozen import ReadOnlyDict
-from dolfinx_contact.obstacles import Obstacle, gap_at
+from dolfinx_contact.obstacles import Obstacle, gap_at, has_ufl
 
 __all__ = ["COMPONENTS", "RigidBody", "number"]
 
@@ -263,6 +263,11 @@ def _nested(values: Any) -> Any:
 
 
 def _point(about: Any, name: str) -> Array:
+    if isinstance(about, ufl.core.expr.Expr) or has_ufl(about):
+        raise ValueError(
+            f"{name}: the reference point is copied, and must be numbers, got {about!r}; what is "
+            "to move the body is its motion"
+        )
     try:
         point = np.array(about, dtype=np.float64)
     except (TypeError, ValueError):

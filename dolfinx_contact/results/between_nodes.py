@@ -13,7 +13,7 @@ from dolfinx import fem
 
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.state import State
-from dolfinx_contact.obstacles import Cylinder, Sphere
+from dolfinx_contact.obstacles import Cylinder, Sphere, is_uniform
 from dolfinx_contact.points.surface import ContactSurface
 
 __all__ = ["warn_of_small_obstacles"]
@@ -66,9 +66,11 @@ def _placed(s: ContactSurface) -> tuple[Array, Array | None, float] | None:
 
 
 def _value(given: Any) -> Array | None:
-    """Numbers or a Constant as an array; None of other UFL."""
+    """Numbers, Constants or UFL of these as an array, as they are now; None of other UFL."""
     if isinstance(given, fem.Constant):
         return np.asarray(given.value, dtype=np.float64)
+    if not is_uniform(given):
+        return None
     try:
         return np.asarray(given, dtype=np.float64)
     except (TypeError, ValueError):
