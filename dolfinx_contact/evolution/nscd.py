@@ -499,13 +499,9 @@ def _described(damping: Any, V: fem.FunctionSpace) -> str:
     """Damping in words, by which records and ranks know it."""
     if isinstance(damping, ufl.Form):
         return described(damping, V.mesh)
-    if isinstance(damping, tuple | list):  # the values of Constants are kept, and compared, apart
-        constants = [isinstance(v, fem.Constant) for v in damping]
-        if any(constants):
-            words = [
-                "a Constant" if c else repr(v) for v, c in zip(damping, constants, strict=True)
-            ]
-            return f"({', '.join(words)})"
+    if isinstance(damping, tuple | list):
+        words = [repr(float(v) if _is_scalar_constant(v) else v) for v in damping]
+        return f"({', '.join(words)})"
     return repr(damping)
 
 
