@@ -62,8 +62,9 @@ class CriticalFriction:
     """Coefficients of friction F at which slips may be added to a slipping solution.
 
     Attributes:
-        friction: that of smallest size with a real slip of one sign; positive against the
-            directions, negative along them; None if there is none up to `known_up_to`, which says
+        friction: that of smallest size with a real slip of one sign; positive of points that slip
+            against the directions d (r_t = F r_n), negative of those that slip along them, also
+            with ``direction="solution"``; None if there is none up to `known_up_to`, which says
             nothing of what is beyond.
         slips: v of `friction`, one value a point, nonnegative, the largest 1; empty if there is
             none.

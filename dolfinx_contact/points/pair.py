@@ -55,9 +55,9 @@ class ContactPair(ContactSurface):
     size of the bodies; then nothing is proved either (`Result.unique`, `find_solutions`,
     `analysis.renard_criterion`, `analysis.stability_at_rest`). Histories, motions and paths measure
     every accepted step, and warn once a run; branches warn of the points that they put into the
-    problem, as the last one. Charts and regions look at loads, not at states, and do not see it.
-    Make facets larger than the way, start from a
-    mesh in which the bodies lie where they will touch, or take an obstacle for one of them.
+    problem, as the last one; charts and regions prove nothing where the way is too long. Make
+    facets larger than the way, start from a mesh in which the bodies lie where they will touch, or
+    take an obstacle for one of them.
 
     Args:
         u: displacement of all bodies, a vector Lagrange Function of degree 1 or 2.

@@ -26,7 +26,7 @@ def attack(case):
     cells = both.parts.find(1)
     velocity.interpolate(lambda x: np.stack([1.0 + 0 * x[0], 0 * x[0]]), cells0=cells)
     velocity.x.scatter_forward()
-    motion = NSCD(problem, 1.0, dt=0.1, velocity=velocity)
+    motion = NSCD(problem, 1.0, dt=0.2, velocity=velocity)
     history = motion.run([0.0, 2.0])
     force = history.steps[-1].result.resultants["contact"][1]
     case.equal("force over the weight", force / 0.01, 0.0, 1e-3)
