@@ -23,6 +23,7 @@ ON_THREE = {
     "test_compliant": ("jacobian_by_taylor",),
     "test_continuation": ("path_with_two_nonsmooth_folds", "parity_is_that_of_mumps"),
     "test_critical_friction": ("of_a_solution",),
+    "test_crossing_cracks": ("blocks_under_unequal_pressures", "planes_that_cross"),
     "test_doubled_nodes": ("tables_do_not_depend_on_ranks",),
     "test_evolution": ("energy", "a_load_that_fails_on_one_rank"),
     "test_held_ends": ("patch",),

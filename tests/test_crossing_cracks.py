@@ -4,58 +4,124 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
+import scipy.sparse
+import scipy.sparse.linalg
 
+import dolfinx.fem.petsc
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactPair, ContactProblem, Coulomb
+from dolfinx_contact import ContactPair, ContactProblem, Coulomb, Frictionless
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.meshing import crack
 
 COMM = MPI.COMM_WORLD
 NEAR = 1e-9
+STEEL = LinearElastic.from_young(100.0, 0.3)
+#: Axis and sense of the arms right, left, up and down.
+ARMS = ((0, 1), (0, -1), (1, 1), (1, -1))
+#: Groups of the arms.
+LINE, TEE, CROSS = (1, 2), (1, 2, 3), (1, 2, 3, 4)
+#: Axis and place of the sides left, right, bottom, top (and lowest in space), tags from 11.
+SIDES = ((0, -1.0), (0, 1.0), (1, -1.0), (1, 1.0), (2, -1.0))
 
 
-def crossing(groups):
-    """A square with a crack along each axis; ``groups`` are tags of the arms right, left, up, down.
+def crossing(groups, *, reach=0.5, cells=8, comm=COMM, cell="quadrilateral"):
+    """A square or cube [-1, 1]^dim with a crack along each axis.
+
+    Args:
+        groups: tags of the arms.
+        reach: of the arms; 1 for cracks through the body.
+        cells: along a side.
+        comm: communicator.
+        cell: type.
 
     Returns:
-        The body in which the crack is, and the tags.
+        The body in which the crack is.
     """
-    domain = mesh.create_rectangle(
-        COMM, [[-1.0, -1.0], [1.0, 1.0]], [8, 8], mesh.CellType.quadrilateral
-    )
-    domain.topology.create_entities(1)
+    kind = mesh.CellType[cell]
+    dim = mesh.cell_dim(kind)
+    make = mesh.create_rectangle if dim == 2 else mesh.create_box
+    domain = make(comm, [-np.ones(dim), np.ones(dim)], [cells] * dim, kind)
+    domain.topology.create_entities(dim - 1)
     at, values = [], []
-    for tag, (axis, sense) in zip(groups, [(0, 1), (0, -1), (1, 1), (1, -1)], strict=False):
+    for tag, (axis, sense) in zip(groups, ARMS, strict=False):
 
         def arm(x, axis=axis, sense=sense):
             along, across = sense * x[axis], np.abs(x[1 - axis])
-            return (across < NEAR) & (along > -NEAR) & (along < 0.5 + NEAR)
+            return (across < NEAR) & (along > -NEAR) & (along < reach + NEAR)
 
-        found = mesh.locate_entities(domain, 1, arm)
-        at.append(found)
-        values.append(np.full(len(found), tag, dtype=np.int32))
+        at.append(mesh.locate_entities(domain, dim - 1, arm))
+        values.append(np.full(len(at[-1]), tag, dtype=np.int32))
+    for tag, (axis, place) in enumerate(SIDES[: 2 * dim - 1 + (dim == 2)], 11):
+        on = mesh.locate_entities(domain, dim - 1, lambda x, i=axis, v=place: abs(x[i] - v) < NEAR)
+        at.append(on)
+        values.append(np.full(len(on), tag, dtype=np.int32))
     facets = np.concatenate(at)
     order = np.argsort(facets)
-    tags = mesh.meshtags(domain, 1, facets[order], np.concatenate(values)[order])
-    chosen = list(dict.fromkeys(groups))
-    return crack(domain, chosen, facet_tags=tags), chosen
+    tags = mesh.meshtags(domain, dim - 1, facets[order], np.concatenate(values)[order])
+    return crack(domain, list(dict.fromkeys(groups)), facet_tags=tags)
 
 
-def squeezed(groups):
-    """The square under displacements -x/100 of its sides, and the error of what it answers."""
-    body, chosen = crossing(groups)
-    V = fem.functionspace(body.mesh, ("Lagrange", 1, (2,)))
-    u, given = fem.Function(V), fem.Function(V)
-    pairs = [
-        ContactPair(u, body, slave=t, master=f"{t}_opposite", law=Coulomb(0.5), name=f"arm {t}")
-        for t in chosen
-    ]
-    given.interpolate(lambda x: -0.01 * x[:2])
-    sides = fem.locate_dofs_geometrical(V, lambda x: np.isclose(np.abs(x[:2]).max(axis=0), 1.0))
-    energy = LinearElastic.from_young(100.0, 0.3).energy(u) * ufl.dx
-    return ContactProblem(energy, u, pairs, bcs=[fem.dirichletbc(given, sides)]), given
+def displacement(body, degree=1):
+    return fem.Function(
+        fem.functionspace(body.mesh, ("Lagrange", degree, (body.mesh.geometry.dim,)))
+    )
+
+
+def pairs_of(u, body, groups, law=None, *, exchanged=(), **options):
+    """A pair for every group; slave and master of some exchanged."""
+    pairs = []
+    for t in dict.fromkeys(groups):
+        slave, master = (f"{t}_opposite", t) if t in exchanged else (t, f"{t}_opposite")
+        options = {"law": law or Coulomb(0.5), **options}
+        pairs.append(ContactPair(u, body, slave=slave, master=master, name=f"arm {t}", **options))
+    return pairs
+
+
+def driven(u, body, pairs, values):
+    """A problem in which all sides are displaced as a Function says, in plane."""
+    V = u.function_space
+    at = [fem.locate_dofs_topological(V, 1, body.facet_tags.find(tag)) for tag in (11, 12, 13, 14)]
+    sides = np.unique(np.concatenate(at))
+    bcs = [fem.dirichletbc(values, sides)]
+    return ContactProblem(STEEL.energy(u) * ufl.dx, u, pairs, bcs=bcs)
+
+
+def squeezed(groups, strain=(-0.01, -0.02), **options):
+    """The square under a strain along its axes, prescribed at its sides, and its displacement."""
+    body = crossing(groups)
+    u = displacement(body)
+    given = fem.Function(u.function_space)
+    pairs = pairs_of(u, body, groups, **options)
+    given.interpolate(lambda x: np.array(strain)[:, None] * x[:2])
+    return driven(u, body, pairs, given), given
+
+
+def loaded(groups, load, cell="quadrilateral", degree=1, order=None, cells=4, **options):
+    """Blocks between cracks, on rollers on two sides (three in space), under pressures on two."""
+    body = crossing(groups, reach=1.0, cells=cells, cell=cell)
+    u = displacement(body, degree)
+    V, dim = u.function_space, body.mesh.geometry.dim
+    pairs = pairs_of(u, body, order or groups, **options)
+    ds = ufl.Measure("ds", body.mesh, subdomain_data=body.facet_tags)
+    energy = STEEL.energy(u) * ufl.dx + load[0] * u[0] * ds(12) + load[1] * u[1] * ds(14)
+    bcs = []
+    for tag, axis in ((11, 0), (13, 1), (15, 2))[:dim]:
+        W = V.sub(axis)
+        held = fem.locate_dofs_topological(W, dim - 1, body.facet_tags.find(tag))
+        bcs.append(fem.dirichletbc(0.0, held, W))
+    return ContactProblem(energy, u, pairs, bcs=bcs)
+
+
+def check_pressures(result, pressures, *, carrying=None):
+    """Pressures on planes across x and y, and no shear, at every point that carries contact."""
+    for table in result.tables.values():
+        on = table.letters != "d"
+        across = int(abs(table.n[0, 1]) > 0.5)
+        assert on.sum() == (carrying or on.sum()) > 0
+        np.testing.assert_allclose(table.pressure[on], pressures[across], rtol=1e-9)
+        np.testing.assert_allclose(table.shear[on], 0.0, atol=1e-9 * max(pressures))
 
 
 @pytest.mark.parametrize("groups", [(1, 1, 2), (1, 1, 2, 2)], ids=["T", "X"])
@@ -65,18 +131,225 @@ def test_two_groups_are_refused(groups):
 
 
 @pytest.mark.chatty
-@pytest.mark.parametrize("groups", [(1, 2, 3), (1, 2, 3, 4)], ids=["T", "X"])
+@pytest.mark.parametrize("groups", [LINE, TEE, CROSS], ids=["line", "T", "X"])
 def test_closed_arms_carry_uniform_compression(groups, caplog):
-    """A patch test, but for the split of the reactions at the crossing, which is said."""
+    """A patch test of arms that end in the body: the crossing has no pressure of its own."""
     problem, given = squeezed(groups)
-    said = any("share nodes" in record.getMessage() for record in caplog.records)
-    assert said == (COMM.rank == 0)
+    assert not any("share nodes" in record.getMessage() for record in caplog.records)
     result = problem.solve()
     error = np.abs(problem.u.x.array - given.x.array).max(initial=0.0)
     assert COMM.allreduce(error, op=MPI.MAX) < 1e-12
-    pressure = 0.01 * 100.0 / ((1 + 0.3) * (1 - 2 * 0.3))
+    lame, shear = 100 * 0.3 / (1.3 * 0.4), 100 / 2.6
+    pressures = [lame * 0.03 + 2 * shear * e for e in (0.01, 0.02)]
+    check_pressures(result, pressures, carrying=1)
     for table in result.tables.values():
-        # At the crossing, and where the arm ends, pressures are others.
-        inside = (np.abs(table.x[:, :2]).max(axis=1) > 0.1) & (table.rn > 0)
-        assert inside.sum() == 1
-        np.testing.assert_allclose(table.pressure[inside], pressure, rtol=1e-9)
+        assert table.count("d") == 2
+
+
+@pytest.mark.parametrize("friction", [0.5, 0.0])
+@pytest.mark.parametrize(
+    ("groups", "options"),
+    [
+        (TEE, {"method": "mixed"}),
+        (TEE, {"method": "integral", "degree": 2}),
+        (CROSS, {"method": "mixed"}),
+        (CROSS, {"method": "integral", "cell": "triangle"}),
+        (CROSS, {"method": "integral", "degree": 2}),
+        (CROSS, {}),
+    ],
+    ids=["T mixed", "T P2", "X mixed", "X integral", "X P2", "X nodal"],
+)
+def test_blocks_under_unequal_pressures(groups, options, friction):
+    problem = loaded(groups, (1.0, 3.0), law=Coulomb(friction), **options)
+    check_pressures(problem.solve(), (1.0, 3.0))
+
+
+@pytest.mark.parametrize(
+    ("groups", "options"),
+    [
+        (TEE, {"cell": "tetrahedron", "method": "integral"}),
+        (TEE, {"cell": "hexahedron"}),
+        (CROSS, {"cell": "tetrahedron"}),
+    ],
+)
+def test_planes_that_cross(groups, options):
+    """In space pairs meet in a line of nodes."""
+    result = loaded(groups, (1.0, 3.0), **options).solve()
+    check_pressures(result, (1.0, 3.0))
+    if "method" not in options:
+        assert all(table.count("d") == 5 for table in result.tables.values())
+
+
+def test_a_through_crack_of_one_group():
+    """A stem that ends on it: the side that the stem divides is the slave."""
+    result = loaded((1, 1, 2), (1.0, 3.0), exchanged=(1,)).solve()
+    check_pressures(result, (1.0, 3.0))
+    assert result.tables["arm 1"].status == "kkddkk"
+
+
+@pytest.mark.parametrize("groups", [TEE, CROSS], ids=["T", "X"])
+def test_slip_on_one_of_them(groups):
+    """Along a crack without friction one half moves; stresses and slip are uniform."""
+    body = crossing(groups, reach=1.0, cells=4)
+    u = displacement(body)
+    given = fem.Function(u.function_space)
+    pairs = [
+        *pairs_of(u, body, LINE, Coulomb(0.0)),
+        *pairs_of(u, body, groups[2:]),
+    ]
+    domain = body.mesh
+    index_map = domain.topology.index_map(2)
+    cells = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
+    above = mesh.compute_midpoints(domain, 2, cells)[:, 1] > 0
+    for slip, chosen in ((0.0, cells[~above]), (0.03, cells[above])):
+        given.interpolate(lambda x, s=slip: np.array([s - 0.01 * x[0], -0.02 * x[1]]), chosen)
+    given.x.scatter_forward()
+    problem = driven(u, body, pairs, given)
+    result = problem.solve()
+    error = np.abs(u.x.array - given.x.array).max(initial=0.0)
+    assert COMM.allreduce(error, op=MPI.MAX) < 1e-12
+    lame, shear = 100 * 0.3 / (1.3 * 0.4), 100 / 2.6
+    check_pressures(result, [lame * 0.03 + 2 * shear * e for e in (0.01, 0.02)], carrying=1)
+    for tag in LINE:
+        np.testing.assert_allclose(np.abs(result.tables[f"arm {tag}"].ut[:, 0]), 0.03, rtol=1e-9)
+
+
+def test_the_order_of_the_pairs_and_their_sides_do_not_matter():
+    """Sheared stick: with a multiplier at the crossing the matrix was singular."""
+
+    def answer(**options):
+        body = crossing(CROSS, reach=1.0, cells=4)
+        u = displacement(body)
+        given = fem.Function(u.function_space)
+        order = options.pop("order", CROSS)
+        pairs = pairs_of(u, body, order, Coulomb(2.0), **options)
+        given.interpolate(lambda x: np.array([-0.01 * x[0] + 0.004 * x[1], -0.02 * x[1] ** 3]))
+        tables = driven(u, body, pairs, given).solve().tables
+        return {name: (t.pressure, np.linalg.norm(t.shear, axis=1)) for name, t in tables.items()}
+
+    reference = answer()
+    for options in ({"order": (3, 1, 4, 2)}, {"order": (4, 3, 2, 1), "exchanged": (1, 4)}):
+        other = answer(**options)
+        for name, found in reference.items():
+            np.testing.assert_allclose(other[name], found, atol=1e-9 * np.max(found[0]))
+
+
+def test_pairs_without_a_loop_keep_their_multipliers():
+    """A stem that is open and no pair: the jumps of the two others are independent."""
+    body = crossing(TEE, reach=1.0, cells=4)
+    u = displacement(body)
+    given = fem.Function(u.function_space)
+    given.interpolate(lambda x: np.array([0.0 * x[0], -0.02 * x[1]]))
+    problem = driven(u, body, pairs_of(u, body, LINE, Frictionless()), given)
+    tables = problem.solve().tables
+    assert [table.count("d") for table in tables.values()] == [1, 1]
+
+
+def test_what_nobody_can_take():
+    """Arms of one facet from the crossing to where they end in the body."""
+    body = crossing(CROSS, reach=0.5, cells=4)
+    u = displacement(body)
+    pairs = pairs_of(u, body, CROSS)
+    with pytest.raises(ValueError, match=r"arm 1: crosses other pairs at \(0, 0\).*two facets"):
+        driven(u, body, pairs, fem.Function(u.function_space))
+    with pytest.raises(ValueError, match="take multiplier_degree=1"):
+        loaded(CROSS, (1.0, 3.0), degree=2, multiplier_degree=2)
+
+
+SHEARED = np.array([[-0.01, 0.012], [0.0, -0.008]])
+FRICTION = 0.2
+
+
+def sliding(groups, cells):
+    """The square under compression and shear: its energy, and slip by area, summed."""
+    body = crossing(groups, cells=cells)
+    u = displacement(body)
+    given = fem.Function(u.function_space)
+    given.interpolate(lambda x: SHEARED @ x[:2])
+    result = driven(u, body, pairs_of(u, body, groups, Coulomb(FRICTION)), given).solve()
+    assert all(set(table.status) <= set("d+-") for table in result.tables.values())
+    slips = [
+        table.area @ (np.linalg.norm(table.ut, axis=1) * (table.letters != "d"))
+        for table in result.tables.values()
+    ]
+    return result.energies["bulk"], sum(slips)
+
+
+def by_penalty(groups, cells, stiffness):
+    """The same by springs between all nodes of the arms, those at the crossing too.
+
+    A method of its own on the same stiffness matrix, on every rank alone: normal springs that only
+    push, tangential ones that give way at the friction times their pressure.
+
+    Args:
+        groups: of the arms.
+        cells: along a side.
+        stiffness: of the springs, by area.
+    """
+    body = crossing(groups, cells=cells, comm=MPI.COMM_SELF)
+    w = displacement(body)
+    V = w.function_space
+    energy = STEEL.energy(w) * ufl.dx
+    A = dolfinx.fem.petsc.assemble_matrix(fem.form(ufl.derivative(ufl.derivative(energy, w), w)))
+    A.assemble()
+    indptr, columns, values = A.getValuesCSR()
+    A.destroy()
+    K = scipy.sparse.csr_matrix((values, columns, indptr))
+    x = V.tabulate_dof_coordinates()[:, :2]
+    rows = []
+    for tag, (axis, _) in zip(groups, ARMS, strict=False):
+        sides = []
+        for side in (tag, body.tag(f"{tag}_opposite")):
+            nodes = fem.locate_dofs_topological(V, 1, body.facet_tags.find(side))
+            sides.append(nodes[np.argsort(x[nodes, axis])])
+        for i, j in zip(*sides, strict=True):
+            share = 0.5 if abs(x[i, axis]) < NEAR else 1.0
+            if i != j:
+                rows.append((i, j, 1 - axis, share * 2 / cells))
+    i, j, normal = np.array([row[:3] for row in rows]).T
+    areas = np.array([row[3] for row in rows])
+    springs = stiffness * areas
+    n, ones = len(rows), np.ones(len(rows))
+
+    def jumps(axis):
+        places = np.tile(np.arange(n), 2), np.concatenate([2 * i + axis, 2 * j + axis])
+        return scipy.sparse.csr_matrix((np.concatenate([ones, -ones]), places), (n, x.size))
+
+    across, along = jumps(normal), jumps(1 - normal)
+    inside = np.repeat(np.abs(x).max(axis=1) < 1 - NEAR, 2)
+    u = (x @ SHEARED.T).reshape(-1)
+    for _ in range(20):
+        depth, slip = across @ u, along @ u
+        force = np.maximum(springs * depth, 0.0)
+        stuck = np.abs(springs * slip) <= FRICTION * force
+        sense = np.where(stuck, 0.0, np.sign(slip))
+        friction = np.where(stuck, springs * slip, FRICTION * sense * force)
+        residual = (K @ u + across.T @ force + along.T @ friction)[inside]
+        if np.abs(residual).max() < 1e-10:
+            break
+        pushed = scipy.sparse.diags(springs * (depth > 0)) @ across
+        tangential = scipy.sparse.diags(np.where(stuck, springs, 0.0)) @ along
+        tangential += scipy.sparse.diags(FRICTION * sense) @ pushed
+        tangent = (K + across.T @ pushed + along.T @ tangential).tocsr()[inside][:, inside]
+        u[inside] -= scipy.sparse.linalg.spsolve(tangent.tocsc(), residual)
+    else:
+        raise AssertionError("the penalty method does not converge")
+    return u @ (K @ u) / 2, areas @ np.abs(along @ u)
+
+
+@pytest.mark.parametrize("groups", [TEE, CROSS], ids=["T", "X"])
+def test_sliding_arms_against_a_penalty(groups):
+    """Penalties tend to a limit with order 1, and this to the answer as the mesh is refined."""
+    off = []
+    for cells in (8, 16):
+        found = np.array([by_penalty(groups, cells, k) for k in (1e5, 1e6, 1e7)])
+        steps = np.diff(found, axis=0)
+        np.testing.assert_allclose(steps[0] / steps[1], 10.0, rtol=0.15)
+        limit = found[-1] + steps[-1] / 9
+        off.append(np.abs(np.array(sliding(groups, cells)) / limit - 1))
+    if groups == CROSS:  # what is at rest in the middle is at rest in both
+        assert np.max(off) < 1e-7
+    else:
+        # The crossing's gap and slip have parts in those of its neighbours.
+        assert np.all(off[0] < (5e-4, 0.06))
+        assert np.all(off[1] < off[0] / 3)

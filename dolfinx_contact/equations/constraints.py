@@ -18,6 +18,8 @@ from dolfinx import fem, la
 
 from dolfinx_contact._errors import require
 from dolfinx_contact.laws.status import STICK
+from dolfinx_contact.points.crossings import crossings
+from dolfinx_contact.points.held_ends import resting
 from dolfinx_contact.points.surface import ContactSurface
 from dolfinx_contact.points.trace import facet_closures
 
@@ -53,16 +55,20 @@ class Constraints:
         self._V, self._bcs, self._told = V, list(bcs), False
         # A value may itself be NaN, so a component is fixed if either filling is overwritten.
         self.fixed = np.isfinite(self.values()) | np.isnan(self.values(fill=0.0))
-        for s in surfaces:
-            s.hold(self.fixed)
+        crossing, crossed = crossings(V, surfaces, self.fixed)
+        for s, vertices in zip(surfaces, crossing, strict=True):
+            s.hold(self.fixed, vertices)
+        _warn_of_common_nodes(surfaces, crossed)
         self.held = [self._held(s) for s in surfaces]
         self.clamped: list[npt.NDArray[np.bool_]] = []
         self.removed: list[npt.NDArray[np.bool_]] = []
         self._owned = [s.Q.dofmap.index_map.size_local for s in surfaces]
         self._normals = [s.points.vertex_normals.copy() for s in surfaces]
-        for s, held in zip(surfaces, self.held, strict=True):
+        for s, held, vertices in zip(surfaces, self.held, crossing, strict=True):
             self._check_slave(s)
             removed = _removed(s, held)
+            if s.degrees[1] == 1:  # elsewhere there is no crossing
+                removed[vertices] = True
             self.removed.append(removed)
             self.clamped.append(np.asarray(removed.all(axis=1)))
             n = s.Q.dofmap.index_map.size_local
@@ -203,9 +209,7 @@ class Constraints:
             return np.asarray(self.fixed & ~s.rigid_body.moves(s.node_positions))
         if opposite is None:
             return self.fixed
-        free = (~self.fixed[: self._V.dofmap.index_map.size_local]).astype(float)
-        moves = opposite.values(s.comm, free, len(self.fixed), sizes=True) > _TOLERANCE
-        return np.asarray((self.fixed & ~moves) | opposite.none[:, None])
+        return resting(self._V, opposite, self.fixed)
 
 
 def _why_none_is_left(s: ContactSurface) -> str:
@@ -242,7 +246,7 @@ def _removed(s: ContactSurface, held: npt.NDArray[np.bool_]) -> npt.NDArray[np.b
 
 
 def check_overlap(surfaces: Sequence[ContactSurface]) -> None:
-    """Refuse common facets of two surfaces, and warn of common nodes. Collective."""
+    """Refuse common facets of two surfaces. Collective."""
     for a, b in combinations(surfaces, 2):
         facets = np.intersect1d(a.submesh.parent_facets, b.submesh.parent_facets)
         require(a.comm, len(facets) == 0, f"surfaces {a.name} and {b.name} have common facets")
@@ -256,7 +260,14 @@ def check_overlap(surfaces: Sequence[ContactSurface]) -> None:
                 not all(a.comm.allreduce(np.array(twice))),
                 f"{a.name} and {b.name} are one pair with slave and master exchanged",
             )
-        nodes = len(np.intersect1d(_nodes(a), _nodes(b)))
+
+
+def _warn_of_common_nodes(
+    surfaces: Sequence[ContactSurface], crossed: npt.NDArray[np.bool_]
+) -> None:
+    """Warn of nodes that two surfaces share, but for those at which pairs cross. Collective."""
+    for a, b in combinations(surfaces, 2):
+        nodes = int((~crossed[np.intersect1d(_nodes(a), _nodes(b))]).sum())
         if a.comm.allreduce(nodes, op=max) > 0 and a.comm.rank == 0:
             logger.warning(
                 "surfaces %s and %s share nodes: where both hold one, their reactions cannot be "

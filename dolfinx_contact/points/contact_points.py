@@ -37,7 +37,7 @@ from dolfinx_contact.points.evaluation import (
 )
 from dolfinx_contact.points.gauss import CommonPoints, GaussPoints
 from dolfinx_contact.points.given import Given, fields_of
-from dolfinx_contact.points.held_ends import shared
+from dolfinx_contact.points.held_ends import shared, takers
 from dolfinx_contact.points.ids import point_ids
 from dolfinx_contact.points.opposite import Opposite
 from dolfinx_contact.points.scattered import ScatteredEvaluator
@@ -239,9 +239,11 @@ class ContactPoints:
 
     def _averaged(self, average: PointEvaluator | None, offset: Array) -> Array | None:
         """Averages of an offset that is known at the points (n, dim), if any are taken."""
+        if average is None and self._shared is None:
+            return None
         if average is not None:
-            return average()["offset"][: self.number]
-        return None if self._shared is None else multiplied(self._shared, offset)
+            offset = average()["offset"][: self.number]
+        return offset if self._shared is None else multiplied(self._shared, offset)
 
     def set_augmentation(self, r: Array) -> None:
         """Set r at the local vertices."""
@@ -334,19 +336,24 @@ class ContactPoints:
         )
         return means.reshape(-1, *values.shape[1:])
 
-    def give(self, given: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    def give(
+        self, given: npt.NDArray[np.bool_], idle: npt.NDArray[np.bool_]
+    ) -> npt.NDArray[np.bool_]:
         """Give the functions of vertices to those around them; see `held_ends`. Collective.
 
         Args:
             given: local vertices, ghosts included; of none all functions are as they were.
+            idle: local vertices that take none, as they have no multiplier either.
 
         Returns:
             Those that are given away: none whose function nobody takes.
         """
-        if self._shared is None and not self.comm.allreduce(int(given.any())):
-            return given
         alone, areas = self._apart
-        D, self.areas, given = shared(self.vertices, given, areas[: self.number])
+        if self.stencils is alone and not self.comm.allreduce(int(given.any())):
+            return given
+        if self.method == "integral":
+            return self._give_hats(given, idle)
+        D, self.areas, given = shared(self.vertices, given, idle, areas[: self.number])
         self.vertex_areas = self.with_ghosts(self.areas)
         owned = self._V.dofmap.index_map.size_local
         plain = alone.scalar_matrix(self.comm, owned)
@@ -356,6 +363,27 @@ class ContactPoints:
         self._shared = D
         self.B = self.stencils.jump_matrix(self.comm, owned, self.dim)
         self.update()
+        return given
+
+    def _give_hats(
+        self, given: npt.NDArray[np.bool_], idle: npt.NDArray[np.bool_]
+    ) -> npt.NDArray[np.bool_]:
+        """As `give`, of the functions of degree 1 whose sum the tractions at Gauss points are."""
+        alone, _ = self._apart
+        nodes, shares, given = takers(self.vertices, given, idle)
+        corners = self.Q.dofmap.list[self._gauss.cells]
+        groups, p, k = alone.multiplier_weights.shape
+        width = k * shares.shape[1]
+        weights = alone.multiplier_weights[..., None] * shares[corners][:, None]
+        self.stencils = replace(
+            alone,
+            multiplier_nodes=nodes[corners].reshape(groups, width),
+            multiplier_weights=weights.reshape(groups, p, width),
+        )
+        assert self.E is not None
+        self.E.destroy()
+        owned = self.Q.dofmap.index_map.size_local
+        self.E = self.stencils.traction_matrix(self.comm, owned, self.dim)
         return given
 
     # -- stencils --------------------------------------------------------------------------------

@@ -13,6 +13,9 @@ so that they still sum to 1 everywhere: a uniform traction is transmitted to the
 support. They stay biorthogonal to the free nodes of the slave (Wohlmuth, SIAM J. Numer. Anal. 38,
 2000, section 2; in space Puso, Int. J. Numer. Methods Eng. 59, 2004). A node that is held opposite
 to a master that is free keeps its multiplier: both still push each other.
+
+Where pairs cross it is the same (`crossings`), of faces that match too; in the integral method the
+hat functions N_p of the multiplier are given away so.
 """
 
 from __future__ import annotations
@@ -29,13 +32,28 @@ from dolfinx import fem, la
 
 from dolfinx_contact._entries import Entries, matrix_of
 from dolfinx_contact.points.opposite import Opposite
-from dolfinx_contact.points.stencils import multiplied
+from dolfinx_contact.points.stencils import multiplied, rows_of
 
-__all__ = ["held_in_place", "in_place", "shared"]
+__all__ = ["held_in_place", "in_place", "resting", "shared", "takers"]
 
 Array = npt.NDArray[np.float64]
 
 _MOVES = 1e-6  # a weight that is none of round-off
+
+
+def resting(
+    V: fem.FunctionSpace, opposite: Opposite, fixed: npt.NDArray[np.bool_]
+) -> npt.NDArray[np.bool_]:
+    """Local nodes x dim, True where neither a node moves nor what is opposite. Collective.
+
+    Args:
+        V: displacement space.
+        opposite: of the nodes; there is no jump where that is nothing.
+        fixed: local nodes x dim, by Dirichlet data.
+    """
+    free = (~fixed[: V.dofmap.index_map.size_local]).astype(float)
+    moves = opposite.values(V.mesh.comm, free, len(fixed), sizes=True) > _MOVES
+    return np.asarray((fixed & ~moves) | opposite.none[:, None])
 
 
 def held_in_place(
@@ -76,13 +94,17 @@ def in_place(opposite: Opposite, nodes: npt.NDArray[np.bool_]) -> Opposite:
 
 
 def shared(
-    vertices: fem.FunctionSpace, given: npt.NDArray[np.bool_], areas: Array
+    vertices: fem.FunctionSpace,
+    given: npt.NDArray[np.bool_],
+    idle: npt.NDArray[np.bool_],
+    areas: Array,
 ) -> tuple[PETSc.Mat, Array, npt.NDArray[np.bool_]]:
     """Means over the functions of a vertex and those that it takes. Collective.
 
     Args:
         vertices: scalar P1 space of the slave's facets.
         given: local vertices whose function is given away, ghosts included.
+        idle: local vertices that take none.
         areas: of the owned vertices.
 
     Returns:
@@ -91,7 +113,7 @@ def shared(
         whose function nobody can take.
     """
     n = len(areas)
-    shares, given = _shares(vertices, given)
+    shares, given = _shares(vertices, given, idle)
     own = _diagonal(vertices, given[:n])
     means = shares.transpose(PETSc.Mat())
     taken = multiplied(means, areas[:, None])[:, 0]
@@ -105,8 +127,35 @@ def shared(
     return means, taken, given
 
 
+def takers(
+    vertices: fem.FunctionSpace, given: npt.NDArray[np.bool_], idle: npt.NDArray[np.bool_]
+) -> tuple[npt.NDArray[np.int64], Array, npt.NDArray[np.bool_]]:
+    """Which vertices take the functions of the local vertices, most their own. Collective.
+
+    Args:
+        vertices: scalar P1 space of the slave's facets.
+        given: local vertices whose function is given away, ghosts included.
+        idle: local vertices that take none.
+
+    Returns:
+        Global vertices and shares (n, k), of no share are copies of any; and the local vertices
+        that are given away, none whose function nobody can take.
+    """
+    shares, given = _shares(vertices, given, idle)
+    index_map, comm = vertices.dofmap.index_map, vertices.mesh.comm
+    nodes, weights = rows_of(shares, np.ones(index_map.size_local))
+    width = comm.allreduce(nodes.shape[1], op=max)
+    table = la.vector(index_map, 2 * width)
+    rows = table.array.reshape(-1, 2 * width)
+    rows[:] = 0.0
+    rows[: len(nodes), : nodes.shape[1]] = nodes
+    rows[: len(nodes), width : width + nodes.shape[1]] = weights
+    table.scatter_forward()
+    return rows[:, :width].astype(np.int64), rows[:, width:].copy(), given
+
+
 def _shares(
-    vertices: fem.FunctionSpace, given: npt.NDArray[np.bool_]
+    vertices: fem.FunctionSpace, given: npt.NDArray[np.bool_], idle: npt.NDArray[np.bool_]
 ) -> tuple[PETSc.Mat, npt.NDArray[np.bool_]]:
     """The shares a, by rows of all functions and columns of those that are kept, and the given.
 
@@ -118,10 +167,10 @@ def _shares(
     cells = vertices.dofmap.list[: topology.index_map(topology.dim).size_local]
     a, b = (np.repeat(cells, cells.shape[1], axis=1), np.tile(cells, cells.shape[1]))
     known = la.vector(index_map, 1)
-    known.array[:] = ~given
+    known.array[:] = ~given & ~idle
     shares = _diagonal(vertices, ~given[:n])
     while True:
-        takes = (known.array[a] == 0) & (known.array[b] > 0)
+        takes = given[a] & (known.array[a] == 0) & (known.array[b] > 0)
         rows, columns = (index_map.local_to_global(v[takes]).astype(np.int64) for v in (a, b))
         if not comm.allreduce(len(rows)):
             break
@@ -136,7 +185,7 @@ def _shares(
         shares.axpy(1.0, passed)
         for part in (step, counts, passed):
             part.destroy()
-    lost = known.array == 0
+    lost = given & (known.array == 0)
     own = _diagonal(vertices, lost[:n])
     shares.axpy(1.0, own)
     own.destroy()

@@ -19,7 +19,7 @@ from dolfinx_contact.meshing import GmshMesh, tagged_facets
 from dolfinx_contact.obstacles import Obstacle, has_ufl
 from dolfinx_contact.points.contact_points import Method
 from dolfinx_contact.points.elements import displacement_degree
-from dolfinx_contact.points.held_ends import held_in_place, in_place
+from dolfinx_contact.points.held_ends import held_in_place, in_place, resting
 from dolfinx_contact.points.opposite import Opposite, OppositeFacets
 from dolfinx_contact.points.pair_motion import PairMotion
 from dolfinx_contact.points.revolution import check_section
@@ -46,6 +46,14 @@ class ContactPair(ContactSurface):
     The slave should be the finer face, and not one whose nodes are all held; of two that are alike
     the one that is smaller, softer or more curved, so that every point of it keeps something
     opposite: the wheel, not the rail.
+
+    Pairs may meet: the arms of cracks that cross, or the joints between several blocks. Where the
+    jumps at such a place go around, one of them depends on the others (`points.crossings`), and a
+    point there carries no contact of its own: it has the letter d, and its neighbours along each
+    arm take its part, so that uniform tractions are transmitted up to the crossing and the gap of a
+    neighbour is a mean with that of the crossing. An arm needs a node that can take it, and so two
+    facets between a crossing and its end in the body, or the next crossing, in every method
+    multipliers of degree 1, and faces that match.
 
     Sliding and turning are small: what is opposite to a point stays opposite, along the normal of
     the reference configuration, wherever the bodies go. A solve measures how far that is off
@@ -89,7 +97,8 @@ class ContactPair(ContactSurface):
             not match where they have to, look the same way, touch at a node without matching, or
             overlap without ``interference``: by more than round-off where they match, else by more
             than 5 % of a facet, since facets of curved faces are chords; and if a given normal is
-            more than 60 degrees off that of the slave.
+            more than 60 degrees off that of the slave. Of pairs that cross where nothing beside the
+            crossing can take its part, when they enter a problem.
     """
 
     def __init__(
@@ -198,22 +207,61 @@ class ContactPair(ContactSurface):
             f"{self.name}: the {self._given_gap} is {worst:.3g}; interference=True for a press fit",
         )
 
-    def hold(self, fixed: npt.NDArray[np.bool_]) -> None:
-        """Give away the dual functions of nodes whose jump is fixed; see `held_ends`. Collective.
+    def hold(self, fixed: npt.NDArray[np.bool_], crossing: npt.NDArray[np.bool_]) -> None:
+        """Give away the functions of nodes without a multiplier; see `held_ends`. Collective.
+
+        Of faces that do not match these are the nodes whose jump is fixed.
 
         Args:
             fixed: local nodes x dim, by Dirichlet data.
+            crossing: local vertices at which pairs cross.
+
+        Raises:
+            ValueError: if there is no node beside a crossing that could take its part.
         """
-        if self.method != "nodal" or self._apart.matching:
-            return
         V, trace = self.u.function_space, self.points.vertex_trace_dofs
-        given = self.points.give(held_in_place(V, self._apart, fixed)[trace])
+        matching = self._apart.matching
+        self._check_crossing(crossing)
+        given = crossing
+        if self.method == "nodal" and not matching:
+            given = crossing | held_in_place(V, self._apart, fixed)[trace]
+        idle = np.all(resting(V, self._apart, fixed)[trace], axis=1)
+        given = self.points.give(given, idle & ~given)
+        left = np.flatnonzero(
+            (crossing & ~given)[: self.points.vertices.dofmap.index_map.size_local]
+        )
+        x = self.node_positions[trace[left]]
+        first = next((row.tolist() for rows in self.comm.allgather(x) for row in rows), None)
+        require(
+            self.comm,
+            first is None,
+            f"{self.name}: crosses other pairs at ({_shown(first)}), where it has no node beside "
+            "the crossing that could take its part: between a crossing and its end, or the next "
+            "crossing, it needs two facets; refine the mesh, or end one of the cracks before",
+        )
+        if matching:
+            return
         marks = la.vector(V.dofmap.index_map, 1)
         marks.array[:] = 0.0
         marks.array[trace] = given
         marks.scatter_reverse(la.InsertMode.add)
         marks.scatter_forward()
         object.__setattr__(self.obstacle, "opposite", in_place(self._apart, marks.array > 0))
+
+    def _check_crossing(self, crossing: npt.NDArray[np.bool_]) -> None:
+        """Raise ``ValueError`` if multipliers cannot leave out a crossing. Collective."""
+        degree, crosses = self.degrees[1], self.comm.allreduce(int(crossing.any()))
+        require(
+            self.comm,
+            degree == 1 or not crosses,
+            f"{self.name}: crosses other pairs, where a multiplier of degree {degree} is not "
+            "unique; take multiplier_degree=1",
+        )
+
+
+def _shown(x: list[float] | None) -> str:
+    """A position, without the round-off of zeros."""
+    return ", ".join(f"{round(c, 12) + 0.0:.6g}" for c in x or [])
 
 
 def _checked_gap(gap: Any, name: str) -> Any:

@@ -255,8 +255,13 @@ class ContactSurface(ReadOnly):
     def check_gaps(self) -> None:
         """Raise ``ValueError`` if gaps that were given are none as they are now. Collective."""
 
-    def hold(self, fixed: npt.NDArray[np.bool_]) -> None:
-        """Take notice of the local nodes x dim that Dirichlet data fix. Collective."""
+    def hold(self, fixed: npt.NDArray[np.bool_], crossing: npt.NDArray[np.bool_]) -> None:
+        """Take notice of what has no multiplier of its own. Collective.
+
+        Args:
+            fixed: local nodes x dim, by Dirichlet data.
+            crossing: local vertices at which pairs cross.
+        """
 
     def slide(self, *, linear: bool) -> None:
         """Take notice of whether the body is linear, by which sliding is small. Collective.

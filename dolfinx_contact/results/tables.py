@@ -50,7 +50,8 @@ class ContactTable:
         pressure: contact pressure.
         shear: tangential traction on the body (n, dim).
         letters: status, one letter a point: o, k, + or - (2D), s (3D); d of one without contact of
-            its own: held by Dirichlet data, at the front of a crack, or opposite to nothing.
+            its own: held by Dirichlet data, at the front of a crack, where pairs cross, or opposite
+            to nothing.
         bound: radius of the friction disc, a force.
         support: reaction of Dirichlet data on the body at the node (n, dim), 0 in the components
             that none fix; zeros in the integral method, whose points are no nodes. A node that two
