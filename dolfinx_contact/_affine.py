@@ -366,7 +366,7 @@ class _Sides:
     def given_signs(self) -> Array:
         """Signs (k, n) at the places of what data make of conditions and fields without v."""
         first = np.arange(0, len(self._cells), _WAYS)
-        rows = [np.zeros(len(first))]
+        rows: list[Array] = [np.zeros(len(first))]
         for node in {n: None for t in self._terms for n in unique_post_traversal(t)}:
             held = extract_coefficients(node)
             if self._v in held or isinstance(node, classes.MultiIndex | classes.Label):
@@ -626,7 +626,7 @@ def _places(integral: Any, domain: mesh.Mesh) -> Places:
         entities = mesh.exterior_facet_indices(topology)
     elif not of_cells:
         dim = tdim
-    cells = entities
+    cells: npt.NDArray[np.int32] = entities
     if dim < tdim:
         cells_of = topology.connectivity(dim, tdim)
         cells = np.array([cells_of.links(f)[0] for f in entities], dtype=np.int32)

@@ -339,7 +339,10 @@ class Follower:
         if not self.system.kinks_in_gamma or slope == 0:
             return None
         low, high = gamma_range
-        hop = math.copysign(_HOP * b.gamma_scale, slope)
+        # The kink lies within the shortest step that failed.
+        control = self.control
+        failed = control.minimum / control.decrease * abs(slope)
+        hop = math.copysign(max(_HOP * b.gamma_scale, failed), slope)
         gamma = min(max(point.gamma + hop, low), high)
         if gamma == point.gamma:
             return None

@@ -18,12 +18,12 @@ from dolfinx_contact import (
     RigidBody,
     materials,
 )
-from dolfinx_contact.continuation import follow
+from dolfinx_contact.continuation import StepControl, follow
 from dolfinx_contact.parametric import ParametricContact
 
 
 def followed(case, way, number, kind):
-    body = block(case.comm, (2, 1))
+    body = block(case.comm, (1, 1))
     gamma = fem.Constant(body.domain, 0.5)
     x = ufl.SpatialCoordinate(body.domain)
     lower = ufl.conditional(ufl.lt(x[1], 1e-6), 1.0, 0.0)
@@ -42,8 +42,9 @@ def followed(case, way, number, kind):
     problem.solve()
     start = system.create_vector()
     problem.write(start)
-    branch = follow(system, start, 0.5, gamma_range=(0.5, 1.6), max_steps=60)
-    case.true(f"the branch gets to the jump, {kind}", branch.points[-1].gamma > 0.99)
+    control = StepControl(minimum=1e-3)
+    branch = follow(system, start, 0.5, gamma_range=(0.5, 1.6), control=control)
+    case.true(f"the branch gets to the jump, {kind}", branch.points[-1].gamma > 0.95)
     for point in branch.points:
         force = system.result_at(point).resultants["contact"][1]
         case.equal(f"force at {point.gamma:.9f}, {kind}", force, 1000.0 * number(point.gamma))

@@ -22,7 +22,7 @@ from dolfinx_contact.parametric import ParametricContact
 
 
 def forces(case, components):
-    body = block(case.comm, (2, 1))
+    body = block(case.comm, (1, 1))
     gamma = fem.Constant(body.domain, 0.5)
     steel = materials.LinearElastic.from_young(1000.0, 0.0)
     floor = RigidBody(
