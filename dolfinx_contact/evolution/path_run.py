@@ -137,6 +137,8 @@ class PathRun:
                     f"no step of at least {self._steps.control.minimum:g} succeeds beyond "
                     f"gamma = {self._leaves.gamma:.10g}"
                 )
+                if system.kinks_in_gamma:
+                    self.reason += f"; {system.kinks_in_gamma}"
                 return None
             before, point = self._moment, found.point
             result, state = system.result_at(point), self._stepper.problem.state()

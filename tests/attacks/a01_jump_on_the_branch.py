@@ -42,9 +42,9 @@ def followed(case, way, number, kind):
     problem.solve()
     start = system.create_vector()
     problem.write(start)
-    control = StepControl(minimum=1e-3)
+    control = StepControl(minimum=0.02, corrections=4)
     branch = follow(system, start, 0.5, gamma_range=(0.5, 1.6), control=control)
-    case.true(f"the branch gets to the jump, {kind}", branch.points[-1].gamma > 0.95)
+    case.true(f"the branch gets to the jump, {kind}", branch.points[-1].gamma > 0.9)
     for point in branch.points:
         force = system.result_at(point).resultants["contact"][1]
         case.equal(f"force at {point.gamma:.9f}, {kind}", force, 1000.0 * number(point.gamma))

@@ -44,9 +44,9 @@ def compared(case, symbolic, number):
     system = ParametricContact(problem, gamma, driven=[(body.moved, way)])
     system.set_parameter(0.0)
     problem.solve()
-    control = StepControl(initial=0.05, maximum=0.2)
+    control = StepControl(initial=0.05, maximum=0.2, minimum=1e-4)
     path = ArcLength(system).run((0.0, 1.6), control=control, max_steps=200)
-    case.unpromised("the path ended early", not path.complete)
+    case.unpromised(path.reason, not path.complete and "kinks or jumps in gamma" in path.reason)
     case.equal("force", path.steps[-1].result.resultants["contact"], expected, 1e-5)
 
 

@@ -17,7 +17,7 @@ from dolfinx_contact import (
     RigidBody,
     materials,
 )
-from dolfinx_contact.continuation import find_solutions, follow
+from dolfinx_contact.continuation import StepControl, find_solutions, follow
 from dolfinx_contact.parametric import ParametricContact
 
 
@@ -42,7 +42,8 @@ def forces(case, components):
         system.result_at(p).resultants["contact"][1] for p in found.points(system, found.found)
     ]
     system.set_parameter(0.5)
-    last = follow(system, start, 0.5, gamma_range=(0.5, 1.8)).points[-1]
+    control = StepControl(minimum=1e-6, corrections=4)
+    last = follow(system, start, 0.5, gamma_range=(0.5, 1.8), control=control).points[-1]
     case.equal("where the branch ends", last.gamma, 1.8)
     return there, system.result_at(last).resultants["contact"][1]
 
