@@ -88,9 +88,11 @@ class QuasiStatic(Evolution):
                 the reason says whether it is, and else what was tried. A step that was not solved
                 proves nothing: shorter ones are tried from the same state.
             sudden: times the rate at which the state changed in the step before, beyond which a
-                step is looked at for a jump; ``inf`` for never. That takes some steps more, which
-                are not kept if there is none. A jump that is smaller passes for a step, and so does
-                one in the first step of the first run, which has none before it: make that short.
+                step is looked at for a jump; ``inf`` for never. So is one in which a point
+                that stuck goes as far as any of the body. That takes some steps more, which are not
+                kept if there is none. A jump that is smaller passes for a step, and so does one in
+                the first step of the first run, which has none before it: make that short, and
+                those in which bonds may snap.
             rays: whether all solutions of the rate problem are looked for where a step begins, in
                 2D with contact at nodes (`EvolutionStep.ways`); by default up to sixteen points and
                 where the statuses of the step before do not hold.

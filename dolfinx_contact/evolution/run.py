@@ -29,10 +29,10 @@ from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.evolution.forks import Forked, Forks
 from dolfinx_contact.evolution.history import EvolutionStep, History, NoContinuation
 from dolfinx_contact.evolution.jumps import Found, find_jump, where_it_changes
-from dolfinx_contact.evolution.moment import Moment, Stepper, Taken, change
+from dolfinx_contact.evolution.moment import AtRest, Moment, Stepper, Taken, change
 from dolfinx_contact.evolution.said import Said
 from dolfinx_contact.evolution.standing import AtJump, Recorder, Standing, Task, aim, checked_times
-from dolfinx_contact.laws.status import closed
+from dolfinx_contact.laws.status import STICK, closed
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.solvers import ConvergenceError
@@ -43,6 +43,7 @@ __all__ = ["Evolution", "Observer"]
 Observer: TypeAlias = Callable[[EvolutionStep], object]
 
 _MOST_FORKS = 16  # evolutions along other rays
+_LOOSE = 0.9  # of the largest displacement in a step, the way of a point that stuck before
 _HALVINGS = 20  # of the whole time, to the least step
 
 
@@ -290,7 +291,9 @@ class _Run:
         """What is found in a step that changes the state suddenly; None if it is no jump."""
         rate = _rate(self._stepper.problem.comm, taken)
         sudden = self._task.sudden
-        if self.rate is None or math.isinf(sudden) or rate <= sudden * self.rate:
+        if self.rate is None or math.isinf(sudden):
+            return None
+        if rate <= sudden * self.rate and not _comes_loose(taken):
             return None
         return find_jump(self._stepper, taken, self._task.shortest)
 
@@ -394,6 +397,21 @@ def _closes(comm: MPI.Comm, taken: Taken) -> bool:
 def _rate(comm: MPI.Comm, taken: Taken) -> float:
     """Of the state in a step. Collective."""
     return change(comm, taken.before, taken.after) / (taken.after.time - taken.before.time)
+
+
+def _comes_loose(taken: Taken) -> bool:
+    """Whether points that stuck have gone as far in a step as the body itself. Collective."""
+    a, b = taken.before, taken.after
+    if not (isinstance(a, AtRest) and isinstance(b, AtRest)):
+        return False
+    ways = [0.0]
+    parts = zip(a.shown, b.shown, a.forces.surfaces, b.forces.surfaces, strict=True)
+    for old, new, before, after in parts:
+        loose = (old == STICK) & (new != STICK)
+        ways += list(np.linalg.norm(after.jump - before.jump, axis=1)[loose])
+    comm, moved = a.forces.equations.comm, np.abs(b.forces.u - a.forces.u).max(initial=0.0)
+    way, most = (comm.allreduce(float(v), op=MPI.MAX) for v in (max(ways), moved))
+    return way > _LOOSE * most
 
 
 def _followed(forks: list[Taken], stepper: Stepper, task: Task) -> list[History]:
