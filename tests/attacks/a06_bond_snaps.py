@@ -42,7 +42,7 @@ def attack(case):
     case.equal("jumps", [s.time for s in history.steps if s.jump], [0.3], 1e-3)
     compared(case, K, history)
     try:
-        pulled(case, K, [0.0, 0.2, 0.5], "raise")
+        pulled(case, K, [0.0, 0.1, 0.2, 0.29, 0.32], "raise")
     except NoContinuation as error:
         case.equal("ends", error.history.time, 0.3, 1e-4)
     else:
