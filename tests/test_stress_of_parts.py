@@ -88,7 +88,7 @@ def test_what_is_refused(folder):
     refused(folder, "needs a bulk with cell tags", plain, {1: PARTS[1].full_stress(plain.u)})
 
 
-def test_one_for_all(folder):
+def test_one_for_all(folder, caplog):
     """One material in all parts, with loads in some; or one whose modulus is one of each cell."""
 
     def loaded(u, dx):
@@ -96,9 +96,40 @@ def test_one_for_all(folder):
 
     problem, _ = pressed(2, loaded)
     output.write_fields(folder, problem, stress=PARTS[1].full_stress(problem.u))
-    problem, _ = pressed(2, two)
+    problem, tags = pressed(2, lambda u, dx: two(u, dx) + 0.1 * u[1] * dx(2))
     young = fem.Function(fem.functionspace(problem.u.function_space.mesh, ("DG", 0)))
+    for tag, value in ((1, 1000.0), (2, 3000.0)):
+        young.x.array[tags.find(tag)] = value
+    stress = LinearElastic(0.0, young / 2).full_stress(problem.u)
+    output.write_fields(folder, problem, stress=stress)
+    assert not caplog.records
     young.x.array[:] = 1000.0
-    output.write_fields(
-        folder, problem, stress=LinearElastic(0.0, young / 2).full_stress(problem.u)
-    )
+    output.write_fields(folder, problem, stress=stress)
+    said = [r.getMessage() for r in caplog.records]
+    assert len(said) == (COMM.rank == 0)
+    assert all("forces of the stress are not those of the bulk" in words for words in said)
+
+
+@pytest.mark.parametrize("cell", ["quad", "tri"])
+def test_of_a_modulus_by_place(cell):
+    """Corners of cells between two moduli have the stress of their own cell."""
+    domain = box(COMM, 2, cell)
+    x = ufl.SpatialCoordinate(domain)
+    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
+    u.interpolate(lambda x: np.stack([0 * x[0], 0.01 * x[1] * (1 + x[0])]))
+    young = ufl.conditional(ufl.lt(x[0], 0.5), 1000.0, 3000.0)
+    full, mises = body_fields(u, LinearElastic.from_young(young, 0.0).full_stress(u))
+    W = full.function_space
+    n = domain.topology.index_map(2).size_local
+    dofs = W.dofmap.list[:n]
+    places = W.tabulate_dof_coordinates()[dofs]
+    modulus = np.where(places.mean(axis=1)[:, 0] < 0.5, 1000.0, 3000.0)[:, None]
+    strains = ufl.sym(ufl.grad(u))
+    points = W.element.interpolation_points
+    points = points() if callable(points) else points
+    strain = fem.Expression(strains, points).eval(domain, np.arange(n, dtype=np.int32))
+    strain = strain.reshape(*dofs.shape, 2, 2)
+    found = full.x.array.reshape(-1, 3, 3)[dofs]
+    expected = modulus[..., None, None] * strain
+    np.testing.assert_allclose(found[..., :2, :2], expected, rtol=0, atol=1e-8 * 60.0)
+    assert np.all(np.isfinite(mises.x.array))

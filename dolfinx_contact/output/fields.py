@@ -16,6 +16,7 @@ traction, gap and slip are values at the vertex.
 
 from __future__ import annotations
 
+import logging
 import os
 import re
 from collections.abc import Callable, Mapping
@@ -30,13 +31,14 @@ import numpy as np
 import numpy.typing as npt
 
 import ufl
-from dolfinx import fem, mesh
+from dolfinx import fem, la, mesh
 from ufl.algorithms import expand_derivatives, extract_coefficients
 from ufl.corealg.traversal import unique_pre_traversal
 
 from dolfinx_contact._agreement import described, refuse_other_mesh
 from dolfinx_contact._compat import interpolation_points
 from dolfinx_contact._errors import everywhere, same_everywhere
+from dolfinx_contact._forms import compiled_form
 from dolfinx_contact.output.disk import aside
 from dolfinx_contact.output.folder import output_folder
 from dolfinx_contact.output.master import MasterFace
@@ -59,6 +61,14 @@ __all__ = [
     "von_mises",
     "write_fields",
 ]
+
+# Of the way from a corner of a cell to its middle; FFCx takes 1 - 1e-6 in its tables for 1.
+_INSIDE = 1e-5
+_OFF = 0.01  # by which forces of a stress may be off, relative
+_ALL_STRAINS = np.array([[1.0, 0.4, -0.3], [-0.6, 0.8, 0.5], [0.2, -0.7, 0.9]])  # a gradient
+_BY_TAG = "stress={1: steel.full_stress(u), 2: rubber.full_stress(u)}"
+
+logger = logging.getLogger(__name__)
 
 #: Number of each status letter of the tables.
 STATUS_CODES = {"o": 0, "k": 1, "+": 2, "-": 2, "s": 2, "d": 3}
@@ -87,7 +97,8 @@ def write_fields(
         stress: 3 x 3 UFL stress, in 2D too: ``material.full_stress(u)``. Of several materials, in
             a bulk of integrals over cell tags, one of each tag: ``{1: steel.full_stress(u), 2:
             rubber.full_stress(u)}``; one for all is refused there, but for one with a Function
-            that is constant in each cell. Without it no stresses are written.
+            that is constant in each cell, of which there is a warning where its forces are not
+            those of a linear bulk. Without it no stresses are written.
         format: "vtx" (``.bp``) or "vtk" (``.vtu``, which PyVista and every ParaView read); by
             default "vtx" unless DOLFINx was built without ADIOS2.
 
@@ -192,7 +203,7 @@ def check_stress(problem: ContactProblem, stress: Any) -> mesh.MeshTags | None:
             does not have the cell tags of the bulk, or differs between ranks.
     """
     says: Any = None
-    tags = None
+    tags, names = None, ""
     domain = problem.u.function_space.mesh
     with everywhere(problem.comm, "the stress"):
         if isinstance(stress, Mapping):
@@ -206,9 +217,11 @@ def check_stress(problem: ContactProblem, stress: Any) -> mesh.MeshTags | None:
                 raise ValueError(f"cell tags of a stress are whole numbers, not {wrong[0]!r}")
             says = [(int(tag), described(stress[tag], domain)) for tag in sorted(stress)]
         elif stress is not None:
-            _refuse_one_of_several(problem, stress)
+            names = _refuse_one_of_several(problem, stress)
             says = described(stress, domain)
     same_everywhere(problem.comm, stress=says)
+    if names:
+        _doubt_forces(problem, stress, names)
     if tags is not None:
         _require_tags(domain, tags, {int(tag) for tag in stress})
     return tags
@@ -249,16 +262,16 @@ def _require_tags(domain: mesh.Mesh, tags: mesh.MeshTags, given: set[int]) -> No
         raise ValueError("the stress is given by cell tags, but some cells have none")
 
 
-def _refuse_one_of_several(problem: ContactProblem, stress: Any) -> None:
-    """``ValueError`` if a stress without parts stands beside a bulk of several materials."""
-    u = problem.u
-    if any(f is not u and _is_cellwise(f) for f in extract_coefficients(stress)):
-        return
+def _refuse_one_of_several(problem: ContactProblem, stress: Any) -> str:
+    """``ValueError`` if a stress without parts stands beside a bulk of several materials.
+
+    Returns:
+        The tags of these if the stress may be that of all of them, by a Function that is constant
+        in each cell; else "".
+    """
     materials: dict[Any, list[str]] = {}
     beside = False
-    for integral in _cell_integrals(problem):
-        if not _has_strain(problem, integral):
-            continue
+    for integral in _strained(problem):
         names = integral.subdomain_id()
         for name in names if isinstance(names, tuple) else (names,):
             if name in ("everywhere", "otherwise"):
@@ -266,12 +279,55 @@ def _refuse_one_of_several(problem: ContactProblem, stress: Any) -> None:
             else:
                 materials.setdefault(name, []).append(_said_by(integral))
     different = {repr(sorted(said)) for said in materials.values()}
-    if len(different) > 1 or (beside and different):
-        raise ValueError(
-            "the stress is that of one material, but the bulk has different integrals over cell "
-            f"tags ({', '.join(map(str, sorted(materials)))}): give one of each tag, "
-            "stress={1: steel.full_stress(u), 2: rubber.full_stress(u)}"
+    if len(different) < 2 and not (beside and different):
+        return ""
+    tags = ", ".join(map(str, sorted(materials)))
+    if any(f is not problem.u and _is_cellwise(f) for f in extract_coefficients(stress)):
+        return tags
+    raise ValueError(
+        "the stress is that of one material, but the bulk has different integrals over cell "
+        f"tags ({tags}): give one of each tag, {_BY_TAG}"
+    )
+
+
+def _doubt_forces(problem: ContactProblem, stress: Any, names: str) -> None:
+    """Warn if the forces of a stress are not those of a linear bulk. Collective.
+
+    Both are taken by their change with a displacement that has all strains, so that loads and the
+    present state do not matter. Of a body of revolution nothing is said.
+    """
+    bulk = problem.equations.bulk
+    if not bulk.linear or problem.equations.axisymmetric:
+        return
+    V = problem.u.function_space
+    v, dim = ufl.TestFunction(V), V.mesh.geometry.dim
+    w = fem.Function(V)
+    w.interpolate(lambda x: _ALL_STRAINS[:dim, :dim] @ x[:dim])
+    strain = ufl.grad(v)
+    work = sum(stress[i, j] * strain[i, j] for i in range(dim) for j in range(dim))
+    of_stress = ufl.derivative(work * ufl.dx(domain=V.mesh), problem.u, w)
+    of_bulk = ufl.derivative(ufl.Form(_strained(problem)), bulk.displacement, w)
+    forces = []
+    for form in (of_stress, of_bulk):
+        b = fem.assemble_vector(compiled_form(expand_derivatives(form)))
+        b.scatter_reverse(la.InsertMode.add)
+        forces.append(b.array[: V.dofmap.index_map.size_local * V.dofmap.index_map_bs])
+    squares = [np.sum((forces[0] - forces[1]) ** 2), np.sum(forces[1] ** 2)]
+    off, size = problem.comm.allreduce(np.array(squares))
+    if off > _OFF**2 * size and problem.comm.rank == 0:
+        logger.warning(
+            "the forces of the stress are not those of the bulk, of which they are off by %.2g: a "
+            "Function that is constant in each cell is to tell the materials of the cell tags (%s) "
+            "apart; or give one of each tag, %s",
+            np.sqrt(off / size) if size else np.inf,
+            names,
+            _BY_TAG,
         )
+
+
+def _strained(problem: ContactProblem) -> list[ufl.Integral]:
+    """Integrals over cells that resist strains."""
+    return [i for i in _cell_integrals(problem) if _has_strain(problem, i)]
 
 
 def _is_cellwise(f: Any) -> bool:
@@ -298,6 +354,8 @@ def body_fields(
 ) -> list[fem.Function]:
     """``stress`` and ``von_mises`` as discontinuous Functions of degree 1. Collective.
 
+    Where conditions of the place make it jump between cells, each has the values of its own side.
+
     Args:
         u: the displacement.
         stress: UFL, or UFL by cell tags.
@@ -309,16 +367,45 @@ def body_fields(
     fields = []
     for name, shape, of in (("stress", (3, 3), lambda e: e), ("von_mises", (), von_mises)):
         W = fem.functionspace(u.function_space.mesh, ("DG", 1, shape))
-        f, points = fem.Function(W, name=name), interpolation_points(W)
+        f = fem.Function(W, name=name)
         if tags is None:
-            f.interpolate(fem.Expression(of(stress), points))
+            _interpolate(f, of(stress), None)
         else:
             for tag in sorted(stress):
-                cells = tags.find(tag)
-                f.interpolate(fem.Expression(of(stress[tag]), points), cells0=cells)
+                _interpolate(f, of(stress[tag]), tags.find(tag))
             f.x.scatter_forward()
         fields.append(f)
     return fields
+
+
+def _interpolate(f: fem.Function, e: Any, cells: npt.NDArray[np.int32] | None) -> None:
+    """Put an expression into a discontinuous Function of degree 1, in some cells or all."""
+    W = f.function_space
+    points = interpolation_points(W)
+    if not _jumps_by_place(e):
+        f.interpolate(fem.Expression(e, points), cells0=cells)
+        return
+    # At a corner between two cells the condition has one answer for both. A little inside each
+    # cell it has that of the cell.
+    inside = points + _INSIDE * (points.mean(axis=0) - points)
+    if cells is None:
+        here = W.mesh.topology.index_map(W.mesh.topology.dim)
+        cells = np.arange(here.size_local + here.num_ghosts, dtype=np.int32)
+    dofs = W.dofmap.list[cells]
+    values = fem.Expression(e, inside).eval(W.mesh, cells).reshape(*dofs.shape, -1)
+    middle = values.mean(axis=1, keepdims=True)
+    values = middle + (values - middle) / (1 - _INSIDE)
+    f.x.array.reshape(-1, W.dofmap.index_map_bs)[dofs] = values
+
+
+def _jumps_by_place(e: Any) -> bool:
+    """Whether a condition of the position is in an expression, as of a modulus of two parts."""
+    conditions = (n for n in unique_pre_traversal(e) if isinstance(n, ufl.classes.Condition))
+    return any(
+        isinstance(node, ufl.classes.SpatialCoordinate)
+        for condition in conditions
+        for node in unique_pre_traversal(condition)
+    )
 
 
 def contact_fields(problem: ContactProblem, surface: ContactSurface) -> dict[str, fem.Function]:
