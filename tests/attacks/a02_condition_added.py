@@ -5,7 +5,7 @@ problem that is made with both.
 """
 
 import numpy as np
-from bodies import block, on_floor, push
+from bodies import block, moves, on_floor
 
 import ufl
 from dolfinx import fem, mesh
@@ -22,7 +22,7 @@ def _side(body):
 
 def attack(case):
     body = block(case.comm, (2, 2), cell="quadrilateral")
-    push(body, 0.0, -0.01)
+    moves(body, 0.0, -0.01)
     floor = HalfSpace(point=(0.0, 0.0), normal=(0.3, 1.0))
     problem, _contact = on_floor(body, Coulomb(0.1), obstacle=floor)
     problem.solve()
@@ -31,7 +31,7 @@ def attack(case):
     found = problem.solve().support
 
     both = block(case.comm, (2, 2), cell="quadrilateral")
-    push(both, 0.0, -0.01)
+    moves(both, 0.0, -0.01)
     contact = Surface(both.u, both.bottom, obstacle=floor, law=Coulomb(0.1))
     steel = materials.LinearElastic.from_young(1000.0, 0.0)
     anew = ContactProblem(

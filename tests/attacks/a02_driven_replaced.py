@@ -3,7 +3,7 @@
 With nu = 0 the force is E times the way of the top.
 """
 
-from bodies import block, on_floor, push, refused
+from bodies import block, moves, on_floor, refused
 
 import ufl
 from dolfinx import fem
@@ -15,7 +15,7 @@ from dolfinx_contact.parametric import ParametricContact
 
 def attack(case):
     body = block(case.comm, (2, 1), cell="quadrilateral")
-    push(body, 0.0, -0.01)
+    moves(body, 0.0, -0.01)
     problem, contact = on_floor(body, Frictionless())
     gamma = fem.Constant(body.domain, 0.0)
     driven = [(body.moved, ufl.as_vector((0.0, -0.01 - 0.01 * gamma)))]

@@ -5,7 +5,7 @@ way of the top.
 """
 
 import numpy as np
-from bodies import block, on_floor, push, ratio
+from bodies import block, moves, on_floor, ratio
 
 from dolfinx_contact import Coulomb
 from dolfinx_contact.evolution import QuasiStatic
@@ -13,16 +13,16 @@ from dolfinx_contact.evolution import QuasiStatic
 
 def attack(case):
     body = block(case.comm, (2, 1), cell="quadrilateral")
-    push(body, 0.0, -0.01)
+    moves(body, 0.0, -0.01)
     problem, contact = on_floor(body, Coulomb(0.2))
     problem.solve()
-    evolution = QuasiStatic(problem, lambda t: push(body, 0.05 * t, -0.01))
+    evolution = QuasiStatic(problem, lambda t: moves(body, 0.05 * t, -0.01))
     step = evolution.run([0.0, 0.5, 1.0]).steps[-1]
     case.equal("Q/P", ratio(step.result.tables[contact.name]), 0.2)
-    evolution.load = lambda t: push(body, 0.05 * (2.0 - t), -0.01)
+    evolution.load = lambda t: moves(body, 0.05 * (2.0 - t), -0.01)
     step = evolution.run([1.0, 1.5, 2.0]).steps[-1]
     case.equal("Q/P back", ratio(step.result.tables[contact.name]), -0.2)
-    evolution.load = lambda t: push(body, 0.05 * (2.0 - t), -0.01 * (t - 1.0))
+    evolution.load = lambda t: moves(body, 0.05 * (2.0 - t), -0.01 * (t - 1.0))
     contact.law.friction.value = 0.4
     step = evolution.run([2.0, 2.5, 3.0]).steps[-1]
     case.equal("Q/P of more friction", ratio(step.result.tables[contact.name]), -0.4)

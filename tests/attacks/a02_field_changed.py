@@ -4,7 +4,7 @@ The whole Q is the sum of coefficient times normal force; the body has sides of 
 """
 
 import numpy as np
-from bodies import block, on_floor, push
+from bodies import block, moves, on_floor
 
 from dolfinx import fem
 
@@ -13,7 +13,7 @@ from dolfinx_contact import Coulomb
 
 def attack(case):
     body = block(case.comm, (2, 1), (1e-6, 1e-6), cell="quadrilateral", degree=2)
-    push(body, 1e-7, -1e-8)
+    moves(body, 1e-7, -1e-8)
     Q = fem.functionspace(body.domain, ("Lagrange", 1))
     field = fem.Function(Q)
     share = fem.Constant(body.domain, 1.0)

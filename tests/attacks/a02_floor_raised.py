@@ -5,7 +5,7 @@ is E times the strain.
 """
 
 import numpy as np
-from bodies import block, on_floor, push, refused
+from bodies import block, moves, on_floor, refused
 
 from dolfinx import fem
 
@@ -14,7 +14,7 @@ from dolfinx_contact import Frictionless, HalfSpace
 
 def attack(case):
     body = block(case.comm, (2, 1), cell="quadrilateral")
-    push(body, 0.0, -0.01)
+    moves(body, 0.0, -0.01)
     at = np.zeros(2)
     floor = HalfSpace(point=at, normal=(0.0, 1.0))
     problem, contact = on_floor(body, Frictionless(), obstacle=floor)
@@ -30,7 +30,7 @@ def attack(case):
 
 def honest(case):
     body = block(case.comm, (2, 1), cell="quadrilateral")
-    push(body, 0.0, -0.01)
+    moves(body, 0.0, -0.01)
     at = fem.Constant(body.domain, (0.0, 0.0))
     floor = HalfSpace(point=at, normal=(0.0, 1.0))
     problem, contact = on_floor(body, Frictionless(), obstacle=floor)

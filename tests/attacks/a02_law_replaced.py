@@ -3,14 +3,14 @@
 The top is dragged so far that the whole bottom slips: Q/P is the coefficient of friction.
 """
 
-from bodies import block, on_floor, push, ratio
+from bodies import block, moves, on_floor, ratio
 
 from dolfinx_contact import Coulomb
 
 
 def _dragged(case):
     body = block(case.comm, (2, 1), cell="quadrilateral")
-    push(body, 0.05, -0.01)
+    moves(body, 0.05, -0.01)
     return on_floor(body, Coulomb(0.1))
 
 

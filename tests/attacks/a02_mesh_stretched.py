@@ -3,14 +3,14 @@
 A block pressed by a strain of 1 % has a force of E times 1 % of its width, 10 and then 20.
 """
 
-from bodies import block, on_floor, push
+from bodies import block, moves, on_floor
 
 from dolfinx_contact import Frictionless
 
 
 def attack(case):
     body = block(case.comm, (2, 1), cell="quadrilateral")
-    push(body, 0.0, -0.01)
+    moves(body, 0.0, -0.01)
     problem, contact = on_floor(body, Frictionless())
     case.equal("force", problem.solve().resultants[contact.name][1], 10.0)
     body.domain.geometry.x[:, 0] *= 2.0

@@ -3,14 +3,14 @@
 Each is refused; the force is as before, E times the way.
 """
 
-from bodies import block, on_floor, push, refused
+from bodies import block, moves, on_floor, refused
 
 from dolfinx_contact import Frictionless, HalfSpace, Sphere, materials
 
 
 def attack(case):
     body = block(case.comm, (2, 1), cell="quadrilateral")
-    push(body, 0.0, -0.01)
+    moves(body, 0.0, -0.01)
     floor = HalfSpace(point=(0.0, 0.0), normal=(0.0, 1.0))
     problem, contact = on_floor(body, Frictionless(), obstacle=floor)
     ball = Sphere((0.0, -3.0), 3.0)

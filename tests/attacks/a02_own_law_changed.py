@@ -6,7 +6,7 @@ Q/P of a dragged body is the coefficient. The law in the surface is asked, and t
 from dataclasses import dataclass
 from typing import Any
 
-from bodies import block, on_floor, push, ratio, refused
+from bodies import block, moves, on_floor, ratio, refused
 
 from dolfinx_contact.laws import FrictionLaw
 
@@ -24,7 +24,7 @@ class Graded(FrictionLaw):
 
 def attack(case):
     body = block(case.comm, (2, 1), cell="quadrilateral")
-    push(body, 0.05, -0.01)
+    moves(body, 0.05, -0.01)
     given = Graded(0.2, 1.0)
     problem, contact = on_floor(body, given)
     case.equal("Q/P", ratio(problem.solve().tables[contact.name]), 0.2)

@@ -6,7 +6,7 @@ Phi = mu p v + c v^2/2: at rest Q/P = mu, in steady sliding Q = mu P + c v A.
 from dataclasses import dataclass
 from typing import Any
 
-from bodies import block, on_floor, push, ratio
+from bodies import block, moves, on_floor, ratio
 
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.laws import Interface
@@ -29,9 +29,9 @@ class Drag(Interface):
 
 def attack(case):
     body = block(case.comm, (2, 1), cell="quadrilateral")
-    push(body, 0.05, -0.01)
+    moves(body, 0.05, -0.01)
     problem, contact = on_floor(body, Drag(0.2, 3.0))
     case.equal("Q/P at rest", ratio(problem.solve().tables[contact.name]), 0.2)
-    evolution = QuasiStatic(problem, lambda t: push(body, 0.05 + t, -0.01))
+    evolution = QuasiStatic(problem, lambda t: moves(body, 0.05 + t, -0.01))
     last = evolution.run([0.05 * k for k in range(12)], sudden=float("inf")).steps[-1]
     case.equal("Q/P", ratio(last.result.tables[contact.name]), 0.2 + 3.0 / 10.0)

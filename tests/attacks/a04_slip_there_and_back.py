@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from bodies import block, on_floor, push
+from bodies import block, moves, on_floor
 
 import ufl
 
@@ -36,18 +36,18 @@ def _mu(way):
 
 def attack(case):
     body = block(case.comm, (2, 1), cell="quadrilateral")
-    push(body, 0.06, -0.01)
+    moves(body, 0.06, -0.01)
     problem, contact = on_floor(body, Worn(0.5, 0.1, 0.1))
     table = problem.solve().tables[contact.name]
     slip = table.ut[:, 0]
     case.true("it slips", np.all(table.letters == "+"))
     case.equal("Q at rest", table.rt[:, 0], -_mu(slip) * table.rn)
 
-    push(body, 0.0, -0.01)
+    moves(body, 0.0, -0.01)
     body.u.x.array[:] = 0.0
     on_floor(body, Frictionless())[0].solve()
     problem, contact = on_floor(body, Worn(0.5, 0.1, 0.1))
-    evolution = QuasiStatic(problem, lambda t: push(body, min(t, 0.2 - t), -0.01))
+    evolution = QuasiStatic(problem, lambda t: moves(body, min(t, 0.2 - t), -0.01))
     way = 0.0
     for step in evolution.run(np.linspace(0.0, 0.2, 9), sudden=float("inf")).steps:
         table = step.result.tables[contact.name]

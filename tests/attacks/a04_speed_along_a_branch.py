@@ -4,7 +4,7 @@ A branch knows no time: Q/P of its end, where the top has been dragged far, is t
 """
 
 from a04_speed_solved_statically import OfSpeed, OfSpeedOrRest
-from bodies import block, on_floor, push, ratio, refused
+from bodies import block, moves, on_floor, ratio, refused
 
 import ufl
 from dolfinx import fem
@@ -15,7 +15,7 @@ from dolfinx_contact.parametric import ParametricContact
 
 def _compared(case, law):
     body = block(case.comm, (2, 1), cell="quadrilateral")
-    push(body, 0.05, -0.01)
+    moves(body, 0.05, -0.01)
     at_rest, known = on_floor(body, OfSpeedOrRest(0.5, 0.1, 0.02))
     at_rest.solve()
     problem, contact = on_floor(body, law)
@@ -36,7 +36,7 @@ def attack(case):
     words = refused(lambda: _compared(case, law))
     case.true("a branch is refused, and how to do it said", "step" in words)
     body = block(case.comm, (2, 1), cell="quadrilateral")
-    push(body, 0.05, -0.01)
+    moves(body, 0.05, -0.01)
     problem, contact = on_floor(body, law)
     system = ParametricContact(problem, fem.Constant(body.domain, 1.0))
     found = find_solutions(system, [system.create_vector()], 1.0, proof_seconds=1.0)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from bodies import block, on_floor, push, ratio
+from bodies import block, moves, on_floor, ratio
 
 import ufl
 
@@ -48,7 +48,7 @@ def in_numbers(law, v):
 def dragged(case, law, **options):
     """A block whose top is dragged so far that its bottom slips; its problem and surface."""
     body = block(case.comm, (2, 1), cell="quadrilateral")
-    push(body, 0.05, -0.01)
+    moves(body, 0.05, -0.01)
     problem, contact = on_floor(body, law, **options)
     return body, problem, contact
 

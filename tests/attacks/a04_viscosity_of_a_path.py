@@ -5,7 +5,7 @@ a path knows no time, so that with it there is no answer.
 """
 
 import numpy as np
-from bodies import block, on_floor, push
+from bodies import block, moves, on_floor
 
 import ufl
 from dolfinx import fem
@@ -18,7 +18,7 @@ from dolfinx_contact.parametric import ParametricContact
 
 def _lifted(case, then):
     body = block(case.comm, (1, 1), cell="quadrilateral")
-    push(body, 0.0, 0.0)
+    moves(body, 0.0, 0.0)
     viscosity = fem.Constant(body.domain, 0.0)
     problem, contact = on_floor(body, RCCM(100.0, 100.0, 0.01, 0.0, viscosity))
     gamma = fem.Constant(body.domain, 0.0)

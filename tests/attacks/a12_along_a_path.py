@@ -5,7 +5,7 @@ the bond stands intact until it reaches sqrt(w C).
 """
 
 import numpy as np
-from bodies import block, on_floor, push
+from bodies import block, moves, on_floor
 
 import ufl
 from dolfinx import fem
@@ -43,7 +43,7 @@ def attack(case):
         table = problem.table(contact)
         told.append((step.time, np.sum(table.rn_adh), np.min(table.beta), np.max(table.un)))
 
-    evolution = QuasiStatic(problem, lambda t: push(body, 0.0, 0.005 * t))
+    evolution = QuasiStatic(problem, lambda t: moves(body, 0.0, 0.005 * t))
     evolution.run([0.0, 0.4, 1.0], observer=observer)
     told = np.array(told)
     case.equal("traction in time", -told[:, 1], 0.005 * told[:, 0] / (1 / 100.0 + 1 / 1000.0))

@@ -5,7 +5,7 @@ pressed by 10 gamma moves by that over E. Both stand in the problem when an obse
 """
 
 import numpy as np
-from bodies import block, on_floor, push
+from bodies import block, moves, on_floor
 
 from dolfinx import fem
 
@@ -35,7 +35,7 @@ def _highest(u, bottom):
 def _seen(case, kind):
     body = block(case.comm, (2, 1), cell="quadrilateral")
     body.comm = case.comm
-    push(body, 0.0, 0.0)
+    moves(body, 0.0, 0.0)
     gamma = fem.Constant(body.domain, 0.0)
     if kind == "floor":
         obstacle = LevelSet(lambda x: x[1] - 0.01 * gamma)

@@ -4,7 +4,7 @@ One material's stress is refused in a picture, and in an animation of a record; 
 """
 
 from a13_two_columns import GLASS, STEEL, columns, folder, on_floor
-from bodies import push, refused
+from bodies import moves, refused
 
 import ufl
 
@@ -19,7 +19,7 @@ def attack(case):
     one, both = STEEL.full_stress(body.u), {1: STEEL.full_stress(body.u)}
     both[2] = GLASS.full_stress(body.u)
     with folder(case.comm) as path:
-        evolution = QuasiStatic(problem, lambda t: push(body, 0.0, -0.01 * t))
+        evolution = QuasiStatic(problem, lambda t: moves(body, 0.0, -0.01 * t))
         with output.EvolutionRecord(path / "record", evolution) as record:
             evolution.run([1.0, 2.0], record=record)
             words = refused(lambda: output.animate(path / "one.gif", record, stress=one))

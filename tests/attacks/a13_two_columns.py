@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
-from bodies import block, push, refused
+from bodies import block, moves, refused
 
 import ufl
 from dolfinx import mesh
@@ -45,7 +45,7 @@ def folder(comm):
 def columns(comm, cells=(4, 2), size=(1.0, 1.0), **options):
     """A block pressed by 1 %, and the tags of its cells: 1 in the left half, 2 in the right."""
     body = block(comm, cells, size, **options)
-    push(body, *[0.0] * (len(cells) - 1), -0.01 * size[-1])
+    moves(body, *[0.0] * (len(cells) - 1), -0.01 * size[-1])
     dim = len(cells)
     left = mesh.locate_entities(body.domain, dim, lambda x: x[0] < 0.5 * size[0] + 1e-9)
     cells_here = body.domain.topology.index_map(dim).size_local

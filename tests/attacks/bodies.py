@@ -233,11 +233,6 @@ def free_point(table: Any) -> int:
     return int(np.argmin(np.linalg.norm(table.x, axis=1)))
 
 
-def push(body: Block, *way: float) -> None:
-    """Move the held top by ``way``, component by component."""
-    body.moved.interpolate(lambda x: np.outer(way, np.ones_like(x[0])))
-
-
 def on_floor(
     body: Block, law: Any, *, obstacle: Any = None, young: Any = 1000.0, **options: Any
 ) -> tuple[ContactProblem, ContactSurface]:
