@@ -175,7 +175,10 @@ def test_an_animation(folder, recorded):
 
     problem = recorded.problem
     before = problem.u.x.array.copy()
-    stress = LinearElastic.from_young(1e3, 0.3).full_stress(problem.u)
+    bodies = {1: 2.5e3, 2: 1e3}
+    stress = {
+        tag: LinearElastic.from_young(E, 0.3).full_stress(problem.u) for tag, E in bodies.items()
+    }
     look = dict(stress=stress, scale=5.0, rate=5.0, steps=[1, len(recorded.journal.states) - 1])
     file = output.animate(folder / "blocks.gif", recorded, **look)
     assert file == folder / "blocks.gif"

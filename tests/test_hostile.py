@@ -451,7 +451,7 @@ MISUSE = {
         "enough",
         KeyboardInterrupt,
     ),
-    "monitor number": (lambda w: block().solve(monitor=3), "not callable", TypeError),
+    "monitor number": (lambda w: block().solve(monitor=3), "monitor must be a function"),
     # level sets and obstacles
     **{
         f"level set {what}": (

@@ -114,7 +114,7 @@ def test_without_a_proof():
     solutions = found_at(system, 1.0, proof_seconds=0)
     assert not solutions.complete
     assert solutions.proof is None
-    with pytest.raises(ValueError, match="must not be negative"):
+    with pytest.raises(ValueError, match="must be a number from 0 on"):
         found_at(system, 1.0, proof_seconds=-1)
 
 
