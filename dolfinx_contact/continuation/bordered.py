@@ -22,6 +22,8 @@ from dolfinx_contact.continuation.system import System
 
 __all__ = ["Bordered"]
 
+_STILL = 1e-13  # of the size of x, by which it moves where it does not
+
 
 class Bordered(Layout):
     """Vectors, inner product and linear algebra of y = (x, gamma).
@@ -68,17 +70,24 @@ class Bordered(Layout):
         w.destroy()
         return value
 
-    def set_scale(self, t: PETSc.Vec) -> None:
-        """Take the scale of x from the first tangent ``t`` that moves it. Collective.
+    def set_scale(self, t: PETSc.Vec, y: PETSc.Vec) -> None:
+        """Take the scale of x from the first tangent ``t`` that moves it, at ``y``. Collective.
 
         Then x and gamma have equal shares in the length of ``t``, and neither units nor the
-        numbers of unknowns and ranks matter for the lengths of steps.
+        numbers of unknowns and ranks matter for the lengths of steps. A motion that is round-off of
+        x over the whole scale of gamma is none: lengths would be those of round-off.
         """
+        if self.x_scale > 0.0:
+            return
+        x, _ = self.split(y)
+        self.system.metric(x, self._w)
+        size = float(self._w.dot(x))
         x, gamma = self.split(t)
         self.system.metric(x, self._w)
         length = float(self._w.dot(x))
         noise = (100 * self.solver.precision) ** 2 * float(x.dot(x)) / self.size
-        if self.x_scale == 0.0 and length > noise and gamma != 0:
+        noise = max(noise, (_STILL * gamma / self.gamma_scale) ** 2 * size)
+        if length > noise and gamma != 0:
             self.x_scale = length * (self.gamma_scale / gamma) ** 2
             self.x_scale_is_new = True
 

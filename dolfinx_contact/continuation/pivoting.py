@@ -299,12 +299,14 @@ class Pivoting:
             self.condensed.expand(w, gamma, here)
         self.condensed.expand(w + ray.direction, gamma + ray.rate, there)
         there.axpy(-1.0, here)
-        t = b.vector()
+        t, y = b.vector(), b.vector()
         b.join(there, ray.rate, t)
+        b.join(here, gamma, y)
         there.destroy()
         if x is None:
             here.destroy()
-        b.set_scale(t)
+        b.set_scale(t, y)
+        y.destroy()
         if b.x_scale == 0.0 and ray.rate == 0:
             b.require_scale()
         t.scale(1.0 / np.sqrt(b.inner(t, t)))

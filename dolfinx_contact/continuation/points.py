@@ -64,6 +64,6 @@ def points_at(
         follower_for(system, x, first.gamma, control, gamma_scale=scale, route=route) as follower,
     ):
         for point in branch.points:  # the first tangent that moves x gives its scale
-            follower.bordered.set_scale(point.tangent)
+            follower.bordered.set_scale(point.tangent, point.y)
         follower.bordered.require_scale()
         return follower.at(branch, gamma)

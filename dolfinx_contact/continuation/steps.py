@@ -417,7 +417,7 @@ class ExactSteps:
         """The point once the scale of x has been taken from the first tangent that moves it."""
         b = self.bordered
         if b.x_scale == 0.0:
-            b.set_scale(point.tangent)
+            b.set_scale(point.tangent, point.y)
         point.tangent.scale(1.0 / np.sqrt(b.inner(point.tangent, point.tangent)))
         if b.x_scale_is_new or np.isnan(point.tau):
             # Another border row, another test function.
