@@ -513,7 +513,7 @@ def _rayleigh(damping: Any) -> tuple[float, float]:
         a = b = None
     if not all(is_number(v) or _is_scalar_constant(v) for v in (a, b)):
         raise ValueError(
-            f"damping must be a form, or a pair of numbers or scalar Constants, got {damping!r}; "
+            f"damping must be a form or a pair of numbers or scalar Constants, got {damping!r}; "
             "what varies over the body is to be a form"
         )
     a, b = float(a), float(b)
