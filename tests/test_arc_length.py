@@ -60,7 +60,10 @@ def opening(step):
     return t.un[t.letters != "d"] / U0
 
 
-@pytest.mark.parametrize(("k", "n"), [(1.0, 1), (0.3, 8), (2.0, 8)])
+@pytest.mark.parametrize(
+    ("k", "n"),
+    [(1.0, 1), pytest.param(0.3, 8, marks=pytest.mark.long), (2.0, 8)],
+)
 def test_bar_in_series(k, n):
     """Snap-back: a nonsmooth fold where damage begins, a smooth one at 4/3 u0 (3/k)^(1/4)."""
     history = ArcLength(bar(k, n)).run(ENDS)
@@ -87,7 +90,14 @@ def test_bar_in_series(k, n):
     np.testing.assert_allclose([r["gamma"] for r in rows], [s.gamma for s in history.steps])
 
 
-@pytest.mark.parametrize("off", [-1e-14, 0.0, 1e-14])
+@pytest.mark.parametrize(
+    "off",
+    [
+        pytest.param(-1e-14, marks=pytest.mark.long),
+        pytest.param(0.0, marks=pytest.mark.long),
+        1e-14,
+    ],
+)
 def test_a_range_that_ends_at_a_fold(off):
     """To round-off on either side of a fold, smooth or not, the path ends there."""
     highest, lowest = 2 * U0, 4 / 3 * 3**0.25 * U0

@@ -28,7 +28,7 @@ def slides(friction):
     return problem, way
 
 
-@pytest.mark.parametrize("friction", [0.1, 0.5])
+@pytest.mark.parametrize("friction", [pytest.param(0.1, marks=pytest.mark.long), 0.5])
 def test_squeal(friction):
     """A perturbed motion has the eigenvalue of largest growth of steady sliding.
 
