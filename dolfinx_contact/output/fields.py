@@ -391,11 +391,12 @@ def _interpolate(f: fem.Function, e: Any, cells: npt.NDArray[np.int32] | None) -
     if cells is None:
         here = W.mesh.topology.index_map(W.mesh.topology.dim)
         cells = np.arange(here.size_local + here.num_ghosts, dtype=np.int32)
-    dofs = W.dofmap.list[cells]
-    values = fem.Expression(e, inside).eval(W.mesh, cells).reshape(*dofs.shape, -1)
+    dofs, size = W.dofmap.list[cells], W.dofmap.index_map_bs
+    # A rank may have none of the cells.
+    values = fem.Expression(e, inside).eval(W.mesh, cells).reshape(*dofs.shape, size)
     middle = values.mean(axis=1, keepdims=True)
     values = middle + (values - middle) / (1 - _INSIDE)
-    f.x.array.reshape(-1, W.dofmap.index_map_bs)[dofs] = values
+    f.x.array.reshape(-1, size)[dofs] = values
 
 
 def _jumps_by_place(e: Any) -> bool:
