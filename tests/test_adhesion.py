@@ -88,7 +88,9 @@ def test_closed_form_at_every_point(cell, given):
     problem, top = bonded(cell, law=RCCM(C, C, W, 0.4), **given)
     aside = [0.0] if cell in ("hex", "tet") else []
     corners = (0.0, *aside, -0.02), (0.2, *aside, -0.02), (0.1, *aside, 0.3), (0.1, *aside, -0.01)
-    history = QuasiStatic(problem, along(top, *corners)).run(np.linspace(0.0, 4.0, 33))
+    # The bonds of some of these bodies snap on the way.
+    evolution = QuasiStatic(problem, along(top, *corners))
+    history = evolution.run(np.linspace(0.0, 4.0, 33), at_jump="jump")
     before, seen = 1.0, set()
     for step in history.steps:
         t = step.result.tables["contact"]
@@ -452,16 +454,25 @@ def test_bad_input():
 
 
 @pytest.mark.chatty
-@pytest.mark.parametrize("n", [1, 2])
-def test_a_bar_that_snaps_back(n):
+@pytest.mark.parametrize(
+    ("n", "times"),
+    [
+        (1, (0.0, 0.4, 1.0)),
+        (1, (0.0, 1.0)),
+        pytest.param(2, (0.0, 0.58, 1.0), marks=pytest.mark.long),
+        (2, (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)),
+    ],
+)
+def test_a_bar_that_snaps_back(n, times):
     """A spring E = 50 in series with a bond: its whole strength goes at once where the bond yields.
 
-    Beyond the jump R = w^2/(C u^3), and u + R/E is what is prescribed.
+    Beyond the jump R = w^2/(C u^3), and u + R/E is what is prescribed. The jump is a third of what
+    happens in the longest steps.
     """
     young = 50.0
     problem, top = bonded(law=RCCM(C, C, W, 0.2), young=young, n=n)
     evolution = QuasiStatic(problem, along(top, (0.0, 0.5)))
-    history = evolution.run(np.linspace(0, 1, 6), shortest=2e-3, at_jump="jump")
+    history = evolution.run(times, shortest=2e-3, at_jump="jump")
     assert history.complete
     (jump,) = [step for step in history.steps if step.jump]
     assert 0.596 < jump.start <= 0.6 + 1e-9 < jump.time < 0.606

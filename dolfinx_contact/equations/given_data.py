@@ -141,6 +141,12 @@ class GivenData:
         """Whether all values are those still, on this rank. Not collective."""
         return all(np.array_equal(_values(f), values) for f, values in self._values)
 
+    def agrees(self, other: GivenData, data: Sequence[Datum]) -> bool:
+        """Whether these of the data have the same values in another, on this rank."""
+        wanted = {id(d.value) for d in data}
+        pairs = zip(self._values, other._values, strict=True)
+        return all(np.array_equal(v, w) for (f, v), (_, w) in pairs if id(f) in wanted)
+
     def restore(self) -> None:
         """Put the values back, bit by bit. Not collective."""
         for f, values in self._values:

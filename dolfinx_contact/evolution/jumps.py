@@ -4,7 +4,8 @@
 A step may end in a solution that no path of solutions leads to: where a branch of the rate problem
 folds or ends (Klarbring, Ing.-Arch. 60, 1990: one node, friction beyond a bound), the solver finds
 the next one. What tells it from a step in which much happens is that the change does not shrink
-with the step: halving after halving it is as large, in steps of no length.
+with the step: halving after halving it is as large, in steps of no length. Beside it the state may
+change with the load, and at kinks of its way faster than before; both shrink.
 
 That is no proof: the solver may have passed over a solution. So in the end the branch of solutions
 is followed from the state (`step_branch`). Nor is it a proof that a step was not solved: then
@@ -16,7 +17,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from dolfinx_contact.equations.state import Statuses
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact.equations.given_data import data_of_surface
 from dolfinx_contact.evolution.moment import Moment, Stepper, Taken, change
 from dolfinx_contact.evolution.step_branch import branch_of_step
 from dolfinx_contact.laws.status import letters
@@ -24,7 +30,12 @@ from dolfinx_contact.solvers import ConvergenceError
 
 __all__ = ["Found", "find_jump", "where_it_changes"]
 
-_SPREAD = 0.5  # of the change of a step, at most, where it is no jump
+Array = npt.NDArray[np.float64]
+
+_SMALL = 0.1  # of the change in a step: no jump that is looked for
+_ROUND_OFF = 1e-6  # of the largest change: none
+_EVEN = 0.55  # of the change of a part, at most, that of its half where it is even
+_NEAR = 0.5  # of a jump, at most, the change in a step that leads on instead
 _SHORTER = 0.25  # of a step that was not solved, the next
 _SHOWN = 5  # places
 
@@ -49,80 +60,122 @@ class Found:
     why: str = ""
 
 
-def find_jump(stepper: Stepper, step: Taken, least: float) -> Found | None:
+def find_jump(stepper: Stepper, step: Taken, slow: Array, least: float) -> Found | None:
     """Look closer at a step that changes the state suddenly. Collective.
+
+    Halves are looked at in turn, the earlier one first. One is left alone if the state changes in
+    it slowly, by a small share of the change in the step, along a straight line, or evenly (by as
+    much in each of its halves, and in theirs). A jump is what none of these become true of.
 
     Args:
         stepper: takes the steps; the problem is left anywhere.
         step: that is looked at.
+        slow: rates of `change` up to which nothing jumps.
         least: length of a step in which the state only jumps.
 
     Returns:
         None if the change of state is spread over the step.
     """
-    path: list[Taken] = []
-    end = step.after.statuses
-    comm = stepper.problem.comm
-    whole, aim = change(comm, step.before, step.after), step.after.time
-    while change(comm, step.before, step.after) > _SPREAD * whole:
+    return _Search(stepper, step, slow, least).look([], step)
+
+
+class _Search:
+    """The search for a jump in a step."""
+
+    def __init__(self, stepper: Stepper, step: Taken, slow: Array, least: float):
+        self._stepper, self._slow, self._least = stepper, slow, least
+        self._end, self._aim = step.after.statuses, step.after.time
+        whole = self._change(step)
+        self._small = np.maximum(_SMALL * whole, _ROUND_OFF * whole.max())
+        equations = stepper.problem.equations
+        self._linear = equations.linear and all(
+            s.law_at_points.compiled.is_piecewise_linear for s in equations.surfaces
+        )
+        self._laws = [d for s in equations.surfaces for d in data_of_surface(s)]
+
+    def look(self, path: Sequence[Taken], step: Taken, even: bool = False) -> Found | None:
+        """Look at a part of the step, which follows others; even: it is a half of an even one."""
         a, b = step.before.time, step.after.time
+        size = self._change(step)
+        slow = size <= np.maximum(self._small, self._slow * (b - a))
+        if slow.all() or self._is_straight(step):
+            return None
         middle = 0.5 * (a + b)
-        if b - a <= least or not a < middle < b:
-            return _at_last(stepper, path, step, aim)
-        first = _first(stepper, step.before, middle, end, least)
+        if b - a <= self._least or not a < middle < b:
+            return self._at_last(path, step)
+        first = self._first(step.before, middle)
         if isinstance(first, ConvergenceError):
             return Found(path, step, failure=first)
-        # The one part in which more happens.
-        if 2 * change(comm, first.before, first.after) >= change(comm, step.before, step.after):
-            step = first
-            continue
+        before = [*path, first]
+        uneven = bool((self._change(first) > _EVEN * size)[~slow].any())
+        found = self.look(path, first) if uneven else None
+        if found is not None:
+            return found
         if first.after.time < middle:
-            return Found([*path, first])
-        second = _first(stepper, first.after, b, end, least)
+            return Found(before)
+        second = self._first(first.after, b)
         if isinstance(second, ConvergenceError):
             return Found(path, step, failure=second)
-        path.append(first)
-        if second.after.time < b:
-            return Found([*path, second])
-        step = second
-    return None
+        halves = not uneven and bool((self._change(second) <= _EVEN * size)[~slow].all())
+        if halves and even:
+            return None
+        if not uneven:
+            found = self.look(path, first, halves)
+        if found is None:
+            found = self.look(before, second, halves)
+        if found is None and second.after.time < b:
+            return Found([*before, second])
+        return found
 
+    def _change(self, step: Taken) -> Array:
+        return change(self._stepper.problem.comm, step.before, step.after)
 
-def _first(
-    stepper: Stepper, before: Moment, time: float, end: Statuses | None, least: float
-) -> Taken | ConvergenceError:
-    """The longest step towards a time that is solved; why none is, down to the least length."""
-    while True:
-        try:
-            return stepper.take(before, time, likely=(before.statuses, end))
-        except ConvergenceError as error:
-            failure = error
-        length = _SHORTER * (time - before.time)
-        if length < least or not before.time < before.time + length < time:
-            return failure
-        time = before.time + length
+    def _is_straight(self, step: Taken) -> bool:
+        """Whether the states between are solutions under the loads between. Collective.
 
+        The statuses of both ends are the same, all is linear in them, and no law or obstacle has
+        changed its data.
+        """
+        a, b = step.before, step.after
+        if not self._linear:
+            return False
+        mine = a.statuses is not None and b.statuses is not None
+        mine = mine and all(map(np.array_equal, a.statuses or (), b.statuses or ()))
+        mine = mine and a.data.agrees(b.data, self._laws)
+        return bool(self._stepper.problem.comm.allreduce(int(mine), op=MPI.MIN))
 
-def _at_last(stepper: Stepper, path: list[Taken], step: Taken, aim: float) -> Found:
-    """What the solutions that lead on from the start of a least step say of its end.
+    def _first(self, before: Moment, time: float) -> Taken | ConvergenceError:
+        """The longest step towards a time that is solved; why none is, down to the least length."""
+        while True:
+            try:
+                return self._stepper.take(before, time, likely=(before.statuses, self._end))
+            except ConvergenceError as error:
+                failure = error
+            length = _SHORTER * (time - before.time)
+            if length < self._least or not before.time < before.time + length < time:
+                return failure
+            time = before.time + length
 
-    If they lead on they are gone along, as far as the time that was aimed at if that is possible.
-    """
-    comm, far = stepper.problem.comm, change(stepper.problem.comm, step.before, step.after)
-    why, ends = "", False
-    for time in dict.fromkeys((aim, step.after.time)):
-        branch = branch_of_step(stepper, step.before, time)
-        why, ends = branch.why, branch.ends
-        if not branch.goes_on:
-            continue
-        try:
-            near = stepper.take(step.before, time, likely=(branch.statuses,))
-        except ConvergenceError as error:
-            return Found(path, step, failure=error)
-        if change(comm, near.before, near.after) <= _SPREAD * far:
-            return Found([*path, near])
-        why = "solutions lead on from the state, but no step led to them"
-    return Found(path, step, ends, why=why)
+    def _at_last(self, path: Sequence[Taken], step: Taken) -> Found:
+        """What the solutions that lead on from the start of a least step say of its end.
+
+        If they lead on they are gone along, as far as the time that was aimed at if possible.
+        """
+        stepper, far = self._stepper, self._change(step)
+        why, ends = "", False
+        for time in dict.fromkeys((self._aim, step.after.time)):
+            branch = branch_of_step(stepper, step.before, time)
+            why, ends = branch.why, branch.ends
+            if not branch.goes_on:
+                continue
+            try:
+                near = stepper.take(step.before, time, likely=(branch.statuses,))
+            except ConvergenceError as error:
+                return Found(path, step, failure=error)
+            if (self._change(near) <= _NEAR * far).all():
+                return Found([*path, near])
+            why = "solutions lead on from the state, but no step led to them"
+        return Found(path, step, ends, why=why)
 
 
 def where_it_changes(stepper: Stepper, before: Moment, after: Moment) -> str:

@@ -49,6 +49,7 @@ class Moment:
         data: Functions and Constants of the user.
         unknowns: all of them as lengths (owned).
         energies: since the start.
+        solved: whether it is a solution under its load, which the start of an evolution may not be.
     """
 
     time: float
@@ -60,6 +61,7 @@ class Moment:
     data: GivenData
     unknowns: Array
     energies: Energies
+    solved: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,10 +84,31 @@ class Taken:
     result: Result
 
 
-def change(comm: MPI.Comm, a: Moment, b: Moment) -> float:
-    """How much the state changes from one to the other, a length. Collective."""
-    d = b.unknowns - a.unknowns
-    return float(np.sqrt(comm.allreduce(float(np.dot(d, d)))))
+def change(comm: MPI.Comm, a: Moment, b: Moment) -> Array:
+    """How much the state changes from one to the other. Collective.
+
+    Returns:
+        Lengths (2 + number of surfaces): the largest displacement of a node, the norm of all
+        unknowns and, between states of equilibrium, the mean change of the jump at the points of
+        each surface that are not clamped. Where points go one after the other, each its way, the
+        mean over a time is the sum of those over its parts.
+    """
+    moved, d = 0.0, b.unknowns - a.unknowns
+    sums = [float(np.dot(d, d))]
+    if isinstance(a, AtRest) and isinstance(b, AtRest):
+        moved = float(np.abs(b.forces.u - a.forces.u).max(initial=0.0))
+        eq = a.forces.equations
+        parts = zip(
+            eq.surfaces, eq.constraints.clamped, a.forces.surfaces, b.forces.surfaces, strict=True
+        )
+        for s, clamped, old, new in parts:
+            ways = np.linalg.norm(new.jump - old.jump, axis=1)
+            if s.method != "integral":
+                ways = ways[~clamped[: len(ways)]]
+            sums += [float(ways.sum()), float(len(ways))]
+    moved, total = comm.allreduce(moved, op=MPI.MAX), comm.allreduce(np.array(sums))
+    means = total[1::2] / np.maximum(total[2::2], 1.0)
+    return np.array([moved, np.sqrt(total[0]), *means])
 
 
 class Stepper:
@@ -118,14 +141,16 @@ class Stepper:
             other = Scales(eq, settled=True).measure(asked).worst
             if other < residual:
                 state, residual = asked, other
-        if residual > _SOLVED and eq.comm.rank == 0:
+        solved = residual <= _SOLVED
+        if not solved and eq.comm.rank == 0:
             logger.warning(
                 "the start of the evolution is no solution under the load at the time %g (residual "
                 "%.1e): its energies mean nothing; solve() first",
                 time,
                 residual,
             )
-        return self.moment(time, None, eq.advanced(state), forces_at(eq, state), Energies())
+        forces = forces_at(eq, state)
+        return self.moment(time, None, eq.advanced(state), forces, Energies(), solved=solved)
 
     def recalled(
         self, time: float, memory: Sequence[Memory | None], energies: Energies, *, first: bool
@@ -147,11 +172,16 @@ class Stepper:
             data.restore()
             raise
         known = None if first else state.statuses
-        return self.moment(time, known, tuple(memory), forces_at(eq, state), energies)
+        solved = not first or Scales(eq, settled=True).measure(state).worst <= _SOLVED
+        forces = forces_at(eq, state)
+        return self.moment(time, known, tuple(memory), forces, energies, solved=solved)
 
     def renewed(self, moment: Moment) -> Moment:
-        """The moment with the data as they are now. Collective."""
-        return replace(moment, data=GivenData(self.problem.equations))
+        """The moment with the data as they are now, under which it may be no solution.
+
+        Collective.
+        """
+        return replace(moment, data=GivenData(self.problem.equations), solved=False)
 
     def put(self, moment: Moment) -> None:
         """Put a moment into Functions, statuses, rigid bodies, data and memory, bit by bit.
@@ -230,9 +260,12 @@ class Stepper:
         memory: tuple[Memory | None, ...],
         forces: Forces,
         energies: Energies,
+        *,
+        solved: bool = True,
     ) -> AtRest:
         """The equilibrium in the problem as a moment. Collective."""
-        return AtRest(**extended(self._moment(time, statuses, memory, energies)), forces=forces)
+        plain = self._moment(time, statuses, memory, energies, solved)
+        return AtRest(**extended(plain), forces=forces)
 
     def _moment(
         self,
@@ -240,6 +273,7 @@ class Stepper:
         statuses: Statuses | None,
         memory: tuple[Memory | None, ...],
         energies: Energies,
+        solved: bool = True,
     ) -> Moment:
         """What stands in the problem, as a moment. Collective."""
         problem = self.problem
@@ -257,6 +291,7 @@ class Stepper:
             GivenData(problem.equations),
             unknowns,
             energies,
+            solved,
         )
 
 

@@ -88,11 +88,11 @@ class QuasiStatic(Evolution):
                 the reason says whether it is, and else what was tried. A step that was not solved
                 proves nothing: shorter ones are tried from the same state.
             sudden: times the rate at which the state changed in the step before, beyond which a
-                step is looked at for a jump; ``inf`` for never. So is one in which a point
-                that stuck goes as far as any of the body. That takes some steps more, which are not
-                kept if there is none. A jump that is smaller passes for a step, and so does one in
-                the first step of the first run, which has none before it: make that short, and
-                those in which bonds may snap.
+                step is looked at for a jump; ``inf`` for never. It is the rate of all unknowns or
+                of the mean way of the points of a surface, which is looked at if it is larger than
+                the body was fast as well. The first step is looked at in any case, unless it begins
+                with a state that is no solution. That takes some steps more, which are not kept if
+                there is no jump. One that is a tenth or less of what happens in a step passes.
             rays: whether all solutions of the rate problem are looked for where a step begins, in
                 2D with contact at nodes (`EvolutionStep.ways`); by default up to sixteen points and
                 where the statuses of the step before do not hold.

@@ -17,6 +17,7 @@ from typing import ClassVar, TypeAlias, get_args
 from mpi4py import MPI
 
 import numpy as np
+import numpy.typing as npt
 
 import ufl
 from dolfinx import fem
@@ -29,10 +30,10 @@ from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.evolution.forks import Forked, Forks
 from dolfinx_contact.evolution.history import EvolutionStep, History, NoContinuation
 from dolfinx_contact.evolution.jumps import Found, find_jump, where_it_changes
-from dolfinx_contact.evolution.moment import AtRest, Moment, Stepper, Taken, change
+from dolfinx_contact.evolution.moment import Moment, Stepper, Taken, change
 from dolfinx_contact.evolution.said import Said
 from dolfinx_contact.evolution.standing import AtJump, Recorder, Standing, Task, aim, checked_times
-from dolfinx_contact.laws.status import STICK, closed
+from dolfinx_contact.laws.status import closed
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.solvers import ConvergenceError
@@ -43,7 +44,6 @@ __all__ = ["Evolution", "Observer"]
 Observer: TypeAlias = Callable[[EvolutionStep], object]
 
 _MOST_FORKS = 16  # evolutions along other rays
-_LOOSE = 0.9  # of the largest displacement in a step, the way of a point that stuck before
 _HALVINGS = 20  # of the whole time, to the least step
 
 
@@ -91,7 +91,7 @@ class Evolution(ReadOnly):
                     raise ValueError(f"{s.name}: the law {s.law.name} lacks {lack}")
         self.problem, self.load = problem, load
         self._moment: Moment | None = None
-        self._rate: float | None = None
+        self._rate: npt.NDArray[np.float64] | None = None
         self._number = 0
 
     def _through(
@@ -289,13 +289,16 @@ class _Run:
 
     def _jump(self, taken: Taken) -> Found | None:
         """What is found in a step that changes the state suddenly; None if it is no jump."""
+        sudden, before = self._task.sudden, self.rate
+        if math.isinf(sudden) or not taken.before.solved:
+            return None
         rate = _rate(self._stepper.problem.comm, taken)
-        sudden = self._task.sudden
-        if self.rate is None or math.isinf(sudden):
+        slow = np.zeros_like(rate) if before is None else sudden * before
+        # Points that begin to slip are no faster than the body was.
+        slow[0], slow[2:] = math.inf, np.maximum(slow[2:], 0.0 if before is None else before[0])
+        if (rate <= slow).all():
             return None
-        if rate <= sudden * self.rate and not _comes_loose(taken):
-            return None
-        return find_jump(self._stepper, taken, self._task.shortest)
+        return find_jump(self._stepper, taken, slow, self._task.shortest)
 
     def _jump_over(self, found: Found, far: Taken) -> None:
         """Accept a step whose end is far as a jump, or end the run there and say why."""
@@ -394,24 +397,10 @@ def _closes(comm: MPI.Comm, taken: Taken) -> bool:
     return bool(comm.allreduce(int(mine)))
 
 
-def _rate(comm: MPI.Comm, taken: Taken) -> float:
-    """Of the state in a step. Collective."""
-    return change(comm, taken.before, taken.after) / (taken.after.time - taken.before.time)
-
-
-def _comes_loose(taken: Taken) -> bool:
-    """Whether points that stuck have gone as far in a step as the body itself. Collective."""
-    a, b = taken.before, taken.after
-    if not (isinstance(a, AtRest) and isinstance(b, AtRest)):
-        return False
-    ways = [0.0]
-    parts = zip(a.shown, b.shown, a.forces.surfaces, b.forces.surfaces, strict=True)
-    for old, new, before, after in parts:
-        loose = (old == STICK) & (new != STICK)
-        ways += list(np.linalg.norm(after.jump - before.jump, axis=1)[loose])
-    comm, moved = a.forces.equations.comm, np.abs(b.forces.u - a.forces.u).max(initial=0.0)
-    way, most = (comm.allreduce(float(v), op=MPI.MAX) for v in (max(ways), moved))
-    return way > _LOOSE * most
+def _rate(comm: MPI.Comm, taken: Taken) -> npt.NDArray[np.float64]:
+    """Of the state in a step, as `change` has it. Collective."""
+    length = taken.after.time - taken.before.time
+    return np.asarray(change(comm, taken.before, taken.after) / length)
 
 
 def _followed(forks: list[Taken], stepper: Stepper, task: Task) -> list[History]:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Literal, Protocol, TypeAlias, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
 from dolfinx_contact.evolution.history import EvolutionStep, History
 from dolfinx_contact.evolution.moment import Moment
@@ -45,7 +46,7 @@ class Standing:
     Attributes:
         moment: the last accepted state.
         length: no longer is the next step.
-        rate: of the state in the last step; None before the first.
+        rate: of the state in the last step, as `moment.change` has it; None before the first.
         number: of the last step, over all runs of the evolution; 0 before the first.
         settled: whether it says how the run goes on. It does not in the midst of steps that were
             found together, up to a jump.
@@ -53,7 +54,7 @@ class Standing:
 
     moment: Moment
     length: float
-    rate: float | None = None
+    rate: npt.NDArray[np.float64] | None = None
     number: int = 0
     settled: bool = True
 

@@ -4,8 +4,9 @@
 A step that ends far from its start proves no jump: the solver may have passed over a solution that
 is near. So the branch is followed with the memory of the start, from kink to kink. Either it leads
 to the load of the end, and then a solution continues the evolution; or the load turns back on it,
-at a smooth fold, or at a kink at which all pieces that meet were tried and none leads to more load:
-then no solution does. Where it ends otherwise nothing is proved, and it is said why.
+at a smooth fold, or at a kink at which all pieces that meet were tried: those that lead to more
+load are followed likewise, and where the load turns back on all of them no solution continues.
+Where a branch ends otherwise nothing is proved, and it is said why.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dolfinx_contact.continuation import Follower, StepControl
-from dolfinx_contact.continuation.branch import BranchPoint, SpecialPoint
+from dolfinx_contact.continuation.branch import BranchPoint, Ray, SpecialPoint
 from dolfinx_contact.continuation.crossing import kinks_at, outgoing_rays
 from dolfinx_contact.equations.state import Statuses
 from dolfinx_contact.evolution.moment import Moment, Stepper
@@ -28,6 +29,7 @@ __all__ = ["StepBranch", "branch_of_step"]
 
 _MOST_STEPS = 400
 _MOST_PIECES = 256
+_MOST_TURNS = 16
 _AT_BORDER = 1e-8  # of the largest distance to a border: at it
 _NO_MORE = 1e-9  # of the load of a step, along a unit ray: not more
 _TURNS = "the load turns back"
@@ -66,17 +68,7 @@ def branch_of_step(stepper: Stepper, moment: Moment, time: float) -> StepBranch:
             control = StepControl(kinks="exact")
             try:
                 with Follower(system, control, gamma_scale=1.0) as follower:
-                    start = follower.start(x, 0.0)
-                    branch = follower.run(start, (0.0, 1.0), max_steps=_MOST_STEPS, stop=_turned)
-                    last = branch.points[-1]
-                    if last.gamma >= 1.0:
-                        return StepBranch(True, system.statuses_of(last.piece))
-                    special = [s for s in branch.special if s.kind in ("fold", "bifurcation")]
-                    if branch.reason == _TURNS and special:
-                        return _at_turn(follower, special[-1])
-                    return StepBranch(
-                        why=f"the solutions were followed in the step: {branch.reason}"
-                    )
+                    return _followed(follower, system, follower.start(x, 0.0))
             except ValueError as error:
                 return StepBranch(why=f"the solutions were not followed in the step: {error}")
             finally:
@@ -86,20 +78,63 @@ def branch_of_step(stepper: Stepper, moment: Moment, time: float) -> StepBranch:
         stepper.put(moment)
 
 
+def _followed(follower: Follower, system: Loaded, start: BranchPoint) -> StepBranch:
+    """What the branch from a start leads to, and those that leave where it turns. Collective."""
+    starts, turns, why, unknown = [start], 0, "", ""
+    while starts:
+        branch = follower.run(starts.pop(), (0.0, 1.0), max_steps=_MOST_STEPS, stop=_turned)
+        last = branch.points[-1]
+        if last.gamma >= 1.0:
+            return StepBranch(True, system.statuses_of(last.piece))
+        special = [s for s in branch.special if s.kind in ("fold", "bifurcation")]
+        if branch.reason != _TURNS or not special:
+            unknown = f"the solutions were followed in the step: {branch.reason}"
+            continue
+        turn = _at_turn(follower, special[-1])
+        why, turns = turn.why, turns + 1
+        if not turn.known:
+            unknown = turn.why
+        elif turns > _MOST_TURNS:
+            return StepBranch(why=f"the load turns back on more than {_MOST_TURNS} branches")
+        for ray in turn.rays:
+            try:
+                starts.append(follower.branch_off(special[-1], ray))
+            except ValueError as error:
+                unknown = f"other solutions with more load meet there, {turn.method}: {error}"
+    return StepBranch(ends=not unknown, why=unknown or why)
+
+
 def _turned(_point: BranchPoint, special: Sequence[SpecialPoint]) -> str:
     return _TURNS if any(s.kind in ("fold", "bifurcation") for s in special) else ""
 
 
-def _at_turn(follower: Follower, special: SpecialPoint) -> StepBranch:
-    """Whether nothing leads to more load from a fold, or where branches meet. Collective."""
+@dataclass(frozen=True)
+class _Turn:
+    """Where the load turns back on a branch.
+
+    Attributes:
+        why: how that is known, or why it is not.
+        known: whether all that leads to more load from there is known.
+        rays: that do.
+        method: by which they are known.
+    """
+
+    why: str
+    known: bool = False
+    rays: Sequence[Ray] = ()
+    method: str = ""
+
+
+def _at_turn(follower: Follower, special: SpecialPoint) -> _Turn:
+    """What leads to more load from a fold, or where branches meet. Collective."""
     if special.kind == "fold" and special.smooth:
-        return StepBranch(ends=True, why="the load turns back there while all statuses stay")
+        return _Turn("the load turns back there while all statuses stay", known=True)
     b = follower.bordered
     onwards = special.onwards
     if special.smooth or onwards is None:
-        return StepBranch(why="branches of solutions meet there")
+        return _Turn("branches of solutions meet there")
     if special.complete:
-        rates = [b.gamma(ray.tangent) for ray in (onwards, *special.others)]
+        rays = [onwards, *special.others]
         method = special.method
     else:
         incoming = onwards if special.incoming is None else special.incoming
@@ -109,14 +144,13 @@ def _at_turn(follower: Follower, special: SpecialPoint) -> StepBranch:
         kinks = kinks_at(follower.corrector, special.y, incoming.piece, tolerance)
         number = math.prod(len(k.statuses) for k in kinks)
         if number > _MOST_PIECES:
-            return StepBranch(why=f"{number} pieces meet there, too many to be tried")
+            return _Turn(f"{number} pieces meet there, too many to be tried")
         given = follower.corrector, special.y, incoming.piece, kinks
-        rates = [
-            b.gamma(ray.tangent)
+        rays = [
+            ray
             for codes in itertools.product(*(k.statuses for k in kinks))
             for ray in outgoing_rays(*given, codes, incoming.tangent)
         ]
         method = f"enumeration of {number} pieces"
-    if any(rate > _NO_MORE for rate in rates):
-        return StepBranch(why=f"other solutions with more load meet there, by {method}")
-    return StepBranch(ends=True, why=f"the load turns back there, by {method}")
+    more = [ray for ray in rays if b.gamma(ray.tangent) > _NO_MORE]
+    return _Turn(f"the load turns back there, by {method}", True, more, f"by {method}")

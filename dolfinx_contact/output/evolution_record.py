@@ -15,6 +15,7 @@ from typing import Any
 
 from petsc4py import PETSc
 
+import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact.evolution import EvolutionStep, History
@@ -92,7 +93,7 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, Standing]):
         return {
             "number": standing.number,
             "length": standing.length,
-            "rate": standing.rate,
+            "rate": None if standing.rate is None else standing.rate.tolist(),
             "settled": standing.settled,
         }
 
@@ -118,9 +119,11 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, Standing]):
         memory = self._points.memory(found)
         energies = self.evolution.account(**state["energies"])
         moment = self.evolution.recalled(state["time"], memory, energies, first=first)
-        # Of the start older journals say no more.
-        length, number = state.get("length", math.inf), state.get("number", 0)
-        return Standing(moment, length, state.get("rate"), number)
+        # Of the start older journals say no more, and of the rate they have one number.
+        length, number, rate = state.get("length", math.inf), state.get("number", 0), None
+        if isinstance(state.get("rate"), list):
+            rate = np.array(state["rate"])
+        return Standing(moment, length, rate, number)
 
     def go_on(
         self,

@@ -17,7 +17,7 @@ def attack(case):
     on_floor(body, Frictionless())[0].solve()
     problem, contact = on_floor(body, law)
     evolution = QuasiStatic(problem, lambda t: moves(body, t, -0.01))
-    last = evolution.run([0.05 * k for k in range(5)], sudden=float("inf")).steps[-1]
+    last = evolution.run([0.05 * k for k in range(13)], sudden=float("inf")).steps[-1]
     case.equal("Q/P", ratio(last.result.tables[contact.name]), in_numbers(law, 1.0))
     contact.memory = None
     moves(body, 0.3, -0.01)

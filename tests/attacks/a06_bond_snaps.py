@@ -38,11 +38,11 @@ def compared(case, K, history):
 
 def attack(case):
     K = 0.5
-    history = pulled(case, K, [0.0, 0.1, 0.2, 0.28, 0.35, 0.5], "jump")
+    history = pulled(case, K, [0.0, 0.2, 0.5], "jump")
     case.equal("jumps", [s.time for s in history.steps if s.jump], [0.3], 1e-3)
     compared(case, K, history)
     try:
-        pulled(case, K, [0.0, 0.1, 0.2, 0.29, 0.32], "raise")
+        pulled(case, K, [0.0, 0.2, 0.5], "raise")
     except NoContinuation as error:
         case.equal("ends", error.history.time, 0.3, 1e-3)
     else:

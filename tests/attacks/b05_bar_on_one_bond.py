@@ -35,8 +35,8 @@ def pulled(case, K, cells, cell, times):
 
 
 def attack(case):
-    pulled(case, 0.5, (1, 1), "quadrilateral", [0.0, 0.1, 0.2, 0.29, 0.32, 0.5])
-    pulled(case, 1.0, (1, 1, 1), None, [0.0, 0.1, 0.19, 0.21, 0.4])
+    pulled(case, 0.5, (1, 1), "quadrilateral", [0.0, 0.1, 0.2, 0.29, 0.5])
+    pulled(case, 1.0, (1, 1, 1), None, [0.0, 0.1, 0.15, 0.4])
 
 
 def honest(case):
