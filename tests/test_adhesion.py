@@ -71,6 +71,7 @@ def weakest(table, before):
     return np.minimum(before, W / np.maximum(energy, 1e-30))
 
 
+@pytest.mark.chatty
 @pytest.mark.parametrize(
     ("cell", "given"),
     [

@@ -90,6 +90,7 @@ def test_bar_in_series(k, n):
     np.testing.assert_allclose([r["gamma"] for r in rows], [s.gamma for s in history.steps])
 
 
+@pytest.mark.chatty
 @pytest.mark.parametrize(
     "off",
     [
@@ -124,6 +125,7 @@ def test_energy():
     assert residues[1] < 0.4 * residues[0] < 0.002 * 0.05 * W
 
 
+@pytest.mark.chatty
 def test_going_back_unloads():
     """Along the secant, to nothing and up again, where damage goes on from where it was."""
     path, k = ArcLength(bar(1.0, 2)), 1.0
@@ -179,6 +181,7 @@ def test_back_through_nothing(k, n):
     np.testing.assert_allclose(table.pressure, k * C * 0.5 * U0, rtol=1e-9)
 
 
+@pytest.mark.chatty
 def test_one_node():
     """The same folds by a load, of one element; in other units of gamma too."""
     k, gaps = 0.3, []

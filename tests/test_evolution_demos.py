@@ -213,6 +213,7 @@ def test_the_refrigerator(folder):
         demo_refrigerator.main(["--force=300", f"--output={folder}"])
 
 
+@pytest.mark.chatty
 def test_an_interface_of_ones_own(folder):
     """A sheet is drawn off a ductile glue with the force of a long bar; errors fall by four."""
     off = []

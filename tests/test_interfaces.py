@@ -463,6 +463,7 @@ def test_an_end_that_is_never_reached():
             assert abs(traction[1]) < 1e-12
 
 
+@pytest.mark.chatty
 @pytest.mark.parametrize("k", [pytest.param(1.0, marks=pytest.mark.long), 8.0])
 def test_a_bar_on_cohesion(k):
     """By arc length, back where the bond softens faster than the bar, to where it is broken."""

@@ -79,6 +79,7 @@ def test_a_speed_is_needed():
         NSCD(block(Regularised(Coulomb(0.3), width=1e-3)), 1.0, dt=0.01)
 
 
+@pytest.mark.chatty
 def test_a_surface_that_gives_way():
     """A stiff block on springs: half a period of an oscillator in contact, and away again."""
     C, v0 = 1e4, 1.0
@@ -96,6 +97,7 @@ def test_a_surface_that_gives_way():
     assert history.energies.residue == pytest.approx(lost, rel=0.02)
 
 
+@pytest.mark.chatty
 def test_a_bond_that_breaks():
     """A block that flies off loses what its bond costs: w of its kinetic energy."""
     w, C = 0.1, 1e3
@@ -112,6 +114,7 @@ def test_a_bond_that_breaks():
     assert abs(e.residue) < 0.03 * w
 
 
+@pytest.mark.chatty
 def test_an_interface_that_breaks():
     """The same of an interface by energy and dissipation, whose cost is exact."""
     problem = block(BilinearCohesive(10.0, 0.005, 0.015), young=1e7, weight=0.0)
@@ -160,6 +163,7 @@ def test_an_obstacle_that_arrives():
     assert abs(history.energies.residue) < 1e-11
 
 
+@pytest.mark.chatty
 def test_a_bond_on_springs():
     """The energies are those of a quasi-static history, from which slow motion hardly differs."""
     found = []

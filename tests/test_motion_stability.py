@@ -28,6 +28,7 @@ def slides(friction):
     return problem, way
 
 
+@pytest.mark.chatty
 @pytest.mark.parametrize("friction", [pytest.param(0.1, marks=pytest.mark.long), 0.5])
 def test_squeal(friction):
     """A perturbed motion has the eigenvalue of largest growth of steady sliding.
@@ -68,6 +69,7 @@ def test_squeal(friction):
     assert found == pytest.approx(expected, abs=1e-4)
 
 
+@pytest.mark.chatty
 def test_klarbring_by_dynamics():
     """Beyond g = 3 no equilibrium continues; the motion from there ends open, and goes on so."""
     problem, g = klarbring()

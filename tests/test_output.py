@@ -397,6 +397,7 @@ def drawn(file):
     return COMM.bcast(count)
 
 
+@pytest.mark.chatty
 @pytest.mark.parametrize(
     ("cell", "degree"),
     [
