@@ -483,6 +483,14 @@ def test_a_bar_that_snaps_back(n, times):
     np.testing.assert_allclose(force, [0.0, -(W**2) / (C * u[0] ** 3)], atol=1e-9)
 
 
+def test_a_bar_that_does_not_snap_back():
+    """A stiff spring: steps that cannot be shorter are no jumps for that."""
+    problem, top = bonded(law=RCCM(C, C, W), young=310.0, n=1)
+    history = QuasiStatic(problem, along(top, (0.0, 1.0))).run([0.0, 0.1, 0.4, 1.0], shortest=0.1)
+    assert history.complete
+    assert [(s.time, s.jump) for s in history.steps] == [(t, False) for t in (0.1, 0.4, 1.0)]
+
+
 def test_bonds_that_break_in_one_step():
     """From rest to beyond the jump in one step: the state at its end is that of many."""
     ends = []

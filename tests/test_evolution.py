@@ -408,6 +408,26 @@ def test_where_nothing_continues(folder, at_jump):
     assert jump.energies.residue > 0.1
 
 
+@pytest.mark.chatty
+@pytest.mark.parametrize("times", [(0.0, 4.0), (0.0, 0.5, 4.0)])
+def test_a_jump_in_a_long_step(times):
+    """It is seen in the first step, and where the state then changes little faster than the load.
+
+    Solvers take the second half of a step to states that do not follow from those of the first.
+    """
+    problem, g = klarbring()
+
+    def load(t):
+        g.value = t
+
+    load(0.0)
+    problem.solve()
+    history = QuasiStatic(problem, load).run(times, shortest=1e-3, at_jump="jump")
+    (jump,) = (s for s in history.steps if s.jump)
+    assert jump.start <= 3.0 <= jump.time < jump.start + 2e-3
+    assert all(s.result.counts["stick"] == 1 for s in history.steps if s.time < 3)
+
+
 def test_sudden_but_no_jump():
     """What comes fast but with the load is no jump, and takes no other steps."""
     problem, top = dragged()

@@ -24,7 +24,7 @@ import numpy.typing as npt
 
 from dolfinx_contact.equations.given_data import data_of_surface
 from dolfinx_contact.evolution.moment import Moment, Stepper, Taken, change
-from dolfinx_contact.evolution.step_branch import branch_of_step
+from dolfinx_contact.evolution.step_branch import StepBranch, branch_of_step
 from dolfinx_contact.laws.status import letters
 from dolfinx_contact.solvers import ConvergenceError
 
@@ -36,6 +36,7 @@ _SMALL = 0.1  # of the change in a step: no jump that is looked for
 _ROUND_OFF = 1e-6  # of the largest change: none
 _EVEN = 0.55  # of the change of a part, at most, that of its half where it is even
 _NEAR = 0.5  # of a jump, at most, the change in a step that leads on instead
+_SAME = 1e-4  # of a step, between two solutions of it: the same
 _SHORTER = 0.25  # of a step that was not solved, the next
 _SHOWN = 5  # places
 
@@ -101,7 +102,7 @@ class _Search:
         if slow.all() or self._is_straight(step):
             return None
         middle = 0.5 * (a + b)
-        if b - a <= self._least or not a < middle < b:
+        if b - a < 2 * self._least or not a < middle < b:
             return self._at_last(path, step)
         first = self._first(step.before, middle)
         if isinstance(first, ConvergenceError):
@@ -123,9 +124,15 @@ class _Search:
             found = self.look(path, first, halves)
         if found is None:
             found = self.look(before, second, halves)
-        if found is None and second.after.time < b:
+        if found is None and (second.after.time < b or self._is_elsewhere(second, step)):
             return Found([*before, second])
         return found
+
+    def _is_elsewhere(self, second: Taken, step: Taken) -> bool:
+        """Whether two halves of a step lead to another state than the whole. Collective."""
+        comm = self._stepper.problem.comm
+        much = np.maximum(_NEAR * self._change(step), self._small)
+        return bool((change(comm, second.after, step.after) > much).any())
 
     def _change(self, step: Taken) -> Array:
         return change(self._stepper.problem.comm, step.before, step.after)
@@ -156,10 +163,11 @@ class _Search:
                 return failure
             time = before.time + length
 
-    def _at_last(self, path: Sequence[Taken], step: Taken) -> Found:
+    def _at_last(self, path: Sequence[Taken], step: Taken) -> Found | None:
         """What the solutions that lead on from the start of a least step say of its end.
 
-        If they lead on they are gone along, as far as the time that was aimed at if possible.
+        If they lead there it is no jump. If they lead elsewhere they are gone along, as far as the
+        time that was aimed at if possible.
         """
         stepper, far = self._stepper, self._change(step)
         why, ends = "", False
@@ -168,6 +176,8 @@ class _Search:
             why, ends = branch.why, branch.ends
             if not branch.goes_on:
                 continue
+            if time == step.after.time and self._is_at(branch, step):
+                return None
             try:
                 near = stepper.take(step.before, time, likely=(branch.statuses,))
             except ConvergenceError as error:
@@ -176,6 +186,14 @@ class _Search:
                 return Found([*path, near])
             why = "solutions lead on from the state, but no step led to them"
         return Found(path, step, ends, why=why)
+
+    def _is_at(self, branch: StepBranch, step: Taken) -> bool:
+        """Whether a branch leads to the end of a step. Collective."""
+        assert branch.unknowns is not None
+        off, way = branch.unknowns - step.after.unknowns, step.after.unknowns - step.before.unknowns
+        mine = np.array([np.dot(off, off), np.dot(way, way)])
+        found = np.sqrt(self._stepper.problem.comm.allreduce(mine))
+        return bool(found[0] <= _SAME * found[1])
 
 
 def where_it_changes(stepper: Stepper, before: Moment, after: Moment) -> str:

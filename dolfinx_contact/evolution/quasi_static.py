@@ -88,11 +88,12 @@ class QuasiStatic(Evolution):
                 the reason says whether it is, and else what was tried. A step that was not solved
                 proves nothing: shorter ones are tried from the same state.
             sudden: times the rate at which the state changed in the step before, beyond which a
-                step is looked at for a jump; ``inf`` for never. It is the rate of all unknowns or
-                of the mean way of the points of a surface, which is looked at if it is larger than
-                the body was fast as well. The first step is looked at in any case, unless it begins
-                with a state that is no solution. That takes some steps more, which are not kept if
-                there is no jump. One that is a tenth or less of what happens in a step passes.
+                step is looked at for a jump; ``inf`` for never. It is the rate of all unknowns, or
+                of the mean way of the points of a surface, which is looked at if it is more than
+                half as fast as the body was. The first step is looked at in any case, unless it
+                begins with a state that is no solution. That takes some steps more, which are not
+                kept if there is no jump. One that is a tenth or less of what happens in such a step
+                passes, and so does one that makes it no faster than that.
             rays: whether all solutions of the rate problem are looked for where a step begins, in
                 2D with contact at nodes (`EvolutionStep.ways`); by default up to sixteen points and
                 where the statuses of the step before do not hold.

@@ -43,6 +43,7 @@ __all__ = ["Evolution", "Observer"]
 #: Told of every accepted step, or asked whether to accept it, on every rank.
 Observer: TypeAlias = Callable[[EvolutionStep], object]
 
+_SLIPS = 0.5  # of the rate of the body, at most, that of points that begin to
 _MOST_FORKS = 16  # evolutions along other rays
 _HALVINGS = 20  # of the whole time, to the least step
 
@@ -294,8 +295,9 @@ class _Run:
             return None
         rate = _rate(self._stepper.problem.comm, taken)
         slow = np.zeros_like(rate) if before is None else sudden * before
-        # Points that begin to slip are no faster than the body was.
-        slow[0], slow[2:] = math.inf, np.maximum(slow[2:], 0.0 if before is None else before[0])
+        slow[0] = math.inf
+        if before is not None:  # points that begin to slip come to be as fast as the body
+            slow[2:] = np.maximum(slow[2:], _SLIPS * before[0])
         if (rate <= slow).all():
             return None
         return find_jump(self._stepper, taken, slow, self._task.shortest)

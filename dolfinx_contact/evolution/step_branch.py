@@ -17,6 +17,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from dolfinx_contact.continuation import Follower, StepControl
 from dolfinx_contact.continuation.branch import BranchPoint, Ray, SpecialPoint
@@ -42,12 +43,14 @@ class StepBranch:
     Attributes:
         goes_on: whether it leads to the load of the end.
         statuses: then those there, on this rank.
+        unknowns: and the state there, as a `Moment` has it.
         ends: whether it is proved that the load turns back on it before, and nothing else leads on.
         why: why it ends where it does, in words.
     """
 
     goes_on: bool = False
     statuses: Statuses | None = None
+    unknowns: npt.NDArray[np.float64] | None = None
     ends: bool = False
     why: str = ""
 
@@ -85,7 +88,8 @@ def _followed(follower: Follower, system: Loaded, start: BranchPoint) -> StepBra
         branch = follower.run(starts.pop(), (0.0, 1.0), max_steps=_MOST_STEPS, stop=_turned)
         last = branch.points[-1]
         if last.gamma >= 1.0:
-            return StepBranch(True, system.statuses_of(last.piece))
+            x, _ = follower.bordered.split(last.y)
+            return StepBranch(True, system.statuses_of(last.piece), x.array_r.copy())
         special = [s for s in branch.special if s.kind in ("fold", "bifurcation")]
         if branch.reason != _TURNS or not special:
             unknown = f"the solutions were followed in the step: {branch.reason}"
