@@ -129,10 +129,17 @@ class _Search:
         return found
 
     def _is_elsewhere(self, second: Taken, step: Taken) -> bool:
-        """Whether two halves of a step lead to another state than the whole. Collective."""
-        comm = self._stepper.problem.comm
+        """Whether two halves lead to another state than the whole, and so do solutions. Collective.
+
+        The way of friction and damage depends on the steps: where the branch of the whole step
+        leads to its end, that is a solution as good as that of the halves.
+        """
+        comm, stepper = self._stepper.problem.comm, self._stepper
         much = np.maximum(_NEAR * self._change(step), self._small)
-        return bool((change(comm, second.after, step.after) > much).any())
+        if (change(comm, second.after, step.after) <= much).all():
+            return False
+        branch = branch_of_step(stepper, step.before, step.after.time)
+        return not (branch.goes_on and self._is_at(branch, step))
 
     def _change(self, step: Taken) -> Array:
         return change(self._stepper.problem.comm, step.before, step.after)
