@@ -409,6 +409,23 @@ def test_where_nothing_continues(folder, at_jump):
 
 
 @pytest.mark.chatty
+def test_a_jump_after_other_data():
+    """Data that were changed between two runs leave a solution: the next step is looked at."""
+    problem, g = klarbring()
+
+    def load(t):
+        g.value = t
+
+    load(0.0)
+    problem.solve()
+    evolution = QuasiStatic(problem, load)
+    evolution.run([0.0, 0.5])
+    g.value = 0.6  # which the load overwrites
+    history = evolution.run([0.5, 4.0], shortest=1e-3, at_jump="jump")
+    assert [s.jump for s in history.steps].count(True) == 1
+
+
+@pytest.mark.chatty
 @pytest.mark.parametrize("times", [(0.0, 4.0), (0.0, 0.5, 4.0)])
 def test_a_jump_in_a_long_step(times):
     """It is seen in the first step, and where the state then changes little faster than the load.

@@ -85,8 +85,8 @@ class Forks:
                 other = self._stepper.take(taken.before, taken.after.time, likely=(statuses,))
             except ConvergenceError:
                 continue
-            size = np.maximum(whole, change(comm, other.before, other.after))
-            if all((change(comm, other.after, t.after) > _SAME * size).any() for t in found):
+            size = max(whole, change(comm, other.before, other.after))
+            if all(change(comm, other.after, t.after) > _SAME * size for t in found):
                 found.append(other)
         return found[1:]
 

@@ -23,7 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact.equations.given_data import data_of_surface
-from dolfinx_contact.evolution.moment import Moment, Stepper, Taken, change
+from dolfinx_contact.evolution.moment import Moment, Stepper, Taken, changes
 from dolfinx_contact.evolution.step_branch import StepBranch, branch_of_step
 from dolfinx_contact.laws.status import letters
 from dolfinx_contact.solvers import ConvergenceError
@@ -71,7 +71,7 @@ def find_jump(stepper: Stepper, step: Taken, slow: Array, least: float) -> Found
     Args:
         stepper: takes the steps; the problem is left anywhere.
         step: that is looked at.
-        slow: rates of `change` up to which nothing jumps.
+        slow: rates of `changes` up to which nothing jumps.
         least: length of a step in which the state only jumps.
 
     Returns:
@@ -136,13 +136,13 @@ class _Search:
         """
         comm, stepper = self._stepper.problem.comm, self._stepper
         much = np.maximum(_NEAR * self._change(step), self._small)
-        if (change(comm, second.after, step.after) <= much).all():
+        if (changes(comm, second.after, step.after) <= much).all():
             return False
         branch = branch_of_step(stepper, step.before, step.after.time)
         return not (branch.goes_on and self._is_at(branch, step))
 
     def _change(self, step: Taken) -> Array:
-        return change(self._stepper.problem.comm, step.before, step.after)
+        return changes(self._stepper.problem.comm, step.before, step.after)
 
     def _is_straight(self, step: Taken) -> bool:
         """Whether the states between are solutions under the loads between. Collective.
@@ -189,7 +189,7 @@ class _Search:
                 near = stepper.take(step.before, time, likely=(branch.statuses,))
             except ConvergenceError as error:
                 return Found(path, step, failure=error)
-            if (self._change(near) <= _NEAR * far).all():
+            if (self._change(near) <= np.maximum(_NEAR * far, self._small)).all():
                 return Found([*path, near])
             why = "solutions lead on from the state, but no step led to them"
         return Found(path, step, ends, why=why)

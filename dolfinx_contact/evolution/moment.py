@@ -21,13 +21,13 @@ from dolfinx_contact._errors import everywhere
 from dolfinx_contact._mesh_mark import mesh_stays
 from dolfinx_contact.equations.given_data import GivenData
 from dolfinx_contact.equations.measures import Scales
-from dolfinx_contact.equations.state import Statuses
+from dolfinx_contact.equations.state import State, Statuses
 from dolfinx_contact.evolution.energy import Energies, Forces, forces_at
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.results.result import Result
 
-__all__ = ["AtRest", "Moment", "Stepper", "Taken", "change", "extended"]
+__all__ = ["AtRest", "Moment", "Stepper", "Taken", "change", "changes", "extended"]
 
 logger = logging.getLogger(__name__)
 
@@ -84,31 +84,36 @@ class Taken:
     result: Result
 
 
-def change(comm: MPI.Comm, a: Moment, b: Moment) -> Array:
-    """How much the state changes from one to the other. Collective.
+def change(comm: MPI.Comm, a: Moment, b: Moment) -> float:
+    """How much the state changes from one to the other, a length. Collective."""
+    d = b.unknowns - a.unknowns
+    return float(np.sqrt(comm.allreduce(float(np.dot(d, d)))))
+
+
+def changes(comm: MPI.Comm, a: Moment, b: Moment) -> Array:
+    """How much the body and its surfaces change from one state to the other. Collective.
 
     Returns:
-        Lengths (2 + number of surfaces): the largest displacement of a node, the norm of all
-        unknowns and, between states of equilibrium, the mean change of the jump at the points of
-        each surface that are not clamped. Where points go one after the other, each its way, the
-        mean over a time is the sum of those over its parts.
+        Lengths (2 + number of surfaces): the largest displacement of a node, `change` and, between
+        states of equilibrium, the mean change of the jump at the points of each surface that are
+        not clamped. Where points go one after the other, each its way, the mean over a time is the
+        sum of those over its parts.
     """
-    moved, d = 0.0, b.unknowns - a.unknowns
-    sums = [float(np.dot(d, d))]
-    if isinstance(a, AtRest) and isinstance(b, AtRest):
-        moved = float(np.abs(b.forces.u - a.forces.u).max(initial=0.0))
-        eq = a.forces.equations
-        parts = zip(
-            eq.surfaces, eq.constraints.clamped, a.forces.surfaces, b.forces.surfaces, strict=True
-        )
-        for s, clamped, old, new in parts:
-            ways = np.linalg.norm(new.jump - old.jump, axis=1)
-            if s.method != "integral":
-                ways = ways[~clamped[: len(ways)]]
-            sums += [float(ways.sum()), float(len(ways))]
-    moved, total = comm.allreduce(moved, op=MPI.MAX), comm.allreduce(np.array(sums))
-    means = total[1::2] / np.maximum(total[2::2], 1.0)
-    return np.array([moved, np.sqrt(total[0]), *means])
+    if not (isinstance(a, AtRest) and isinstance(b, AtRest)):
+        return np.array([0.0, change(comm, a, b)])
+    moved = float(np.abs(b.forces.u - a.forces.u).max(initial=0.0))
+    moved, eq = comm.allreduce(moved, op=MPI.MAX), a.forces.equations
+    sums = np.zeros((len(eq.surfaces), 2))
+    parts = zip(
+        eq.surfaces, eq.constraints.clamped, a.forces.surfaces, b.forces.surfaces, strict=True
+    )
+    for k, (s, clamped, old, new) in enumerate(parts):
+        ways = np.linalg.norm(new.jump - old.jump, axis=1)
+        if s.method != "integral":
+            ways = ways[~clamped[: len(ways)]]
+        sums[k] = ways.sum(), len(ways)
+    total, number = comm.allreduce(sums).T
+    return np.array([moved, change(comm, a, b), *(total / np.maximum(number, 1.0))])
 
 
 class Stepper:
@@ -172,16 +177,27 @@ class Stepper:
             data.restore()
             raise
         known = None if first else state.statuses
-        solved = not first or Scales(eq, settled=True).measure(state).worst <= _SOLVED
+        solved = not first or self._is_solved(state)
         forces = forces_at(eq, state)
         return self.moment(time, known, tuple(memory), forces, energies, solved=solved)
 
     def renewed(self, moment: Moment) -> Moment:
         """The moment with the data as they are now, under which it may be no solution.
 
-        Collective.
+        Collective. The problem is at the moment.
         """
-        return replace(moment, data=GivenData(self.problem.equations), solved=False)
+        data = GivenData(self.problem.equations)
+        try:
+            self._set(moment.time)
+            self.problem.equations.remember(moment.memory)
+            solved = self._is_solved(self.problem.state())
+        finally:
+            data.restore()
+        return replace(moment, data=data, solved=solved)
+
+    def _is_solved(self, state: State) -> bool:
+        """Whether a state is a solution under the load that is there. Collective."""
+        return Scales(self.problem.equations, settled=True).measure(state).worst <= _SOLVED
 
     def put(self, moment: Moment) -> None:
         """Put a moment into Functions, statuses, rigid bodies, data and memory, bit by bit.

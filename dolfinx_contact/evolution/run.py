@@ -30,7 +30,7 @@ from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.evolution.forks import Forked, Forks
 from dolfinx_contact.evolution.history import EvolutionStep, History, NoContinuation
 from dolfinx_contact.evolution.jumps import Found, find_jump, where_it_changes
-from dolfinx_contact.evolution.moment import Moment, Stepper, Taken, change
+from dolfinx_contact.evolution.moment import Moment, Stepper, Taken, changes
 from dolfinx_contact.evolution.said import Said
 from dolfinx_contact.evolution.standing import AtJump, Recorder, Standing, Task, aim, checked_times
 from dolfinx_contact.laws.status import closed
@@ -400,9 +400,9 @@ def _closes(comm: MPI.Comm, taken: Taken) -> bool:
 
 
 def _rate(comm: MPI.Comm, taken: Taken) -> npt.NDArray[np.float64]:
-    """Of the state in a step, as `change` has it. Collective."""
+    """Of the state in a step, as `changes` has it. Collective."""
     length = taken.after.time - taken.before.time
-    return np.asarray(change(comm, taken.before, taken.after) / length)
+    return np.asarray(changes(comm, taken.before, taken.after) / length)
 
 
 def _followed(forks: list[Taken], stepper: Stepper, task: Task) -> list[History]:
