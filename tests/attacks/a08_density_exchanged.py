@@ -4,28 +4,19 @@ The right answer is the motion of the second script, never killed.
 """
 
 import numpy as np
-from bodies import block
-from recorded import compare, resumed
+from recorded import compare, pushed, resumed
 
-import ufl
 from dolfinx import fem
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, materials
 from dolfinx_contact.evolution import NSCD
 
 TIMES = (0.0, 0.02, 0.04, 0.06)
 
 
 def make(comm, heavy):
-    body = block(comm, (4, 2), cell="quadrilateral")
+    body, problem = pushed(comm, (4, 2))
     density = fem.Function(fem.functionspace(body.domain, ("DG", 0)))
     density.interpolate(lambda x: 1.0 + 4.0 * (np.abs(x[0] - heavy) < 0.5))
-    steel = materials.LinearElastic.from_young(1000.0, 0.2)
-    force = fem.Constant(body.domain, (30.0, -100.0))
-    energy = steel.energy(body.u) * ufl.dx - ufl.dot(force, body.u) * ufl.dx
-    floor = HalfSpace(point=(0, 0), normal=(0, 1))
-    contact = ContactSurface(body.u, body.bottom, obstacle=floor, law=Coulomb(0.3))
-    problem = ContactProblem(energy, body.u, [contact], bcs=body.bcs)
     return NSCD(problem, density, dt=0.02)
 
 

@@ -75,6 +75,19 @@ def compare(case: Any, found: Any, expected: Any, tolerance: float = 1e-6) -> No
     case.equal("dissipated", *(e.energies.dissipated for e in ends), tolerance)
 
 
+def pushed(
+    comm: MPI.Comm, cells: tuple[int, int], height: float = 0.0
+) -> tuple[Block, ContactProblem]:
+    """A block that its weight and a side force push along a floor of some height, for motions."""
+    body = block(comm, cells, cell="quadrilateral")
+    steel = materials.LinearElastic.from_young(1000.0, 0.2)
+    force = fem.Constant(body.domain, (30.0, -100.0))
+    energy = steel.energy(body.u) * ufl.dx - ufl.dot(force, body.u) * ufl.dx
+    floor = HalfSpace(point=(0, height), normal=(0, 1))
+    contact = ContactSurface(body.u, body.bottom, obstacle=floor, law=Coulomb(0.3))
+    return body, ContactProblem(energy, body.u, [contact], bcs=body.bcs)
+
+
 @dataclass
 class Dragged:
     """A block that is pressed on a floor by its top and dragged to and fro."""
