@@ -120,6 +120,14 @@ def test_adhesion_at_a_point(dim, exponent, end, viscosity):
     assert {0, 1, 2, DAMAGING} <= seen
 
 
+def senses(table):
+    """Letters of a table; a slip that is round-off, as where all is only pressed, has no sense."""
+    idle = np.linalg.norm(table.increment, axis=1) < 1e-12
+    return "".join(
+        "s" if none and a in "+-" else a for a, none in zip(table.letters, idle, strict=True)
+    )
+
+
 @pytest.mark.parametrize(
     ("cell", "given"),
     [
@@ -140,7 +148,7 @@ def test_adhesion_of_a_block(cell, given):
     seen = set()
     for a, b in zip(*(h.steps for h in histories), strict=True):
         s, t = (step.result.tables["contact"] for step in (a, b))
-        assert "".join(s.letters) == "".join(t.letters)
+        assert senses(s) == senses(t)
         assert "".join(s.bond) == "".join(t.bond)
         size = np.abs(s.force).max() + 1.0
         np.testing.assert_allclose(t.beta, s.beta, rtol=1e-10)
