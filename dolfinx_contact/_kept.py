@@ -23,6 +23,7 @@ __all__ = ["keep"]
 
 #: C++ meshes, each with something that keeps the communicator that PETSc made of theirs.
 _kept: list[tuple[Any, PETSc.IS]] = []
+_freeing = False
 _ALONE = 2  # references to a mesh that nothing else holds: ours, and that of the count
 
 
@@ -32,17 +33,27 @@ def keep(domain: mesh.Mesh) -> None:
         gc.callbacks.append(_collected)
     _free()
     held = domain._cpp_object
-    if not any(other is held for other, _ in _kept):
+    if not any(other is held for other, _ in list(_kept)):
         _kept.append((held, PETSc.IS().createGeneral([], comm=domain.comm)))
 
 
 def _free() -> None:
-    """Free the meshes that nothing else holds."""
-    for k in reversed(range(len(_kept))):
-        if sys.getrefcount(_kept[k][0]) <= _ALONE:
-            held, of_petsc = _kept.pop(k)
-            of_petsc.destroy()
-            del held
+    """Free the meshes that nothing else holds.
+
+    Python may collect garbage at any place of the loop, which frees meshes as well.
+    """
+    global _freeing
+    if _freeing:
+        return
+    _freeing = True
+    try:
+        for k in reversed(range(len(_kept))):
+            if sys.getrefcount(_kept[k][0]) <= _ALONE:
+                held, of_petsc = _kept.pop(k)
+                of_petsc.destroy()
+                del held
+    finally:
+        _freeing = False
 
 
 def _collected(phase: str, info: dict[str, int]) -> None:
