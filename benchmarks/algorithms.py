@@ -29,7 +29,7 @@ from blocks import block
 
 from dolfinx import mesh
 
-from dolfinx_contact import ConvergenceError, output
+from dolfinx_contact import ConvergenceError, plot
 from dolfinx_contact.algorithms import GaussSeidel, Lemke, TrescaFixedPoint, Uzawa
 
 FRICTION = [0.1, 0.3, 0.6, 1.0, 2.0, 3.0]
@@ -65,7 +65,8 @@ def two_bodies(comm):
 
 
 def slab(comm):
-    size, hexahedron = [[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]], mesh.CellType.hexahedron
+    size = [[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]]
+    hexahedron = mesh.CellType.hexahedron
     return block(comm, domain=mesh.create_box(comm, size, [32, 32, 3], hexahedron))
 
 
@@ -88,9 +89,11 @@ def solve(problem, algorithm):
     try:
         result = problem.solve(algorithm=algorithm, progress=False)
         found = {"converged": True, "reason": result.reason, "iterations": result.iterations}
-        attempt, tables = result.attempts[-1], result.tables
+        attempt = result.attempts[-1]
+        tables = result.tables
     except ConvergenceError as error:
-        attempt, tables = error.attempts[-1], {}
+        attempt = error.attempts[-1]
+        tables = {}
         found = {"converged": False, "reason": attempt.reason, "iterations": attempt.iterations}
     found["seconds"] = time.perf_counter() - begun
     found["residuals"] = [float(step.measures.worst) for step in attempt.steps]
@@ -100,7 +103,8 @@ def solve(problem, algorithm):
 
 def run(name, make, algorithms, frictions, comm):
     """Records of one problem."""
-    problem, records = make(comm), []
+    problem = make(comm)
+    records = []
     dim = problem.V.mesh.geometry.dim
     for friction in frictions:
         for s in problem.surfaces:
@@ -168,7 +172,7 @@ def draw_histories(records, file):
             residuals = np.maximum(r["residuals"], 1e-16)
             curves[r["algorithm"]] = (np.arange(1, len(residuals) + 1), residuals)
     look = dict(labels=("iteration + 1", "residual"), loglog=True)
-    output.draw_curves(file, curves, title=f"{case[0]}, F = {case[1]:g}", **look)
+    plot.draw_curves(file, curves, title=f"{case[0]}, F = {case[1]:g}", **look)
 
 
 def draw_iterations(records, file):
@@ -188,7 +192,7 @@ def draw_iterations(records, file):
     }
     failed = {f"{name}, not converged": curve for name, curve in parts[False].items()}
     look = dict(labels=("$F$", "iterations + 1"), title=records[0]["problem"], loglog=True)
-    output.draw_curves(file, parts[True], marks=failed, **look)
+    plot.draw_curves(file, parts[True], marks=failed, **look)
 
 
 if __name__ == "__main__":

@@ -32,13 +32,17 @@ from dolfinx_contact.continuation.observer import Observer
 from dolfinx_contact.continuation.rays import outgoing
 from dolfinx_contact.reduced.condensed import CondensedContact
 
-LOAD, LAME, FRICTION = (26.0, 7.5), (100.0, 82.0), 1.7
+LOAD = (26.0, 7.5)
+LAME = (100.0, 82.0)
+FRICTION = 1.7
 #: The second load of the triangle: pressed by a constant traction, sheared to and fro.
-PRELOAD, SHEAR = (0.0, -7.5), (26.0, 0.0)
+PRELOAD = (0.0, -7.5)
+SHEAR = (26.0, 0.0)
 #: GetFEM's augmentation parameters and tolerances of the two problems.
 TRIANGLE = {"max_res": 5e-10, "max_diff": 5e-10, "max_res_solve": 1e-10}
 BLOCK = {"max_res": 5e-8, "max_diff": 5e-8, "max_res_solve": 1e-8}
-R_TRIANGLE, R_BLOCK = 10.0, 100.0
+R_TRIANGLE = 10.0
+R_BLOCK = 100.0
 PARTS = ("triangle-steps", "triangle-kinks", "triangle-rays", "block-steps", "block-rays")
 
 
@@ -49,7 +53,8 @@ class Stopwatch(Observer):
         self._bordered = bordered
 
     def begin(self, branch, task):
-        self.steps, self._last = [], None
+        self.steps = []
+        self._last = None
 
     def point(self, branch, index, point, special, stepping):
         if self._last is not None:
@@ -74,7 +79,8 @@ class Stopwatch(Observer):
 
 def timed(function):
     """What a function returns, and its seconds as the stopwatch writes them."""
-    wall, cpu = time.perf_counter(), time.process_time()
+    wall = time.perf_counter()
+    cpu = time.process_time()
     value = function()
     return value, {"wall": time.perf_counter() - wall, "cpu": time.process_time() - cpu}
 
@@ -104,7 +110,8 @@ def ratios(getfem, ours, *, lower_bound=False):
         ("median_cpu_seconds", "median_cpu"),
         ("minimum_cpu_seconds", "minimum_cpu"),
     ):
-        found[f"{name}_numerator"], found[f"{name}_denominator"] = getfem[key], ours[key]
+        found[f"{name}_numerator"] = getfem[key]
+        found[f"{name}_denominator"] = ours[key]
         found[f"{name}_ratio"] = getfem[key] / ours[key]
     return found
 
@@ -157,7 +164,8 @@ def plain(steps):
 def plain_steps(system, side, gamma, gamma_range, args, *, increasing):
     """Plain steps with detection on from one start on either side, repeated in turn."""
     x = start_of(system, gamma)
-    theirs, mine = [], []
+    theirs = []
+    mine = []
     our_steps(system, x, gamma, gamma_range, route="steps", count=2, increasing=increasing)
     for _ in range(args.repeats):
         theirs += [side.ask("step", limit=args.limit) for _ in range(args.steps)]
@@ -165,7 +173,8 @@ def plain_steps(system, side, gamma, gamma_range, args, *, increasing):
             system, x, gamma, gamma_range, route="steps", count=args.steps, increasing=increasing
         )
         mine += steps
-    getfem, ours = summary(plain(theirs)), summary(plain(mine))
+    getfem = summary(plain(theirs))
+    ours = summary(plain(mine))
     return {
         "getfem": getfem,
         "ours": ours,
@@ -191,7 +200,9 @@ def triangle_steps(args):
     side.ask("begin", sense=1.0, h_max=0.02, **TRIANGLE)
     found = plain_steps(system, side, -1.0, (-1.0, 1.0), args, increasing=True)
     side.close()
-    x, condensations, segments = start_of(system, -1.0), [], []
+    x = start_of(system, -1.0)
+    condensations = []
+    segments = []
     for _ in range(args.repeats):
         condensations.append(timed(lambda: condensation(system, x, -1.0))[1])
         segments += our_steps(system, x, -1.0, (-1.0, -0.5), route="pivoting")[1]
@@ -216,8 +227,14 @@ def triangle_kinks(args):
     same_start = (
         side.ask("statuses")["status"] == system.letters(system.piece_at(x, -1.0))[: args.n]
     )
-    theirs, totals, vertices, stepped, condensations = [], [], [], [], []
-    begun, cut, branches = time.monotonic(), "", {}
+    theirs = []
+    totals = []
+    vertices = []
+    stepped = []
+    condensations = []
+    begun = time.monotonic()
+    cut = ""
+    branches = {}
     our_steps(system, x, -1.0, (-1.0, 1.0), route="pivoting")
     for repeat in range(args.repeats):
         while not cut and len(theirs) < args.kink_steps * (repeat + 1) // args.repeats:
@@ -245,7 +262,8 @@ def triangle_kinks(args):
     reached = theirs[-1]["gamma"]
     passed = sum(-1.0 < g < reached for g in events)
     every = {key: sum(s[key] for s in theirs) for key in ("wall", "cpu")}
-    getfem_plain, getfem_mean = summary(plain(theirs)), per(summary([every]), len(theirs))
+    getfem_plain = summary(plain(theirs))
+    getfem_mean = per(summary([every]), len(theirs))
     per_vertex = per(summary(totals), len(events))
     with_condensation = per(
         summary([{k: t[k] + c[k] for k in t} for t, c in zip(totals, condensations, strict=True)]),
@@ -334,7 +352,8 @@ def getfem_rays(args, make, gammas, sense, tolerances):
                 record["passed_by"] = True
                 break
             record["approach_steps"] += 1
-            wall, cpu = wall + step["wall"], cpu + step["cpu"]
+            wall = wall + step["wall"]
+            cpu = cpu + step["cpu"]
         record["approach"] = {"wall": wall, "cpu": cpu}
         side.close()
         print("GetFEM", record, flush=True)
@@ -348,7 +367,10 @@ def rays(args, system, start, make, gammas, sense, tolerances):
     theirs = getfem_rays(args, make, gammas, sense, tolerances)
     at_zero = system.create_vector()
     routes = ["pivoting", "steps"] if system.is_piecewise_affine else ["steps"]
-    bare, steps, explored, number = [], {r: [] for r in routes}, {r: [] for r in routes}, set()
+    bare = []
+    steps = {r: [] for r in routes}
+    explored = {r: [] for r in routes}
+    number = set()
     for _ in range(args.repeats):
         ways, seconds = timed(lambda: bare_search(system, at_zero))
         bare.append(seconds)
@@ -385,7 +407,8 @@ def rays(args, system, start, make, gammas, sense, tolerances):
     }
     for record in theirs:
         name = f"spans_{record['spans']}"
-        search, less = summary([record["search"]]), record["lower_bound"]
+        search = summary([record["search"]])
+        less = record["lower_bound"]
         found[name] = {
             "rays_of_getfem": record["tangents"],
             "bare_search": ratios(search, found["bare_search"], lower_bound=less),

@@ -34,7 +34,10 @@ from dolfinx_contact import (
 )
 from dolfinx_contact.materials import LinearElastic, lame
 
-FRICTION, PRESS, SHIFT, POISSON = 0.3, 0.02, 0.004, 0.3
+FRICTION = 0.3
+PRESS = 0.02
+SHIFT = 0.004
+POISSON = 0.3
 SIZES = {2: [32, 64, 128], 3: [8, 12]}
 
 
@@ -50,7 +53,8 @@ def ours(dim, n, solver):
         for z in (0.0, 1.0)
     )
     motion = np.zeros(dim)
-    motion[0], motion[-1] = SHIFT, -PRESS
+    motion[0] = SHIFT
+    motion[-1] = -PRESS
     start = time.perf_counter()
     V = fem.functionspace(domain, ("Lagrange", 1, (dim,)))
     u = fem.Function(V)
@@ -102,7 +106,8 @@ def getfem(dim, n):
     model.add_initialized_data("mu", [mu])
     model.add_isotropic_linearized_elasticity_brick(mim, "u", "lmbda", "mu")
     motion = np.zeros(dim)
-    motion[0], motion[-1] = SHIFT, -PRESS
+    motion[0] = SHIFT
+    motion[-1] = -PRESS
     model.add_initialized_data("motion", motion)
     model.add_Dirichlet_condition_with_simplification("u", 2, "motion")
     dofs = mf.basic_dof_on_region(1)
@@ -157,7 +162,8 @@ def compared(dim, n, mine, theirs):
         ("newton", "newton_seconds"),
         ("solve", "seconds"),
     ):
-        record[f"ours_{key}"], record[f"getfem_{key}"] = mine[key], theirs[key]
+        record[f"ours_{key}"] = mine[key]
+        record[f"getfem_{key}"] = theirs[key]
         record[f"{name}_ratio"] = mine[key] / theirs[key]
     record["force_difference"] = abs(mine["sum_rn"] / theirs["sum_rn"] - 1)
     return record

@@ -58,7 +58,8 @@ def arguments(argv=None):
 def foot(args, n, comm):
     """Mesh of the body, and the facets of its sole and of its top."""
     cell = CELLS[args.dim, args.cell]
-    low, high = np.zeros(args.dim), np.ones(args.dim)
+    low = np.zeros(args.dim)
+    high = np.ones(args.dim)
     box = mesh.create_rectangle if args.dim == 2 else mesh.create_box
     domain = box(comm, [low, high], [n] * args.dim, cell)
     last = args.dim - 1
@@ -76,12 +77,14 @@ def lowered(args, domain, sole, top):
     """The body and its parameter: lowered by gamma, dragged by gamma^2."""
     last = args.dim - 1
     V = fem.functionspace(domain, ("Lagrange", 1, (args.dim,)))
-    u, moved = fem.Function(V), fem.Function(V)
+    u = fem.Function(V)
+    moved = fem.Function(V)
     gamma = fem.Constant(domain, 0.0)
     sideways = 0.12 * gamma**2
     move = [sideways, -0.06 * gamma] if args.dim == 2 else [sideways, 0.4 * sideways, -0.06 * gamma]
     held = fem.dirichletbc(moved, fem.locate_dofs_topological(V, last, top))
-    point, normal = np.zeros(args.dim), np.eye(args.dim)[last]
+    point = np.zeros(args.dim)
+    normal = np.eye(args.dim)[last]
     surface = ContactSurface(u, sole, obstacle=HalfSpace(point, normal), law=Coulomb(args.friction))
     problem = ContactProblem(
         LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx,
@@ -97,7 +100,9 @@ class Clock(Observer):
     """Notes when every point was accepted, and what had been applied by then."""
 
     def __init__(self, comm, solver):
-        self.comm, self.solver, self.seen = comm, solver, []
+        self.comm = comm
+        self.solver = solver
+        self.seen = []
 
     def point(self, branch_id, index, point, special, stepping):
         self.comm.barrier()
@@ -133,7 +138,8 @@ def follow(args, system, comm):
 
 def static(system, branch, comm):
     """Seconds and counts of the static solves from point to point."""
-    records, problem = [], system.problem
+    records = []
+    problem = system.problem
     for before, point in zip(branch.points[:-1], branch.points[1:], strict=True):
         x = system.create_vector()
         x.array[:] = before.y.array_r[: x.getLocalSize()]
@@ -162,7 +168,8 @@ def main(argv=None):
     logging.basicConfig(level=logging.WARNING)
     small = lowered(args, *foot(args, 3, comm))  # compiles all forms
     static(small, follow(args, small, comm)[1], comm)
-    body, rounds = foot(args, args.n, comm), []
+    body = foot(args, args.n, comm)
+    rounds = []
     for _ in range(args.repeats):
         clean(comm)
         system = lowered(args, *body)

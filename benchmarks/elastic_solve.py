@@ -199,7 +199,8 @@ def run_of(setting, V, conditions, poisson, tolerance, tie=None):
 
 
 def _solve(setting, V, conditions, poisson, rtol, tie=None):
-    comm, timer = V.mesh.comm, Timer(V.mesh.comm)
+    comm = V.mesh.comm
+    timer = Timer(V.mesh.comm)
     u, a, F, bcs = timer("problem", lambda: _problem(V, conditions, poisson))
     P = None
     if tie is not None:

@@ -160,7 +160,8 @@ BLOCK = Case(block, elasticity, contact_problem)
 def contact(args, body, coarse=(), case=BLOCK):
     """The frictional solve from zero, by way of coarser meshes if there are any."""
     timer = Timer(body[0].mesh.comm)
-    before, levels = None, []
+    before = None
+    levels = []
 
     def coarse_solves():
         last = None

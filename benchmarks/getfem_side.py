@@ -114,9 +114,11 @@ class _Side:
 
     def step(self):
         """One step, whatever it is that GetFEM does in it."""
-        wall, cpu = time.perf_counter(), time.process_time()
+        wall = time.perf_counter()
+        cpu = time.process_time()
         found = self.S.Moore_Penrose_continuation(self.X, self.gamma, self.tx, self.tg, self.h)
-        wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
+        wall = time.perf_counter() - wall
+        cpu = time.process_time() - cpu
         self.X, self.gamma, self.tx, self.tg, self.h, taken, label = found
         self.gamma = float(self.gamma)
         record = {"wall": wall, "cpu": cpu, "gamma": self.gamma, "h": float(taken)}
@@ -130,10 +132,12 @@ class _Side:
         """Statuses of the contact nodes, left to right."""
         self.md.to_variables(self.X)
         ut = self.md.variable("u")[self.contact[0]]
-        ln, lt = self.md.variable("lambda_n"), self.md.variable("lambda_t")
+        ln = self.md.variable("lambda_n")
+        lt = self.md.variable("lambda_t")
         size = max(abs(ln).max(), abs(lt).max(), 1e-300)
         friction = float(self.md.variable("F")[0])
-        closed, stuck = ln < -1e-8 * size, abs(lt) < -friction * ln - 1e-8 * size
+        closed = ln < -1e-8 * size
+        stuck = abs(lt) < -friction * ln - 1e-8 * size
         letters = np.where(closed, np.where(stuck, "k", np.where(ut > 0, "+", "-")), "o")
         return {"status": "".join(letters), "sum_rn": float(-ln.sum()), "sum_rt": float(lt.sum())}
 
@@ -151,7 +155,8 @@ def _contact(md, mfu, region, dirichlet, friction, r):
     dofs = dofs[~np.isin(dofs[:, 0], mfu.basic_dof_on_region(dirichlet))]
     places = mfu.basic_dof_nodes(dofs[:, 0])
     order = np.argsort(places[0])
-    dofs, heights = dofs[order], places[1][order]
+    dofs = dofs[order]
+    heights = places[1][order]
     count = len(dofs)
     BN, BT = (gf.Spmat("empty", count, mfu.nbdof()) for _ in range(2))
     for i, (x, y) in enumerate(dofs):
@@ -172,7 +177,8 @@ def triangle(n, friction, lame, start, end, r):
     """The linear triangle, under the traction (1 - gamma) start + gamma end."""
     import getfem as gf
 
-    h, cells = 1.0 / n, []
+    h = 1.0 / n
+    cells = []
     for j in range(n):
         for i in range(n - j):
             cells.append([[i, i + 1, i], [j, j, j + 1]])
@@ -186,7 +192,8 @@ def triangle(n, friction, lame, start, end, r):
     m.set_region(1, faces[:, (normals[0] > 0.5) & (normals[1] > 0.5)])
     m.set_region(2, faces[:, normals[1] < -1 + 1e-7])
     m.set_region(3, faces[:, normals[0] < -1 + 1e-7])
-    mfu, mim = gf.MeshFem(m, 2), gf.MeshIm(m, gf.Integ("IM_TRIANGLE(2)"))
+    mfu = gf.MeshFem(m, 2)
+    mim = gf.MeshIm(m, gf.Integ("IM_TRIANGLE(2)"))
     mfu.set_fem(gf.Fem("FEM_PK(2,1)"))
     md = gf.Model("real")
     md.add_fem_variable("u", mfu)
@@ -212,7 +219,8 @@ def block(nx, ny, friction, r):
     m.set_region(1, faces[:, normals[1] > 0.5])
     m.set_region(2, faces[:, normals[1] < -0.5])
     m.set_region(3, faces[:, np.abs(normals[0]) > 0.5])
-    mfu, mim = gf.MeshFem(m, 2), gf.MeshIm(m, gf.Integ("IM_GAUSS_PARALLELEPIPED(2,4)"))
+    mfu = gf.MeshFem(m, 2)
+    mim = gf.MeshIm(m, gf.Integ("IM_GAUSS_PARALLELEPIPED(2,4)"))
     mfu.set_fem(gf.Fem("FEM_QK(2,1)"))
     md = gf.Model("real")
     md.add_fem_variable("u", mfu)

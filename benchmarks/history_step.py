@@ -71,12 +71,14 @@ class Clock:
 
     def start(self):
         self.comm.barrier()
-        self._wall, self._processor = time.perf_counter(), time.process_time()
+        self._wall = time.perf_counter()
+        self._processor = time.process_time()
 
     def stopped(self):
         """Both since the start."""
         self.comm.barrier()
-        wall, processor = time.perf_counter() - self._wall, time.process_time() - self._processor
+        wall = time.perf_counter() - self._wall
+        processor = time.process_time() - self._processor
         return self.comm.allreduce(wall, op=max), self.comm.allreduce(processor)
 
 
@@ -84,11 +86,13 @@ class Parts:
     """Seconds of the parts of what runs, on this rank."""
 
     def __init__(self):
-        self.seconds, self._open = Counter(), []
+        self.seconds = Counter()
+        self._open = []
 
     def take(self):
         """What came together since the last time."""
-        taken, self.seconds = dict(self.seconds), Counter()
+        taken = dict(self.seconds)
+        self.seconds = Counter()
         return taken
 
     @contextmanager
@@ -131,7 +135,9 @@ def counts(result, problem):
 def turn(args, body, comm):
     """Steps and static solves, one after the other; a record of each."""
     history, static = (lowered(args, *body) for _ in range(2))
-    steps, solves, clock = [], [], Clock(comm)
+    steps = []
+    solves = []
+    clock = Clock(comm)
     with Parts().watched() as parts:
 
         def note(records, result, problem):
@@ -183,7 +189,8 @@ def main(argv=None):
     comm = MPI.COMM_WORLD
     logging.basicConfig(level=logging.WARNING)
     turn(args, foot(args, 3, comm), comm)  # compiles all forms
-    body, rounds = foot(args, args.n, comm), []
+    body = foot(args, args.n, comm)
+    rounds = []
     for _ in range(args.repeats):
         clean(comm)
         *sides, of_all = turn(args, body, comm)

@@ -80,7 +80,8 @@ def by_library(comm, n, dt, scheme, theta, level, mass, restitution):
 
 def thrown(n, mass):
     """Errors of a bar thrown at a wall at its mean velocity, over exact values; dt = h/c."""
-    speed, end = 10.0, 1.2 * 2 * demo.LENGTH / demo.SPEED
+    speed = 10.0
+    end = 1.2 * 2 * demo.LENGTH / demo.SPEED
     times = np.linspace(0.0, end, round(end * demo.SPEED * n / demo.LENGTH) + 1)
     force, _, energy = Bar(n, mass, weight=0.0, height=0.0, velocity=-speed).run(times)
     rebound = force.sum() * times[1] / demo.LENGTH - speed
@@ -125,21 +126,25 @@ def main(argv=None):
     parser.add_argument("--library", type=int, default=50, help="elements of the library's runs")
     parser.add_argument("--bars", type=int, nargs="*", default=[16, 32, 64], help="of two bars")
     parser.add_argument("--output")
-    args, comm = parser.parse_args(argv), MPI.COMM_WORLD
-    record, head = [], "scheme, theta, level, mass, e"
+    args = parser.parse_args(argv)
+    comm = MPI.COMM_WORLD
+    record = []
+    head = "scheme, theta, level, mass, e"
     columns = ("raw", "largest", "averaged", "impulse_error", "time_error", "energy", "oscillation")
     print(f"| {head} | elements | c dt/h | {' | '.join(columns)} | library differs by |")
     print("|" + (len(columns) + 4) * "---|")
     for how in combinations():
         name = "{}, {:g}, {}, {}, {:g}".format(*how)
-        refused, known = None, None
+        refused = None
+        known = None
         if args.library:
             known = by_library(comm, args.library, demo.LENGTH / args.library / demo.SPEED, *how)
             refused = known[1] if known[0] is None else None
         for n in args.elements:
             for courant in args.courant:
                 steps = round(demo.PERIOD * demo.SPEED * n / demo.LENGTH / courant)
-                times, differs = np.linspace(0.0, demo.PERIOD, steps + 1), None
+                times = np.linspace(0.0, demo.PERIOD, steps + 1)
+                differs = None
                 with np.errstate(over="ignore", invalid="ignore"):
                     force, _, energy = by_numpy(n, times, *how)
                 if known and not refused and n == args.library and courant == 1:

@@ -40,7 +40,8 @@ CASES = {
 }
 #: Cases in which every point of every branch must come out again.
 SAME_POINTS = ("units", "renumbered", "2 ranks", "3 ranks")
-FOUND, POINTS = 1e-6, 1e-8
+FOUND = 1e-6
+POINTS = 1e-8
 #: The V-shaped body: its material, its body force at either end, and where solutions are counted.
 VEE = {"lame": (100.0, 82.0), "force": (0.0, -6.0, -14.0, -6.0), "at": 0.7}
 
@@ -175,7 +176,8 @@ def run(command):
 def outcome(problem, case, automatic_r):
     """The summary of a demo in a case, or what went wrong."""
     given = CASES[case]
-    stress, length = given.get("stress", 1.0), given.get("length", 1.0)
+    stress = given.get("stress", 1.0)
+    length = given.get("length", 1.0)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         options, harness = problem.command(stress, length, given.get("seed"), folder)
@@ -219,7 +221,8 @@ def compared(problem, case, summary, reference):
     asked = summary["ranks"] == CASES[case].get("ranks", 1)
     record["found"] = bool(summary["converged"] and record["same_names"] and close and asked)
     if case in SAME_POINTS:
-        a, b = gammas_of(summary), gammas_of(reference)
+        a = gammas_of(summary)
+        b = gammas_of(reference)
         same = [len(g) for g in a] == [len(g) for g in b]
         span = np.ptp(np.concatenate(b))
         record["same_count"] = same
@@ -268,7 +271,8 @@ def write_vee(path):
     gmsh.option.setNumber("General.Terminal", 0)
     gmsh.model.add("drawn")
     draw_polygon(VEE, arguments([]).size, SIDES)
-    mesh, random = gmsh.model.mesh, np.random.default_rng(1)
+    mesh = gmsh.model.mesh
+    random = np.random.default_rng(1)
     tags, points, _ = mesh.getNodes()
     groups = []
     for dim, group in gmsh.model.getPhysicalGroups():

@@ -32,7 +32,12 @@ from dolfinx_contact.evolution import NSCD
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.solvers.hierarchy import Hierarchy
 
-E, NU, RHO, FALL, ACROSS, WEIGHT = 1000.0, 0.3, 1.0, 1.0, 1.0, 20.0
+E = 1000.0
+NU = 0.3
+RHO = 1.0
+FALL = 1.0
+ACROSS = 1.0
+WEIGHT = 20.0
 CASES = ("thrown", "sliding")
 WARM_UP = 2  # first steps of each case that do not count
 
@@ -65,7 +70,8 @@ def cube(args, comm, case="thrown"):
         away = (x[:, 0] - 0.46) ** 2 + (x[:, 1] - 0.53) ** 2
         x[:, 2] += 0.02 * (1 - x[:, 2]) * away
     V = fem.functionspace(domain, ("Lagrange", 1, (3,)))
-    u, velocity = fem.Function(V), fem.Function(V)
+    u = fem.Function(V)
+    velocity = fem.Function(V)
     friction = args.friction if thrown else 0.1
     surface = ContactSurface(
         u, sole, obstacle=HalfSpace((0, 0, 0), (0, 0, 1)), law=Coulomb(friction)
@@ -90,10 +96,14 @@ class Elastodynamics:
     """Steps of the theta method without contact."""
 
     def __init__(self, motion, dt, tolerance, kind):
-        self.problem, self.motion, self.h = motion.problem, motion, dt
+        self.problem = motion.problem
+        self.motion = motion
+        self.h = dt
         body = motion.problem.equations.bulk
-        self.body, self.A = body, body.stiffness(motion.velocity.x.array)
-        self.M, self.K = body.mass, body.body.stiffness(motion.velocity.x.array)
+        self.body = body
+        self.A = body.stiffness(motion.velocity.x.array)
+        self.M = body.mass
+        self.K = body.body.stiffness(motion.velocity.x.array)
         self.ksp = PETSc.KSP().create(self.A.comm)
         self.ksp.setOperators(self.A)
         self.ksp.setType("cg")
@@ -116,10 +126,12 @@ class Elastodynamics:
     def step(self):
         """One step; its iterations."""
         step = self.body.step
-        h, theta = step.length, step.theta
+        h = step.length
+        theta = step.theta
         w0 = self.u.copy()
         w0.axpy(h * (1 - theta), self.v)
-        b, t = self.u.duplicate(), self.u.duplicate()
+        b = self.u.duplicate()
+        t = self.u.duplicate()
         self.M.mult(self.v, b)
         b.scale(1 / h)
         b.axpy(-(1 - theta), self.rows)
@@ -139,7 +151,9 @@ class Elastodynamics:
 def measured(args, comm, case, plain):
     """The record of a case, with steps of plain elastodynamics in between."""
     problem, motion, dt = cube(args, comm, case)
-    steps, before, moment = [], "", 0.0
+    steps = []
+    before = ""
+    moment = 0.0
     elastic = {kind: [] for kind in plain}
     for i in range(args.steps):
         times = [moment, (i + 1) * dt]
@@ -198,7 +212,8 @@ def measured(args, comm, case, plain):
 
 
 def main(argv=None):
-    args, comm = arguments(argv), MPI.COMM_WORLD
+    args = arguments(argv)
+    comm = MPI.COMM_WORLD
     plain = {}
     for kind in ("amg", "jacobi"):
         _, other, dt = cube(args, comm)

@@ -26,13 +26,17 @@ from dolfinx_contact._entries import Entries, matrix_of
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.meshing import join
 
-BOTTOM, MASTER, SLAVE, TOP = 1, 2, 3, 4
+BOTTOM = 1
+MASTER = 2
+SLAVE = 3
+TOP = 4
 BASE = 1.5  # width of the base over that of the block
 
 
 def bodies(args, n, comm):
     """Space, and tags of the facets: a block of unit size on a base."""
-    m, w = max(round(BASE * n * args.coarser), 1), (BASE - 1) / 2
+    m = max(round(BASE * n * args.coarser), 1)
+    w = (BASE - 1) / 2
     parts = [
         mesh.create_box(
             comm,
@@ -71,10 +75,13 @@ def pair_of(args, u, tags):
 
 def tie(args, u, tags):
     """P = I - T B, with T from the points of the mortar to the slave's dofs; and these dofs."""
-    points, comm = pair_of(args, u, tags).points, u.function_space.mesh.comm
-    index_map, bs = u.function_space.dofmap.index_map, 3
+    points = pair_of(args, u, tags).points
+    comm = u.function_space.mesh.comm
+    index_map = u.function_space.dofmap.index_map
+    bs = 3
     nodes = index_map.local_to_global(points.trace_dofs[: points.number]).astype(np.int64)
-    first, n = points.B.getOwnershipRange()[0], bs * index_map.size_local
+    first = points.B.getOwnershipRange()[0]
+    n = bs * index_map.size_local
     along = np.arange(bs)
     rows = (bs * nodes[:, None] + along).reshape(-1)
     columns = (first + bs * np.arange(points.number)[:, None] + along).reshape(-1)

@@ -42,7 +42,8 @@ def solutions(n, method, friction):
 
 
 def bisected(n, method, width):
-    low, high = 0.5, STRONG
+    low = 0.5
+    high = STRONG
     while high - low > width:
         middle = (low + high) / 2
         low, high = (low, middle) if len(solutions(n, method, middle)) > 2 else (middle, high)
@@ -51,7 +52,8 @@ def bisected(n, method, width):
 
 def from_guesses(n, method, friction, guesses):
     """The different solutions that Newton's method finds from guesses."""
-    problem, found = triangle(n, method, friction).problem, []
+    problem = triangle(n, method, friction).problem
+    found = []
     for guess in guesses:
         for f, values in zip(problem.fields, guess, strict=True):
             f.x.array[:] = values
@@ -66,7 +68,8 @@ def from_guesses(n, method, friction, guesses):
 
 
 def followed(n, method, width):
-    friction, step = STRONG, 0.1
+    friction = STRONG
+    step = 0.1
     known = from_guesses(n, method, friction, solutions(n, "nodal", friction))
     if len(known) < 3:
         return float("nan")
@@ -75,7 +78,8 @@ def followed(n, method, width):
         if len(new) < 3:
             step /= 2
         else:
-            friction, known = friction - step, new
+            friction = friction - step
+            known = new
     return friction
 
 

@@ -27,11 +27,14 @@ class Timer:
     """
 
     def __init__(self, comm):
-        self.comm, self.seconds, self.processor = comm, {}, 0.0
+        self.comm = comm
+        self.seconds = {}
+        self.processor = 0.0
 
     def __call__(self, name, function):
         self.comm.barrier()
-        start, cpu = time.perf_counter(), time.process_time()
+        start = time.perf_counter()
+        cpu = time.process_time()
         result = function()
         self.processor += self.comm.allreduce(time.process_time() - cpu)
         self.comm.barrier()

@@ -52,7 +52,9 @@ CASES = {
 
 def measured(make, comm):
     """One solve and the question after it."""
-    problem, solve, unique = make(comm), Timer(comm), Timer(comm)
+    problem = make(comm)
+    solve = Timer(comm)
+    unique = Timer(comm)
     result = solve("solve", problem.solve)
     verdict = unique("unique", lambda: result.unique)
     record = {
@@ -70,7 +72,8 @@ def main(argv=None):
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--cases", nargs="+", choices=CASES, default=list(CASES))
     parser.add_argument("--output")
-    args, comm = parser.parse_args(argv), MPI.COMM_WORLD
+    args = parser.parse_args(argv)
+    comm = MPI.COMM_WORLD
     found = in_turns(comm, {name: partial(measured, CASES[name], comm) for name in args.cases})
     for record in found.values():
         record["ratio"] = record["seconds"] / record["solve_seconds"]

@@ -23,7 +23,7 @@ import numpy as np
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, output
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, io, plot
 from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.continuation import find_solutions
 from dolfinx_contact.parametric import ParametricContact
@@ -31,22 +31,39 @@ from dolfinx_contact.parametric import ParametricContact
 
 def elasticity(fibres, degrees):
     """C with lambda = mu = 1, and fibres at an angle (2, 2, 2, 2)."""
+    angle = np.radians(degrees)
+    a = np.array([np.cos(angle), np.sin(angle)])
     unit = np.eye(2)
-    a = np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees))])
-    C = np.einsum("ij,kl->ijkl", unit, unit) + fibres * np.einsum("i,j,k,l->ijkl", a, a, a, a)
-    return C + np.einsum("ik,jl->ijkl", unit, unit) + np.einsum("il,jk->ijkl", unit, unit)
+    volume = np.einsum("ij,kl->ijkl", unit, unit)
+    along_fibres = np.einsum("i,j,k,l->ijkl", a, a, a, a)
+    straight = np.einsum("ik,jl->ijkl", unit, unit)
+    crossed = np.einsum("il,jk->ijkl", unit, unit)
+    return volume + fibres * along_fibres + straight + crossed
 
 
 def threshold(C):
     """F* of slip to the left, of the half-plane above the floor; infinite if there is none."""
-    Q, R, T = C[:, 0, :, 0], C[:, 0, :, 1], C[:, 1, :, 1]
+    Q = C[:, 0, :, 0]
+    R = C[:, 0, :, 1]
+    T = C[:, 1, :, 1]
     inverse = np.linalg.inv(T)
-    N = np.block([[np.zeros((2, 2)), np.eye(2)], [-inverse @ Q, -inverse @ (R + R.T)]])
-    p, vectors = np.linalg.eig(N)  # waves exp(i (x + p y)), those that decay upwards
-    p, A = p[p.imag > 0], vectors[:2, p.imag > 0]
-    forces = np.stack([(R.T + q * T) @ a for q, a in zip(p, A.T, strict=True)], axis=1)
-    compliance = np.linalg.inv(-1j * forces @ np.linalg.inv(A)).real
-    return -compliance[1, 1] / compliance[1, 0] if compliance[1, 0] < -1e-12 else np.inf
+    upper = [np.zeros((2, 2)), np.eye(2)]
+    lower = [-inverse @ Q, -inverse @ (R + R.T)]
+    N = np.block([upper, lower])
+    p, vectors = np.linalg.eig(N)  # waves exp(i (x + p y))
+    decays = p.imag > 0  # upwards
+    A = vectors[:2, decays]
+    columns = []
+    for root, a in zip(p[decays], A.T, strict=True):
+        columns.append((R.T + root * T) @ a)
+    forces = np.stack(columns, axis=1)
+    Z = -1j * forces @ np.linalg.inv(A)
+    compliance = np.linalg.inv(Z).real
+    normal = compliance[1, 1]
+    coupling = compliance[1, 0]
+    if coupling < -1e-12:
+        return -normal / coupling
+    return np.inf
 
 
 # ## A block that may slip uniformly
@@ -58,22 +75,31 @@ def threshold(C):
 def body(n, friction, fibres, degrees, comm=MPI.COMM_WORLD):
     domain = mesh.create_unit_square(comm, n, n)
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u, v, y = fem.Function(V), ufl.TestFunction(V), ufl.SpatialCoordinate(domain)[1]
-    C, (i, j, k, m) = ufl.as_tensor(elasticity(fibres, degrees).tolist()), ufl.indices(4)
+    u = fem.Function(V)
+    v = ufl.TestFunction(V)
+    y = ufl.SpatialCoordinate(domain)[1]
+    values = elasticity(fibres, degrees)
+    C = ufl.as_tensor(values.tolist())
+    i, j, k, m = ufl.indices(4)
 
     def work(a, b):  # C has the symmetries of strains
-        return C[i, j, k, m] * ufl.grad(a)[i, j] * ufl.grad(b)[k, m] * ufl.dx
+        stress = C[i, j, k, m] * ufl.grad(a)[i, j]
+        return stress * ufl.grad(b)[k, m] * ufl.dx
 
     def edge(height):
         return mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], height))
 
     bottom = np.sort(edge(0.0))
-    tags = mesh.meshtags(domain, 1, bottom, np.ones(len(bottom), dtype=np.int32))
+    ones = np.ones(len(bottom), dtype=np.int32)
+    tags = mesh.meshtags(domain, 1, bottom, ones)
     ds = ufl.Measure("ds", domain, subdomain_data=tags)(1)
     slid = ufl.as_vector((-0.1 * (1 - y), 0 * y))
-    residual = work(u, v) - work(slid, v) + (friction * v[0] + v[1]) * ds
-    held = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, edge(1.0)), V)
-    surface = ContactSurface(u, bottom, obstacle=HalfSpace((0, 0), (0, 1)), law=Coulomb(friction))
+    reaction = friction * v[0] + v[1]
+    residual = work(u, v) - work(slid, v) + reaction * ds
+    top = fem.locate_dofs_topological(V, 1, edge(1.0))
+    held = fem.dirichletbc(np.zeros(2), top, V)
+    floor = HalfSpace((0, 0), (0, 1))
+    surface = ContactSurface(u, bottom, obstacle=floor, law=Coulomb(friction))
     return ContactProblem(residual, u, [surface], bcs=[held])
 
 
@@ -84,36 +110,53 @@ def body(n, friction, fibres, degrees, comm=MPI.COMM_WORLD):
 
 
 def negative(n, friction, *material, comm=MPI.COMM_WORLD):
-    A = np.linalg.inv(body(n, friction, *material, comm).reduced().S)
-    held = A[1::2, 1::2] + friction * A[1::2, 0::2]
-    return int(np.sum(np.linalg.eigvalsh(held + held.T) < 0))
+    problem = body(n, friction, *material, comm)
+    A = np.linalg.inv(problem.reduced().S)
+    normal = A[1::2, 1::2]
+    coupling = A[1::2, 0::2]
+    held = normal + friction * coupling
+    eigenvalues = np.linalg.eigvalsh(held + held.T)
+    return int(np.sum(eigenvalues < 0))
 
 
 def main(argv=None):
     parser = ScriptParser("Oblique fibres", output="output/anisotropic")
-    parser.add_argument("--fibres", type=number(), default=20.0, help="stiffness, matrix: 1")
-    parser.add_argument("--degrees", type=number(), default=45.0, help="to the floor")
-    parser.add_argument("--frictions", type=number(above=0), nargs="+", default=[1.6, 5.0])
-    parser.add_argument("--n", type=int, nargs="+", default=[5, 7], help="cells: all solutions")
-    parser.add_argument("--fine", type=int, nargs="+", default=[8, 16, 32], help="eigenvalues")
-    args, comm = parser.parse(argv), MPI.COMM_WORLD
-    folder, say = output.output_folder(comm, args.output), output.Report(comm)
-    material, rows = (args.fibres, args.degrees), []
-    say(f"the half-plane holds up to F* = {threshold(elasticity(*material)):.6g}")
+    add = parser.add_argument
+    add("--fibres", type=number(), default=20.0, help="stiffness, matrix: 1")
+    add("--degrees", type=number(), default=45.0, help="to the floor")
+    add("--frictions", type=number(above=0), nargs="+", default=[1.6, 5.0])
+    add("--n", type=int, nargs="+", default=[5, 7], help="cells: all solutions")
+    add("--fine", type=int, nargs="+", default=[8, 16, 32], help="eigenvalues")
+    args = parser.parse(argv)
+    comm = MPI.COMM_WORLD
+    folder = io.output_folder(comm, args.output)
+    say = io.Report(comm)
+    material = (args.fibres, args.degrees)
+    limit = threshold(elasticity(*material))
+    say(f"the half-plane holds up to F* = {limit:.6g}")
+    rows = []
     for friction in args.frictions:
-        row = dict(friction=friction, solutions=[], statuses=[])
-        row["negative"] = [negative(n, friction, *material, comm=comm) for n in args.fine]
-        say(f"F = {friction:g}: negative eigenvalues {row['negative']} for n = {args.fine}")
+        counts = [negative(n, friction, *material, comm=comm) for n in args.fine]
+        say(f"F = {friction:g}: negative eigenvalues {counts} for n = {args.fine}")
+        solutions = []
+        statuses = []
         for n in args.n:
             problem = body(n, friction, *material, comm)
-            system = ParametricContact(problem, fem.Constant(problem.V.mesh, 0.0))
-            found = find_solutions(system, [system.create_vector()], 0.0)
-            row["solutions"].append([len(found.found), found.complete])
-            row["statuses"].append(sorted(system.letters(s.piece) for s in found.found))
-            say(f"  n = {n}: {len(found.found)} solutions, {found.method}")
+            unused = fem.Constant(problem.V.mesh, 0.0)  # the load does not vary
+            system = ParametricContact(problem, unused)
+            start = system.create_vector()
+            found = find_solutions(system, [start], 0.0)
+            count = len(found.found)
+            solutions.append([count, found.complete])
+            letters = [system.letters(s.piece) for s in found.found]
+            statuses.append(sorted(letters))
+            say(f"  n = {n}: {count} solutions, {found.method}")
+        row = {"friction": friction, "solutions": solutions, "statuses": statuses}
+        row["negative"] = counts
         rows.append(row)
-    output.picture_of_states(folder / "states.png", system, found.points(system))
-    return output.write_summary(comm, folder, {"rows": rows})
+    points = found.points(system)
+    plot.picture_of_states(folder / "states.png", system, points)
+    return io.write_summary(comm, folder, {"rows": rows})
 
 
 if __name__ == "__main__":

@@ -20,11 +20,13 @@ from scipy.integrate import solve_bvp
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactProblem, ContactSurface, Frictionless, Sphere, output
+from dolfinx_contact import ContactProblem, ContactSurface, Frictionless, Sphere, io, plot
 from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.materials import NeoHookean, lame
 
-HALF, THICKNESS, STRETCH = 1.2, 0.2, 1.1  # of the band, half its length, and on the drum
+HALF = 1.2  # of the length of the band
+THICKNESS = 0.2
+STRETCH = 1.1  # on the drum
 MODULI = lame(1.0, 0.3)  # lambda and mu
 RUBBER = NeoHookean(*MODULI)
 
@@ -43,25 +45,44 @@ def arguments(argv=None):
 
 
 def band(args, comm):
-    corners = [np.array([-HALF, 1.0]), np.array([HALF, 1.0 + THICKNESS])]
-    cells = round(2 * HALF / THICKNESS) * args.n, args.n
-    domain = mesh.create_rectangle(comm, corners, cells, mesh.CellType.quadrilateral)
+    lower = np.array([-HALF, 1.0])
+    upper = np.array([HALF, 1.0 + THICKNESS])
+    along = round(2 * HALF / THICKNESS) * args.n
+    cell = mesh.CellType.quadrilateral
+    domain = mesh.create_rectangle(comm, [lower, upper], [along, args.n], cell)
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u, moved = fem.Function(V, name="displacement"), fem.Function(V)
-    below = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 1.0))
-    ends = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(abs(x[0]), HALF))
-    contact = ContactSurface(u, below, obstacle=Sphere((0.0, 0.0), 1.0), law=Frictionless())
-    held = fem.dirichletbc(moved, fem.locate_dofs_topological(V, 1, ends))
-    return ContactProblem(RUBBER.energy(u) * ufl.dx, u, [contact], bcs=[held]), moved
+    u = fem.Function(V, name="displacement")
+    moved = fem.Function(V)
+
+    def on_drum(x):
+        return np.isclose(x[1], 1.0)
+
+    def at_ends(x):
+        return np.isclose(abs(x[0]), HALF)
+
+    below = mesh.locate_entities_boundary(domain, 1, on_drum)
+    ends = mesh.locate_entities_boundary(domain, 1, at_ends)
+    drum = Sphere((0.0, 0.0), 1.0)
+    contact = ContactSurface(u, below, obstacle=drum, law=Frictionless())
+    dofs = fem.locate_dofs_topological(V, 1, ends)
+    held = fem.dirichletbc(moved, dofs)
+    energy = RUBBER.energy(u) * ufl.dx
+    problem = ContactProblem(energy, u, [contact], bcs=[held])
+    return problem, moved
 
 
 def way(part, angle, ring):
     """Displacements of the ends, bent to a part of the drum's curvature and led around."""
 
     def value(x):
-        phi = x[0] * (1 + part * (STRETCH - 1)) * part
-        r = 1 / part - 1 + ring.sol(x[1] - 1)[0]
-        place = (r * np.sin(phi) + 1j * (r * np.cos(phi) + 1 - 1 / part)) * np.exp(-1j * angle)
+        stretch = 1 + part * (STRETCH - 1)
+        phi = x[0] * stretch * part
+        in_ring = ring.sol(x[1] - 1)[0]
+        r = 1 / part - 1 + in_ring
+        across = r * np.sin(phi)
+        up = r * np.cos(phi) + 1 - 1 / part
+        turn = np.exp(-1j * angle)
+        place = (across + 1j * up) * turn
         return np.array([place.real, place.imag]) - x[:2]
 
     return value
@@ -75,45 +96,68 @@ def way(part, angle, ring):
 
 def ring_of(lam, mu):
     def stress(a, b):
-        return mu * (a - 1 / a) + lam * np.log(a * b) / a
+        volume = np.log(a * b)
+        return mu * (a - 1 / a) + lam * volume / a
 
     def slope(_, y):
-        a, b = y[1], STRETCH * y[0]
-        stiffness = mu * (1 + 1 / a**2) + lam * (1 - np.log(a * b)) / a**2
-        return np.array([a, STRETCH * (stress(b, a) - lam / b) / stiffness])
+        a = y[1]
+        b = STRETCH * y[0]
+        volume = np.log(a * b)
+        shear = mu * (1 + 1 / a**2)
+        bulk = lam * (1 - volume) / a**2
+        hoop = stress(b, a)
+        rise = STRETCH * (hoop - lam / b)
+        return np.array([a, rise / (shear + bulk)])
 
     def ends(below, above):
-        return np.array([below[0] - 1, stress(above[1], STRETCH * above[0])])
+        on_drum = below[0] - 1
+        outside = stress(above[1], STRETCH * above[0])
+        return np.array([on_drum, outside])
 
     layers = np.linspace(0.0, THICKNESS, 21)
-    ring = solve_bvp(slope, ends, layers, [1 + layers, np.ones(21)], tol=1e-10)
-    return ring, float(-stress(ring.y[1, 0], STRETCH * ring.y[0, 0]))
+    straight = [1 + layers, np.ones(21)]
+    ring = solve_bvp(slope, ends, layers, straight, tol=1e-10)
+    r, a = ring.y[:, 0]
+    pressure = -stress(a, STRETCH * r)
+    return ring, float(pressure)
 
 
 def main(argv=None):
-    args, comm = arguments(argv), MPI.COMM_WORLD
-    say, folder = output.Report(comm), output.output_folder(comm, args.output)
-    (problem, moved), (ring, pressure) = band(args, comm), ring_of(*MODULI)
-    parts, around = np.arange(1, args.steps + 1) / args.steps, np.radians(args.angle)
+    args = arguments(argv)
+    comm = MPI.COMM_WORLD
+    say = io.Report(comm)
+    folder = io.output_folder(comm, args.output)
+    problem, moved = band(args, comm)
+    ring, pressure = ring_of(*MODULI)
+    parts = np.arange(1, args.steps + 1) / args.steps
+    around = np.radians(args.angle)
+    bending = [(part, 0.0) for part in parts]
+    leading = [(1.0, around * part) for part in parts]
     found = []
-    for part, turn in [*((part, 0.0) for part in parts), *((1.0, around * p) for p in parts)]:
-        moved.interpolate(way(part, turn, ring))
+    for part, turn in bending + leading:
+        displacement = way(part, turn, ring)
+        moved.interpolate(displacement)
         result = problem.solve()
         table = result.tables["contact"]
-        found.append(float(table.pressure[len(table.x) // 2]))
+        middle = len(table.x) // 2
+        found.append(float(table.pressure[middle]))
         say(f"bent {part:.3f}, led around by {turn:.3f}: {result.iterations} steps of Newton")
-    output.picture_of_body(folder / "body.png", problem, stress=RUBBER.full_stress(problem.u))
-    output.write_contact_table(comm, folder, [table])
-    drift = max(abs(p / found[args.steps - 1] - 1) for p in found[args.steps :])
-    summary = result.summary() | {
-        "pressure": found[-1],
-        "pressure_closed_form": pressure,
-        "pressure_drift": drift,
-        "contact_length": float(table.area[table.rn > 0].sum()) * STRETCH,
-        "way": float(around),
-    }
+    stress = RUBBER.full_stress(problem.u)
+    plot.picture_of_body(folder / "body.png", problem, stress=stress)
+    io.write_contact_table(comm, folder, [table])
+    bent = found[args.steps - 1]
+    led = found[args.steps :]
+    drift = max(abs(p / bent - 1) for p in led)
+    touching = table.rn > 0
+    length = float(table.area[touching].sum())  # before the stretch
     say(f"pressure {found[-1]:.6g}, in a ring {pressure:.6g}, drift {drift:.1e}")
-    return output.write_summary(comm, folder, summary)
+    summary = result.summary()
+    summary["pressure"] = found[-1]
+    summary["pressure_closed_form"] = pressure
+    summary["pressure_drift"] = drift
+    summary["contact_length"] = length * STRETCH
+    summary["way"] = float(around)
+    return io.write_summary(comm, folder, summary)
 
 
 if __name__ == "__main__":

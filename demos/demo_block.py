@@ -19,7 +19,7 @@ import numpy as np
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, Sphere, output
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, Sphere, io, plot
 from dolfinx_contact.command_line import CELLS, ScriptParser, number
 from dolfinx_contact.materials import LinearElastic
 
@@ -59,7 +59,8 @@ def foundation(args):
 
 
 def problem(args, comm):
-    n, cell = args.n, CELLS[args.cell]
+    n = args.n
+    cell = CELLS[args.cell]
     if args.dim == 2:
         domain = mesh.create_unit_square(comm, n, n, cell)
     else:
@@ -71,7 +72,8 @@ def problem(args, comm):
     V = fem.functionspace(domain, ("Lagrange", args.degree, (args.dim,)))
     u = fem.Function(V, name="displacement")
     moved = np.zeros(args.dim)
-    moved[0], moved[-1] = args.shift, -args.press
+    moved[0] = args.shift
+    moved[-1] = -args.press
     held = fem.dirichletbc(moved, fem.locate_dofs_topological(V, fdim, top), V)
 
     material = LinearElastic.from_young(args.young, args.poisson)
@@ -90,14 +92,15 @@ def problem(args, comm):
 def main(argv=None):
     args = arguments(argv)
     comm = MPI.COMM_WORLD
-    folder, say = output.output_folder(comm, args.output), output.Report(comm)
+    folder = io.output_folder(comm, args.output)
+    say = io.Report(comm)
     block = problem(args, comm)
     result = block.solve()
     say.result(result)
-    output.picture_of_contact(folder / "contact.png", block)
-    output.write_contact_table(comm, folder, result.tables.values())
+    plot.picture_of_contact(folder / "contact.png", block)
+    io.write_contact_table(comm, folder, result.tables.values())
     summary = result.summary() | {"unique": result.unique}
-    return output.write_summary(comm, folder, summary)
+    return io.write_summary(comm, folder, summary)
 
 
 if __name__ == "__main__":

@@ -23,7 +23,7 @@ from mpi4py import MPI
 import demo_followed_mesh
 from demo_hild_triangle import element
 
-from dolfinx_contact import output
+from dolfinx_contact import io, plot
 from dolfinx_contact.analysis import contact_family, count_solutions, event_curves
 from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.continuation import follow
@@ -31,33 +31,42 @@ from dolfinx_contact.continuation import follow
 
 def arguments(argv=None):
     parser = ScriptParser("Numbers of solutions", output="output/chart", mesh=None, lame=None)
-    force = dict(type=number(), nargs=4, metavar=("FX", "FY", "GX", "GY"))
-    parser.add_argument("--body-force", default=(0.0, -6.0, -14.0, -6.0), **force)
-    span = dict(type=number(above=0), nargs=2, metavar=("F0", "F1"), default=(1.0, 4.0))
-    parser.add_argument("--friction", **span, help="least and largest coefficient")
-    coefficients = dict(type=number(above=0), nargs="*", default=[])
-    parser.add_argument("--at", **coefficients, help="list the folds at these coefficients")
-    parser.add_argument("--cells", type=number(int, above=0), default=5, help="along an edge")
-    parser.add_argument("--depth", type=number(int, least=0), default=2, help="of their division")
-    parser.add_argument("--seconds", type=number(above=0), default=1.0, help="for a proof")
+    add = parser.add_argument
+    positive = number(above=0)
+    count = number(int, above=0)
+    depth = number(int, least=0)
+    forces = ("FX", "FY", "GX", "GY")
+    add("--body-force", type=number(), nargs=4, metavar=forces, default=(0.0, -6.0, -14.0, -6.0))
+    span = dict(type=positive, nargs=2, metavar=("F0", "F1"), default=(1.0, 4.0))
+    add("--friction", **span, help="least and largest coefficient")
+    listed = dict(type=positive, nargs="*", default=[])
+    add("--at", **listed, help="list the folds at these coefficients")
+    add("--cells", type=count, default=5, help="along an edge")
+    add("--depth", type=depth, default=2, help="of their division")
+    add("--seconds", type=positive, default=1.0, help="for a proof")
     args = parser.parse(argv)
-    if not args.friction[0] < args.friction[1]:
+    least, largest = args.friction
+    if not least < largest:
         parser.error("--friction needs F0 < F1")
-    if not all(args.friction[0] <= F <= args.friction[1] for F in args.at):
+    if not all(least <= F <= largest for F in args.at):
         parser.error("--at must lie in the range of --friction")
     return args
 
 
 def problem(args):
     """The problem with gamma, and the range of that."""
-    last = args.friction[1]
+    largest = args.friction[1]
     if args.mesh is None:
         lame = args.lame or (1.0, 1.0)
-        return element(lame, last, 1.0, (-2.0, 0.0), (0.0, -2.0)), (0.0, 1.2 * last)
-    words = ["--mesh", args.mesh, "--friction", last, "--lame", *(args.lame or (100.0, 82.0))]
+        triangle = element(lame, largest, 1.0, (-2.0, 0.0), (0.0, -2.0))
+        return triangle, (0.0, 1.2 * largest)
+    lame = args.lame or (100.0, 82.0)
+    words = ["--mesh", args.mesh, "--friction", largest]
+    words += ["--lame", *lame]
     words += ["--body-force", *args.body_force]
     options = demo_followed_mesh.arguments([str(word) for word in words])
-    return demo_followed_mesh.system(options, MPI.COMM_WORLD), (0.0, 1.0)
+    body = demo_followed_mesh.system(options, MPI.COMM_WORLD)
+    return body, (0.0, 1.0)
 
 
 # ## Branches at some coefficients, and the curves that pass through their folds
@@ -67,47 +76,72 @@ def problem(args):
 
 
 def curves_of(system, friction, span, gammas, coefficients):
-    branches, iterations = [], 0
+    first = gammas[0]
+    branches = []
+    iterations = 0
     for F in sorted({*span, *coefficients}, reverse=True):
         friction.value = F
-        system.set_parameter(gammas[0])
-        iterations += system.problem.solve().iterations
+        system.set_parameter(first)
+        result = system.problem.solve()
+        iterations += result.iterations
         x = system.create_vector()
         system.problem.write(x)
-        branches.append((F, follow(system, x, gammas[0], gamma_range=gammas)))
-    return event_curves(system, friction, branches, span, gammas), iterations
+        branch = follow(system, x, first, gamma_range=gammas)
+        branches.append((F, branch))
+    curves = event_curves(system, friction, branches, span, gammas)
+    return curves, iterations
 
 
-def main(argv=None):
-    args = arguments(argv)
-    comm, say = MPI.COMM_WORLD, output.Report(MPI.COMM_WORLD)
-    folder, span = output.output_folder(comm, args.output), tuple(args.friction)
-    system, gammas = problem(args)
-    (surface,) = system.problem.surfaces
-    friction = surface.law.friction
-    curves, iterations = curves_of(system, friction, span, gammas, args.at)
+def report(say, curves, folds_at):
     for curve in curves.folds:
         first, last = curve.span
         say(f"folds from F = {first:.10f} to {last:.10f}, gamma = {curve.at(last):.10f}")
         for s in curve.segments:
-            say(f"   F = {s.low:.8f} to {s.high:.8f}: {' | '.join(s.statuses)}")
-    say("\n".join(f"they meet at F = {F:.10f}, gamma = {gamma:.10f}" for F, gamma in curves.cusps))
+            statuses = " | ".join(s.statuses)
+            say(f"   F = {s.low:.8f} to {s.high:.8f}: {statuses}")
+    meetings = [f"they meet at F = {F:.10f}, gamma = {gamma:.10f}" for F, gamma in curves.cusps]
+    say("\n".join(meetings))
+    folds = [f"F = {F}: folds at {found}" for F, found in folds_at.items()]
+    say("\n".join(folds))
+
+
+def main(argv=None):
+    args = arguments(argv)
+    comm = MPI.COMM_WORLD
+    say = io.Report(comm)
+    folder = io.output_folder(comm, args.output)
+    span = tuple(args.friction)
+    system, gammas = problem(args)
+    (surface,) = system.problem.surfaces
+    friction = surface.law.friction
+    curves, iterations = curves_of(system, friction, span, gammas, args.at)
     folds_at = {f"{F:g}": curves.folds_at(F) for F in args.at}
-    say("\n".join(f"F = {F}: folds at {gammas}" for F, gammas in folds_at.items()))
+    report(say, curves, folds_at)
 
     # ## Count between the curves
     family = contact_family(system, friction, span)
     grid = dict(cells=(args.cells, args.cells), depth=args.depth, seconds=args.seconds)
     chart = count_solutions(system.comm, family, span, gammas, curves=curves, **grid)
     if comm.rank == 0:
-        labels = dict(labels=("friction coefficient F", r"load $\gamma$"))
-        output.draw_chart(folder / "chart.png", chart, curves, **labels)
-    named = [{"kind": c.kind, "points": c.points().tolist()} for c in curves.curves]
-    cells = [[*c.middle, c.count, c.proved] for c in chart.cells]
-    summary = {"converged": True, "newton_iterations": iterations, "proved": chart.proved}
-    summary |= {"dofs": system.create_vector().getSize(), "curves": named, "cells": cells}
-    summary |= {"cusps": [list(cusp) for cusp in curves.cusps], "folds_at": folds_at}
-    return output.write_summary(comm, folder, summary)
+        axes = ("friction coefficient F", r"load $\gamma$")
+        plot.draw_chart(folder / "chart.png", chart, curves, labels=axes)
+
+    named = []
+    for curve in curves.curves:
+        points = curve.points().tolist()
+        named.append({"kind": curve.kind, "points": points})
+    cells = [[*cell.middle, cell.count, cell.proved] for cell in chart.cells]
+    summary = {
+        "converged": True,
+        "newton_iterations": iterations,
+        "proved": chart.proved,
+        "dofs": system.create_vector().getSize(),
+        "curves": named,
+        "cells": cells,
+        "cusps": [list(cusp) for cusp in curves.cusps],
+        "folds_at": folds_at,
+    }
+    return io.write_summary(comm, folder, summary)
 
 
 if __name__ == "__main__":

@@ -22,7 +22,7 @@ from demo_linear_triangle import linear_triangle
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, output
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, io, plot
 from dolfinx_contact.analysis import critical_friction, renard_criterion
 from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.materials import LinearElastic
@@ -32,8 +32,8 @@ def arguments(argv=None):
     body = dict(n=32, lame=(100.0, 82.0), young=1.0, poisson=0.3)
     parser = ScriptParser("Critical friction", output="output/critical_friction", **body)
     parser.add_argument("--shape", choices=("hild", "parallelogram"), default="hild")
-    for name, default in (("width", 1.0), ("height", 4.0)):
-        parser.add_argument(f"--{name}", type=number(above=0), default=default, help="of it")
+    parser.add_argument("--width", type=number(above=0), default=1.0, help="of it")
+    parser.add_argument("--height", type=number(above=0), default=4.0, help="of it")
     parser.add_argument("--offset", type=number(), default=1.0, help="of its top, to the right")
     return parser.parse(argv)
 
@@ -44,19 +44,22 @@ def arguments(argv=None):
 
 
 def parallelogram(args, n, height):
-    corners, cells = [[0.0, 0.0], [args.width, height]], [n, max(round(n * height / args.width), 1)]
+    corners = [[0.0, 0.0], [args.width, height]]
+    upwards = max(round(n * height / args.width), 1)
     quads = mesh.CellType.quadrilateral
-    domain = mesh.create_rectangle(MPI.COMM_WORLD, corners, cells, quads)
-    bottom, top = (
-        mesh.locate_entities_boundary(domain, 1, lambda x, y=y: np.isclose(x[1], y))
-        for y in (0.0, height)
-    )
-    domain.geometry.x[:, 0] += args.offset * domain.geometry.x[:, 1] / height
+    domain = mesh.create_rectangle(MPI.COMM_WORLD, corners, [n, upwards], quads)
+    bottom = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 0.0))
+    top = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], height))
+    x = domain.geometry.x
+    x[:, 0] += args.offset * x[:, 1] / height
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
     u = fem.Function(V, name="displacement")
-    clamped = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, top), V)
-    floor = ContactSurface(u, bottom, obstacle=HalfSpace((0, 0), (0, 1)), law=Coulomb(1.0))
-    energy = LinearElastic.from_young(args.young, args.poisson).energy(u) * ufl.dx
+    dofs = fem.locate_dofs_topological(V, 1, top)
+    clamped = fem.dirichletbc(np.zeros(2), dofs, V)
+    plane = HalfSpace((0, 0), (0, 1))
+    floor = ContactSurface(u, bottom, obstacle=plane, law=Coulomb(1.0))
+    material = LinearElastic.from_young(args.young, args.poisson)
+    energy = material.energy(u) * ufl.dx
     return ContactProblem(energy, u, [floor], bcs=[clamped])
 
 
@@ -75,46 +78,83 @@ def body(args, n):
 
 
 def level(args, n):
-    problem, h = body(args, n), (1.0 if args.shape == "hild" else args.width) / n
+    problem = body(args, n)
+    width = 1.0 if args.shape == "hild" else args.width
+    h = width / n
+    right = [1.0, 0.0]
+
+    def one_way(x):
+        return np.tile(right, (len(x), 1))
 
     def alternating(x):
-        return np.outer((-1.0) ** np.round(x[:, 0] / h), [1.0, 0.0])
+        nodes = np.round(x[:, 0] / h)
+        return np.outer((-1.0) ** nodes, right)
 
     return {
         "h": h,
         "critical": critical_friction(problem).friction,
-        "one_way": renard_criterion(problem, lambda x: np.tile([1.0, 0.0], (len(x), 1))).friction,
+        "one_way": renard_criterion(problem, one_way).friction,
         "alternating": renard_criterion(problem, alternating).friction,
     }
+
+
+def curves_of(levels, name):
+    """Mesh widths and the values of a criterion; NaN where it found none."""
+    h = [row["h"] for row in levels]
+    values = [abs(row[name] or np.nan) for row in levels]
+    return h, values
 
 
 def main(argv=None):
     args = arguments(argv)
     comm = MPI.COMM_WORLD
-    folder, say = output.output_folder(comm, args.output), output.Report(comm)
+    folder = io.output_folder(comm, args.output)
+    say = io.Report(comm)
     problem = body(args, args.n)
     found = critical_friction(problem)
-    say(f"critical friction: {found.friction}; others: {(found.one_signed + found.others)[1:5]}")
-    levels = [level(args, n) for n in (1, 2, 4, 8, 16, 32) if n <= args.n]
+    further = found.one_signed + found.others
+    say(f"critical friction: {found.friction}; others: {further[1:5]}")
+    meshes = [n for n in (1, 2, 4, 8, 16, 32) if n <= args.n]
+    levels = [level(args, n) for n in meshes]
     for row in levels:
-        say(", ".join(f"{name} {value or np.nan:.7g}" for name, value in row.items()))
-    heights = [args.width * k for k in (1, 2, 4, 8) if args.shape != "hild"]
-    falls = [critical_friction(parallelogram(args, min(args.n, 8), h)).friction for h in heights]
-    for h, friction in zip(heights, falls, strict=True):
-        say(f"height {h:g}: F = {friction:.6g}, over W/H {friction * h / args.width:.4g}")
+        words = [f"{name} {value or np.nan:.7g}" for name, value in row.items()]
+        say(", ".join(words))
+
+    heights = []
+    if args.shape == "parallelogram":
+        heights = [args.width * k for k in (1, 2, 4, 8)]
+    falls = []
+    for height in heights:
+        leaning = parallelogram(args, min(args.n, 8), height)
+        friction = critical_friction(leaning).friction
+        falls.append(friction)
+        relative = friction * height / args.width
+        say(f"height {height:g}: F = {friction:.6g}, over W/H {relative:.4g}")
+
     if comm.rank == 0:
-        h, look = [row["h"] for row in levels], dict(labels=("$h$", "$F$"), loglog=True)
-        curves = {k: (h, [abs(row[k] or np.nan) for row in levels]) for k in levels[0] if k != "h"}
-        slope = {"order 1/2": (h, levels[-1]["alternating"] * np.sqrt(np.array(h) / h[-1]))}
-        output.draw_curves(folder / "refinement.png", curves, dotted=slope, **look)
+        names = ("critical", "one_way", "alternating")
+        curves = {name: curves_of(levels, name) for name in names}
+        h = np.array([row["h"] for row in levels])
+        root = levels[-1]["alternating"] * np.sqrt(h / h[-1])
+        slope = {"order 1/2": (h, root)}
+        look = dict(labels=("$h$", "$F$"), loglog=True)
+        plot.draw_curves(folder / "refinement.png", curves, dotted=slope, **look)
         if found.friction is not None:
             slip = {f"F = {found.friction:.6g}": (found.positions[:, 0], found.slips)}
-            output.draw_curves(folder / "slip.png", slip, labels=("$x$", "$v$"))
-    summary = {"converged": True, "newton_iterations": 0, "dofs": problem.create_vector().getSize()}
-    summary |= {"critical_friction": found.friction, "one_signed": found.one_signed}
-    summary |= {"others": [[F.real, F.imag] for F in found.others], "mixed": found.mixed}
-    summary |= {"levels": levels}
-    return output.write_summary(comm, folder, summary | {"heights": heights, "falls": falls})
+            plot.draw_curves(folder / "slip.png", slip, labels=("$x$", "$v$"))
+    summary = {
+        "converged": True,
+        "newton_iterations": 0,
+        "dofs": problem.create_vector().getSize(),
+        "critical_friction": found.friction,
+        "one_signed": found.one_signed,
+        "others": [[F.real, F.imag] for F in found.others],
+        "mixed": found.mixed,
+        "levels": levels,
+        "heights": heights,
+        "falls": falls,
+    }
+    return io.write_summary(comm, folder, summary)
 
 
 if __name__ == "__main__":

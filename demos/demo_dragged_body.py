@@ -24,12 +24,15 @@ import numpy as np
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, output
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, io, plot
 from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.meshing import mesh_from_gmsh, read_mesh
 
-RADIUS, HALF_LENGTH, HEIGHT, WIDTH = 1.0, 0.8, 0.8, 1.0
+RADIUS = 1.0
+HALF_LENGTH = 0.8
+HEIGHT = 0.8
+WIDTH = 1.0
 
 
 def arguments(argv=None):
@@ -37,7 +40,8 @@ def arguments(argv=None):
     parser = ScriptParser("A rubber rocker, dragged", output="output/dragged_body", **given)
     parser.add_argument("--size", type=number(least=0.01, most=0.5), help="of cells at the floor")
     args = parser.parse(argv)
-    args.size = args.size or (0.05 if args.degree == 1 else 0.1)
+    if args.size is None:
+        args.size = 0.05 if args.degree == 1 else 0.1
     return args
 
 
@@ -51,18 +55,24 @@ def arguments(argv=None):
 def draw_rocker(size):
     occ = gmsh.model.occ
     rise = RADIUS - np.sqrt(RADIUS**2 - HALF_LENGTH**2)
-    corners = [(-HALF_LENGTH, rise), (HALF_LENGTH, rise), (HALF_LENGTH, HEIGHT)]
-    corners = [occ.addPoint(x, 0, z) for x, z in [*corners, (-HALF_LENGTH, HEIGHT)]]
+    left = occ.addPoint(-HALF_LENGTH, 0, rise)
+    right = occ.addPoint(HALF_LENGTH, 0, rise)
+    top_right = occ.addPoint(HALF_LENGTH, 0, HEIGHT)
+    top_left = occ.addPoint(-HALF_LENGTH, 0, HEIGHT)
     lowest = occ.addPoint(0, 0, 0)
-    arc = occ.addCircleArc(corners[0], lowest, corners[1], center=False)
+    arc = occ.addCircleArc(left, lowest, right, center=False)
     occ.remove([(0, lowest)])
-    lines = [occ.addLine(corners[i], corners[(i + 1) % 4]) for i in (1, 2, 3)]
-    section = occ.addPlaneSurface([occ.addCurveLoop([arc, *lines])])
+    up = occ.addLine(right, top_right)
+    back = occ.addLine(top_right, top_left)
+    down = occ.addLine(top_left, left)
+    outline = occ.addCurveLoop([arc, up, back, down])
+    section = occ.addPlaneSurface([outline])
     layers = round(WIDTH / (1.4 * size))
     # The faces come in the order of the curves, after the opposite section and the volume.
     _, block, contact, _, top, _ = occ.extrude([(2, section)], 0, WIDTH, 0, numElements=[layers])
     occ.synchronize()
-    for name, (dim, tag) in {"rocker": block, "contact": contact, "top": top}.items():
+    groups = {"rocker": block, "contact": contact, "top": top}
+    for name, (dim, tag) in groups.items():
         gmsh.model.addPhysicalGroup(dim, [tag], name=name)
 
     field = gmsh.model.mesh.field.add("MathEval")
@@ -82,33 +92,40 @@ def draw_rocker(size):
 def main(argv=None):
     args = arguments(argv)
     comm = MPI.COMM_WORLD
-    folder, say = output.output_folder(comm, args.output), output.Report(comm)
-    say(f"reading {args.mesh}" if args.mesh else f"meshing, cell size {args.size:g}")
+    folder = io.output_folder(comm, args.output)
+    say = io.Report(comm)
     if args.mesh:
+        say(f"reading {args.mesh}")
         body = read_mesh(comm, args.mesh, dim=3, groups=("contact", "top"))
     else:
+        say(f"meshing, cell size {args.size:g}")
         body = mesh_from_gmsh(comm, lambda: draw_rocker(args.size))
     V = fem.functionspace(body.mesh, ("Lagrange", args.degree, (3,)))
     u = fem.Function(V, name="displacement")
-    held = fem.dirichletbc(np.array([args.shift, 0.0, -args.press]), body.dofs(V, "top"), V)
-    floor = HalfSpace([0.0, 0.0, body.bounds("contact")[0, 2]], [0.0, 0.0, 1.0])
-    surface = ContactSurface(u, body, tag="contact", obstacle=floor, law=Coulomb(args.friction))
+    motion = np.array([args.shift, 0.0, -args.press])
+    held = fem.dirichletbc(motion, body.dofs(V, "top"), V)
+    lowest = body.bounds("contact")[0, 2]
+    floor = HalfSpace([0.0, 0.0, lowest], [0.0, 0.0, 1.0])
+    law = Coulomb(args.friction)
+    surface = ContactSurface(u, body, tag="contact", obstacle=floor, law=law)
     material = LinearElastic.from_young(args.young, args.poisson)
-    problem = ContactProblem(material.energy(u) * ufl.dx, u, [surface], bcs=[held])
+    energy = material.energy(u) * ufl.dx
+    problem = ContactProblem(energy, u, [surface], bcs=[held])
     cells = body.mesh.topology.index_map(3).size_global
     say(f"solving: {cells} cells of degree {args.degree}, {comm.size} rank(s)")
     result = problem.solve(monitor=say.newton)
     say.result(result)
 
     say("writing")
-    stress, title = material.full_stress(u), f"Contact face, friction {args.friction:g}"
-    files = output.write_fields(folder, problem, stress=stress)  # and a script for ParaView
-    files.append(output.picture_of_body(folder / "body.png", problem, stress=stress))
-    files.append(output.picture_of_contact(folder / "contact.png", problem, title=title))
-    output.write_contact_table(comm, folder, result.tables.values())
-    summary = output.write_summary(comm, folder, result.summary())
-    names = ("paraview.py", "contact.csv", "summary.json")
-    say.files([*files, *(folder / name for name in names)])
+    stress = material.full_stress(u)
+    title = f"Contact face, friction {args.friction:g}"
+    files = io.write_fields(folder, problem, stress=stress)  # and a script for ParaView
+    files.append(plot.picture_of_body(folder / "body.png", problem, stress=stress))
+    files.append(plot.picture_of_contact(folder / "contact.png", problem, title=title))
+    io.write_contact_table(comm, folder, result.tables.values())
+    summary = io.write_summary(comm, folder, result.summary())
+    files += [folder / name for name in ("paraview.py", "contact.csv", "summary.json")]
+    say.files(files)
     return summary
 
 

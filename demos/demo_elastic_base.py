@@ -23,12 +23,21 @@ from demo_dragged_body import WIDTH, draw_rocker
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact import ContactPair, ContactProblem, ContactSurface, Coulomb, HalfSpace, output
+from dolfinx_contact import (
+    ContactPair,
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    HalfSpace,
+    io,
+    plot,
+)
 from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.meshing import mesh_from_gmsh
 
-LENGTH, DEPTH = 1.3, 0.6  # half of the base's length, and its height
+LENGTH = 1.3  # half of the base's
+DEPTH = 0.6  # its height
 
 
 def arguments(argv=None):
@@ -70,10 +79,8 @@ def draw(size):
 def problem(args, comm):
     body = mesh_from_gmsh(comm, lambda: draw_rocker(args.size) if args.rigid else draw(args.size))
     V = fem.functionspace(body.mesh, ("Lagrange", 1, (3,)))
-    u, young = (
-        fem.Function(V, name="displacement"),
-        fem.Function(fem.functionspace(body.mesh, ("DG", 0))),
-    )
+    u = fem.Function(V, name="displacement")
+    young = fem.Function(fem.functionspace(body.mesh, ("DG", 0)))
     bcs = [fem.dirichletbc(np.array([args.shift, 0.0, -args.press]), body.dofs(V, "top"), V)]
     young.x.array[:] = args.young
     law = Coulomb(args.friction)
@@ -93,18 +100,19 @@ def problem(args, comm):
 def main(argv=None):
     args = arguments(argv)
     comm = MPI.COMM_WORLD
-    folder, say = output.output_folder(comm, args.output), output.Report(comm)
+    folder = io.output_folder(comm, args.output)
+    say = io.Report(comm)
     both, stress = problem(args, comm)
     result = both.solve(monitor=say.newton)
     say.result(result)
-    files = output.write_fields(folder, both, stress=stress)
+    files = io.write_fields(folder, both, stress=stress)
     title = "A rocker pressed into an elastic base and dragged"
-    files.append(output.picture_of_body(folder / "body.png", both, stress=stress, title=title))
+    files.append(plot.picture_of_body(folder / "body.png", both, stress=stress, title=title))
     title = f"Contact face, friction coefficient {args.friction:g}"
-    files.append(output.picture_of_contact(folder / "contact.png", both, title=title))
-    output.write_contact_table(comm, folder, result.tables.values())
+    files.append(plot.picture_of_contact(folder / "contact.png", both, title=title))
+    io.write_contact_table(comm, folder, result.tables.values())
     say.files(files)
-    return output.write_summary(comm, folder, result.summary())
+    return io.write_summary(comm, folder, result.summary())
 
 
 if __name__ == "__main__":

@@ -21,17 +21,31 @@ import numpy as np
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, materials, output
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    HalfSpace,
+    io,
+    materials,
+    plot,
+    records,
+)
 from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.continuation import Branch, points_at
 from dolfinx_contact.meshing import draw_polygon, mesh_from_gmsh, read_mesh
-from dolfinx_contact.output import leftmost, total
 from dolfinx_contact.parametric import ParametricContact
+from dolfinx_contact.records import leftmost, total
+
+
+def ciarlet_geymonat(lmbda, mu):
+    return materials.CiarletGeymonat(lmbda, mu, mu / 4)
+
 
 LAWS = {
     "linear": materials.LinearElastic,
     "neo-hookean": materials.NeoHookean,
-    "ciarlet-geymonat": lambda lmbda, mu: materials.CiarletGeymonat(lmbda, mu, mu / 4),
+    "ciarlet-geymonat": ciarlet_geymonat,
 }
 VEE = [(0, 0), (0.35, 0), (1.1, 1), (0.85, 1), (0.25, 0.25), (0.25, 1), (0, 1)]
 SIDES = {"contact": [0], "dirichlet": [2, 5]}
@@ -64,24 +78,38 @@ def system(args, comm):
         body = read_mesh(comm, args.mesh, **groups)
     else:
         body = mesh_from_gmsh(comm, lambda: draw_polygon(VEE, args.size, SIDES), **groups)
-    domain, held, driven = body.mesh, body.facets("dirichlet"), []
+    domain = body.mesh
     domain.geometry.x[:] *= args.length
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u, moved = fem.Function(V, name="displacement"), fem.Function(V)
+    u = fem.Function(V, name="displacement")
+    moved = fem.Function(V)
     gamma = fem.Constant(domain, 0.0)
-    energy, top = LAWS[args.law](*args.lame).energy(u) * ufl.dx, held
+    material = LAWS[args.law](*args.lame)
+    energy = material.energy(u) * ufl.dx
+    held = body.facets("dirichlet")
     if args.drive_top is None:
-        first, last = (fem.Constant(domain, f) for f in np.reshape(args.body_force, (2, 2)))
-        energy -= ufl.dot((1 - gamma) * first + gamma * last, u) * ufl.dx
+        first = fem.Constant(domain, np.array(args.body_force[:2]))
+        last = fem.Constant(domain, np.array(args.body_force[2:]))
+        force = (1 - gamma) * first + gamma * last
+        energy -= ufl.dot(force, u) * ufl.dx
+        top = held
+        driven = []
     else:  # the highest facets of the support move, the others stay where they are
-        (_, highest, _), size = body.bounds("dirichlet")[1], np.ptp(body.bounds("dirichlet"))
-        above = mesh.locate_entities_boundary(domain, 1, lambda x: x[1] > highest - 1e-6 * size)
-        top, driven = np.intersect1d(held, above), [(moved, gamma * ufl.as_vector(args.drive_top))]
-    at_top, rest = (fem.locate_dofs_topological(V, 1, f) for f in (top, np.setdiff1d(held, top)))
+        bounds = body.bounds("dirichlet")
+        limit = bounds[1, 1] - 1e-6 * np.ptp(bounds)
+        above = mesh.locate_entities_boundary(domain, 1, lambda x: x[1] > limit)
+        top = np.intersect1d(held, above)
+        motion = gamma * ufl.as_vector(args.drive_top)
+        driven = [(moved, motion)]
+    at_top = fem.locate_dofs_topological(V, 1, top)
+    rest = fem.locate_dofs_topological(V, 1, np.setdiff1d(held, top))
     bcs = [fem.dirichletbc(moved, at_top), fem.dirichletbc(np.zeros(2), rest, V)]
-    floor = HalfSpace((0.0, body.bounds("contact")[0, 1]), (0.0, 1.0))
-    surface = ContactSurface(u, body, tag="contact", obstacle=floor, law=Coulomb(args.friction))
-    return ParametricContact(ContactProblem(energy, u, [surface], bcs=bcs), gamma, driven=driven)
+    lowest = body.bounds("contact")[0, 1]
+    floor = HalfSpace((0.0, lowest), (0.0, 1.0))
+    law = Coulomb(args.friction)
+    surface = ContactSurface(u, body, tag="contact", obstacle=floor, law=law)
+    problem = ContactProblem(energy, u, [surface], bcs=bcs)
+    return ParametricContact(problem, gamma, driven=driven)
 
 
 # ## Follow it
@@ -93,27 +121,33 @@ def system(args, comm):
 def main(argv=None):
     args = arguments(argv)
     comm = MPI.COMM_WORLD
-    folder = output.output_folder(comm, args.output)
-    body, first = system(args, comm), 0.0 if args.drive_top is None else 1e-3
+    folder = io.output_folder(comm, args.output)
+    body = system(args, comm)
+    first = 0.0 if args.drive_top is None else 1e-3
     x = body.create_vector()
     body.set_parameter(first)
     body.problem.solve()
     body.problem.write(x)
     way = dict(gamma_range=(0.0, 1.0), route=args.route)
-    kept = dict(record=args.record, resume=args.resume, series=folder if args.record else None)
-    kept |= dict(max_steps=args.max_steps, observer=output.Progress(comm))
-    branch, journal = output.follow_with_journal(body, x, first, SEEN, **way, **kept)
-    summary = branch.summary() | journal.summary() | {"dofs": x.getSize()}
+    progress = io.Progress(comm)
+    kept = dict(record=args.record, resume=args.resume)
+    if args.record:
+        kept["series"] = folder
+    branch, journal = records.follow_with_journal(
+        body, x, first, SEEN, max_steps=args.max_steps, observer=progress, **way, **kept
+    )
+    summary = branch.summary() | journal.summary()
+    summary["dofs"] = x.getSize()
     summary["augmentation"] = body.problem.surfaces[0].mean_augmentation
-    output.Report(comm).branch(journal)
+    io.Report(comm).branch(journal)
     if args.solutions_at is not None:
         there = points_at(body, branch, args.solutions_at, **way)
-        found = output.journal_of(body, [Branch(there)], SEEN).rows()
+        found = records.journal_of(body, [Branch(there)], SEEN).rows()
         summary["solutions_at"] = {"gamma": args.solutions_at, "solutions": found}
     if comm.rank == 0:
         seen = {"ut_left": "$u_t$ of the leftmost contact point"}
-        output.draw_diagram(folder / "branch.png", journal, seen)
-    return output.write_summary(comm, folder, summary)
+        plot.draw_diagram(folder / "branch.png", journal, seen)
+    return io.write_summary(comm, folder, summary)
 
 
 if __name__ == "__main__":

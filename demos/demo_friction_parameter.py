@@ -19,7 +19,7 @@ from mpi4py import MPI
 import numpy as np
 from demo_hild_triangle import element
 
-from dolfinx_contact import output
+from dolfinx_contact import io, plot, records
 from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.continuation import find_solutions, follow
 from dolfinx_contact.parametric import ParametricContact
@@ -30,7 +30,8 @@ def arguments(argv=None):
     parser = ScriptParser("Friction as parameter", output="output/friction_parameter", **given)
     parser.add_argument("--friction-max", type=number(above=0), default=5.0, help="where to begin")
     args = parser.parse(argv)
-    critical = (args.lame[0] + 3 * args.lame[1]) / (args.lame[0] + args.lame[1])
+    lmbda, mu = args.lame
+    critical = (lmbda + 3 * mu) / (lmbda + mu)
     f1, f2 = args.load
     if not (f2 < 0 and critical < -f1 / -f2 < args.friction_max):
         parser.error(f"needs F2 < 0 and {critical:g} < F1/F2 < --friction-max")
@@ -46,38 +47,50 @@ def arguments(argv=None):
 def main(argv=None):
     args = arguments(argv)
     comm = MPI.COMM_WORLD
-    folder, say = output.output_folder(comm, args.output), output.Report(comm)
+    folder = io.output_folder(comm, args.output)
+    say = io.Report(comm)
     loaded = element(args.lame, args.friction_max, args.length, args.load)
-    every = find_solutions(loaded, [loaded.create_vector()], 1.0)
-    (stuck,) = (s for s in every.found if loaded.letters(s.piece).startswith("k"))
+    start = loaded.create_vector()
+    every = find_solutions(loaded, [start], 1.0)
+    (stuck,) = [s for s in every.found if loaded.letters(s.piece).startswith("k")]
     loaded.set_parameter(1.0)
     (surface,) = loaded.problem.surfaces
     system = ParametricContact(loaded.problem, surface.law.friction)
     span = (0.0, args.friction_max)
     branch = follow(system, stuck.x, args.friction_max, gamma_range=span, increasing=False)
-    journal = output.journal_of(system, [branch], {"ut": output.leftmost("ut")})
+    journal = records.journal_of(system, [branch], {"ut": records.leftmost("ut")})
+    rows = journal.rows()
 
     # The closed form of the slipping half, S = [[kt, k], [k, kt]] and p = l/2 (F1, F2).
-    kt, k = (args.lame[0] + 3 * args.lame[1]) / 2, (args.lame[0] + args.lame[1]) / 2
+    lmbda, mu = args.lame
+    kt = (lmbda + 3 * mu) / 2
+    k = (lmbda + mu) / 2
     pt, pn = args.length * np.asarray(args.load) / 2
-    slips = [s for s in journal.rows() if s["status"] == "-"]
-    errors = [abs(s["ut"] - (pt - s["gamma"] * pn) / (kt - s["gamma"] * k)) for s in slips]
-    summary = branch.summary() | {
-        "dofs": stuck.x.getSize(),
-        "folds": [{"gamma": s.gamma, "smooth": s.smooth} for s in branch.folds],
-        "fold_closed_form": pt / pn,
-        "slip_error": max(errors) / args.length,
-        "statuses": "".join(s["status"] for s in journal.rows()),
-        "augmentation": surface.mean_augmentation,
-    }
+    fold = pt / pn
+    errors = []
+    for s in rows:
+        if s["status"] == "-":
+            friction = s["gamma"]
+            slip = (pt - friction * pn) / (kt - friction * k)
+            errors.append(abs(s["ut"] - slip))
+    slip_error = max(errors) / args.length
+
     for s in branch.folds:
-        say(f"stick and slip meet at F = {s.gamma:.12f} (closed form {pt / pn:.12f})")
-    say(f"slip against the closed form: {summary['slip_error']:.1e}; {branch.reason}")
+        say(f"stick and slip meet at F = {s.gamma:.12f} (closed form {fold:.12f})")
+    say(f"slip against the closed form: {slip_error:.1e}; {branch.reason}")
     if comm.rank == 0:
         words = dict(label="$u_t$ of A", parameter="friction coefficient F")
         title = "Two solutions in contact, born at F = |F1|/|F2|"
-        output.draw_diagram(folder / "branch.png", journal, "ut", title=title, **words)
-    return output.write_summary(comm, folder, summary)
+        plot.draw_diagram(folder / "branch.png", journal, "ut", title=title, **words)
+
+    summary = branch.summary()
+    summary["dofs"] = stuck.x.getSize()
+    summary["folds"] = [{"gamma": s.gamma, "smooth": s.smooth} for s in branch.folds]
+    summary["fold_closed_form"] = fold
+    summary["slip_error"] = slip_error
+    summary["statuses"] = "".join(s["status"] for s in rows)
+    summary["augmentation"] = surface.mean_augmentation
+    return io.write_summary(comm, folder, summary)
 
 
 if __name__ == "__main__":

@@ -19,7 +19,7 @@ import numpy as np
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, output
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, io, plot
 from dolfinx_contact.command_line import CELLS, ScriptParser, number
 from dolfinx_contact.materials import LinearElastic
 
@@ -64,9 +64,13 @@ def problem(args, comm):
             domain, 1, lambda x: np.isclose(x[axis], value, atol=1e-9 * width)
         )
 
-    right, bottom, top, left = line(0, width), line(1, 0.0), line(1, width), line(0, 0.0)
+    right = line(0, width)
+    bottom = line(1, 0.0)
+    top = line(1, width)
+    left = line(0, 0.0)
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u, v = fem.Function(V, name="displacement"), ufl.TestFunction(V)
+    u = fem.Function(V, name="displacement")
+    v = ufl.TestFunction(V)
     symmetry = fem.dirichletbc(0.0, fem.locate_dofs_topological(V.sub(0), 1, right), V.sub(0))
     corner = fem.locate_dofs_geometrical(
         V, lambda x: np.isclose(x[0], width) & np.isclose(x[1], 0.0, atol=1e-9 * width)
@@ -91,20 +95,23 @@ def problem(args, comm):
 def main(argv=None):
     args = arguments(argv)
     comm = MPI.COMM_WORLD
-    folder, say = output.output_folder(comm, args.output), output.Report(comm)
+    folder = io.output_folder(comm, args.output)
+    say = io.Report(comm)
     bar = problem(args, comm)
     result = bar.solve()
     say.result(result)
-    table, metre = result.tables["contact"], UNITS[args.units][0]
-    x, ut = table.x[:, 0] * metre, table.ut[:, 0] * metre
+    table = result.tables["contact"]
+    metre = UNITS[args.units][0]
+    x = table.x[:, 0] * metre
+    ut = table.ut[:, 0] * metre
     summary = result.summary() | {"status": table.status, "unique": result.unique}
     for name, at in POINTS.items():
         summary[f"ux_{name}"] = ux = float(np.interp(at, x, ut))
         say(f"{name}: u_x {ux:.8e} m, Code_Aster QUAD8 {CODE_ASTER[name]:.8e}")
     summary["residual_history"] = [step.measures.worst for step in result.history]
-    output.picture_of_contact(folder / "contact.png", bar)
-    output.write_contact_table(comm, folder, [table])
-    return output.write_summary(comm, folder, summary)
+    plot.picture_of_contact(folder / "contact.png", bar)
+    io.write_contact_table(comm, folder, [table])
+    return io.write_summary(comm, folder, summary)
 
 
 if __name__ == "__main__":

@@ -17,7 +17,15 @@ import numpy as np
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, Frictionless, HalfSpace, output
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    Frictionless,
+    HalfSpace,
+    io,
+    plot,
+)
 from dolfinx_contact.command_line import CELLS, ScriptParser, number
 from dolfinx_contact.grids import create_grid, graded
 from dolfinx_contact.materials import LinearElastic
@@ -26,17 +34,25 @@ from dolfinx_contact.materials import LinearElastic
 def arguments(argv=None):
     given = dict(dim=2, friction=0.0, cell=None, degree=1, young=210e3, poisson=0.3)
     parser = ScriptParser("Hertz contact", output="output/hertz", **given)
-    add, positive = parser.add_argument, number(above=0)
+    add = parser.add_argument
+    positive = number(above=0)
     add("--levels", type=number(int, least=2), nargs="+", metavar="N", help="cells over the radius")
     add("--radius", type=positive, default=50.0, help="of curvature of the face")
     add("--load", type=positive, help="on the whole body, roughly (default: contact radius R/50)")
     add("--size", type=number(least=5), help="half width and height of the body in contact radii")
     args = parser.parse(argv)
-    stiffness, parts = args.young / (1 - args.poisson**2), 2 ** (args.dim - 1)
-    args.hertz = output.Hertz(args.dim, args.radius, stiffness, parts)
+    stiffness = args.young / (1 - args.poisson**2)
+    parts = 2 ** (args.dim - 1)
+    args.hertz = plot.Hertz(args.dim, args.radius, stiffness, parts)
     args.load = args.load or args.hertz.load(args.radius / 50)
-    levels, size = ([5, 10, 20, 40], 40.0) if args.dim == 2 else ([4, 6, 8], 15.0)
-    args.levels, args.size = args.levels or levels, args.size or size
+    if args.dim == 2:
+        levels = [5, 10, 20, 40]
+        size = 40.0
+    else:
+        levels = [4, 6, 8]
+        size = 15.0
+    args.levels = args.levels or levels
+    args.size = args.size or size
     if not args.hertz.radius(args.load) < 0.1 * args.radius:
         parser.error("--load: the contact radius must be below a tenth of --radius")
     return args
@@ -51,25 +67,42 @@ def arguments(argv=None):
 
 
 def problem(args, comm, n, a, delta):
-    up, fine, height = args.dim - 1, int(np.ceil(1.25 * n)), args.size * a
-    across, upwards = (graded(height, a / n, k, n) for k in (fine, int(np.ceil(0.5 * n))))
-    domain = create_grid(comm, [across] * up + [upwards], CELLS[args.cell])
+    up = args.dim - 1
+    h = a / n
+    height = args.size * a
+    fine = int(np.ceil(1.25 * n))
+    fine_upwards = int(np.ceil(0.5 * n))
+    across = graded(height, h, fine, n)
+    upwards = graded(height, h, fine_upwards, n)
+    axes = [across] * up + [upwards]
+    domain = create_grid(comm, axes, CELLS[args.cell])
+    tolerance = 1e-9 * height
     inside = across[fine] + 0.5 * a / n
-    bottom = mesh.locate_entities_boundary(
-        domain, up, lambda x: (x[up] < 1e-9 * height) & (x[:up] < inside).all(axis=0)
-    )
-    x, away = domain.geometry.x, np.linalg.norm(domain.geometry.x[:, :up], axis=1)
+
+    def touches(x):
+        near = (x[:up] < inside).all(axis=0)
+        return (x[up] < tolerance) & near
+
+    bottom = mesh.locate_entities_boundary(domain, up, touches)
+    x = domain.geometry.x
+    away = np.linalg.norm(x[:, :up], axis=1)
     near = np.minimum(away, 4 * a)
-    x[:, up] += (1 - x[:, up] / height) * near * (2 * away - near) / (2 * args.radius)
+    fade = 1 - x[:, up] / height  # the top stays flat
+    x[:, up] += fade * near * (2 * away - near) / (2 * args.radius)
 
     V = fem.functionspace(domain, ("Lagrange", args.degree, (args.dim,)))
-    u, bcs = fem.Function(V, name="displacement"), []
-    for i, (place, value) in enumerate([(0.0, 0.0)] * up + [(height, -delta)]):
+    u = fem.Function(V, name="displacement")
+
+    def held(i, place, value):
+        W = V.sub(i)
         face = mesh.locate_entities_boundary(
-            domain, up, lambda x, i=i, place=place: np.isclose(x[i], place, atol=1e-9 * height)
+            domain, up, lambda x: np.isclose(x[i], place, atol=tolerance)
         )
-        dofs = fem.locate_dofs_topological(V.sub(i), up, face)
-        bcs.append(fem.dirichletbc(value, dofs, V.sub(i)))
+        dofs = fem.locate_dofs_topological(W, up, face)
+        return fem.dirichletbc(value, dofs, W)
+
+    bcs = [held(i, 0.0, 0.0) for i in range(up)]
+    bcs.append(held(up, height, -delta))
     law = Coulomb(args.friction) if args.friction > 0 else Frictionless()
     floor = HalfSpace(np.zeros(args.dim), np.eye(args.dim)[up])
     surface = ContactSurface(u, bottom, obstacle=floor, law=law)
@@ -84,36 +117,48 @@ def problem(args, comm, n, a, delta):
 
 def solve(args, comm, say=lambda text: None):
     """The problem and the result of the finest mesh, and what was measured on each."""
-    a, levels = args.hertz.radius(args.load), []
+    a = args.hertz.radius(args.load)
     delta = args.hertz.approach(args.load, args.size * a, args.poisson)
+    power = 1.0 if args.dim == 2 else 2 / 3  # approach ~ load^power
+    levels = []
     for n in args.levels:
         body = problem(args, comm, n, a, delta)
         result = body.solve()
         found = args.hertz.compare(result.tables["contact"])
-        level = {"cells_over_radius": n, "h_over_a": a / n / found["radius_closed_form"]}
-        level |= {"dofs": result.dofs, "newton_iterations": result.iterations}
-        levels.append({**level, "strategy": result.reason, **found})
-        errors = ", ".join(f"{k} {v:.2%}" for k, v in found.items() if k.endswith("error"))
-        say(f"{n} cells over the radius, load {found['load']:.5g}: {errors}")
-        delta *= (args.load / found["load"]) ** (1.0 if args.dim == 2 else 2 / 3)
+        level = {
+            "cells_over_radius": n,
+            "h_over_a": a / n / found["radius_closed_form"],
+            "dofs": result.dofs,
+            "newton_iterations": result.iterations,
+            "strategy": result.reason,
+        }
+        level.update(found)
+        levels.append(level)
+        errors = [f"{key} {value:.2%}" for key, value in found.items() if key.endswith("error")]
+        say(f"{n} cells over the radius, load {found['load']:.5g}: {', '.join(errors)}")
+        delta *= (args.load / found["load"]) ** power
     return body, result, levels
 
 
 def main(argv=None):
     args = arguments(argv)
     comm = MPI.COMM_WORLD
-    folder, say = output.output_folder(comm, args.output), output.Report(comm)
+    folder = io.output_folder(comm, args.output)
+    say = io.Report(comm)
     body, result, levels = solve(args, comm, say)
     say.result(result)
+    finest = levels[-1]
     if comm.rank == 0:
-        errors = [key for key in levels[-1] if key.endswith("error")]
-        output.draw_convergence(folder / "convergence.png", levels, errors, size="h_over_a")
+        errors = [key for key in finest if key.endswith("error")]
+        plot.draw_convergence(folder / "convergence.png", levels, errors, size="h_over_a")
         args.hertz.draw(folder / "pressure.png", result.tables["contact"])
     if args.friction > 0:
-        output.picture_of_contact(folder / "friction.png", body)
-    output.write_rows(comm, folder / "convergence.csv", levels)
-    output.write_contact_table(comm, folder, result.tables.values())
-    return output.write_summary(comm, folder, {**levels[-1], **result.summary(), "levels": levels})
+        plot.picture_of_contact(folder / "friction.png", body)
+    io.write_rows(comm, folder / "convergence.csv", levels)
+    io.write_contact_table(comm, folder, result.tables.values())
+    summary = finest | result.summary()
+    summary["levels"] = levels
+    return io.write_summary(comm, folder, summary)
 
 
 if __name__ == "__main__":

@@ -17,10 +17,10 @@ from mpi4py import MPI
 import numpy as np
 from demo_linear_triangle import linear_triangle
 
-from dolfinx_contact import output
+from dolfinx_contact import io, plot, records
 from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.continuation import Branch, find_solutions
-from dolfinx_contact.output import leftmost
+from dolfinx_contact.records import leftmost
 
 #: What is looked at: A is the leftmost contact point.
 SEEN = {name: leftmost(name) for name in ("ut", "un", "rt", "rn")}
@@ -37,21 +37,34 @@ def element(lame, friction, length, load, preload=(0.0, 0.0)):
     return linear_triangle(1, friction, minus, lame, length, preload=preload, comm=MPI.COMM_SELF)
 
 
+def critical_friction(lame):
+    """The coefficient beyond which there are loads with three solutions."""
+    return (lame[0] + 3 * lame[1]) / (lame[0] + lame[1])
+
+
 def solutions(system, gamma=1.0):
     """All solutions at gamma, in the order o, k, +, -; a continuum with its two ends."""
-    found = find_solutions(system, [system.create_vector()], gamma)
+    start = system.create_vector()
+    found = find_solutions(system, [start], gamma)
 
     def named(these):
-        rows = output.journal_of(system, [Branch(found.points(system, these))], SEEN).rows()
-        return [{k: s[k] for k in ("status", *SEEN)} for s in rows]
+        points = found.points(system, these)
+        journal = records.journal_of(system, [Branch(points)], SEEN)
+        names = ("status", *SEEN)
+        return [{name: row[name] for name in names} for row in journal.rows()]
 
     ends = [id(s) for c in found.continua for s in c.ends]
-    records = named([s for s in found.found if id(s) not in ends])
-    for c in found.continua:
-        status = {"status": system.letters(c.piece)[0]}
-        both = sorted(named(c.ends), key=lambda s: -s["rn"])
-        records.append({**status, "continuum": True, "ends": [s | status for s in both]})
-    return sorted(records, key=lambda s: "ok+-".index(s["status"]))
+    isolated = [s for s in found.found if id(s) not in ends]
+    states = named(isolated)
+    for continuum in found.continua:
+        status = system.letters(continuum.piece)[0]
+        both = named(continuum.ends)
+        both.sort(key=lambda end: -end["rn"])
+        for end in both:
+            end["status"] = status
+        states.append({"status": status, "continuum": True, "ends": both})
+    states.sort(key=lambda state: "ok+-".index(state["status"]))
+    return states
 
 
 # ## The diagram of Proposition 2
@@ -62,58 +75,111 @@ def solutions(system, gamma=1.0):
 # origin, and two of them carry sets of their own: there `solutions` is asked.
 
 WORDS = {"o": "separation", "k": "stick", "+": "slip right", "-": "slip left", "~": "a continuum"}
-NAMES = {w: ", ".join(WORDS[c] for c in w) for w in ("o", "k", "+", "-", "ok-", "ok", "k-", "-~")}
+SETS = ("o", "k", "+", "-", "ok-", "ok", "k-", "-~")
+NAMES = {letters: ", ".join(WORDS[c] for c in letters) for letters in SETS}
+
+
+def border_rays(lame, friction):
+    """Points of the border lines, one on each side of the origin."""
+    rays = []
+    for slope in {friction, critical_friction(lame)}:
+        for f1 in (-slope, slope):
+            rays.append((f1, -1))
+            rays.append((f1, 1))
+    for f2 in (-friction, friction):
+        rays.append((-1, f2))
+        rays.append((1, f2))
+    return rays
 
 
 def diagram(lame, friction, length, size):
     """Axes of a grid of loads, the statuses at each load, and those on the border lines."""
     # No load of the grid lies on a border: the axes are shifted, each by its own part of a cell.
-    f1, f2 = (6 * (np.arange(size) + shift) / size - 3 for shift in (0.5317, 0.4829))
-    up, down = (element(lame, friction, length, (1, 0), (0.0, sign)) for sign in (1.0, -1.0))
-    sets, affine = np.full((size, size), ""), up.condensed(up.create_vector(), 0.0).system
+    cells = np.arange(size)
+    f1 = 6 * (cells + 0.5317) / size - 3
+    f2 = 6 * (cells + 0.4829) / size - 3
+    up = element(lame, friction, length, (1, 0), (0.0, 1.0))
+    down = element(lame, friction, length, (1, 0), (0.0, -1.0))
+
+    sets = np.full((size, size), "")
+    affine = up.condensed(up.create_vector(), 0.0).system
     for code, letter in enumerate("ok+-"):
-        piece = affine.piece(np.array([code], dtype=np.int8))
-        if piece is not None:  # a singular one holds solutions on a line alone
-            (s_0,), (s_1,) = piece.slack_coefficients  # s_0 is infinite where no inequality is
-            slack = f1[:, None, None] * s_1 + f2[:, None] * np.where(np.isfinite(s_0), s_0, 0.0)
-            sets = np.char.add(sets, np.where((slack >= 0).all(axis=2), letter, ""))
-    critical = (lame[0] + 3 * lame[1]) / (lame[0] + lame[1])
-    rays = [(s * m, sign) for m in {friction, critical} for s in (-1, 1) for sign in (-1, 1)]
-    rays += [(sign, s * friction) for s in (-1, 1) for sign in (-1, 1)]
-    found = [solutions(up if b > 0 else down, a / abs(b)) for a, b in rays]
-    words = ["".join(s["status"] + "~" * ("continuum" in s) for s in these) for these in found]
-    return (f1, f2), sets, list(zip(rays, words, strict=True))
+        status = np.array([code], dtype=np.int8)
+        piece = affine.piece(status)
+        if piece is None:  # a singular one holds solutions on a line alone
+            continue
+        (s_0,), (s_1,) = piece.slack_coefficients
+        s_0 = np.where(np.isfinite(s_0), s_0, 0.0)  # infinite where no inequality is
+        slack = f1[:, None, None] * s_1 + f2[:, None] * s_0
+        holds = (slack >= 0).all(axis=2)
+        sets = np.char.add(sets, np.where(holds, letter, ""))
+
+    lines = []
+    for a, b in border_rays(lame, friction):
+        system = up if b > 0 else down
+        word = ""
+        for solution in solutions(system, a / abs(b)):
+            word += solution["status"]
+            if "continuum" in solution:
+                word += "~"
+        lines.append(((a, b), word))
+    return (f1, f2), sets, lines
+
+
+def draw_diagrams(args, folder, comm):
+    """Pictures of the three regimes, and what they show."""
+    critical = critical_friction(args.lame)
+    regimes = {"below": 0.5 * critical, "at": critical, "above": 1.5 * critical}
+    shown = {}
+    for name, friction in regimes.items():
+        axes, sets, lines = diagram(args.lame, friction, args.length, args.grid)
+        if comm.rank == 0:
+            # Only lines with a set of their own are drawn.
+            own = []
+            for (a, b), word in lines:
+                if word not in sets:
+                    own.append((([0, 3 * a], [0, 3 * b]), word))
+            title = f"F = {friction:.4g}, {name} critical"
+            labels = ("$F_1$", "$F_2$")
+            picture = folder / f"regions_{name}_critical.png"
+            plot.draw_regions(picture, *axes, sets, NAMES, lines=own, labels=labels, title=title)
+        cells = {str(word): int(np.sum(sets == word)) for word in np.unique(sets)}
+        rays = [{"load": list(ray), "solutions": word} for ray, word in lines]
+        shown[name] = {"friction": friction, "cells": cells, "lines": rays}
+    return shown
 
 
 def main(argv=None):
     given = dict(lame=(1.0, 1.0), friction=3.0, load=(-2.4, -1.0), length=1.0)
     parser = ScriptParser("Hild's element", output="output/hild_triangle", **given)
     parser.add_argument("--diagram", action="store_true", help="draw the regions of loads")
-    parser.add_argument("--grid", type=number(int, least=2), default=160, help="loads on its edge")
+    edge = number(int, least=2)
+    parser.add_argument("--grid", type=edge, default=160, help="loads on its edge")
     args = parser.parse(argv)
-    comm, folder = MPI.COMM_WORLD, output.output_folder(MPI.COMM_WORLD, args.output)
+    comm = MPI.COMM_WORLD
+    folder = io.output_folder(comm, args.output)
+    say = io.Report(comm)
+
     system = element(args.lame, args.friction, args.length, args.load)
     found = solutions(system)
-    critical = (args.lame[0] + 3 * args.lame[1]) / (args.lame[0] + args.lame[1])
-    lines = [f"F = {args.friction:g} (critical: {critical:g}):", *map(str, found)]
-    output.Report(comm)("\n   ".join(lines))
+    critical = critical_friction(args.lame)
+    lines = [f"F = {args.friction:g} (critical: {critical:g}):"]
+    lines += [str(solution) for solution in found]
+    say("\n   ".join(lines))
+
     x = system.create_vector()
     points = find_solutions(system, [x], 1.0).points(system)
     if points and comm.rank == 0:
-        output.picture_of_states(folder / "states.png", system, points)
-    summary = {"converged": bool(found), "newton_iterations": 4, "solutions": found}
-    summary |= {"dofs": x.getSize(), "critical_friction": critical}
-    regimes = {"below": 0.5 * critical, "at": critical, "above": 1.5 * critical}
-    for name, F in regimes.items() if args.diagram else ():
-        axes, sets, lines = diagram(args.lame, F, args.length, args.grid)
-        if comm.rank == 0:
-            own = [(([0, 3 * a], [0, 3 * b]), word) for (a, b), word in lines if word not in sets]
-            look = dict(lines=own, labels=("$F_1$", "$F_2$"), title=f"F = {F:.4g}, {name} critical")
-            output.draw_regions(folder / f"regions_{name}_critical.png", *axes, sets, NAMES, **look)
-        cells = {str(word): int(np.sum(sets == word)) for word in np.unique(sets)}
-        lines = [{"load": list(ray), "solutions": word} for ray, word in lines]
-        summary.setdefault("diagram", {})[name] = {"friction": F, "cells": cells, "lines": lines}
-    return output.write_summary(comm, folder, summary)
+        plot.picture_of_states(folder / "states.png", system, points)
+    summary = {
+        "converged": bool(found),
+        "solutions": found,
+        "dofs": x.getSize(),
+        "critical_friction": critical,
+    }
+    if args.diagram:
+        summary["diagram"] = draw_diagrams(args, folder, comm)
+    return io.write_summary(comm, folder, summary)
 
 
 if __name__ == "__main__":

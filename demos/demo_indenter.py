@@ -23,15 +23,21 @@ import numpy as np
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import RCCM, ContactProblem, ContactSurface, Sphere, output
+from dolfinx_contact import RCCM, ContactProblem, ContactSurface, Sphere, io, plot
 from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.grids import create_grid, graded
 from dolfinx_contact.materials import LinearElastic
 
-RADIUS, SIZE, REACH = 10.0, 6.0, 1.2  # of the indenter; of the block; of the fine cells
-WORK, STIFFNESS, GROWTH = 1e-3, 12.5, 0.05  # w, C; time b/w in which a bond grows
-DEPTH, OFF, SPEED = 0.04, 0.08, 0.1  # pressed in; drawn off to; per time
+RADIUS = 10.0  # of the indenter
+SIZE = 6.0  # of the block
+REACH = 1.2  # of the fine cells
+WORK = 1e-3  # w
+STIFFNESS = 12.5  # C
+GROWTH = 0.05  # time b/w in which a bond grows
+DEPTH = 0.04  # pressed in
+OFF = 0.08  # drawn off to
+SPEED = 0.1  # per time
 
 
 def arguments(argv=None):
@@ -46,71 +52,97 @@ def arguments(argv=None):
 def polymer(args, comm, recovers):
     """Half of a block, and the Constant that is the centre of the indenter."""
     h = REACH / args.n
-    x, square = graded(SIZE, h, args.n, args.n // 3), mesh.CellType.quadrilateral
-    domain = create_grid(comm, (x, -graded(SIZE, h, 1, args.n // 2)[::-1]), square)
+    x = graded(SIZE, h, args.n, args.n // 3)
+    square = mesh.CellType.quadrilateral
+    below = graded(SIZE, h, 1, args.n // 2)
+    domain = create_grid(comm, (x, -below[::-1]), square)
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u, centre, zero = fem.Function(V), fem.Constant(domain, (0.0, 0.0)), fem.Constant(domain, 0.0)
+    u = fem.Function(V)
+    centre = fem.Constant(domain, (0.0, 0.0))
+    zero = fem.Constant(domain, 0.0)
 
     def held(axis, at):
         W = V.sub(axis)
         on = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[axis], at))
-        return fem.dirichletbc(zero, fem.locate_dofs_topological(W, 1, on), W)
+        dofs = fem.locate_dofs_topological(W, 1, on)
+        return fem.dirichletbc(zero, dofs, W)
 
-    face = mesh.locate_entities_boundary(
-        domain, 1, lambda x: np.isclose(x[1], 0) & (x[0] < 1.5 * REACH)
-    )
+    def may_touch(x):
+        near = x[0] < 1.5 * REACH
+        return np.isclose(x[1], 0) & near
+
+    face = mesh.locate_entities_boundary(domain, 1, may_touch)
     given = dict(viscosity=GROWTH * WORK, beta=0.0, order=args.order, recovers=recovers)
     law = RCCM(STIFFNESS, STIFFNESS, WORK, **given)
-    contact = ContactSurface(u, face, obstacle=Sphere(centre, RADIUS), law=law)
-    energy = LinearElastic.from_young(args.young, args.poisson).energy(u) * ufl.dx
+    indenter = Sphere(centre, RADIUS)
+    contact = ContactSurface(u, face, obstacle=indenter, law=law)
+    material = LinearElastic.from_young(args.young, args.poisson)
+    energy = material.energy(u) * ufl.dx
     bcs = [held(0, 0.0), held(1, -SIZE), held(0, SIZE)]
-    return ContactProblem(energy, u, [contact], bcs=bcs), centre
+    problem = ContactProblem(energy, u, [contact], bcs=bcs)
+    return problem, centre
 
 
 def indented(args, comm, recovers, folder=None):
     """Depths, forces of both halves, and the history."""
     problem, centre = polymer(args, comm, recovers)
     way = np.array([OFF / 10, -DEPTH, -DEPTH, OFF])
-    turns = np.cumsum([0.0, (way[0] + DEPTH) / SPEED, args.rest, (OFF + DEPTH) / SPEED])
+    down = (way[0] + DEPTH) / SPEED
+    up = (OFF + DEPTH) / SPEED
+    turns = np.cumsum([0.0, down, args.rest, up])
 
     def load(t):
         centre.value[1] = RADIUS + np.interp(t, turns, way)
 
-    stops = [
-        np.linspace(a, b, n + 1)[1:]
-        for a, b, n in zip(turns, turns[1:], (args.steps // 4, 5, args.steps), strict=False)
-        if b > a
-    ]
-    times = [0.0, *np.concatenate(stops)]
+    times = [0.0]
+    for k, steps in enumerate([args.steps // 4, 5, args.steps]):
+        begin, end = turns[k : k + 2]
+        if end > begin:  # without a rest there is none
+            stops = np.linspace(begin, end, steps + 1)
+            times.extend(stops[1:])
     history = QuasiStatic(problem, load).run(times, at_jump="jump")
     if folder is not None:
-        output.write_fields(folder, problem)
+        io.write_fields(folder, problem)
     depth = [-np.interp(s.time, turns, way) for s in history.steps]
     force = [2 * s.result.tables["contact"].rn.sum() for s in history.steps]
     return np.array(depth), np.array(force), history
 
 
 def main(argv=None):
-    args, comm = arguments(argv), MPI.COMM_WORLD
-    folder, say = output.output_folder(comm, args.output), output.Report(comm)
+    args = arguments(argv)
+    comm = MPI.COMM_WORLD
+    folder = io.output_folder(comm, args.output)
+    say = io.Report(comm)
     modulus = args.young / (1 - args.poisson**2)
     johnson = 0.75 * (4 * np.pi * modulus * WORK**2 * RADIUS) ** (1 / 3)
-    summary, curves = {"johnson_kendall_roberts": johnson}, {}
+    found = {"johnson_kendall_roberts": johnson}
+    curves = {}
     for name, recovers in (("without_recovery", False), ("with_recovery", True)):
-        depth, force, history = indented(args, comm, recovers, folder if recovers else None)
-        top = int(np.argmin(force))
-        e, end = history.steps[top].energies, history.energies
-        summary[name] = {"pull_off": float(-force.min()), "most": float(force.max())}
-        summary[name] |= {"stored": 2 * e.stored, "external": 2 * e.external}
-        summary[name] |= {"residue": 2 * e.residue, "damage": 2 * end.damage}
-        summary[name]["jumps"] = [s.time for s in history.steps if s.jump]
-        curves[name.replace("_", " ")] = (depth, force)
-        say(f"{name}: {summary[name]}")
+        fields = folder if recovers else None
+        depth, force, history = indented(args, comm, recovers, fields)
+        # The energies of the whole block, where the indenter is pulled most and at the end.
+        strongest = int(np.argmin(force))
+        energies = history.steps[strongest].energies
+        last = history.energies
+        found[name] = {
+            "pull_off": float(-force.min()),
+            "most": float(force.max()),
+            "stored": 2 * energies.stored,
+            "external": 2 * energies.external,
+            "residue": 2 * energies.residue,
+            "damage": 2 * last.damage,
+            "jumps": [s.time for s in history.steps if s.jump],
+        }
+        title = name.replace("_", " ")
+        curves[title] = (depth, force)
+        say(f"{name}: {found[name]}")
     say(f"Johnson, Kendall and Roberts: {johnson:.4g} N/mm")
     if comm.rank == 0:
         labels = ("depth, mm", "force, N/mm")
-        output.draw_curves(folder / "force.png", curves, labels=labels)
-    return output.write_summary(comm, folder, history.steps[-1].result.summary() | summary)
+        plot.draw_curves(folder / "force.png", curves, labels=labels)
+    result = history.steps[-1].result
+    summary = result.summary() | found
+    return io.write_summary(comm, folder, summary)
 
 
 if __name__ == "__main__":

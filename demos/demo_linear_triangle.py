@@ -23,12 +23,12 @@ import numpy as np
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, output
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, io, plot, records
 from dolfinx_contact.command_line import ScriptParser
 from dolfinx_contact.continuation import Branch, explore, find_solutions
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.output import leftmost, total
 from dolfinx_contact.parametric import ParametricContact
+from dolfinx_contact.records import leftmost, total
 
 #: What is looked at; A is the leftmost contact point.
 SEEN = dict(ut_A=leftmost("ut"), un_A=leftmost("un"), sum_rt=total("rt"), sum_rn=total("rn"))
@@ -42,7 +42,8 @@ def linear_triangle(
     n, friction, load=(26.0, 7.5), lame=(100.0, 82.0), length=1.0, *, preload=(0, 0), law=None,
     comm=None,
 ):  # fmt: skip
-    square = mesh.create_unit_square(comm or MPI.COMM_WORLD, n, n, diagonal=mesh.DiagonalType.left)
+    comm = comm or MPI.COMM_WORLD
+    square = mesh.create_unit_square(comm, n, n, diagonal=mesh.DiagonalType.left)
     half = mesh.locate_entities(square, 2, lambda x: x[0] + x[1] < 1 + 1e-9)
     domain = mesh.create_submesh(square, 2, half)[0]
     slope = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[0] + x[1], 1))
@@ -51,23 +52,63 @@ def linear_triangle(
     domain.geometry.x[:] *= length
 
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u, gamma = fem.Function(V, name="displacement"), fem.Constant(domain, -1.0)
-    tags = mesh.meshtags(domain, 1, np.sort(side), np.ones(len(side), dtype=np.int32))
+    u = fem.Function(V, name="displacement")
+    gamma = fem.Constant(domain, -1.0)
+    ones = np.ones(len(side), dtype=np.int32)
+    tags = mesh.meshtags(domain, 1, np.sort(side), ones)
     ds = ufl.Measure("ds", domain, subdomain_data=tags)(1)
-    first = preload(domain) if callable(preload) else fem.Constant(domain, np.array(preload, float))
+    if callable(preload):
+        first = preload(domain)
+    else:
+        constant = np.array(preload, float)
+        first = fem.Constant(domain, constant)
     traction = first - gamma * fem.Constant(domain, load)
-    energy = LinearElastic(*lame).energy(u) * ufl.dx - ufl.dot(traction, u) * ds
-    clamped = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, slope), V)
+    stored = LinearElastic(*lame).energy(u)
+    energy = stored * ufl.dx - ufl.dot(traction, u) * ds
+    held = fem.locate_dofs_topological(V, 1, slope)
+    clamped = fem.dirichletbc(np.zeros(2), held, V)
+    floor = HalfSpace((0, 0), (0, 1))
     law = Coulomb(friction) if law is None else law(domain)
-    surface = ContactSurface(u, bottom, obstacle=HalfSpace((0, 0), (0, 1)), law=law)
-    return ParametricContact(ContactProblem(energy, u, [surface], bcs=[clamped]), gamma)
+    surface = ContactSurface(u, bottom, obstacle=floor, law=law)
+    problem = ContactProblem(energy, u, [surface], bcs=[clamped])
+    return ParametricContact(problem, gamma)
 
 
 def described(status):
     """12 open, 3 stick: runs of one status."""
     words = {"o": "open", "k": "stick", "+": "slip right", "-": "slip left"}
-    runs = [(words[letter], len(list(run))) for letter, run in itertools.groupby(status)]
-    return ", ".join(f"{count} {word}" for word, count in runs)
+    runs = []
+    for letter, run in itertools.groupby(status):
+        count = len(list(run))
+        runs.append(f"{count} {words[letter]}")
+    return ", ".join(runs)
+
+
+def ends_of(system, diagram):
+    """The points of the branches at gamma = -1 and 1, in order."""
+    ends = []
+    for branch in diagram.branches:
+        for point in (branch.points[0], branch.points[-1]):
+            if abs(point.gamma) == 1:
+                ends.append(point)
+    ends.sort(key=lambda point: (point.gamma, system.letters(point.piece)))
+    return ends
+
+
+def draw(folder, comm, system, diagram, ends, found, titles, length):
+    """The bodies at the ends, and the normal force, gap and slip along the branches."""
+    largest = max(abs(s["ut_A"]) for s in found)
+    scale = 0.15 * length / (largest or 1.0)
+    plot.picture_of_states(folder / "states.png", system, ends, titles=titles, scale=scale)
+    journal = records.journal_of(system, diagram.branches, SEEN)
+    if comm.rank > 0:
+        return
+    names = []
+    for k in journal.branches:
+        first = journal.rows(k)[0]
+        names.append(described(first["status"]))
+    seen = {"ut_A": "$u_t$ of A", "un_A": "gap of A", "sum_rn": "normal force"}
+    plot.draw_diagram(folder / "diagram.png", journal, seen, names=names, strips=0)
 
 
 # ## Explore, from the solution at gamma = -1
@@ -81,39 +122,50 @@ def main(argv=None):
     parser = ScriptParser("A triangle", output="output/linear_triangle", route="auto", **body)
     args = parser.parse(argv)
     comm = MPI.COMM_WORLD
-    folder, say = output.output_folder(comm, args.output), output.Report(comm)
+    folder = io.output_folder(comm, args.output)
+    say = io.Report(comm)
     system = linear_triangle(args.n, args.friction, args.load, args.lame, args.length)
-    result = system.problem.solve()
+    problem = system.problem
+    result = problem.solve()
     x = system.create_vector()
-    system.problem.write(x)
+    problem.write(x)
+
     begun = time.perf_counter()
     diagram = explore(system, [(x, -1.0)], gamma_range=(-1.0, 1.0), route=args.route)
     explored = time.perf_counter()
     proofs = [find_solutions(system, [x], gamma) for gamma in (-1.0, 1.0)]
-    seconds, proof_seconds = explored - begun, time.perf_counter() - explored
-    ends = [p for b in diagram.branches for p in (b.points[0], b.points[-1]) if abs(p.gamma) == 1]
-    ends.sort(key=lambda p: (p.gamma, system.letters(p.piece)))
-    found = output.journal_of(system, [Branch(ends)], SEEN).rows()
+    proved = time.perf_counter()
+    seconds = explored - begun
+
+    ends = ends_of(system, diagram)
+    found = records.journal_of(system, [Branch(ends)], SEEN).rows()
     titles = [f"gamma = {s['gamma']:g}: {described(s['status'])}" for s in found]
-    scale = 0.15 * args.length / (max(abs(s["ut_A"]) for s in found) or 1.0)
-    output.picture_of_states(folder / "states.png", system, ends, titles=titles, scale=scale)
-    journal = output.journal_of(system, diagram.branches, SEEN)
-    if comm.rank == 0:
-        seen = {"ut_A": "$u_t$ of A", "un_A": "gap of A", "sum_rn": "normal force"}
-        names = [described(journal.rows(k)[0]["status"]) for k in journal.branches]
-        output.draw_diagram(folder / "diagram.png", journal, seen, names=names, strips=0)
+    draw(folder, comm, system, diagram, ends, found, titles, args.length)
     for title, s in zip(titles, found, strict=True):
-        say(f"{title}; " + ", ".join(f"{name} = {s[name]:.7g}" for name in SEEN))
-    complete = all(p.complete for p in proofs) and sum(len(p.found) for p in proofs) == len(ends)
+        values = [f"{name} = {s[name]:.7g}" for name in SEEN]
+        say(f"{title}; {', '.join(values)}")
+
+    # Nothing is missing if the proofs found as many solutions as branches end there.
+    proved_number = sum(len(p.found) for p in proofs)
+    complete = all(p.complete for p in proofs) and proved_number == len(ends)
     methods = [p.method for p in proofs]
-    say(f"{'' if complete else 'not '}proved to be all at gamma = -1 and 1: {', '.join(methods)}")
+    verdict = "proved" if complete else "not proved"
+    say(f"{verdict} to be all at gamma = -1 and 1: {', '.join(methods)}")
     say(f"{len(diagram.edges)} branches in {seconds:.2f} s; pictures in {folder}")
-    cost = dict(explore_seconds=seconds, proof_seconds=proof_seconds)
-    cost |= dict(newton_iterations=result.iterations, dofs=result.dofs)
-    summary = diagram.summary() | cost | dict(complete=complete, proofs=methods)
-    summary["augmentation"] = system.problem.surfaces[0].mean_augmentation
-    summary["solutions"] = {g: [s for s in found if s["gamma"] == float(g)] for g in ("-1", "1")}
-    return output.write_summary(comm, folder, summary)
+
+    summary = diagram.summary()
+    summary["explore_seconds"] = seconds
+    summary["proof_seconds"] = proved - explored
+    summary["newton_iterations"] = result.iterations
+    summary["dofs"] = result.dofs
+    summary["complete"] = complete
+    summary["proofs"] = methods
+    summary["augmentation"] = problem.surfaces[0].mean_augmentation
+    summary["solutions"] = {
+        "-1": [s for s in found if s["gamma"] == -1.0],
+        "1": [s for s in found if s["gamma"] == 1.0],
+    }
+    return io.write_summary(comm, folder, summary)
 
 
 if __name__ == "__main__":

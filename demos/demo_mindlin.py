@@ -23,34 +23,46 @@ import numpy as np
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactPair, ContactProblem, Coulomb, output
+from dolfinx_contact import ContactPair, ContactProblem, Coulomb, io, plot
 from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.grids import create_grid
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.meshing import join
 
-RADIUS, SIZE, DEPTH = 4.0, 12.0, 0.215  # of the pair; of the blocks; of the press
+RADIUS = 4.0  # of the pair
+SIZE = 12.0  # of the blocks
+DEPTH = 0.215  # of the press
+FINE = 0.68  # the cells on it are counted; about half of the contact
+FACE = 0.9  # half of what may touch
 
 
 def arguments(argv=None):
     given = dict(n=20, friction=0.2, young=200.0, poisson=0.3)
     parser = ScriptParser("Cattaneo and Mindlin", output="output/mindlin", **given)
-    parser.add_argument("--shear", type=number(above=0, below=1), default=0.46808, help="Q*/(mu P)")
+    part = number(above=0, below=1)
+    count = number(int, above=0)
+    parser.add_argument("--shear", type=part, default=0.46808, help="Q*/(mu P)")
     parser.add_argument("--back", type=number(), default=-0.1, help="Q/(mu P) at the end")
-    parser.add_argument("--steps", type=number(int, above=0), default=8, help="each way")
+    parser.add_argument("--steps", type=count, default=8, help="each way")
     return parser.parse(argv)
 
 
 def pair(args, comm):
     """The problem, the shear on its top, and its descent; n cells on half the contact."""
-    h = 0.68 / args.n
+    h = FINE / args.n
     away = h * np.cumsum(1.25 ** np.arange(60))
-    y = np.append(0.0, np.append(away[away < 0.8 * SIZE], SIZE))
-    half = np.append(np.arange(0.0, 0.9, h), 0.9 + y[1:])
-    x, square = np.append(-half[:0:-1], half), mesh.CellType.quadrilateral
-    both = join([create_grid(comm, axes, square) for axes in ((x, y), (x, -y[::-1]))])
-    domain, parts = both.mesh, both.cell_tags
+    away = away[away < 0.8 * SIZE]
+    y = np.concatenate(([0.0], away, [SIZE]))
+    fine = np.arange(0.0, FACE, h)
+    half = np.append(fine, FACE + y[1:])
+    mirrored = -half[:0:-1]
+    x = np.append(mirrored, half)
+    square = mesh.CellType.quadrilateral
+    above = create_grid(comm, (x, y), square)
+    below = create_grid(comm, (x, -y[::-1]), square)
+    both = join([above, below])
+    domain = both.mesh
 
     def facets(y, reach=np.inf):
         def on(x):
@@ -58,59 +70,111 @@ def pair(args, comm):
 
         return np.sort(mesh.locate_entities_boundary(domain, 1, on))
 
-    face, to_cells = facets(0.0, 0.9), domain.topology.connectivity(1, 2)
-    upper = np.isin(to_cells.array[to_cells.offsets[face]], parts.find(1))
+    def on_middle(x):
+        return np.hypot(x[0], x[1] + SIZE) < 1e-9
+
+    # The faces lie on each other, and are told apart by their cells.
+    face = facets(0.0, FACE)
+    to_cells = domain.topology.connectivity(1, 2)
+    cells = to_cells.array[to_cells.offsets[face]]
+    upper = np.isin(cells, both.cell_tags.find(1))
+
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    W, u = V.sub(1), fem.Function(V)
-    pull, down, zero = (fem.Constant(domain, 0.0) for _ in range(3))
-    shear = pull * u[0] * ufl.ds(subdomain_data=mesh.meshtags(domain, 1, facets(SIZE), 1))(1)
-    energy = LinearElastic.from_young(args.young, args.poisson).energy(u) * ufl.dx - shear
-    levels = (down, facets(SIZE)), (zero, facets(-SIZE))
-    bcs = [fem.dirichletbc(v, fem.locate_dofs_topological(W, 1, on), W) for v, on in levels]
-    foot = mesh.locate_entities_boundary(domain, 0, lambda x: np.hypot(x[0], x[1] + SIZE) < 1e-9)
-    bcs.append(fem.dirichletbc(zero, fem.locate_dofs_topological(V.sub(0), 0, foot), V.sub(0)))
-    given = dict(law=Coulomb(args.friction), gap=ufl.SpatialCoordinate(domain)[0] ** 2 / 2 / RADIUS)
-    contact = ContactPair(u, face[upper], master_facets=face[~upper], **given)
-    return ContactProblem(energy, u, [contact], bcs=bcs), pull, down, 2 * half[-1]
+    W = V.sub(1)
+    u = fem.Function(V)
+    pull = fem.Constant(domain, 0.0)
+    down = fem.Constant(domain, 0.0)
+    zero = fem.Constant(domain, 0.0)
+    top = facets(SIZE)
+    bottom = facets(-SIZE)
+    ds = ufl.ds(subdomain_data=mesh.meshtags(domain, 1, top, 1))
+    elastic = LinearElastic.from_young(args.young, args.poisson)
+    load = pull * u[0] * ds(1)
+    energy = elastic.energy(u) * ufl.dx - load
+
+    # The top goes down, the bottom is held, and one node of it does not move sideways.
+    at_top = fem.locate_dofs_topological(W, 1, top)
+    at_bottom = fem.locate_dofs_topological(W, 1, bottom)
+    middle = mesh.locate_entities_boundary(domain, 0, on_middle)
+    at_middle = fem.locate_dofs_topological(V.sub(0), 0, middle)
+    pressed = fem.dirichletbc(down, at_top, W)
+    held = fem.dirichletbc(zero, at_bottom, W)
+    kept = fem.dirichletbc(zero, at_middle, V.sub(0))
+
+    law = Coulomb(args.friction)
+    position = ufl.SpatialCoordinate(domain)
+    gap = position[0] ** 2 / 2 / RADIUS
+    contact = ContactPair(u, face[upper], master_facets=face[~upper], law=law, gap=gap)
+    problem = ContactProblem(energy, u, [contact], bcs=[pressed, held, kept])
+    width = 2 * half[-1]
+    return problem, pull, down, width
 
 
 def main(argv=None):
-    args, comm, force = arguments(argv), MPI.COMM_WORLD, [0.0]
-    folder, say = output.output_folder(comm, args.output), output.Report(comm)
+    args = arguments(argv)
+    comm = MPI.COMM_WORLD
+    folder = io.output_folder(comm, args.output)
+    say = io.Report(comm)
     problem, pull, down, width = pair(args, comm)
+    force = 0.0  # P, known when the bodies are pressed
 
     def load(t):  # down, to and fro
         part = np.interp(t, [1, 2, 3], [0, args.shear, args.back])
-        down.value, pull.value = -DEPTH * min(t, 1.0), args.friction * force[-1] / width * part
+        down.value = -DEPTH * min(t, 1.0)
+        pull.value = args.friction * force / width * part
 
     evolution = QuasiStatic(problem, load)
-    pressed = evolution.run([0.0, 0.5, 1.0]).steps[-1].result
-    force.append(pressed.tables["contact"].rn.sum())
-    history = evolution.run(np.linspace(1.0, 3.0, 2 * args.steps + 1))
-    a = np.sqrt(8 * force[-1] * RADIUS * (1 - args.poisson**2) / (np.pi * args.young))
-    most = args.friction * 2 * force[-1] / (np.pi * a)
-    c = [a * np.sqrt(1 - args.shear), a * np.sqrt(1 - (args.shear - args.back) / 2)]
-    summary = {"force": force[-1], "contact_radius": a, "mu_p0": most}
+    descent = evolution.run([0.0, 0.5, 1.0])
+    pressed = descent.steps[-1].result
+    force = pressed.tables["contact"].rn.sum()
+    times = np.linspace(1.0, 3.0, 2 * args.steps + 1)
+    history = evolution.run(times)
+
+    a = np.sqrt(8 * force * RADIUS * (1 - args.poisson**2) / (np.pi * args.young))
+    mu_p0 = args.friction * 2 * force / (np.pi * a)
+    c_loaded = a * np.sqrt(1 - args.shear)
+    c_back = a * np.sqrt(1 - (args.shear - args.back) / 2)
+    c = [c_loaded, c_back]
+    summary = {"force": force, "contact_radius": a, "mu_p0": mu_p0}
 
     def hertz(x, c):
-        return c / a * np.sqrt(np.maximum(1 - (x / c) ** 2, 0.0))
+        square = np.maximum(1 - (x / c) ** 2, 0.0)
+        return c / a * np.sqrt(square)
 
     for k, name in enumerate(("loading", "unloading")):
         table = history.at(2.0 + k).result.tables["contact"]
-        x, q = table.x[:, 0], -table.along(table.shear) / most
-        exact = hertz(x, a) - hertz(x, c[0]) - 2 * k * (hertz(x, a) - hertz(x, c[1]))
-        ends = np.abs(np.abs(x)[:, None] - [a, *c[: k + 1]]).min(axis=1)
-        off, stuck = np.abs(q - exact), np.abs(x[table.letters == "k"]).max()
-        errors = np.sqrt(np.mean(off[np.abs(x) < a] ** 2)), off[ends > 2 * 0.68 / args.n].max()
-        names = "l2_error", "worst_error", "stick_radius", "stick_radius_closed_form"
-        summary[name] = dict(zip(names, (*errors, stuck, c[k]), strict=True))
+        x = table.x[:, 0]
+        q = -table.along(table.shear) / mu_p0
+        exact = hertz(x, a) - hertz(x, c_loaded)
+        if name == "unloading":
+            taken = hertz(x, a) - hertz(x, c_back)
+            exact = exact - 2 * taken
+
+        # The worst error is looked for two cells away from the ends of contact and stick.
+        ends = [a, *c[: k + 1]]
+        radius = np.abs(x)
+        distances = np.abs(radius[:, None] - ends)
+        two_cells = 2 * FINE / args.n
+        error = np.abs(q - exact)
+        inside = error[radius < a]
+        away = error[distances.min(axis=1) > two_cells]
+        stuck = x[table.letters == "k"]
+        summary[name] = {
+            "l2_error": np.sqrt(np.mean(inside**2)),
+            "worst_error": away.max(),
+            "stick_radius": np.abs(stuck).max(),
+            "stick_radius_closed_form": c[k],
+        }
         say(f"{name}: {summary[name]}")
         if comm.rank == 0:
-            lines = {"computed": (x, q)}, {"half-planes": (x, exact)}
-            output.draw_curves(folder / f"{name}.png", lines[0], dotted=lines[1])
-    output.write_contact_table(comm, folder, [table])
+            computed = {"computed": (x, q)}
+            closed_form = {"half-planes": (x, exact)}
+            picture = folder / f"{name}.png"
+            plot.draw_curves(picture, computed, dotted=closed_form)
+    io.write_contact_table(comm, folder, [table])
     last = history.steps[-1].result.summary()
-    return output.write_summary(comm, folder, last | summary | summary["loading"])
+    summary |= summary["loading"]
+    return io.write_summary(comm, folder, last | summary)
 
 
 if __name__ == "__main__":

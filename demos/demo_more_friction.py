@@ -23,12 +23,12 @@ import basix.ufl
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, output
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, io, plot, records
 from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.continuation import find_solutions, follow
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.output import leftmost, rightmost
 from dolfinx_contact.parametric import ParametricContact
+from dolfinx_contact.records import leftmost, rightmost
 
 MOVED = {(0.5, 0.5): (-0.02, 0.0), (1.5, 1.5): (0.01, -0.01)}
 SEEN = {"ut_A": leftmost("ut"), "un_A": leftmost("un"), "ut_B": rightmost("ut")}
@@ -80,8 +80,10 @@ def words_at(friction, comm=MPI.COMM_WORLD):
 def main(argv=None):
     parser = ScriptParser("More friction, fewer solutions", output="output/more_friction")
     parser.add_argument("--friction", type=number(above=0), nargs=2, default=(0.5, 12.0))
-    args, comm = parser.parse(argv), MPI.COMM_WORLD
-    folder, say = output.output_folder(comm, args.output), output.Report(comm)
+    args = parser.parse(argv)
+    comm = MPI.COMM_WORLD
+    folder = io.output_folder(comm, args.output)
+    say = io.Report(comm)
     low, high = args.friction
     problem = body(low, comm)
     problem.solve()
@@ -90,7 +92,7 @@ def main(argv=None):
     x = system.create_vector()
     problem.write(x)
     branch = follow(system, x, low, gamma_range=(low, high))
-    journal = output.journal_of(system, [branch], SEEN)
+    journal = records.journal_of(system, [branch], SEEN)
     folds = [s.gamma for s in branch.folds]
     ends = sorted({low, high, *folds})
     between = [(a + b) / 2 for a, b in pairwise(ends)]
@@ -101,9 +103,9 @@ def main(argv=None):
     if comm.rank == 0:
         title = "One solution, three, and one again"
         words = dict(title=title, parameter="friction coefficient F", label="$u_t$ of A")
-        output.draw_diagram(folder / "branch.png", journal, "ut_A", **words)
+        plot.draw_diagram(folder / "branch.png", journal, "ut_A", **words)
     summary = branch.summary() | {"fold_frictions": folds, "solutions": solutions}
-    return output.write_summary(comm, folder, summary)
+    return io.write_summary(comm, folder, summary)
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ from mpi4py import MPI
 import numpy as np
 from demo_regularised import arguments, creeping
 
-from dolfinx_contact import output
+from dolfinx_contact import io, plot
 from dolfinx_contact.continuation import follow
 
 # ## One mesh, one width
@@ -38,22 +38,27 @@ def only_up_to(args, n, width):
 
 
 def main(argv=None):
-    args, comm = arguments(argv), MPI.COMM_WORLD
-    folder, say = output.output_folder(comm, args.output), output.Report(comm)
+    args = arguments(argv)
+    comm = MPI.COMM_WORLD
+    folder = io.output_folder(comm, args.output)
+    say = io.Report(comm)
     widths = [args.width, 10 * args.width]
-    folds, bounds, curves = {}, {}, {}
+    folds = {}
+    bounds = {}
+    curves = {}
     for n in (args.n // 2, args.n):
         found = [only_up_to(args, n, width) for width in widths]
         for width, friction in zip(widths, found, strict=True):
             case = f"n = {n}, eps = {width:g}"
-            folds[case], bounds[case] = friction, width**2 / abs(np.log(1.0 / n))
+            folds[case] = friction
+            bounds[case] = width**2 / abs(np.log(1.0 / n))
             say(f"{case}: the only solution up to F = {friction}")
             say(f"  eps^2/|log h| = {bounds[case]:.3g}")
         curves[f"n = {n}"] = (widths, [np.nan if f is None else f for f in found])
     if comm.rank == 0:
         labels = (r"$\varepsilon$", "friction of the fold")
-        output.draw_curves(folder / "fold.png", curves, labels=labels)
-    return output.write_summary(comm, folder, {"critical_friction": folds, "bound": bounds})
+        plot.draw_curves(folder / "fold.png", curves, labels=labels)
+    return io.write_summary(comm, folder, {"critical_friction": folds, "bound": bounds})
 
 
 if __name__ == "__main__":

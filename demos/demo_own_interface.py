@@ -28,14 +28,19 @@ import numpy as np
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactProblem, ContactSurface, HalfSpace, output
+from dolfinx_contact import ContactProblem, ContactSurface, HalfSpace, io, plot
 from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.laws import Interface, Internal
 from dolfinx_contact.materials import LinearElastic
 
-S, A, B, C = 2.0, 0.1, 0.3, 0.6  # strength; jumps at the ends of rise, plateau and fall
-YOUNG, THICKNESS, LENGTH = 1e4, 0.1, 60.0
+S = 2.0  # strength
+A = 0.1  # jumps at the ends of the rise,
+B = 0.3  # of the plateau
+C = 0.6  # and of the fall
+YOUNG = 1e4
+THICKNESS = 0.1
+LENGTH = 60.0
 
 
 @dataclass(frozen=True)
@@ -53,16 +58,25 @@ class DuctileGlue(Interface):
         return stiffness / 2 * ufl.dot(state.jump, state.jump)
 
     def dissipation(self, rates, state):
-        a, b, c, left = self.rises, self.yields, self.breaks, 1 - state["damage"]
-        K = ufl.conditional(ufl.gt(left, a / b), a / left, a * c / (a + left * (c - b)))
+        a = self.rises
+        b = self.yields
+        c = self.breaks
+        left = 1 - state["damage"]
+        on_plateau = a / left
+        on_fall = a * c / (a + left * (c - b))
+        K = ufl.conditional(ufl.gt(left, a / b), on_plateau, on_fall)
         breaking = self.strength / a * K**2 / 2 * rates["damage"]
-        return breaking + self.friction * state["damage"] * state.pressure * rates.slip
+        rubbing = self.friction * state["damage"] * state.pressure * rates.slip
+        return breaking + rubbing
 
 
 def work(u):
     """Area under the traction of the glue up to a jump."""
-    rise, fall = np.minimum(u, A), np.clip(u - B, 0, C - B)
-    return S * (rise**2 / (2 * A) + np.clip(u - A, 0, B - A) + fall - fall**2 / (2 * (C - B)))
+    rise = np.minimum(u, A)
+    plateau = np.clip(u - A, 0, B - A)
+    fall = np.clip(u - B, 0, C - B)
+    lost = fall**2 / (2 * (C - B))
+    return S * (rise**2 / (2 * A) + plateau + fall - lost)
 
 
 def arguments(argv=None):
@@ -73,28 +87,43 @@ def arguments(argv=None):
 
 def glued(args, comm):
     """A sheet on a floor, pressed on it, and the Constant that draws its end along."""
-    cell, corners = mesh.CellType.quadrilateral, [[0.0, 0.0], [LENGTH, THICKNESS]]
+    cell = mesh.CellType.quadrilateral
+    corners = [[0.0, 0.0], [LENGTH, THICKNESS]]
     domain = mesh.create_rectangle(comm, corners, [args.n, 1], cell)
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u, pull, still = fem.Function(V), fem.Constant(domain, 0.0), fem.Constant(domain, 0.0)
-    end, top, below = (
-        mesh.locate_entities_boundary(domain, 1, lambda x, i=i, at=at: np.isclose(x[i], at))
-        for i, at in ((0, LENGTH), (1, THICKNESS), (1, 0.0))
-    )
+    u = fem.Function(V)
+    pull = fem.Constant(domain, 0.0)
+    still = fem.Constant(domain, 0.0)
+
+    def edge(axis, at):
+        return mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[axis], at))
+
+    def held(axis, value, facets):
+        W = V.sub(axis)
+        dofs = fem.locate_dofs_topological(W, 1, facets)
+        return fem.dirichletbc(value, dofs, W)
+
+    end = edge(0, LENGTH)
+    top = edge(1, THICKNESS)
+    bcs = [held(0, pull, end), held(1, still, top)]
     free = LENGTH * (1 - 1.5 / args.n)  # what is held is no contact
-    floor = below[mesh.compute_midpoints(domain, 1, below)[:, 0] < free]
-    bcs = [
-        fem.dirichletbc(value, fem.locate_dofs_topological(V.sub(i), 1, facets), V.sub(i))
-        for i, value, facets in ((0, pull, end), (1, still, top))
-    ]
-    glue = ContactSurface(u, floor, obstacle=HalfSpace((0, 0), (0, 1)), law=DuctileGlue(S, A, B, C))
-    energy = LinearElastic.from_young(YOUNG, 0.0).energy(u) * ufl.dx
-    return ContactProblem(energy, u, [glue], bcs=bcs), pull
+    below = edge(1, 0.0)
+    middles = mesh.compute_midpoints(domain, 1, below)
+    glued_facets = below[middles[:, 0] < free]
+    floor = HalfSpace((0, 0), (0, 1))
+    glue = DuctileGlue(S, A, B, C)
+    contact = ContactSurface(u, glued_facets, obstacle=floor, law=glue)
+    material = LinearElastic.from_young(YOUNG, 0.0)
+    energy = material.energy(u) * ufl.dx
+    problem = ContactProblem(energy, u, [contact], bcs=bcs)
+    return problem, pull
 
 
 def main(argv=None):
-    args, comm = arguments(argv), MPI.COMM_WORLD
-    folder, say = output.output_folder(comm, args.output), output.Report(comm)
+    args = arguments(argv)
+    comm = MPI.COMM_WORLD
+    folder = io.output_folder(comm, args.output)
+    say = io.Report(comm)
     problem, pull = glued(args, comm)
 
     def load(t):
@@ -106,14 +135,18 @@ def main(argv=None):
     force = np.array([-t.force[:, 0].sum() for t in tables])
     u = np.array([t.ut[:, 0].max() for t in tables])  # where the glue ends
     exact = np.sqrt(2 * YOUNG * THICKNESS * work(u))
-    summary = {"u": u, "force": force, "exact": exact, "off": np.max(np.abs(force / exact - 1))}
-    summary |= history.energies.row()
-    say("; ".join(f"{k}: {summary[k]:.4g}" for k in ("off", "external", "damage", "residue")))
+    off = np.abs(force / exact - 1)
+    found = {"u": u, "force": force, "exact": exact, "off": np.max(off)}
+    found |= history.energies.row()
+    words = [f"{name}: {found[name]:.4g}" for name in ("off", "external", "damage", "residue")]
+    say("; ".join(words))
     if comm.rank == 0:
         look = dict(labels=("jump at the end", "pull"), dotted={"a long bar": (u, exact)})
-        output.draw_curves(folder / "pull.png", {"glued sheet": (u, force)}, **look)
-    output.picture_of_contact(folder / "contact.png", problem)
-    return output.write_summary(comm, folder, history.steps[-1].result.summary() | summary)
+        plot.draw_curves(folder / "pull.png", {"glued sheet": (u, force)}, **look)
+    plot.picture_of_contact(folder / "contact.png", problem)
+    last = history.steps[-1].result
+    summary = last.summary() | found
+    return io.write_summary(comm, folder, summary)
 
 
 if __name__ == "__main__":

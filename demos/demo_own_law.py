@@ -19,7 +19,7 @@ import numpy as np
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactProblem, ContactSurface, HalfSpace, output
+from dolfinx_contact import ContactProblem, ContactSurface, HalfSpace, io, plot
 from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.laws import OPEN, PLUS, STICK, Border, FrictionLaw, Law, StatusPiece
 from dolfinx_contact.materials import LinearElastic
@@ -59,25 +59,36 @@ class Orthotropic(Law):
         grain = grain - ufl.dot(grain, a.n) * a.n
         e = grain / ufl.sqrt(ufl.dot(grain, grain))
         f = ufl.cross(a.n, e)
-        t, u = ([ufl.dot(v, axis) for axis in (e, f)] for v in (a.traction, a.u_t))
-        A = (self.along, self.across)
-        q = [t[i] / A[i] - a.r * A[i] * u[i] for i in range(2)]
-        size = ufl.sqrt(q[0] ** 2 + q[1] ** 2)
-        pressure, shear = -a.p * a.n, A[0] * q[0] * e + A[1] * q[1] * f
+
+        def projected(coefficient, axis):
+            traction = ufl.dot(a.traction, axis)
+            slip = ufl.dot(a.u_t, axis)
+            return traction / coefficient - a.r * coefficient * slip
+
+        q_along = projected(self.along, e)
+        q_across = projected(self.across, f)
+        size = ufl.sqrt(q_along**2 + q_across**2)
+        pressure = -a.p * a.n
+        shear = self.along * q_along * e + self.across * q_across * f
+        largest = a.p * shear / size
+
+        closes = Border(-a.p, PLUS)
+        opens = Border(a.p, OPEN)
+        slips = Border(a.p - size, PLUS)
+        sticks = Border(size - a.p, STICK)
         return {
-            OPEN: StatusPiece(0.0 * a.n, [Border(-a.p, PLUS)]),
-            STICK: StatusPiece(pressure + shear, [Border(a.p, OPEN), Border(a.p - size, PLUS)]),
-            PLUS: StatusPiece(
-                pressure + a.p * shear / size, [Border(a.p, OPEN), Border(size - a.p, STICK)]
-            ),
+            OPEN: StatusPiece(0.0 * a.n, [closes]),
+            STICK: StatusPiece(pressure + shear, [opens, slips]),
+            PLUS: StatusPiece(pressure + largest, [opens, sticks]),
         }
 
 
 def arguments(argv=None):
     block = dict(n=8, young=1000.0, poisson=0.3, press=0.01, shift=0.01)
     parser = ScriptParser("Friction laws of your own", output="output/own_law", **block)
-    parser.add_argument("--along", type=number(above=0), default=0.1, help="friction coefficient")
-    parser.add_argument("--across", type=number(above=0), default=0.4, help="the same")
+    positive = number(above=0)
+    parser.add_argument("--along", type=positive, default=0.1, help="friction coefficient")
+    parser.add_argument("--across", type=positive, default=0.4, help="the same")
     parser.add_argument("--angle", type=number(), default=0.5, help="of the grain, in radians")
     return parser.parse(argv)
 
@@ -87,32 +98,38 @@ def arguments(argv=None):
 
 def problem(law, args, comm=MPI.COMM_WORLD):
     domain = mesh.create_unit_cube(comm, args.n, args.n, args.n, mesh.CellType.hexahedron)
-    bottom, top = (
-        mesh.locate_entities_boundary(domain, 2, lambda x, z=z: np.isclose(x[2], z)) for z in (0, 1)
-    )
+    bottom = mesh.locate_entities_boundary(domain, 2, lambda x: np.isclose(x[2], 0))
+    top = mesh.locate_entities_boundary(domain, 2, lambda x: np.isclose(x[2], 1))
     V = fem.functionspace(domain, ("Lagrange", 1, (3,)))
     u = fem.Function(V, name="displacement")
     dofs = fem.locate_dofs_topological(V, 2, top)
-    held = fem.dirichletbc(np.array([args.shift, 0.0, -args.press]), dofs, V)
-    floor = ContactSurface(u, bottom, obstacle=HalfSpace((0, 0, 0), (0, 0, 1)), law=law)
-    energy = LinearElastic.from_young(args.young, args.poisson).energy(u) * ufl.dx
-    return ContactProblem(energy, u, [floor], bcs=[held])
+    shift = np.array([args.shift, 0.0, -args.press])
+    held = fem.dirichletbc(shift, dofs, V)
+    floor = HalfSpace((0, 0, 0), (0, 0, 1))
+    surface = ContactSurface(u, bottom, obstacle=floor, law=law)
+    elastic = LinearElastic.from_young(args.young, args.poisson)
+    energy = elastic.energy(u) * ufl.dx
+    return ContactProblem(energy, u, [surface], bcs=[held])
 
 
 def main(argv=None):
     args = arguments(argv)
     comm = MPI.COMM_WORLD
-    folder, say = output.output_folder(comm, args.output), output.Report(comm)
-    summary, laws = {}, {"orthotropic": Orthotropic(args.along, args.across, args.angle)}
-    laws["weakening"] = SlipWeakening(args.across, args.along, 2.0 * args.shift)
-    for name, law in laws.items():
+    folder = io.output_folder(comm, args.output)
+    say = io.Report(comm)
+    orthotropic = Orthotropic(args.along, args.across, args.angle)
+    weakening = SlipWeakening(args.across, args.along, 2.0 * args.shift)
+    summary = {}
+    for name, law in (("orthotropic", orthotropic), ("weakening", weakening)):
         block = problem(law, args)
         result = block.solve()
         fx, fy, fz = result.resultants["contact"]
         say(f"{name}: the floor answers ({fx:.4g}, {fy:.4g}, {fz:.4g}); {result.counts}")
-        output.picture_of_contact(folder / f"{name}.png", block)
-        summary |= {f"{k}_{name}": v for k, v in result.summary().items()}
-    return output.write_summary(comm, folder, result.summary() | summary)
+        plot.picture_of_contact(folder / f"{name}.png", block)
+        for key, value in result.summary().items():
+            summary[f"{key}_{name}"] = value
+    last = result.summary()
+    return io.write_summary(comm, folder, last | summary)
 
 
 if __name__ == "__main__":

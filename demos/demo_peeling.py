@@ -26,14 +26,20 @@ import numpy as np
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import RCCM, ContactProblem, ContactSurface, HalfSpace, output
+from dolfinx_contact import RCCM, ContactProblem, ContactSurface, HalfSpace, io, plot
 from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.continuation import StepControl
 from dolfinx_contact.evolution import ArcLength
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.parametric import ParametricContact
 
-E, INERTIA, WORK, ROOT, LENGTH, CRACK, LONGEST = 1.0, 1 / 12, 1e-4, 2.0, 18.0, 5.0, 10.0
+E = 1.0
+INERTIA = 1 / 12
+WORK = 1e-4
+ROOT = 2.0
+LENGTH = 18.0
+CRACK = 5.0
+LONGEST = 10.0
 MACHINE = 1.5 * E * INERTIA / LONGEST**3  # gamma turns where the crack has the length LONGEST
 FORCE = np.sqrt(2 * E * INERTIA * WORK)  # times length: P a
 OPENING = np.sqrt(2 * WORK / (9 * E * INERTIA))  # over length squared: D/a^2
@@ -41,38 +47,53 @@ OPENING = np.sqrt(2 * WORK / (9 * E * INERTIA))  # over length squared: D/a^2
 
 def arguments(argv=None):
     parser = ScriptParser("A strip peeled off its base", output="output/peeling", n=2)
-    parser.add_argument("--peel", type=number(above=0, below=9), default=6.0, help="so much")
-    parser.add_argument("--step", type=number(above=0), default=0.1, help="longest, of arc length")
+    length = number(above=0, below=9)
+    positive = number(above=0)
+    parser.add_argument("--peel", type=length, default=6.0, help="so much")
+    parser.add_argument("--step", type=positive, default=0.1, help="longest, of arc length")
     return parser.parse(argv)
 
 
 def strip(comm, n):
     """The problem, its load, and the force of the machine, a spring less what gamma^2 stores."""
-    corners, cell = [[0.0, 0.0], [LENGTH, 1.0]], mesh.CellType.quadrilateral
-    domain = mesh.create_rectangle(comm, corners, [int(n * LENGTH), max(n // 2, 1)], cell)
+    corners = [[0.0, 0.0], [LENGTH, 1.0]]
+    cells = [int(n * LENGTH), max(n // 2, 1)]
+    domain = mesh.create_rectangle(comm, corners, cells, mesh.CellType.quadrilateral)
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u, gamma = fem.Function(V, name="displacement"), fem.Constant(domain, 0.0)
+    u = fem.Function(V, name="displacement")
+    gamma = fem.Constant(domain, 0.0)
 
     def facets(where):
         return np.sort(mesh.locate_entities_boundary(domain, 1, where))
 
-    end = mesh.meshtags(domain, 1, facets(lambda x: np.isclose(x[0], 0)), 1)
+    drawn = facets(lambda x: np.isclose(x[0], 0))
+    end = mesh.meshtags(domain, 1, drawn, 1)
     ds = ufl.Measure("ds", domain, subdomain_data=end)(1)
-    law = RCCM(4 * E * INERTIA / ROOT**4, 4 * E * INERTIA / ROOT**4, WORK)
-    below = facets(lambda x: np.isclose(x[1], 0) & (x[0] > CRACK - 1e-9))
-    bond = ContactSurface(u, below, obstacle=HalfSpace((0, 0), (0, 1)), law=law)
-    clamped = fem.locate_dofs_geometrical(V, lambda x: np.isclose(x[0], LENGTH))
+
+    stiffness = 4 * E * INERTIA / ROOT**4
+    law = RCCM(stiffness, stiffness, WORK)
+    base = HalfSpace((0, 0), (0, 1))
+    bonded = facets(lambda x: np.isclose(x[1], 0) & (x[0] > CRACK - 1e-9))
+    bond = ContactSurface(u, bonded, obstacle=base, law=law)
+
+    far = fem.locate_dofs_geometrical(V, lambda x: np.isclose(x[0], LENGTH))
+    clamped = fem.dirichletbc(np.zeros(2), far, V)
+    elastic = LinearElastic.from_young(E, 0.0)
     spring = MACHINE * (u[1] ** 2 / 2 - gamma * u[1]) * ds
-    energy = LinearElastic.from_young(E, 0.0).energy(u) * ufl.dx + spring
-    problem = ContactProblem(energy, u, [bond], bcs=[fem.dirichletbc(np.zeros(2), clamped, V)])
-    return ParametricContact(problem, gamma), fem.form(MACHINE * (gamma - u[1]) * ds)
+    energy = elastic.energy(u) * ufl.dx + spring
+    problem = ContactProblem(energy, u, [bond], bcs=[clamped])
+    force = fem.form(MACHINE * (gamma - u[1]) * ds)
+    return ParametricContact(problem, gamma), force
 
 
 def main(argv=None):
-    args, comm, pulls = arguments(argv), MPI.COMM_WORLD, []
-    folder, say = output.output_folder(comm, args.output), output.Report(comm)
+    args = arguments(argv)
+    comm = MPI.COMM_WORLD
+    folder = io.output_folder(comm, args.output)
+    say = io.Report(comm)
     system, force = strip(comm, args.n)
     most = 1.3 * (OPENING * CRACK**2 + FORCE / CRACK / MACHINE)
+    pulls = []
 
     def peeled(step):
         bond = step.result.tables["contact"]
@@ -82,36 +103,58 @@ def main(argv=None):
         return "so much is peeled" if peeled(step) > args.peel else ""
 
     def seen(step):
-        pulls.append(comm.allreduce(fem.assemble_scalar(force)))
+        pull = comm.allreduce(fem.assemble_scalar(force))
+        pulls.append(pull)
         series(step)
 
-    path, control = ArcLength(system), StepControl(maximum=args.step)
-    with output.EvolutionSeries(folder, system.problem, every=20) as series:
+    path = ArcLength(system)
+    control = StepControl(maximum=args.step)
+    with io.EvolutionSeries(folder, system.problem, every=20) as series:
         there = path.run((0.0, most), control=control, observer=seen, stop=stop)
     back = path.run((1e-3 * most, most), control=control, direction="back")
 
-    gamma, P = np.array([s.gamma for s in there.steps]), np.array(pulls)
-    D, area = gamma - P / MACHINE, np.array([peeled(s) for s in there.steps])
-    kinds, a = np.array([s.event for s in there.steps]), np.sqrt(D / OPENING)
-    last = np.flatnonzero((kinds == "smooth fold") & (area > ROOT))
-    names = ("gamma", "event", "before", "after")
-    summary = back.steps[-1].result.summary() | {
-        "folds": [dict(zip(names, [s.row()[k] for k in names], strict=True)) for s in there.folds],
-        "turn": gamma[last].min() / (OPENING * LONGEST**2 + FORCE / LONGEST / MACHINE),
-        "constant": (P**2 * D / (FORCE**2 * OPENING))[last].tolist(),
-        "crack_over_peeled": np.ptp(a[last]) / np.ptp(area[last]),
-        "peeled": float(area[-1]),
-        "work_over_peeled": back.energies.external / (WORK * float(area[-1])),
+    gamma = np.array([s.gamma for s in there.steps])
+    area = np.array([peeled(s) for s in there.steps])
+    kinds = np.array([s.event for s in there.steps])
+    P = np.array(pulls)
+    D = gamma - P / MACHINE
+    a = np.sqrt(D / OPENING)
+
+    # The smooth folds that are far from the end of the first crack.
+    is_late = (kinds == "smooth fold") & (area > ROOT)
+    late = np.flatnonzero(is_late)
+    turn = OPENING * LONGEST**2 + FORCE / LONGEST / MACHINE
+    constant = P**2 * D / (FORCE**2 * OPENING)
+    folds = []
+    for step in there.folds:
+        row = step.row()
+        fold = {name: row[name] for name in ("gamma", "event", "before", "after")}
+        folds.append(fold)
+    last_area = float(area[-1])
+    found = {
+        "folds": folds,
+        "turn": gamma[late].min() / turn,
+        "constant": constant[late].tolist(),
+        "crack_over_peeled": np.ptp(a[late]) / np.ptp(area[late]),
+        "peeled": last_area,
+        "work_over_peeled": back.energies.external / (WORK * last_area),
     }
     for name in ("turn", "crack_over_peeled", "peeled", "work_over_peeled"):
-        say(f"{name}: {summary[name]}")
+        say(f"{name}: {found[name]}")
+
     if comm.rank == 0:
         b = np.linspace(CRACK, a[-1], 100)
-        beam = OPENING * b**2 + FORCE / b / MACHINE, FORCE / b
-        folds = {f"{k}s": (gamma[kinds == k], P[kinds == k]) for k in set(kinds) if "fold" in k}
-        shown = dict(marks=folds, dotted={"beam": beam}, labels=("end of the machine", "force"))
-        output.draw_curves(folder / "peeling.png", {"strip": (gamma, P)}, **shown)
-    return output.write_summary(comm, folder, summary)
+        beam = (OPENING * b**2 + FORCE / b / MACHINE, FORCE / b)
+        marks = {}
+        for kind in set(kinds):
+            if "fold" in kind:
+                marks[f"{kind}s"] = (gamma[kinds == kind], P[kinds == kind])
+        curves = {"strip": (gamma, P)}
+        axes = ("end of the machine", "force")
+        picture = folder / "peeling.png"
+        plot.draw_curves(picture, curves, marks=marks, dotted={"beam": beam}, labels=axes)
+    summary = back.steps[-1].result.summary()
+    return io.write_summary(comm, folder, summary | found)
 
 
 if __name__ == "__main__":

@@ -27,93 +27,185 @@ import numpy as np
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import RCCM, ContactPair, ContactProblem, output
+from dolfinx_contact import RCCM, ContactPair, ContactProblem, io, plot
 from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.grids import create_grid
 from dolfinx_contact.materials import Axisymmetric, LinearElastic, circumference
 from dolfinx_contact.meshing import join
 
-A, FREE, PILE, SOIL = 0.3, 0.5, (30e6, 0.2), (40e3, 0.3)  # a, L0, E and nu
-WEIGHT, REST, BOND, U0 = 10.0, 0.5, 4e3, 7.5e-3  # g (under water), K0, C, u0
+A = 0.3  # a
+FREE = 0.5  # L0
+PILE = (30e6, 0.2)  # E and nu
+SOIL = (40e3, 0.3)
+WEIGHT = 10.0  # g (under water)
+REST = 0.5  # K0
+BOND = 4e3  # C
+U0 = 7.5e-3  # u0
 
 
 def arguments(argv=None):
     parser = ScriptParser("A pile drawn out of soil", output="output/pile", n=20, friction=0.5)
-    parser.add_argument("--depth", type=number(above=0), default=10.0, help="of the base, L, m")
-    parser.add_argument("--radius", type=number(above=A), default=5.0, help="of held soil, R, m")
-    parser.add_argument("--steps", type=number(int, above=0), default=16, help="up to the peak")
+    positive = number(above=0)
+    beyond = number(above=A)
+    count = number(int, above=0)
+    parser.add_argument("--depth", type=positive, default=10.0, help="of the base, L, m")
+    parser.add_argument("--radius", type=beyond, default=5.0, help="of held soil, R, m")
+    parser.add_argument("--steps", type=count, default=16, help="up to the peak")
     return parser.parse(argv)
 
 
 def pile_in_soil(args, comm):
     """The problem, and the Constant by which the head of the pile is drawn."""
-    L, R, shaft = args.depth, args.radius, np.linspace(-args.depth, 0.0, args.n + 1)
-    pile, soil = (np.array([0, A]), np.append(shaft, FREE)), (np.geomspace(A, R, args.n + 1), shaft)
-    bodies = [create_grid(comm, axes, mesh.CellType.quadrilateral) for axes in (pile, soil)]
+    L = args.depth
+    R = args.radius
+    square = mesh.CellType.quadrilateral
+    shaft = np.linspace(-L, 0.0, args.n + 1)
+    pile_r = np.array([0, A])
+    pile_y = np.append(shaft, FREE)
+    soil_r = np.geomspace(A, R, args.n + 1)
+    pile = create_grid(comm, (pile_r, pile_y), square)
+    soil = create_grid(comm, (soil_r, shaft), square)
 
     def tagged(domain, where, tag=1):
         found = mesh.locate_entities_boundary(domain, 1, where)
         return mesh.meshtags(domain, 1, np.sort(found), tag)
 
-    near, sides = np.isclose, enumerate(bodies, 1)
-    faces = [tagged(b, lambda x: near(x[0], A) & (x[1] < FREE / 2), tag) for tag, b in sides]
-    both = join(bodies, facet_tags=faces)
-    V = fem.functionspace(domain := both.mesh, ("Lagrange", 1, (2,)))
-    u, drawn, bcs = fem.Function(V, name="displacement"), fem.Constant(domain, 0.0), []
-    for i, value, axis, at in ((1, drawn, 1, FREE), (0, 0.0, 0, R), (1, 0.0, 0, R)):
-        held = tagged(domain, lambda x, axis=axis, at=at: near(x[axis], at)).indices
-        dofs = fem.locate_dofs_topological(V.sub(i), 1, held)
-        bcs.append(fem.dirichletbc(value, dofs, V.sub(i)))
-    (r, y), strain, around = ufl.SpatialCoordinate(domain), ufl.grad(u), circumference(domain)
+    def on_shaft(x):
+        return np.isclose(x[0], A) & (x[1] < FREE / 2)
+
+    def on_base(x):
+        return np.isclose(x[1], -L) & (x[0] > 0.9 * A)
+
+    pile_face = tagged(pile, on_shaft, 1)
+    soil_face = tagged(soil, on_shaft, 2)
+    both = join([pile, soil], facet_tags=[pile_face, soil_face])
+    domain = both.mesh
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V, name="displacement")
+
+    # The head is drawn along the axis, and the soil is held at R.
+    drawn = fem.Constant(domain, 0.0)
+    head = tagged(domain, lambda x: np.isclose(x[1], FREE))
+    held = tagged(domain, lambda x: np.isclose(x[0], R))
+    bcs = []
+    for i, value, facets in ((1, drawn, head), (0, 0.0, held), (1, 0.0, held)):
+        W = V.sub(i)
+        dofs = fem.locate_dofs_topological(W, 1, facets.indices)
+        bcs.append(fem.dirichletbc(value, dofs, W))
+
+    r, y = ufl.SpatialCoordinate(domain)
+    strain = ufl.grad(u)
+    around = circumference(domain)
     dx = ufl.Measure("dx", subdomain_data=both.cell_tags)
-    ds = ufl.ds(subdomain_data=tagged(domain, lambda x: near(x[1], -L) & (x[0] > 0.9 * A)))
-    stored = [Axisymmetric(LinearElastic.from_young(*m)).energy(u) for m in (PILE, SOIL)]
+    ds = ufl.ds(subdomain_data=tagged(domain, on_base))
+    elastic_pile = Axisymmetric(LinearElastic.from_young(*PILE))
+    elastic_soil = Axisymmetric(LinearElastic.from_young(*SOIL))
+
+    # The stresses at rest: across the axis in both, along it in the soil, with the weight.
     across = REST * WEIGHT * ufl.min_value(y, 0.0) * (strain[0, 0] + u[0] / r)
-    energy = (stored[0] + across) * around * dx(1) - WEIGHT * L * u[1] * around * ds(1)
-    energy += (stored[1] + across + WEIGHT * (y * strain[1, 1] + u[1])) * around * dx(2)
+    along = WEIGHT * (y * strain[1, 1] + u[1])
+    energy = (elastic_pile.energy(u) + across) * around * dx(1)
+    energy -= WEIGHT * L * u[1] * around * ds(1)
+    energy += (elastic_soil.energy(u) + across + along) * around * dx(2)
+
     law = RCCM(BOND, BOND, BOND * U0**2, args.friction)
     bond = ContactPair(u, both, slave=1, master=2, law=law, axisymmetric=True)
-    return ContactProblem(energy, u, [bond], bcs=bcs), drawn
+    problem = ContactProblem(energy, u, [bond], bcs=bcs)
+    return problem, drawn
 
 
 def closed_form(args, u):
     """Force, displacement of the head, what lies between it and a slip, and the friction left."""
-    L, EA, G = args.depth, np.pi * A**2 * PILE[0], SOIL[0] / 2 / (1 + SOIL[1])
-    left, friction = U0 / np.maximum(u, U0), np.pi * A * args.friction * REST * WEIGHT * L**2
-    force = 2 * np.pi * A * L * BOND * left**4 * u + friction * (1 - left**2)
-    gives = np.log(args.radius / A) / (2 * np.pi * G * L) + (L / 3 + FREE) / EA
+    L = args.depth
+    EA = np.pi * A**2 * PILE[0]
+    G = SOIL[0] / 2 / (1 + SOIL[1])
+    left = U0 / np.maximum(u, U0)
+    friction = np.pi * A * args.friction * REST * WEIGHT * L**2
+    bonded = 2 * np.pi * A * L * BOND * left**4 * u
+    rubbed = friction * (1 - left**2)
+    force = bonded + rubbed
+    soil_gives = np.log(args.radius / A) / (2 * np.pi * G * L)
+    pile_gives = (L / 3 + FREE) / EA
+    gives = soil_gives + pile_gives
     return force, u + force * gives, gives, friction
 
 
 def main(argv=None):
-    args, comm = arguments(argv), MPI.COMM_WORLD
-    folder, say = output.output_folder(comm, args.output), output.Report(comm)
+    args = arguments(argv)
+    comm = MPI.COMM_WORLD
+    folder = io.output_folder(comm, args.output)
+    say = io.Report(comm)
     problem, drawn = pile_in_soil(args, comm)
-    tables, n = [problem.solve().tables["contact"]], args.steps
-    u = np.append(np.linspace(0.0, 2.0, 200), np.geomspace(2.0, 10.0, 100)[1:]) * U0
-    (force, lift, gives, friction), (top, at, *_) = (closed_form(args, v) for v in (u, U0))
-    times = np.append(np.linspace(0, 2 * at, 2 * n + 1), np.geomspace(2 * at, lift[-1], n + 1)[1:])
-    with output.EvolutionSeries(folder, problem, every=n) as series:
-        run = QuasiStatic(problem, lambda t: drawn.value.fill(t)).run(times, observer=series)
-    tables += [s.result.tables["contact"] for s in run.steps]
-    head = np.array([0.0, *(s.time for s in run.steps)])
-    pull = np.array([-t.force[:, 1].sum() for t in tables])
-    slip = np.array([t.area @ t.ut[:, 1] / t.area.sum() for t in tables])
-    found = dict(peak=pull.max(), peak_closed_form=top, plateau=pull[-1], friction_limit=friction)
-    found |= dict(plateau_closed_form=force[-1], at_rest=args.friction * tables[0].rn.sum())
-    found |= dict(gives=(head - slip)[1] / pull[1], gives_closed_form=gives) | run.energies.row()
-    found |= {"work_of_pull": (pull[1:] + pull[:-1]) @ np.diff(head) / 2}
-    say("\n".join(f"{name}: {value:.6g}" for name, value in found.items()))
-    found |= {"head": head, "force": pull, "closed_form": np.interp(head, lift, force)}
+    at_rest = problem.solve().tables["contact"]
+
+    up_to_2 = np.linspace(0.0, 2.0, 200)
+    beyond = np.geomspace(2.0, 10.0, 100)[1:]
+    u = np.append(up_to_2, beyond) * U0
+    force, lift, gives, friction = closed_form(args, u)
+    peak, head_at_peak, _, _ = closed_form(args, U0)
+
+    # Equal steps up to twice the peak, growing ones after.
+    n = args.steps
+    twice = 2 * head_at_peak
+    near = np.linspace(0, twice, 2 * n + 1)
+    far = np.geomspace(twice, lift[-1], n + 1)
+    times = np.append(near, far[1:])
+
+    def draw(t):
+        drawn.value = t
+
+    evolution = QuasiStatic(problem, draw)
+    with io.EvolutionSeries(folder, problem, every=n) as series:
+        run = evolution.run(times, observer=series)
+
+    tables = [at_rest]
+    tables += [step.result.tables["contact"] for step in run.steps]
+    head = np.array([0.0, *(step.time for step in run.steps)])
+    pulls = []
+    slips = []
+    for table in tables:
+        area = table.area
+        pulls.append(-table.force[:, 1].sum())
+        slips.append(area @ table.ut[:, 1] / area.sum())
+    pull = np.array(pulls)
+    slip = np.array(slips)
+    gone = head - slip
+    mean_pull = (pull[1:] + pull[:-1]) / 2
+    found = {
+        "peak": pull.max(),
+        "peak_closed_form": peak,
+        "plateau": pull[-1],
+        "friction_limit": friction,
+        "plateau_closed_form": force[-1],
+        "at_rest": args.friction * at_rest.rn.sum(),
+        "gives": gone[1] / pull[1],
+        "gives_closed_form": gives,
+    }
+    found |= run.energies.row()
+    found["work_of_pull"] = mean_pull @ np.diff(head)
+    lines = [f"{name}: {value:.6g}" for name, value in found.items()]
+    say("\n".join(lines))
+    found["head"] = head
+    found["force"] = pull
+    found["closed_form"] = np.interp(head, lift, force)
+
     if comm.rank == 0:
-        names, dotted = ("head, m", "load, kN"), {"one slip, cylinders": (lift, force)}
-        output.draw_curves(folder / "load.png", {"pile": (head, pull)}, dotted=dotted, labels=names)
-        at = {f"head at {1e3 * head[i]:.3g} mm": tables[i] for i in (n // 2, n, 5 * n // 4, -1)}
-        shear = {name: (t.shear[:, 1], t.x[:, 1]) for name, t in at.items()}
-        output.draw_curves(folder / "shear.png", shear, labels=("shear on the pile, kPa", "y, m"))
-    output.picture_of_body(folder / "body.png", problem)
-    return output.write_summary(comm, folder, run.steps[-1].result.summary() | found)
+        names = ("head, m", "load, kN")
+        solid = {"pile": (head, pull)}
+        dotted = {"one slip, cylinders": (lift, force)}
+        plot.draw_curves(folder / "load.png", solid, dotted=dotted, labels=names)
+        shear = {}
+        for i in (n // 2, n, 5 * n // 4, -1):
+            table = tables[i]
+            y = table.x[:, 1]
+            label = f"head at {1e3 * head[i]:.3g} mm"
+            shear[label] = (table.shear[:, 1], y)
+        names = ("shear on the pile, kPa", "y, m")
+        plot.draw_curves(folder / "shear.png", shear, labels=names)
+    plot.picture_of_body(folder / "body.png", problem)
+    summary = run.steps[-1].result.summary()
+    return io.write_summary(comm, folder, summary | found)
 
 
 if __name__ == "__main__":

@@ -24,16 +24,22 @@ import numpy as np
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import RCCM, ContactPair, ContactProblem, output
+from dolfinx_contact import RCCM, ContactPair, ContactProblem, io, plot
 from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.grids import create_grid
 from dolfinx_contact.materials import Axisymmetric, LinearElastic, circumference
 from dolfinx_contact.meshing import join
 
-A, B, FREE = 0.25, 1.0, 0.5  # radii of fibre and matrix, length of fibre outside
-FIBRE, MATRIX, BOND, WORK = 5e3, 30e3, 625.0, 0.01
-U0, EA = np.sqrt(WORK / BOND), np.pi * A**2 * FIBRE
+A = 0.25  # radius of the fibre
+B = 1.0  # and of the matrix
+FREE = 0.5  # length of the fibre outside
+FIBRE = 5e3
+MATRIX = 30e3
+BOND = 625.0
+WORK = 0.01
+U0 = np.sqrt(WORK / BOND)
+EA = np.pi * A**2 * FIBRE
 
 
 def arguments(argv=None):
@@ -47,73 +53,123 @@ def arguments(argv=None):
 
 
 def lame(misfit):
-    return misfit / A / (1 / FIBRE + (B**2 + A**2) / (B**2 - A**2) / MATRIX)
+    of_fibre = 1 / FIBRE
+    of_matrix = (B**2 + A**2) / (B**2 - A**2) / MATRIX
+    return misfit / A / (of_fibre + of_matrix)
 
 
 def facets(domain, axis, at, top=np.inf):
     found = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[axis], at))
-    return np.sort(found[mesh.compute_midpoints(domain, 1, found)[:, 1] < top])
+    heights = mesh.compute_midpoints(domain, 1, found)[:, 1]
+    return np.sort(found[heights < top])
 
 
 def problem(args, comm):
     """The problem, and the Constant by which the end of the fibre is drawn."""
-    L, n = args.length, args.n
-    up, out = (np.linspace(0, x, max(1, round(x * n)) + 1) for x in (L, FREE))
-    fibre = np.linspace(0, A, 3), np.append(up, L + out[1:])
-    matrix = A + (B - A) * np.array([0, 0.1, 0.3, 0.6, 1]), up
-    bodies = [create_grid(comm, x, mesh.CellType.quadrilateral) for x in (fibre, matrix)]
-    tags = [mesh.meshtags(b, 1, facets(b, 0, A, L), i) for i, b in enumerate(bodies, 1)]
-    both = join(bodies, facet_tags=tags)
-    V = fem.functionspace(both.mesh, ("Lagrange", 1, (2,)))
-    u, drawn = fem.Function(V, name="displacement"), fem.Constant(both.mesh, 0.0)
-    dx, around = ufl.Measure("dx", subdomain_data=both.cell_tags), circumference(both.mesh)
-    materials = [Axisymmetric(LinearElastic.from_young(E, 0.0)) for E in (FIBRE, MATRIX)]
-    energy = sum(m.energy(u) * around * dx(i) for i, m in enumerate(materials, 1))
-    given = dict(slave=1, master=2, gap=-args.misfit, interference=True, axisymmetric=True)
-    given["law"] = RCCM(BOND, BOND, WORK, args.friction)
-    at = [(drawn, facets(both.mesh, 1, L + FREE)), (0.0, facets(both.mesh, 0, B))]
-    W, pair = V.sub(1), ContactPair(u, both, **given)
-    bcs = [fem.dirichletbc(v, fem.locate_dofs_topological(W, 1, f), W) for v, f in at]
+
+    def cut(length):
+        cells = max(1, round(length * args.n))
+        return np.linspace(0, length, cells + 1)
+
+    L = args.length
+    up = cut(L)
+    outside = cut(FREE)
+    square = mesh.CellType.quadrilateral
+    fibre_radii = np.linspace(0, A, 3)
+    fibre_heights = np.append(up, L + outside[1:])
+    fibre = create_grid(comm, (fibre_radii, fibre_heights), square)
+    matrix_radii = A + (B - A) * np.array([0, 0.1, 0.3, 0.6, 1])
+    matrix = create_grid(comm, (matrix_radii, up), square)
+
+    fibre_face = mesh.meshtags(fibre, 1, facets(fibre, 0, A, L), 1)
+    matrix_face = mesh.meshtags(matrix, 1, facets(matrix, 0, A, L), 2)
+    both = join([fibre, matrix], facet_tags=[fibre_face, matrix_face])
+    domain = both.mesh
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V, name="displacement")
+    drawn = fem.Constant(domain, 0.0)
+
+    dx = ufl.Measure("dx", subdomain_data=both.cell_tags)
+    around = circumference(domain)
+    polymer = Axisymmetric(LinearElastic.from_young(FIBRE, 0.0))
+    stiff = Axisymmetric(LinearElastic.from_young(MATRIX, 0.0))
+    energy = polymer.energy(u) * around * dx(1)
+    energy += stiff.energy(u) * around * dx(2)
+
+    law = RCCM(BOND, BOND, WORK, args.friction)
+    clamp = dict(gap=-args.misfit, interference=True)
+    pair = ContactPair(u, both, slave=1, master=2, law=law, axisymmetric=True, **clamp)
+
+    W = V.sub(1)
+    end = fem.locate_dofs_topological(W, 1, facets(domain, 1, L + FREE))
+    rim = fem.locate_dofs_topological(W, 1, facets(domain, 0, B))
+    bcs = [fem.dirichletbc(drawn, end, W), fem.dirichletbc(0.0, rim, W)]
     return ContactProblem(energy, u, [pair], bcs=bcs), drawn
 
 
 def closed_form(u, shear):
-    v = np.maximum(u, U0)
+    v = np.maximum(u, U0)  # where the bond damages
     rubbed = shear * (v - U0 + U0 * (U0 / v - 1))
-    phi = np.where(u < U0, BOND * u**2 / 2, WORK - WORK * (U0 / v) ** 2 / 2 + rubbed)
+    bonded = BOND * u**2 / 2
+    damaged = WORK - WORK * (U0 / v) ** 2 / 2 + rubbed
+    phi = np.where(u < U0, bonded, damaged)
     return np.sqrt(4 * np.pi * A * EA * phi)
 
 
 def main(argv=None):
-    args, comm = arguments(argv), MPI.COMM_WORLD
-    folder, say = output.output_folder(comm, args.output), output.Report(comm)
+    args = arguments(argv)
+    comm = MPI.COMM_WORLD
+    folder = io.output_folder(comm, args.output)
+    say = io.Report(comm)
     bodies, drawn = problem(args, comm)
     clamped = bodies.solve().tables["contact"]
 
     def load(t):
         drawn.value = t * args.end
 
-    times, shear = np.linspace(0.0, 1.0, args.steps + 1), args.friction * lame(args.misfit)
-    with output.EvolutionSeries(folder, bodies, every=5) as series:
+    times = np.linspace(0.0, 1.0, args.steps + 1)
+    with io.EvolutionSeries(folder, bodies, every=5) as series:
         steps = QuasiStatic(bodies, load).run(times, at_jump="jump", observer=series).steps
+
     tables = [s.result.tables["contact"] for s in steps]
+    end = args.end * np.array([s.time for s in steps])
     force = np.array([-s.result.resultants["contact"][1] for s in steps])
-    foot, mouth = np.transpose([t.ut[[0, -1], 1] for t in tables])
-    end, closed = args.end * np.array([s.time for s in steps]), closed_form(mouth, shear)
-    found = {"pressure": clamped.rn.sum() / (area := clamped.area.sum()), "peak": force.max()}
-    found |= {"plateau": force[-1], "plateau_closed_form": area * shear}
-    found |= {"pressure_closed_form": lame(args.misfit)}
-    say(", ".join(f"{name} {value:.6g}" for name, value in found.items()))
-    rows = {"end": end, "mouth": mouth, "foot": foot, "force": force, "closed_form": closed}
-    rows |= {k: [getattr(s.energies, k) for s in steps] for k in ("external", "residue")}
+    foot = np.array([t.ut[0, 1] for t in tables])
+    mouth = np.array([t.ut[-1, 1] for t in tables])
+    pressure = lame(args.misfit)
+    shear = args.friction * pressure
+    closed = closed_form(mouth, shear)
+    area = clamped.area.sum()
+    found = {
+        "pressure": clamped.rn.sum() / area,
+        "peak": force.max(),
+        "plateau": force[-1],
+        "plateau_closed_form": area * shear,
+        "pressure_closed_form": pressure,
+    }
+    words = [f"{name} {value:.6g}" for name, value in found.items()]
+    say(", ".join(words))
+
     if comm.rank == 0:
-        still = foot < 0.1 * U0
-        bar, names = {"bar": (end[still], closed[still])}, ("end of the fibre, mm", "force, N")
-        output.draw_curves(folder / "curve.png", {"": (end, force)}, dotted=bar, labels=names)
-    output.picture_of_body(folder / "body.png", bodies)
-    output.write_contact_table(comm, folder, tables[-1:])
-    found |= {"jumps": [s.time * args.end for s in steps if s.jump], "curve": rows}
-    return output.write_summary(comm, folder, steps[-1].result.summary() | found)
+        still = foot < 0.1 * U0  # as the closed form wants it
+        curves = {"": (end, force)}
+        dotted = {"bar": (end[still], closed[still])}
+        names = ("end of the fibre, mm", "force, N")
+        plot.draw_curves(folder / "curve.png", curves, dotted=dotted, labels=names)
+    plot.picture_of_body(folder / "body.png", bodies)
+    io.write_contact_table(comm, folder, tables[-1:])
+
+    found["jumps"] = [s.time * args.end for s in steps if s.jump]
+    found["curve"] = {
+        "end": end,
+        "mouth": mouth,
+        "foot": foot,
+        "force": force,
+        "closed_form": closed,
+        "external": [s.energies.external for s in steps],
+        "residue": [s.energies.residue for s in steps],
+    }
+    return io.write_summary(comm, folder, steps[-1].result.summary() | found)
 
 
 if __name__ == "__main__":

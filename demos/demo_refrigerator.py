@@ -23,12 +23,23 @@ import numpy as np
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, Regularised, output
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    HalfSpace,
+    Regularised,
+    io,
+    plot,
+)
 from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.materials import LinearElastic
 
-WIDTH, HEIGHT, WEIGHT, YEAR = 0.6, 1.8, 800.0, 365.25 * 86400.0  # metres, newtons, seconds
+WIDTH = 0.6  # metres
+HEIGHT = 1.8
+WEIGHT = 800.0  # newtons
+YEAR = 365.25 * 86400.0  # seconds
 CREEP = {"tanh": np.arctanh, "sqrt": lambda q: q / np.sqrt(1 - q**2)}  # velocity over eps
 EPS = np.logspace(-9, -5, 5)  # m/s
 
@@ -54,56 +65,82 @@ def arguments(argv=None):
 def year(args, law, comm):
     """Mean slips at the start and at the ends of the steps, and the last step."""
     corners = [(0.0, 0.0), (WIDTH, HEIGHT)]
-    square = mesh.CellType.quadrilateral
-    domain = mesh.create_rectangle(comm, corners, (args.n, 3 * args.n), square)
-    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))), name="displacement")
+    cells = (args.n, 3 * args.n)
+    domain = mesh.create_rectangle(comm, corners, cells, mesh.CellType.quadrilateral)
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V, name="displacement")
     force = fem.Constant(domain, (0.0, 0.0))
     below = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 0.0))
-    contact = ContactSurface(u, below, obstacle=HalfSpace((0, 0), (0, 1)), law=law)
-    body = LinearElastic.from_young(args.young, args.poisson).energy(u)
-    energy = (body - ufl.dot(force, u)) * ufl.dx
+    floor = HalfSpace((0, 0), (0, 1))
+    contact = ContactSurface(u, below, obstacle=floor, law=law)
+    stored = LinearElastic.from_young(args.young, args.poisson).energy(u)
+    energy = (stored - ufl.dot(force, u)) * ufl.dx
     tight = {"snes_rtol": 1e-11}
     problem = ContactProblem(energy, u, [contact], petsc_options=tight)
 
     def load(t):
-        force.value[:] = np.array((args.force * (t > 0), -WEIGHT)) / (WIDTH * HEIGHT)
+        push = args.force if t > 0 else 0.0
+        force.value[:] = np.array((push, -WEIGHT)) / (WIDTH * HEIGHT)
 
     load(0.0)
     start = problem.solve().tables["contact"]
     times = np.linspace(0.0, YEAR, args.steps + 1)
     history = QuasiStatic(problem, load).run(times, sudden=np.inf)
-    tables = [start, *(s.result.tables["contact"] for s in history.steps)]
-    slips = np.array([t.area @ t.ut[:, 0] / t.area.sum() for t in tables])
-    return slips, history.steps[-1]
+
+    tables = [start]
+    for step in history.steps:
+        tables.append(step.result.tables["contact"])
+    slips = [t.area @ t.ut[:, 0] / t.area.sum() for t in tables]
+    return np.array(slips), history.steps[-1]
+
+
+def creep(args, comm, say, shape, exact_speed):
+    """A year of each eps: the rows of the summary, and the last step."""
+    rows = []
+    for eps in EPS:
+        law = Regularised(Coulomb(args.friction), width=1e-4, shape=shape, speed=eps)
+        slips, last = year(args, law, comm)
+        metres = float(slips[-1] - slips[0])
+        speed = float((slips[-1] - slips[-2]) / (YEAR / args.steps))
+        exact = float(eps * exact_speed)
+        row = {
+            "eps": float(eps),
+            "metres": metres,
+            "speed": speed,
+            "exact": exact,
+            "dissipated": last.energies.dissipated,
+        }
+        rows.append(row)
+        off = speed / exact - 1
+        say(f"{shape}, eps = {eps:.0e} m/s: {metres:.3g} m, speed off by {off:+.0e}")
+    return rows, last
 
 
 def main(argv=None):
-    args, comm = arguments(argv), MPI.COMM_WORLD
-    folder, say = output.output_folder(comm, args.output), output.Report(comm)
+    args = arguments(argv)
+    comm = MPI.COMM_WORLD
+    folder = io.output_folder(comm, args.output)
+    say = io.Report(comm)
     q = args.force / (args.friction * WEIGHT)
     slips, last = year(args, Coulomb(args.friction), comm)
-    summary = {"q": q, "coulomb": float(slips[-1] - slips[0])}
-    say(f"Coulomb: {summary['coulomb']:.1e} m in a year, {last.result.counts}")
-    marks, dotted = {}, {}
+    coulomb = float(slips[-1] - slips[0])
+    say(f"Coulomb: {coulomb:.1e} m in a year, {last.result.counts}")
+
+    summary = {"q": q, "coulomb": coulomb}
+    marks = {}
+    dotted = {}
     for shape, closed in CREEP.items():
-        rows = []
-        for eps in EPS:
-            law = Regularised(Coulomb(args.friction), width=1e-4, shape=shape, speed=eps)
-            slips, last = year(args, law, comm)
-            found = float((slips[-1] - slips[-2]) / (YEAR / args.steps))
-            exact = float(eps * closed(q))
-            way, off = float(slips[-1] - slips[0]), found / exact - 1
-            row = {"eps": float(eps), "metres": way, "speed": found, "exact": exact}
-            rows.append(row | {"dissipated": last.energies.dissipated})
-            say(f"{shape}, eps = {eps:.0e} m/s: {way:.3g} m, speed off by {off:+.0e}")
+        exact_speed = closed(q)  # over eps
+        rows, last = creep(args, comm, say, shape, exact_speed)
         summary[shape] = rows
-        marks[shape] = (EPS, [row["metres"] for row in rows])
-        dotted[f"closed form, {shape}"] = (EPS, YEAR * EPS * closed(q))
+        metres = [row["metres"] for row in rows]
+        marks[shape] = (EPS, metres)
+        dotted[f"closed form, {shape}"] = (EPS, YEAR * EPS * exact_speed)
     if comm.rank == 0:
-        look = dict(labels=("eps, m/s", "metres in a year"), loglog=True)
-        look["title"] = f"Under {q:.1%} of what friction holds; Coulomb: {summary['coulomb']:.0e} m"
-        output.draw_curves(folder / "creep.png", {}, marks=marks, dotted=dotted, **look)
-    return output.write_summary(comm, folder, last.result.summary() | summary)
+        title = f"Under {q:.1%} of what friction holds; Coulomb: {coulomb:.0e} m"
+        look = dict(labels=("eps, m/s", "metres in a year"), loglog=True, title=title)
+        plot.draw_curves(folder / "creep.png", {}, marks=marks, dotted=dotted, **look)
+    return io.write_summary(comm, folder, last.result.summary() | summary)
 
 
 if __name__ == "__main__":

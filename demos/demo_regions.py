@@ -25,7 +25,7 @@ from demo_linear_triangle import linear_triangle
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact import output
+from dolfinx_contact import io, plot
 from dolfinx_contact.analysis import contact_family, event_curves, solution_regions
 from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.continuation import follow
@@ -44,8 +44,9 @@ def loaded(n, friction, lame, length):
     found = []
 
     def first(domain):
-        found.append(fem.Constant(domain, 1.0))
-        return ufl.as_vector([found[0], 0.0])
+        other = fem.Constant(domain, 1.0)
+        found.append(other)
+        return ufl.as_vector([other, 0.0])
 
     system = linear_triangle(n, friction, (0.0, -1.0), lame, length, preload=first)
     return system, found[0]
@@ -60,15 +61,40 @@ def loaded(n, friction, lame, length):
 
 
 def curves_of(system, other, size):
-    branches, iterations, span = [], 0, (-size, size)
+    branches = []
+    iterations = 0
+    span = (-size, size)
     for value in (-size / 10, size / 10):
         other.value = value
         system.set_parameter(-size)
-        iterations += system.problem.solve().iterations
+        result = system.problem.solve()
+        iterations += result.iterations
         x = system.create_vector()
         system.problem.write(x)
-        branches.append((value, follow(system, x, -size, gamma_range=span)))
-    return event_curves(system, other, branches, span, span, folds_only=False), iterations
+        branch = follow(system, x, -size, gamma_range=span)
+        branches.append((value, branch))
+    curves = event_curves(system, other, branches, span, span, folds_only=False)
+    return curves, iterations
+
+
+def record_of(friction, curves, regions):
+    """What the summary tells of one friction coefficient."""
+    lines = []
+    for curve in curves.curves:
+        statuses = curve.segments[0].statuses
+        points = curve.points().tolist()
+        lines.append({"kind": curve.kind, "statuses": statuses, "points": points})
+    cells = []
+    for cell in regions.cells:
+        row = {"load": cell.middle, "solutions": cell.solutions, "proved": cell.proved}
+        cells.append(row)
+    return {
+        "friction": friction,
+        "proved": regions.proved,
+        "explained": regions.explained,
+        "curves": lines,
+        "cells": cells,
+    }
 
 
 def main(argv=None):
@@ -79,8 +105,10 @@ def main(argv=None):
     several = dict(type=number(above=0), nargs="*", default=[0.5, 1.0, 1.5])
     parser.add_argument("--over-critical", **several, help="friction over the critical coefficient")
     args = parser.parse(argv)
-    comm, say = MPI.COMM_WORLD, output.Report(MPI.COMM_WORLD)
-    folder, span = output.output_folder(comm, args.output), (-args.size, args.size)
+    comm = MPI.COMM_WORLD
+    say = io.Report(comm)
+    folder = io.output_folder(comm, args.output)
+    span = (-args.size, args.size)
     lmbda, mu = args.lame
     summary = {"converged": True, "newton_iterations": 0, "regions": []}
     for part in args.over_critical:
@@ -89,24 +117,20 @@ def main(argv=None):
         curves, iterations = curves_of(system, other, args.size)
         family = contact_family(system, other, span)
         regions = solution_regions(comm, family, curves, span, span, seconds=args.seconds)
-        sets = sorted({c.solutions for c in regions.cells}, key=len)
+        sets = {cell.solutions for cell in regions.cells}
+        words = [", ".join(solutions) for solutions in sorted(sets, key=len)]
         proved = f"proved {regions.proved}, curves explain all changes {regions.explained}"
         say(f"F = {F:g}: {len(curves.curves)} curves; {proved}; solutions of the regions:")
-        say("   " + "; ".join(", ".join(words) for words in sets))
-        file = folder / f"regions_{part:g}.png"
+        say("   " + "; ".join(words))
         if comm.rank == 0:
+            file = folder / f"regions_{part:g}.png"
+            names = NAMES if args.n == 1 else None
             look = dict(labels=("$F_1$", "$F_2$"), title=f"F = {F:.4g}")
-            output.draw_solutions(file, regions, curves, NAMES if args.n == 1 else None, **look)
-        lines = [
-            dict(kind=c.kind, statuses=c.segments[0].statuses, points=c.points().tolist())
-            for c in curves.curves
-        ]
-        cells = [dict(load=c.middle, solutions=c.solutions, proved=c.proved) for c in regions.cells]
-        record = {"friction": F, "proved": regions.proved, "explained": regions.explained}
-        summary["regions"].append(record | {"curves": lines, "cells": cells})
+            plot.draw_solutions(file, regions, curves, names, **look)
+        summary["regions"].append(record_of(F, curves, regions))
         summary["newton_iterations"] += iterations
         summary["dofs"] = system.create_vector().getSize()
-    return output.write_summary(comm, folder, summary)
+    return io.write_summary(comm, folder, summary)
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ from demo_linear_triangle import SEEN, linear_triangle
 
 from dolfinx import fem
 
-from dolfinx_contact import Coulomb, Regularised, output
+from dolfinx_contact import Coulomb, Regularised, io, plot, records
 from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.continuation import Branch, explore, follow
 from dolfinx_contact.parametric import ParametricContact
@@ -40,8 +40,11 @@ def true_solutions(n, friction):
     x = system.create_vector()
     system.problem.write(x)
     diagram = explore(system, [(x, -1.0)], gamma_range=(-1.0, 1.0))
-    ends = [p for b in diagram.branches for p in (b.points[0], b.points[-1]) if p.gamma == 1.0]
-    return system, sorted(ends, key=lambda p: system.letters(p.piece))
+    ends = []
+    for branch in diagram.branches:
+        both = (branch.points[0], branch.points[-1])
+        ends += [point for point in both if point.gamma == 1.0]
+    return system, sorted(ends, key=lambda point: system.letters(point.piece))
 
 
 # ## The smooth problem, with eps or F as the parameter
@@ -51,18 +54,23 @@ def true_solutions(n, friction):
 
 def creeping(args, n, by, width):
     true, ends = true_solutions(n, args.friction)
-    true.result_at(next(p for p in ends if true.letters(p.piece)[0] == "k"))
+    stuck = [point for point in ends if true.letters(point.piece)[0] == "k"]
+    true.result_at(stuck[0])
     given = {}
 
     def law(domain):
-        given["eps"], given["F"] = (fem.Constant(domain, v) for v in (width, args.friction))
-        return Regularised(Coulomb(given["F"]), given["eps"], args.shape)
+        given["eps"] = fem.Constant(domain, width)
+        given["F"] = fem.Constant(domain, args.friction)
+        coulomb = Coulomb(given["F"])
+        return Regularised(coulomb, given["eps"], args.shape)
 
     loaded = linear_triangle(n, args.friction, law=law)
     loaded.set_parameter(1.0)
     problem = loaded.problem
     problem.u.x.array[:] = true.problem.u.x.array
-    problem.surfaces[0].multiplier.x.array[:] = true.problem.surfaces[0].multiplier.x.array
+    force = problem.surfaces[0].multiplier
+    true_force = true.problem.surfaces[0].multiplier
+    force.x.array[:] = true_force.x.array
     problem.solve()
     system = ParametricContact(problem, given[by])
     x = system.create_vector()
@@ -74,14 +82,21 @@ def creeping(args, n, by, width):
 
 
 def from_above(system, widths):
-    for f in system.problem.fields:
-        f.x.array[:] = 0.0
+    for field in system.problem.fields:
+        field.x.array[:] = 0.0
     rows = []
     for width in widths:
         system.set_parameter(width)
-        table = system.problem.solve().tables["contact"]
-        moved = {"ut_A": float(table.along(table.ut)[0]), "un_A": float(table.un[0])}
-        rows.append({"eps": width, "status": table.status, **moved})
+        result = system.problem.solve()
+        table = result.tables["contact"]
+        slips = table.along(table.ut)
+        row = {
+            "eps": width,
+            "status": table.status,
+            "ut_A": float(slips[0]),
+            "un_A": float(table.un[0]),
+        }
+        rows.append(row)
     return rows
 
 
@@ -89,31 +104,48 @@ def from_above(system, widths):
 
 
 def main(argv=None):
-    args, comm = arguments(argv), MPI.COMM_WORLD
-    folder, say = output.output_folder(comm, args.output), output.Report(comm)
+    args = arguments(argv)
+    comm = MPI.COMM_WORLD
+    folder = io.output_folder(comm, args.output)
+    say = io.Report(comm)
     system, x, true, ends = creeping(args, args.n, "eps", args.width)
-    rows = output.journal_of(true, [Branch(ends)], SEEN).rows()
+    rows = records.journal_of(true, [Branch(ends)], SEEN).rows()
     for row in rows:
         say(f"true: A {row['status'][0]}, slip {row['ut_A']:.7g}, gap {row['un_A']:.3g}")
     branch = follow(system, x, args.width, gamma_range=(0.1 * args.width, 1.0))
-    journal = output.journal_of(system, [branch], SEEN)
-    (lost,), last = [s.gamma for s in branch.folds], journal.rows()[-1]
+    journal = records.journal_of(system, [branch], SEEN)
+    (lost,) = [s.gamma for s in branch.folds]
+    last = journal.rows()[-1]
     say(f"two of them are lost in a fold at eps = {lost:.7g}; beyond it the branch goes back")
     say(f"to eps = {last['gamma']:.1e} with a slip of {last['ut_A']:.7g}")
-    falling = from_above(system, np.geomspace(3.0 * lost, 0.1 * args.width, 12).tolist())
+    widths = np.geomspace(3.0 * lost, 0.1 * args.width, 12)
+    falling = from_above(system, widths.tolist())
     reached = falling[-1]
     say(f"a falling eps arrives at A {reached['status'][0]}, slip {reached['ut_A']:.7g}")
     if comm.rank == 0:
         points = journal.columns()
-        fall = [[r[k] for r in falling] for k in ("eps", "ut_A")]
+        passed = [row["eps"] for row in falling]
+        slips = [row["ut_A"] for row in falling]
+        curves = {
+            "creep, then slip": (points["gamma"], points["ut_A"]),
+            "from a large eps": (passed, slips),
+        }
         letters = {"o": "opens", "k": "sticks", "-": "slips"}
-        marks = {f"true: A {letters[r['status'][0]]}": ([0.0], [r["ut_A"]]) for r in rows}
-        curves = {"creep, then slip": (points["gamma"], points["ut_A"]), "from a large eps": fall}
+        marks = {}
+        for row in rows:
+            what = letters[row["status"][0]]
+            marks[f"true: A {what}"] = ([0.0], [row["ut_A"]])
         labels = (r"$\varepsilon$", "$u_t$ of A")
-        output.draw_curves(folder / "eps.png", curves, marks=marks, labels=labels)
+        plot.draw_curves(folder / "eps.png", curves, marks=marks, labels=labels)
 
-    found = {"true": rows, "lost_at": lost, "end_slip": last["ut_A"], "end_eps": last["gamma"]}
-    return output.write_summary(comm, folder, found | {"reached": reached})
+    summary = {
+        "true": rows,
+        "lost_at": lost,
+        "end_slip": last["ut_A"],
+        "end_eps": last["gamma"],
+        "reached": reached,
+    }
+    return io.write_summary(comm, folder, summary)
 
 
 if __name__ == "__main__":

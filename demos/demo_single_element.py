@@ -17,10 +17,10 @@ from mpi4py import MPI
 
 from demo_hild_triangle import element
 
-from dolfinx_contact import output
+from dolfinx_contact import io, plot, records
 from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.continuation import Branch, follower_for
-from dolfinx_contact.output import leftmost
+from dolfinx_contact.records import leftmost
 
 #: What is looked at, with labels; A is the leftmost contact point.
 SEEN = dict(
@@ -48,20 +48,22 @@ def arguments(argv=None):
 def main(argv=None):
     args = arguments(argv)
     comm = MPI.COMM_WORLD
-    folder, say = output.output_folder(comm, args.output), output.Report(comm)
+    folder = io.output_folder(comm, args.output)
+    say = io.Report(comm)
     load = args.load_direction, args.load_start
     system = element(args.lame, args.friction, args.length, *load)
     system.set_parameter(0.0)
     system.problem.solve()
     x = system.create_vector()
     system.problem.write(x)
-    low, high = -0.1 * args.gamma_max, args.gamma_max
+    low = -0.1 * args.gamma_max
+    high = args.gamma_max
     with follower_for(system, x, 0.0, gamma_scale=high - low, route=args.route) as follower:
         branch = follower.run(follower.start(x, 0.0), (low, high))
         middle = sum(s.gamma for s in branch.folds) / (len(branch.folds) or 1)
         there = follower.at(branch, middle) if len(branch.folds) == 2 else []
 
-    journal = output.journal_of(system, [branch], SEEN)
+    journal = records.journal_of(system, [branch], SEEN)
     special = [s for p in journal.branches[0].points for s in p["special"]]
     folds = [
         {
@@ -74,8 +76,10 @@ def main(argv=None):
         if s["kind"] == "fold"
     ]
     # The closed form, for a horizontal load that grows to the left: S = [[kt, k], [k, kt]].
-    kt, k = (args.lame[0] + 3 * args.lame[1]) / 2, (args.lame[0] + args.lame[1]) / 2
-    pressure, rate = -args.load_start[1], -args.load_direction[0]
+    kt = (args.lame[0] + 3 * args.lame[1]) / 2
+    k = (args.lame[0] + args.lame[1]) / 2
+    pressure = -args.load_start[1]
+    rate = -args.load_direction[0]
     closed = [args.friction * pressure / rate, kt / k * pressure / rate]
     summary = branch.summary() | {
         "dofs": x.getSize(),
@@ -91,15 +95,15 @@ def main(argv=None):
             f"{fold['before']} -> {fold['after']}"
         )
     if there:
-        rows = output.journal_of(system, [Branch(there)], SEEN).rows()
+        rows = records.journal_of(system, [Branch(there)], SEEN).rows()
         words = [{"status": system.letters(p.piece)} for p in there]
         found = [row | word for row, word in zip(rows, words, strict=True)]
         summary["solutions_at"] = {"gamma": middle, "solutions": found}
         say("\n".join(f"   {s}" for s in found))
     say(branch.reason)
     if comm.rank == 0:
-        output.draw_diagram(folder / "branch.png", journal, LABELS)
-    return output.write_summary(comm, folder, summary)
+        plot.draw_diagram(folder / "branch.png", journal, LABELS)
+    return io.write_summary(comm, folder, summary)
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ from mpi4py import MPI
 import numpy as np
 from demo_which_solution import ALGORITHMS, NAMES, end_of, reduced
 
-from dolfinx_contact import algorithms, output
+from dolfinx_contact import algorithms, io, plot
 from dolfinx_contact.command_line import ScriptParser, number
 
 PATIENT = ALGORITHMS | {
@@ -35,7 +35,9 @@ def corner(contact):
     """kt/k, pt/pn and pn of A, which comes first."""
     S = np.linalg.inv(contact.A[:2, :2])
     pt, pn = S @ contact.free[0]
-    return float(S[0, 0] / S[0, 1]), float(pt / pn), float(-pn)
+    stiffness_ratio = S[0, 0] / S[0, 1]
+    load_ratio = pt / pn
+    return float(stiffness_ratio), float(load_ratio), float(-pn)
 
 
 # ## Two problems
@@ -77,12 +79,14 @@ def sweep(problem, n, frictions, starts):
     pressures = {name: np.full(size, np.nan) for name in PATIENT}
     for i, friction in enumerate(frictions):
         contact = problem(friction, n)
-        pn = corner(contact)[2]
+        _, _, pn = corner(contact)
+        direction = np.array([friction, 1.0])
         for name, algorithm in PATIENT.items():
             for j, s in enumerate(starts):
                 start = np.zeros((contact.number, 2))
-                start[0] = s * pn * np.array([friction, 1.0])
-                words[name][i, j], outcome = end_of(algorithm, contact, start)
+                start[0] = s * pn * direction
+                word, outcome = end_of(algorithm, contact, start)
+                words[name][i, j] = word
                 pressures[name][i, j] = outcome.r[0, 1] / pn
     return words, pressures
 
@@ -92,28 +96,35 @@ def main(argv=None):
     parser.add_argument("--grid", type=number(int, least=2), default=6, help="starts")
     args = parser.parse(argv)
     comm = MPI.COMM_WORLD
-    folder, say = output.output_folder(comm, args.output), output.Report(comm)
-    starts = (np.arange(args.grid) + 0.5) * 1.1 / args.grid  # none is the solution
-    summary = {}
+    folder = io.output_folder(comm, args.output)
+    say = io.Report(comm)
+    cells = np.arange(args.grid)
+    starts = (cells + 0.5) * 1.1 / args.grid  # none is the solution
+    problems = {}
     for problem in (element, triangle):
-        title, critical = problem.__name__, max(corner(problem(3.0, args.n))[:2])
+        title = problem.__name__
+        contact = problem(3.0, args.n)
+        stiffness_ratio, load_ratio, _ = corner(contact)
+        critical = max(stiffness_ratio, load_ratio)
         frictions = np.round(critical * np.array([0.8, 0.9, 1.0, 1.1, 1.2]), 12)
         words, pressures = sweep(problem, args.n, frictions, starts)
+        ends = {name: ["".join(row) for row in letters] for name, letters in words.items()}
         say(f"{title}: the critical friction is {critical:.10g}")
-        for name, cells in words.items():
-            rows = [f"{f:.3g} {''.join(row)}" for f, row in zip(frictions, cells, strict=True)]
-            say(f"  {name:>14}: " + "  ".join(rows))
+        for name, rows in ends.items():
+            found = [f"{f:.3g} {row}" for f, row in zip(frictions, rows, strict=True)]
+            say(f"  {name:>14}: " + "  ".join(found))
         if comm.rank == 0:
             labels = ("$F$", "$r_n/p_n$ of A at the start")
             file = folder / f"{title}.png"
-            output.draw_panels(file, frictions, starts, words, NAMES, labels=labels)
-        summary[title] = {
+            plot.draw_panels(file, frictions, starts, words, NAMES, labels=labels)
+        problems[title] = {
             "critical": critical,
             "frictions": frictions.tolist(),
-            "words": {name: ["".join(row) for row in cells] for name, cells in words.items()},
+            "words": ends,
             "pressures": {name: values.tolist() for name, values in pressures.items()},
         }
-    return output.write_summary(comm, folder, summary["element"] | {"problems": summary})
+    summary = problems["element"] | {"problems": problems}
+    return io.write_summary(comm, folder, summary)
 
 
 if __name__ == "__main__":

@@ -21,7 +21,7 @@ import numpy as np
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, output
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, io, plot
 from dolfinx_contact.analysis import SteadySliding
 from dolfinx_contact.command_line import CELLS, ScriptParser, number
 from dolfinx_contact.materials import LinearElastic
@@ -30,7 +30,8 @@ from dolfinx_contact.materials import LinearElastic
 def arguments(argv=None):
     pad = dict(dim=2, nx=4, ny=4, young=1.0, poisson=0.3, friction=0.5, cell=None)
     parser = ScriptParser("A pad on a floor that moves", output="output/squeal", **pad)
-    size, some = number(above=0), number(least=0)
+    size = number(above=0)
+    some = number(least=0)
     parser.add_argument("--width", type=size, default=1.0, help="of the pad, along the motion")
     parser.add_argument("--height", type=size, default=1.0, help="of it")
     parser.add_argument("--depth", type=size, default=0.5, help="of it across the motion, in 3D")
@@ -48,27 +49,36 @@ def arguments(argv=None):
 
 
 def pad(args, comm=MPI.COMM_WORLD):
-    last, cell = args.dim - 1, CELLS[args.cell]
-    sizes, cells = [args.width, args.height], [args.nx, args.ny]
-    if args.dim == 3:
-        sizes.insert(1, args.depth)
-        cells.insert(1, max(round(args.nx * args.depth / args.width), 1))
-    box, create = [[0.0] * args.dim, sizes], (mesh.create_rectangle, mesh.create_box)[last - 1]
-    domain = create(comm, box, cells, cell)
-    bottom, top = (
-        mesh.locate_entities_boundary(domain, last, lambda x, z=z: np.isclose(x[last], z))
-        for z in (0.0, args.height)
-    )
+    last = args.dim - 1
+    cell = CELLS[args.cell]
+    origin = np.zeros(args.dim)
+    if args.dim == 2:
+        corners = [origin, [args.width, args.height]]
+        domain = mesh.create_rectangle(comm, corners, [args.nx, args.ny], cell)
+    else:
+        across = max(round(args.nx * args.depth / args.width), 1)
+        corners = [origin, [args.width, args.depth, args.height]]
+        domain = mesh.create_box(comm, corners, [args.nx, across, args.ny], cell)
+
+    def at_height(z):
+        return mesh.locate_entities_boundary(domain, last, lambda x: np.isclose(x[last], z))
+
+    bottom = at_height(0.0)
+    top = at_height(args.height)
     V = fem.functionspace(domain, ("Lagrange", 1, (args.dim,)))
     u = fem.Function(V, name="displacement")
     dofs = fem.locate_dofs_topological(V, last, top)
     clamped = fem.dirichletbc(np.zeros(args.dim), dofs, V)
-    floor = HalfSpace(np.zeros(args.dim), np.eye(args.dim)[last])
+    upwards = np.eye(args.dim)[last]
+    floor = HalfSpace(origin, upwards)
     surface = ContactSurface(u, bottom, obstacle=floor, law=Coulomb(args.friction))
-    energy = LinearElastic.from_young(args.young, args.poisson).energy(u) * ufl.dx
-    tags = mesh.meshtags(domain, last, np.sort(bottom), np.ones(len(bottom), dtype=np.int32))
+    material = LinearElastic.from_young(args.young, args.poisson)
+    energy = material.energy(u) * ufl.dx
+    ones = np.ones(len(bottom), dtype=np.int32)
+    tags = mesh.meshtags(domain, last, np.sort(bottom), ones)
     ds = ufl.Measure("ds", domain, subdomain_data=tags)(1)
-    return ContactProblem(energy, u, [surface], bcs=[clamped]), energy, ds
+    problem = ContactProblem(energy, u, [surface], bcs=[clamped])
+    return problem, energy, ds
 
 
 # ## Damping by a regularised law
@@ -78,42 +88,73 @@ def pad(args, comm=MPI.COMM_WORLD):
 
 
 def regularised(problem, energy, ds, args, slope):
-    u, v, w = problem.u, ufl.TrialFunction(problem.V), ufl.TestFunction(problem.V)
-    stiffness = ufl.derivative(ufl.derivative(energy, u, w), u, v)
-    c, eta = (fem.Constant(problem.V.mesh, float(x)) for x in (slope, args.damping))
-    return eta * stiffness + c * v[0] * w[0] * ds
+    u = problem.u
+    v = ufl.TrialFunction(problem.V)
+    w = ufl.TestFunction(problem.V)
+    forces = ufl.derivative(energy, u, w)
+    stiffness = ufl.derivative(forces, u, v)
+    c = fem.Constant(problem.V.mesh, float(slope))
+    eta = fem.Constant(problem.V.mesh, float(args.damping))
+    damper = c * v[0] * w[0] * ds
+    return eta * stiffness + damper
 
 
 def main(argv=None):
-    args, comm = arguments(argv), MPI.COMM_WORLD
-    folder, say = output.output_folder(comm, args.output), output.Report(comm)
-    (problem, energy, ds), against = pad(args), -np.eye(args.dim)[0]  # slip of the pad
+    args = arguments(argv)
+    comm = MPI.COMM_WORLD
+    folder = io.output_folder(comm, args.output)
+    say = io.Report(comm)
+    problem, energy, ds = pad(args)
+    against = -np.eye(args.dim)[0]  # slip of the pad
     sliding = SteadySliding(problem, against, density=args.density, damping=args.damping)
-    modes, onset = sliding.modes(args.friction), sliding.onset()
+    modes = sliding.modes(args.friction)
+    onset = sliding.onset()
     say(f"F = {args.friction:g}: growth {modes.growth:.10g}, frequency {modes.frequency:.10g}")
-    say("nothing grows up to F = 5" if onset is None else f"onset: {onset}")
-    frictions = np.linspace(0.0, 2.0 * args.friction or 1.0, 13)
-    curves = {"Coulomb": (frictions, [sliding.modes(F).growth for F in frictions])}
+    if onset is None:
+        say("nothing grows up to F = 5")
+    else:
+        say(f"onset: {onset}")
+
+    most = 2.0 * args.friction or 1.0
+    frictions = np.linspace(0.0, most, 13)
+    growing = [sliding.modes(F).growth for F in frictions]
+    curves = {"Coulomb": (frictions, growing)}
     growths = {}
     for slope in args.slopes:
         damping = regularised(problem, energy, ds, args, slope)
         rubbing = SteadySliding(problem, against, density=args.density, damping=damping)
-        growths[f"{slope:g}"] = rubbing.modes(args.friction).growth
-        curves[f"slope {slope:g}"] = frictions, [rubbing.modes(F).growth for F in frictions]
-        say(f"regularised, slope {slope:g}: growth {growths[f'{slope:g}']:.6g}")
+        growth = rubbing.modes(args.friction).growth
+        growths[f"{slope:g}"] = growth
+        growing = [rubbing.modes(F).growth for F in frictions]
+        curves[f"slope {slope:g}"] = (frictions, growing)
+        say(f"regularised, slope {slope:g}: growth {growth:.6g}")
+
+    picture = folder / "growth.png"
     if comm.rank == 0:
-        look = dict(labels=("friction $F$", "largest growth"))
-        output.draw_curves(folder / "growth.png", curves, **look)
-    size, parts = 0.1 * args.height, (modes.real, modes.imaginary)
-    file = output.write_vibration(folder, *parts, size=size)
-    look = dict(size=size, title=f"F = {args.friction:g}, frequency {modes.frequency:.4g}")
-    gif = output.picture_of_vibration(folder / "mode.gif", *parts, **look)
-    say.files([folder / "growth.png", file, gif])
-    summary = {"converged": True, "newton_iterations": 0, "dofs": problem.create_vector().getSize()}
-    summary |= {"growth": modes.growth, "frequency": modes.frequency, "regularised": growths}
-    summary |= {"onset": onset and onset.friction, "onset_frequency": onset and onset.frequency}
-    summary["known_up_to"] = None if np.isinf(modes.known_up_to) else modes.known_up_to
-    return output.write_summary(comm, folder, summary)
+        plot.draw_curves(picture, curves, labels=("friction $F$", "largest growth"))
+    size = 0.1 * args.height
+    parts = (modes.real, modes.imaginary)
+    file = plot.write_vibration(folder, *parts, size=size)
+    title = f"F = {args.friction:g}, frequency {modes.frequency:.4g}"
+    gif = plot.picture_of_vibration(folder / "mode.gif", *parts, size=size, title=title)
+    say.files([picture, file, gif])
+    summary = {
+        "converged": True,
+        "newton_iterations": 0,
+        "dofs": problem.create_vector().getSize(),
+        "growth": modes.growth,
+        "frequency": modes.frequency,
+        "regularised": growths,
+        "onset": None,
+        "onset_frequency": None,
+        "known_up_to": None,
+    }
+    if onset is not None:
+        summary["onset"] = onset.friction
+        summary["onset_frequency"] = onset.frequency
+    if not np.isinf(modes.known_up_to):
+        summary["known_up_to"] = modes.known_up_to
+    return io.write_summary(comm, folder, summary)
 
 
 if __name__ == "__main__":

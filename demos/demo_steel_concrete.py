@@ -22,15 +22,19 @@ import numpy as np
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import RCCM, ContactPair, ContactProblem, output
+from dolfinx_contact import RCCM, ContactPair, ContactProblem, io, plot
 from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.grids import create_grid
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.meshing import join
 
-STEEL, CONCRETE = (210e3, 0.3), (30e3, 0.2)  # E in N/mm^2, nu
-LENGTH, FREE, HALF, COVER = 80.0, 10.0, 8.0, 60.0  # of the bond; bar outside; bar and concrete
+STEEL = (210e3, 0.3)  # E in N/mm^2, nu
+CONCRETE = (30e3, 0.2)
+LENGTH = 80.0  # of the bond
+FREE = 10.0  # of the bar outside
+HALF = 8.0  # of the bar
+COVER = 60.0  # of the concrete
 
 
 def arguments(argv=None):
@@ -44,41 +48,61 @@ def arguments(argv=None):
 
 def pull_out(args, comm):
     """The problem, and the Constant by which the end of the bar is pulled."""
-    h, square = LENGTH / args.n, mesh.CellType.quadrilateral
+    square = mesh.CellType.quadrilateral
+    h = LENGTH / args.n
     x = h * np.arange(args.n + 1)
-    y = HALF + (COVER - HALF) * np.linspace(0.0, 1.0, args.n // 2 + 1) ** 1.5
-    bar = np.append(x, LENGTH + FREE), np.linspace(0.0, HALF, max(args.n // 8, 1) + 1)
-    both = join([create_grid(comm, axes, square) for axes in (bar, (x, y))])
-    domain, parts = both.mesh, both.cell_tags
+    bar_x = np.append(x, LENGTH + FREE)
+    bar_y = np.linspace(0.0, HALF, max(args.n // 8, 1) + 1)
+    bar = create_grid(comm, (bar_x, bar_y), square)
+    depth = np.linspace(0.0, 1.0, args.n // 2 + 1) ** 1.5  # finer towards the bar
+    concrete_y = HALF + (COVER - HALF) * depth
+    concrete = create_grid(comm, (x, concrete_y), square)
+    both = join([bar, concrete])
+    domain = both.mesh
+    parts = both.cell_tags
 
-    def facets(axis, value, part=None):
+    def facets(axis, value):
         found = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[axis], value))
+        return np.sort(found)
+
+    def face(part):
+        """Of the bar (1) or the concrete (2), along the bond."""
+        found = facets(1, HALF)
         cells = domain.topology.connectivity(1, 2)
         of = parts.values[cells.array[cells.offsets[found]]]
-        inside = mesh.compute_midpoints(domain, 1, found)[:, 0] < LENGTH + FREE * (axis == 0)
-        return np.sort(found if part is None else found[(of == part) & inside])
+        inside = mesh.compute_midpoints(domain, 1, found)[:, 0] < LENGTH
+        return found[(of == part) & inside]
 
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u, pull, zero = fem.Function(V), fem.Constant(domain, 0.0), fem.Constant(domain, 0.0)
-    held = [(0, pull, facets(0, LENGTH + FREE)), (1, zero, facets(1, 0.0))]
-    held.append((0, zero, facets(0, LENGTH)))
-    bcs = [
-        fem.dirichletbc(value, fem.locate_dofs_topological(V.sub(i), 1, on), V.sub(i))
-        for i, value, on in held
-    ]
+    u = fem.Function(V)
+    pull = fem.Constant(domain, 0.0)
+    zero = fem.Constant(domain, 0.0)
+
+    def held(axis, value, on):
+        W = V.sub(axis)
+        dofs = fem.locate_dofs_topological(W, 1, on)
+        return fem.dirichletbc(value, dofs, W)
+
+    end = held(0, pull, facets(0, LENGTH + FREE))
+    mirror = held(1, zero, facets(1, 0.0))
+    mouth = held(0, zero, facets(0, LENGTH))
+
     dx = ufl.Measure("dx", domain, subdomain_data=parts)
-    bodies = (LinearElastic.from_young(*given).energy(u) for given in (STEEL, CONCRETE))
+    of_steel = LinearElastic.from_young(*STEEL).energy(u) * dx(1)
+    of_concrete = LinearElastic.from_young(*CONCRETE).energy(u) * dx(2)
     top = mesh.meshtags(domain, 1, facets(1, COVER), 1)
     pressed = args.pressure * u[1] * ufl.ds(subdomain_data=top)(1)
-    energy = sum(e * dx(tag) for tag, e in enumerate(bodies, 1)) + pressed
+    energy = of_steel + of_concrete + pressed
     law = RCCM(args.bond, args.bond, args.work, args.friction)
-    bond = ContactPair(u, facets(1, HALF, 1), master_facets=facets(1, HALF, 2), law=law)
-    return ContactProblem(energy, u, [bond], bcs=bcs), pull
+    bond = ContactPair(u, face(1), master_facets=face(2), law=law)
+    return ContactProblem(energy, u, [bond], bcs=[end, mirror, mouth]), pull
 
 
 def main(argv=None):
-    args, comm = arguments(argv), MPI.COMM_WORLD
-    folder, say = output.output_folder(comm, args.output), output.Report(comm)
+    args = arguments(argv)
+    comm = MPI.COMM_WORLD
+    folder = io.output_folder(comm, args.output)
+    say = io.Report(comm)
     problem, pull = pull_out(args, comm)
     u0 = np.sqrt(args.work / args.bond)
     problem.solve()
@@ -87,33 +111,49 @@ def main(argv=None):
         pull.value = u0 * t
 
     n = args.steps
-    times = np.append(np.arange(3 * n) / n, np.linspace(3.0, 10.0, 4 * n))
-    with output.EvolutionSeries(folder, problem, every=n) as series:
+    fine = np.arange(3 * n) / n
+    coarse = np.linspace(3.0, 10.0, 4 * n)
+    times = np.append(fine, coarse)
+    with io.EvolutionSeries(folder, problem, every=n) as series:
         history = QuasiStatic(problem, load).run(times, observer=series)
+
     tables = [s.result.tables["contact"] for s in history.steps]
     slip = np.array([t.area @ t.ut[:, 0] / t.area.sum() for t in tables])
     force = np.array([-t.force[:, 0].sum() for t in tables])
-    mean, broken = tables[-1].rn.sum() / LENGTH, np.maximum(slip / u0, 1.0)
-    exact = np.where(slip < u0, args.bond * slip, args.bond * u0 / broken**3)
-    exact = LENGTH * (exact + args.friction * mean * (1 - broken**-2.0))
-    e, top = history.energies, int(np.argmax(force))
-    summary = {
-        "slip": slip,
-        "force": force,
-        "uniform": exact,
-        **{"peak": force[top], "peak_slip": slip[top], "normal": mean * LENGTH},
-        **{"plateau": force[-1], "plateau_closed_form": exact[-1]},
-        **{"friction_limit": args.friction * args.pressure * LENGTH},
-        **{"external": e.external, "stored": e.stored, "dissipated": e.dissipated},
-        **{"damage": e.damage, "residue": e.residue, "work_of_bond": args.work * LENGTH},
+    normal = tables[-1].rn.sum() / LENGTH
+    broken = np.maximum(slip / u0, 1.0)
+    adhesion = np.where(slip < u0, args.bond * slip, args.bond * u0 / broken**3)
+    friction = args.friction * normal * (1 - broken**-2.0)
+    uniform = LENGTH * (adhesion + friction)
+
+    energies = history.energies
+    top = int(np.argmax(force))
+    numbers = {
+        "peak": force[top],
+        "peak_slip": slip[top],
+        "normal": normal * LENGTH,
+        "plateau": force[-1],
+        "plateau_closed_form": uniform[-1],
+        "friction_limit": args.friction * args.pressure * LENGTH,
+        "external": energies.external,
+        "stored": energies.stored,
+        "dissipated": energies.dissipated,
+        "damage": energies.damage,
+        "residue": energies.residue,
+        "work_of_bond": args.work * LENGTH,
     }
-    for name in list(summary)[3:]:
-        say(f"{name}: {summary[name]:.6g}")
+    for name, value in numbers.items():
+        say(f"{name}: {value:.6g}")
+
     if comm.rank == 0:
-        look = dict(labels=("mean slip, mm", "pull, N/mm"), dotted={"uniform slip": (slip, exact)})
-        output.draw_curves(folder / "pull_out.png", {"plane strain": (slip, force)}, **look)
-    output.picture_of_body(folder / "body.png", problem, scale=10.0)
-    return output.write_summary(comm, folder, history.steps[-1].result.summary() | summary)
+        curves = {"plane strain": (slip, force)}
+        dotted = {"uniform slip": (slip, uniform)}
+        labels = ("mean slip, mm", "pull, N/mm")
+        plot.draw_curves(folder / "pull_out.png", curves, dotted=dotted, labels=labels)
+    plot.picture_of_body(folder / "body.png", problem, scale=10.0)
+    summary = history.steps[-1].result.summary()
+    summary |= {"slip": slip, "force": force, "uniform": uniform}
+    return io.write_summary(comm, folder, summary | numbers)
 
 
 if __name__ == "__main__":

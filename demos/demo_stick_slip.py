@@ -23,12 +23,16 @@ import numpy as np
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, RigidBody, output
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, RigidBody, io, plot
 from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.evolution import NSCD
 from dolfinx_contact.materials import LinearElastic
 
-WIDTH, HEIGHT, DENSITY, WEIGHT, FREQUENCY = 2.0, 1.0, 1.0, 10.0, 2 * np.pi
+WIDTH = 2.0
+HEIGHT = 1.0
+DENSITY = 1.0
+WEIGHT = 10.0
+FREQUENCY = 2 * np.pi
 
 
 def arguments(argv=None):
@@ -39,34 +43,87 @@ def arguments(argv=None):
     parser.add_argument("--damping", type=number(least=0), default=1e-4, help="of K, a time")
     parser.add_argument("--end", type=number(above=0), default=3.0, help="of the time, in periods")
     args = parser.parse(argv)
-    if not args.belt * FREQUENCY < args.friction * WEIGHT:
+    reached = args.belt * FREQUENCY < args.friction * WEIGHT
+    if not reached:
         parser.error("so fast a belt is never reached: w V must be less than mu g")
     return args
 
 
 def block_on_belt(args, comm):
     """The block at rest, and the way of the belt."""
-    corners, cells = [[0.0, 0.0], [WIDTH, HEIGHT]], [2 * args.n, args.n]
+    corners = [[0.0, 0.0], [WIDTH, HEIGHT]]
+    cells = [2 * args.n, args.n]
     domain = mesh.create_rectangle(comm, corners, cells, mesh.CellType.quadrilateral)
-    V, way = fem.functionspace(domain, ("Lagrange", 1, (2,))), fem.Constant(domain, 0.0)
-    u, floor = fem.Function(V, name="displacement"), HalfSpace((0.0, 0.0), (0.0, 1.0))
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    way = fem.Constant(domain, 0.0)
+    u = fem.Function(V, name="displacement")
+    floor = HalfSpace((0.0, 0.0), (0.0, 1.0))
     belt = RigidBody(floor, about=(0, 0), motion={"x": way}, held=("y", "rz"), name="belt")
     below = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 0))
-    surface = ContactSurface(u, below, obstacle=belt, law=Coulomb(args.friction))
-    stored = LinearElastic.from_young(args.young, args.poisson).energy(u)
-    springs = fem.Constant(domain, FREQUENCY**2) * u[0] ** 2 / 2
-    per_mass = springs + fem.Constant(domain, WEIGHT) * u[1]
-    problem = ContactProblem((stored + DENSITY * per_mass) * ufl.dx, u, [surface])
+    law = Coulomb(args.friction)
+    surface = ContactSurface(u, below, obstacle=belt, law=law)
+    material = LinearElastic.from_young(args.young, args.poisson)
+    stored = material.energy(u)
+    stiffness = fem.Constant(domain, FREQUENCY**2)
+    springs = stiffness * u[0] ** 2 / 2
+    weight = fem.Constant(domain, WEIGHT)
+    per_mass = springs + weight * u[1]
+    energy = (stored + DENSITY * per_mass) * ufl.dx
+    problem = ContactProblem(energy, u, [surface])
     problem.solve()
     return problem, way
 
 
+def one_degree(args):
+    """Mean way of the oscillator, and the times when it is caught by the belt and let go."""
+    w = FREQUENCY
+    mean = args.friction * WEIGHT / w**2
+    caught = np.arcsin(args.belt / (mean * w)) / w
+    let_go = caught + mean * np.cos(w * caught) / args.belt
+    return mean, caught, let_go
+
+
+def way_of_one_degree(args, t):
+    mean, caught, let_go = one_degree(args)
+    w = FREQUENCY
+    slips = mean * (1 - np.cos(w * t))
+    joins = mean * (1 - np.cos(w * caught))
+    rides = joins + args.belt * (t - caught)
+    swings = mean + args.belt / w * np.sin(w * (t - let_go))
+    return np.select([t < caught, t < let_go], [slips, rides], swings)
+
+
+def longest_stick(history):
+    """First and last index of the longest time in which a point sticks."""
+    stuck = ["k" in step.status for step in history.steps]
+    changes = np.diff([False, *stuck, False])
+    runs = np.flatnonzero(changes).reshape(-1, 2)
+    if len(runs) == 0:
+        return 0, 0
+    lengths = np.diff(runs)[:, 0]
+    return runs[np.argmax(lengths)]
+
+
+def period_of(swing, times, later):
+    """Mean time between passages upwards through zero."""
+    rises = (swing[:-1] < 0) & (swing[1:] >= 0)
+    up = np.flatnonzero(rises & later[:-1])
+    steps = np.diff(times)[up]
+    through = times[up] - swing[up] * steps / np.diff(swing)[up]
+    if len(through) < 2:
+        return None
+    return np.diff(through).mean()
+
+
 def main(argv=None):
-    args, comm = arguments(argv), MPI.COMM_WORLD
-    folder, say = output.output_folder(comm, args.output), output.Report(comm)
+    args = arguments(argv)
+    comm = MPI.COMM_WORLD
+    folder = io.output_folder(comm, args.output)
+    say = io.Report(comm)
     problem, way = block_on_belt(args, comm)
     size = WIDTH * HEIGHT
-    middle, places = fem.form(problem.u[0] / size * ufl.dx), [0.0]
+    middle = fem.form(problem.u[0] / size * ufl.dx)
+    places = [0.0]
 
     def load(t):
         way.value = args.belt * t
@@ -74,40 +131,39 @@ def main(argv=None):
     def watch(_):
         places.append(comm.allreduce(fem.assemble_scalar(middle)))
 
-    motion = NSCD(problem, DENSITY, dt=args.dt, load=load, damping=(0.0, args.damping))
-    history = motion.run([0.0, 2 * np.pi / FREQUENCY * args.end], observer=watch)
-    times, u = np.array([0.0, *(s.time for s in history.steps)]), np.array(places)
-    stuck = ["k" in s.status for s in history.steps]
-    runs = np.flatnonzero(np.diff([False, *stuck, False])).reshape(-1, 2)
-    first, last = runs[np.argmax(np.diff(runs)[:, 0])] if len(runs) else (0, 0)
-    mean = args.friction * WEIGHT / FREQUENCY**2
-    caught = np.arcsin(args.belt / (mean * FREQUENCY)) / FREQUENCY
-    let_go = caught + mean * np.cos(FREQUENCY * caught) / args.belt
+    damping = (0.0, args.damping)
+    motion = NSCD(problem, DENSITY, dt=args.dt, load=load, damping=damping)
+    period = 2 * np.pi / FREQUENCY
+    history = motion.run([0.0, period * args.end], observer=watch)
+    times = np.array([0.0, *(step.time for step in history.steps)])
+    u = np.array(places)
+    first, last = longest_stick(history)
+    mean, caught, let_go = one_degree(args)
     later = times > let_go + 0.05
     swing = np.where(later, u - mean, 0.0)
-    up = np.flatnonzero((swing[:-1] < 0) & (swing[1:] >= 0) & later[:-1])
-    through = times[up] - swing[up] * np.diff(times)[up] / np.diff(swing)[up]
     account = history.energies
-    summary = {
+    residues = [abs(step.energies.residue) for step in history.steps]
+    found = {
         "stick": [times[first], times[last]],
         "stick_closed_form": [caught, let_go],
         "amplitude": np.ptp(u[later]) / 2,
         "amplitude_closed_form": args.belt / FREQUENCY,
-        "period": np.diff(through).mean() if len(through) > 1 else None,
-        "period_closed_form": 2 * np.pi / FREQUENCY,
+        "period": period_of(swing, times, later),
+        "period_closed_form": period,
         "work_of_the_belt": account.external,
-        "energy_residue": max(abs(s.energies.residue) for s in history.steps) / account.external,
+        "energy_residue": max(residues) / account.external,
     }
-    say("\n".join(f"{key}: {value}" for key, value in summary.items()))
-    output.write_rows(comm, folder / "steps.csv", history.rows())
+    for key, value in found.items():
+        say(f"{key}: {value}")
+    io.write_rows(comm, folder / "steps.csv", history.rows())
     if comm.rank == 0:
-        w, t = FREQUENCY, times
-        ride = mean * (1 - np.cos(w * caught)) + args.belt * (t - caught)
-        slips = mean * (1 - np.cos(w * t)), mean + args.belt / w * np.sin(w * (t - let_go))
-        exact = np.select([t < caught, t < let_go], [slips[0], ride], slips[1])
-        curves, dotted = {"block": (times, u)}, {"one degree": (times, exact)}
-        output.draw_curves(folder / "way.png", curves, dotted=dotted, labels=("time", "way"))
-    return output.write_summary(comm, folder, history.steps[-1].result.summary() | summary)
+        exact = way_of_one_degree(args, times)
+        curves = {"block": (times, u)}
+        dotted = {"one degree": (times, exact)}
+        plot.draw_curves(folder / "way.png", curves, dotted=dotted, labels=("time", "way"))
+    last_result = history.steps[-1].result
+    summary = last_result.summary() | found
+    return io.write_summary(comm, folder, summary)
 
 
 if __name__ == "__main__":

@@ -21,13 +21,22 @@ import numpy as np
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactPair, ContactProblem, ContactSurface, Coulomb, HalfSpace, output
+from dolfinx_contact import (
+    ContactPair,
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    HalfSpace,
+    io,
+    plot,
+)
 from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.evolution import NSCD
 from dolfinx_contact.materials import NeoHookean, lame
 from dolfinx_contact.meshing import join
 
-DENSITY, GAP = 1.0, 0.05
+DENSITY = 1.0
+GAP = 0.05
 
 
 def arguments(argv=None):
@@ -44,75 +53,131 @@ def arguments(argv=None):
 
 def bodies(args, comm):
     """The problem, the velocity at the start, and dx of each body."""
-    corners = [[[0, 0, GAP], [1, 1, 1 + GAP]], [[0, 0, -1], [1, 1, 0]]][: 1 + args.two]
-    n, box = 3 * [args.n], mesh.CellType.hexahedron
-    both = join([mesh.create_box(comm, ends, n, box) for ends in corners])
-    domain, dx = both.mesh, ufl.Measure("dx", both.mesh, subdomain_data=both.cell_tags)
+    corners = [[[0, 0, GAP], [1, 1, 1 + GAP]]]
+    if args.two:
+        corners.append([[0, 0, -1], [1, 1, 0]])
+    n = 3 * [args.n]
+    box = mesh.CellType.hexahedron
+    cubes = [mesh.create_box(comm, ends, n, box) for ends in corners]
+    both = join(cubes)
+    domain = both.mesh
+    dx = ufl.Measure("dx", domain, subdomain_data=both.cell_tags)
+    parts = [dx(i + 1) for i in range(len(cubes))]
     V = fem.functionspace(domain, ("Lagrange", 1, (3,)))
-    u, velocity = fem.Function(V, name="displacement"), fem.Function(V, name="velocity")
+    u = fem.Function(V, name="displacement")
+    velocity = fem.Function(V, name="velocity")
     velocity.interpolate(lambda x: np.outer(args.speed, x[2] > GAP / 2))
+
     low = mesh.locate_entities_boundary(domain, 2, lambda x: np.isclose(x[2], GAP))
     top = mesh.locate_entities_boundary(domain, 2, lambda x: np.isclose(x[2], 0))
-    law, turn = Coulomb(args.friction), np.deg2rad(args.tilt)
+    law = Coulomb(args.friction)
     if args.two:
         contact = ContactPair(u, low, master_facets=top, law=law)
     else:
-        x, (c, s) = domain.geometry.x, (np.cos(turn), np.sin(turn))
-        x[:] = x @ np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
-        x[:, 2] += GAP - comm.allreduce(x[:, 2].min(initial=np.inf), op=MPI.MIN)
+        tilted(domain, np.deg2rad(args.tilt))
         wall = HalfSpace((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
         contact = ContactSurface(u, low, obstacle=wall, law=law)
-    energy = NeoHookean(*lame(args.young, args.poisson)).energy(u) * ufl.dx
-    return ContactProblem(energy, u, [contact]), velocity, [dx(i + 1) for i in range(len(corners))]
+    material = NeoHookean(*lame(args.young, args.poisson))
+    problem = ContactProblem(material.energy(u) * ufl.dx, u, [contact])
+    return problem, velocity, parts
 
 
-def main(argv=None):
-    args, comm = arguments(argv), MPI.COMM_WORLD
-    folder, say = output.output_folder(comm, args.output), output.Report(comm)
-    problem, velocity, parts = bodies(args, comm)
-    place = ufl.SpatialCoordinate(problem.V.mesh) + problem.u
-    fields = [velocity[i] for i in range(3)]
-    fields += [ufl.cross(place, velocity)[i] for i in range(3)] + [place[i] for i in range(3)]
-    forms = [[fem.form(DENSITY * f * dx) for f in fields] for dx in parts]
+def tilted(domain, turn):
+    """Turn the cube about the y axis, and put its lowest edge at the gap above the wall."""
+    c = np.cos(turn)
+    s = np.sin(turn)
+    rotation = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+    x = domain.geometry.x
+    x[:] = x @ rotation
+    mine = x[:, 2].min(initial=np.inf)
+    lowest = domain.comm.allreduce(mine, op=MPI.MIN)
+    x[:, 2] += GAP - lowest
+
+
+def meter(problem, velocity, parts):
+    """The function that measures the bodies in their state."""
+    domain = problem.V.mesh
+    place = ufl.SpatialCoordinate(domain) + problem.u
+    moment = ufl.cross(place, velocity)
+    fields = [vector[i] for vector in (velocity, moment, place) for i in range(3)]
+    forms = []
+    for dx in parts:
+        forms.append([fem.form(DENSITY * f * dx) for f in fields])
 
     def measured():
         """Momentum, angular momentum about the origin, and centre of mass; (bodies, 3, 3)."""
         mine = np.array([[fem.assemble_scalar(f) for f in body] for body in forms])
-        return comm.allreduce(mine).reshape(-1, 3, 3)
+        return domain.comm.allreduce(mine).reshape(-1, 3, 3)
 
-    rows, given, how = [measured()], np.zeros((2, 3)), dict(level="velocity", mass="consistent")
+    return measured
+
+
+def draw(folder, history, spins):
+    """The spin of each body in time."""
+    times = np.array([0.0, *(s.time for s in history.steps)])
+    curves = {}
+    for i in range(spins.shape[1]):
+        curves[f"body {i + 1}"] = (times, spins[:, i, 1])
+    labels = ("time", "angular momentum about the centre, y")
+    plot.draw_curves(folder / "spin.png", curves, labels=labels)
+
+
+def main(argv=None):
+    args = arguments(argv)
+    comm = MPI.COMM_WORLD
+    folder = io.output_folder(comm, args.output)
+    say = io.Report(comm)
+    problem, velocity, parts = bodies(args, comm)
+    measured = meter(problem, velocity, parts)
+
+    rows = [measured()]
+    given = np.zeros((2, 3))  # impulse of the forces, and of their moments
+    how = dict(level="velocity", mass="consistent")
     motion = NSCD(problem, DENSITY, dt=args.dt, velocity=velocity, **how)
-    with output.EvolutionSeries(folder, problem, every=5) as series:
+    with io.EvolutionSeries(folder, problem, every=5) as series:
 
         def watch(step):
             series(step)
-            table, h = step.result.tables["contact"], step.time - step.start
-            points = np.column_stack([(table.x + table.ut)[:, :2], table.un])
-            given[:] += h * np.array([table.force.sum(0), np.cross(points, table.force).sum(0)])
+            table = step.result.tables["contact"]
+            h = step.time - step.start
+            sides = (table.x + table.ut)[:, :2]
+            points = np.column_stack([sides, table.un])
+            moments = np.cross(points, table.force)
+            given[0] += h * table.force.sum(0)
+            given[1] += h * moments.sum(0)
             rows.append(measured())
 
         history = motion.run([0.0, args.end], observer=watch)
-    found, account = np.array(rows), history.energies
-    spins = found[:, :, 1] - np.cross(found[:, :, 2], found[:, :, 0])  # the mass is 1
+
+    found = np.array(rows)
+    momenta = found[:, :, 0]
+    angular = found[:, :, 1]
+    centres = found[:, :, 2]
+    spins = angular - np.cross(centres, momenta)  # the mass is 1
     change = found[-1, 0, :2] - found[0, 0, :2]
-    off = change - ((found[0] - found[-1])[1, :2] if args.two else given)
+    if args.two:
+        other = found[0, 1, :2] - found[-1, 1, :2]
+        off = change - other
+    else:
+        off = change - given
+    account = history.energies
     summary = {
-        "momenta": found[-1, :, 0],
+        "momenta": momenta[-1],
         "spins": spins[-1],
         "impulse": given[0],
         "momentum_error": np.abs(off[0]).max() / np.abs(change[0]).max(),
         "moment_error": np.abs(off[1]).max() / np.abs(change[1]).max(),
         "energy_error": abs(account.residue) / account.at_start,
     }
-    summary |= account.row()
-    say("\n".join(f"{key}: {value}" for key, value in summary.items()))
+    summary.update(account.row())
+    for key, value in summary.items():
+        say(f"{key}: {value}")
+
     if comm.rank == 0:
-        times = np.array([0.0, *(s.time for s in history.steps)])
-        curves = {f"body {i + 1}": (times, spins[:, i, 1]) for i in range(len(parts))}
-        labels = "time", "angular momentum about the centre, y"
-        output.draw_curves(folder / "spin.png", curves, labels=labels)
-    output.picture_of_body(folder / "body.png", problem)
-    return output.write_summary(comm, folder, history.steps[-1].result.summary() | summary)
+        draw(folder, history, spins)
+    plot.picture_of_body(folder / "body.png", problem)
+    last = history.steps[-1].result.summary()
+    return io.write_summary(comm, folder, last | summary)
 
 
 if __name__ == "__main__":

@@ -20,7 +20,15 @@ import numpy as np
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactPair, ContactProblem, ContactSurface, Coulomb, HalfSpace, output
+from dolfinx_contact import (
+    ContactPair,
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    HalfSpace,
+    io,
+    plot,
+)
 from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.grids import create_grid
@@ -44,14 +52,20 @@ def arguments(argv=None):
 
 def blocks(args, comm):
     """Mesh, cell tags (1 above, 2 below), and the facets on y = 0 of slave and master."""
-    x, y = (np.linspace(0.0, 1.0, m * args.n + 1) for m in (args.ratio, 1))
-    below = np.linspace(-0.5, 0.0, max(args.n // 2, 1) + 1)
-    bodies = [(y, y)] if args.rigid_floor else [(y, y), (x, below)]
-    both = join([create_grid(comm, axes, mesh.CellType.quadrilateral) for axes in bodies])
-    domain, parts = both.mesh, both.cell_tags
+    cell = mesh.CellType.quadrilateral
+    side = np.linspace(0.0, 1.0, args.n + 1)
+    bodies = [create_grid(comm, (side, side), cell)]
+    if not args.rigid_floor:
+        across = np.linspace(0.0, 1.0, args.ratio * args.n + 1)
+        up = np.linspace(-0.5, 0.0, max(args.n // 2, 1) + 1)
+        bodies.append(create_grid(comm, (across, up), cell))
+    both = join(bodies)
+    domain = both.mesh
+    parts = both.cell_tags
     on_interface = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 0.0))
     to_cells = domain.topology.connectivity(1, 2)
-    upper = np.isin(to_cells.array[to_cells.offsets[on_interface]], parts.find(1))
+    cells = to_cells.array[to_cells.offsets[on_interface]]  # one of each facet
+    upper = np.isin(cells, parts.find(1))
     return domain, parts, on_interface[upper], on_interface[~upper]
 
 
@@ -61,17 +75,20 @@ def problem(args, comm):
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
     u = fem.Function(V, name="displacement")
     dx = ufl.Measure("dx", domain, subdomain_data=parts)
-    materials = [LinearElastic.from_young(*given) for given in (args.upper, args.lower)]
-    energy = sum(m.energy(u) * dx(tag) for tag, m in enumerate(materials, 1))
+    upper = LinearElastic.from_young(*args.upper)
+    lower = LinearElastic.from_young(*args.lower)
+    energy = upper.energy(u) * dx(1) + lower.energy(u) * dx(2)
 
     def line(y):
         facets = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], y))
         return fem.locate_dofs_topological(V, 1, facets)
 
-    top, law = fem.Constant(domain, np.array(args.top)), Coulomb(args.friction)
+    top = fem.Constant(domain, np.array(args.top))
+    law = Coulomb(args.friction)
     bcs = [fem.dirichletbc(top, line(1.0), V)]
     if args.rigid_floor:
-        contact = ContactSurface(u, slave, obstacle=HalfSpace((0, 0), (0, 1)), law=law)
+        floor = HalfSpace((0, 0), (0, 1))
+        contact = ContactSurface(u, slave, obstacle=floor, law=law)
     else:
         bcs.append(fem.dirichletbc(np.zeros(2), line(-0.5), V))
         contact = ContactPair(u, slave, master_facets=master, law=law)
@@ -82,7 +99,8 @@ def problem(args, comm):
 # the slip since the time before. A unit of time is a step: down, to the right, to the left, up.
 def along_the_path(both, top, observer=None):
     corners = [0, 5, 13, 29, 37]
-    across, up = (0.0, 0.0, 0.011, -0.011, -0.004), (0.0, -0.01, -0.01, -0.01, 0.001)
+    across = (0.0, 0.0, 0.011, -0.011, -0.004)
+    up = (0.0, -0.01, -0.01, -0.01, 0.001)
 
     def load(t):
         top.value = [np.interp(t, corners, values) for values in (across, up)]
@@ -91,29 +109,46 @@ def along_the_path(both, top, observer=None):
 
 
 def summary_of(table, dissipation):
-    ut, rt = table.along(table.ut), table.along(table.rt)
-    step = {"status": table.status, "ut": ut, "un": table.un, "rt": rt, "rn": table.rn}
-    return step | {"sum_rt": rt.sum(), "sum_rn": table.rn.sum(), "dissipation": dissipation}
+    ut = table.along(table.ut)
+    rt = table.along(table.rt)
+    return {
+        "status": table.status,
+        "ut": ut,
+        "un": table.un,
+        "rt": rt,
+        "rn": table.rn,
+        "sum_rt": rt.sum(),
+        "sum_rn": table.rn.sum(),
+        "dissipation": dissipation,
+    }
 
 
 def main(argv=None):
-    args, comm = arguments(argv), MPI.COMM_WORLD
-    folder, say = output.output_folder(comm, args.output), output.Report(comm)
+    args = arguments(argv)
+    comm = MPI.COMM_WORLD
+    folder = io.output_folder(comm, args.output)
+    say = io.Report(comm)
     both, top = problem(args, comm)
     if args.static:
         result = both.solve()
         steps = [summary_of(result.tables["contact"], 0.0)]
     else:
-        with output.EvolutionSeries(folder, both) as series:
+        with io.EvolutionSeries(folder, both) as series:
             found = along_the_path(both, top, series).steps
         result = found[12].result  # at the end of the first shear
-        steps = [summary_of(s.result.tables["contact"], s.energies.dissipated) for s in found]
-    say("\n".join(f"{s['status']}  dissipated {s['dissipation']:.6g}" for s in steps))
-    output.picture_of_contact(folder / "contact.png", both)
-    output.picture_of_body(folder / "body.png", both, scale=10.0)
-    output.write_fields(folder, both)
-    output.write_contact_table(comm, folder, result.tables.values())
-    return output.write_summary(comm, folder, result.summary() | {"steps": steps})
+        steps = []
+        for step in found:
+            table = step.result.tables["contact"]
+            steps.append(summary_of(table, step.energies.dissipated))
+    for row in steps:
+        say(f"{row['status']}  dissipated {row['dissipation']:.6g}")
+    plot.picture_of_contact(folder / "contact.png", both)
+    plot.picture_of_body(folder / "body.png", both, scale=10.0)
+    io.write_fields(folder, both)
+    io.write_contact_table(comm, folder, result.tables.values())
+    summary = result.summary()
+    summary["steps"] = steps
+    return io.write_summary(comm, folder, summary)
 
 
 if __name__ == "__main__":

@@ -21,13 +21,19 @@ from demo_two_spheres import RADIUS, draw, parser, quarter, study
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact import ContactPair, ContactProblem, Coulomb, Frictionless, output
+from dolfinx_contact import ContactPair, ContactProblem, Coulomb, Frictionless, plot
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.meshing import mesh_from_gmsh
 
-HEIGHT, LOAD = 200.0, 35e3  # mm, N/mm
-STEEL, ALUMINIUM = (LinearElastic.from_young(young, 0.3) for young in (210e3, 70e3))
-HERTZ = output.Hertz(2, RADIUS, 1 / ((1 - 0.3**2) * (1 / 210e3 + 1 / 70e3)), parts=2)
+HEIGHT = 200.0  # mm
+LOAD = 35e3  # N/mm
+STEEL_YOUNG = 210e3  # MPa
+ALUMINIUM_YOUNG = 70e3
+POISSON = 0.3
+STEEL = LinearElastic.from_young(STEEL_YOUNG, POISSON)
+ALUMINIUM = LinearElastic.from_young(ALUMINIUM_YOUNG, POISSON)
+COMPLIANCE = (1 - POISSON**2) * (1 / STEEL_YOUNG + 1 / ALUMINIUM_YOUNG)
+HERTZ = plot.Hertz(2, RADIUS, 1 / COMPLIANCE, parts=2)
 
 
 # ## The bodies
@@ -39,23 +45,34 @@ HERTZ = output.Hertz(2, RADIUS, 1 / ((1 - 0.3**2) * (1 / 210e3 + 1 / 70e3)), par
 
 def block(size):
     face, corners = quarter(size, -1)
+    top = [(x, 0.0) for x, _ in corners[: face + 1]]
     outer = [(HEIGHT, 0.0), (HEIGHT, -HEIGHT), (0.0, -HEIGHT)]
-    return face, [*((x, 0.0) for x, _ in corners[: face + 1]), *outer]
+    return face, top + outer
 
 
 def problem(size, args, comm):
-    bodies = {"upper": quarter(size, 1), "lower": block(args.ratio * size)}
+    cylinder = quarter(size, 1)
+    bodies = {"upper": cylinder, "lower": block(args.ratio * size)}
     body = mesh_from_gmsh(comm, lambda: draw(bodies))
     V = fem.functionspace(body.mesh, ("Lagrange", 1, (2,)))
     u = fem.Function(V, name="displacement")
+
     dx = ufl.Measure("dx", body.mesh, subdomain_data=body.cell_tags)
-    energy = STEEL.energy(u) * dx(body.tag("upper")) + ALUMINIUM.energy(u) * dx(body.tag("lower"))
-    energy += fem.Constant(body.mesh, LOAD / (2 * RADIUS)) * u[1] * body.ds("upper end")
-    bcs = [fem.dirichletbc(np.zeros(2), body.dofs(V, "lower end"), V)]
+    steel = STEEL.energy(u) * dx(body.tag("upper"))
+    aluminium = ALUMINIUM.energy(u) * dx(body.tag("lower"))
+    pressure = fem.Constant(body.mesh, LOAD / (2 * RADIUS))
+    energy = steel + aluminium + pressure * u[1] * body.ds("upper end")
+
+    across = V.sub(0)
+    foot = body.dofs(V, "lower end")
+    bcs = [fem.dirichletbc(np.zeros(2), foot, V)]
     for axis in ("upper axis", "lower axis"):
-        bcs.append(fem.dirichletbc(0.0, body.dofs(V.sub(0), axis), V.sub(0)))
+        dofs = body.dofs(across, axis)
+        bcs.append(fem.dirichletbc(0.0, dofs, across))
+
     law = Coulomb(args.friction) if args.friction > 0 else Frictionless()
-    pair = ContactPair(u, body, slave="upper face", master="lower face", normal=(0, -1), law=law)
+    faces = dict(slave="upper face", master="lower face", normal=(0, -1))
+    pair = ContactPair(u, body, law=law, **faces)
     return ContactProblem(energy, u, [pair], bcs=bcs)
 
 
@@ -63,8 +80,11 @@ def main(argv=None):
     words = parser("two_cylinders", None)
     words.add_argument("--case", choices=("cb1", "spheres"), default="cb1", help="of both demos")
     args = words.parse(argv)
-    args.ratio = args.ratio or {"cb1": 0.8, "spheres": 1.0}[args.case]
-    return study(args) if args.case == "spheres" else study(args, problem, HERTZ)
+    if args.case == "spheres":
+        args.ratio = args.ratio or 1.0
+        return study(args)
+    args.ratio = args.ratio or 0.8
+    return study(args, problem, HERTZ)
 
 
 if __name__ == "__main__":

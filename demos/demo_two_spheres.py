@@ -19,21 +19,27 @@ import numpy as np
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact import ContactPair, ContactProblem, Coulomb, Frictionless, output
+from dolfinx_contact import ContactPair, ContactProblem, Coulomb, Frictionless, io, plot
 from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.materials import Axisymmetric, LinearElastic, circumference
 from dolfinx_contact.meshing import mesh_from_gmsh
 
-RADIUS, APPROACH, YOUNG, POISSON = 50.0, 4.0, 20e3, 0.3  # mm, MPa
-HERTZ = output.Hertz(3, RADIUS / 2, YOUNG / (2 * (1 - POISSON**2)))
+RADIUS = 50.0  # mm
+APPROACH = 4.0
+YOUNG = 20e3  # MPa
+POISSON = 0.3
+HERTZ = plot.Hertz(3, RADIUS / 2, YOUNG / (2 * (1 - POISSON**2)))
 MATERIAL = Axisymmetric(LinearElastic.from_young(YOUNG, POISSON))
 
 
 def parser(name, ratio):
     words = ScriptParser("Two round bodies", output=f"output/{name}", friction=0.0)
-    add, size = words.add_argument, number(above=0, most=2)
-    add("--levels", type=size, nargs="+", default=[1.0, 0.5, 0.25], help="cell sizes there, mm")
-    add("--ratio", type=number(above=0), default=ratio, help="of the lower body's cells over that")
+    add = words.add_argument
+    size = number(above=0, most=2)
+    positive = number(above=0)
+    sizes = [1.0, 0.5, 0.25]
+    add("--levels", type=size, nargs="+", default=sizes, help="cell sizes there, mm")
+    add("--ratio", type=positive, default=ratio, help="of the lower body's cells over that")
     return words
 
 
@@ -44,27 +50,42 @@ def parser(name, ratio):
 
 
 def quarter(size, sign):
+    """The number of sides that may touch, and the corners."""
+    end = 0.5 * np.pi * RADIUS
     s = [0.0]
-    while s[-1] < 0.5 * np.pi * RADIUS:
-        s.append(s[-1] + size + 0.1 * max(s[-1] - 12, 0))
-    x = RADIUS * np.sin(0.5 * np.pi * np.array(s) / s[-1])
+    while s[-1] < end:
+        growth = 0.1 * max(s[-1] - 12, 0)
+        s.append(s[-1] + size + growth)
+    angle = 0.5 * np.pi * np.array(s) / s[-1]
+    x = RADIUS * np.sin(angle)
     y = sign * (RADIUS - np.sqrt(RADIUS**2 - x**2))
-    return int((x < 0.5 * RADIUS).sum()), [*zip(x, y, strict=True), (0.0, sign * RADIUS)]
+    may_touch = int((x < 0.5 * RADIUS).sum())
+    corners = list(zip(x, y, strict=True))
+    corners.append((0.0, sign * RADIUS))
+    return may_touch, corners
 
 
 def draw(bodies):
-    geo, group = gmsh.model.geo, gmsh.model.addPhysicalGroup
+    geo = gmsh.model.geo
+    group = gmsh.model.addPhysicalGroup
     for name, (face, corners) in bodies.items():
-        sizes = corners[1][0] + 0.1 * np.linalg.norm(corners, axis=1)
-        points = [geo.addPoint(x, y, 0, h) for (x, y), h in zip(corners, sizes, strict=True)]
-        sides = [geo.addLine(a, b) for a, b in zip(points, np.roll(points, -1), strict=True)]
+        distance = np.linalg.norm(corners, axis=1)
+        sizes = corners[1][0] + 0.1 * distance
+        points = []
+        for (x, y), size in zip(corners, sizes, strict=True):
+            points.append(geo.addPoint(x, y, 0, size))
+        sides = []
+        for start, end in zip(points, np.roll(points, -1), strict=True):
+            sides.append(geo.addLine(start, end))
         for side in sides[:face]:
             geo.mesh.setTransfiniteCurve(side, 2)
-        body = geo.addPlaneSurface([geo.addCurveLoop(sides)])
+        loop = geo.addCurveLoop(sides)
+        body = geo.addPlaneSurface([loop])
         geo.synchronize()
         group(2, [body], name=name)
-        for part, some in {"face": sides[:face], "end": sides[-2:-1], "axis": sides[-1:]}.items():
-            group(1, some, name=f"{name} {part}")
+        group(1, sides[:face], name=f"{name} face")
+        group(1, sides[-2:-1], name=f"{name} end")
+        group(1, sides[-1:], name=f"{name} axis")
     gmsh.model.mesh.generate(2)
 
 
@@ -75,40 +96,59 @@ def draw(bodies):
 
 
 def problem(size, args, comm):
-    bodies = {"upper": quarter(size, 1), "lower": quarter(args.ratio * size, -1)}
+    upper = quarter(size, 1)
+    lower = quarter(args.ratio * size, -1)
+    bodies = {"upper": upper, "lower": lower}
     body = mesh_from_gmsh(comm, lambda: draw(bodies))
     V = fem.functionspace(body.mesh, ("Lagrange", 1, (2,)))
-    u, ends = fem.Function(V, name="displacement"), {"upper end": -APPROACH, "lower end": 0.0}
+    u = fem.Function(V, name="displacement")
     energy = MATERIAL.energy(u) * circumference(body.mesh) * ufl.dx
-    bcs = [fem.dirichletbc(v, body.dofs(V.sub(1), k), V.sub(1)) for k, v in ends.items()]
-    given = dict(law=Coulomb(args.friction) if args.friction > 0 else Frictionless())
-    given |= dict(slave="upper face", master="lower face", normal=(0, -1), axisymmetric=True)
-    return ContactProblem(energy, u, [ContactPair(u, body, **given)], bcs=bcs)
+    along = V.sub(1)
+    bcs = []
+    for end, value in (("upper end", -APPROACH), ("lower end", 0.0)):
+        dofs = body.dofs(along, end)
+        bcs.append(fem.dirichletbc(value, dofs, along))
+    law = Coulomb(args.friction) if args.friction > 0 else Frictionless()
+    faces = dict(slave="upper face", master="lower face", normal=(0, -1))
+    pair = ContactPair(u, body, **faces, law=law, axisymmetric=True)
+    return ContactProblem(energy, u, [pair], bcs=bcs)
 
 
 def study(args, problem=problem, hertz=HERTZ):
-    comm, levels = MPI.COMM_WORLD, []
-    folder, say = output.output_folder(comm, args.output), output.Report(comm)
+    comm = MPI.COMM_WORLD
+    folder = io.output_folder(comm, args.output)
+    say = io.Report(comm)
+    levels = []
     for size in args.levels:
-        result = (bodies := problem(size, args, comm)).solve()
+        bodies = problem(size, args, comm)
+        result = bodies.solve()
         table = result.tables["contact"]
         found = hertz.compare(table)
-        level = {"size": size, "dofs": result.dofs, "force": found["load"]}
-        level |= {"radius": found["touching_radius"], "hertz_radius": found["radius_closed_form"]}
-        level |= {"peak": found["peak_pressure"], "hertz_peak": found["peak_pressure_closed_form"]}
+        level = {
+            "size": size,
+            "dofs": result.dofs,
+            "force": found["load"],
+            "radius": found["touching_radius"],
+            "hertz_radius": found["radius_closed_form"],
+            "peak": found["peak_pressure"],
+            "hertz_peak": found["peak_pressure_closed_form"],
+        }
         levels.append(level)
-        say(", ".join(f"{k} {v:.6g}" for k, v in level.items()))
+        say(", ".join(f"{name} {value:.6g}" for name, value in level.items()))
     say.result(result)
     if comm.rank == 0:
         hertz.draw(folder / "pressure.png", table)
-    output.picture_of_body(folder / "body.png", bodies)
-    output.write_rows(comm, folder / "convergence.csv", levels)
-    output.write_contact_table(comm, folder, [table])
-    return output.write_summary(comm, folder, {**result.summary(), **level, "levels": levels})
+    plot.picture_of_body(folder / "body.png", bodies)
+    io.write_rows(comm, folder / "convergence.csv", levels)
+    io.write_contact_table(comm, folder, [table])
+    summary = result.summary() | level
+    summary["levels"] = levels
+    return io.write_summary(comm, folder, summary)
 
 
 def main(argv=None):
-    return study(parser("two_spheres", 1.0).parse(argv))
+    args = parser("two_spheres", 1.0).parse(argv)
+    return study(args)
 
 
 if __name__ == "__main__":

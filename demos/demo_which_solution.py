@@ -16,7 +16,7 @@ from mpi4py import MPI
 import numpy as np
 from demo_linear_triangle import linear_triangle
 
-from dolfinx_contact import algorithms, output
+from dolfinx_contact import algorithms, io, plot
 from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.laws.status import letters
 
@@ -52,7 +52,8 @@ def end_of(algorithm, contact, start=None):
 def basins(contact, size):
     """Axes of a grid of starts, and by algorithm the word of each."""
     largest = 3.0 * float(np.abs(contact.p[:2]).max())
-    rt, rn = np.linspace(-largest, largest, size), np.linspace(0.0, largest, size)
+    rt = np.linspace(-largest, largest, size)
+    rn = np.linspace(0.0, largest, size)
     panels = {name: np.full((size, size), "n") for name in ALGORITHMS}
     panels["lemke"][:] = end_of(ALGORITHMS["lemke"], contact)[0]
     for name in set(ALGORITHMS) - {"lemke"}:
@@ -81,7 +82,8 @@ def main(argv=None):
     parser.add_argument("--grid", type=number(int, least=2), default=12, help="starts on its edge")
     args = parser.parse(argv)
     comm = MPI.COMM_WORLD
-    folder, say = output.output_folder(comm, args.output), output.Report(comm)
+    folder = io.output_folder(comm, args.output)
+    say = io.Report(comm)
     problems = {
         "element": (reduced(1, 3.0, (2.4, 1.0), (1.0, 1.0)), args.grid),
         "critical": (reduced(1, 2.0, (2.0, 1.0), (1.0, 1.0)), 0),
@@ -103,8 +105,8 @@ def main(argv=None):
             labels = ("$r_t$ of A at the start", "$r_n$ of A at the start")
             if comm.rank == 0:
                 file = folder / f"basins_{title}.png"
-                output.draw_panels(file, *axes, panels, NAMES, labels=labels)
-    return output.write_summary(comm, folder, found["triangle"] | {"problems": found})
+                plot.draw_panels(file, *axes, panels, NAMES, labels=labels)
+    return io.write_summary(comm, folder, found["triangle"] | {"problems": found})
 
 
 if __name__ == "__main__":

@@ -279,7 +279,8 @@ def _power(node: Any, base: _Part) -> _Part:
 
 _EQUAL = 1e-10  # of the values around, up to which two sides of a border agree
 _PLACES = 4  # of an integral and a rank, at which they are compared, but where data differ
-_LOOKED_AT, _PATTERNS = 20_000, 32  # places that are asked what data are, and such ways
+_LOOKED_AT = 20_000  # places that are asked what data are
+_PATTERNS = 32  # such ways
 _SIZES = (1e-12, 1e-9, 1e-6, 1e-3, 1.0, 1e3)  # of v and its gradient beside the border
 _WAYS = 2  # to the border, of each size
 _REACH = 10.0 ** np.arange(-15, 12.25, 0.25)  # how far borders are looked for
@@ -354,7 +355,8 @@ class _Sides:
     """
 
     def __init__(self, e: Any, v: fem.Function, places: Places, sizes: Sequence[float] = _SIZES):
-        self._terms, self._v = list(_summands(e)), v
+        self._terms = list(_summands(e))
+        self._v = v
         cells, points = places
         samples = len(sizes) * _WAYS
         self._cells = np.repeat(cells, samples)
@@ -390,20 +392,25 @@ class _Sides:
             sign = np.sign(distance.T)
             which, k = np.nonzero(sign[:, :-1] != sign[:, 1:])
             finite = np.isfinite(sign[which, k] + sign[which, k + 1])
-            which, k = which[finite][:_MOST], k[finite][:_MOST]
-            low, high = reach[k], reach[k + 1]
-            below, above = sign[which, k], sign[which, k + 1]
+            which = which[finite][:_MOST]
+            k = k[finite][:_MOST]
+            low = reach[k]
+            high = reach[k + 1]
+            below = sign[which, k]
+            above = sign[which, k + 1]
             for _ in range(_HALVINGS):
                 middle = (low + high) / 2
                 same = np.sign(self._distance(border, middle, which)) == below
-                low, high = np.where(same, middle, low), np.where(same, high, middle)
+                low = np.where(same, middle, low)
+                high = np.where(same, high, middle)
             return self._jumps(border, terms, which, (low, high), (below, above))
 
     def _jumps(
         self, border: Any, terms: Sequence[Any], which: Any, ends: Any, signs: Any
     ) -> tuple[int, int]:
         """At how many borders both sides have values, and at how many these differ."""
-        (low, high), (below, above) = ends, signs
+        low, high = ends
+        below, above = signs
         size = np.maximum(np.abs(high), self._size[which])
         turns = below == -above
         before = self._forced(terms, which, low, high, last=False, turns=turns)
@@ -610,8 +617,10 @@ def _covering(e: Any, v: fem.Function, places: Places) -> Places:
 
 def _places(integral: Any, domain: mesh.Mesh) -> Places:
     """Cells (n,) and points in them (n, 3) of an integral, all of this rank. Collective."""
-    topology, tdim = domain.topology, domain.topology.dim
-    data, number = integral.subdomain_data(), integral.subdomain_id()
+    topology = domain.topology
+    tdim = domain.topology.dim
+    data = integral.subdomain_data()
+    number = integral.subdomain_id()
     of_cells = integral.integral_type() == "cell"
     dim = tdim if of_cells else tdim - 1
     size = topology.index_map(tdim).size_local

@@ -39,7 +39,8 @@ def refuse_other_mesh(expression: Any, domain: mesh.Mesh, what: str) -> None:
     """
     if isinstance(expression, ufl.Form):
         domains: Iterable[Any] = expression.ufl_domains()
-        coefficients, constants = expression.coefficients(), expression.constants()
+        coefficients = expression.coefficients()
+        constants = expression.constants()
     else:
         domains = extract_domains(expression)
         coefficients = ufl.algorithms.extract_coefficients(expression)

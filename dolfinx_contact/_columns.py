@@ -18,7 +18,8 @@ def is_symmetric(A: PETSc.Mat) -> bool:
 
     PETSc's own test answers for the rows of each rank alone, and fails where a rank has few.
     """
-    size, off = A.norm(PETSc.NormType.NORM_INFINITY), A.transpose(PETSc.Mat())
+    size = A.norm(PETSc.NormType.NORM_INFINITY)
+    off = A.transpose(PETSc.Mat())
     off.axpy(-1.0, A, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
     largest = off.norm(PETSc.NormType.NORM_INFINITY)
     off.destroy()
@@ -43,7 +44,8 @@ def solved_columns(pc: PETSc.PC, loads: Columns) -> PETSc.Mat:
         pc: with the factorisation of A.
         loads: owned rows of B (n, k).
     """
-    factor, (n, k) = pc.getFactorMatrix(), loads.shape
+    factor = pc.getFactorMatrix()
+    n, k = loads.shape
     comm = factor.comm
     X = PETSc.Mat().createDense(((n, None), (None, k)), comm=comm)
     X.setUp(), X.assemble()

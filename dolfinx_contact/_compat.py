@@ -165,7 +165,8 @@ class VTXFile:
 
 def is_topology_of(domain: mesh.Mesh, tags: mesh.MeshTags) -> bool:
     """Whether MeshTags number the entities of this very mesh."""
-    mine, theirs = domain.topology, tags.topology
+    mine = domain.topology
+    theirs = tags.topology
     return getattr(mine, "_cpp_object", mine) is getattr(theirs, "_cpp_object", theirs)
 
 

@@ -26,7 +26,8 @@ class Entries:
     def __init__(self, rows: npt.NDArray[np.int64], columns: npt.NDArray[np.int64]):
         self.number = len(rows)
         self._kept = np.flatnonzero((rows >= 0) & (columns >= 0))
-        i, j = rows[self._kept], columns[self._kept]
+        i = rows[self._kept]
+        j = columns[self._kept]
         width = int(j.max(initial=0)) + 1
         places = i * width + j
         #: Where the sums go; None where every entry has a place of its own, in order.

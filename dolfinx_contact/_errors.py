@@ -75,7 +75,8 @@ def everywhere(comm: MPI.Comm, what: str = "") -> Iterator[None]:
         yield
     except BaseException as error:
         failure = error
-    mine, failed = np.array([int(failure is not None)]), np.zeros(1, dtype=int)
+    mine = np.array([int(failure is not None)])
+    failed = np.zeros(1, dtype=int)
     request = comm.Iallreduce(mine, failed, op=MPI.MAX)
     if failure is not None and not _done(request):
         traceback.print_exception(failure)

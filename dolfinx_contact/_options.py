@@ -161,7 +161,10 @@ class ProblemOptions:
     _prefixes: set[str] = set()  # of all problems: one may begin with another
 
     def __init__(self, prefix: str, given: dict[str, Any]):
-        self.prefix, self.given, self._used, self._told = prefix, given, set[str](), False
+        self.prefix = prefix
+        self.given = given
+        self._used = set[str]()
+        self._told = False
         self._prefixes.add(prefix)
 
     def check(self) -> None:

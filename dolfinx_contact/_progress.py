@@ -34,7 +34,8 @@ class Line:
 
     def __init__(self, comm: MPI.Comm, *, stream: TextIO | None = None, seconds: float = _SECONDS):
         self._stream = (stream or sys.stderr) if comm.rank == 0 else None
-        self._seconds, self._next = seconds, 0.0
+        self._seconds = seconds
+        self._next = 0.0
         self._live = self._stream is not None and self._stream.isatty()
         self._open = False
 

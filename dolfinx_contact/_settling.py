@@ -39,7 +39,8 @@ def settle(
         d: for corrections.
         rounds: corrections at most.
     """
-    changed, trial = False, x.duplicate()
+    changed = False
+    trial = x.duplicate()
     evaluate(x, b)
     for _ in range(rounds):
         if not correct(x, b, d):

@@ -28,7 +28,8 @@ def graded(length: float, size: float, fine: int, coarse: int) -> npt.NDArray[np
     """
     if not (size > 0 and fine >= 0 and coarse >= 1 and fine * size < length < np.inf):
         raise ValueError(f"{fine} cells of size {size} and {coarse} more do not fill {length}")
-    powers, rest = np.arange(1, coarse + 1), length / size - fine
+    powers = np.arange(1, coarse + 1)
+    rest = length / size - fine
 
     def excess(growth: float) -> float:
         return float(np.sum(growth**powers) - rest)

@@ -20,7 +20,7 @@ An energy of your own needs no class. Write it as a function of a 3 x 3 deformat
     F = ufl.as_tensor([[F[0, 0], F[0, 1], 0], [F[1, 0], F[1, 1], 0], [0, 0, 1]])  # not in 3D
     F = ufl.variable(F)
     problem = ContactProblem(W(F) * ufl.dx, u, surfaces, bcs=bcs)
-    stress = ufl.diff(W(F), F) * F.T / ufl.det(F)  # Cauchy, 3 x 3: for `output.write_fields`
+    stress = ufl.diff(W(F), F) * F.T / ufl.det(F)  # Cauchy, 3 x 3: for `io.write_fields`
 
 Of a body of revolution half of a section is meshed, r = x >= 0 and z = y. Its energy is that of
 `Axisymmetric` with the weight `circumference`, and its loads have that weight too::
@@ -313,10 +313,13 @@ class CiarletGeymonat(Elastic):
 
     def _stored(self, u: fem.Function, F: Any) -> Any:
         lmbda, mu, a = _constants(u, self.lmbda, self.mu, self.a)
-        b, c, d = mu / 2 - a, lmbda / 4 - mu / 2 + a, lmbda / 2 + mu
+        b = mu / 2 - a
+        c = lmbda / 4 - mu / 2 + a
+        d = lmbda / 2 + mu
         out = 3 - F.ufl_shape[0]  # the out-of-plane stretch of plane strain, C_33 = 1
         C = F.T * F
-        tr, det = ufl.tr(C) + out, ufl.det(C)
+        tr = ufl.tr(C) + out
+        det = ufl.det(C)
         second = (tr**2 - ufl.inner(C, C) - out) / 2
         return a * (tr - 3) + b * (second - 3) + c * (det - 1) - d / 2 * ufl.ln(det)
 
@@ -353,7 +356,8 @@ class Axisymmetric(Material):
 
     def full_stress(self, u: fem.Function) -> Any:
         _require_section(u)
-        r, H = _radius(u), ufl.grad(u)
+        r = _radius(u)
+        H = ufl.grad(u)
         on_axis = ufl.lt(r, _ON_AXIS * ufl.CellDiameter(u.function_space.mesh))
         return self.material._stress_of(
             u, _in_space(H, ufl.conditional(on_axis, H[0, 0], u[0] / r))

@@ -87,7 +87,8 @@ def prolong(coarse: ContactProblem, fine: ContactProblem, *, padding: float = 1e
         for known, new in zip(coarse.rigid_bodies, fine.rigid_bodies, strict=True):
             new.values = known.values.copy()
         for a, b in zip(coarse.surfaces, fine.surfaces, strict=True):
-            degree, maps = a.degrees[1], interpolate
+            degree = a.degrees[1]
+            maps = interpolate
             if degree != a.degrees[0]:
                 spaces = [
                     fem.functionspace(p.V.mesh, ("Lagrange", degree, (a.dim,)))
@@ -118,7 +119,9 @@ class _Interpolation:
         cells: npt.NDArray[np.int32],
         padding: float,
     ):
-        self.source, self.target, self._cells = source, target, cells
+        self.source = source
+        self.target = target
+        self._cells = cells
         self._data = fem.create_interpolation_data(target, source, cells, padding)
 
     def __call__(self, f: fem.Function) -> fem.Function:

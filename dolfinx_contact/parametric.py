@@ -25,7 +25,6 @@ from dolfinx_contact._agreement import described, refuse_other_mesh
 from dolfinx_contact._compat import is_mesh_of, is_value_of
 from dolfinx_contact._errors import everywhere, on_root, require, same_everywhere
 from dolfinx_contact._frozen import ReadOnly
-from dolfinx_contact.analysis.contact import obstacle_to_proof, proved, proved_rays
 from dolfinx_contact.continuation import BranchPoint, Piece
 from dolfinx_contact.continuation.affine import AffineSystem
 from dolfinx_contact.continuation.arguments import checked_gamma
@@ -36,6 +35,7 @@ from dolfinx_contact.laws import Coulomb, Frictionless, status
 from dolfinx_contact.laws.status import OPEN
 from dolfinx_contact.points.surface import ContactSurface
 from dolfinx_contact.problem import ContactProblem
+from dolfinx_contact.proofs import obstacle_to_proof, proved, proved_rays
 from dolfinx_contact.reduced.condensed import CondensedContact, can_condense
 from dolfinx_contact.results.checks import sliding_doubt, slidings
 from dolfinx_contact.results.result import Result
@@ -99,7 +99,8 @@ class ParametricContact(ReadOnly, ParametricEquations):
             gamma=float(gamma.value),
             driven=[described(expression, problem.V.mesh) for _, expression in driven],
         )
-        self.problem, self.ray_seconds = problem, _RAY_SECONDS
+        self.problem = problem
+        self.ray_seconds = _RAY_SECONDS
         super().__init__(problem.equations, gamma, lambda: problem.linear_solver, driven=driven)
         self._condensed: CondensedContact | None = None
         self._condensed_from = 0  # mark of the data
@@ -270,7 +271,8 @@ class ParametricContact(ReadOnly, ParametricEquations):
         """
         is_word = isinstance(letters, str)
         require(self.comm, is_word, f"the letters of a piece are a word, got {letters!r}")
-        parts, start = [], 0
+        parts = []
+        start = 0
         for s, a, b in self.parts():
             counts = self.comm.allgather(b - a)
             order = _order(s)

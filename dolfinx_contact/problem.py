@@ -30,8 +30,6 @@ from dolfinx_contact._options import ProblemOptions, check_options, in_database
 from dolfinx_contact._petsc import require_real, staged
 from dolfinx_contact._progress import SolveProgress
 from dolfinx_contact.algorithms import Algorithm, ReducedContact
-from dolfinx_contact.analysis.contact import uniqueness
-from dolfinx_contact.analysis.theory import theory_of
 from dolfinx_contact.body.bulk import Bulk
 from dolfinx_contact.body.cells import check_cells
 from dolfinx_contact.body.circumference import check_circumference, refuse_revolution
@@ -42,6 +40,7 @@ from dolfinx_contact.equations.state import State, Statuses
 from dolfinx_contact.points.revolution import axis_condition
 from dolfinx_contact.points.rigid_body import RigidBody
 from dolfinx_contact.points.surface import ContactSurface
+from dolfinx_contact.proofs import theory_of, uniqueness
 from dolfinx_contact.results.balance import forces_at_vertices, support_at_nodes
 from dolfinx_contact.results.checks import warn_of_obstacles
 from dolfinx_contact.results.result import Result, collect, tell
@@ -149,7 +148,9 @@ class ContactProblem(ReadOnly):
         require_real()
         if not isinstance(u, fem.Function):
             raise ValueError(f"the displacement must be a Function, got {type(u).__name__}")
-        self.u, self.V, self.comm = u, u.function_space, u.function_space.mesh.comm
+        self.u = u
+        self.V = u.function_space
+        self.comm = u.function_space.mesh.comm
         keep(self.V.mesh)
         with everywhere(self.comm, "a contact problem"):
             self.surfaces, self.bcs = lists(surfaces, bcs)
@@ -248,7 +249,8 @@ class ContactProblem(ReadOnly):
             always: also if it does not.
         """
         before = [f.x.array.copy() for f in self.fields]
-        statuses, done = [s.statuses for s in self.surfaces], False
+        statuses = [s.statuses for s in self.surfaces]
+        done = False
         motions = self.equations.rigid.given
         try:
             yield
@@ -269,7 +271,8 @@ class ContactProblem(ReadOnly):
 
     def state(self, statuses: Statuses | None = None) -> State:
         """The state in the Functions, by statuses, by default those of the surfaces. Collective."""
-        x, b = self.create_vector(), self.create_vector()
+        x = self.create_vector()
+        b = self.create_vector()
         self.write(x)
         known = [s.statuses for s in self.surfaces] if statuses is None else statuses
         state = self.equations.residual(x, b, known)
@@ -284,7 +287,8 @@ class ContactProblem(ReadOnly):
     def table(self, s: ContactSurface) -> ContactTable:
         """The contact points of ``s`` at the state in the Functions. Collective."""
         self._require_mine(s)
-        state, number = self.state(), self.surfaces.index(s)
+        state = self.state()
+        number = self.surfaces.index(s)
         return contact_table(self.equations, number, state, support_at_nodes(self.equations, state))
 
     def support_forces(self, s: ContactSurface) -> npt.NDArray[np.float64]:
@@ -351,7 +355,8 @@ class ContactProblem(ReadOnly):
         )
         fits = all(fit(self.surfaces, statuses) for statuses in expected)
         require(self.comm, fits, "the expected statuses are not those of these contact points")
-        said, x0 = SolveProgress(self.comm, progress), self.create_vector()
+        said = SolveProgress(self.comm, progress)
+        x0 = self.create_vector()
         self.write(x0)
         try:
             if chosen is None:
@@ -386,11 +391,14 @@ class ContactProblem(ReadOnly):
         self, x: PETSc.Vec
     ) -> tuple[Callable[[float], Uniqueness], Callable[[], Theory]]:
         """What a result may be asked of the problem as it was solved, its memory included."""
-        eq, values, memory = self.equations, x.array_r.copy(), self.equations.memory
+        eq = self.equations
+        values = x.array_r.copy()
+        memory = self.equations.memory
         known: dict[float, Uniqueness] = {}
 
         def as_solved(ask: Callable[[PETSc.Vec], Answer]) -> Answer:
-            y, now = self.create_vector(), eq.memory
+            y = self.create_vector()
+            now = eq.memory
             y.array[:] = values
             eq.remember(memory)
             try:
@@ -444,7 +452,8 @@ class ContactProblem(ReadOnly):
 
         So that a run warns once, and of steps that are accepted.
         """
-        before, self._told = self._told, set()
+        before = self._told
+        self._told = set()
         try:
             yield
         finally:

@@ -102,7 +102,8 @@ def half_block(comm=MPI.COMM_WORLD, n=4):
 def same_tables(a, b, tolerance=1e-9):
     """Whether two contact tables agree, forces and lengths relative to their largest."""
     np.testing.assert_allclose(a.x, b.x, atol=1e-9)
-    force, length = np.abs(a.force).max(), max(np.abs(a.ut).max(), np.abs(a.un).max())
+    force = np.abs(a.force).max()
+    length = max(np.abs(a.ut).max(), np.abs(a.un).max())
     np.testing.assert_allclose(a.force, b.force, rtol=0, atol=tolerance * force)
     np.testing.assert_allclose(a.un, b.un, rtol=0, atol=tolerance * length)
     np.testing.assert_allclose(a.ut, b.ut, rtol=0, atol=tolerance * length)

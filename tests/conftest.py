@@ -11,6 +11,8 @@ import pytest
 COMM = MPI.COMM_WORLD
 #: Tests of what ranks do to each other, on two of them in all cases.
 EVERY_CASE = ("test_bad_input", "test_disk", "test_hostile", "test_messages", "test_results")
+#: Tests of which every case runs on any number of ranks.
+ON_ANY = ("test_golden",)
 #: Tests on three ranks, of what depends on who owns what; the rest is seen on two.
 ON_THREE = {
     "test_affine": ("a_bulk_that_jumps_is_refused", "a_kink_that_becomes_a_jump"),
@@ -62,13 +64,15 @@ def pytest_collection_modifyitems(config, items):
     """Leave out what takes long, and on several ranks most repetitions (all run with --long).
 
     There a test with several cases runs in one, the last on two ranks and the first on more, but
-    for tests of what ranks do to each other. What sends many messages runs serially alone, and on
-    three ranks only what `ON_THREE` names.
+    for tests of what ranks do to each other and the golden record. What sends many messages runs
+    serially alone, and on three ranks only what `ON_THREE` names.
     """
     if config.getoption("--long"):
         return
     cases = {}
     for item in items:
+        if item.path.stem in ON_ANY:
+            continue
         if item.get_closest_marker("long"):
             item.add_marker(pytest.mark.skip(reason="takes long: --long runs it"))
         elif COMM.size > 1 and item.get_closest_marker("chatty"):

@@ -71,7 +71,8 @@ class Renumbering:
     """``dolfinx.mesh`` as a demo sees it, with nodes and cells in a random order."""
 
     def __init__(self, seed, module):
-        self._seed, self._module = seed, module
+        self._seed = seed
+        self._module = module
 
     def __getattr__(self, name):
         made = getattr(self._module, name)
@@ -88,7 +89,8 @@ class Renumbering:
 def renumbered(whole, seed):
     """The mesh with its nodes and cells in another order; DOLFINx's own undoes some of them."""
     assert whole.comm.size == 1
-    x, cells = whole.geometry.x[:, :2], whole.geometry.dofmap.astype(np.int64)
+    x = whole.geometry.x[:, :2]
+    cells = whole.geometry.dofmap.astype(np.int64)
     element = basix.ufl.element("Lagrange", whole.basix_cell().name, 1, shape=(2,))
     random = np.random.default_rng(seed)
     for _ in range(100):
@@ -111,7 +113,8 @@ def main():
     parser.add_argument("options", nargs="*", help="of the demo, after --")
     args = vars(parser.parse_args())
     sys.path.insert(0, str(DEMOS))
-    demo, options = importlib.import_module(args.pop("demo")), args.pop("options")
+    demo = importlib.import_module(args.pop("demo"))
+    options = args.pop("options")
     with varied(**args):
         demo.main(options)
 

@@ -15,7 +15,8 @@ class Tridiagonal:
     """A symmetric tridiagonal matrix, by its diagonal and what is beside it."""
 
     def __init__(self, diagonal, beside):
-        self.diagonal, self.beside = np.asarray(diagonal, float), np.asarray(beside, float)
+        self.diagonal = np.asarray(diagonal, float)
+        self.beside = np.asarray(beside, float)
 
     def __matmul__(self, x):
         y = self.diagonal * x
@@ -47,9 +48,11 @@ class Bar:
     damping: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self):
-        n, h = self.n, self.length / self.n
+        n = self.n
+        h = self.length / self.n
         part = self.density * h
-        ones, ends = np.ones(n), np.append(np.append(1.0, 2 * np.ones(n - 1)), 1.0)
+        ones = np.ones(n)
+        ends = np.append(np.append(1.0, 2 * np.ones(n - 1)), 1.0)
         self.K = Tridiagonal(self.young / h * ends, -self.young / h * ones)
         consistent = Tridiagonal(part / 3 * ends, part / 6 * ones)
         self.C = Tridiagonal(0 * ends, 0 * ones)
@@ -67,17 +70,22 @@ class Bar:
 
         The energy is that of motion, of strain, and of the height over the undeformed start.
         """
-        n, e = self.n, restitution
-        u, v = np.zeros(n + 1), np.full(n + 1, self.velocity)
+        n = self.n
+        e = restitution
+        u = np.zeros(n + 1)
+        v = np.full(n + 1, self.velocity)
         known = (
             0.0 if scheme == "theta-euler" else 1.0 - theta
         )  # u_1 = u_0 + h (known v_0 + new v_1)
         new = 1.0 if scheme == "theta-euler" else theta
-        inverse, length, found = None, 0.0, []
+        inverse = None
+        length = 0.0
+        found = []
         for h in np.diff(times):
             if inverse is None or h != length:
                 matrix = self.M.plus(theta * h, self.C).plus(theta * new * h**2, self.K)
-                inverse, length = matrix.inverse(), h
+                inverse = matrix.inverse()
+                length = h
                 unit = inverse(h * np.eye(n + 1)[0])  # velocity by a unit force
             inner = theta * (self.K @ (u + h * known * v))
             inner = inner + (1 - theta) * (self.K @ u + self.C @ v) - self.load
@@ -93,7 +101,8 @@ class Bar:
                 ahead = self.height + u[0] + h * (known * v[0] + new * free[0])
                 force = max(0.0, -ahead / (h * new * unit[0]))
             v1 = free + force * unit
-            u, v = u + h * (known * v + new * v1), v1
+            u = u + h * (known * v + new * v1)
+            v = v1
             energy = v @ (self.M @ v) / 2 + u @ (self.K @ u) / 2 - self.load @ u
             found.append((force, self.height + u[0], energy))
         return tuple(np.array(found).T)

@@ -17,7 +17,7 @@ from dolfinx_contact import ContactPair, ContactProblem, Coulomb
 from dolfinx_contact.evolution import NSCD, QuasiStatic
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.meshing import crack
-from dolfinx_contact.output import EvolutionRecord
+from dolfinx_contact.records import EvolutionRecord
 
 #: Down in the first unit of time, then to the right, to the left, and up.
 TIMES = np.array([0.0, 1.0, 3.0, 6.0, 7.0])
@@ -26,7 +26,8 @@ LONGEST = 0.5
 
 def motion(time, way=0.012):
     """Of the top, at a time."""
-    across, up = (0.0, 0.0, way, -way, -0.3 * way), (0.0, -0.01, -0.01, -0.01, -0.002)
+    across = (0.0, 0.0, way, -way, -0.3 * way)
+    up = (0.0, -0.01, -0.01, -0.01, -0.002)
     return np.array([np.interp(time, TIMES, values) for values in (across, up)])
 
 
@@ -54,7 +55,8 @@ def cracked_block(comm, friction, n=4):
     tags = mesh.meshtags(domain, 1, np.concatenate(every)[order], values[order])
     body = crack(domain, [5], facet_tags=tags)
     V = fem.functionspace(body.mesh, ("Lagrange", 1, (2,)))
-    u, top = fem.Function(V), fem.Function(V)
+    u = fem.Function(V)
+    top = fem.Function(V)
     lower, upper = (fem.locate_dofs_topological(V, 1, body.facet_tags.find(tag)) for tag in (1, 4))
     bcs = [fem.dirichletbc(np.zeros(2), lower, V), fem.dirichletbc(top, upper)]
     sides = ContactPair(u, body, slave=5, master="5_opposite", law=Coulomb(friction))

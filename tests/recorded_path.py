@@ -17,8 +17,8 @@ from dolfinx_contact import RCCM, ContactPair, ContactProblem, ContactSurface, C
 from dolfinx_contact.continuation import StepControl
 from dolfinx_contact.evolution import ArcLength, QuasiStatic
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.output import PathRecord
 from dolfinx_contact.parametric import ParametricContact
+from dolfinx_contact.records import PathRecord
 
 #: Longest steps.
 LONGEST = 0.1
@@ -28,7 +28,9 @@ def glued(comm, friction, _way, _anew):
     """A soft block on worn bonds, by a lid that tilts: here it slips, there they break."""
     domain = box(comm, 2, "quad")
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u, lid, gamma = fem.Function(V), fem.Function(V), fem.Constant(domain, 0.0)
+    u = fem.Function(V)
+    lid = fem.Function(V)
+    gamma = fem.Constant(domain, 0.0)
     law = RCCM(100.0, 100.0, 1.0, friction=2 * friction, beta=0.6)
     bond = ContactSurface(u, facets(domain, 1, 0.0), obstacle=HalfSpace((0, 0), (0, 1)), law=law)
     held = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
@@ -64,7 +66,8 @@ def pair(comm, friction, way, anew):
     args = demo_two_blocks.arguments(["--n", "3", "--ratio", "2"])
     domain, _, slave, master = demo_two_blocks.blocks(args, comm)
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u, top = fem.Function(V), fem.Function(V)
+    u = fem.Function(V)
+    top = fem.Function(V)
     ends = [fem.locate_dofs_topological(V, 1, facets(domain, 1, y)) for y in (1.0, -0.5)]
     bcs = [fem.dirichletbc(top, ends[0]), fem.dirichletbc(np.zeros(2), ends[1], V)]
     touch = ContactPair(u, slave, master_facets=master, law=Coulomb(friction))
@@ -94,7 +97,9 @@ def enough(step):
 def on(case, path, kept, *, longest=LONGEST, observer=None):
     """There, and back again; or on from where the record ends."""
     control = StepControl(initial=longest / 2, maximum=longest)
-    (_, there, back), runs, told = CASES[case], kept.journal.runs, {"observer": observer}
+    _, there, back = CASES[case]
+    runs = kept.journal.runs
+    told = {"observer": observer}
     if runs:
         kept.go_on(stop=None if len(runs) > 1 else enough, **told)
     else:

@@ -15,8 +15,8 @@ from dolfinx import fem
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace
 from dolfinx_contact.continuation import StepControl, follow
 from dolfinx_contact.materials import NeoHookean
-from dolfinx_contact.output import BranchRecord, resume
 from dolfinx_contact.parametric import ParametricContact
+from dolfinx_contact.records import BranchRecord, resume
 
 CONTROL = StepControl(initial=0.01, maximum=0.01)
 
@@ -26,7 +26,8 @@ def moved_block(comm, *, cell="quad", n=4, friction=0.3, method=None, degree=1, 
     domain = box(comm, n, cell)
     dim = domain.geometry.dim
     V = fem.functionspace(domain, ("Lagrange", degree, (dim,)))
-    u, top = fem.Function(V), fem.Function(V)
+    u = fem.Function(V)
+    top = fem.Function(V)
     gamma = fem.Constant(domain, 0.0)
     x = ufl.SpatialCoordinate(domain)
     slope = 1.0 + tilt * x[0] + 0.037 * x[dim - 2]
@@ -49,7 +50,8 @@ def force(problem):
     """Normal force on all contact surfaces."""
     total = 0.0
     for s in problem.surfaces:
-        state, n = s.state(), s.num_owned_points
+        state = s.state()
+        n = s.num_owned_points
         total += float(np.sum(state["pressure"][:n] * state["area"][:n]))
     return problem.comm.allreduce(total)
 

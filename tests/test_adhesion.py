@@ -12,17 +12,18 @@ from test_pair import displacement, held, stacked
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact import RCCM, ContactPair, ContactProblem, ContactSurface, HalfSpace, output
+from dolfinx_contact import RCCM, ContactPair, ContactProblem, ContactSurface, HalfSpace, io
 from dolfinx_contact.analysis import stability_at_rest
 from dolfinx_contact.continuation import follow
 from dolfinx_contact.evolution import QuasiStatic
+from dolfinx_contact.io.fields import contact_fields
 from dolfinx_contact.laws.status import DAMAGING
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.output.fields import contact_fields
 from dolfinx_contact.points.memory import Memory
 
 COMM = MPI.COMM_WORLD
-C, W = 100.0, 1.0
+C = 100.0
+W = 1.0
 U0 = np.sqrt(W / C)
 TIGHT = {"snes_rtol": 1e-13}
 
@@ -35,13 +36,15 @@ def bonded(
     energy = LinearElastic.from_young(young, 0.0).energy
     if pair:
         both = stacked(dim, cell, n)
-        domain, tags = both.mesh, both.facet_tags
+        domain = both.mesh
+        tags = both.facet_tags
         u = displacement(domain)
         surface = ContactPair(u, tags, slave=3, master=2, law=law)
         below = [held(u, tags, 1, np.zeros(dim))]
         above = tags.find(4)
     else:
-        domain, below = box(comm, n, cell), []
+        domain = box(comm, n, cell)
+        below = []
         u = displacement(domain, degree)
         floor = HalfSpace(np.zeros(dim), np.eye(dim)[-1])
         given = {"obstacle": floor, "law": law, "method": method}
@@ -92,7 +95,8 @@ def test_closed_form_at_every_point(cell, given):
     # The bonds of some of these bodies snap on the way.
     evolution = QuasiStatic(problem, along(top, *corners))
     history = evolution.run(np.linspace(0.0, 4.0, 33), at_jump="jump")
-    before, seen = 1.0, set()
+    before = 1.0
+    seen = set()
     for step in history.steps:
         t = step.result.tables["contact"]
         assert step.result.kkt_violation < 1e-8 or given.get("method") == "integral"
@@ -125,10 +129,12 @@ def test_opening(cell, pair):
     aside = [0.0] * (1 if cell != "hex" else 2)
     load = along(top, (*aside, 6.1 * U0), (*aside, 3 * U0), (*aside, -0.01))
     history = QuasiStatic(problem, load).run([*np.linspace(0.0, 1.0, 25), 1.5, 2.0, 3.0])
-    way, peak = [], 0.0
+    way = []
+    peak = 0.0
     for step in history.steps:
         t = step.result.tables["contact"]
-        u, pull = t.un.mean() / U0, -t.pressure / np.sqrt(W * C)
+        u = t.un.mean() / U0
+        pull = -t.pressure / np.sqrt(W * C)
         np.testing.assert_allclose(t.un / U0, u, atol=1e-9)
         if step.time <= 1.0:
             assert abs(step.energies.residue) < 0.05 * W
@@ -137,7 +143,8 @@ def test_opening(cell, pair):
             work = u**2 / 2 if u <= 1 else 1 - 1 / (2 * u**2)
             assert bonds + step.energies.damage == pytest.approx(W * work, rel=1e-8)
             assert step.energies.damage == pytest.approx(W * (1 - t.beta[0]), rel=1e-8, abs=1e-12)
-            end, peak = u, max(peak, pull.max())
+            end = u
+            peak = max(peak, pull.max())
         elif t.un.max() > 1e-9:
             np.testing.assert_allclose(pull, u * end**-4, rtol=1e-8)
         way.append(u)
@@ -154,7 +161,8 @@ def test_shear_under_pressure(m):
 
     The minimum is then m - 4 m^3/27 at 3/(2 m) u0.
     """
-    young, mu = 1e7, 0.1
+    young = 1e7
+    mu = 0.1
     problem, top = bonded("quad", 1, law=RCCM(C, C, W, mu), young=young, comm=MPI.COMM_SELF)
     press = -m * np.sqrt(W * C) / mu / young
     r = np.concatenate([[0.0], np.arange(1, 9) / 8, 1 + np.arange(1, 41) / 8])
@@ -170,7 +178,8 @@ def test_shear_under_pressure(m):
         wanted = t.area * beta**2 * u + mu * t.rn * (1 - beta) / np.sqrt(W * C)
         np.testing.assert_allclose(-t.along(t.rt) / np.sqrt(W * C), wanted, rtol=1e-7)
         force.append(-t.along(t.rt).sum() / np.sqrt(W * C))
-    r, force = r[1:], np.array(force)
+    r = r[1:]
+    force = np.array(force)
     slope = np.diff(force[r >= 1])
     assert force[r == 1] == pytest.approx(1.0, rel=1e-3)
     if m < 1.5:
@@ -202,11 +211,14 @@ def test_residue_falls_with_the_steps():
 )
 def test_viscosity(speed, wanted):
     """b |beta'| = (w - C u^2 beta)^- at u = V t, to first order in the step; the body gives way."""
-    errors, young, b = [], 1e4, speed * W
+    errors = []
+    young = 1e4
+    b = speed * W
     for n in (8, 16, 32) if speed == 1.0 else (16,):
         law = RCCM(C, C, W, viscosity=b)
         problem, top = bonded("quad", 1, law=law, young=young, comm=MPI.COMM_SELF)
-        times, beta = np.linspace(0.0, 3.0, 3 * n + 1), [1.0]
+        times = np.linspace(0.0, 3.0, 3 * n + 1)
+        beta = [1.0]
         for u in U0 * times[1:]:
             beta.append(min(beta[-1], (b * beta[-1] + W / n) / (b + C * u**2 / n)))
 
@@ -248,7 +260,8 @@ def test_jacobian_by_taylor(cell, method, viscosity):
 
 def test_rejected_steps_leave_nothing():
     """As the run that takes the accepted times at once; on one rank bit by bit."""
-    runs, times = [], [0.0, 1.0, 2.0, 3.0]
+    runs = []
+    times = [0.0, 1.0, 2.0, 3.0]
     for wanted in (0.2, 1.0):
         problem, top = bonded(law=RCCM(C, C, W, 0.3, viscosity=0.1))
         load = along(top, (0.0, -0.01), (0.2, -0.01), (0.3, 0.2))
@@ -311,9 +324,11 @@ def test_snap_back(k):
         system = drawn_node(stiffness)
         system.set_parameter(1e-3)
         gaps.append(gap_of_node(system))
-    free, spring = gaps[0] / 1e-3, gaps[1] / (gaps[0] - gaps[1])
+    free = gaps[0] / 1e-3
+    spring = gaps[1] / (gaps[0] - gaps[1])
     stiffness = spring / k
-    u0, system = np.sqrt(W / stiffness), drawn_node(stiffness)
+    u0 = np.sqrt(W / stiffness)
+    system = drawn_node(stiffness)
     system.set_parameter(0.0)
     system.problem.solve()
     x = system.create_vector()
@@ -341,14 +356,18 @@ def test_events_of_damage_within_a_step(given):
 
     Drawn by a spring of 5 times the stiffness of the bond, so that nothing folds.
     """
-    k, gaps = 5.0, []
+    k = 5.0
+    gaps = []
     for stiffness in (0.0, 1.0):
         system = drawn_node(stiffness)
         system.set_parameter(1e-3)
         gaps.append(gap_of_node(system))
-    free, stiffness = gaps[0] / 1e-3, gaps[1] / (gaps[0] - gaps[1]) / k
-    u0, system = np.sqrt(W / stiffness), drawn_node(stiffness, **given)
-    problem, unit = system.problem, u0 / free
+    free = gaps[0] / 1e-3
+    stiffness = gaps[1] / (gaps[0] - gaps[1]) / k
+    u0 = np.sqrt(W / stiffness)
+    system = drawn_node(stiffness, **given)
+    problem = system.problem
+    unit = u0 / free
     system.set_parameter(0.0)
     way = [0.0, 2.0, 3.0, 1.0, 0.5]
 
@@ -357,7 +376,8 @@ def test_events_of_damage_within_a_step(given):
 
     QuasiStatic(problem, load).run([0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0])
     (memory,) = problem.equations.memory
-    beta, later = float(memory.fields["beta"].min()), memory.later(0.5)
+    beta = float(memory.fields["beta"].min())
+    later = memory.later(0.5)
     assert beta < 0.8
     x = system.create_vector()
     problem.write(x)
@@ -370,11 +390,13 @@ def test_events_of_damage_within_a_step(given):
     # E beta = w at the opening u: the load is that of the spring and of the bond.
     u = beta**-0.5
     assert event.gamma / unit == pytest.approx(u * (1 + beta**2 / k), rel=1e-9)
-    held, damages = branch.points[event.index - 1], branch.points[-1]
+    held = branch.points[event.index - 1]
+    damages = branch.points[-1]
     for point, bond in ((held, "i"), (damages, "d")):
         table = system.result_at(point).tables["contact"]
         (row,) = np.flatnonzero(table.letters != "d")
-        u, now = table.un[row] / u0, table.beta[row]
+        u = table.un[row] / u0
+        now = table.beta[row]
         assert table.bond[row] == bond
         assert point.gamma / unit == pytest.approx(u * (1 + now**2 / k), rel=1e-8)
         assert (now < beta) == (bond == "d")
@@ -391,7 +413,7 @@ def test_what_is_written(folder):
         law = RCCM(unit * C, unit * C, unit * W, 0.3)
         problem, top = bonded(law=law, young=1e3 * unit)
         evolution = QuasiStatic(problem, along(top, (0.05, -0.01), (0.1, 0.3)))
-        with output.EvolutionSeries(folder, problem, format="vtk") as series:
+        with io.EvolutionSeries(folder, problem, format="vtk") as series:
             history = evolution.run([0.0, 0.5, 1.0, 2.0], observer=series)
         rows = (folder / "steps.csv").read_text().splitlines()
         t = history.steps[-1].result.tables["contact"]
@@ -402,7 +424,7 @@ def test_what_is_written(folder):
         )
         assert float(rows[-1].split(",")[names.index("damage")]) > 0
         assert set(t.bond) == {"d"}
-        output.write_contact_table(COMM, folder, [t])
+        io.write_contact_table(COMM, folder, [t])
         lines = [line.split(",") for line in (folder / "contact.csv").read_text().splitlines()]
         assert lines[0][-4:] == ["rn_adh", "rt_adh", "beta", "bond"]
         assert lines[1][-1] == "d"

@@ -12,7 +12,8 @@ from dolfinx_contact.laws import LawAtPoints, PointData
 from dolfinx_contact.points.memory import Memory, with_memory
 
 COMM = MPI.COMM_WORLD
-C, W = 100.0, 1.0
+C = 100.0
+W = 1.0
 U0 = np.sqrt(W / C)
 #: beta at 1.5, 2 and 3 u0 of a bond that opens at a constant speed, by b V/(u0 w).
 OPENED = {
@@ -28,10 +29,14 @@ class Point:
 
     def __init__(self, law, dim=2, r=1.0):
         self._r = r
-        self.law, self.at = law, LawAtPoints(law, dim, 1, COMM)
+        self.law = law
+        self.at = LawAtPoints(law, dim, 1, COMM)
         self._fields = {k: np.full(1, float(v)) for k, v in law.given.items()}
         self._n = -np.eye(dim)[-1:]
-        self.time, self.memory, self.answers, self.values = 0.0, None, None, None
+        self.time = 0.0
+        self.memory = None
+        self.answers = None
+        self.values = None
 
     def to(self, time, jump, traction=None):
         """The intensity at the end of a step."""
@@ -43,8 +48,10 @@ class Point:
         self.answers = self.at(seen, traction, with_memory(self.at.compiled, memory, data))
         names = (*self.law.remembers, *self.law.keeps(self._n.shape[1]))
         fields = {name: self.answers.bond(f"after.{name}") for name in names}
-        self.time, self.memory = time, Memory(jump, fields)
-        before, self.values = self.values, np.array([values[0] for values in fields.values()])
+        self.time = time
+        self.memory = Memory(jump, fields)
+        before = self.values
+        self.values = np.array([values[0] for values in fields.values()])
         self.lost = 0.0 if before is None else float(before[0] - self.values[0])
         return float(self.values[0]) if self.law.remembers else self.values
 
@@ -108,7 +115,8 @@ def test_local_equation(exponent):
             assert u**-2 <= beta * (1 + 1e-9) <= 1 + 1e-9
             most = 1 - u**-2
             # In units of the drop without viscosity: y + k y^p = 1.
-            y, k = (1 - beta) / most, b * most ** (exponent - 1) / (0.1**exponent * u**2)
+            y = (1 - beta) / most
+            k = b * most ** (exponent - 1) / (0.1**exponent * u**2)
             if 1e-3 < y < 1 - 1e-3:
                 assert y + k * y**exponent == pytest.approx(1.0, rel=max(accuracy, 1e-9 / y))
             else:
@@ -134,7 +142,8 @@ def test_second_order_stops_with_the_load(b, beyond):
     The extrapolation of what it did before is wrong when the load stops.
     """
     law = RCCM(C, C, W, viscosity=b, order=2)
-    point, before = Point(law), 1.0
+    point = Point(law)
+    before = 1.0
     for t in np.linspace(0.0, 2.0, 17):
         before = point.to(t, (0.0, U0 * t))
     held = [point.to(2.0 + 0.125 * k, (0.0, 2 * U0)) for k in range(1, 60)]

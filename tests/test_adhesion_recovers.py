@@ -9,7 +9,7 @@ from test_adhesion import U0, C, W, along, bonded
 from test_adhesion_in_time import Point
 from test_law import randomise, remainders
 
-from dolfinx_contact import RCCM, Coulomb, NormalCompliance, output
+from dolfinx_contact import RCCM, Coulomb, NormalCompliance, records
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.laws.status import DAMAGING
 from dolfinx_contact.points.memory import Memory
@@ -39,7 +39,8 @@ def test_grows_at_rest(order):
 @pytest.mark.parametrize(("start", "u"), [(0.9, 2.0), (0.1, 1.25)])
 def test_at_a_fixed_jump(start, u, order, most):
     """Exponentially to w/(C u^2), from above and from below; orders of the steps."""
-    b, errors = 0.5, []
+    b = 0.5
+    errors = []
     law = RCCM(C, C, W, viscosity=b, beta=start, recovers=True, order=order)
     for n in (64, 128, 256):
         point = Point(law)
@@ -57,7 +58,8 @@ def test_at_a_fixed_jump(start, u, order, most):
 def test_a_new_bond_begins_where_it_is():
     """Drawn off by 2000 u0 and put down aside; its springs are at rest there, and break anew."""
     law = RCCM(C, C, W, viscosity=0.1, recovers=True)
-    point, aside = Point(law), 5 * U0
+    point = Point(law)
+    aside = 5 * U0
     point.to(0.0, (0.0, 0.0), PRESSED)
     broken = point.to(100.0, (0.0, 2000 * U0))
     assert broken < 1e-6
@@ -82,7 +84,8 @@ def test_a_new_bond_begins_where_it_is():
 @pytest.mark.parametrize("cell", ["quad", "hex"])
 def test_pressed_down_again(cell):
     """Blocks drawn off and pressed down: bonds are there again, if they recover."""
-    ways, aside = {}, [0.0] * (1 if cell == "quad" else 2)
+    ways = {}
+    aside = [0.0] * (1 if cell == "quad" else 2)
     for recovers in (False, True):
         law = RCCM(C, C, W, 0.3, viscosity=0.05, recovers=recovers)
         problem, top = bonded(cell, 1 if cell == "hex" else 2, law=law, young=1e4)
@@ -93,7 +96,8 @@ def test_pressed_down_again(cell):
         pull = [-t.rn.sum() for t in tables]
         ways[recovers] = max(pull[:10]), max(pull[30:]), tables
         assert all(s.result.kkt_violation < 1e-8 for s in history.steps)
-    (first, weak, _), (again, strong, tables) = ways[False], ways[True]
+    first, weak, _ = ways[False]
+    again, strong, tables = ways[True]
     assert again == pytest.approx(first, rel=1e-9)
     assert weak < 0.4 * first
     # It grows at w/b = 20 for one in time, and so is whole again.
@@ -127,7 +131,8 @@ def test_thresholds_are_one_under_signorini():
 def test_thresholds_with_compliance(exponent):
     """They differ by mu (1 - beta) beta^2 C_N of the penetration; springs resist it as well."""
     k = 2e3 if exponent == 1 else 1e5
-    slipped, differ = [], 0.0
+    slipped = []
+    differ = 0.0
     pressure, reaction = thresholds(NormalCompliance(k, exponent))
     for tables, whole in ((pressure, False), (reaction, True)):
         for t in tables:
@@ -186,7 +191,8 @@ def test_jacobian_by_taylor(cell, given):
     problem = block(n=8 if cell == "quad" else 2, cell=cell, law=law)
     x = randomise(problem, 1, 0.01, 10.0)
     (surface,) = problem.surfaces
-    rng, n = np.random.default_rng(COMM.rank), surface.points.number
+    rng = np.random.default_rng(COMM.rank)
+    n = surface.points.number
     fields = {"beta": rng.uniform(0.5, 1, n), ".rate": rng.uniform(0, 0.5, n)}
     fields |= {".length": np.full(n, 0.08), ".rest": rng.uniform(0.1, 0.3, n)}
     fields |= {".closed": np.round(rng.uniform(0, 1, n))}
@@ -208,7 +214,7 @@ def test_records_have_what_recovers(folder):
     load = along(top, (0.0, 3 * U0), (0.1, -0.01))
     times = np.linspace(0.0, 2.0, 9)
     evolution = QuasiStatic(problem, load)
-    record = output.EvolutionRecord(folder, evolution)
+    record = records.EvolutionRecord(folder, evolution)
     evolution.run(times, record=record)
     (memory,) = problem.equations.memory
     names = {".rate", ".length", ".rest", ".closed", ".origin_0", ".origin_1", "beta"}

@@ -33,7 +33,8 @@ class Plate:
         kind = getattr(mesh.CellType, cell)
         self.domain = domain = mesh.create_unit_square(COMM, n, n, kind)
         V = fem.functionspace(domain, ("Lagrange", degree, (2,)))
-        self.u, self.top = fem.Function(V, name="u"), fem.Function(V)
+        self.u = fem.Function(V, name="u")
+        self.top = fem.Function(V)
         self.gamma, self.other = (fem.Constant(domain, 0.0) for _ in range(2))
         self.top.interpolate(lambda x: np.vstack([0 * x[0], -0.02 + 0 * x[0]]))
         held = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
@@ -157,7 +158,8 @@ def test_what_is_affine_stays_so():
     """Kinks of data alone, whole powers, quotients by data: the stiffness is kept, and a proof."""
 
     def term(p):
-        x, c = ufl.SpatialCoordinate(p.domain), p.other
+        x = ufl.SpatialCoordinate(p.domain)
+        c = p.other
         soft = ufl.conditional(x[0] > 0.5, 1.0, 2.0) * abs(c - 1) / ufl.max_value(x[1], 0.1)
         return (soft * p.u[0] ** 2.0 + p.gamma**1.0 * soft * p.u[0]) * ufl.dx
 
@@ -209,12 +211,14 @@ def test_data_with_kinks_in_gamma(name, of):
     """Solutions are those of the load at gamma; branches go over kinks, and end at jumps."""
     system = of(SHAPES[name])
     assert not system.is_piecewise_affine
-    x, there = _start(system), _start(system, 2.0)
+    x = _start(system)
+    there = _start(system, 2.0)
     found = find_solutions(system, [x], 2.0, lengths=[1 / 2])
     assert not found.complete
     assert min((s.x - there).norm() for s in found.found) < 1e-8 * there.norm()
     branch = follow(system, x, 0.0, gamma_range=(0.0, 2.0))
-    y, b = system.create_vector(), system.create_vector()
+    y = system.create_vector()
+    b = system.create_vector()
     for point in branch.points:
         y.array[:] = point.y.array_r[: y.getLocalSize()]
         assert system.residual(y, point.gamma, b, point.piece) < 1e-8
@@ -258,7 +262,8 @@ def _motion(damping, **options):
     """A body that floats, with the velocity and the speed of a wind."""
     domain = mesh.create_unit_square(COMM, 2, 2)
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u, v = fem.Function(V, name="u"), fem.Function(V, name="v")
+    u = fem.Function(V, name="u")
+    v = fem.Function(V, name="v")
     floor = HalfSpace((0.0, -5.0), (0.0, 1.0))
     surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Frictionless())
     energy = LinearElastic.from_young(100.0, 0.3).energy(u) * ufl.dx

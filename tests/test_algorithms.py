@@ -50,9 +50,14 @@ def random_contact(rng, dim, m=None, *, friction=0.4, bound=0.0):
 
 def violation(contact, a, r):
     """Of equilibrium, Signorini's conditions and friction, written independently."""
-    force, length = max(np.abs(r).max(), contact.force), max(np.abs(a).max(), contact.length)
-    un, rn, ut, rt = a[:, -1], r[:, -1], a[:, :-1], r[:, :-1]
-    radius, slip = contact.friction * rn + contact.bound, np.linalg.norm(ut, axis=1)
+    force = max(np.abs(r).max(), contact.force)
+    length = max(np.abs(a).max(), contact.length)
+    un = a[:, -1]
+    rn = r[:, -1]
+    ut = a[:, :-1]
+    rt = r[:, :-1]
+    radius = contact.friction * rn + contact.bound
+    slip = np.linalg.norm(ut, axis=1)
     return max(
         np.abs(contact.S @ a.reshape(-1) - contact.p - r.reshape(-1)).max() / force,
         (-un).max() / length,
@@ -81,7 +86,8 @@ def test_units_do_not_matter(algorithm):
     rng = np.random.default_rng(5)
     contact = random_contact(rng, 2, 3)
     other = ReducedContact(1e9 * contact.S, 1e6 * contact.p, contact.friction)
-    one, two = algorithm.run(contact), algorithm.run(other)
+    one = algorithm.run(contact)
+    two = algorithm.run(other)
     assert abs(one.iterations - two.iterations) <= 1
     np.testing.assert_allclose(two.r, 1e6 * one.r, atol=1e6 * 1e-9 * np.abs(one.r).max())
 
@@ -183,7 +189,8 @@ def test_tresca_beyond_the_critical_friction():
 
 def complementary(M, q, cover):
     """All solutions z of q + cover + M z by enumeration of bases."""
-    n, found = len(q), []
+    n = len(q)
+    found = []
     for basis in itertools.product((False, True), repeat=n):
         rows = np.flatnonzero(basis)
         z = np.zeros(n)
@@ -219,7 +226,8 @@ def test_the_path_on_one_node(form, F, load):
         assert min(w.min(), corner.min()) > -1e-12
         assert np.abs(w * corner).max() < 1e-12
     for (s, a), (t, b) in itertools.pairwise(path):  # on an edge one set of statuses holds
-        cover, middle = 0.5 * (s + t), 0.5 * (a + b)
+        cover = 0.5 * (s + t)
+        middle = 0.5 * (a + b)
         known = complementary(M, q, cover)
         assert not known or min(np.abs(middle - k).max() for k in known) < 1e-9
     rn = z[0]
@@ -233,14 +241,16 @@ def test_both_forms_of_lemke():
     rng = np.random.default_rng(4)
     for _ in range(20):
         contact = random_contact(rng, 2)
-        one, two = Lemke().run(contact), Lemke(form="klarbring").run(contact)
+        one = Lemke().run(contact)
+        two = Lemke(form="klarbring").run(contact)
         assert one.converged
         assert two.converged
         np.testing.assert_allclose(one.r, two.r, atol=1e-9)
     ends = []
     for _ in range(60):
         G = rng.standard_normal((12, 12))
-        S, F = G @ G.T + 0.05 * np.eye(12), rng.uniform(0, 5, 6)
+        S = G @ G.T + 0.05 * np.eye(12)
+        F = rng.uniform(0, 5, 6)
         contact = ReducedContact(S, rng.standard_normal(12), F)
         assert Lemke().run(contact).converged
         ends.append(Lemke(form="klarbring").run(contact).reason)
@@ -261,14 +271,17 @@ def test_lemke_solves_everything(number):
 
 def test_friction_polygons():
     """Inside the disc, and off it by the order of the directions, 1 over the number of facets."""
-    facets, off = (4, 8, 16, 32, 64), []
+    facets = (4, 8, 16, 32, 64)
+    off = []
     for seed in (0, 2, 4, 5, 6, 7, 9, 10):  # something slips
         contact = random_contact(np.random.default_rng(seed), 3, 5)
         exact = InteriorPoint().run(contact)
-        size, errors = np.abs(exact.r).max(), []
+        size = np.abs(exact.r).max()
+        errors = []
         for k in facets:
             outcome = Lemke(facets=k).run(contact)
-            shear, rn = np.linalg.norm(outcome.r[:, :-1], axis=1), outcome.r[:, -1]
+            shear = np.linalg.norm(outcome.r[:, :-1], axis=1)
+            rn = outcome.r[:, -1]
             assert np.all(shear <= contact.friction * rn + 1e-12)
             errors.append(np.abs(outcome.r - exact.r).max() / size)
         assert np.all(errors < np.pi / np.array(facets))
@@ -311,7 +324,8 @@ def test_derivative_of_the_projection():
     for dim in (2, 3):
         contact = random_contact(rng, dim, 6, bound=0.2)
         s = rng.standard_normal((6, dim)) + 0.5
-        D, h = derivative(contact, s), 1e-6
+        D = derivative(contact, s)
+        h = 1e-6
         for j in range(dim):
             e = h * np.eye(dim)[j]
             change = (contact.allowed(s + e) - contact.allowed(s - e)) / (2 * h)

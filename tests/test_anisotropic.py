@@ -24,10 +24,14 @@ def test_mirrored_fibres_hold_slip_to_the_left():
 def test_threshold():
     """Against waves on a thick layer: minus the ratio of its compliances, by Fourier in x."""
     C = demo.elasticity(20.0, 45.0)
-    Q, R, T = C[:, 0, :, 0], C[:, 0, :, 1], C[:, 1, :, 1]
-    n, height = 4000, 12.0  # linear elements in y, k = 1; half a wave is 3.1
+    Q = C[:, 0, :, 0]
+    R = C[:, 0, :, 1]
+    T = C[:, 1, :, 1]
+    n = 4000  # linear elements in y, k = 1
+    height = 12.0  # half a wave is 3.1
     h = height / n
-    mass, slope = h / 6 * np.array([[2, 1], [1, 2]]), np.array([[1, -1], [-1, 1]]) / h
+    mass = h / 6 * np.array([[2, 1], [1, 2]])
+    slope = np.array([[1, -1], [-1, 1]]) / h
     mixed = np.array([[-0.5, 0.5], [-0.5, 0.5]])  # N_a N_b'
     # Of u exp(i x): strains i u in x, u' in y.
     cell = np.kron(mass, Q) + np.kron(slope, T) - 1j * np.kron(mixed, R)
@@ -35,7 +39,9 @@ def test_threshold():
     after = np.zeros((2, 2), complex)  # stiffness of what lies above, held on top: infinite
     after[:] = np.diag([1e12, 1e12])
     for _ in range(n):
-        A, B, D = cell[:2, :2], cell[:2, 2:], cell[2:, 2:] + after
+        A = cell[:2, :2]
+        B = cell[:2, 2:]
+        D = cell[2:, 2:] + after
         after = A - B @ np.linalg.solve(D, cell[2:, :2])
     compliance = np.linalg.inv(after).real
     found = demo.threshold(C)

@@ -19,7 +19,7 @@ from dolfinx_contact import (
     HalfSpace,
     NormalCompliance,
     Regularised,
-    output,
+    io,
 )
 from dolfinx_contact.continuation import StepControl
 from dolfinx_contact.evolution import ArcLength, QuasiStatic
@@ -27,7 +27,8 @@ from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.parametric import ParametricContact
 
 COMM = MPI.COMM_WORLD
-C, W = 100.0, 1.0
+C = 100.0
+W = 1.0
 U0 = np.sqrt(W / C)
 ENDS = (0.0, 8 * U0)
 
@@ -37,7 +38,9 @@ def bar(k, n=8, *, law=None, free=False, comm=COMM):
     corners = [[0.0, 0.0], [0.05, 1.0]]
     domain = mesh.create_rectangle(comm, corners, [1, n], mesh.CellType.quadrilateral)
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u, gamma, top = fem.Function(V), fem.Constant(domain, 0.0), fem.Function(V)
+    u = fem.Function(V)
+    gamma = fem.Constant(domain, 0.0)
+    top = fem.Function(V)
     end = fem.locate_dofs_geometrical(V, lambda x: np.isclose(x[1], 1.0))
     sides = V.sub(0)
     every = np.arange(sides.dofmap.index_map.size_local + sides.dofmap.index_map.num_ghosts)
@@ -101,7 +104,8 @@ def test_bar_in_series(k, n):
 )
 def test_a_range_that_ends_at_a_fold(off):
     """To round-off on either side of a fold, smooth or not, the path ends there."""
-    highest, lowest = 2 * U0, 4 / 3 * 3**0.25 * U0
+    highest = 2 * U0
+    lowest = 4 / 3 * 3**0.25 * U0
     path = ArcLength(bar(1.0, 2))
     for ends, last in [((0.0, highest * (1 + off)), highest), ((lowest * (1 + off), 1.0), lowest)]:
         history = path.run(ends)
@@ -128,11 +132,13 @@ def test_energy():
 @pytest.mark.chatty
 def test_going_back_unloads():
     """Along the secant, to nothing and up again, where damage goes on from where it was."""
-    path, k = ArcLength(bar(1.0, 2)), 1.0
+    path = ArcLength(bar(1.0, 2))
+    k = 1.0
     there = path.run(ENDS, stop=broken_by_half)
     assert there.reason == "far enough"
     assert not there.complete
-    (r,), beta = set(np.round(opening(there.steps[-1]), 12)), there.steps[-1]
+    (r,) = set(np.round(opening(there.steps[-1]), 12))
+    beta = there.steps[-1]
     back = path.run(ENDS, direction="back")
     assert back.complete
     assert back.steps[-1].gamma == pytest.approx(0.0, abs=1e-12)
@@ -169,7 +175,8 @@ def test_back_to_nothing(k, n, event):
 @pytest.mark.parametrize(("k", "n"), [(1.0, 2), (2.0, 8)])
 def test_back_through_nothing(k, n):
     """Beyond the state without forces the bar is pressed, as hard as its stiffness says."""
-    path, ends = ArcLength(bar(k, n)), (-0.5 * U0, ENDS[1])
+    path = ArcLength(bar(k, n))
+    ends = (-0.5 * U0, ENDS[1])
     path.run(ends, stop=broken_by_half)
     back = path.run(ends, direction="back")
     assert back.reason == "gamma reached the end of its range"
@@ -184,13 +191,16 @@ def test_back_through_nothing(k, n):
 @pytest.mark.chatty
 def test_one_node():
     """The same folds by a load, of one element; in other units of gamma too."""
-    k, gaps = 0.3, []
+    k = 0.3
+    gaps = []
     for stiffness in (0.0, 1.0):
         system = drawn_node(stiffness)
         system.set_parameter(1e-3)
         gaps.append(gap_of_node(system))
-    free, spring = gaps[0] / 1e-3, gaps[1] / (gaps[0] - gaps[1])
-    u0, system = np.sqrt(W * k / spring), drawn_node(spring / k)
+    free = gaps[0] / 1e-3
+    spring = gaps[1] / (gaps[0] - gaps[1])
+    u0 = np.sqrt(W * k / spring)
+    system = drawn_node(spring / k)
     system.set_parameter(0.0)
     system.problem.solve()
     folds = ArcLength(system).run((0.0, 8 * u0 / free)).folds
@@ -249,7 +259,8 @@ def test_klarbring():
 def test_friction_as_quasi_static(cell, tolerance):
     """Dragged there and back: as a quasi-static evolution; in 3D slips turn, to first order."""
     n = 4 if cell == "quad" else 2
-    found, events = [], []
+    found = []
+    events = []
     for longest in (0.1, 0.05)[: 2 if cell == "quad" else 1]:
         problem, top = dragged(cell, n)
         QuasiStatic(problem, cycle(top)).run([0.0, 1.0])
@@ -287,8 +298,9 @@ def test_a_wider_range_later():
 @pytest.mark.chatty
 def test_what_is_written(folder):
     system = bar(1.0, 2)
-    seen, path = [], ArcLength(system)
-    with output.EvolutionSeries(folder, system.problem, format="vtk") as series:
+    seen = []
+    path = ArcLength(system)
+    with io.EvolutionSeries(folder, system.problem, format="vtk") as series:
 
         def observer(step):
             series(step)
@@ -350,11 +362,14 @@ def test_two_bonds_one_after_the_other():
     """A lid that tilts as it rises breaks two bonds: folds of an independent condensation."""
     domain = mesh.create_unit_square(MPI.COMM_SELF, 1, 1, mesh.CellType.quadrilateral)
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u, lid, gamma = fem.Function(V), fem.Function(V), fem.Constant(domain, 0.0)
+    u = fem.Function(V)
+    lid = fem.Function(V)
+    gamma = fem.Constant(domain, 0.0)
     x = ufl.SpatialCoordinate(domain)
     low = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 0))
     top = fem.locate_dofs_geometrical(V, lambda x: np.isclose(x[1], 1))
-    law, floor = RCCM(100.0, 100.0, 1.0), HalfSpace((0, 0), (0, 1))
+    law = RCCM(100.0, 100.0, 1.0)
+    floor = HalfSpace((0, 0), (0, 1))
     surface = ContactSurface(u, low, obstacle=floor, law=law)
     aside = np.arange(0, 8, 2, dtype=np.int32)
     bcs = [
@@ -381,17 +396,22 @@ def tilted_lid(young, cells, cell, seed):
     """A body on bonds, its inner nodes moved at random, whose lid tilts as it rises."""
     kind = getattr(mesh.CellType, cell)
     domain = mesh.create_rectangle(COMM, [[0, 0], [1, 0.5]], [cells, 2], kind)
-    x, table = domain.geometry.x, np.random.default_rng(seed).uniform(-0.2, 0.2, (cells + 1, 3, 2))
-    i, j = np.rint(x[:, 0] * cells).astype(int), np.rint(x[:, 1] * 4).astype(int)
+    x = domain.geometry.x
+    table = np.random.default_rng(seed).uniform(-0.2, 0.2, (cells + 1, 3, 2))
+    i = np.rint(x[:, 0] * cells).astype(int)
+    j = np.rint(x[:, 1] * 4).astype(int)
     aside, up = table[i, j].T
     beside = (i > 0) & (i < cells)
     x[:, 0] += np.where(beside & (j < 2), aside / cells, 0)
     x[:, 1] += np.where(beside & (j == 1), up / 4, 0)
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u, lid, gamma = fem.Function(V), fem.Function(V), fem.Constant(domain, 0.0)
+    u = fem.Function(V)
+    lid = fem.Function(V)
+    gamma = fem.Constant(domain, 0.0)
     low = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 0))
     top = fem.locate_dofs_geometrical(V, lambda x: np.isclose(x[1], 0.5))
-    law, floor = RCCM(100.0, 0.0, 0.01), HalfSpace((0, 0), (0, 1))
+    law = RCCM(100.0, 0.0, 0.01)
+    floor = HalfSpace((0, 0), (0, 1))
     surface = ContactSurface(u, low, obstacle=floor, law=law)
     energy = LinearElastic.from_young(young, 0.3).energy(u) * ufl.dx
     problem = ContactProblem(energy, u, [surface], bcs=[fem.dirichletbc(lid, top)])

@@ -23,11 +23,14 @@ from dolfinx_contact import (
     NonlocalCoulomb,
     RigidBody,
     Sphere,
-    output,
+    io,
+    plot,
 )
 from dolfinx_contact.continuation import follow
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.grids import create_grid, graded
+from dolfinx_contact.io.fields import body_fields
+from dolfinx_contact.io.master import MasterFace
 from dolfinx_contact.materials import (
     Axisymmetric,
     CiarletGeymonat,
@@ -37,8 +40,6 @@ from dolfinx_contact.materials import (
     circumference,
 )
 from dolfinx_contact.meshing import join, mesh_from_gmsh
-from dolfinx_contact.output.fields import body_fields
-from dolfinx_contact.output.master import MasterFace
 from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.solvers.errors import FloatingBodyError
 
@@ -107,7 +108,8 @@ def test_units():
         for size, modulus in ((1.0, 1.0), (1e3, 1e6))
     )
     assert plain.iterations == other.iterations
-    a, b = plain.tables["contact"], other.tables["contact"]
+    a = plain.tables["contact"]
+    b = other.tables["contact"]
     assert a.status == b.status
     np.testing.assert_allclose(b.force, 1e12 * a.force, atol=1e2)
     np.testing.assert_allclose(b.pressure, 1e6 * a.pressure, rtol=1e-9)
@@ -120,7 +122,8 @@ def indented(shape, contact_radius, n=16):
     domain = create_grid(COMM, [across, across], mesh.CellType.quadrilateral)
     domain.geometry.x[:, 1] *= -1.0
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u, size = fem.Function(V), 40 * a
+    u = fem.Function(V)
+    size = 40 * a
     near = mesh.locate_entities_boundary(
         domain, 1, lambda x: (x[1] > -1e-9) & (x[0] < across[2 * n] * (1 + 1e-9))
     )
@@ -131,7 +134,7 @@ def indented(shape, contact_radius, n=16):
     return ContactProblem(energy, u, [surface], bcs=bcs)
 
 
-HERTZ = output.Hertz(3, 50.0, 1000.0 / (1 - 0.3**2))
+HERTZ = plot.Hertz(3, 50.0, 1000.0 / (1 - 0.3**2))
 LOAD = HERTZ.load(1.0)
 
 
@@ -139,7 +142,8 @@ def test_hertz_rigid_sphere():
     """A rigid sphere on a half-space: peak and radius at the given force, to 1 %."""
     problem = indented(Sphere((0.0, 50.0), 50.0), 1.0)
     result = problem.solve()
-    table, ball = result.tables["contact"], result.rigid_bodies["rigid body"]
+    table = result.tables["contact"]
+    ball = result.rigid_bodies["rigid body"]
     np.testing.assert_allclose(ball.contact, [0.0, LOAD, 0.0], rtol=1e-9)
     np.testing.assert_allclose(result.resultants["contact"], [0.0, -LOAD], rtol=1e-9)
     found = HERTZ.compare(table)
@@ -165,7 +169,7 @@ def test_hertz_sphere_on_a_plane():
     down = fem.dirichletbc(-2.0, body.dofs(V.sub(1), "upper end"), V.sub(1))
     result = ContactProblem(energy, u, [floor], bcs=[down]).solve()
     table = result.tables["contact"]
-    found = output.Hertz(3, 50.0, 20e3 / (1 - 0.3**2)).compare(table)
+    found = plot.Hertz(3, 50.0, 20e3 / (1 - 0.3**2)).compare(table)
     assert found["load"] == pytest.approx(660.7e3, rel=3e-3)
     assert found["peak_pressure"] == pytest.approx(2912, rel=2e-3)
     assert found["peak_pressure_error"] < 1e-3
@@ -174,7 +178,8 @@ def test_hertz_sphere_on_a_plane():
 
 def stacked(sizes, degree, method, *, cell="tri", law=None, gap=None):
     """Two discs on each other, of different materials without Poisson's effect."""
-    bodies, tags = [], []
+    bodies = []
+    tags = []
     for i, n in enumerate(sizes):
         domain = box(COMM, n, cell)
         domain.geometry.x[:, 1] += i
@@ -210,7 +215,8 @@ def test_uniform_pressure_between_discs(sizes, degree, method):
     """Exact to round-off on any meshes, up to the axis."""
     problem = stacked(sizes, degree, method)
     result = problem.solve()
-    table, pressure = result.tables["contact"], 0.01 / (1 / 1000 + 1 / 3000)
+    table = result.tables["contact"]
+    pressure = 0.01 / (1 / 1000 + 1 / 3000)
     assert problem.surfaces[0].obstacle.opposite.matching == (sizes[0] == sizes[1])
     assert table.area.sum() == pytest.approx(np.pi, rel=1e-12)
     np.testing.assert_allclose(table.pressure, pressure, rtol=1e-9)
@@ -229,7 +235,8 @@ def test_uniform_pressure_between_discs(sizes, degree, method):
 
 def fitted(n, ratio, method, degree=1, twist=None):
     """The hub and the ring of `demo_press_fit.py` in a section of length 10, in plane strain."""
-    bodies, tags = [], []
+    bodies = []
+    tags = []
     for i, (name, k) in enumerate((("hub", n), ("ring", round(ratio * n)))):
         a, b = demo_press_fit.RADII[name]
         domain = mesh.create_rectangle(
@@ -257,7 +264,8 @@ def fitted(n, ratio, method, degree=1, twist=None):
 )
 def test_lame(ratio, method, degree):
     """A press fit: Lame's pressure and radial displacement, to the square of the mesh size."""
-    exact, errors = demo_press_fit.lame(0.02), []
+    exact = demo_press_fit.lame(0.02)
+    errors = []
     for n in (4, 8) if degree == 1 else (4,):
         problem = fitted(n, ratio, method, degree)
         result = problem.solve()
@@ -269,10 +277,14 @@ def test_lame(ratio, method, degree):
     assert errors[-1] < (1e-3 if degree == 1 else 1e-4)
     assert degree == 2 or errors[1] < 0.3 * errors[0]
     x = problem.V.tabulate_dof_coordinates()
-    u, (a, c), b = problem.u.x.array.reshape(-1, 2), (15.0, 25.0), 40.0
+    u = problem.u.x.array.reshape(-1, 2)
+    a = 15.0
+    c = 25.0
+    b = 40.0
     size = problem.V.dofmap.index_map.size_local
     for r, inner, outer, name, sign in ((a, a, c, "hub", -1), (b, c, b, "ring", 1)):
-        E, nu = demo_press_fit.YOUNG[name], demo_press_fit.NU[name]
+        E = demo_press_fit.YOUNG[name]
+        nu = demo_press_fit.NU[name]
         # Plane strain: u = (1 + nu)/E (A (1 - 2 nu) r + B/r), of the pressure on one face.
         loaded = c**2 / (outer**2 - inner**2)
         A = sign * exact * loaded
@@ -358,7 +370,9 @@ def test_the_only_solution():
 @pytest.mark.parametrize("kind", [LinearElastic, StVenantKirchhoff, NeoHookean, CiarletGeymonat])
 def test_uniform_strain(kind):
     """Energy and stress of a uniform stretch in space, on the axis too."""
-    domain, (a, b) = section(3), (1.02, 0.97)
+    domain = section(3)
+    a = 1.02
+    b = 0.97
     u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
     u.interpolate(lambda x: np.stack([(a - 1) * x[0], (b - 1) * x[1]]))
     space = kind(120.0, 80.0, 10.0) if kind is CiarletGeymonat else kind(120.0, 80.0)
@@ -370,7 +384,8 @@ def test_uniform_strain(kind):
         return COMM.allreduce(fem.assemble_scalar(fem.form(e)))
 
     turned = Axisymmetric(space)
-    stored, around = integral(space.energy(v) * ufl.dx), circumference(domain)
+    stored = integral(space.energy(v) * ufl.dx)
+    around = circumference(domain)
     assert integral(turned.energy(u) * around * ufl.dx) == pytest.approx(np.pi * stored, rel=1e-10)
     radial, axial = (integral(space.stress(v)[i, i] * ufl.dx) for i in (0, 2))
     for f in body_fields(u, turned.full_stress(u)):
@@ -389,7 +404,8 @@ def test_large_strain():
     """A neo-Hookean disc squeezed by a fifth between plates that hold nothing aside."""
     domain = section(3, "quad")
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u, rubber = fem.Function(V), NeoHookean(120.0, 80.0)
+    u = fem.Function(V)
+    rubber = NeoHookean(120.0, 80.0)
     plate = ContactSurface(
         u, facets(domain, 1, 0.0), obstacle=FLOOR, law=Frictionless(), axisymmetric=True
     )
@@ -414,13 +430,14 @@ def test_output(folder):
     result = problem.solve()
     of_part = (Axisymmetric(LinearElastic.from_young(E, 0.0)) for E in (1000.0, 3000.0))
     stress = {tag: part.full_stress(problem.u) for tag, part in enumerate(of_part, 1)}
-    files = output.write_fields(folder, problem, stress=stress)
+    files = io.write_fields(folder, problem, stress=stress)
     assert {f.name for f in files} >= {"contact.bp", "contact_opposite.bp"}
     master = MasterFace(problem, problem.surfaces[0])
-    fields, pressure = master.fields(), 0.01 / (1 / 1000 + 1 / 3000)
+    fields = master.fields()
+    pressure = 0.01 / (1 / 1000 + 1 / 3000)
     assert COMM.allreduce(len(fields["pressure"].x.array)) > 0
     np.testing.assert_allclose(fields["pressure"].x.array, pressure, rtol=0.02)
-    output.write_contact_table(COMM, folder, [result.tables["contact"]])
+    io.write_contact_table(COMM, folder, [result.tables["contact"]])
     if COMM.rank == 0:
         rows = np.genfromtxt(folder / "contact.csv", delimiter=",", names=True, dtype=None)
         np.testing.assert_allclose(rows["x"], np.linspace(0, 1, 5), atol=1e-12)

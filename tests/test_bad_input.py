@@ -218,7 +218,8 @@ def test_a_tolerance_below_round_off():
     """In free flight, where no status changes: it is said, and nothing is called a cycle."""
     domain, u = square()
     domain.geometry.x[:, 1] += 1.0
-    energy, start = MATERIAL.energy(u) * ufl.dx, fem.Function(u.function_space)
+    energy = MATERIAL.energy(u) * ufl.dx
+    start = fem.Function(u.function_space)
     start.interpolate(lambda x: np.vstack([0.0 * x[0], 0.1 * x[0] - 1.0]))
 
     def motion(tolerance):
@@ -391,7 +392,8 @@ def test_a_part_of_the_mesh_that_nothing_holds():
     ]
     cells = np.array(one + [[k + len(grid) for k in t] for t in one], dtype=np.int64)
     if COMM.rank > 0:
-        x, cells = x[:0], cells[:0]
+        x = x[:0]
+        cells = cells[:0]
     element = basix.ufl.element("Lagrange", "triangle", 1, shape=(2,))
     domain = mesh.create_mesh(COMM, cells=cells, x=x, e=ufl.Mesh(element))
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
@@ -454,7 +456,8 @@ def test_quadrature_too_coarse_for_stability(degree, multiplier, quadrature):
 
 def test_surfaces_that_meet(caplog):
     domain, u = square()
-    floor, again = surface(u, name="floor"), surface(u, name="again")
+    floor = surface(u, name="floor")
+    again = surface(u, name="again")
     energy = MATERIAL.energy(u) * ufl.dx
     with pytest.raises(ValueError, match="floor and again have common facets"):
         ContactProblem(energy, u, [floor, again], bcs=[clamp(u, 1, 1.0)])
@@ -492,7 +495,8 @@ def test_arguments_of_the_wrong_kind():
     other = box(COMM, 3, "tri")
     with pytest.raises(ValueError, match="Function of another mesh"):
         surface(u, law=Coulomb(fem.Function(fem.functionspace(other, ("Lagrange", 1)))))
-    energy, bc = MATERIAL.energy(u) * ufl.dx, clamp(u, 1, 1.0)
+    energy = MATERIAL.energy(u) * ufl.dx
+    bc = clamp(u, 1, 1.0)
     with pytest.raises(ValueError, match="must be lists"):
         ContactProblem(energy, u, surface(u), bcs=[bc])
     with pytest.raises(ValueError, match="must be lists"):

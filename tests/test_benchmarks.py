@@ -26,7 +26,8 @@ COMM = MPI.COMM_WORLD
 
 
 def test_runs_take_turns_after_one_that_does_not_count():
-    order, left = [], {"a": [9.0, 3.0, 1.0, 2.0], "b": [9.0, 5.0, 6.0, 4.0]}
+    order = []
+    left = {"a": [9.0, 3.0, 1.0, 2.0], "b": [9.0, 5.0, 6.0, 4.0]}
 
     def run(name):
         order.append(name)
@@ -120,7 +121,8 @@ def test_elastic_solution_is_in_equilibrium(monkeypatch):
     ((u, _, residual, _),) = kept
     values = u.x.array.reshape(-1, 3)
     heights = V.tabulate_dof_coordinates()[:, 2]
-    below, above = np.isclose(heights, 0.0), np.isclose(heights, 1.0)
+    below = np.isclose(heights, 0.0)
+    above = np.isclose(heights, 1.0)
     assert np.abs(values[below]).max(initial=0.0) == 0.0
     moved = values[above] - [args.shift, 0.0, -args.press]
     assert np.abs(moved).max(initial=0.0) == 0.0
@@ -163,7 +165,8 @@ def test_bodies_that_are_tied(folder, monkeypatch):
     assert record["contact"]["parts"]["pair"] > 0
     args = pair_ratio.arguments([*words, "--friction", "100", "--tolerance", "1e-11"])
     body = pair_ratio.bodies(args, 3, COMM)
-    made, kept = elastic_solve._problem, []
+    made = elastic_solve._problem
+    kept = []
     monkeypatch.setattr(elastic_solve, "_problem", lambda *a: kept.append(made(*a)) or kept[-1])
     for run in pair_ratio.elasticity(args, *body, args.settings).values():
         assert run()["converged"]

@@ -159,7 +159,8 @@ def test_units(cell, units):
     bcs = [fem.dirichletbc(top, held, V)]
     scaled = ContactProblem(material.energy(u) * ufl.dx, u, [surface], bcs=bcs).solve()
     plain = block(cell=cell, n=4).solve()
-    a, b = scaled.tables["contact"], plain.tables["contact"]
+    a = scaled.tables["contact"]
+    b = plain.tables["contact"]
     force = stress * length ** (dim - 1)
     assert np.abs(a.force / force - b.force).max() < 1e-9 * np.abs(b.force).max()
     assert np.abs(a.ut / length - b.ut).max() < 1e-9 * np.abs(b.ut).max()
@@ -204,7 +205,8 @@ def test_friction_as_number_constant_and_field():
 
 
 def test_level_set_is_the_sphere():
-    centre, radius = (0.5, 0.5, -4.0), 4.0
+    centre = (0.5, 0.5, -4.0)
+    radius = 4.0
     level = LevelSet(lambda x: sum((x[i] - centre[i]) ** 2 for i in range(3)) ** 0.5 - radius)
     a = block(cell="hex", n=4, obstacle=Sphere(centre, radius)).solve()
     b = block(cell="hex", n=4, obstacle=level).solve()
@@ -274,7 +276,8 @@ def test_no_contact_at_all():
 
 def test_large_displacement_on_a_plane_is_exact():
     """A neo-Hookean bar moved by its own size: gap and slip as those of the moved nodes."""
-    shift, press = 1.7, 0.2
+    shift = 1.7
+    press = 0.2
     problem = block(
         cell="quad", n=4, material=NeoHookean(600.0, 400.0), law=Coulomb(0.2), top=(shift, -press)
     )

@@ -25,7 +25,9 @@ pytestmark = serial
 def enumerated(S, p, F):
     """Statuses of all solutions, by solving 4^m pieces; whether one is near a border."""
     m = len(F)
-    every, found, near = np.array(list(itertools.product(range(4), repeat=m))), [], False
+    every = np.array(list(itertools.product(range(4), repeat=m)))
+    found = []
+    near = False
     for codes in np.array_split(every, max(1, len(every) // 1024)):
         A = np.zeros((len(codes), 2 * m, 2 * m))
         for i in range(m):
@@ -51,7 +53,8 @@ def _kinds(codes):
 
 
 def random_problem(rng, *, most=6, rounded=False):
-    m, kind = int(rng.integers(1, most + 1)), rng.integers(3)
+    m = int(rng.integers(1, most + 1))
+    kind = rng.integers(3)
     G = rng.standard_normal((2 * m, 2 * m))
     S = G @ G.T + 0.05 * np.eye(2 * m) if kind == 0 else G @ G.T / m + 0.5 * np.eye(2 * m)
     if kind == 2:
@@ -68,7 +71,8 @@ def statuses(solutions):
 
 def compare(seed, number):
     """Verdicts of random problems, each compared with the enumeration and checked again."""
-    rng, verdicts = np.random.default_rng(seed), []
+    rng = np.random.default_rng(seed)
+    verdicts = []
     for k in range(number):
         S, p, F = random_problem(rng, rounded=k % 5 == 0)
         found = prove_solutions(ReducedProblem(S, p, F), seconds=60)
@@ -121,7 +125,8 @@ def test_bounds_hold_every_solution():
 
 def test_multipliers_exclude_no_solution():
     """Any vector of multipliers is sound; those that separate exclude something."""
-    rng, excluded = np.random.default_rng(6), 0
+    rng = np.random.default_rng(6)
+    excluded = 0
     for problem, pieces in several(10):
         region = Region.whole(problem)
         n = len(problem.p)
@@ -141,7 +146,8 @@ def test_multipliers_exclude_no_solution():
 
 def test_inequalities_of_differences_hold():
     """For every two solutions, on all sets of statuses that hold the one and let the other be."""
-    rng, rows = np.random.default_rng(7), 0
+    rng = np.random.default_rng(7)
+    rows = 0
     for problem, pieces in several(12):
         ub = Region.whole(problem).ub
         for b, a in itertools.permutations(pieces, 2):
@@ -172,7 +178,8 @@ def test_data_with_errors():
     proved = 0
     for _ in range(30):
         S, p, F = random_problem(rng, most=3)
-        dS, dp = np.full_like(S, 1e-3 * np.abs(S).max()), np.full_like(p, 1e-3)
+        dS = np.full_like(S, 1e-3 * np.abs(S).max())
+        dp = np.full_like(p, 1e-3)
         try:
             found = prove_solutions(ReducedProblem(S, p, F, None, dS, dp))
         except ValueError:
@@ -230,7 +237,8 @@ def test_no_load():
 
 def test_degenerate_problems_are_said_to_be():
     """Hild's element: the free state grazes, beside stick; with F = 2 slips join both."""
-    S, p = np.array([[2.0, 1.0], [1.0, 2.0]]), np.array([-1.0, -0.5])
+    S = np.array([[2.0, 1.0], [1.0, 2.0]])
+    p = np.array([-1.0, -0.5])
     border = prove_solutions(ReducedProblem(S, p, np.array([3.0])))
     assert border.verdict == "degenerate"
     assert statuses(border.solutions) == [(1,)]
@@ -303,7 +311,8 @@ def _tampered(certificate):
     yield "another step", changed("only", put("do", "trust me"))
     yield "no number of a point", changed("branch", put("point", "0"))
     yield "rest", changed("branch", put("do", "rest"))
-    fewer, more = copy.deepcopy(certificate), copy.deepcopy(certificate)
+    fewer = copy.deepcopy(certificate)
+    more = copy.deepcopy(certificate)
     fewer.steps.pop()
     more.steps.append({"do": "open"})
     yield "missing steps", fewer
@@ -337,7 +346,9 @@ def test_a_proof_of_another_problem_is_none(proof):
 
 
 def test_bad_input():
-    S, p, F = np.eye(2), np.zeros(2), np.array([0.3])
+    S = np.eye(2)
+    p = np.zeros(2)
+    F = np.array([0.3])
     for bad, what in (
         ((S, np.zeros(3), F), "shape"),
         ((S, np.array([np.nan, 0.0]), F), "not finite"),

@@ -52,7 +52,9 @@ def alone(script, *arguments, modules="numpy"):
 @pytest.fixture(scope="module")
 def proofs():
     """Proofs that together hold every kind of step, with problems that have several solutions."""
-    rng, found, kinds = np.random.default_rng(5), [], set()
+    rng = np.random.default_rng(5)
+    found = []
+    kinds = set()
     while not {"exclude", "only", "branch", "empty", "pieces"} <= kinds or len(found) < 12:
         S, p, F = random_problem(rng)
         m = len(F)
@@ -69,7 +71,8 @@ def proofs():
 @pytest.fixture
 def stored(tmp_path):
     """A proof of three solutions: one node, kt = kn = 2, k = 1, F = 3, p = (-2.5, -1)."""
-    S, p = np.array([[2.0, 1.0], [1.0, 2.0]]), np.array([-2.5, -1.0])
+    S = np.array([[2.0, 1.0], [1.0, 2.0]])
+    p = np.array([-2.5, -1.0])
     prove_solutions(ReducedProblem(S, p, np.array([3.0]))).certificate.save(tmp_path / "proof.npz")
     return tmp_path / "proof.npz"
 
@@ -171,7 +174,8 @@ def mutated(steps, rng):
     """The steps with one number, list or word of any of them changed."""
     steps = copy.deepcopy(steps)
     step = steps[rng.integers(len(steps))]
-    place, key = step, list(step)[rng.integers(len(step))]
+    place = step
+    key = list(step)[rng.integers(len(step))]
     while isinstance(place[key], list) and place[key] and rng.random() < 0.9:
         place, key = place[key], int(rng.integers(len(place[key])))
     old = place[key]
@@ -223,7 +227,8 @@ def test_a_forged_proof_proves_nothing_that_is_false(proofs, tries):
     A change may leave a proof: of weights that are larger than they must be, of a bound or an
     exclusion that is weaker, of an order of parts. What it says is then still true.
     """
-    rng, taken = np.random.default_rng(7), 0
+    rng = np.random.default_rng(7)
+    taken = 0
     for proof in proofs:
         expected = says(check(proof))
         for _ in range(tries):
@@ -243,13 +248,15 @@ def test_a_forged_proof_proves_nothing_that_is_false(proofs, tries):
 @pytest.mark.parametrize("number", [25, pytest.param(1000, marks=pytest.mark.long)])
 def test_what_is_proved_is_what_is_there(number, tmp_path):
     """Stored, read and checked proofs against all 4^m pieces; other data are not proved by them."""
-    rng, several = np.random.default_rng(8), 0
+    rng = np.random.default_rng(8)
+    several = 0
     node = np.array([[2.0, 1.0], [1.0, 2.0]])
     for k in range(number):
         S, p, F = random_problem(rng, most=4)
         F *= 3.0  # with more friction there are more solutions
         if k % 8 == 0:  # of two nodes that do not see each other: up to nine
-            S, F = np.kron(np.eye(2), node), np.full(2, 3.0)
+            S = np.kron(np.eye(2), node)
+            F = np.full(2, 3.0)
             p = -np.array([2.5, 1.0, 2.5, 1.0]) * rng.uniform(0.9, 1.1, 4)
         problem = ReducedProblem(S, p, F)
         certificate = prove_solutions(problem).certificate

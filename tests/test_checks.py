@@ -56,15 +56,18 @@ def log(caplog):
 @pytest.mark.parametrize("method", ["nodal", "mixed"])
 def test_sliding_on_a_disc_is_measured(method, slide, log):
     """The distance to the disc where the closed points are now, from the displacement alone."""
-    centre, radius = np.array([0.4, -3.0]), 3.0
+    centre = np.array([0.4, -3.0])
+    radius = 3.0
     problem = block(
         n=6, cell="quad", obstacle=Sphere(centre, radius), top=(slide, -0.02), method=method
     )
     result = problem.solve()
-    (s,), size = problem.surfaces, problem.equations.body_size
+    (s,) = problem.surfaces
+    size = problem.equations.body_size
     n = s.num_owned_points
     u = problem.u.x.array.reshape(-1, 2)[s.points.vertex_trace_dofs][:n]
-    x, closed = s.positions[:n], status.closed(s.statuses)
+    x = s.positions[:n]
+    closed = status.closed(s.statuses)
     true = np.linalg.norm(x + u - centre, axis=1) - radius
     law = (
         np.linalg.norm(x - centre, axis=1)
@@ -217,7 +220,8 @@ def strip(order):
     x = np.array([[0, 0], [1, 0], [0, 1], [1, 1], [0.5, 1], [1, 2]], dtype=np.float64)
     element = basix.ufl.element("Lagrange", "triangle", 1, shape=(2,))
     if COMM.rank > 0:
-        cells, x = cells[:0], x[:0]
+        cells = cells[:0]
+        x = x[:0]
     return mesh.create_mesh(COMM, cells=cells, x=x, e=ufl.Mesh(element))
 
 
@@ -241,7 +245,8 @@ def test_an_empty_cell_is_named(order):
 @pytest.mark.parametrize(("dim", "cell"), KINDS)
 def test_empty_and_inverted_cells(dim, cell, ghost_mode, log):
     """A vertex moved on to its neighbours' face, and through it; good meshes are left in peace."""
-    n, middle = 4, np.full(dim, 0.5)
+    n = 4
+    middle = np.full(dim, 0.5)
     domain = box(COMM, n, cell, ghost_mode=ghost_mode)
     check_cells(domain)
     check_cells(with_vertex(domain, middle, middle + 0.05))

@@ -20,7 +20,8 @@ ELASTIC = LinearElastic.from_young(1000.0, 0.3)
 TURNED = Axisymmetric(ELASTIC)
 FLOOR = HalfSpace((0.0, 0.0), (0.0, 1.0))
 LAMBDA, MU = lame(1000.0, 0.3)
-dx, ds = ufl.dx, ufl.ds
+dx = ufl.dx
+ds = ufl.ds
 
 
 class Disc:
@@ -101,7 +102,8 @@ def test_the_weight_in_other_words(name, caplog):
 def test_what_varies_of_itself(caplog):
     """Graded materials, centrifugal forces, pressures, heat: data that vary like r or 1/r."""
     b = Disc(0.5)
-    n, ring = ufl.FacetNormal(b.mesh), b.function(lambda x: 500 * x[0])
+    n = ufl.FacetNormal(b.mesh)
+    ring = b.function(lambda x: 500 * x[0])
     graded = Axisymmetric(LinearElastic(ring, (1 + b.r) * MU)).energy(b.u)
     loads = 3.0 * b.r * b.u[0] - 2.0 * b.u[1] - sum(b.strains(b.u)[:3])
     line = 5.0 / (b.around * 1.0)  # a force over the height of a ring
@@ -110,7 +112,8 @@ def test_what_varies_of_itself(caplog):
     assert "2 pi" not in caplog.text
 
 
-NO_TWO_PI, NO_WEIGHT = "weight x.0. with no 2 pi beside it", "has not the weight 2 pi r"
+NO_TWO_PI = "weight x.0. with no 2 pi beside it"
+NO_WEIGHT = "has not the weight 2 pi r"
 #: What was silently solved, with a part of the reason for which it is refused.
 WRONG = {
     "no weight": (NO_WEIGHT, lambda b: b.energy * dx),
@@ -191,7 +194,8 @@ def test_plane_surfaces():
 
 def test_damping():
     b = Disc()
-    problem, v = b.problem(b.energy * b.around * dx), ufl.TestFunction(b.V)
+    problem = b.problem(b.energy * b.around * dx)
+    v = ufl.TestFunction(b.V)
     velocity = fem.Function(b.V)
     drag = ufl.dot(velocity, v)
     NSCD(problem, density=1.0, dt=0.01, velocity=velocity, damping=drag * b.around * dx)

@@ -79,7 +79,8 @@ def check(problem, algorithm, accuracy=1e-8):
 def check_stored(case, algorithm, accuracy=1e-8):
     """As `check`, and forces and statuses are those of an independent code."""
     data = STORED[case]
-    dim, friction = data["dim"], data["F"]
+    dim = data["dim"]
+    friction = data["F"]
     problem = block(
         n=data["n"],
         cell="quad" if dim == 2 else "hex",
@@ -91,7 +92,8 @@ def check_stored(case, algorithm, accuracy=1e-8):
     found = check(problem, algorithm, accuracy)
     table = found.tables["contact"]
     order = np.lexsort(np.round(data["x"], 9).T[::-1])
-    rn, rt = -np.array(data["ln"])[order], np.array(data["lt"])[order]
+    rn = -np.array(data["ln"])[order]
+    rt = np.array(data["lt"])[order]
     np.testing.assert_allclose(table.rn, rn, rtol=0, atol=accuracy * rn.max())
     np.testing.assert_allclose(table.rt[:, : dim - 1], rt, rtol=0, atol=accuracy * rn.max())
     sticks = np.linalg.norm(rt, axis=1) < (1 - 1e-6) * friction * rn
@@ -131,7 +133,8 @@ def test_uzawa_without_augmentation():
 def test_uzawa_with_a_hierarchy(kind):
     """The body by conjugate gradients with a hierarchy that is kept."""
     options = PETSc.Options()
-    options["contact_linear_solver"], options["contact_amg_pc_type"] = "amg", kind
+    options["contact_linear_solver"] = "amg"
+    options["contact_amg_pc_type"] = kind
     options["contact_snes_rtol"] = 1e-6
     check(block(n=2, cell="hex"), "uzawa", 1e-4)
     check(block(n=2, cell="hex"), Uzawa(augmented=True), 1e-4)
@@ -168,7 +171,8 @@ def test_a_body_that_slides_away(algorithm):
     """
     both = stacked(3, "hex", 2)
     u = displacement(both.mesh)
-    shear, top = fem.Constant(both.mesh, 1.0), ufl.Measure("ds", subdomain_data=both.facet_tags)
+    shear = fem.Constant(both.mesh, 1.0)
+    top = ufl.Measure("ds", subdomain_data=both.facet_tags)
     load = ufl.as_vector((-0.8 * shear, -0.6 * shear, -5.0))
     bulk = MATERIAL.energy(u) * ufl.dx - ufl.dot(load, u) * top(4, domain=both.mesh)
     pair = ContactPair(u, both, slave=3, master=2, law=Coulomb(0.3))

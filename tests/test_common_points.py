@@ -38,7 +38,8 @@ def integrals(points, a, b, degree):
     at, weights = basix.make_quadrature(basix.CellType.interval, degree)
     found = {}
     for p, q in pairwise(points):
-        c, d = max(p, a), max(min(q, b), max(p, a))
+        c = max(p, a)
+        d = max(min(q, b), max(p, a))
         values = element.tabulate(0, (c + (d - c) * at - p) / (q - p))[0, :, :, 0]
         for place, value in zip(element.points[:, 0], (d - c) * weights @ values, strict=True):
             key = round(p + (q - p) * place, 9)
@@ -69,7 +70,8 @@ def test_uniform_tractions(case, sides, degrees):
     angle = 0.7
     both = stacked(*case, angle=angle)
     u = displacement(both.mesh, degrees[0])
-    V, t = u.function_space, np.array([1.0, -2.0])
+    V = u.function_space
+    t = np.array([1.0, -2.0])
     pair = pair_of(u, both, degrees, sides)
     assert not pair.obstacle.opposite.matching
     assert largest_sum(pair) < 1e-14
@@ -137,7 +139,8 @@ def solved_patch(
     [(0, 0, "tri"), (0, 1, "quad"), (1, 0, "quad"), (1, 1, "tri")],
 )
 def test_patch(case, sides, cell, degrees):
-    c, s = np.cos(0.7), np.sin(0.7)
+    c = np.cos(0.7)
+    s = np.sin(0.7)
     both = stacked(*CASES[case], cell=cell, angle=0.7)
     solved_patch(both, np.array([[c, -s], [s, c]]), BASE, SIDES[sides], degrees, (4, 5, 6))
 
@@ -185,7 +188,8 @@ def test_patch_of_a_short_block(case, sides, degrees):
             integrals(points, *reach, degrees[0])
             for reach in ((case[2][0], case[3][0]), (case[3][1], case[2][1]))
         ]
-        f, x = fem.Function(V), V.tabulate_dof_coordinates()
+        f = fem.Function(V)
+        x = V.tabulate_dof_coordinates()
         for i in fem.locate_dofs_topological(V, 1, both.facet_tags.find(2)):
             force = sum(p[round(x[i, 0], 9)] for p in parts)
             f.x.array[2 * i : 2 * i + 2] = force * traction / areas.array[2 * i]
@@ -272,7 +276,8 @@ def test_fields_of_the_law():
     pair = pair_of(u, both, (2, 1), law=Coulomb(friction), gap=1.0 + x[1] ** 2)
 
     def check():
-        at, known = pair.positions, pair.points.data
+        at = pair.positions
+        known = pair.points.data
         cells = pair.submesh.parent_facets[pair.points.cells]
         assert len(cells) or pair.points.number == 0
         np.testing.assert_allclose(known.gap, 1.0 + at[:, 1] ** 2, rtol=1e-13)
@@ -294,7 +299,8 @@ def test_fields_of_the_law():
 def of_second_order(body):
     """The same with nodes between those at corners, and tags 2 and 3."""
     W = fem.functionspace(body.mesh, ("Lagrange", 2))
-    nodes, n = W.dofmap.index_map, body.mesh.topology.index_map(2).size_local
+    nodes = W.dofmap.index_map
+    n = body.mesh.topology.index_map(2).size_local
     cells = nodes.local_to_global(W.dofmap.list[:n].reshape(-1)).reshape(n, -1)
     x = W.tabulate_dof_coordinates()[: nodes.size_local, :2]
     element = basix.ufl.element("Lagrange", "quadrilateral", 2, shape=(2,))
@@ -315,7 +321,8 @@ def refused(match, u, both, **options):
 
 def test_bad_input():
     both = stacked(3, 2, (0.0, 1.0), (0.0, 1.0))
-    domain, u = both.mesh, displacement(both.mesh)
+    domain = both.mesh
+    u = displacement(both.mesh)
     refused(r"do not match: .* of the slave .*, as mixed contact needs", u, both, method="mixed")
     smooth = fem.Function(fem.functionspace(domain, ("Lagrange", 2)))
     where = "the friction of faces that do not match may"

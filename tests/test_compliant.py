@@ -65,7 +65,8 @@ def rollers(u, *axes_and_values):
 @pytest.mark.parametrize(("dim", "cell"), KINDS)
 def test_uniform_compression(dim, cell, exponent):
     """MODULUS (d - penetration) = C penetration^m, nodal and integral."""
-    stiffness, pressed = 4000.0, 0.1
+    stiffness = 4000.0
+    pressed = 0.1
     depth = brentq(lambda d: stiffness * d**exponent - MODULUS * (pressed - d), 0, pressed,
                    xtol=1e-16)  # fmt: skip
     for degree in (1, 2) if cell in ("tri", "hex") else (1,):
@@ -93,10 +94,13 @@ def test_uniform_compression(dim, cell, exponent):
 def sheared_block(law, dim, cell, s, pressed, shear):
     """A block in simple shear, nu = 0; normal displacements are known but at the floor."""
     domain = box(COMM, 2, cell)
-    u, up = displacement(domain), dim - 1
-    V, floor = u.function_space, HalfSpace(np.zeros(dim), np.eye(dim)[-1])
+    u = displacement(domain)
+    up = dim - 1
+    V = u.function_space
+    floor = HalfSpace(np.zeros(dim), np.eye(dim)[-1])
     surface = ContactSurface(u, facets(domain, up, 0.0), obstacle=floor, law=law)
-    held, normal = fem.Function(V), fem.Function(V.sub(up).collapse()[0])
+    held = fem.Function(V)
+    normal = fem.Function(V.sub(up).collapse()[0])
     held.x.array.reshape(-1, dim)[:] = [s, *[0.0] * (dim - 2), -pressed]
     normal.interpolate(lambda x: -pressed * x[up])
     above = fem.locate_dofs_geometrical((V.sub(up), normal.function_space), lambda x: x[up] > 1e-9)
@@ -115,7 +119,9 @@ def sheared_block(law, dim, cell, s, pressed, shear):
 @pytest.mark.parametrize(("dim", "cell"), [(2, "tri"), (3, "hex")])
 def test_simple_shear(dim, cell, shape):
     """A block of height 1 and shear modulus 500, drawn by s: 500 (s - u) = b phi(u/eps)."""
-    s, eps, pressed = 0.03, 0.004, 0.05
+    s = 0.03
+    eps = 0.004
+    pressed = 0.05
     for law, bound in ((Tresca(5.0), 5.0), (Coulomb(0.2), 0.2 * 1000.0 * pressed)):
         slid = brentq(
             lambda u, b=bound: 500.0 * (s - u) - b * PHI[shape](u / eps), 0, s, xtol=1e-16
@@ -138,7 +144,8 @@ def test_penalised_coulomb(dim):
                    options={"snes_rtol": 1e-12}).solve()  # fmt: skip
     t = result.tables["contact"]
     np.testing.assert_allclose(t.pressure, 1e4 * np.maximum(-t.un, 0), atol=1e-9)
-    stuck, size = t.letters == "k", np.linalg.norm(t.shear, axis=1)
+    stuck = t.letters == "k"
+    size = np.linalg.norm(t.shear, axis=1)
     assert 0 < stuck.sum() < len(stuck)
     np.testing.assert_allclose(t.shear[stuck], -2e4 * t.ut[stuck], atol=1e-8)
     slips = ~stuck & (t.letters != "o")
@@ -208,7 +215,8 @@ def test_forces_and_statuses_as_the_width_falls(shape):
     """
     block_ = dict(n=6, cell="quad", top=(0.02, -0.03), options={"snes_rtol": 1e-12})
     true = block(**block_).solve().tables["contact"]
-    problem, errors = block(**block_, law=Regularised(Coulomb(0.3), 1e-2, shape)), []
+    problem = block(**block_, law=Regularised(Coulomb(0.3), 1e-2, shape))
+    errors = []
     widths = np.array([1e-2, 1e-4, 1e-6, 1e-7])
     for width in widths:
         problem.surfaces[0].law.width.value = width
@@ -226,7 +234,8 @@ def test_forces_and_statuses_as_the_width_falls(shape):
 def test_between_bodies(solver):
     """Two blocks of height 1 in a row with a spring of the interface, and friction as it is."""
     both = stacked(3, "tet", 2)
-    u, pressed = displacement(both.mesh), 0.1
+    u = displacement(both.mesh)
+    pressed = 0.1
     depth = brentq(lambda d: 4000.0 * d**2 - MODULUS * (pressed - d) / 2, 0, pressed, xtol=1e-16)
     law = NormalCompliance(4000.0, 2.0, Regularised(Coulomb(0.3), 0.01))
     pair = ContactPair(u, both, slave=3, master=2, law=law)
@@ -262,7 +271,8 @@ def test_width_and_stiffness_as_parameter():
 
 def test_a_branch_by_pivoting():
     """Springs and Coulomb friction are piecewise linear in 2D: the events are those of steps."""
-    law, events = NormalCompliance(3e4, 1.0, Coulomb(0.15), tangential=2e4), []
+    law = NormalCompliance(3e4, 1.0, Coulomb(0.15), tangential=2e4)
+    events = []
     for route in ("pivoting", "steps"):
         system, x = sheared(law=law)
         branch = follow(system, x, 0.0, gamma_range=(0.0, 1.0), route=route)
@@ -346,14 +356,16 @@ def soft_contact(kind, law):
         problem = disc(section(5), law=law)
     elif kind == "pair":
         both = stacked(2, "quad", 3)
-        u, tags = displacement(both.mesh), both.facet_tags
+        u = displacement(both.mesh)
+        tags = both.facet_tags
         surface = ContactPair(u, tags, slave=3, master=2, law=law)
         bcs = [held(u, tags, 1, (0.0, 0.0)), held(u, tags, 4, (0.02, -0.01))]
         energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
         problem = ContactProblem(energy, u, [surface], bcs=bcs, petsc_options=options)
     else:
         problem = block(cell=kind, n=3, law=law, options=options)
-    (surface,), (table,) = problem.surfaces, problem.solve().tables.values()
+    (surface,) = problem.surfaces
+    (table,) = problem.solve().tables.values()
     shown = np.concatenate(COMM.allgather(vertex_state(surface)["bound"]))
     assert shown.max() == pytest.approx((table.bound / table.area).max(), rel=1e-10)
     return table

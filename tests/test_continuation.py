@@ -163,7 +163,8 @@ def test_a_piece_that_is_shorter_than_a_step(low, algebra):
     """The border by which a piece is entered and left is met twice, and the branch goes on."""
     met = 0
     for first in (0.06, 0.07, 0.1):
-        system, control = moment(low, low + 0.0625), StepControl(initial=first, kinks="exact")
+        system = moment(low, low + 0.0625)
+        control = StepControl(initial=first, kinks="exact")
         branch = follow(system, start(system, [0.0]), 0.0, gamma_range=(0.0, 1.0), control=control)
         assert branch.reason == "gamma reached the end of its range"
         assert branch.points[-1].gamma == 1.0
@@ -177,7 +178,8 @@ def test_a_piece_that_is_shorter_than_a_step(low, algebra):
 
 def test_a_branch_does_not_go_back_where_it_came():
     """Where no step may be as short as a piece the branch ends, and says so."""
-    system, control = moment(0.4375, 0.5), StepControl(0.07, minimum=0.055, kinks="exact")
+    system = moment(0.4375, 0.5)
+    control = StepControl(0.07, minimum=0.055, kinks="exact")
     branch = follow(system, start(system, [0.0]), 0.0, gamma_range=(0.0, 1.0), control=control)
     assert branch.reason == "no step of at least 0.055 succeeds"
     assert branch.points[-1].gamma == pytest.approx(0.4375, abs=1e-12)
@@ -223,8 +225,10 @@ def test_correctors_agree():
     )
     with Follower(system, StepControl(), gamma_scale=1.0) as follower:
         point = follower.start(start(system, [1.3]), -0.8)
-        b, corrector = follower.bordered, follower.corrector
-        y, t = point.y.copy(), point.tangent.copy()
+        b = follower.bordered
+        corrector = follower.corrector
+        y = point.y.copy()
+        t = point.tangent.copy()
         y.axpy(0.05, point.tangent)
         assert corrector.moore_penrose(y, t, point.piece)
         assert abs(b.inner(t, t) - 1) < 1e-12
@@ -321,18 +325,22 @@ class bratu(System):
         self.comm = MPI.COMM_WORLD
         domain = mesh.create_unit_interval(self.comm, n)
         V = fem.functionspace(domain, ("Lagrange", 4))
-        self._u, v = fem.Function(V), ufl.TestFunction(V)
+        self._u = fem.Function(V)
+        v = ufl.TestFunction(V)
         self._g = fem.Constant(domain, 0.0)
         source = ufl.exp(self._u) * v * ufl.dx
         R = self._u.dx(0) * v.dx(0) * ufl.dx - self._g * source
-        self._R, self._c = fem.form(R), fem.form(-source)
+        self._R = fem.form(R)
+        self._c = fem.form(-source)
         self._J = fem.form(ufl.derivative(R, self._u, ufl.TrialFunction(V)))
         ends = fem.locate_dofs_geometrical(V, lambda x: np.isclose(x[0] * (1 - x[0]), 0))
         self._bc = fem.dirichletbc(0.0, ends, V)
         self._n = V.dofmap.index_map.size_local
         self._ends = ends[ends < self._n]
-        self._assemble_matrix, self._add = assemble_matrix, la.InsertMode.add
-        self._fem, self._scratch = fem, la.vector(V.dofmap.index_map, 1)
+        self._assemble_matrix = assemble_matrix
+        self._add = la.InsertMode.add
+        self._fem = fem
+        self._scratch = la.vector(V.dofmap.index_map, 1)
         self._places = V.tabulate_dof_coordinates()[: self._n, 0]
         self.matrix = assemble_matrix(self._J, bcs=[self._bc])
         self.matrix.assemble()
@@ -395,10 +403,12 @@ def test_parity_is_that_of_mumps():
         system = one_node(2.0, 2.0, 1.0, F, (0.0, -1.0), (-1.0, 0.3))
         with Follower(system, StepControl(), gamma_scale=1.0) as follower:
             point = follower.start(start(system, [0, 0, 0, 1.0]), 0.0)
-            b, corrector = follower.bordered, follower.corrector
+            b = follower.bordered
+            corrector = follower.corrector
             for before in range(4):
                 for after in range(4):
-                    signs, rays = [], []
+                    signs = []
+                    rays = []
                     for code in (before, after):
                         codes = np.full(len(point.piece.codes), code, dtype=np.int8)
                         piece = type(point.piece)(codes)

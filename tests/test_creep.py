@@ -25,7 +25,10 @@ from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.points.memory import Memory
 
 COMM = MPI.COMM_WORLD
-F, N, EPS, Q = 0.4, 30.0, 2e-3, 0.9
+F = 0.4
+N = 30.0
+EPS = 2e-3
+Q = 0.9
 #: Velocity over eps at which the shear is Q of its bound; a cubic's by its trigonometric root.
 CREEP = {
     "tanh": np.arctanh(Q),
@@ -45,7 +48,8 @@ def loose(cell, law, *, n=2, comm=COMM, method=None):
     below = facets(domain, dim - 1, 0.0)
     contact = ContactSurface(u, below, obstacle=floor, law=law, method=method)
     energy = LinearElastic.from_young(1e5, 0.3).energy(u)
-    density, tight = energy - ufl.dot(force, u), {"snes_rtol": 1e-12}
+    density = energy - ufl.dot(force, u)
+    tight = {"snes_rtol": 1e-12}
     return ContactProblem(density * ufl.dx, u, [contact], petsc_options=tight), force
 
 
@@ -105,7 +109,8 @@ def test_another_speed():
 
 def test_an_increment_at_its_velocity():
     """A step of the length dt is the static law of the width eps dt, as `width` has it."""
-    dt, tables = 0.25, []
+    dt = 0.25
+    tables = []
     for law, step in (
         (Regularised(Coulomb(F), speed=EPS), dt),
         (Regularised(Coulomb(F), width=EPS * dt), 0.0),

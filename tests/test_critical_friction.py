@@ -64,7 +64,8 @@ def leaning(n, *, height=2.0, offset=1.0, cell=mesh.CellType.quadrilateral, widt
 def by_hand(problem, xi=None):
     """All coefficients by a dense condensation onto the contact nodes, on one rank."""
     V = problem.V
-    dim, n = V.mesh.geometry.dim, V.dofmap.index_map.size_local
+    dim = V.mesh.geometry.dim
+    n = V.dofmap.index_map.size_local
     K = problem.equations.bulk.stiffness(problem.u.x.array).getValuesCSR()
     K = scipy.sparse.csr_matrix((K[2], K[1], K[0])).toarray()
     free = ~problem.equations.fixed
@@ -142,7 +143,8 @@ def test_falls_with_the_height(folder):
 def test_bound_of_theory(folder):
     """For slips that alternate the criterion falls like h^(1/2); the critical friction does not."""
     levels = demo(["--n=32", f"--output={folder}"])["levels"]
-    last, before = levels[-1], levels[-2]
+    last = levels[-1]
+    before = levels[-2]
     assert last["alternating"] / before["alternating"] == pytest.approx(0.5**0.5, abs=0.01)
     assert last["critical"] / before["critical"] > 0.995
     assert all(row["alternating"] <= row["one_way"] < row["critical"] for row in levels)
@@ -192,7 +194,8 @@ def test_slice_in_3d():
 
 
 def test_any_direction_in_3d():
-    problem, angle = block(4), 0.4
+    problem = block(4)
+    angle = 0.4
     xi = np.array([np.cos(angle), np.sin(angle), 0.0])
     values, vectors = by_hand(block(4, comm=MPI.COMM_SELF), xi)
     real = np.abs(values.imag) < 1e-9 * np.abs(values)
@@ -238,7 +241,8 @@ def some_slip(problem, x):
     stuck = nodes[x > 0.9]
     free[[2 * stuck, 2 * stuck + 1]] = False
     slips = nodes[(x > 0.1) & (x < 0.9)]
-    t, n = 2 * slips, 2 * slips + 1
+    t = 2 * slips
+    n = 2 * slips + 1
     inside = np.setdiff1d(np.flatnonzero(free), np.concatenate([t, n]))
     on = np.concatenate([t, n])
     S = K[np.ix_(on, on)] - K[np.ix_(on, inside)] @ np.linalg.solve(
@@ -352,7 +356,8 @@ def test_slips_of_both_signs_bring_continua(which):
     """Where all points have slipped under load, such a slip may be added with either sign."""
     domain = leaning(5, offset=1.0, comm=MPI.COMM_SELF).V.mesh
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u, slid = fem.Function(V), fem.Function(V)
+    u = fem.Function(V)
+    slid = fem.Function(V)
     bottom, top = (
         mesh.locate_entities_boundary(domain, 1, lambda x, y=y: np.isclose(x[1], y))
         for y in (0.0, 2.0)
@@ -360,22 +365,26 @@ def test_slips_of_both_signs_bring_continua(which):
     clamped = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, top), V)
     tags = mesh.meshtags(domain, 1, np.sort(bottom), np.ones(len(bottom), dtype=np.int32))
     ds = ufl.Measure("ds", domain=domain, subdomain_data=tags)
-    friction, pushed = fem.Constant(domain, 1.0), fem.Constant(domain, np.zeros(2))
+    friction = fem.Constant(domain, 1.0)
+    pushed = fem.Constant(domain, np.zeros(2))
     material = LinearElastic.from_young(1.0, 0.3)
     # The load is the one under which `slid`, and the forces `pushed` of contact, are a solution.
     load = ufl.derivative(material.energy(slid) * ufl.dx, slid, u) - ufl.dot(pushed, u) * ds(1)
     floor = ContactSurface(u, bottom, obstacle=HalfSpace((0, 0), (0, 1)), law=Coulomb(friction))
     problem = ContactProblem(material.energy(u) * ufl.dx - load, u, [floor], bcs=[clamped])
     F = critical_friction(problem).mixed[which]
-    friction.value, pushed.value[:] = abs(F), (0.1 * F, 0.1)
+    friction.value = abs(F)
+    pushed.value[:] = (0.1 * F, 0.1)
     slid.interpolate(lambda x: np.stack([-0.05 * np.sign(F) * (2.0 - x[1]), 0 * x[0]]))
 
     # v, the motion with it, and the forces that it takes.
     K = problem.equations.bulk.stiffness(u.x.array).getValuesCSR()
     K = scipy.sparse.csr_matrix((K[2], K[1], K[0])).toarray()
-    x, places = V.tabulate_dof_coordinates(), floor.Q.tabulate_dof_coordinates()
+    x = V.tabulate_dof_coordinates()
+    places = floor.Q.tabulate_dof_coordinates()
     nodes = [int(np.abs(x - place).sum(axis=1).argmin()) for place in places]
-    t, n = 2 * np.array(nodes), 2 * np.array(nodes) + 1
+    t = 2 * np.array(nodes)
+    n = 2 * np.array(nodes) + 1
     free = np.flatnonzero(np.repeat(x[:, 1] < 2.0 - 1e-9, 2))
     inside = np.setdiff1d(free, np.concatenate([t, n]))
     within = -np.linalg.solve(K[np.ix_(inside, inside)], K[np.ix_(inside, t)])
@@ -384,7 +393,8 @@ def test_slips_of_both_signs_bring_continua(which):
     v = vectors[:, np.abs(values - F).argmin()].real
     assert v.min() < 0 < v.max()
     motion = np.zeros(len(K))
-    motion[t], motion[inside] = v, within @ v
+    motion[t] = v
+    motion[inside] = within @ v
     lengths = np.where(np.isin(places[:, 0], [0.0, 1.0]), 0.1, 0.2)
     forces = np.stack([rows @ v / lengths for rows in S], axis=1).reshape(-1)
 

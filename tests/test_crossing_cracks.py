@@ -21,7 +21,9 @@ STEEL = LinearElastic.from_young(100.0, 0.3)
 #: Axis and sense of the arms right, left, up and down.
 ARMS = ((0, 1), (0, -1), (1, 1), (1, -1))
 #: Groups of the arms.
-LINE, TEE, CROSS = (1, 2), (1, 2, 3), (1, 2, 3, 4)
+LINE = (1, 2)
+TEE = (1, 2, 3)
+CROSS = (1, 2, 3, 4)
 #: Axis and place of the sides left, right, bottom, top (and lowest in space), tags from 11.
 SIDES = ((0, -1.0), (0, 1.0), (1, -1.0), (1, 1.0), (2, -1.0))
 
@@ -44,11 +46,13 @@ def crossing(groups, *, reach=0.5, cells=8, comm=COMM, cell="quadrilateral"):
     make = mesh.create_rectangle if dim == 2 else mesh.create_box
     domain = make(comm, [-np.ones(dim), np.ones(dim)], [cells] * dim, kind)
     domain.topology.create_entities(dim - 1)
-    at, values = [], []
+    at = []
+    values = []
     for tag, (axis, sense) in zip(groups, ARMS, strict=False):
 
         def arm(x, axis=axis, sense=sense):
-            along, across = sense * x[axis], np.abs(x[1 - axis])
+            along = sense * x[axis]
+            across = np.abs(x[1 - axis])
             return (across < NEAR) & (along > -NEAR) & (along < reach + NEAR)
 
         at.append(mesh.locate_entities(domain, dim - 1, arm))
@@ -102,7 +106,8 @@ def loaded(groups, load, cell="quadrilateral", degree=1, order=None, cells=4, **
     """Blocks between cracks, on rollers on two sides (three in space), under pressures on two."""
     body = crossing(groups, reach=1.0, cells=cells, cell=cell)
     u = displacement(body, degree)
-    V, dim = u.function_space, body.mesh.geometry.dim
+    V = u.function_space
+    dim = body.mesh.geometry.dim
     pairs = pairs_of(u, body, order or groups, **options)
     ds = ufl.Measure("ds", body.mesh, subdomain_data=body.facet_tags)
     energy = STEEL.energy(u) * ufl.dx + load[0] * u[0] * ds(12) + load[1] * u[1] * ds(14)
@@ -139,7 +144,8 @@ def test_closed_arms_carry_uniform_compression(groups, caplog):
     result = problem.solve()
     error = np.abs(problem.u.x.array - given.x.array).max(initial=0.0)
     assert COMM.allreduce(error, op=MPI.MAX) < 1e-12
-    lame, shear = 100 * 0.3 / (1.3 * 0.4), 100 / 2.6
+    lame = 100 * 0.3 / (1.3 * 0.4)
+    shear = 100 / 2.6
     pressures = [lame * 0.03 + 2 * shear * e for e in (0.01, 0.02)]
     check_pressures(result, pressures, carrying=1)
     for table in result.tables.values():
@@ -208,7 +214,8 @@ def test_slip_on_one_of_them(groups):
     result = problem.solve()
     error = np.abs(u.x.array - given.x.array).max(initial=0.0)
     assert COMM.allreduce(error, op=MPI.MAX) < 1e-12
-    lame, shear = 100 * 0.3 / (1.3 * 0.4), 100 / 2.6
+    lame = 100 * 0.3 / (1.3 * 0.4)
+    shear = 100 / 2.6
     check_pressures(result, [lame * 0.03 + 2 * shear * e for e in (0.01, 0.02)], carrying=1)
     for tag in LINE:
         np.testing.assert_allclose(np.abs(result.tables[f"arm {tag}"].ut[:, 0]), 0.03, rtol=1e-9)
@@ -309,17 +316,20 @@ def by_penalty(groups, cells, stiffness):
     i, j, normal = np.array([row[:3] for row in rows]).T
     areas = np.array([row[3] for row in rows])
     springs = stiffness * areas
-    n, ones = len(rows), np.ones(len(rows))
+    n = len(rows)
+    ones = np.ones(len(rows))
 
     def jumps(axis):
         places = np.tile(np.arange(n), 2), np.concatenate([2 * i + axis, 2 * j + axis])
         return scipy.sparse.csr_matrix((np.concatenate([ones, -ones]), places), (n, x.size))
 
-    across, along = jumps(normal), jumps(1 - normal)
+    across = jumps(normal)
+    along = jumps(1 - normal)
     inside = np.repeat(np.abs(x).max(axis=1) < 1 - NEAR, 2)
     u = (x @ SHEARED.T).reshape(-1)
     for _ in range(20):
-        depth, slip = across @ u, along @ u
+        depth = across @ u
+        slip = along @ u
         force = np.maximum(springs * depth, 0.0)
         stuck = np.abs(springs * slip) <= FRICTION * force
         sense = np.where(stuck, 0.0, np.sign(slip))

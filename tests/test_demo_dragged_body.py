@@ -66,7 +66,8 @@ def barrel(file, names=("body", "contact", "top")):
     """A block with a round lower face, meshed line by line so that every gmsh makes the same."""
     gmsh.initialize(interruptible=False)
     gmsh.option.setNumber("General.Terminal", 0)
-    geo, model = gmsh.model.geo, gmsh.model
+    geo = gmsh.model.geo
+    model = gmsh.model
     corners = [geo.addPoint(x, 0, z) for x, z in ((-1, 0.3), (1, 0.3), (1, 1), (-1, 1))]
     centre = geo.addPoint(0, 0, 0.3 + 1.6)
     lines = [

@@ -118,7 +118,8 @@ def test_numbers_do_not_depend_on_ranks(options):
     (_, alone, alone_levels), (_, together, together_levels) = results
     for a, b in zip(alone_levels, together_levels, strict=True):
         assert a == pytest.approx(b, rel=1e-9)
-    one, many = alone.tables["contact"], together.tables["contact"]
+    one = alone.tables["contact"]
+    many = together.tables["contact"]
     assert one.status == many.status
     assert many.x == pytest.approx(one.x, rel=1e-12)
     assert many.pressure == pytest.approx(one.pressure, rel=1e-9, abs=1e-9 * one.pressure.max())

@@ -20,23 +20,12 @@ from blocks import block
 from recorded_run import moved_block, record
 
 from dolfinx_contact.continuation import Observer, Observers, follow
+from dolfinx_contact.io import fields, write_contact_table, write_fields, write_summary
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.output import (
-    BranchRecord,
-    draw_diagram,
-    fields,
-    lock,
-    picture_of_contact,
-    picture_of_states,
-    read_journal,
-    resume,
-    write_contact_table,
-    write_fields,
-    write_series,
-    write_summary,
-)
-from dolfinx_contact.output.journal import Journal
-from dolfinx_contact.output.lines import FILE_NAME, JournalFile
+from dolfinx_contact.plot import draw_diagram, picture_of_contact, picture_of_states
+from dolfinx_contact.records import BranchRecord, lock, read_journal, resume, write_series
+from dolfinx_contact.records.journal import Journal
+from dolfinx_contact.records.lines import FILE_NAME, JournalFile
 
 COMM = MPI.COMM_WORLD
 TREE = Path(__file__).resolve().parents[1]
@@ -152,7 +141,8 @@ def test_what_a_killed_run_left_is_removed(folder):
 @pytest.mark.parametrize("theirs", [b"print(1)\n", b"", None])
 def test_a_script_of_the_users_own_stays(folder, caplog, theirs):
     """It is left with a warning; one of ours is replaced without."""
-    problem, script = block(cell="tri"), folder / "paraview.py"
+    problem = block(cell="tri")
+    script = folder / "paraview.py"
     write_fields(folder, problem)
     ours = contents(folder)["paraview.py"]
     old = ours.replace(b"WRITTEN_TO", b"OLD") if theirs is None else theirs
@@ -195,7 +185,8 @@ def test_pictures(folder, caplog):
     system, _ = moved_block(COMM)
     branch = record(system, {}, folder / "record", max_steps=2)
     journal = read_journal(folder / "record")
-    states, diagram = folder / "states.png", folder / f"diagram_{COMM.rank}.png"
+    states = folder / "states.png"
+    diagram = folder / f"diagram_{COMM.rank}.png"
     picture_of_states(states, system, branch.points[-1:])
     before = contents(folder)
     with full(5000):
@@ -220,7 +211,8 @@ class Fills(Observer):
     """The disk is full from a point on."""
 
     def __init__(self, at, size):
-        self.at, self.size = at, size
+        self.at = at
+        self.size = size
 
     def point(self, branch, index, *_):
         if index == self.at:
@@ -251,7 +243,8 @@ def run_until_full(folder, every, size):
 )
 def test_a_record_on_a_full_disk_is_resumed(folder, every, room, name):
     """Full in a line of the journal, or in a checkpoint: the points before it are kept."""
-    path, whole = folder / "cut" / FILE_NAME, folder / "whole"
+    path = folder / "cut" / FILE_NAME
+    whole = folder / "whole"
     place = path if name == FILE_NAME else path.parent / "checkpoints" / name
     with fails(place):
         run_until_full(folder / "cut", every, lambda: path.stat().st_size + room)
@@ -435,7 +428,8 @@ def test_ranks_end_with_a_killed_mpirun(folder):
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
     )
-    path, end = folder / FILE_NAME, time.monotonic() + 60
+    path = folder / FILE_NAME
+    end = time.monotonic() + 60
     while not path.exists() or path.read_bytes().count(b"\n") < 6:
         assert process.poll() is None
         assert time.monotonic() < end

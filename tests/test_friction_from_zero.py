@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from blocks import block
 
-from dolfinx_contact import RCCM, Coulomb, NormalCompliance, output
+from dolfinx_contact import RCCM, Coulomb, NormalCompliance, records
 from dolfinx_contact.continuation import Events, StepControl, follow
 from dolfinx_contact.continuation.borders import reached
 from dolfinx_contact.parametric import ParametricContact
@@ -66,7 +66,7 @@ def test_from_zero_and_back(law, push, cell, kinks):
         assert branch.reason == "gamma reached the end of its range"
         assert branch.points[-1].gamma == end
         assert {s.kind for s in branch.special} == {"event"}
-        statuses = [row["status"] for row in output.journal_of(system, [branch], {}).rows()]
+        statuses = [row["status"] for row in records.journal_of(system, [branch], {}).rows()]
         there = problem.u.x.array.copy()
         wanted = pushed(law, push, cell, end)
         np.testing.assert_allclose(there, wanted.u.x.array, rtol=0, atol=1e-9)

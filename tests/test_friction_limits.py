@@ -9,7 +9,7 @@ import numpy as np
 from demo_block import arguments
 from demo_block import problem as block
 
-from dolfinx_contact import output
+from dolfinx_contact import records
 from dolfinx_contact.continuation import follow
 from dolfinx_contact.parametric import ParametricContact
 
@@ -35,7 +35,7 @@ def end_of_branch(start, end):
     assert last.gamma == end
     x.array[:] = last.y.array_r[: x.getLocalSize()]
     system.put(x, last.gamma, last.piece)
-    return problem, output.journal_of(system, [branch], {}).rows()
+    return problem, records.journal_of(system, [branch], {}).rows()
 
 
 def test_no_friction():

@@ -39,7 +39,8 @@ def pressed(dim, cell, sizes, law, **normal):
     both = join([b for b, _ in bodies], facet_tags=[t for _, t in bodies])
     u = displacement(both.mesh)
     end = np.zeros(dim)
-    end[0], end[-1] = 0.01, -0.04
+    end[0] = 0.01
+    end[-1] = -0.04
     mirrored = end * [*[1.0] * (dim - 1), -1.0]
     ends = [held(u, both.facet_tags, 2, mirrored), held(u, both.facet_tags, 4, end)]
     pair = ContactPair(u, both, slave=3, master=1, law=law, **normal)
@@ -54,11 +55,13 @@ def on_the_mirror(dim, cell, n, law):
     body, tags = bulging(dim, cell, n, 1)
     u = displacement(body)
     end = np.zeros(dim)
-    end[0], end[-1] = 0.01, -0.04
+    end[0] = 0.01
+    end[-1] = -0.04
     plane = HalfSpace(np.zeros(dim), np.eye(dim)[-1])
     surface = ContactSurface(u, tags, tag=1, obstacle=plane, law=law)
     options = {"snes_rtol": 1e-12}
-    top, bulk = held(u, tags, 2, end), MATERIAL.energy(u) * ufl.dx
+    top = held(u, tags, 2, end)
+    bulk = MATERIAL.energy(u) * ufl.dx
     problem = ContactProblem(bulk, u, [surface], bcs=[top], petsc_options=options)
     return problem.solve().tables["contact"]
 

@@ -28,12 +28,15 @@ def triangle(xc, n, *, uneven=0.0, comm=COMM):
     half = mesh.locate_entities(square, 2, lambda x: x[0] + x[1] < 1 + 1e-9)
     domain = mesh.create_submesh(square, 2, half)[0]
     x = domain.geometry.x
-    a, b = x[:, 0].copy(), x[:, 1].copy()
-    bubble, side = a * b * (1 - a - b), a * (1 - a - b)
+    a = x[:, 0].copy()
+    b = x[:, 1].copy()
+    bubble = a * b * (1 - a - b)
+    side = a * (1 - a - b)
     a += uneven * (3 * bubble * np.sin(9 * a + 4 * b) + 0.5 * side)
     b += uneven * 3 * bubble * np.cos(5 * a - 7 * b)
     yc = xc * np.sqrt((1 - xc) / (1 + xc))
-    x[:, 0], x[:, 1] = a + xc * b, yc * b
+    x[:, 0] = a + xc * b
+    x[:, 1] = yc * b
     return domain, yc
 
 
@@ -55,14 +58,18 @@ def body(xc, n, friction, **kind):
 
     def on(first, second):
         """Facets of a side: where a linear function with these corner values vanishes."""
-        (xa, ya), (xb, yb) = first, second
+        xa, ya = first
+        xb, yb = second
         return mesh.locate_entities_boundary(
             domain, 1, lambda x: np.abs((xb - xa) * (x[1] - ya) - (yb - ya) * (x[0] - xa)) < 1e-9
         )
 
-    A, B, C = (0.0, 0.0), (1.0, 0.0), (xc, yc)
+    A = (0.0, 0.0)
+    B = (1.0, 0.0)
+    C = (xc, yc)
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u, held = fem.Function(V), fem.Function(V)
+    u = fem.Function(V)
+    held = fem.Function(V)
     held.interpolate(stick)
     bc = fem.dirichletbc(held, fem.locate_dofs_topological(V, 1, on(B, C)))
     side = np.sort(on(A, C))

@@ -35,6 +35,7 @@ from dolfinx_contact.continuation import (
     follow,
     follower_for,
 )
+from dolfinx_contact.io import output_folder, write_fields
 from dolfinx_contact.laws import FrictionLaw
 from dolfinx_contact.materials import (
     CiarletGeymonat,
@@ -42,17 +43,9 @@ from dolfinx_contact.materials import (
     NeoHookean,
     StVenantKirchhoff,
 )
-from dolfinx_contact.output import (
-    BranchRecord,
-    output_folder,
-    picture_of_body,
-    picture_of_contact,
-    picture_of_states,
-    resume,
-    write_fields,
-    write_series,
-)
 from dolfinx_contact.parametric import ParametricContact
+from dolfinx_contact.plot import picture_of_body, picture_of_contact, picture_of_states
+from dolfinx_contact.records import BranchRecord, resume, write_series
 
 COMM = MPI.COMM_WORLD
 LAST = COMM.rank == COMM.size - 1
@@ -94,8 +87,10 @@ def clamp(u, value=(0.0, -0.01), axis=1, at=1.0):
 @pytest.fixture(scope="module")
 def w():
     """A block with everything that is needed to misuse it, the same for all tests."""
-    u, other = square(), box(COMM, 3, "tri")
-    domain, V = u.function_space.mesh, u.function_space
+    u = square()
+    other = box(COMM, 3, "tri")
+    domain = u.function_space.mesh
+    V = u.function_space
     scalars = fem.functionspace(other, ("Lagrange", 1))
     vectors = fem.functionspace(other, ("Lagrange", 1, (2,)))
     gamma = fem.Constant(domain, 0.0)
@@ -139,12 +134,14 @@ def surface(w, where=None, **options):
 
 
 def problem(w, bulk=None, surfaces=None, **options):
-    bulk, surfaces = w.energy if bulk is None else bulk, surfaces or [w.surface]
+    bulk = w.energy if bulk is None else bulk
+    surfaces = surfaces or [w.surface]
     return ContactProblem(bulk, w.u, surfaces, **{"bcs": [clamp(w.u)], **options})
 
 
 def followed(w, **options):
-    x, gamma = options.pop("x", w.x), options.pop("gamma", 0.0)
+    x = options.pop("x", w.x)
+    gamma = options.pop("gamma", 0.0)
     system = options.pop("system", w.system)
     return follow(system, x, gamma, **{"gamma_range": (0.0, 1.0), **options})
 

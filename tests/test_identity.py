@@ -11,7 +11,7 @@ from dolfinx import fem, mesh
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, Sphere
 from dolfinx_contact.equations.given_data import numbers_of
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.output.identity import difference, identity, other_data
+from dolfinx_contact.records.identity import difference, identity, other_data
 
 COMM = MPI.COMM_WORLD
 
@@ -23,7 +23,8 @@ def test_what_has_changed_is_named():
     friction.x.array[:] = 0.3
     centre = fem.Constant(square, (0.5, -2.0))
     problem = block(domain=square, law=Coulomb(2.0 * friction), obstacle=Sphere(centre, 2.0))
-    known, data = identity(problem), numbers_of(problem.equations)
+    known = identity(problem)
+    data = numbers_of(problem.equations)
     assert difference(known, identity(problem)) == ""
     assert other_data(problem, data, numbers_of(problem.equations)) is None
     friction.x.array[:] = 0.4

@@ -86,12 +86,14 @@ def arch(depth):
         COMM, [[0.0, 0.0], [1.0, 1.0]], [24, 3], mesh.CellType.quadrilateral
     )
     x = domain.geometry.x
-    angle, radius = np.pi * (1 - x[:, 0]), 0.8 + 0.2 * x[:, 1]
+    angle = np.pi * (1 - x[:, 0])
+    radius = 0.8 + 0.2 * x[:, 1]
     x[:, :2] = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
     V = fem.functionspace(domain, ("Lagrange", 2, (2,)))
     u = fem.Function(V)
     F = ufl.Identity(2) + ufl.grad(u)
-    J, C = ufl.det(F), F.T * F
+    J = ufl.det(F)
+    C = F.T * F
     first = ufl.tr(C) + 1
     second = (first**2 - ufl.tr(C * C) - 1) / 2
     energy = 0.4 * (J ** (-2 / 3) * first - 3) + 0.1 * (J ** (-4 / 3) * second - 3)

@@ -23,7 +23,8 @@ from dolfinx_contact.laws.status import BROKEN, DAMAGING
 from dolfinx_contact.points.memory import Memory
 
 COMM = MPI.COMM_WORLD
-C, W = 100.0, 1.0
+C = 100.0
+W = 1.0
 
 
 def adhesion(exponent=1.0, end=None):
@@ -41,7 +42,8 @@ def adhesion(exponent=1.0, end=None):
         needs_time = ("viscosity",)
 
         def energy(self, state):
-            beta, slid = state["beta"], ufl.dot(state.moved, state.moved)
+            beta = state["beta"]
+            slid = ufl.dot(state.moved, state.moved)
             springs = self.normal * state.opening**2 + self.tangential * slid
             return beta**2 / 2 * springs + (1 - beta) * self.work
 
@@ -101,7 +103,8 @@ def test_adhesion_at_a_point(dim, exponent, end, viscosity):
     given = dict(normal=100.0, tangential=60.0, work=1.0, friction=0.4, viscosity=viscosity)
     laws = RCCM(exponent=exponent, **given), adhesion(exponent, end)(**given)
     points = [Point(law, dim, r=1000.0) for law in laws]
-    rng, seen = np.random.default_rng(3), set()
+    rng = np.random.default_rng(3)
+    seen = set()
     for k in range(120):
         jump = 0.1 * rng.normal(size=dim) + 0.1 * (np.arange(dim) < dim - 1)
         traction = 10 * rng.normal(size=dim)
@@ -111,7 +114,8 @@ def test_adhesion_at_a_point(dim, exponent, end, viscosity):
         codes = one.asked
         np.testing.assert_array_equal(other.asked, codes)
         for name, size in (("traction", 10.0), ("by_jump", 1000.0), ("by_traction", 1.0)):
-            x, y = getattr(one, name)(codes), getattr(other, name)(codes)
+            x = getattr(one, name)(codes)
+            y = getattr(other, name)(codes)
             np.testing.assert_allclose(x, y, rtol=0, atol=1e-11 * size)
         lost = [p.answers.bond("spent")[0] for p in points]
         if k > 0:
@@ -155,7 +159,8 @@ def test_adhesion_of_a_block(cell, given):
         np.testing.assert_allclose(t.force, s.force, rtol=0, atol=1e-10 * size)
         np.testing.assert_allclose(t.adhesion, s.adhesion, rtol=0, atol=1e-10 * size)
         damage = W * float(np.dot(1 - s.beta, s.area))
-        one, other = a.energies, b.energies
+        one = a.energies
+        other = b.energies
         assert other.stored - one.stored == pytest.approx(damage, rel=1e-9, abs=1e-12)
         assert one.damage - other.damage == pytest.approx(damage, rel=1e-9, abs=1e-12)
         assert other.dissipated == pytest.approx(one.dissipated, rel=1e-9, abs=1e-12)
@@ -181,7 +186,8 @@ def test_given_friction(cell):
         size = np.abs(a.force).max() + 1.0
         np.testing.assert_allclose(a.force, b.force, rtol=0, atol=1e-10 * size)
         assert b.bond is None
-    a, b = found[0][2].energies, found[1][2].energies
+    a = found[0][2].energies
+    b = found[1][2].energies
     assert b.dissipated == pytest.approx(a.dissipated, rel=1e-9)
     assert a.dissipated > 0
     rubbed = [t.friction[t.letters == "o"] for t in found[1][1]]
@@ -222,10 +228,14 @@ def test_friction_with_and_without_pressure(cell):
 @pytest.mark.parametrize("dim", [2, 3])
 def test_maxwell_layer(dim):
     """Relaxation of a jump that is held: implicit Euler's to round-off, of first order."""
-    k, b, c, held = 3.0, 0.6, 0.5, np.array([0.2, 0.1, 0.15])[-dim:]
+    k = 3.0
+    b = 0.6
+    c = 0.5
+    held = np.array([0.2, 0.1, 0.15])[-dim:]
     off = []
     for n in (10, 20, 40):
-        point, dt = Point(MaxwellLayer(k, b, c), dim, r=1000.0), 0.4 / n
+        point = Point(MaxwellLayer(k, b, c), dim, r=1000.0)
+        dt = 0.4 / n
         point.to(0.0, 0.0 * held)
         y = 0.0 * held
         for i in range(1, n + 1):
@@ -242,7 +252,8 @@ def test_maxwell_layer(dim):
 
 def test_maxwell_layer_under_a_block():
     """Lifted and held: pull falls to that of the other spring; what is spent is the rest."""
-    residues, spent = [], []
+    residues = []
+    spent = []
     for n in (20, 40):
         problem, top = bonded("quad", law=MaxwellLayer(50.0, 10.0, 5.0), young=1e4, snes_rtol=1e-10)
         load = along(top, (0.0, 0.1), (0.0, 0.1), (0.0, 0.1))
@@ -254,7 +265,8 @@ def test_maxwell_layer_under_a_block():
     np.testing.assert_allclose(-lifted.pressure, 5.0 * lifted.un, rtol=0.01)
     assert set(lifted.bond) == {"i"}
     # Of a spring k that is drawn at the speed V behind a dashpot, for 1, and then left: k e^2/tau.
-    V, tau = lifted.un.mean(), 10.0 / 50.0
+    V = lifted.un.mean()
+    tau = 10.0 / 50.0
     drawn = 1 - 2 * tau * -np.expm1(-1 / tau) + tau / 2 * -np.expm1(-2 / tau)
     exact = 50.0 * V**2 * tau * (drawn + tau / 2 * np.expm1(-1 / tau) ** 2)
     assert 2 * spent[1] - spent[0] == pytest.approx(exact, rel=0.02)
@@ -264,9 +276,12 @@ def test_maxwell_layer_under_a_block():
 @pytest.mark.skipif(COMM.size > 1, reason="one point")
 def test_cohesion_at_a_point():
     """Rises, falls, unloads along the secant, breaks, and has cost what it says."""
-    strength, a, b = 2.0, 0.1, 0.3
+    strength = 2.0
+    a = 0.1
+    b = 0.3
     point = Point(BilinearCohesive(strength, a, b), r=1000.0)
-    spent, far = 0.0, 0.0
+    spent = 0.0
+    far = 0.0
     ways = [0.05, 0.1, 0.15, 0.2, 0.1, 0.3, 0.399, 0.41, 0.5, 0.2]
     for k, d in enumerate(ways):
         jump = np.array([0.6, 0.8]) * d if k % 2 else np.array([0.0, d])
@@ -303,11 +318,14 @@ def test_cohesion_at_its_strength(strength, a, b):
 @pytest.mark.skipif(COMM.size > 1, reason="one point")
 def test_what_a_brittle_bond_costs():
     """Is what it says however few the steps: softening over a thousand times the elastic size."""
-    strength, a, b = 2.0, 1e-4, 0.1
+    strength = 2.0
+    a = 1e-4
+    b = 0.1
     for ways in ([1.0], [0.01, 0.03, 1.0], [0.01, 0.005, 0.0999, 0.2]):
         point = Point(BilinearCohesive(strength, a, b), r=1000.0)
         point.to(0, (0.0, 0.0))
-        spent, far = 0.0, a
+        spent = 0.0
+        far = a
         for k, d in enumerate(ways, start=1):
             point.to(k, (0.0, d))
             spent += point.answers.bond("spent")[0]
@@ -326,7 +344,8 @@ def test_cohesion_with_friction():
     history = QuasiStatic(problem, along(top, (0.0, -0.01), (0.05, -0.01))).run(
         np.linspace(0.0, 2.0, 21)
     )
-    first, last = history.steps[9], history.steps[-1]
+    first = history.steps[9]
+    last = history.steps[-1]
     t = first.result.tables["contact"]
     assert set(t.bond) == {"i"}
     np.testing.assert_allclose(t.friction, 0.0, atol=1e-9)
@@ -385,7 +404,8 @@ def test_a_broken_bond_sticks_and_slips():
         t = step.result.tables["contact"]
         if set(t.bond) != {"b"}:
             continue
-        share, slip = t.along(t.friction) / (0.5 * t.rn), t.along(t.increment)
+        share = t.along(t.friction) / (0.5 * t.rn)
+        slip = t.along(t.increment)
         assert (np.abs(share) < 1 + 1e-8).all()
         np.testing.assert_allclose(share[t.letters == "+"], -1.0, rtol=1e-8)
         np.testing.assert_allclose(share[t.letters == "-"], 1.0, rtol=1e-8)
@@ -415,16 +435,21 @@ class Strip(Interface):
 @pytest.mark.parametrize("cell", ["quad", "tet"])
 def test_opening_alone(cell, caplog):
     """What knows neither slip nor time remembers its damage: opened, closed, opened, broken."""
-    s, a, b, young = 10.0, 0.1, 0.5, 100.0
+    s = 10.0
+    a = 0.1
+    b = 0.5
+    young = 100.0
     problem, top = bonded(cell, law=Strip(s, a, b), young=young, snes_rtol=1e-10)
     aside = [0.0] * (cell == "tet")
     corners = [(0.0, *aside, z) for z in (0.35, -0.05, 0.8)]
-    load, lifts = along(top, *corners), np.array([0.0, 0.35, -0.05, 0.8])
+    load = along(top, *corners)
+    lifts = np.array([0.0, 0.35, -0.05, 0.8])
     times = np.linspace(0.0, 3.0, 31)
     history = QuasiStatic(problem, load).run(times)
     far = 0.0
     for step in history.steps:
-        lift, t = np.interp(step.time, np.arange(4), lifts), step.result.tables["contact"]
+        lift = np.interp(step.time, np.arange(4), lifts)
+        t = step.result.tables["contact"]
         far = max(far, (young * lift - s * b / (b - a)) / (young - s / (b - a)) - a)
         damage = np.clip(far / (b - a), 0.0, 1.0)
         gap = max(lift - (1 - damage) * s / young, 0.0)
@@ -475,11 +500,14 @@ def test_an_end_that_is_never_reached():
 @pytest.mark.parametrize("k", [pytest.param(1.0, marks=pytest.mark.long), 8.0])
 def test_a_bar_on_cohesion(k):
     """By arc length, back where the bond softens faster than the bar, to where it is broken."""
-    strength, a, b = 2.0, 0.1, 0.3
+    strength = 2.0
+    a = 0.1
+    b = 0.3
     law = BilinearCohesive(strength, a, b)
     history = ArcLength(bar(k, 4, law=law)).run((0.0, 3.0))
     assert history.complete
-    stiffness, seen = k * C, set()
+    stiffness = k * C
+    seen = set()
     for step in history.steps:
         d = step.result.tables["contact"].un
         pull = np.where(d < a, strength * d / a, np.maximum(strength * (a + b - d) / b, 0.0))
@@ -514,9 +542,16 @@ def test_energies_that_are_no_numbers():
 @pytest.mark.parametrize("dim", [2, 3])
 def test_coupled_variables(dim):
     """Each step is the least of energy and dissipation, that a minimiser finds."""
-    stiffness, flows, work, viscosity = 40.0, 3.0, 0.1, 0.02
+    stiffness = 40.0
+    flows = 3.0
+    work = 0.1
+    viscosity = 0.02
     point = Point(Creeping(stiffness, flows, work, viscosity), dim, r=1000.0)
-    rng, y, damage, time, seen = np.random.default_rng(1), np.zeros(dim), 0.0, 0.0, set()
+    rng = np.random.default_rng(1)
+    y = np.zeros(dim)
+    damage = 0.0
+    time = 0.0
+    seen = set()
     point.to(0.0, y)
     for _ in range(40):
         dt = rng.uniform(0.01, 0.2)
@@ -524,7 +559,8 @@ def test_coupled_variables(dim):
         jump[-1] = abs(jump[-1])
 
         def total(z, jump=jump, dt=dt, y=y, damage=damage):
-            e, lost = jump - z[:-1], z[-1] - damage
+            e = jump - z[:-1]
+            lost = z[-1] - damage
             stored = (1 - z[-1]) ** 2 * stiffness / 2 * (e @ e)
             flow = flows / 2 * ((z[:-1] - y) @ (z[:-1] - y)) / dt
             return stored + flow + work * lost + viscosity / 2 * lost**2 / dt
@@ -540,7 +576,8 @@ def test_coupled_variables(dim):
         z = np.array([*(memory[f".y_{i}"][0] for i in range(dim)), memory["damage"][0]])
         np.testing.assert_allclose(z, wanted.x, rtol=0, atol=2e-5)
         assert total(z) <= wanted.fun * (1 + 1e-12)
-        y, damage = z[:-1], z[-1]
+        y = z[:-1]
+        damage = z[-1]
         seen.add(int(point.answers.asked[0]))
     assert {0, DAMAGING} <= seen
 
@@ -551,7 +588,9 @@ def test_jacobian_by_taylor(cell):
     problem = block(n=3, cell=cell, law=Creeping(3e4, 2e3, 0.04, 0.3))
     x = randomise(problem, 1, 0.01, 10.0)
     (surface,) = problem.surfaces
-    rng, n, dim = np.random.default_rng(COMM.rank), surface.points.number, surface.dim
+    rng = np.random.default_rng(COMM.rank)
+    n = surface.points.number
+    dim = surface.dim
     fields = {f".y_{i}": rng.normal(0, 0.002, n) for i in range(dim)}
     fields["damage"] = rng.uniform(0.0, 1.0, n)
     memory = Memory(rng.normal(0, 0.002, (n, dim)), fields, 0.1)
@@ -581,7 +620,9 @@ def test_jacobian_by_taylor(cell):
     ],
 )
 def test_interfaces_that_are_none(internal, more, message):
-    power, mine, time = more.get("power", 1), internal, more.get("time", ())
+    power = more.get("power", 1)
+    mine = internal
+    time = more.get("time", ())
 
     @dataclass(frozen=True)
     class Own(Interface):

@@ -23,8 +23,8 @@ from dolfinx import fem, mesh
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace
 from dolfinx_contact.continuation import follow
 from dolfinx_contact.evolution import NSCD, QuasiStatic
-from dolfinx_contact.output import BranchRecord, EvolutionRecord, read_evolution
 from dolfinx_contact.parametric import ParametricContact
+from dolfinx_contact.records import BranchRecord, EvolutionRecord, read_evolution
 
 COMM = MPI.COMM_WORLD
 RULE = {"quadrature_degree": 2}
@@ -41,7 +41,8 @@ def stop(step):
 
 def solved(V, right):
     """The solution of w - div grad w = right, which differs in its last bits on other ranks."""
-    w, v = ufl.TrialFunction(V), ufl.TestFunction(V)
+    w = ufl.TrialFunction(V)
+    v = ufl.TestFunction(V)
     a = (ufl.inner(w, v) + ufl.inner(ufl.grad(w), ufl.grad(v))) * ufl.dx
     A = dolfinx.fem.petsc.assemble_matrix(fem.form(a))
     A.assemble()
@@ -52,7 +53,8 @@ def solved(V, right):
     solver.setType("preonly")
     solver.getPC().setType("lu")
     solver.getPC().setFactorSolverType("mumps")
-    found, x = fem.Function(V), A.createVecRight()
+    found = fem.Function(V)
+    x = A.createVecRight()
     solver.solve(b, x)
     found.x.array[: x.getLocalSize()] = x.array_r
     found.x.scatter_forward()
@@ -94,7 +96,9 @@ def body(
     P2 = fem.functionspace(domain, ("Lagrange", 2, (2,)))
     at_points = basix.ufl.quadrature_element("triangle", degree=2)
     Q = fem.functionspace(domain, at_points)
-    u, rough, E = fem.Function(V), fem.Function(P1, name="rough"), fem.Function(DG0, name="E")
+    u = fem.Function(V)
+    rough = fem.Function(P1, name="rough")
+    E = fem.Function(DG0, name="E")
     rough.interpolate(friction)
     E.interpolate(young)
     x = ufl.SpatialCoordinate(domain)
@@ -296,7 +300,8 @@ def test_a_branch_knows_its_functions(folder):
     def system(mirrored=False):
         domain = mesh.create_unit_square(COMM, 2, 2)
         V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-        u, gamma = fem.Function(V), fem.Constant(domain, 0.0)
+        u = fem.Function(V)
+        gamma = fem.Constant(domain, 0.0)
         rough = fem.Function(fem.functionspace(domain, ("Lagrange", 1)))
         rough.interpolate(lambda x: 5.0 + (1 - x[0] if mirrored else x[0]))
         eps = ufl.sym(ufl.grad(u))

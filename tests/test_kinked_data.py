@@ -30,7 +30,8 @@ class Column:
     def __init__(self, obstacle=FLOOR, more=lambda column: 0):
         self.mesh = box(COMM, 4, "quad")
         V = fem.functionspace(self.mesh, ("Lagrange", 1, (2,)))
-        self.u, self.top = fem.Function(V), fem.Function(V)
+        self.u = fem.Function(V)
+        self.top = fem.Function(V)
         self.x = ufl.SpatialCoordinate(self.mesh)
         self.gamma = fem.Constant(self.mesh, 0.5)
         energy = materials.LinearElastic.from_young(1000.0, 0.0).energy(self.u) * ufl.dx

@@ -61,7 +61,8 @@ def test_vee(kinks):
             runs[mode] = branch, [body.letters(p.piece) for p in there]
             assert branch.reason == "gamma reached the end of its range"
             assert branch.bifurcations == []
-    (exact, letters), (other, same) = runs["exact"], runs[kinks]
+    exact, letters = runs["exact"]
+    other, same = runs[kinks]
     assert same == letters
     assert len(same) == 3
     tolerance = 1e-10 if kinks == "batched" else 16 * 1e-6
@@ -119,7 +120,8 @@ def test_a_batch_brackets_its_events():
 
 
 def test_events_that_are_asked_for_are_located():
-    n, wanted = 40, {4, 5, 30}
+    n = 40
+    wanted = {4, 5, 30}
     system = many_corners(n, np.full(n, 0.02))
     control = StepControl(kinks="batched", initial=0.1)
     with Follower(

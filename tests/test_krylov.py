@@ -20,13 +20,13 @@ COMM = MPI.COMM_WORLD
 def test_sign_of_the_determinant(monkeypatch):
     """Sixty random matrices of ten rows: numpy's sign, and its solution."""
     monkeypatch.setattr(Textbook, "preconditioner", SymmetricGuess())
-    generator, n, seen = np.random.default_rng(7), 10, []
+    generator = np.random.default_rng(7)
+    n = 10
+    seen = []
     for _ in range(60):
-        A, c, row = (
-            generator.normal(size=(n, n)),
-            generator.normal(size=n),
-            generator.normal(size=n),
-        )
+        A = generator.normal(size=(n, n))
+        c = generator.normal(size=n)
+        row = generator.normal(size=n)
         corner = generator.normal()
         system = Textbook(n, lambda x, g, s: x, lambda x, g, s, A=A: A, lambda x, g, s, c=c: c)
         b = Bordered(system, gamma_scale=1.0)
@@ -134,18 +134,22 @@ def test_3d_branch():
 @pytest.mark.parametrize("n", [3, 5])
 def test_parity_is_that_of_mumps(n):
     """A foot with much friction, held in random pieces: the sign of MUMPS, but for a constant."""
-    quotients, seen, made = set(), set(), []
+    quotients = set()
+    seen = set()
+    made = []
     args = demo_3d_branch.arguments(["--n", str(n), "--friction", "12"])
     for solver in ("amg", "direct"):
         PETSc.Options()["contact_linear_solver"] = solver
         system, _ = demo_3d_branch.foot(args, COMM)
         made.append((system, Bordered(system, gamma_scale=1.0)))
         assert type(made[-1][1].solver) is (Krylov if solver == "amg" else Factorised)
-    system, states = made[0][0], []
+    system = made[0][0]
+    states = []
     for other, bordered in made:  # two meshes may be distributed differently
         x = other.probe(5)
         x.scale(1e-2 / x.norm())
-        y, row = bordered.vector(), bordered.last_unit()
+        y = bordered.vector()
+        row = bordered.last_unit()
         bordered.join(x, 0.5, y)
         states.append((y, row))
     generator = np.random.default_rng(1)

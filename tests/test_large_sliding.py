@@ -25,17 +25,18 @@ from dolfinx_contact import (
     RigidBody,
     Sphere,
     materials,
-    output,
+    plot,
 )
 from dolfinx_contact.algorithms import Penalty, Uzawa
 from dolfinx_contact.analysis.stability import stability_at_rest
 from dolfinx_contact.continuation import follow
 from dolfinx_contact.equations.jacobian import Jacobian
+from dolfinx_contact.io import write_contact_table
+from dolfinx_contact.io.fields import contact_fields
 from dolfinx_contact.laws.status import closed
-from dolfinx_contact.output import picture_of_body, picture_of_contact, write_contact_table
-from dolfinx_contact.output.fields import contact_fields
-from dolfinx_contact.output.pictures import patch
 from dolfinx_contact.parametric import ParametricContact
+from dolfinx_contact.plot import picture_of_body, picture_of_contact
+from dolfinx_contact.plot.pictures import patch
 from dolfinx_contact.points.vertex_state import vertex_state
 
 COMM = MPI.COMM_WORLD
@@ -64,7 +65,8 @@ def block(obstacle, *, cell="quad", n=4, top=None, law=None, material=RUBBER, de
 def strip(n=4, push=-0.4, cell=mesh.CellType.quadrilateral, solid=False, **given):
     """A band of rubber, held at its ends, pushed around a cylinder below its middle."""
     if solid:
-        corners, cells = [np.array([-1.0, 0.0, 0.0]), np.array([1.0, 0.25, 0.4])], (4 * n, 1, n)
+        corners = [np.array([-1.0, 0.0, 0.0]), np.array([1.0, 0.25, 0.4])]
+        cells = (4 * n, 1, n)
         domain = mesh.create_box(COMM, corners, cells, mesh.CellType.hexahedron)
         obstacle = Cylinder((0.0, 0.0, -0.4), (0.0, 1.0, 0.0), 0.4)
     else:
@@ -85,8 +87,10 @@ def strip(n=4, push=-0.4, cell=mesh.CellType.quadrilateral, solid=False, **given
 
 def places(problem):
     """Contact nodes of this rank where they are now, their tractions and statuses."""
-    (s,), dim = problem.surfaces, problem.equations.dim
-    n, nodes = s.num_owned_points, s.points.vertex_trace_dofs
+    (s,) = problem.surfaces
+    dim = problem.equations.dim
+    n = s.num_owned_points
+    nodes = s.points.vertex_trace_dofs
     x = s.node_positions[nodes] + problem.u.x.array.reshape(-1, dim)[nodes]
     return x[:n], s.multiplier.x.array.reshape(-1, dim)[:n], s.statuses
 
@@ -101,7 +105,8 @@ def quadratic(history):
 @pytest.mark.parametrize("solid", [False, True])
 def test_around_a_cylinder(solid):
     """The law at displaced points, from nothing but nodal values and the definition of the disc."""
-    radius, problem = 0.4, strip(n=3 if solid else 6, solid=solid)
+    radius = 0.4
+    problem = strip(n=3 if solid else 6, solid=solid)
     result = problem.solve()
     assert quadratic(result.history)
     assert result.kkt_violation < 1e-9
@@ -109,11 +114,13 @@ def test_around_a_cylinder(solid):
     assert result.imbalance < 1e-9
     x, t, codes = places(problem)
     arm = (x - np.array([0.0, -radius]) if not solid else x - [0.0, 0.0, -radius])[:, [0, -1]]
-    gap, out = np.linalg.norm(arm, axis=1) - radius, arm / np.linalg.norm(arm, axis=1)[:, None]
+    gap = np.linalg.norm(arm, axis=1) - radius
+    out = arm / np.linalg.norm(arm, axis=1)[:, None]
     touching = closed(codes)
     assert np.abs(gap[touching]).max(initial=0.0) < 1e-9 * radius
     assert gap.min(initial=1.0) > -1e-9 * radius
-    pressure, largest = np.sum(t[:, [0, -1]] * out, axis=1), np.abs(t).max(initial=1.0)
+    pressure = np.sum(t[:, [0, -1]] * out, axis=1)
+    largest = np.abs(t).max(initial=1.0)
     assert pressure.min(initial=0.0) > -1e-9 * largest
     across = t.copy()
     across[:, [0, -1]] -= pressure[:, None] * out
@@ -137,7 +144,8 @@ OBSTACLES = {
 
 def shaken(problem, size, seed):
     """Unknowns of some size, the same on any number of ranks."""
-    units, x = problem.equations.units, problem.create_vector()
+    units = problem.equations.units
+    x = problem.create_vector()
     for f, unit in zip(problem.fields, units, strict=False):
 
         def waves(x, unit=unit, n=f.function_space.dofmap.index_map_bs):
@@ -166,10 +174,12 @@ def shaken(problem, size, seed):
 def test_jacobian_by_taylor(obstacle, cell, law, given):
     """|H(x + h d) - H(x) - h J d| falls like h^2 with the statuses held, far from small slopes."""
     problem = block(OBSTACLES[obstacle], cell=cell, n=2, law=law, **given)
-    x, d = shaken(problem, 0.1, 1.0), shaken(problem, 0.02, 2.0)
+    x = shaken(problem, 0.1, 1.0)
+    d = shaken(problem, 0.02, 2.0)
     fixed = problem.equations.fixed[: problem.equations.owned_sizes[0]]
     prescribed = problem.equations.constraints.values().reshape(-1)[: len(fixed)]
-    x.array[: len(fixed)][fixed], d.array[: len(fixed)][fixed] = prescribed[fixed], 0.0
+    x.array[: len(fixed)][fixed] = prescribed[fixed]
+    d.array[: len(fixed)][fixed] = 0.0
     b0, b1, y, Jd = (problem.create_vector() for _ in range(4))
     state = problem.residual(x, b0)
     counts = COMM.allreduce(np.bincount(closed(state.statuses[0]).astype(int), minlength=2))
@@ -177,7 +187,8 @@ def test_jacobian_by_taylor(obstacle, cell, law, given):
     jacobian = Jacobian(problem.equations)
     jacobian.update(state)
     jacobian.matrix.mult(d, Jd)
-    n, sizes = len(fixed), []
+    n = len(fixed)
+    sizes = []
     for h in (1.0, 0.5, 0.25):
         y.waxpy(h, d, x)
         problem.residual(y, b1, state.statuses)
@@ -194,7 +205,8 @@ def test_a_plane_is_a_plane(cell):
     """As a level set it goes the way of curved obstacles, and gives the numbers of a half-space."""
     dim = 2 if cell == "tri" else 3
     normal = np.array([0.1, *[0.0] * (dim - 2), 1.0])
-    point, top = np.array([0.3, *[0.0] * (dim - 1)]), [0.4, *[0.0] * (dim - 2), -0.06]
+    point = np.array([0.3, *[0.0] * (dim - 1)])
+    top = [0.4, *[0.0] * (dim - 2), -0.06]
     plane = LevelSet(lambda x: 2.0 * sum(normal[i] * (x[i] - point[i]) for i in range(dim)))
     a, b, c = (
         block(obstacle, cell=cell, n=3, top=top, sliding=sliding)
@@ -253,14 +265,19 @@ def orbiting(cell, n, angle, press=0.08):
     domain = box(COMM, n, cell)
     dim = domain.geometry.dim
     V = fem.functionspace(domain, ("Lagrange", 1, (dim,)))
-    u, moved, gamma = fem.Function(V), fem.Function(V), fem.Constant(domain, 0.0)
-    centre, last = np.array([0.4, *[0.5] * (dim - 2), -1.0]), dim - 1
+    u = fem.Function(V)
+    moved = fem.Function(V)
+    gamma = fem.Constant(domain, 0.0)
+    centre = np.array([0.4, *[0.5] * (dim - 2), -1.0])
+    last = dim - 1
     obstacle = Sphere(centre, 1.0) if dim == 2 else Cylinder(centre, (0.0, 1.0, 0.0), 1.0)
     bottom = facets(domain, last, 0.0)
     surface = ContactSurface(u, bottom, obstacle=obstacle, law=Frictionless())
     x = ufl.SpatialCoordinate(domain)
-    a, b = x[0] - centre[0], x[last] - press - centre[last]
-    c, s = ufl.cos(angle * gamma), ufl.sin(angle * gamma)
+    a = x[0] - centre[0]
+    b = x[last] - press - centre[last]
+    c = ufl.cos(angle * gamma)
+    s = ufl.sin(angle * gamma)
     way = [c * a + s * b - x[0] + centre[0], *[0.0 * a] * (dim - 2), c * b - s * a - x[last] - 1.0]
     held = fem.dirichletbc(moved, fem.locate_dofs_topological(V, last, facets(domain, last, 1.0)))
     problem = ContactProblem(RUBBER.energy(u) * DX, u, [surface], bcs=[held])
@@ -270,8 +287,10 @@ def orbiting(cell, n, angle, press=0.08):
 @pytest.mark.parametrize(("cell", "n"), [("quad", 6), ("hex", 3)])
 def test_led_around_a_cylinder(cell, n):
     """By far more than the contact is long, by Newton's method and along the branch."""
-    angle, system = 1.2, orbiting(cell, n, 1.2)
-    problem, (s,) = system.problem, system.problem.surfaces
+    angle = 1.2
+    system = orbiting(cell, n, 1.2)
+    problem = system.problem
+    (s,) = system.problem.surfaces
     system.set_parameter(0.0)
     first = problem.solve().tables["contact"]
     length = first.area[first.rn > 0].sum()
@@ -326,8 +345,10 @@ def ellipse(domain, centre, angle):
     """An ellipse about a centre that has turned by an angle; both may be UFL of Constants."""
 
     def phi(x):
-        c, s = ufl.cos(angle), ufl.sin(angle)
-        a, b = x[0] - centre[0], x[1] - centre[1]
+        c = ufl.cos(angle)
+        s = ufl.sin(angle)
+        a = x[0] - centre[0]
+        b = x[1] - centre[1]
         return (c * a + s * b) ** 2 / 4 + (c * b - s * a) ** 2 - 1.0
 
     return LevelSet(phi)
@@ -339,7 +360,8 @@ def test_derivative_by_the_motion_of_an_obstacle(method, law):
     """dH/dgamma of an ellipse that moves and turns, by central differences, the statuses held."""
     domain = box(COMM, 3, "tri")
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u, gamma = fem.Function(V), fem.Constant(domain, 0.3)
+    u = fem.Function(V)
+    gamma = fem.Constant(domain, 0.3)
     obstacle = ellipse(domain, (0.4 + 0.3 * gamma, gamma**2 - 1.05), gamma)
     surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=obstacle, law=law, method=method)
     held = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
@@ -347,7 +369,8 @@ def test_derivative_by_the_motion_of_an_obstacle(method, law):
     problem = ContactProblem(RUBBER.energy(u) * DX, u, [surface], bcs=bcs)
     system = ParametricContact(problem, gamma)
     assert not system.is_linear
-    x, (b, c, d) = shaken(problem, 0.05, 1.0), (problem.create_vector() for _ in range(3))
+    x = shaken(problem, 0.05, 1.0)
+    b, c, d = (problem.create_vector() for _ in range(3))
     piece = system.piece_at(x, 0.3)
     assert len(set("".join(COMM.allgather(str(piece.codes))))) > 3
     system.parameter_derivative(x, 0.3, c, piece)
@@ -368,7 +391,8 @@ def test_an_obstacle_that_comes_and_turns():
     """An ellipse moved and turned under a block held still is a block moved over one that waits."""
     domain = box(COMM, 4, "quad")
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u, gamma = fem.Function(V), fem.Constant(domain, 0.0)
+    u = fem.Function(V)
+    gamma = fem.Constant(domain, 0.0)
     obstacle = ellipse(domain, (0.2 + 0.2 * gamma, 0.06 * gamma - 1.05), 0.4 * gamma)
     surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=obstacle, law=Frictionless())
     held = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
@@ -404,7 +428,8 @@ def test_a_rigid_body(dim):
     def problem(obstacle, sliding=None):
         domain = box(COMM, 5 if dim == 2 else 3, "quad" if dim == 2 else "hex")
         V = fem.functionspace(domain, ("Lagrange", 1, (dim,)))
-        u, top = fem.Function(V), facets(domain, dim - 1, 1.0)
+        u = fem.Function(V)
+        top = facets(domain, dim - 1, 1.0)
         surface = ContactSurface(u, top, obstacle=obstacle, law=Frictionless(), sliding=sliding)
         held = fem.locate_dofs_topological(V, dim - 1, facets(domain, dim - 1, 0.0))
         bcs = [fem.dirichletbc(np.zeros(dim), held, V)]
@@ -453,7 +478,8 @@ def test_multigrid(solid):
 @pytest.mark.chatty
 def test_algorithms():
     """Penalisation and the augmented Lagrangian follow the normal; what is reduced is refused."""
-    disc, algorithms = Sphere((0.4, -1.0), 1.0), ("penalty", "uzawa")
+    disc = Sphere((0.4, -1.0), 1.0)
+    algorithms = ("penalty", "uzawa")
     table = block(disc).solve().tables["contact"]
     for name, algorithm in zip(algorithms, (Penalty(), Uzawa(augmented=True)), strict=True):
         found = block(disc).solve(algorithm=algorithm).tables["contact"]
@@ -475,8 +501,10 @@ def test_what_is_written(folder, method):
     """Table, fields and pictures have the gap and the normal of now."""
     problem = strip(n=4, method=method)
     result = problem.solve()
-    (s,), table = problem.surfaces, result.tables["contact"]
-    state, u = vertex_state(s), problem.u.x.array.reshape(-1, 2)[s.points.vertex_trace_dofs]
+    (s,) = problem.surfaces
+    table = result.tables["contact"]
+    state = vertex_state(s)
+    u = problem.u.x.array.reshape(-1, 2)[s.points.vertex_trace_dofs]
     x = s.node_positions[s.points.vertex_trace_dofs] + u
     arm = x - np.array([0.0, -0.4])
     length = np.linalg.norm(arm, axis=1)
@@ -506,7 +534,7 @@ def test_what_is_written(folder, method):
 @pytest.mark.chatty
 def test_demo(folder, monkeypatch):
     """The pressure of a ring to second order, and no change of it on the way around."""
-    monkeypatch.setattr(output, "picture_of_body", lambda *_, **__: None)
+    monkeypatch.setattr(plot, "picture_of_body", lambda *_, **__: None)
     errors = []
     for n, steps in ((2, 5), (3, 7)):
         words = [f"--n={n}", f"--steps={steps}", f"--output={folder / str(n)}"]

@@ -157,7 +157,8 @@ def test_container_arguments(launch, stubs, tmp_path):
 
 
 def test_root_is_built_once_and_entered(launch, stubs, tmp_path):
-    first, second = launch("pwd", way="root"), launch("pwd", way="root")
+    first = launch("pwd", way="root")
+    second = launch("pwd", way="root")
     assert first.stdout == second.stdout == f"{tmp_path}\n"
     assert "building" in first.stderr
     assert second.stderr == ""

@@ -18,7 +18,8 @@ LAWS = [Frictionless(), Coulomb(3.0), Tresca(3.0)]
 def randomise(problem, seed, displacement, traction):
     """Unknowns that do not depend on the number of ranks; a mix of all statuses."""
     x = problem.create_vector()
-    u, multiplier = problem.u, problem.surfaces[0].multiplier
+    u = problem.u
+    multiplier = problem.surfaces[0].multiplier
 
     def wave(amplitude, phase):
         return lambda y: (
@@ -148,7 +149,8 @@ def asked(law, dim, p, s):
     n = len(p)
     normals = np.tile(-np.eye(dim)[-1], (n, 1))
     traction = np.zeros((n, dim))
-    traction[:, 0], traction[:, -1] = s, p
+    traction[:, 0] = s
+    traction[:, -1] = p
     fields = {name: np.full(n, value) for name, value in law.given.items()}
     known = LawAtPoints(law, dim, n, COMM)
     found = known(np.zeros((n, dim)), traction, PointData(normals, np.zeros(n), np.ones(n), fields))

@@ -32,7 +32,8 @@ def violation(w, S, p, friction, bound=0.0):
     ut, un, rt, rn = w.T
     length = np.abs(np.linalg.solve(S, p)).max() or 1.0
     force = np.abs(p).max() or 1.0
-    a, r = w[:, :2].reshape(-1), w[:, 2:].reshape(-1)
+    a = w[:, :2].reshape(-1)
+    r = w[:, 2:].reshape(-1)
     radius = friction * rn + bound
     return max(
         np.abs(S @ a - r - p).max() / force,
@@ -83,7 +84,8 @@ def test_units_do_not_matter(scale):
 
 def test_one_node():
     """Hild's element with lambda = mu = 1, F = 3: separation, stick and slip are its solutions."""
-    S, p = np.array([[2.0, 1.0], [1.0, 2.0]]), np.array([-1.2, -0.5])
+    S = np.array([[2.0, 1.0], [1.0, 2.0]])
+    p = np.array([-1.2, -0.5])
     (w,), _ = coulomb_by_lemke(S, p, np.array([3.0]))
     known = [
         [*np.linalg.solve(S, p), 0.0, 0.0],
@@ -101,7 +103,9 @@ def test_no_load_and_open_loads():
 
 
 def test_data_that_it_does_not_take():
-    S, p, F = np.eye(2), np.array([0.0, -1.0]), np.array([0.3])
+    S = np.eye(2)
+    p = np.array([0.0, -1.0])
+    F = np.array([0.3])
     for bad in (
         (np.array([[1.0, 2.0], [2.0, 1.0]]), p, F),
         (S, np.array([np.nan, 0.0]), F),
@@ -147,7 +151,8 @@ def random_body(rng, friction):
 
     With it the solutions that the enumeration of all statuses finds.
     """
-    n, rows = rng.integers(1, 5), rng.integers(1, 4)
+    n = rng.integers(1, 5)
+    rows = rng.integers(1, 4)
     kind = mesh.CellType.triangle if rng.random() < 0.5 else mesh.CellType.quadrilateral
     domain = mesh.create_rectangle(COMM, [[0.0, 0.0], [1.0, 1.0]], [n, rows], kind)
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
@@ -229,7 +234,8 @@ def test_badly_conditioned_problems_have_no_false_answer():
         m = 8
         Q = np.linalg.qr(rng.standard_normal((2 * m, 2 * m)))[0]
         S = (Q * np.logspace(0, 12, 2 * m)) @ Q.T
-        p, friction = S @ rng.standard_normal(2 * m), np.full(m, 1.0)
+        p = S @ rng.standard_normal(2 * m)
+        friction = np.full(m, 1.0)
         try:
             w, _ = coulomb_by_lemke((S + S.T) / 2, p, friction)
         except (RayTermination, ValueError):
@@ -241,7 +247,8 @@ def test_badly_conditioned_problems_have_no_false_answer():
 
 def hard_stiffness(rng, size):
     """Of a condition up to 1e6: a few soft motions, rows of other units, chains, whole numbers."""
-    condition, kind = 10 ** rng.uniform(0, 6), rng.integers(4)
+    condition = 10 ** rng.uniform(0, 6)
+    kind = rng.integers(4)
     if kind == 0:
         Q = np.linalg.qr(rng.standard_normal((size, size)))[0]
         evenly = np.logspace(0, np.log10(condition), size)
@@ -265,7 +272,8 @@ def hard_problem(seed):
     """S, p and F to 20, in units from 1e-9 to 1e9, with many ties."""
     rng = np.random.default_rng(seed)
     m = int(rng.integers(1, 13))
-    S, p = hard_stiffness(rng, 2 * m), rng.standard_normal(2 * m)
+    S = hard_stiffness(rng, 2 * m)
+    p = rng.standard_normal(2 * m)
     loads = [
         p,
         np.round(p),
@@ -287,7 +295,8 @@ def off(a, r, S, p, friction):
     ut, un, rt, rn = *a.T, *r.T
     length = max(np.abs(np.linalg.solve(S, p)).max(), np.abs(a).max()) or 1.0
     force = max(np.abs(p).max(), np.abs(r).max(), 1e-4 * np.diag(S).mean() * length)
-    radius, most = friction * rn, force * max(1.0, friction.max())
+    radius = friction * rn
+    most = force * max(1.0, friction.max())
     against = np.minimum(np.abs(ut) / length, np.abs(rt + np.sign(ut) * radius) / most)
     return max(
         np.abs(S @ a.reshape(-1) - p - r.reshape(-1)).max() / force,
@@ -335,10 +344,15 @@ def hard_body(seed):
     domain = mesh.create_rectangle(COMM, [[0.0, 0.0], [1.0, 1.0]], cells, kind)
     below, above = (facets(domain, 1, y) for y in (0.0, 1.0))
     V, D = (fem.functionspace(domain, e) for e in (("Lagrange", 1, (2,)), ("DG", 0)))
-    u, E = fem.Function(V), fem.Function(D)
-    decades, phase, stiffness = rng.uniform(0, 1.5), rng.uniform(0, 6), 10.0 ** rng.integers(-9, 10)
+    u = fem.Function(V)
+    E = fem.Function(D)
+    decades = rng.uniform(0, 1.5)
+    phase = rng.uniform(0, 6)
+    stiffness = 10.0 ** rng.integers(-9, 10)
     E.interpolate(lambda x: stiffness * 10 ** (decades * np.sin(9 * x[0] + 5 * x[1] + phase)))
-    flat, lean, unit = rng.uniform(0.05, 2), rng.uniform(-0.7, 0.7), 10.0 ** rng.integers(-9, 10)
+    flat = rng.uniform(0.05, 2)
+    lean = rng.uniform(-0.7, 0.7)
+    unit = 10.0 ** rng.integers(-9, 10)
     domain.geometry.x[:, :2] = unit * domain.geometry.x[:, :2] @ [[1.0, 0.0], [lean, flat]]
     nu = fem.Constant(domain, rng.choice([0.0, 0.3, 0.49, 0.4999]))
     body = LinearElastic(E * nu / ((1 + nu) * (1 - 2 * nu)), 0.5 * E / (1 + nu))

@@ -18,7 +18,8 @@ COMM = MPI.COMM_WORLD
 
 def box(*, groups=("body", "contact", "top"), order=1, quads=False, dim=3):
     """The box (0, 2) x (0, 1) (x (0, 1)), its bottom called contact."""
-    occ, model = gmsh.model.occ, gmsh.model
+    occ = gmsh.model.occ
+    model = gmsh.model
     shape = occ.addBox(0, 0, 0, 2, 1, 1) if dim == 3 else occ.addRectangle(0, 0, 0, 2, 1)
     occ.synchronize()
     sides = model.getBoundary([(dim, shape)], oriented=False)
@@ -94,7 +95,8 @@ def test_solve_with_names():
     """Support, load and contact surface by name: the forces are in equilibrium."""
     body = mesh_from_gmsh(COMM, lambda: box(dim=2))
     contact = surface(body, body, "contact")
-    u, V = contact.u, contact.u.function_space
+    u = contact.u
+    V = contact.u.function_space
     sideways = fem.dirichletbc(0.0, body.dofs(V.sub(0), "top"), V.sub(0))
     pressure = fem.Constant(body.mesh, 3.0)
     energy = LinearElastic(1.0, 1.0).energy(u) * ufl.dx + pressure * u[1] * body.ds("top")

@@ -19,8 +19,8 @@ from dolfinx_contact._errors import everywhere, same_everywhere
 from dolfinx_contact.continuation import Observer, find_solutions, follow, solutions
 from dolfinx_contact.continuation.rays import Rays, outgoing
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.output import BranchRecord
 from dolfinx_contact.parametric import ParametricContact
+from dolfinx_contact.records import BranchRecord
 from dolfinx_contact.solvers.errors import LinearSolverError
 from dolfinx_contact.solvers.history import Attempt
 from dolfinx_contact.solvers.linear import Direct
@@ -174,7 +174,8 @@ def test_dirichlet_data_that_agree_are_no_contradiction(caplog):
     ids=["wrong", "iterations", "breakdown"],
 )
 def test_a_linear_solver_that_fails_is_told_from_a_cycle(options, words):
-    problem, attempt = block(options=options), Attempt("full steps")
+    problem = block(options=options)
+    attempt = Attempt("full steps")
     x = problem.create_vector()
     problem.write(x)
     with Newton(problem.equations, problem.linear_solver, "none", None) as solver:
@@ -186,7 +187,8 @@ def test_a_linear_solver_that_fails_is_told_from_a_cycle(options, words):
 
 
 def test_a_singular_matrix_is_named_with_reasons(monkeypatch):
-    problem, attempt = block(), Attempt("full steps")
+    problem = block()
+    attempt = Attempt("full steps")
 
     def singular(self, state):
         self.matrix.zeroEntries()
@@ -212,7 +214,9 @@ def test_iterative_solvers_work_without_a_factorisation_package():
 def test_a_linear_system_that_cannot_be_set_up_is_one_failed_strategy(monkeypatch):
     """The error comes out of PETSc as itself, and the strategies after it work."""
     expected = block().solve().tables["contact"]
-    problem, update, calls = block(), Direct.update, []
+    problem = block()
+    update = Direct.update
+    calls = []
 
     def failing(self, state):
         calls.append(1)

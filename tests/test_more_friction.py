@@ -12,12 +12,15 @@ serial = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="numpy alone, the sa
 
 def by_hand():
     """S and p of the two triangles in plane strain, E = 1, nu = 0.3."""
-    lmbda, mu = 0.3 / (1.3 * 0.4), 0.5 / 1.3
+    lmbda = 0.3 / (1.3 * 0.4)
+    mu = 0.5 / 1.3
     D = np.array([[lmbda + 2 * mu, lmbda, 0], [lmbda, lmbda + 2 * mu, 0], [0, 0, mu]])
-    corners, K = np.array([(0, 0), (1, 0), *demo.MOVED]), np.zeros((8, 8))
+    corners = np.array([(0, 0), (1, 0), *demo.MOVED])
+    K = np.zeros((8, 8))
     for cell in ([0, 1, 2], [1, 3, 2]):
         whole = np.column_stack([np.ones(3), corners[cell]])
-        slopes, B = np.linalg.inv(whole)[1:], np.zeros((3, 6))
+        slopes = np.linalg.inv(whole)[1:]
+        B = np.zeros((3, 6))
         B[0, 0::2], B[1, 1::2] = slopes
         B[2, 0::2], B[2, 1::2] = slopes[::-1]
         rows = (2 * np.array(cell)[:, None] + [0, 1]).reshape(-1)
@@ -47,7 +50,8 @@ def test_numbers_on_either_side_of_the_folds():
 @serial
 def test_a_continuum_and_then_less():
     """Hild's element at pt = -(kt/k) |pn|: one solution, infinitely many at kt/k, then two."""
-    S, p = np.array([[2.0, 1.0], [1.0, 2.0]]), np.array([-2.0, -1.0])
+    S = np.array([[2.0, 1.0], [1.0, 2.0]])
+    p = np.array([-2.0, -1.0])
     assert enumerated(S, p, np.array([1.5]))[0] == [(0,), (3,)]  # one state, grazing: two words
     found, near = enumerated(S, p, np.array([3.0]))
     assert near

@@ -15,7 +15,7 @@ from test_pair import MATERIAL, displacement, held, largest, tagged
 import ufl
 from dolfinx import fem, la
 
-from dolfinx_contact import ContactPair, ContactProblem, Coulomb, Frictionless, output
+from dolfinx_contact import ContactPair, ContactProblem, Coulomb, Frictionless, records
 from dolfinx_contact.continuation import StepControl, follow
 from dolfinx_contact.grids import create_grid
 from dolfinx_contact.materials import LinearElastic
@@ -36,7 +36,8 @@ BASE = np.array([[0.3, -0.1], [0.07, -0.4]])  # of the linear field of the patch
 
 def stacked(below, above, x_below, x_above, cell="quad", *, angle=0.0, comm=COMM):
     """Two boxes of height 1, face to face on y = 0; tags 1 below, 2 and 3, 4 above, 5, 6 aside."""
-    bodies, tags = [], []
+    bodies = []
+    tags = []
     for i, (n, reach) in enumerate([(below, x_below), (above, x_above)]):
         y = np.linspace(i - 1.0, i, max(n // 2, 1) + 1)
         body = create_grid(comm, [np.linspace(*reach, n + 1), y], CELLS[cell])
@@ -44,7 +45,9 @@ def stacked(below, above, x_below, x_above, cell="quad", *, angle=0.0, comm=COMM
         tags.append(tagged(body, **planes, t5=(0, reach[0]), t6=(0, reach[1])))
         bodies.append(body)
     both = join(bodies, facet_tags=tags)
-    x, (c, s) = both.mesh.geometry.x, (np.cos(angle), np.sin(angle))
+    x = both.mesh.geometry.x
+    c = np.cos(angle)
+    s = np.sin(angle)
     x[:, :2] = x[:, :2] @ np.array([[c, -s], [s, c]]).T
     return both
 
@@ -53,7 +56,8 @@ def hats(points, a, b):
     """Exact integrals of the hat functions of sorted points from ``a`` to ``b``."""
     found = np.zeros(len(points))
     for k, (p, q) in enumerate(pairwise(points)):
-        c, d = max(p, a), min(q, b)
+        c = max(p, a)
+        d = min(q, b)
         if d > c:
             share = ((d - p) ** 2 - (c - p) ** 2) / (2 * (q - p))
             found[k + 1] += share
@@ -105,14 +109,17 @@ def test_patch(case, slave, master, cell, angle):
     """A linear displacement, with pressure and a shear below the bound, to round-off."""
     both = stacked(*case, cell=cell, angle=angle)
     u = displacement(both.mesh)
-    c, s = np.cos(angle), np.sin(angle)
+    c = np.cos(angle)
+    s = np.sin(angle)
     R = np.array([[c, -s], [s, c]])
     gradient = 1e-3 * R @ BASE @ R.T
     strain = (gradient + gradient.T) / 2
-    lmbda, mu = MATERIAL.lmbda, MATERIAL.mu
+    lmbda = MATERIAL.lmbda
+    mu = MATERIAL.mu
     stress = lmbda * np.trace(strain) * np.eye(2) + 2 * mu * strain
     normal = R @ [0.0, 1.0]
-    pressure, shear = -normal @ stress @ normal, abs(R @ [1.0, 0.0] @ stress @ normal)
+    pressure = -normal @ stress @ normal
+    shear = abs(R @ [1.0, 0.0] @ stress @ normal)
     assert 0 < 3 * shear < pressure
     exact = fem.Function(u.function_space)
     exact.interpolate(lambda x: gradient @ x[:2])
@@ -216,9 +223,11 @@ TILT = Rotation.from_rotvec([0.3, -0.5, 0.8]).as_matrix()
 
 def solids(below, above, x_below, x_above, cells, *, comm=COMM):
     """As `stacked`, in 3D and turned: the interface is tilted; tags 7 and 8 aside as well."""
-    bodies, tags = [], []
+    bodies = []
+    tags = []
     for i, (n, reach) in enumerate([(below, x_below), (above, x_above)]):
-        x, z = np.linspace(*reach, n + 1), np.linspace(i - 1.0, i, max(n // 2, 1) + 1)
+        x = np.linspace(*reach, n + 1)
+        z = np.linspace(i - 1.0, i, max(n // 2, 1) + 1)
         body = create_grid(comm, [x, x, z], CELLS[cells])
         planes = {f"t{2 * i + 1}": (2, i - 1.0), f"t{2 * i + 2}": (2, float(i))}
         aside = dict(t5=(0, reach[0]), t6=(0, reach[1]), t7=(1, reach[0]), t8=(1, reach[1]))
@@ -338,7 +347,8 @@ def sheared(options=None, law=Coulomb(0.15)):  # noqa: B008
     """Two blocks of different meshes, pressed and then drawn more and more to the right."""
     both = stacked(9, 6, (0.0, 1.0), (0.0, 1.0))
     u = displacement(both.mesh)
-    V, gamma = u.function_space, fem.Constant(both.mesh, 0.0)
+    V = u.function_space
+    gamma = fem.Constant(both.mesh, 0.0)
     moved = fem.Function(V)
     pair = ContactPair(u, both, slave=2, master=3, law=law)
     top = fem.locate_dofs_topological(V, 1, both.facet_tags.find(4))
@@ -358,20 +368,20 @@ def sheared(options=None, law=Coulomb(0.15)):  # noqa: B008
 def test_a_branch_between_bodies(folder):
     """By pivoting and by steps, cut short and resumed: the same events, and a solve at its end."""
     system, x = sheared()
-    seen = {"energy": system.problem.energy, "force": output.total("rt")}
+    seen = {"energy": system.problem.energy, "force": records.total("rt")}
     paths = []
     for route in ("pivoting", "steps"):
         control = StepControl(kinks="exact")
-        with output.BranchRecord(folder / route, system, seen, every=2) as record:
+        with records.BranchRecord(folder / route, system, seen, every=2) as record:
             options = dict(gamma_range=(0.0, 1.0), control=control, observer=record)
             follow(system, x, 0.0, route=route, max_steps=3, **options)
-        branch = output.resume(folder / route, system, seen, every=2, max_steps=200)
+        branch = records.resume(folder / route, system, seen, every=2, max_steps=200)
         assert branch.reason == "gamma reached the end of its range"
-        special = output.read_journal(folder / route).special()
+        special = records.read_journal(folder / route).special()
         found = special[special["kind"] == "event"].to_dict("records")
         changes = [[(c["before"], c["after"]) for c in e["changes"]] for e in found]
         paths.append(list(zip([e["gamma"] for e in found], changes, strict=True)))
-        last = output.read_journal(folder / route).table().iloc[-1]
+        last = records.read_journal(folder / route).table().iloc[-1]
         fresh, _ = sheared()
         fresh.set_parameter(1.0)
         result = fresh.problem.solve()

@@ -65,7 +65,8 @@ def times(history):
 )
 def test_a_bar_step_by_step(scheme, theta, level, mass, restitution, damping):
     """Forces, gaps and energies of a bar that hits the floor and leaves it, as another code's."""
-    n, (a, b) = 6, damping or (0.0, 0.0)
+    n = 6
+    a, b = damping or (0.0, 0.0)
     problem = demo_bouncing_bar.bar(n, COMM, height=0.3)
     velocity = at_speed(problem, 0.0, -10.0)
     how = dict(scheme=scheme, theta=theta, level=level, mass=mass, restitution=restitution)
@@ -100,7 +101,8 @@ def test_the_rod_of_a_unit_length():
         energy = LinearElastic.from_young(1.0, 0.0).energy(u) * ufl.dx
         bcs = [fem.dirichletbc(np.zeros(2), high, V)]
         history = NSCD(ContactProblem(energy, u, [below], bcs=bcs), 1.0, dt=1 / n).run([0.0, 3.0])
-        t, force = times(history), forces(history)[:, 1]
+        t = times(history)
+        force = forces(history)[:, 1]
         exact = 0.5 * np.diff(np.clip(t, 1, 2)) / np.diff(t)
         un = [s.result.tables["contact"].un.mean() for s in history.steps]
         gap = np.abs(t[1:] - 1.5) - 0.5
@@ -128,7 +130,8 @@ def thrown(n, **how):
 def test_a_bar_thrown_at_a_wall():
     """Pressed by rho c v0 for 2L/c it comes back with v0: to 1 % on 400 cells, 5 % on 16."""
     history = thrown(16)
-    t, force = times(history), forces(history)[:, 1]
+    t = times(history)
+    force = forces(history)[:, 1]
     kept = Bar(16, weight=0.0, height=0.0, velocity=-10.0).run(t)[0]
     np.testing.assert_allclose(force, kept, rtol=0, atol=1e-9 * 300)
     assert abs(history.energies.residue) < 1e-10 * 500
@@ -165,7 +168,8 @@ def test_a_wall_that_hits_a_bar():
         moved[0].value = 10.0 * t
 
     history = NSCD(problem, 1.0, dt=1 / 3 / n, load=load).run([0.0, 0.8], progress=False)
-    force, account = forces(history)[:, 1], history.energies
+    force = forces(history)[:, 1]
+    account = history.energies
     np.testing.assert_allclose(force, still, rtol=0, atol=1e-9 * 300)
     t = times(history)
     assert account.external == pytest.approx(10.0 * force @ np.diff(t), rel=1e-10)
@@ -193,7 +197,8 @@ def block(
     domain = box(comm, n, cell, size=size)
     dim = domain.geometry.dim
     V = fem.functionspace(domain, ("Lagrange", degree, (dim,)))
-    u, up = fem.Function(V), np.eye(dim)[-1]
+    u = fem.Function(V)
+    up = np.eye(dim)[-1]
     material = material or LinearElastic.from_young(1000.0, 0.3)
     surface = ContactSurface(
         u,
@@ -251,7 +256,8 @@ def test_a_stiff_block_slides_and_stops():
     """At v0/(mu g), after v0^2/(2 mu g), to a step; friction has taken all of the motion."""
     stiff = LinearElastic.from_young(1e9, 0.3)
     problem, _ = block(material=stiff, weight=10.0, friction=0.25)
-    stop, dt = 1 / 2.5, 0.4 / 18.5
+    stop = 1 / 2.5
+    dt = 0.4 / 18.5
     how = dict(scheme="theta-euler", theta=1.0, mass="lumped")
     motion = NSCD(problem, 1.0, dt=dt, velocity=at_speed(problem, 1.0, 0.0), **how)
     loss = []
@@ -331,7 +337,8 @@ def test_schemes_have_their_order():
     start = shaken(problem).x.array.copy()
     velocity = fem.Function(problem.V)
     how = dict(mass="consistent", damping=(0.2, 1e-3), velocity=velocity)
-    end, n = 0.02, len(start)
+    end = 0.02
+    n = len(start)
     motion = NSCD(problem, 2.0, dt=0.1, **how)
     body = motion.problem.equations.bulk
     K = dense(body.body.stiffness(np.zeros(n)))
@@ -361,7 +368,8 @@ def test_schemes_have_their_order():
 def test_mass_matrices(cell, degree):
     """All have the mass of the body; none is at what may touch, and it is positive elsewhere."""
     problem, _ = block(cell, 2, degree=degree, comm=MPI.COMM_SELF)
-    V, dim = problem.V, problem.V.mesh.geometry.dim
+    V = problem.V
+    dim = problem.V.mesh.geometry.dim
     x = ufl.SpatialCoordinate(V.mesh)
     touching = np.repeat(np.isclose(V.tabulate_dof_coordinates()[:, dim - 1], 0), dim)
     for kind in ("consistent", "lumped", "redistributed"):
@@ -401,8 +409,11 @@ def hits_askew(comm, *, mass=1.0, length=1.0, time=1.0, steps=8, n=3):
 
 
 def test_units_change_nothing():
-    m, length, t = 1e-3, 1e3, 60.0
-    (_, a), (_, b) = hits_askew(COMM), hits_askew(COMM, mass=m, length=length, time=t)
+    m = 1e-3
+    length = 1e3
+    t = 60.0
+    _, a = hits_askew(COMM)
+    _, b = hits_askew(COMM, mass=m, length=length, time=t)
     force = m * length / t**2
     assert {"+", "o"} <= set("".join(s.status for s in a.steps))
     assert [s.status for s in a.steps] == [s.status for s in b.steps]
@@ -472,7 +483,8 @@ def test_a_start_within_the_floor():
 
 def test_what_the_velocity_level_refuses():
     problem, _ = block("tri", 2)
-    u, floor = problem.u, HalfSpace((0.0, 0.0), (0.0, 1.0))
+    u = problem.u
+    floor = HalfSpace((0.0, 0.0), (0.0, 1.0))
     below = facets(problem.V.mesh, 1, 0.0)
     glued = ContactSurface(u, below, obstacle=floor, law=RCCM(10.0, 10.0, 1.0))
     energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx

@@ -30,7 +30,9 @@ def body(n=2, cell="tri", *, held=True, height=1.0, young=1000.0, law=None):
     """A square above a floor, held on its top or free, its modulus, and what is prescribed."""
     domain = box(COMM, n, cell)
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u, top, E = fem.Function(V), fem.Function(V), fem.Constant(domain, young)
+    u = fem.Function(V)
+    top = fem.Function(V)
+    E = fem.Constant(domain, young)
     floor = HalfSpace((0.0, -height), (0.0, 1.0))
     surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=law or Frictionless())
     eps = ufl.sym(ufl.grad(u))
@@ -99,7 +101,8 @@ def test_data_of_loads_and_laws_may_change():
     friction = problem.surfaces[0].law.friction
 
     def load(t):
-        E.value, friction.value = 1000.0 + t, 0.1 + t
+        E.value = 1000.0 + t
+        friction.value = 0.1 + t
 
     motion = NSCD(problem, 1.0, dt=0.1, load=load, mass="lumped", theta=1.0)
     assert motion.run([0.0, 0.2], progress=False).complete
@@ -154,7 +157,8 @@ def test_velocities_that_turn_are_said(way, speed, turns, caplog):
     NSCD(problem, 1.0, dt=0.05, load=load, velocity=v).run([0.0, 0.6], progress=False)
     assert ("change from step to step" in warnings_of(caplog)) == turns
     caplog.clear()
-    problem.u.x.array[:], v.x.array[:] = 0.0, np.tile([speed, 0.0], len(v.x.array) // 2)
+    problem.u.x.array[:] = 0.0
+    v.x.array[:] = np.tile([speed, 0.0], len(v.x.array) // 2)
     NSCD(problem, 1.0, dt=0.05, load=load, velocity=v, theta=0.7).run([0.0, 0.6], progress=False)
     assert "change from step to step" not in warnings_of(caplog)
 
@@ -195,7 +199,8 @@ def test_what_a_step_looks_at(monkeypatch):
     """The mesh is looked at once a step, and no UFL is differentiated to know where a body is."""
     domain = box(COMM, 2, "quad")
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u, t = fem.Function(V), fem.Constant(domain, 0.0)
+    u = fem.Function(V)
+    t = fem.Constant(domain, 0.0)
     shape = HalfSpace((0.0, -0.1), (0.0, 1.0))
     wall = RigidBody(shape, about=(0.0, 0.0), motion={"y": 1.0 * t, "x": 0.1 * t}, held=("rz",))
     surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=wall, law=Coulomb(0.3))
@@ -207,8 +212,10 @@ def test_what_a_step_looks_at(monkeypatch):
     problem = ContactProblem(energy, u, [surface])
     motion = NSCD(problem, 1.0, dt=0.05, load=load)
     motion.run([0.0, 0.1], progress=False)
-    marks, derivatives = [], []
-    checksum, expanded = zlib.crc32, ufl.algorithms.expand_derivatives
+    marks = []
+    derivatives = []
+    checksum = zlib.crc32
+    expanded = ufl.algorithms.expand_derivatives
     size = domain.geometry.x.nbytes
 
     def counted(data, *start):

@@ -8,12 +8,12 @@ import demo_two_bars
 import numpy as np
 import pytest
 
-from dolfinx_contact import output
+from dolfinx_contact import plot
 
 
 @pytest.fixture(autouse=True)
 def no_pictures(monkeypatch):
-    monkeypatch.setattr(output, "picture_of_body", lambda *_, **__: None)
+    monkeypatch.setattr(plot, "picture_of_body", lambda *_, **__: None)
 
 
 @pytest.mark.chatty
@@ -96,7 +96,8 @@ def test_two_thrown_bodies(folder):
     """Equal bodies get the same spin, and exchange what they have along the normal in part."""
     found = demo_thrown_body.main(["--n=2", "--two", f"--output={folder}"])
     assert found["momentum_error"] < 1e-9
-    (first, second), spins = found["momenta"], found["spins"]
+    first, second = found["momenta"]
+    spins = found["spins"]
     np.testing.assert_allclose(np.add(first, second), (2.0, 0.5, -3.0), rtol=0, atol=1e-9)
     np.testing.assert_allclose(spins[0], spins[1], rtol=0, atol=1e-6)
     assert found["energy_error"] < 1e-3

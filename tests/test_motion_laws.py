@@ -56,10 +56,14 @@ def velocity(problem, x, y):
 )
 def test_friction_of_the_velocity(scheme, theta, mass):
     """v' = -mu g tanh(v/eps): sinh(v/eps) falls as an exponential of time."""
-    eps, mu, g, end = 0.5, 0.3, 10.0, 0.4
+    eps = 0.5
+    mu = 0.3
+    g = 10.0
+    end = 0.4
     t = np.linspace(0.0, end, 2001)
     speed = eps * np.arcsinh(np.sinh(1.0 / eps) * np.exp(-mu * g * t / eps))
-    way, off = np.trapezoid(speed, t), []
+    way = np.trapezoid(speed, t)
+    off = []
     for dt in (0.02, 0.01):
         problem = block(Regularised(Coulomb(mu), width=1e-6, speed=eps), young=1e8, weight=g)
         bound = problem.surfaces[0].law.friction.friction
@@ -82,7 +86,8 @@ def test_a_speed_is_needed():
 @pytest.mark.chatty
 def test_a_surface_that_gives_way():
     """A stiff block on springs: half a period of an oscillator in contact, and away again."""
-    C, v0 = 1e4, 1.0
+    C = 1e4
+    v0 = 1.0
     problem = block(NormalCompliance(C), young=1e8, height=0.0, weight=0.0)
     motion = NSCD(problem, 1.0, dt=1e-4, velocity=velocity(problem, 0.0, -v0), mass="lumped")
     history = motion.run([0.0, 0.04], progress=False)
@@ -100,7 +105,8 @@ def test_a_surface_that_gives_way():
 @pytest.mark.chatty
 def test_a_bond_that_breaks():
     """A block that flies off loses what its bond costs: w of its kinetic energy."""
-    w, C = 0.1, 1e3
+    w = 0.1
+    C = 1e3
     problem = block(RCCM(C, C, w), young=1e7, weight=0.0)
     v = velocity(problem, 0.0, 1.0)
     motion = NSCD(problem, 1.0, dt=5e-4, velocity=v, mass="lumped")
@@ -130,7 +136,8 @@ def test_a_load_that_is_changed_between_runs():
     """From then on it is the new one, in the first half of the next step as well."""
     domain = box(COMM, 2, "quad")
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u, pull = fem.Function(V), fem.Constant(domain, 2.0)
+    u = fem.Function(V)
+    pull = fem.Constant(domain, 2.0)
     floor = HalfSpace((0, -5.0), (0, 1))
     surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.3))
     energy = (LinearElastic.from_young(1e3, 0.0).energy(u) - pull * u[0]) * ufl.dx
@@ -148,7 +155,8 @@ def test_an_obstacle_that_arrives():
     """Where it reaches a body at rest at the very end of a step, it touches, and then hits."""
     domain = box(COMM, 2, "quad")
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u, y = fem.Function(V), fem.Constant(domain, -0.05)
+    u = fem.Function(V)
+    y = fem.Constant(domain, -0.05)
     floor = HalfSpace((0.0 * y, y), (0, 1))
     surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.3))
     problem = ContactProblem(LinearElastic.from_young(1e3, 0.0).energy(u) * ufl.dx, u, [surface])
@@ -170,7 +178,8 @@ def test_a_bond_on_springs():
     for moves in (False, True):
         domain = box(COMM, 2, "quad")
         V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-        u, up = fem.Function(V), fem.Constant(domain, np.zeros(2))
+        u = fem.Function(V)
+        up = fem.Constant(domain, np.zeros(2))
         dofs = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
         law = RCCM(100.0, 100.0, 1.0, viscosity=0.5, contact=NormalCompliance(1e4))
         floor = HalfSpace((0, 0), (0, 1))
@@ -226,12 +235,15 @@ def test_a_body_of_revolution():
 @pytest.mark.chatty
 def test_multigrid():
     """The same impacts as by factorising."""
-    options, found = PETSc.Options(), []
+    options = PETSc.Options()
+    found = []
     for solver in ("direct", "amg"):
-        options["contact_linear_solver"], options["contact_snes_rtol"] = solver, 1e-11
+        options["contact_linear_solver"] = solver
+        options["contact_snes_rtol"] = 1e-11
         domain = box(COMM, 4, "hex")
         V = fem.functionspace(domain, ("Lagrange", 1, (3,)))
-        u, v = fem.Function(V), fem.Function(V)
+        u = fem.Function(V)
+        v = fem.Function(V)
         v.x.array[:] = np.tile([1.0, 0.3, -1.0], len(v.x.array) // 3)
         floor = HalfSpace((0, 0, -0.01), (0, 0.02, 1))
         surface = ContactSurface(u, facets(domain, 2, 0.0), obstacle=floor, law=Coulomb(0.3))

@@ -29,7 +29,9 @@ def thrown(n, dt, solver="amg", comm=COMM, **given):
     """A motion of a cube that hits a rough floor askew, its weight, and the top of the cube."""
     domain = box(comm, n, "hex")
     V = fem.functionspace(domain, ("Lagrange", 1, (3,)))
-    u, velocity, weight = fem.Function(V), fem.Function(V), fem.Constant(domain, 3.0)
+    u = fem.Function(V)
+    velocity = fem.Function(V)
+    weight = fem.Constant(domain, 3.0)
     velocity.interpolate(lambda x: np.array([1.0 + x[2], 0.3 - x[0], -1.0 - 0.4 * x[0]]))
     surface = ContactSurface(
         u, facets(domain, 2, 0.0), obstacle=HalfSpace((0, 0, 0), (0, 0, 1)), law=Coulomb(0.3)
@@ -66,7 +68,8 @@ def test_residual_by_one_product(given):
             w.x.array[:] = body.origin
             w.x.array[:] += scale * noise.standard_normal(len(w.x.array))
             w.x.scatter_forward()
-            rows, terms = body.affine_residual(w.x.array), body.residual_at(w.x.array)
+            rows = body.affine_residual(w.x.array)
+            terms = body.residual_at(w.x.array)
             assert largest(rows - terms) < 1e-12 * largest(terms)
             assert largest(terms) > 0
 
@@ -139,7 +142,8 @@ def test_forcing_in_motion():
 
 def test_krylov_vectors_vanish_on_the_surface(monkeypatch):
     """Solves begin with an application of the filter: later ones have nothing left on s."""
-    shares, apply = [], SurfaceFilter.apply
+    shares = []
+    apply = SurfaceFilter.apply
 
     def watched(self, pc, r, z):
         squares = np.sum(r.array_r[self.surface.local] ** 2), np.sum(r.array_r**2)

@@ -47,7 +47,9 @@ def test_squeal(friction):
     if friction == 0.5:
         assert expected == pytest.approx(FASTEST[2][0], abs=1e-9)
     assert (expected.real > 0) == (friction == 0.5)
-    steady, velocity, h = problem.u.x.array.copy(), fem.Function(problem.V), 0.02
+    steady = problem.u.x.array.copy()
+    velocity = fem.Function(problem.V)
+    h = 0.02
     mode = modes.real.x.array + 1j * modes.imaginary.x.array
     mode *= 1e-5 / COMM.allreduce(np.abs(mode).max(), op=MPI.MAX)
     problem.u.x.array[:] += mode.real

@@ -110,7 +110,8 @@ def test_product_is_that_of_the_assembled_jacobian(name):
     problem.solve()
     x, y, z = (problem.create_vector() for _ in range(3))
     x.setRandom()
-    state, assembled = problem.state(), Jacobian(problem.equations)
+    state = problem.state()
+    assembled = Jacobian(problem.equations)
     problem.linear_solver.update(state)
     problem.linear_solver.matrix.mult(x, y)
     assembled.update(state)
@@ -161,7 +162,8 @@ def test_correction_solves_the_rows_of_the_surface():
     """With the status held and slips nearly straight, one correction leaves nothing there."""
     problem = block(cell="hex", n=4, options=AMG)
     problem.solve()
-    solver, s = problem.linear_solver, problem.linear_solver.filter.surface
+    solver = problem.linear_solver
+    s = problem.linear_solver.filter.surface
     x, noise, b, d = (problem.create_vector() for _ in range(4))
     problem.write(x)
     noise.setRandom()
@@ -286,7 +288,8 @@ def test_hierarchy_is_kept():
     """Other data, the same hierarchy; another stiffness, another hierarchy."""
     domain = box(COMM, 5, "tet")
     V = fem.functionspace(domain, ("Lagrange", 1, (3,)))
-    u, young = fem.Function(V), fem.Constant(domain, 1000.0)
+    u = fem.Function(V)
+    young = fem.Constant(domain, 1000.0)
     motion = fem.Constant(domain, np.array([0.004, 0.0, -0.01]))
     held = fem.locate_dofs_geometrical(V, lambda x: np.isclose(x[2], 1.0))
     bottom = mesh.locate_entities_boundary(domain, 2, lambda x: np.isclose(x[2], 0.0))

@@ -32,8 +32,8 @@ from dolfinx_contact import (
 from dolfinx_contact.analysis import critical_friction
 from dolfinx_contact.continuation import explore, follow
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.output.identity import identity
 from dolfinx_contact.parametric import ParametricContact
+from dolfinx_contact.records.identity import identity
 from dolfinx_contact.reduced.condensed import can_condense
 
 COMM = MPI.COMM_WORLD
@@ -75,9 +75,11 @@ def test_against_dense_numpy(dim, cell, kernel, normalised):
 
     domain = box(MPI.COMM_SELF, n, cell)
     V = displacement(domain).function_space
-    v, w = ufl.TrialFunction(V), ufl.TestFunction(V)
+    v = ufl.TrialFunction(V)
+    w = ufl.TestFunction(V)
     eps = lambda u: ufl.sym(ufl.grad(u))  # noqa: E731
-    lame, mu = 1000.0 * 0.3 / (1.3 * 0.4), 1000.0 / 2.6
+    lame = 1000.0 * 0.3 / (1.3 * 0.4)
+    mu = 1000.0 / 2.6
     energy = lame * ufl.div(v) * ufl.div(w) + 2 * mu * ufl.inner(eps(v), eps(w))
     K = fem.assemble_matrix(fem.form(energy * ufl.dx)).to_dense()
     X = V.tabulate_dof_coordinates()[:, :dim]
@@ -88,12 +90,16 @@ def test_against_dense_numpy(dim, cell, kernel, normalised):
     C = np.linalg.inv(K[np.ix_(dofs, dofs)])
     u0 = -C @ K[np.ix_(dofs, fixed)] @ np.tile(top, len(above))
     mine = (dim * np.searchsorted(free, below)[:, None] + np.arange(dim)).ravel()
-    A, u0 = C[np.ix_(mine, mine)], u0[mine]
-    x, out = X[below], floor_normal(dim)
+    A = C[np.ix_(mine, mine)]
+    u0 = u0[mine]
+    x = X[below]
+    out = floor_normal(dim)
     ends = [np.where(np.isclose(c, 0) | np.isclose(c, 1), 0.5, 1.0) / n for c in x.T[:-1]]
     areas = np.prod(ends, axis=0)
-    N, gap = averages(x, areas, radius, kernel, normalised=normalised), x @ out
-    r, rho = np.zeros((len(x), dim)), 1.0 / np.linalg.eigvalsh(A)[-1]
+    N = averages(x, areas, radius, kernel, normalised=normalised)
+    gap = x @ out
+    r = np.zeros((len(x), dim))
+    rho = 1.0 / np.linalg.eigvalsh(A)[-1]
     for _ in range(20_000):
         u = (A @ r.ravel() + u0).reshape(r.shape)
         rn = np.maximum(r @ out - rho * (gap + u @ out), 0.0)
@@ -103,7 +109,8 @@ def test_against_dense_numpy(dim, cell, kernel, normalised):
         bound = F * areas * (N @ (rn / areas))
         rt *= np.minimum(1.0, bound / np.where(size > 0, size, 1.0))[:, None]
         new = np.outer(rn, out) + rt
-        change, r = np.abs(new - r).max(), new
+        change = np.abs(new - r).max()
+        r = new
         if change < 1e-15 * np.abs(r).max():
             break
     np.testing.assert_allclose(t.x, x, atol=1e-12)
@@ -121,13 +128,16 @@ def floor_normal(dim):
 @pytest.mark.parametrize(("dim", "cell"), [(2, "tri"), (3, "hex"), (3, "tet")])
 def test_constant_pressure(dim, cell):
     """It stays constant, and friction is local; of the plain convolution the bound is known."""
-    pressed, s, F = 0.05, 0.03, 0.2
+    pressed = 0.05
+    s = 0.03
+    F = 0.2
     p = 1000.0 * pressed
 
     def solved(law):
         return sheared_block(law, dim, cell, s, pressed, F * p).solve().tables["contact"]
 
-    local, nonlocal_ = solved(Coulomb(F)), solved(NonlocalCoulomb(F, 0.7))
+    local = solved(Coulomb(F))
+    nonlocal_ = solved(NonlocalCoulomb(F, 0.7))
     assert local.count("s" if dim == 3 else "+") == len(local.status)
     same_tables(local, nonlocal_, 1e-12)
     np.testing.assert_allclose(nonlocal_.bound, F * p * local.area, rtol=1e-12)
@@ -231,7 +241,8 @@ def between_bodies(law, solver="direct", cell="tet"):
 
 def test_between_bodies():
     """The slave's points see each other: the bound is that of their pressures; by both solvers."""
-    law, tables = NonlocalCoulomb(0.25, 0.5), []
+    law = NonlocalCoulomb(0.25, 0.5)
+    tables = []
     for solver in ("direct", "amg"):
         result = between_bodies(law, solver).solve()
         assert result.kkt_violation < 1e-9
@@ -258,7 +269,8 @@ def test_jacobian_between_bodies():
 def test_ranks(cell, method):
     """The same numbers as on one rank."""
     n, dim = (4, 3) if cell == "hex" else (12, 2)
-    top, tables = (0.03, *[0.0] * (dim - 2), -0.03), []
+    top = (0.03, *[0.0] * (dim - 2), -0.03)
+    tables = []
     for comm in (COMM, MPI.COMM_SELF):
         law = NonlocalCoulomb(0.3, 0.4)
         problem = block(domain=box(comm, n, cell), cell=cell, method=method, law=law, top=top,
@@ -279,7 +291,8 @@ def test_limit_of_the_local_law():
         problem = block(domain=domain, cell="quad", law=law, top=(0.06, -0.03), obstacle=round_)
         return problem.solve().tables["contact"]
 
-    local, errors = solved(Coulomb(0.3)), []
+    local = solved(Coulomb(0.3))
+    errors = []
     assert 0 < local.count("o") < n
     for radius in (0.2, 0.1, 0.05):
         t = solved(NonlocalCoulomb(0.3, radius))

@@ -11,7 +11,7 @@ from test_parametric import driven_block
 from dolfinx import fem
 
 from dolfinx_contact.continuation import Observer, explore, follow
-from dolfinx_contact.output import BranchRecord, resume
+from dolfinx_contact.records import BranchRecord, resume
 
 COMM = MPI.COMM_WORLD
 
@@ -24,7 +24,11 @@ class Looks(Observer):
     """Looks at the problem where it is told of something, as `seen` does; raises at ``last``."""
 
     def __init__(self, system, last=None):
-        self.system, self.last, self.points, self.seen, self.calls = system, last, [], [], []
+        self.system = system
+        self.last = last
+        self.points = []
+        self.seen = []
+        self.calls = []
 
     def begin(self, branch, task):
         self.calls.append(("begin", seen(self.system)))
@@ -82,7 +86,8 @@ def test_every_point_stands_in_the_problem(kind):
     """By steps: the load, the obstacle or Dirichlet data have the gamma of the point as well."""
     system = driven_block(kind, n=3)
     x = start_of(system)
-    looks, asked = Looks(system), []
+    looks = Looks(system)
+    asked = []
 
     def stop(point, special):
         asked.append(seen(system))
@@ -113,7 +118,8 @@ def test_points_of_all_branches(route):
     system = demo_linear_triangle.linear_triangle(8, 2.0)
     system.set_parameter(-1.0)
     x = start_of(system)
-    looks, before = Looks(system), seen(system)
+    looks = Looks(system)
+    before = seen(system)
     diagram = explore(system, [(x, -1.0)], gamma_range=(-1.0, 1.0), route=route, observer=looks)
     same(seen(system), before)
     assert len(diagram.edges) > 2
@@ -156,7 +162,8 @@ def test_no_assembly(monkeypatch):
 def test_after_a_kill(folder):
     """Points that come again, and those that follow, have statuses, gamma and driven data."""
     system, functionals = moved_block(COMM, n=3)
-    x, whole = start(system), Looks(system)
+    x = start(system)
+    whole = Looks(system)
     task = dict(gamma_range=(-0.1, 1.0), control=CONTROL, max_steps=12)
     follow(system, x, 0.0, observer=whole, **task)
     assert len({found[1] for found in whole.seen}) > 1

@@ -19,20 +19,12 @@ from dolfinx import fem, io, mesh
 
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, Sphere, materials
 from dolfinx_contact.continuation import BranchPoint
+from dolfinx_contact.io import STATUS_CODES, output_folder, write_contact_table, write_fields
+from dolfinx_contact.io.fields import body_fields, contact_fields
 from dolfinx_contact.materials import CiarletGeymonat, LinearElastic, NeoHookean, StVenantKirchhoff
-from dolfinx_contact.output import (
-    STATUS_CODES,
-    output_folder,
-    picture_of_body,
-    picture_of_contact,
-    picture_of_states,
-    pictures,
-    write_contact_table,
-    write_fields,
-)
-from dolfinx_contact.output.checkpoints import joined
-from dolfinx_contact.output.fields import body_fields, contact_fields
 from dolfinx_contact.parametric import ParametricContact
+from dolfinx_contact.plot import picture_of_body, picture_of_contact, picture_of_states, pictures
+from dolfinx_contact.records.checkpoints import joined
 
 COMM = MPI.COMM_WORLD
 MATERIAL = LinearElastic.from_young(1000.0, 0.3)
@@ -71,7 +63,9 @@ def von_mises_of(domain, gradient, material, degree=1):
 @pytest.mark.parametrize("degree", [1, 2])
 def test_von_mises_of_uniaxial_stress(degree):
     """Stretch e with free sides has von Mises stress E e, in 3D and in plane stress."""
-    E, nu, e = 7.0, 0.25, 0.01
+    E = 7.0
+    nu = 0.25
+    e = 0.01
     solid = LinearElastic.from_young(E, nu)
     found = von_mises_of(box(COMM, 2, "tet"), np.diag([e, -nu * e, -nu * e]), solid, degree)
     np.testing.assert_allclose(found, E * e, rtol=1e-10)
@@ -82,7 +76,9 @@ def test_von_mises_of_uniaxial_stress(degree):
 
 def test_von_mises_of_plane_strain():
     """Stress s along x and nothing across: the plane carries nu s, so (1 - nu + nu^2)^(1/2) s."""
-    E, nu, s = 7.0, 0.25, 0.1
+    E = 7.0
+    nu = 0.25
+    s = 0.1
     gradient = np.diag([s * (1 - nu**2) / E, -s * nu * (1 + nu) / E])
     found = von_mises_of(box(COMM, 2, "quad"), gradient, LinearElastic.from_young(E, nu))
     np.testing.assert_allclose(found, s * np.sqrt(1 - nu + nu**2), rtol=1e-10)
@@ -119,7 +115,8 @@ def test_energy_of_ones_own():
     names = {"ufl": ufl, "u": plane, "mu": 1.0, "kappa": 2.0}
     exec(recipe(), names)
     F = np.eye(3) + gradient
-    J, B = np.linalg.det(F), F @ F.T
+    J = np.linalg.det(F)
+    B = F @ F.T
     deviator = J ** (-5 / 3) * (B - np.trace(B) / 3 * np.eye(3))
     expected = (deviator + 2.0 * (J - 1) * np.eye(3)).reshape(-1)
     found = body_fields(plane, names["stress"])[0].x.array.reshape(-1, 9)
@@ -170,10 +167,12 @@ def test_nodal_fields_are_the_table(cell, method):
     problem = dragged(cell, n=8 if cell in ("tri", "quad") else 4, method=method)
     result = problem.solve()
     assert all(result.counts[k] > 0 for k in ("open", "slip"))
-    (s,), table = problem.surfaces, result.tables["contact"]
+    (s,) = problem.surfaces
+    table = result.tables["contact"]
     fields = contact_fields(problem, s)
     rows = at_points(table, s.points.vertices.tabulate_dof_coordinates())
-    dim, force = table.dim, np.abs(table.force).max() / table.area.min()
+    dim = table.dim
+    force = np.abs(table.force).max() / table.area.min()
     np.testing.assert_array_equal(fields["status"].x.array, codes(table)[rows])
     np.testing.assert_allclose(fields["gap"].x.array, table.un[rows], atol=1e-14)
     np.testing.assert_allclose(fields["pressure"].x.array, table.pressure[rows], atol=1e-12 * force)
@@ -221,7 +220,8 @@ def test_integral_fields(cell, multiplier):
     result = problem.solve()
     assert result.counts["open"] > 0
     assert result.counts["slip"] > 0
-    (s,), table = problem.surfaces, result.tables["contact"]
+    (s,) = problem.surfaces
+    table = result.tables["contact"]
     fields = contact_fields(problem, s)
     x = s.points.vertices.tabulate_dof_coordinates()[:, :dim]
     agreed = 0
@@ -249,7 +249,8 @@ def read_back(file):
         for name, what in reader.available_variables().items():
             if what["Type"] != "double" or name == "step":
                 continue
-            variable, blocks = reader.inquire_variable(name), []
+            variable = reader.inquire_variable(name)
+            blocks = []
             for i, block_info in enumerate(reader.all_blocks_info(name)[0]):
                 if not block_info["Count"].startswith("0"):  # a rank without contact facets
                     variable.set_block_selection(i)
@@ -426,10 +427,12 @@ def test_pictures(folder, cell, degree):
 
 def strip(size, cells, *, tilt=0.0):
     """A long body pressed on a ball, or a slender one in 2D, on its axes or tilted."""
-    dim, corners = len(size), [np.zeros(len(size)), np.array(size, float)]
+    dim = len(size)
+    corners = [np.zeros(len(size)), np.array(size, float)]
     make = mesh.create_rectangle if dim == 2 else mesh.create_box
     domain = make(COMM, corners, cells)
-    below, above = facets(domain, dim - 1, 0.0), facets(domain, dim - 1, float(size[-1]))
+    below = facets(domain, dim - 1, 0.0)
+    above = facets(domain, dim - 1, float(size[-1]))
     turn = np.eye(3)
     turn[np.ix_([0, dim - 1], [0, dim - 1])] = [
         [np.cos(tilt), -np.sin(tilt)],
@@ -494,7 +497,8 @@ def test_slender_bodies_fill_the_picture(folder, size, cells):
 @pytest.mark.parametrize(("size", "cells"), [((20, 1), (40, 3)), ((1, 20), (3, 40))])
 def test_states_of_slender_bodies(folder, size, cells, monkeypatch):
     """They fill the picture, and one bar tells what the colours of all states mean."""
-    bars, colorbar = [], matplotlib.figure.Figure.colorbar
+    bars = []
+    colorbar = matplotlib.figure.Figure.colorbar
 
     def noted(figure, shades, **options):
         bars.append(shades.norm.vmax)
@@ -505,7 +509,8 @@ def test_states_of_slender_bodies(folder, size, cells, monkeypatch):
     system = ParametricContact(problem, fem.Constant(problem.V.mesh, 0.0))
     x = system.create_vector()
     problem.write(x)
-    piece, points = system.piece_at(x, 0.0), []
+    piece = system.piece_at(x, 0.0)
+    points = []
     largest = COMM.allreduce(np.linalg.norm(problem.u.x.array.reshape(-1, 2), axis=1).max(), op=max)
     for factor in (1.0, 0.5, 0.25):
         part = x.copy()

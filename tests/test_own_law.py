@@ -32,7 +32,8 @@ def dragged(law, **options):
 @pytest.mark.parametrize("angle", [0.0, 0.7])
 def test_orthotropic_friction(angle):
     """Every slipping point dissipates the most: rt = -rn A (A ut)/|A ut|, axes of the grain."""
-    along, across = 0.1, 0.4
+    along = 0.1
+    across = 0.4
     result = dragged(Orthotropic(along, across, angle)).solve()
     t = result.tables["contact"]
     assert result.kkt_violation < 1e-9
@@ -69,7 +70,10 @@ def test_jacobian_by_differences(law):
     problem = dragged(law, obstacle=Sphere((0.5, 0.5, -5.0), 5.0))
     problem.solve()
     eq = problem.equations
-    x, d, ends, Jd = problem.create_vector(), eq.create_vector(), [], eq.create_vector()
+    x = problem.create_vector()
+    d = eq.create_vector()
+    ends = []
+    Jd = eq.create_vector()
     problem.write(x)
     d.setRandom()
     d.array[: eq.owned_sizes[0]][eq.fixed[: eq.owned_sizes[0]]] = 0.0
@@ -80,7 +84,8 @@ def test_jacobian_by_differences(law):
     jacobian.matrix.mult(d, Jd)
     h = 1e-4
     for sign in (1, -1):
-        y, b = x.copy(), problem.create_vector()
+        y = x.copy()
+        b = problem.create_vector()
         y.axpy(sign * h, d)
         eq.residual(y, b, state.statuses)
         ends.append(b)
@@ -96,11 +101,15 @@ def test_static_and_kinetic_friction_of_one_element(distance, monkeypatch):
     At a slip to the left kt ut = pt + F(|ut|) rn and rn = k ut - pn, so that the load is known as a
     function of ut; its extrema are the folds.
     """
-    static, kinetic = 0.9, 0.3
+    static = 0.9
+    kinetic = 0.3
     law = SlipWeakening(static, kinetic, distance)
     monkeypatch.setattr(demo_linear_triangle, "Coulomb", lambda _: law)
     system = element((1.0, 1.0), None, 1.0, (-4.0, 0.0), (0.0, -1.0))
-    kt, k, pn, rate = 2.0, 1.0, -0.5, -2.0
+    kt = 2.0
+    k = 1.0
+    pn = -0.5
+    rate = -2.0
 
     def load(ut):
         friction = kinetic + (static - kinetic) * np.exp(ut / distance)
@@ -190,7 +199,8 @@ def test_friction_never_pushes_along(method, n, law, floor, top):
         domain=domain, law=law, obstacle=HalfSpace(*floor), method=method, top=top
     ).solve()
     t = result.tables["contact"]
-    rt, ut = t.along(t.rt), t.along(t.ut)
+    rt = t.along(t.rt)
+    ut = t.along(t.ut)
     assert result.kkt_violation < 1e-8
     assert (rt * ut <= 1e-12 * np.abs(rt).max() * np.abs(ut).max()).all()
     assert (np.abs(rt) <= t.bound * (1 + 1e-8) + 1e-9 * t.rn.max()).all()

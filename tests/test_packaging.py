@@ -17,7 +17,8 @@ from blocks import block
 from dolfinx_contact import meshing
 from dolfinx_contact._name import warn_of_namesake
 from dolfinx_contact._optional import optional
-from dolfinx_contact.output import Journal, draw_diagram, picture_of_contact, picture_of_states
+from dolfinx_contact.plot import draw_diagram, picture_of_contact, picture_of_states
+from dolfinx_contact.records import Journal
 
 COMM = MPI.COMM_WORLD
 TREE = Path(__file__).resolve().parents[1]

@@ -26,7 +26,9 @@ from dolfinx_contact import (
     Frictionless,
     HalfSpace,
     Tresca,
-    output,
+    io,
+    plot,
+    records,
 )
 from dolfinx_contact.algorithms import Penalty
 from dolfinx_contact.continuation import crossing, explore
@@ -59,7 +61,8 @@ def tagged(domain, **planes):
 
 def stacked(dim, cell, n=3, *, gap=0.0, heights=(0.0, 1.0)):
     """Two boxes one over the other, lower first: tags 1 below, 2 and 3 face to face, 4 above."""
-    bodies, tags = [], []
+    bodies = []
+    tags = []
     for i, z in enumerate(heights):
         body = box(COMM, n, cell)
         body.geometry.x[:, dim - 1] += z + gap * i
@@ -78,7 +81,8 @@ def displacement(domain, degree=1):
 
 
 def held(u, tags, tag, value):
-    V, fdim = u.function_space, tags.dim
+    V = u.function_space
+    fdim = tags.dim
     return fem.dirichletbc(
         np.asarray(value, dtype=float), fem.locate_dofs_topological(V, fdim, tags.find(tag)), V
     )
@@ -100,7 +104,8 @@ def test_two_blocks(folder, case):
         words += ["--lower", given["E2"], given["nu2"]]
     words += ["--top", wanted["ux"], wanted["uy"], "--output", folder]
     summary = demo_two_blocks.main([*map(str, words), "--static", "-contact_snes_rtol", "1e-12"])
-    step, force = summary["steps"][0], max(wanted["rn"])
+    step = summary["steps"][0]
+    force = max(wanted["rn"])
     assert step["status"] == wanted["status"]
     for key, scale in {"rn": force, "rt": force, "ut": 0.01, "un": 0.01}.items():
         np.testing.assert_allclose(step[key], wanted[key], rtol=0, atol=1e-10 * scale)
@@ -121,7 +126,8 @@ def test_what_sticks_everywhere_is_one_body(dim, cell, degree, method):
     both = stacked(dim, cell, 2)
     u = displacement(both.mesh, degree)
     shift = np.zeros(dim)
-    shift[0], shift[-1] = 0.01, -0.05
+    shift[0] = 0.01
+    shift[-1] = -0.05
     multiplier = {"multiplier_degree": degree} if method == "integral" else {}
     pair = ContactPair(u, both, slave=3, master=2, law=Coulomb(100.0), method=method, **multiplier)
     ends = [held(u, both.facet_tags, 1, np.zeros(dim)), held(u, both.facet_tags, 4, shift)]
@@ -139,7 +145,8 @@ def test_what_sticks_everywhere_is_one_body(dim, cell, degree, method):
     one = displacement(whole, degree)
     tags = tagged(whole, t1=(dim - 1, 0.0), t4=(dim - 1, 2.0))
     ends = [held(one, tags, 1, np.zeros(dim)), held(one, tags, 4, shift)]
-    v, energy = ufl.TestFunction(one.function_space), MATERIAL.energy(one) * ufl.dx
+    v = ufl.TestFunction(one.function_space)
+    energy = MATERIAL.energy(one) * ufl.dx
     stiffness = ufl.derivative(ufl.derivative(energy, one, v), one)
     nothing = ufl.dot(fem.Constant(whole, np.zeros(dim)), v) * ufl.dx
     options = {"ksp_type": "preonly", "pc_type": "lu", "pc_factor_mat_solver_type": "mumps"}
@@ -181,7 +188,8 @@ def test_mirrored_bodies(dim, cell):
     alone = ContactProblem(
         MATERIAL.energy(w) * ufl.dx, w, [surface], bcs=[top], petsc_options=options
     ).solve()
-    a, b = found.tables["contact"], alone.tables["contact"]
+    a = found.tables["contact"]
+    b = alone.tables["contact"]
     np.testing.assert_allclose(a.force, b.force, rtol=0, atol=1e-10 * np.abs(b.force).max())
     np.testing.assert_allclose(a.ut, 0.0, atol=1e-12)
 
@@ -262,7 +270,8 @@ def test_one_side_is_clamped(side):
     top = held(w, tagged(domain, t4=(1, 1.0)), 4, (0.005, -0.02))
     alone = ContactProblem(MATERIAL.energy(w) * ufl.dx, w, [surface], bcs=[top]).solve()
     sign = 1.0 if side == "master" else -1.0
-    a, b = found.tables["contact"], alone.tables["contact"]
+    a = found.tables["contact"]
+    b = alone.tables["contact"]
     assert a.status == b.status
     np.testing.assert_allclose(sign * a.force, b.force, atol=1e-8 * np.abs(b.force).max())
 
@@ -280,8 +289,10 @@ def triangle_on_a_body(n, friction):
         tagged(lower, t3=(1, 0.0)),
     ]
     both = join([upper, lower], facet_tags=tags)
-    domain, u = both.mesh, displacement(both.mesh)
-    V, gamma = u.function_space, fem.Constant(both.mesh, -1.0)
+    domain = both.mesh
+    u = displacement(both.mesh)
+    V = u.function_space
+    gamma = fem.Constant(both.mesh, -1.0)
     ds = ufl.Measure("ds", domain, subdomain_data=both.facet_tags)
     load = -gamma * fem.Constant(domain, (26.0, 7.5))
     energy = LinearElastic(100.0, 82.0).energy(u) * ufl.dx - ufl.dot(load, u) * ds(2)
@@ -305,7 +316,7 @@ def test_branches_on_a_held_body(route):
         x = system.create_vector()
         system.problem.write(x)
         diagram = explore(system, [(x, -1.0)], gamma_range=(-1.0, 1.0), route=route)
-        rows = output.journal_of(system, diagram.branches, seen).rows()
+        rows = records.journal_of(system, diagram.branches, seen).rows()
         last = [r for r in rows if abs(abs(r["gamma"]) - 1) < 1e-12]
         last.sort(key=lambda r: (r["gamma"], r["status"]))
         ends.append(last)
@@ -323,7 +334,8 @@ def test_branches_on_a_held_body(route):
 def cracked(dim, cell, reach, n=4):
     """A box with a crack at mid height that reaches from -1 to ``reach``; tags as `stacked`."""
     domain = box(COMM, n, cell)
-    fdim, up = dim - 1, dim - 1
+    fdim = dim - 1
+    up = dim - 1
     domain.topology.create_entities(fdim)
     inside = mesh.locate_entities(
         domain, fdim, lambda x: np.isclose(x[up], 0.5) & (x[0] < reach + 1e-9)
@@ -360,7 +372,8 @@ def test_crack(dim, cell, reach):
     # The first side is the lower one, whose normal points up.
     np.testing.assert_allclose(pair.points.data.n[:, -1], 1.0)
     shift = np.zeros(dim)
-    shift[0], shift[-1] = 0.02, -0.02
+    shift[0] = 0.02
+    shift[-1] = -0.02
     ends = [held(u, body.facet_tags, 1, np.zeros(dim)), held(u, body.facet_tags, 4, shift)]
     result = ContactProblem(MATERIAL.energy(u) * ufl.dx, u, [pair], bcs=ends).solve()
     assert result.counts["clamped"] == (0 if reach == 1.0 else 5 ** (dim - 2))
@@ -454,10 +467,10 @@ def test_a_fault_by_its_name(folder):
     result = problem.solve()
     assert result.counts["slip"] > 0
     assert result.kkt_violation < 1e-10
-    files = output.write_fields(folder, problem)
+    files = io.write_fields(folder, problem)
     assert all(f.exists() for f in files)
-    assert output.picture_of_body(folder / "body.png", problem) is not None
-    assert output.picture_of_contact(folder / "contact.png", problem) is not None
+    assert plot.picture_of_body(folder / "body.png", problem) is not None
+    assert plot.picture_of_contact(folder / "contact.png", problem) is not None
     table = result.tables["contact"]
     forces = table.force / np.abs(table.force).max()
     assert len(set(COMM.allgather(np.round(forces, 9).tobytes()))) == 1
@@ -511,7 +524,8 @@ def test_bad_pairs():
 def test_faces_of_different_meshes():
     """But for nodal contact; also where nodes of one are some of the other's."""
     for n, missing in ((3, r"12 of 16 nodes"), (4, r"16 of 25 nodes"), (1, "1 of 1 facets")):
-        a, b = box(COMM, 2, "hex"), box(COMM, n, "hex")
+        a = box(COMM, 2, "hex")
+        b = box(COMM, n, "hex")
         b.geometry.x[:, 2] += 1.0
         both = join([a, b], facet_tags=[tagged(a, t2=(2, 1.0)), tagged(b, t3=(2, 1.0))])
         u = displacement(both.mesh)
@@ -593,13 +607,16 @@ def test_penalisation_with_a_bound_given_in_advance(dim, cell, bound, shift, pre
 
     def problem():
         both = stacked(dim, cell)
-        u, top = displacement(both.mesh), np.zeros(dim)
-        top[0], top[-1] = shift, press
+        u = displacement(both.mesh)
+        top = np.zeros(dim)
+        top[0] = shift
+        top[-1] = press
         pair = ContactPair(u, both, slave=3, master=2, law=Tresca(bound))
         ends = [held(u, both.facet_tags, 1, 0 * top), held(u, both.facet_tags, 4, top)]
         return ContactProblem(MATERIAL.energy(u) * ufl.dx, u, [pair], bcs=ends)
 
-    wanted, penalised = problem(), problem()
+    wanted = problem()
+    penalised = problem()
     counts = wanted.solve().counts
     assert min(counts["stick"], counts["slip"]) > 0
     assert penalised.solve(algorithm=Penalty(stiffness=stiffness)).counts == counts

@@ -13,7 +13,7 @@ import demo_two_spheres
 import numpy as np
 import pytest
 
-from dolfinx_contact import output
+from dolfinx_contact import plot
 
 COMM = MPI.COMM_WORLD
 
@@ -22,7 +22,7 @@ COMM = MPI.COMM_WORLD
 def no_pictures(monkeypatch):
     """Pictures take most of the time, and are drawn by other tests."""
     for name in ("picture_of_body", "picture_of_contact"):
-        monkeypatch.setattr(output, name, lambda *_, **__: None)
+        monkeypatch.setattr(plot, name, lambda *_, **__: None)
 
 
 def pressed(demo, size, *, ratio=1.0, friction=0.0):
@@ -48,8 +48,10 @@ def test_two_spheres(folder):
     assert all((folder / name).stat().st_size > 0 for name in names)
     found, table = pressed(demo_two_spheres, 0.5, ratio=0.8, friction=0.3)
     # Of a mortar areas are those seen along the axis; those of the cones between the points:
-    x, length = table.x[:, 0], np.linalg.norm(np.diff(table.x, axis=0), axis=1)
-    inner, outer = (2 * x[:-1] + x[1:]) * length, (x[:-1] + 2 * x[1:]) * length
+    x = table.x[:, 0]
+    length = np.linalg.norm(np.diff(table.x, axis=0), axis=1)
+    inner = (2 * x[:-1] + x[1:]) * length
+    outer = (x[:-1] + 2 * x[1:]) * length
     area = np.pi / 3 * (np.append(inner, 0.0) + np.append(0.0, outer))
     found = demo_two_spheres.HERTZ.compare(replace(table, area=area, pressure=table.rn / area))
     assert found["peak_pressure"] == pytest.approx(summary["peak"], rel=1e-3)

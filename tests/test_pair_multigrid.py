@@ -26,7 +26,8 @@ def pressed(body, options, *, slave=3, master=2, friction=0.2, degree=1, materia
     u = displacement(body.mesh, degree)
     dim = body.mesh.geometry.dim
     shift = np.zeros(dim)
-    shift[0], shift[-1] = 0.02, -0.04
+    shift[0] = 0.02
+    shift[-1] = -0.04
     pair = ContactPair(u, body, slave=slave, master=master, law=Coulomb(friction), **more)
     ends = [held(u, body.facet_tags, 1, np.zeros(dim)), held(u, body.facet_tags, 4, shift)]
     energy = material.energy(u) * ufl.dx
@@ -78,7 +79,8 @@ def on_a_crack(dim, cell, reach, options):
 
 def soft_on_stiff(options):
     """The finer mesh on a body a hundred times as stiff, and a rank without any contact."""
-    a, b = box(COMM, 3, "tet"), box(COMM, 4, "tet")
+    a = box(COMM, 3, "tet")
+    b = box(COMM, 4, "tet")
     b.geometry.x[:, 2] += 1.0
     tags = [tagged(a, t1=(2, 0.0), t2=(2, 1.0)), tagged(b, t3=(2, 1.0), t4=(2, 2.0))]
     both = join([a, b], facet_tags=tags)
@@ -118,7 +120,8 @@ def test_same_as_direct(name):
     assert problem.linear_solver.name == "amg"
     assert sum(a.krylov_iterations for a in result.attempts) > 0
     for surface, table in direct.tables.items():
-        found, length = result.tables[surface], 0.04
+        found = result.tables[surface]
+        length = 0.04
         assert found.status == table.status
         np.testing.assert_allclose(found.x, table.x, atol=1e-9)
         np.testing.assert_allclose(found.un, table.un, rtol=0, atol=1e-8 * length)

@@ -33,11 +33,14 @@ def driven_block(kind, cell="quad", n=4, material=None, comm=COMM):
     domain = box(comm, n, cell)
     dim = domain.geometry.dim
     V = fem.functionspace(domain, ("Lagrange", 1, (dim,)))
-    u, top = fem.Function(V), fem.Function(V)
+    u = fem.Function(V)
+    top = fem.Function(V)
     gamma = fem.Constant(domain, 0.5)
     x = ufl.SpatialCoordinate(domain)
     energy = (material or LinearElastic.from_young(1000.0, 0.3)).energy(u) * ufl.dx
-    friction, point, driven = 0.3, fem.Constant(domain, (0.0,) * dim), []
+    friction = 0.3
+    point = fem.Constant(domain, (0.0,) * dim)
+    driven = []
     move = ufl.as_vector([0.004, *[0.0] * (dim - 2), -0.01 - 0.001 * x[0]])
     if kind == "load":
         energy -= gamma**2 * ufl.dot(ufl.as_vector([3.0, *[0.0] * (dim - 2), -2.0]), u) * ufl.dx
@@ -67,7 +70,8 @@ def driven_block(kind, cell="quad", n=4, material=None, comm=COMM):
 def test_derivative_by_gamma(kind, material):
     """dH/dgamma against central differences on a held piece, second order in the step."""
     system = driven_block(kind, material=material)
-    problem, gamma = system.problem, 0.7
+    problem = system.problem
+    gamma = 0.7
     problem.solve()
     x, b, c, d = (system.create_vector() for _ in range(4))
     problem.write(x)
@@ -147,7 +151,8 @@ def test_first_contact_and_slip_of_a_block(cell):
     for comm in (COMM, MPI.COMM_SELF):
         domain = box(comm, 3, cell)
         V = fem.functionspace(domain, ("Lagrange", 1, (dim,)))
-        u, top = fem.Function(V), fem.Function(V)
+        u = fem.Function(V)
+        top = fem.Function(V)
         gamma = fem.Constant(domain, 0.0)
         x = ufl.SpatialCoordinate(domain)
         tilt = 1.0 + 0.1 * x[0] + 0.037 * x[dim - 2]
@@ -200,7 +205,9 @@ def test_a_friction_bound_acts_on_open_points_along_a_branch(cell):
     dim = 2 if cell == "tri" else 3
     domain = box(COMM, 6 if dim == 2 else 3, cell)
     V = fem.functionspace(domain, ("Lagrange", 1, (dim,)))
-    u, moved, gamma = fem.Function(V), fem.Function(V), fem.Constant(domain, 0.0)
+    u = fem.Function(V)
+    moved = fem.Function(V)
+    gamma = fem.Constant(domain, 0.0)
     centre = np.array([*[0.5] * (dim - 1), -3.0])
     surface = ContactSurface(
         u, facets(domain, dim - 1, 0.0), obstacle=Sphere(centre, 2.999), law=Tresca(5.0)
@@ -236,7 +243,8 @@ def loaded_block(friction):
     """A block held at its top under a load that gamma scales, with its friction as a Constant."""
     domain = box(COMM, 4, "tri")
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u, gamma = fem.Function(V), fem.Constant(domain, 0.0)
+    u = fem.Function(V)
+    gamma = fem.Constant(domain, 0.0)
     friction = fem.Constant(domain, friction)
     surface = ContactSurface(
         u,
@@ -297,8 +305,10 @@ def test_friction_that_gamma_makes_negative():
     domain_system, _ = loaded_block(0.3)
     domain = domain_system.problem.V.mesh
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u, gamma = fem.Function(V), fem.Constant(domain, 0.5)
-    floor, held = HalfSpace((0.0, 0.0), (0.0, 1.0)), facets(domain, 1, 1.0)
+    u = fem.Function(V)
+    gamma = fem.Constant(domain, 0.5)
+    floor = HalfSpace((0.0, 0.0), (0.0, 1.0))
+    held = facets(domain, 1, 1.0)
     surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.3 * gamma))
     moved = np.array([0.01, -0.01])
     bc = fem.dirichletbc(moved, fem.locate_dofs_topological(V, 1, held), V)
@@ -337,7 +347,8 @@ def test_evaluating_writes_no_function():
     system = driven_block("load")
     problem = system.problem
     problem.solve()
-    x, b = system.create_vector(), system.create_vector()
+    x = system.create_vector()
+    b = system.create_vector()
     problem.write(x)
     known = [f.x.array.copy() for f in problem.fields]
     statuses = [s.statuses.copy() for s in problem.surfaces]

@@ -12,8 +12,8 @@ from recorded_path import CASES, LONGEST, made, record, resume
 from test_evolution_record import Stop, require_same, stopping
 
 from dolfinx_contact.continuation import StepControl
-from dolfinx_contact.output import EvolutionRecord, PathRecord, read_evolution, read_path
-from dolfinx_contact.output.lines import FILE_NAME
+from dolfinx_contact.records import EvolutionRecord, PathRecord, read_evolution, read_path
+from dolfinx_contact.records.lines import FILE_NAME
 
 COMM = MPI.COMM_WORLD
 serial = pytest.mark.skipif(COMM.size > 1, reason="starts processes of its own")
@@ -27,7 +27,8 @@ def require_same_path(folder, other):
     for s, t in zip(a.states, b.states, strict=True):
         assert s["reason"] == t["reason"]
         for name in ("tangent", "piece", "step") if t["arrived"] else ():
-            found, wanted = s["arrived"][name], t["arrived"][name]
+            found = s["arrived"][name]
+            wanted = t["arrived"][name]
             assert found == (wanted if name == "piece" else pytest.approx(wanted, abs=1e-10))
     assert [(r.reason, r.after) for r in a.runs] == [(r.reason, r.after) for r in b.runs]
 
@@ -57,7 +58,8 @@ def whole(tmp_path_factory):
 
 def test_the_journal_says_what_was_followed(folder):
     path = made("bonds")
-    control, ends = StepControl(maximum=LONGEST), CASES["bonds"][1]
+    control = StepControl(maximum=LONGEST)
+    ends = CASES["bonds"][1]
     with PathRecord(folder, path) as kept:
         history = path.run(ends, control=control, record=kept, max_steps=16)
         journal = read_path(folder)
@@ -96,7 +98,8 @@ def test_an_interrupted_path_resumes(case, whole, folder):
     with pytest.raises(Stop):
         record(case, folder, observer=stopping(5))
     assert len(read_path(folder).states) == 6
-    known, seen = read_path(whole(case)), []
+    known = read_path(whole(case))
+    seen = []
     # A point that shows other statuses than those by which it was come to, if there is one.
     shows = [s["index"] for s in known.states[7:] if s["status"] != s["arrived"]["piece"]]
     later = min(shows, default=7)
@@ -162,7 +165,8 @@ def test_a_damaged_checkpoint_is_passed_over(whole, folder, caplog):
 
 def test_what_is_refused(whole, folder):
     """Records of other problems, loads and ranges, and those that would be overwritten."""
-    known, before = whole("crack"), (whole("crack") / FILE_NAME).read_bytes()
+    known = whole("crack")
+    before = (whole("crack") / FILE_NAME).read_bytes()
     for other, message in [
         (made("pair", anew=False), "another mesh"),
         (made("crack", friction=0.26, anew=False), "other loads, materials or friction"),
@@ -214,7 +218,8 @@ def test_what_is_refused(whole, folder):
 def test_killed_at_random_moments(case, kills, whole, folder):
     """Every session on another number of ranks; each is killed, but for the last."""
     longest = LONGEST if kills == 1 else LONGEST / 8
-    known, words = whole(case, longest), ("--case", case, "--longest", longest)
+    known = whole(case, longest)
+    words = ("--case", case, "--longest", longest)
     killed_and_resumed("recorded_path.py", words, (), folder, known, kills, read_path)
     require_same_path(folder, known)
 

@@ -179,7 +179,7 @@ def test_a_solve_that_takes_longer_than_predicted(caplog, monkeypatch):
 
 @pytest.mark.skipif(COMM.size > 1, reason="starts a process of its own")
 def test_import_says_nothing():
-    code = "import dolfinx_contact, dolfinx_contact.output, dolfinx_contact.meshing"
+    code = "import dolfinx_contact, dolfinx_contact.records, dolfinx_contact.meshing"
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120
     )

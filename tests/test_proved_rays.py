@@ -16,12 +16,15 @@ from dolfinx_contact.analysis.rays import apex_problem, prove_rays
 from dolfinx_contact.continuation.rays import outgoing
 
 COMM = MPI.COMM_WORLD
-OPEN, STICK, SLIP = 0, 1, 2
+OPEN = 0
+STICK = 1
+SLIP = 2
 
 
 def decided(system, codes):
     """The cone of a state in which some points are inside the borders of a status."""
-    allowed, inequalities = system.allowed.copy(), system.inequalities.copy()
+    allowed = system.allowed.copy()
+    inequalities = system.inequalities.copy()
     for i, code in codes.items():
         allowed[i] = np.arange(4) == code
         inequalities[i] = 0.0
@@ -30,7 +33,8 @@ def decided(system, codes):
 
 def random_cone(rng, m, codes, friction):
     G = rng.standard_normal((2 * m, 2 * m))
-    S, q = G @ G.T / m + 0.1 * np.eye(2 * m), rng.standard_normal(2 * m)
+    S = G @ G.T / m + 0.1 * np.eye(2 * m)
+    q = rng.standard_normal(2 * m)
     S = (S + S.T) / 2
     system = coulomb_system(S, np.zeros(2 * m), q, friction)
     whole = ReducedProblem(S, q, np.full(m, friction))
@@ -56,15 +60,18 @@ def test_errors_of_what_is_eliminated():
     """S and q within their errors give problems within those of the reduced one."""
     rng = np.random.default_rng(3)
     whole, system, cone = random_cone(rng, 5, {0: OPEN, 2: OPEN, 3: STICK}, 1.0)
-    dS, dq = np.full_like(whole.S, 1e-6), np.full_like(whole.p, 1e-6)
+    dS = np.full_like(whole.S, 1e-6)
+    dq = np.full_like(whole.p, 1e-6)
     given = replace(whole, S_error=dS, p_error=dq)
     reduced = apex_problem(given, system, cone).problem
     assert reduced.points == 2
     largest = 0.0
     for _ in range(20):
         E = np.triu(rng.choice([-1e-6, 1e-6], dS.shape))
-        S, q = whole.S + E + np.triu(E, 1).T, whole.p + rng.choice([-1e-6, 1e-6], dq.shape)
-        k, e = [2, 3, 8, 9], [0, 1, 4, 5]
+        S = whole.S + E + np.triu(E, 1).T
+        q = whole.p + rng.choice([-1e-6, 1e-6], dq.shape)
+        k = [2, 3, 8, 9]
+        e = [0, 1, 4, 5]
         exact = S[np.ix_(k, k)] - S[np.ix_(k, e)] @ np.linalg.solve(
             S[np.ix_(e, e)], S[np.ix_(e, k)]
         )

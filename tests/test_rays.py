@@ -29,7 +29,8 @@ def described(found):
 def test_unfolding_finds_what_enumeration_proves(seed, monkeypatch):
     """Random stiffness, load and friction, three points: both ways find the same rays."""
     random = np.random.default_rng(seed)
-    S, rate = random_stiffness(random, 3), random.standard_normal(6)
+    S = random_stiffness(random, 3)
+    rate = random.standard_normal(6)
     cone = condensed(S, np.zeros(6), rate, random.uniform(0.2, 6.0))
     proved = outgoing(cone)
     assert proved.complete
@@ -96,7 +97,8 @@ def test_neighbours_are_brought_up_to_date():
     system = condensed(random_stiffness(random, 4), random.standard_normal(8), np.ones(8), 0.6)
     piece = system.piece(np.zeros(4, dtype=np.int8))
     for _ in range(40):
-        i, code = random.integers(4), random.integers(4)
+        i = random.integers(4)
+        code = random.integers(4)
         piece = piece.neighbour(np.array([i]), np.array([code], dtype=np.int8))
     anew = system.piece(piece.codes)
     np.testing.assert_allclose(piece.inverse, anew.inverse, atol=1e-9 * np.abs(anew.inverse).max())

@@ -55,7 +55,8 @@ class Study:
             obstacle=obstacle or HalfSpace(self.at, (0.0, 1.0)),
             law=law or Coulomb(friction),
         )
-        self.bcs, self.surfaces = [self.bc], [self.surface]
+        self.bcs = [self.bc]
+        self.surfaces = [self.surface]
         self.problem = ContactProblem(
             steel.energy(u) * ufl.dx - load, u, self.surfaces, bcs=self.bcs
         )
@@ -68,11 +69,13 @@ class Study:
 
 def test_a_study_of_friction_load_material_and_place():
     """One problem, whose Constants change, answers as problems that are made anew."""
-    study, seen = Study(), []
+    study = Study()
+    seen = []
     cases = list(product((0.05, 0.2), (500.0, 1000.0), (0.5, 2.0), (0.0, 0.002)))
     for friction, young, push, height in cases:
         study.surface.law.friction.value = friction
-        study.young.value, study.push.value = young, push
+        study.young.value = young
+        study.push.value = push
         study.at.value[1] = height
         force = study.force()
         anew = Study(friction, young, push, height).force()
@@ -84,7 +87,8 @@ def test_a_study_of_friction_load_material_and_place():
 def test_the_natural_loops_are_refused():
     """They gave one answer three times."""
     study = Study()
-    surface, problem = study.surface, study.problem
+    surface = study.surface
+    problem = study.problem
     before = study.force()
     with pytest.raises(AttributeError, match=r"law of ContactSurface .*surface\.law\.friction\.va"):
         surface.law = Coulomb(0.5)
@@ -193,7 +197,8 @@ def test_what_an_obstacle_is_made_of_moves_it(kind):
     """Constants in an array as in a tuple, and a radius that is a Function."""
     domain = box(COMM, 2, "quad")
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u, height = fem.Function(V), fem.Constant(domain, 0.0)
+    u = fem.Function(V)
+    height = fem.Constant(domain, 0.0)
     size = fem.Function(fem.functionspace(domain, ("DG", 0)))
     size.x.array[:] = 5.0
     obstacle = {
@@ -209,7 +214,8 @@ def test_what_an_obstacle_is_made_of_moves_it(kind):
     energy = LinearElastic.from_young(1000.0, 0.0).energy(u) * ufl.dx
     problem = ContactProblem(energy, u, [surface], bcs=bcs)
     before = problem.solve().resultants["contact"][1]
-    height.value, size.x.array[:] = 0.01, 5.01
+    height.value = 0.01
+    size.x.array[:] = 5.01
     after = problem.solve().resultants["contact"][1]
     if kind == "radius":
         assert after > 1.5 * before > 0
@@ -262,8 +268,10 @@ class Floor(Obstacle):
 
 def test_laws_and_obstacles_of_ones_own():
     """They are read-only from the surface on that is made with them."""
-    law, floor = Weakening(0.3), Floor()
-    law.static, floor.height = 0.1, -0.001
+    law = Weakening(0.3)
+    floor = Floor()
+    law.static = 0.1
+    floor.height = -0.001
     study = Study(law=law, obstacle=floor)
     force = study.force()
     np.testing.assert_allclose(force, Study(0.1, height=-0.001).force(), rtol=1e-9)

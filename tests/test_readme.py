@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from dolfinx_contact.meshing import read_mesh
-from dolfinx_contact.output import read_journal
+from dolfinx_contact.records import read_journal
 
 COMM = MPI.COMM_WORLD
 README = Path(__file__).parents[1] / "README.md"

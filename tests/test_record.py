@@ -22,18 +22,11 @@ from dolfinx_contact.continuation import (
     Task,
     follow,
 )
-from dolfinx_contact.output import (
-    BranchRecord,
-    Journal,
-    Progress,
-    diagrams,
-    draw_diagram,
-    read_journal,
-    resume,
-    write_series,
-)
-from dolfinx_contact.output.identity import mesh_hash
-from dolfinx_contact.output.lines import FILE_NAME, JournalFile, parse
+from dolfinx_contact.io import Progress
+from dolfinx_contact.plot import diagrams, draw_diagram
+from dolfinx_contact.records import BranchRecord, Journal, read_journal, resume, write_series
+from dolfinx_contact.records.identity import mesh_hash
+from dolfinx_contact.records.lines import FILE_NAME, JournalFile, parse
 
 COMM = MPI.COMM_WORLD
 serial = pytest.mark.skipif(COMM.size > 1, reason="starts processes of its own")
@@ -42,12 +35,14 @@ NUMBERS = ("gamma", "step", "norm", "volume", "force")
 
 def require_same(journal, other, tolerance=1e-8):
     """The same points, special points and statuses."""
-    a, b = journal.columns(), other.columns()
+    a = journal.columns()
+    b = other.columns()
     np.testing.assert_array_equal(a["index"], b["index"])
     np.testing.assert_array_equal(a["status"], b["status"])
     for name in NUMBERS:
         np.testing.assert_allclose(a[name], b[name], rtol=tolerance, atol=tolerance, err_msg=name)
-    s, t = journal.special(), other.special()
+    s = journal.special()
+    t = other.special()
     assert s["kind"].tolist() == t["kind"].tolist()
     np.testing.assert_allclose(s["gamma"], t["gamma"], atol=tolerance)
     for mine, theirs in zip(s["changes"], t["changes"], strict=True):
@@ -430,7 +425,8 @@ def test_progress(folder):
         def isatty(self):
             return True
 
-    plain, live = io.StringIO(), Terminal()
+    plain = io.StringIO()
+    live = Terminal()
     record(system, functionals, folder, max_steps=6)
     observer = Observers(Progress(COMM, stream=plain), Progress(COMM, stream=live))
     resume(folder, system, functionals, max_steps=9, observer=observer)
@@ -463,7 +459,8 @@ def test_a_mesh_has_one_hash():
 def test_killed_at_random_moments(whole, folder, kills):
     """Every session on another number of ranks; each is killed, but for the last."""
     random.seed(3)
-    path, total = folder / FILE_NAME, len((whole[0] / FILE_NAME).read_bytes())
+    path = folder / FILE_NAME
+    total = len((whole[0] / FILE_NAME).read_bytes())
     moments = [0.05 + 0.9 / kills * (i + random.uniform(0.0, 0.8)) for i in range(kills)]
     recorded = []
     for session, moment in enumerate(moments):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from test_two_parameters import enumerated, holds, random_family
 
-from dolfinx_contact import output
+from dolfinx_contact import plot
 from dolfinx_contact.analysis import EventCurves, contact_family, solution_regions
 from dolfinx_contact.analysis.curve_search import follow_events
 
@@ -26,7 +26,8 @@ def regions_of(n, friction, size=3.0):
 
 def of_one_node(F, F1, F2, kt=2.0, kn=2.0, k=1.0):
     """Statuses at a load, by the closed forms of every piece; p = (F1, F2) / 2."""
-    pt, pn = F1 / 2, F2 / 2
+    pt = F1 / 2
+    pn = F2 / 2
     found = {"o"} if kt * pn > k * pt else set()
     found |= {"k"} if pn < 0 and abs(pt) < F * abs(pn) else set()
     for letter, sense in (("+", 1), ("-", -1)):
@@ -79,7 +80,9 @@ def test_more_elements():
 @pytest.mark.parametrize("seed", range(2))
 def test_random_families(seed):
     """Against solving all pieces; a curve that is left out is missed."""
-    family, span, gammas = random_family(seed), (0.2, 4.0), (-8.0, 8.0)
+    family = random_family(seed)
+    span = (0.2, 4.0)
+    gammas = (-8.0, 8.0)
     starts = [
         (np.frombuffer(key, dtype=np.int8), mu)
         for mu in np.linspace(0.21, 3.99, 12)
@@ -127,4 +130,4 @@ def test_bad_input(tmp_path):
     with pytest.raises(ValueError, match="outside"):
         regions.at(0.0, 0.0)
     with pytest.raises(ValueError, match="no names"):
-        output.draw_solutions(tmp_path / "a.png", regions, curves, {})
+        plot.draw_solutions(tmp_path / "a.png", regions, curves, {})

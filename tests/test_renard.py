@@ -26,8 +26,10 @@ def to_the(sign):
 @pytest.mark.parametrize("dense", [True, False])
 def test_hild_triangle(dense):
     """Coefficients of the benchmark; of one element the closed form."""
-    lmbda, mu = 100.0, 82.0
-    kt, k = (lmbda + 3 * mu) / 2, (lmbda + mu) / 2
+    lmbda = 100.0
+    mu = 82.0
+    kt = (lmbda + 3 * mu) / 2
+    k = (lmbda + mu) / 2
     expected = (2 * np.sqrt(kt**2 - k**2) / kt, 1.409557, 1.311326)
     for n, friction in zip((1, 2, 4), expected, strict=True):
         problem = linear_triangle(n, 0.4, lame=(lmbda, mu)).problem
@@ -41,7 +43,8 @@ def test_hild_triangle(dense):
 def stiffness_of_points(problem):
     """S (m, dim, m, dim) and the local nodes, dense, on one rank; gaps along -n."""
     V = problem.V
-    dim, n = V.mesh.geometry.dim, V.dofmap.index_map.size_local
+    dim = V.mesh.geometry.dim
+    n = V.dofmap.index_map.size_local
     K = problem.equations.bulk.stiffness(problem.u.x.array).getValuesCSR()
     K = scipy.sparse.csr_matrix((K[2], K[1], K[0])).toarray()
     free = ~problem.equations.fixed
@@ -57,7 +60,8 @@ def stiffness_of_points(problem):
 
 def swirl(x):
     """Directions that turn, shorter than 1 here and there."""
-    angle, size = 5 * x[:, 0] + 3 * x[:, 1], 0.5 + 0.5 * np.cos(7 * x[:, 0]) ** 2
+    angle = 5 * x[:, 0] + 3 * x[:, 1]
+    size = 0.5 + 0.5 * np.cos(7 * x[:, 0]) ** 2
     return (size * np.array([np.cos(angle), np.sin(angle), 0 * angle])).T
 
 
@@ -66,7 +70,8 @@ def test_against_the_form_in_3d(dense):
     """At F_R the form of the points is about to become indefinite, and not before."""
     factor = renard_criterion(block(4, friction=0.25), swirl, dense=dense).factor
     S, x = stiffness_of_points(block(4, comm=MPI.COMM_SELF))
-    m, xi = len(x), swirl(x)
+    m = len(x)
+    xi = swirl(x)
     for part, sign in ((1 - 1e-7, 1.0), (1 + 1e-7, -1.0)):
         form = S.copy()
         form += 0.25 * factor * part * np.einsum("pa,pjb->pajb", xi, S[:, 2])
@@ -80,7 +85,8 @@ def test_of_a_solution():
     problem.solve()
     table = problem.table(problem.surfaces[0])
     assert {"k", "-"} <= set(table.status) or {"k", "+"} <= set(table.status)
-    ut, rt = table.along(table.ut), table.along(table.rt)
+    ut = table.along(table.ut)
+    rt = table.along(table.rt)
     xi = np.where(np.abs(ut) > 1e-9, np.sign(ut), -rt / np.maximum(0.5 * table.rn, 1e-30))
 
     def of_table(x):
@@ -108,7 +114,8 @@ def test_guided_points():
     )
     box = [[0, 0, 0], [1, 0.2, 0.5]]
     domain = mesh.create_box(COMM, box, [4, 1, 3], mesh.CellType.hexahedron)
-    slices, plane = on_box(domain, sides=in_plane), on_box(flat)
+    slices = on_box(domain, sides=in_plane)
+    plane = on_box(flat)
     expected = renard_criterion(plane, to_the(1)).factor
     assert renard_criterion(slices, to_the(1)).factor == pytest.approx(expected, rel=1e-9)
 

@@ -13,9 +13,9 @@ import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, Frictionless, HalfSpace
+from dolfinx_contact.io import write_contact_table
+from dolfinx_contact.io.fields import contact_fields
 from dolfinx_contact.materials import CiarletGeymonat, LinearElastic, NeoHookean
-from dolfinx_contact.output import write_contact_table
-from dolfinx_contact.output.fields import contact_fields
 from dolfinx_contact.results.result import collect
 
 COMM = MPI.COMM_WORLD
@@ -52,8 +52,10 @@ def arch(n, degree, lift=0.01):
 
 def test_contact_of_an_arch_in_two_discretisations():
     """P1 at nodes and P2 at Gauss points agree on contact; support holds much of the load."""
-    result, other = arch(24, 1).solve(), arch(12, 2).solve()
-    contact, fine = result.resultants["contact"], other.resultants["contact"]
+    result = arch(24, 1).solve()
+    other = arch(12, 2).solve()
+    contact = result.resultants["contact"]
+    fine = other.resultants["contact"]
     assert result.counts["clamped"] == 1
     np.testing.assert_allclose(contact, fine, rtol=0.03)
     np.testing.assert_allclose(result.support, other.support, atol=0.03 * fine[1])
@@ -89,7 +91,8 @@ def test_balance_of_all_forces(dim, cell, material):
     """Body force, traction, clamped and half-fixed nodes: contact + support + external = 0."""
     domain = box(COMM, 4 if dim == 2 else 2, cell)
     V = fem.functionspace(domain, ("Lagrange", 1, (dim,)))
-    u, x = fem.Function(V), ufl.SpatialCoordinate(domain)
+    u = fem.Function(V)
+    x = ufl.SpatialCoordinate(domain)
     law = STEEL if material == "linear" else NeoHookean(600.0, 400.0)
     body = fem.Constant(domain, (3.0, -40.0) if dim == 2 else (3.0, 2.0, -40.0))
     pull = fem.Constant(domain, (5.0, -10.0) if dim == 2 else (5.0, -4.0, -10.0))
@@ -105,7 +108,8 @@ def test_balance_of_all_forces(dim, cell, material):
         energy, u, [surface], bcs=[symmetry, held], petsc_options={"snes_rtol": 1e-12}
     )
     result = problem.solve()
-    contact, table = result.resultants["contact"], result.tables["contact"]
+    contact = result.resultants["contact"]
+    table = result.tables["contact"]
     np.testing.assert_allclose(result.external, body.value + pull.value, rtol=1e-12)
     size = np.linalg.norm(contact) + np.linalg.norm(result.support)
     assert np.linalg.norm(contact + result.support + result.external) < 1e-9 * size
@@ -129,7 +133,8 @@ def test_pressed_block_in_closed_form(degree, method):
     """A pressure of 3 on a block of width 1 without lateral strain: contact 3, support 0."""
     domain = box(COMM, 4, "tri")
     V = fem.functionspace(domain, ("Lagrange", degree, (2,)))
-    u, p = fem.Function(V), fem.Constant(domain, 3.0)
+    u = fem.Function(V)
+    p = fem.Constant(domain, 3.0)
     top = mesh.meshtags(domain, 1, np.sort(facets(domain, 1, 1.0)), 1)
     ds = ufl.Measure("ds", domain, subdomain_data=top)
     energy = LinearElastic.from_young(1000.0, 0.0).energy(u) * ufl.dx + p * u[1] * ds(1)
@@ -166,7 +171,8 @@ def test_support_in_the_contact_table(folder):
         rows = list(csv.DictReader(stream))
     assert list(rows[0])[-4:] == ["status", "support_x", "support_y", "support_z"]
     assert [r["status"] for r in rows] == list(table.letters)
-    clamped, rest = rows[0], rows[1:]
+    clamped = rows[0]
+    rest = rows[1:]
     assert clamped["status"] == "d"
     for key in ("rn", "rt", "rt_x", "rt_y", "pressure", "shear"):
         assert clamped[key] == "0.0"

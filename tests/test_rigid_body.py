@@ -30,9 +30,9 @@ from dolfinx_contact import (
 from dolfinx_contact.continuation import find_solutions, follow
 from dolfinx_contact.nested import solve_nested
 from dolfinx_contact.obstacles import Obstacle
-from dolfinx_contact.output import BranchRecord, resume
 from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.points.vertex_state import vertex_state
+from dolfinx_contact.records import BranchRecord, resume
 from dolfinx_contact.solvers.errors import FloatingBodyError
 from dolfinx_contact.solvers.following import follow_load
 from dolfinx_contact.solvers.history import Attempt
@@ -115,7 +115,8 @@ def resultant(t, about):
 @pytest.mark.parametrize(("method", "degree"), METHODS)
 def test_a_punch_under_a_force(dim, method, degree):
     """The resultant is the force, and the field that of the motion which is found."""
-    up, n = "xyz"[dim - 1], 3 if dim == 3 or degree == 2 else 5
+    up = "xyz"[dim - 1]
+    n = 3 if dim == 3 or degree == 2 else 5
     options = {"snes_rtol": 1e-13}  # as exact as the comparison
     kind = {"method": method, "degree": degree, "n": n, "options": options}
     body = punch(dim, load={up: -10.0}, held=others(dim, up))
@@ -137,7 +138,8 @@ def integral(problem, about):
     s = problem.surfaces[0]
     if s.method == "nodal":
         return resultant(problem.table(s), about)[1:]
-    x, t = ufl.SpatialCoordinate(s.submesh.mesh), s.multiplier
+    x = ufl.SpatialCoordinate(s.submesh.mesh)
+    t = s.multiplier
     moment = (x[0] - about[0]) * t[1] - (x[1] - about[1]) * t[0]
     parts = [fem.assemble_scalar(fem.form(e * ufl.dx)) for e in (t[1], moment)]
     return [COMM.allreduce(v) for v in parts]
@@ -191,7 +193,8 @@ def test_tilting_in_three_dimensions(method):
 @pytest.mark.parametrize("dim", [2, 3])
 def test_a_sphere_under_a_force(dim, method, degree):
     """Pressed by a force it goes where the same approach, prescribed, has that force."""
-    up, n = "xyz"[dim - 1], 3 if dim == 3 else 8 // degree
+    up = "xyz"[dim - 1]
+    n = 3 if dim == 3 else 8 // degree
     middle = np.append(0.55 * np.ones(dim - 1), 1.6)
     body = RigidBody(Sphere(middle, 0.6), about=middle, load={up: -20.0}, held=others(dim, up))
     kind = {"method": method, "degree": degree, "n": n}
@@ -290,7 +293,8 @@ def test_a_plane_of_symmetry():
 @pytest.mark.parametrize("dim", [2, 3])
 def test_a_punch_that_is_dragged(dim):
     """Below F P it holds; above there is no static solution, and an error says what is free."""
-    up, free = "xyz"[dim - 1], ("x", "xyz"[dim - 1])
+    up = "xyz"[dim - 1]
+    free = ("x", "xyz"[dim - 1])
     body = punch(dim, load={up: -10.0, "x": 2.5}, held=others(dim, *free))
     problem = block(body, dim, 3)
     result = problem.solve()
@@ -346,8 +350,10 @@ def small():
     """A square of four triangles: nodes of the top, stiffness with its bottom held, serially."""
     domain = box(MPI.COMM_SELF, 2, "tri")
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
-    mu, lam = 1000.0 / 2.6, 1000.0 * 0.3 / (1.3 * 0.4)
+    u = ufl.TrialFunction(V)
+    v = ufl.TestFunction(V)
+    mu = 1000.0 / 2.6
+    lam = 1000.0 * 0.3 / (1.3 * 0.4)
     strain = ufl.sym(ufl.grad(u))
     stress = 2 * mu * strain + lam * ufl.tr(strain) * ufl.Identity(2)
     K = dolfinx.fem.petsc.assemble_matrix(fem.form(ufl.inner(stress, ufl.grad(v)) * ufl.dx))
@@ -367,12 +373,15 @@ def test_against_active_sets_by_hand():
     found = []
     for active in itertools.product([False, True], repeat=len(top)):
         nodes = top[np.array(active)]
-        n, k = len(free), len(nodes)
-        A, b = np.zeros((n + 2 + k, n + 2 + k)), np.zeros(n + 2 + k)
+        n = len(free)
+        k = len(nodes)
+        A = np.zeros((n + 2 + k, n + 2 + k))
+        b = np.zeros(n + 2 + k)
         A[:n, :n] = K[np.ix_(free, free)]
         b[n : n + 2] = -load
         for i, node in enumerate(nodes):
-            row, dof = n + 2 + i, int(np.flatnonzero(free == 2 * node + 1)[0])
+            row = n + 2 + i
+            dof = int(np.flatnonzero(free == 2 * node + 1)[0])
             arm = x[node, 0] - 0.5
             A[row, [dof, n, n + 1]] = 1.0, -1.0, -arm  # u_y = q_y + q_r arm
             A[[dof, n, n + 1], row] = 1.0, 1.0, arm  # r downwards on the block, upwards on the body
@@ -399,18 +408,25 @@ def test_against_active_sets_by_hand():
 def test_a_glued_punch_by_hand():
     """All points stick: one linear system, with a reference point far off."""
     K, x, top, free = small()
-    about, load = np.array([2.0, 3.0]), np.array([1.0, -50.0, 74.0])
-    n, k = len(free), 2 * len(top)
-    A, b = np.zeros((n + 3 + k, n + 3 + k)), np.zeros(n + 3 + k)
+    about = np.array([2.0, 3.0])
+    load = np.array([1.0, -50.0, 74.0])
+    n = len(free)
+    k = 2 * len(top)
+    A = np.zeros((n + 3 + k, n + 3 + k))
+    b = np.zeros(n + 3 + k)
     A[:n, :n] = K[np.ix_(free, free)]
     for i, node in enumerate(top):
         for c in range(2):
-            row, dof = n + 3 + 2 * i + c, int(np.flatnonzero(free == 2 * node + c)[0])
+            row = n + 3 + 2 * i + c
+            dof = int(np.flatnonzero(free == 2 * node + c)[0])
             arm = x[node] - about
             motion = np.zeros(3)
-            motion[c], motion[2] = 1.0, (-arm[1], arm[0])[c]
-            A[row, dof], A[row, n : n + 3] = 1.0, -motion
-            A[dof, row], A[n : n + 3, row] = -1.0, motion
+            motion[c] = 1.0
+            motion[2] = (-arm[1], arm[0])[c]
+            A[row, dof] = 1.0
+            A[row, n : n + 3] = -motion
+            A[dof, row] = -1.0
+            A[n : n + 3, row] = motion
     b[n : n + 3] = load
     y = np.linalg.solve(A, b)
     body = RigidBody(
@@ -437,7 +453,8 @@ def test_the_jacobian(dim, method, degree):
     )
     problem = block(body, dim, 2, method=method, degree=degree)
     system = ParametricContact(problem, fem.Constant(problem.V.mesh, 0.0))
-    x, v = system.probe(1), system.probe(2)
+    x = system.probe(1)
+    v = system.probe(2)
     x.scale(1e-2)
     eq = problem.equations  # what is prescribed is in order: H has that linearly
     q = np.where(eq.rigid.fixed, eq.prescribed_motions(), eq.motions(x))
@@ -467,7 +484,8 @@ def test_loads_and_motions_in_increments(way, load):
     body = punch(**given)
     problem = block(body, n=2)
     problem.solve()
-    values, u = body.values, problem.u.x.array.copy()
+    values = body.values
+    u = problem.u.x.array.copy()
     problem = block(punch(**given), n=2)
     x = problem.create_vector()
     assert way(problem, x)
@@ -520,7 +538,8 @@ def test_units():
     """Millimetres and pascals, the same steps."""
     found = []
     for size, young in ((1.0, 1e3), (1e3, 1e9), (1e-3, 1e-3)):
-        force, moment = young * size * 0.01, young * size**2 * 0.002
+        force = young * size * 0.01
+        moment = young * size**2 * 0.002
         body = punch(size=size, load={"y": -force, "rz": moment, "x": 0.1 * force})
         result = block(body, size=size, young=young).solve()
         scale = np.array([size, size, 1.0])
@@ -625,7 +644,8 @@ def test_lemke():
     body = punch(motion={"x": 0.001, "y": -0.01, "rz": 0.01})
     problem = block(body)
     problem.solve()
-    u, x = problem.u.x.array.copy(), problem.create_vector()
+    u = problem.u.x.array.copy()
+    x = problem.create_vector()
     attempt = Attempt("Lemke's method", "")
     assert solve_reduced(problem.equations, lambda: problem.linear_solver, x, attempt)
     problem.read(x)

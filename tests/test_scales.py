@@ -21,7 +21,8 @@ def soft_block(stiffness, cell="hex", material=LinearElastic, **given):
     """A sheared block whose moduli are in proportion to a Constant, and that Constant."""
     domain = box(COMM, 4, cell)
     E = fem.Constant(domain, float(stiffness))
-    top, law = SHEARED[domain.geometry.dim], Coulomb(1.0)
+    top = SHEARED[domain.geometry.dim]
+    law = Coulomb(1.0)
     body = material(0.6 * E, 0.4 * E)
     return block(domain=domain, cell=cell, material=body, top=top, law=law, **given), E
 
@@ -61,7 +62,8 @@ def test_what_stays():
     """Scales below a factor of ten, r that is given, the meaning of vectors."""
     problem, E = soft_block(1.0, "tri")
     problem.solve()
-    scale, r = problem.equations.stiffness_scale, problem.surfaces[0].points.r.copy()
+    scale = problem.equations.stiffness_scale
+    r = problem.surfaces[0].points.r.copy()
     x = problem.create_vector()
     problem.write(x)
     before = [f.x.array.copy() for f in problem.fields]
@@ -95,7 +97,8 @@ def test_springs_that_come_and_go():
     """A block that springs hold, or nothing."""
     domain = box(COMM, 4, "tri")
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u, k = fem.Function(V), fem.Constant(domain, 0.0)
+    u = fem.Function(V)
+    k = fem.Constant(domain, 0.0)
     surface = ContactSurface(
         u, facets(domain, 1, 0.0), obstacle=HalfSpace((0, -0.1), (0, 1)), law=Coulomb(0.3)
     )

@@ -12,14 +12,15 @@ from blocks import block, box, facets
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, output
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, io, plot, records
 from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.continuation import Branch, find_solutions, follow, follower_for, points_at
 from dolfinx_contact.grids import create_grid, graded
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.meshing import draw_polygon, mesh_from_gmsh
-from dolfinx_contact.output import BranchRecord, Hertz, leftmost, rightmost, total
 from dolfinx_contact.parametric import ParametricContact
+from dolfinx_contact.plot import Hertz
+from dolfinx_contact.records import BranchRecord, leftmost, rightmost, total
 
 COMM = MPI.COMM_WORLD
 SEEN = {"ut": leftmost("ut"), "un": rightmost("un"), "rn": total("rn"), "rt": total("rt")}
@@ -30,9 +31,12 @@ def pushed(cell="quad", n=3):
     domain = box(COMM, n, cell)
     dim = domain.geometry.dim
     V = fem.functionspace(domain, ("Lagrange", 1, (dim,)))
-    u, moved, gamma = fem.Function(V), fem.Function(V), fem.Constant(domain, 0.0)
+    u = fem.Function(V)
+    moved = fem.Function(V)
+    gamma = fem.Constant(domain, 0.0)
     held = fem.locate_dofs_topological(V, dim - 1, facets(domain, dim - 1, 1.0))
-    law, up = Coulomb(0.3), np.eye(dim)[-1]
+    law = Coulomb(0.3)
+    up = np.eye(dim)[-1]
     floor = HalfSpace(-0.002 * up, up)
     surface = ContactSurface(u, facets(domain, dim - 1, 0.0), obstacle=floor, law=law)
     energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
@@ -104,10 +108,11 @@ def test_bounds_of_numbers():
 
 def test_journal_in_memory_is_that_of_a_record(followed, folder):
     system, x, branch = followed
-    journal = output.journal_of(system, [branch], SEEN)
+    journal = records.journal_of(system, [branch], SEEN)
     with BranchRecord(folder / "record", system, SEEN) as record:
         follow(system, x, 0.0, gamma_range=(0.0, 1.0), route="steps", observer=record)
-        mine, other = journal.columns(), record.journal.columns()
+        mine = journal.columns()
+        other = record.journal.columns()
         for name in other:
             if name == "norm":  # in other units
                 assert np.corrcoef(mine[name], other[name])[0, 1] == pytest.approx(1.0)
@@ -124,9 +129,9 @@ def test_journal_in_memory_is_that_of_a_record(followed, folder):
     with pytest.raises(ValueError, match="not columns: wheels"):
         journal.rows(columns=["wheels"])
     with pytest.raises(ValueError, match="must be Branches"):
-        output.journal_of(system, [3])
+        records.journal_of(system, [3])
     with pytest.raises(ValueError, match="neither a UFL form nor a function"):
-        output.journal_of(system, [branch], {"wheels": 4})
+        records.journal_of(system, [branch], {"wheels": 4})
 
 
 @pytest.mark.parametrize("cell", ["quad", "hex"])
@@ -151,7 +156,8 @@ def test_functionals_are_those_of_the_table(cell):
 @pytest.mark.parametrize("route", ["pivoting", "steps"])
 def test_points_of_a_branch_at_one_gamma(route):
     system = pushed(n=2)
-    x, way = system.create_vector(), dict(gamma_range=(0.0, 1.0), route=route)
+    x = system.create_vector()
+    way = dict(gamma_range=(0.0, 1.0), route=route)
     branch = follow(system, x, 0.0, **way)
     (point,) = points_at(system, branch, 0.73, **way)
     with follower_for(system, x, 0.0, gamma_scale=1.0, route=route) as follower:
@@ -170,8 +176,8 @@ def test_solutions_as_points(followed):
     system, x, branch = followed
     found = find_solutions(system, [x], 1.0)
     (point,) = found.points(system)
-    assert output.journal_of(system, [Branch([point])], SEEN).rows()[0]["rn"] == pytest.approx(
-        output.journal_of(system, [branch], SEEN).rows()[-1]["rn"], rel=1e-9
+    assert records.journal_of(system, [Branch([point])], SEEN).rows()[0]["rn"] == pytest.approx(
+        records.journal_of(system, [branch], SEEN).rows()[-1]["rn"], rel=1e-9
     )
     assert system.result_at(point).kkt_violation < 1e-9
     assert found.continua == ()
@@ -180,18 +186,19 @@ def test_solutions_as_points(followed):
 def test_a_branch_with_and_without_a_record(folder):
     """The same points; cut short and resumed too."""
     system = pushed(n=2)
-    x, way = system.create_vector(), dict(gamma_range=(0.0, 1.0), route="steps")
-    branch, journal = output.follow_with_journal(system, x, 0.0, SEEN, **way)
+    x = system.create_vector()
+    way = dict(gamma_range=(0.0, 1.0), route="steps")
+    branch, journal = records.follow_with_journal(system, x, 0.0, SEEN, **way)
     kept = dict(record=folder / "record", series=folder / "series", **way)
-    first, _ = output.follow_with_journal(system, x, 0.0, SEEN, max_steps=3, **kept)
+    first, _ = records.follow_with_journal(system, x, 0.0, SEEN, max_steps=3, **kept)
     assert len(first.points) == 4
-    whole, recorded = output.follow_with_journal(system, x, 0.0, SEEN, resume=True, **kept)
+    whole, recorded = records.follow_with_journal(system, x, 0.0, SEEN, resume=True, **kept)
     assert len(whole.points) == len(branch.points) > 4
     for a, b in zip(recorded.rows(), journal.rows(), strict=True):
         assert a == pytest.approx(b, abs=1e-9)
     assert any((folder / "series").glob("branch_0000_body*"))
     with pytest.raises(ValueError, match="a record is needed"):
-        output.follow_with_journal(system, x, 0.0, resume=True, **way)
+        records.follow_with_journal(system, x, 0.0, resume=True, **way)
 
 
 # -- pictures and tables -------------------------------------------------------------------------
@@ -205,28 +212,29 @@ def test_pictures_of_curves_and_regions(folder):
     if COMM.rank > 0:  # drawn on one
         return
     x = np.linspace(0.1, 1.0, 30)
-    out = output.draw_curves(folder / "a.png", {"y": (x, x**2)}, marks={"m": (x[:3], x[:3])})
+    out = plot.draw_curves(folder / "a.png", {"y": (x, x**2)}, marks={"m": (x[:3], x[:3])})
     assert big(out)
     rows = [{"h": h, "error": h**2, "other": h} for h in (0.1, 0.05)]
-    assert big(output.draw_convergence(folder / "b.png", rows, ["error", "other"], order=2))
-    cells, names = [["a", "b"], ["b", "a"], ["a", "a"]], {"a": "first", "b": "second", "c": "third"}
+    assert big(plot.draw_convergence(folder / "b.png", rows, ["error", "other"], order=2))
+    cells = [["a", "b"], ["b", "a"], ["a", "a"]]
+    names = {"a": "first", "b": "second", "c": "third"}
     lines = [(([0, 1], [0, 1]), "c")]
-    assert big(output.draw_regions(folder / "c.png", x[:3], x[:2], cells, names, lines=lines))
+    assert big(plot.draw_regions(folder / "c.png", x[:3], x[:2], cells, names, lines=lines))
     for wrong in ({}, {"y": (x, x[:2])}):
         with pytest.raises(ValueError, match=r"nothing to draw|abscissae"):
-            output.draw_curves(folder / "d.png", wrong)
+            plot.draw_curves(folder / "d.png", wrong)
     with pytest.raises(ValueError, match="3 x 1 cells"):
-        output.draw_regions(folder / "d.png", x[:3], x[:1], cells, names)
+        plot.draw_regions(folder / "d.png", x[:3], x[:1], cells, names)
     with pytest.raises(ValueError, match="no names are given for b"):
-        output.draw_regions(folder / "d.png", x[:3], x[:2], cells, {"a": "first"})
+        plot.draw_regions(folder / "d.png", x[:3], x[:2], cells, {"a": "first"})
     with pytest.raises(ValueError, match="nothing to draw"):
-        output.draw_convergence(folder / "d.png", [], ["error"])
+        plot.draw_convergence(folder / "d.png", [], ["error"])
     assert not (folder / "d.png").exists()
 
 
 def test_diagrams_with_several_panels(followed, folder):
     system, _, branch = followed
-    journal = output.journal_of(system, [branch], SEEN)
+    journal = records.journal_of(system, [branch], SEEN)
     if COMM.rank > 0:
         return
     sizes = []
@@ -235,22 +243,23 @@ def test_diagrams_with_several_panels(followed, folder):
     ):
         for counts in (False, True):
             file = folder / f"{i}{counts}.png"
-            output.draw_diagram(file, journal, names, names=["the branch"], counts=counts)
+            plot.draw_diagram(file, journal, names, names=["the branch"], counts=counts)
             sizes.append(file.stat().st_size)
     assert min(sizes) > 10_000
     with pytest.raises(ValueError, match="1 branches need as many names, got 2"):
-        output.draw_diagram(folder / "no.png", journal, names=["a", "b"])
+        plot.draw_diagram(folder / "no.png", journal, names=["a", "b"])
     with pytest.raises(ValueError, match="'wheels' is no number"):
-        output.draw_diagram(folder / "no.png", journal, ["ut", "wheels"])
+        plot.draw_diagram(folder / "no.png", journal, ["ut", "wheels"])
 
 
 def test_report_speaks_on_one_rank(capsys, folder, followed):
-    say, problem = output.Report(COMM), block(n=2)
+    say = io.Report(COMM)
+    problem = block(n=2)
     say("begins")
     result = problem.solve(monitor=say.newton)
     say.result(result)
     system, _, branch = followed
-    say.branch(output.journal_of(system, [branch]))
+    say.branch(records.journal_of(system, [branch]))
     say.files([folder / "a.png", None])
     said = capsys.readouterr().out
     if COMM.rank > 0:
@@ -266,11 +275,11 @@ def test_report_speaks_on_one_rank(capsys, folder, followed):
 
 def test_rows_as_csv(folder):
     rows = [{"a": 1, "b": 0.1}, {"a": 2, "b": 0.2, "c": 3}]
-    output.write_rows(COMM, folder / "rows.csv", rows)
+    io.write_rows(COMM, folder / "rows.csv", rows)
     with open(folder / "rows.csv", newline="") as file:
         assert list(csv.reader(file)) == [["a", "b"], ["1", "0.1"], ["2", "0.2"]]
     with pytest.raises(ValueError, match="there are no rows"):
-        output.write_rows(COMM, folder / "none.csv", [])
+        io.write_rows(COMM, folder / "none.csv", [])
 
 
 # -- Hertz, grids and polygons -------------------------------------------------------------------
@@ -279,7 +288,8 @@ def test_rows_as_csv(folder):
 @pytest.mark.parametrize("dim", [2, 3])
 def test_closed_forms_of_hertz(dim):
     """The pressure carries the load, and its radius gives the load back."""
-    hertz, load = Hertz(dim, 50.0, 2e5), 300.0
+    hertz = Hertz(dim, 50.0, 2e5)
+    load = 300.0
     a = hertz.radius(load)
     assert hertz.load(a) == pytest.approx(load)
     x = a * np.sin(np.linspace(0, np.pi / 2, 20001))
@@ -314,7 +324,8 @@ def test_graded_grid():
 
 
 def test_polygon_and_its_bounds():
-    corners, sides = [(0, 0), (2, 0), (2, 1), (0, 1)], {"below": [0], "rest": [1, 3]}
+    corners = [(0, 0), (2, 0), (2, 1), (0, 1)]
+    sides = {"below": [0], "rest": [1, 3]}
     body = mesh_from_gmsh(COMM, lambda: draw_polygon(corners, 0.5, sides), dim=2, groups=sides)
     np.testing.assert_allclose(body.bounds("below"), [[0, 0, 0], [2, 0, 0]], atol=1e-12)
     np.testing.assert_allclose(body.bounds("rest"), [[0, 0, 0], [2, 1, 0]], atol=1e-12)

@@ -67,7 +67,8 @@ def test_nothing_to_correct():
 def test_corrections_of_the_surface_save_those_of_a_branch(monkeypatch):
     """The foot in batches of events: to the same end."""
     PETSc.Options()["contact_linear_solver"] = "amg"
-    efforts, ends = [], []
+    efforts = []
+    ends = []
     for _ in range(2):
         system, _ = demo_3d_branch.foot(demo_3d_branch.arguments(["--n", "10"]), COMM)
         x = system.create_vector()

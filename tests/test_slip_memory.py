@@ -16,13 +16,16 @@ from dolfinx import fem
 
 from dolfinx_contact import ContactPair, ContactProblem, ContactSurface, HalfSpace, Regularised
 from dolfinx_contact.evolution import QuasiStatic
+from dolfinx_contact.io import write_contact_table
 from dolfinx_contact.laws.symbols import SLID
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.output import EvolutionRecord, write_contact_table
 from dolfinx_contact.points.memory import Memory
+from dolfinx_contact.records import EvolutionRecord
 
 COMM = MPI.COMM_WORLD
-STATIC, KINETIC, D = 0.4, 0.2, 0.05
+STATIC = 0.4
+KINETIC = 0.2
+D = 0.05
 LAW = SlipWeakening(STATIC, KINETIC, D)
 
 
@@ -35,12 +38,15 @@ def dragged(cell="quad", n=2, *, law=LAW, young=1e3, pair=False, method=None):
     dim = 2 if cell in ("tri", "quad") else 3
     if pair:
         both = stacked(dim, cell, n)
-        domain, tags = both.mesh, both.facet_tags
+        domain = both.mesh
+        tags = both.facet_tags
         u = displacement(domain)
         surface = ContactPair(u, tags, slave=3, master=2, law=law)
-        above, bcs = tags.find(4), [held(u, tags, 1, np.zeros(dim))]
+        above = tags.find(4)
+        bcs = [held(u, tags, 1, np.zeros(dim))]
     else:
-        domain, bcs = box(COMM, n, cell), []
+        domain = box(COMM, n, cell)
+        bcs = []
         u = displacement(domain, 1)
         floor = HalfSpace(np.zeros(dim), np.eye(dim)[-1])
         below = facets(domain, dim - 1, 0.0)
@@ -76,12 +82,14 @@ def test_every_point_by_its_way(cell, given):
     """The shear of every point against the sum of its slips so far, which is found from tables."""
     problem, top = dragged(cell, **given)
     history = QuasiStatic(problem, along(top, *PATH)).run(np.linspace(0.0, 7.0, 22))
-    slid, spent = 0.0, 0.0
+    slid = 0.0
+    spent = 0.0
     for step in history.steps:
         t = step.result.tables["contact"]
         assert step.result.kkt_violation < 1e-8
         slid = slid + np.where(t.letters == "o", 0.0, np.linalg.norm(t.increment, axis=1))
-        shear, size = np.linalg.norm(t.rt, axis=1), 1e-8 * np.abs(t.force).max() + 1e-10
+        shear = np.linalg.norm(t.rt, axis=1)
+        size = 1e-8 * np.abs(t.force).max() + 1e-10
         assert (shear <= mu(slid) * t.rn + size).all()
         slips = np.isin(t.letters, list("+-s"))
         np.testing.assert_allclose(shear[slips], (mu(slid) * t.rn)[slips], rtol=0, atol=size)
@@ -169,7 +177,8 @@ def test_jacobian_by_taylor(cell):
     problem = block(n=5 if cell == "quad" else 2, cell=cell, law=SlipWeakening(0.1, 0.05, 0.005))
     x = randomise(problem, 1, 0.01, 10.0)
     (surface,) = problem.surfaces
-    rng, n = np.random.default_rng(COMM.rank), surface.points.number
+    rng = np.random.default_rng(COMM.rank)
+    n = surface.points.number
     memory = Memory(rng.normal(0, 0.002, (n, surface.dim)), {SLID: rng.uniform(0, 0.01, n)}, 0.1)
     problem.equations.remember([memory])
     sizes = remainders(problem, x, 2)

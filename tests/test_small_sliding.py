@@ -39,7 +39,8 @@ def log():
         def emit(self, record):
             records.append(record.getMessage())
 
-    handler, logger = Keep(logging.WARNING), logging.getLogger("dolfinx_contact")
+    handler = Keep(logging.WARNING)
+    logger = logging.getLogger("dolfinx_contact")
     logger.addHandler(handler)
     yield records
     logger.removeHandler(handler)
@@ -98,9 +99,12 @@ def stacked(
     """
     body = boxes(cell, n)
     body.mesh.geometry.x[:] *= size
-    domain, dim = body.mesh, body.mesh.geometry.dim
+    domain = body.mesh
+    dim = body.mesh.geometry.dim
     V = fem.functionspace(domain, ("Lagrange", degree, (dim,)))
-    u, above, below = fem.Function(V), fem.Function(V), fem.Function(V)
+    u = fem.Function(V)
+    above = fem.Function(V)
+    below = fem.Function(V)
     held = [
         fem.dirichletbc(f, fem.locate_dofs_topological(V, dim - 1, body.facet_tags.find(tag)))
         for f, tag in ((above, 1), (below, 4))
@@ -238,7 +242,9 @@ def test_a_motion_says_it_once(log):
     """A block that slides beyond the edge of the one below."""
     body = boxes("quadrilateral", (2, 2))
     V = fem.functionspace(body.mesh, ("Lagrange", 1, (2,)))
-    u, velocity, force = fem.Function(V), fem.Function(V), fem.Function(V)
+    u = fem.Function(V)
+    velocity = fem.Function(V)
+    force = fem.Function(V)
     low = fem.locate_dofs_topological(V, 1, body.facet_tags.find(4))
     pair = ContactPair(u, body.facet_tags, slave=2, master=3, law=Frictionless())
     velocity.interpolate(lambda x: np.stack([1 + 0 * x[0], 0 * x[0]]), body.cell_tags.find(1))
@@ -273,7 +279,8 @@ def test_a_rigid_sphere_that_turns_in_a_history(log):
     """Curved obstacles have had a misfit: a run says it once, of rigid bodies too."""
     domain = mesh.create_unit_square(COMM, 3, 3)
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u, way = fem.Function(V), fem.Constant(domain, 0.0)
+    u = fem.Function(V)
+    way = fem.Constant(domain, 0.0)
     top = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 1.0))
     below = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 0.0))
     disc = RigidBody(

@@ -32,11 +32,14 @@ def gould():
 
     Complementarity by min(a, b) = 0; unknowns x1, x2 and the multipliers of the two constraints.
     """
-    A, b = np.array([[1.0, 1.0], [6.0, 2.0]]), np.array([1.0, 3.0])
-    Q, c = np.diag([-4.0, 4.0]), np.array([1.0, -2.0])
+    A = np.array([[1.0, 1.0], [6.0, 2.0]])
+    b = np.array([1.0, 3.0])
+    Q = np.diag([-4.0, 4.0])
+    c = np.array([1.0, -2.0])
 
     def pairs(z):
-        x, m = z[:2], z[2:]
+        x = z[:2]
+        m = z[2:]
         first = np.concatenate([x, m])
         second = np.concatenate([Q @ x + c + A.T @ m, b - A @ x])
         slope = np.vstack([np.hstack([Q, A.T]), np.hstack([-A, np.zeros((2, 2))])])

@@ -35,7 +35,8 @@ def test_cusp():
             derivative,
         )
 
-    system, other = with_parameter(lambda x, g: [1.0]), with_parameter(lambda x, g: [x[0]])
+    system = with_parameter(lambda x, g: [1.0])
+    other = with_parameter(lambda x, g: [x[0]])
     other.set = lambda value: setattr(m, "value", value)
     branch = follow(system, start(system, [-3.0]), -18.0, gamma_range=(-20.0, 20.0))
     assert [s.kind for s in branch.special] == ["fold", "fold"]
@@ -52,7 +53,8 @@ def test_cusp():
 
 def one_node_with(set_other, derivative):
     """kt = kn = 2, k = 1 under (-g, -m), and the same with another parameter than g."""
-    load, F = np.array([0.0, -1.0]), np.array(3.0)
+    load = np.array([0.0, -1.0])
+    F = np.array(3.0)
     system = one_node(2.0, 2.0, 1.0, F, load, (-1.0, 0.0))
     other = one_node(2.0, 2.0, 1.0, F, load, (-1.0, 0.0))
     other._c = derivative
@@ -129,7 +131,8 @@ def test_linear_vee():
     """Both folds as found exactly on the condensed problem, through changes of status."""
     system, branch = vee("--friction=1.4")
     (surface,) = system.problem.surfaces
-    F, span = surface.law.friction, (1.3, 1.52)
+    F = surface.law.friction
+    span = (1.3, 1.52)
     exact = event_curves(system, F, [(1.4, branch)], span, (0.0, 1.0))
     other = ParametricContact(system.problem, F)
     for special in branch.folds:

@@ -30,7 +30,8 @@ COMM = MPI.COMM_WORLD
 @pytest.mark.parametrize("damping", [0.0, 0.3])
 def test_labels_of_one_node(damping):
     """kt = kn = 2, k = 1, F = 3, p = (-2.5, -1): stick and open stay, slip to the left grows."""
-    density, m = 6.0, 6.0 / 12  # mass of the node of a linear triangle of area 1/2
+    density = 6.0
+    m = 6.0 / 12  # mass of the node of a linear triangle of area 1/2
     system = linear_triangle(1, 3.0, (-5.0, -2.0), (1.0, 1.0))
     system.problem.solve()
     found = find_solutions(system, [system.create_vector()], -1.0)
@@ -58,9 +59,11 @@ def test_labels_of_one_node(damping):
 
 def pressed(problem, friction, codes, sense, part=1.0):
     """Put a state of uniform pressure at rest into the Functions, its shear at the bound."""
-    s, dim = problem.surfaces[0], problem.V.mesh.geometry.dim
+    s = problem.surfaces[0]
+    dim = problem.V.mesh.geometry.dim
     shear = np.zeros(dim)
-    shear[0], shear[-1] = -sense * friction * part, 1.0
+    shear[0] = -sense * friction * part
+    shear[-1] = 1.0
     s.multiplier.x.array[:] = np.tile(shear, len(s.multiplier.x.array) // dim)
     s.statuses[:] = codes
     return problem
@@ -175,10 +178,12 @@ class Column:
             for y in (0.0, 10.0)
         )
         self.V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-        u, v = fem.Function(self.V), ufl.TestFunction(self.V)
+        u = fem.Function(self.V)
+        v = ufl.TestFunction(self.V)
         tags = mesh.meshtags(domain, 1, np.sort(top), np.ones(len(top), dtype=np.int32))
         ds = ufl.Measure("ds", domain=domain, subdomain_data=tags)
-        self.P, self.top = fem.Constant(domain, 0.0), fem.Constant(domain, np.zeros(2))
+        self.P = fem.Constant(domain, 0.0)
+        self.top = fem.Constant(domain, np.zeros(2))
         F = ufl.derivative(NeoHookean(*lame(1000.0, poisson)).energy(u) * ufl.dx, u, v)
         bcs = []
         if load == "follows":
@@ -217,12 +222,15 @@ def test_buckled_column():
     assert found.reason.endswith("has a negative eigenvalue")
     # mu of K v = mu M v, by a dense solver; with C = eta K it is l^2 + eta mu l + mu = 0, with
     # C = c M it is l^2 + c l + mu = 0.
-    mu, eta, c = -0.5399788468, 0.7, 0.3
+    mu = -0.5399788468
+    eta = 0.7
+    c = 0.3
     assert found.growth == pytest.approx(np.sqrt(-mu), rel=2e-6)
     found = stability_at_rest(column.problem, density=1.0, damping=eta)
     grows = 0.5 * (-eta * mu + np.sqrt((eta * mu) ** 2 - 4 * mu))
     assert found.growth == pytest.approx(grows, rel=2e-6)
-    v, w = ufl.TrialFunction(column.V), ufl.TestFunction(column.V)
+    v = ufl.TrialFunction(column.V)
+    w = ufl.TestFunction(column.V)
     for sign in (1.0, -1.0):
         damping = sign * c * ufl.dot(v, w) * ufl.dx
         found = stability_at_rest(column.problem, density=1.0, damping=damping)
@@ -237,7 +245,8 @@ def test_damping_that_feeds_in_energy():
     """A straight column that is stable begins to swing."""
     column = Column(0.3)
     problem = column.pressed(0.05)
-    v, w = ufl.TrialFunction(column.V), ufl.TestFunction(column.V)
+    v = ufl.TrialFunction(column.V)
+    w = ufl.TestFunction(column.V)
     found = stability_at_rest(problem, density=1.0, damping=-0.02 * ufl.dot(v, w) * ufl.dx)
     assert (found.label, found.growth) == ("unstable", pytest.approx(0.01, rel=1e-6))
     assert found.frequency > 0
@@ -259,7 +268,8 @@ def test_euler_and_beck():
     assert found.frequency == pytest.approx(11.016 * np.sqrt(1000 / 12) / 100, rel=0.1)
     assert "flutter" in found.reason
     # With a point at the border nothing is said of oscillations.
-    surface, friction = column.surface, 0.01
+    surface = column.surface
+    friction = 0.01
     surface.law.friction.value = friction
     surface.statuses[np.isclose(surface.positions[:, 0], 0.0)] = PLUS
     traction = surface.multiplier.x.array.reshape(-1, 2)

@@ -18,7 +18,8 @@ COMM = MPI.COMM_WORLD
 
 @pytest.mark.parametrize(("dim", "cell"), KINDS)
 def test_reach_is_half_of_what_is_left_to_approach(dim, cell):
-    down, rest = -0.01 * np.eye(dim)[-1], 0.03 * np.eye(dim)[0]
+    down = -0.01 * np.eye(dim)[-1]
+    rest = 0.03 * np.eye(dim)[0]
     slope = np.array([0.6, *[0.0] * (dim - 2), 0.8])
     below = np.zeros(dim) - 0.5 * np.eye(dim)[-1]
     for top, obstacle, reach in [
@@ -66,7 +67,8 @@ def test_touching_is_a_matter_of_the_displacement(options):
 def test_the_guess_finds_the_contact_in_fewer_steps(monkeypatch):
     """Than steps from the state as it is, of which the first leads into the obstacle."""
     ball = Sphere((0.5, 0.5, -10.0), 10.0)
-    steps, tables = [], []
+    steps = []
+    tables = []
     for _ in range(2):
         problem = block(n=12, cell="tet", top=(0.004, 0.0, -0.02), obstacle=ball)
         result = problem.solve()
@@ -80,7 +82,8 @@ def test_the_guess_finds_the_contact_in_fewer_steps(monkeypatch):
 
 def test_a_status_that_is_held_is_no_matter_of_guessing():
     problem = block(n=4, cell="quad")
-    eq, x = problem.equations, problem.create_vector()
+    eq = problem.equations
+    x = problem.create_vector()
     attempt = Attempt("held")
     with Newton(eq, problem.linear_solver, "none", None) as solver:
         solver.held = eq.contact(x).statuses

@@ -17,7 +17,7 @@ from dolfinx import fem, mesh
 from dolfinx_contact.analysis import SteadySliding
 from dolfinx_contact.laws import PLUS
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.output import picture_of_vibration, write_vibration
+from dolfinx_contact.plot import picture_of_vibration, write_vibration
 
 COMM = MPI.COMM_WORLD
 QUADS = mesh.CellType.quadrilateral
@@ -78,7 +78,8 @@ def test_large_problems_by_slepc():
     few = SteadySliding(pad(8), (-1.0, 0.0), density=1.0, damping=0.02, dense=False, count=12)
     every = SteadySliding(pad(8), (-1.0, 0.0), density=1.0, damping=0.02)
     for friction in (0.3, 1.0):
-        a, b = few.modes(friction), every.modes(friction)
+        a = few.modes(friction)
+        b = every.modes(friction)
         assert 3.0 < a.known_up_to < np.inf
         near = a.eigenvalues[(np.abs(a.eigenvalues) < 0.9 * a.known_up_to)]
         assert len(near) >= 4
@@ -89,8 +90,11 @@ def test_large_problems_by_slepc():
 @pytest.mark.parametrize("dense", [True, False])
 def test_one_node(dense):
     """A node that slips to the left grows at sqrt((F k - kt)/m), and oscillates before that."""
-    lmbda, mu, density = 1.0, 1.0, 3.0
-    kt, k = (lmbda + 3 * mu) / 2, (lmbda + mu) / 2
+    lmbda = 1.0
+    mu = 1.0
+    density = 3.0
+    kt = (lmbda + 3 * mu) / 2
+    k = (lmbda + mu) / 2
     m = density * 0.5 / 6  # of a linear triangle of area 1/2
     problem = linear_triangle(1, 0.3, lame=(lmbda, mu)).problem
     sliding = SteadySliding(problem, (-1.0, 0.0), density=density, dense=dense)
@@ -115,8 +119,10 @@ def dense(A):
 
 def by_hand(problem, slip, friction, density, C):
     """All lambda by rows of t and n at the contact nodes; one rank. With C a form or eta."""
-    V, dim = problem.V, problem.V.mesh.geometry.dim
-    v, w = ufl.TrialFunction(V), ufl.TestFunction(V)
+    V = problem.V
+    dim = problem.V.mesh.geometry.dim
+    v = ufl.TrialFunction(V)
+    w = ufl.TestFunction(V)
 
     def assembled(form):
         A = dolfinx.fem.petsc.assemble_matrix(fem.form(form))
@@ -126,9 +132,11 @@ def by_hand(problem, slip, friction, density, C):
     K = dense(problem.equations.bulk.stiffness(problem.u.x.array))
     M = assembled(density * ufl.dot(v, w) * ufl.dx)
     C = C * K if isinstance(C, float) else assembled(C)
-    nodes, last = problem.surfaces[0].points.trace_dofs, dim - 1
+    nodes = problem.surfaces[0].points.trace_dofs
+    last = dim - 1
     free = ~problem.equations.fixed
-    test, keep = np.eye(len(K)), free.copy()
+    test = np.eye(len(K))
+    keep = free.copy()
     for node in nodes:
         dofs = dim * node + np.arange(dim)
         keep[dofs[last]] = False
@@ -144,7 +152,8 @@ def by_hand(problem, slip, friction, density, C):
 
 def rubbing(V, along):
     """Damping at the floor, of different size along each axis, and some of the stiffness."""
-    v, w = ufl.TrialFunction(V), ufl.TestFunction(V)
+    v = ufl.TrialFunction(V)
+    w = ufl.TestFunction(V)
     height = ufl.SpatialCoordinate(V.mesh)[len(along) - 1]
     at_bottom = ufl.conditional(ufl.lt(height, 1e-9), 1.0, 0.0)
     floor = sum(c * v[i] * w[i] for i, c in enumerate(along)) * at_bottom * ufl.ds
@@ -176,9 +185,11 @@ def test_against_the_quadratic_problem_in_3d(quadratic):
 def test_a_form_of_damping_is_the_same():
     """eta K as a form makes the problem quadratic, with the same eigenvalues."""
     problem = pad(2)
-    v, w = ufl.TrialFunction(problem.V), ufl.TestFunction(problem.V)
+    v = ufl.TrialFunction(problem.V)
+    w = ufl.TestFunction(problem.V)
     e = ufl.sym(ufl.grad(v)), ufl.sym(ufl.grad(w))
-    mu, lmbda = 1 / 2.6, 0.3 / (1.3 * 0.4)
+    mu = 1 / 2.6
+    lmbda = 0.3 / (1.3 * 0.4)
     K = (2 * mu * ufl.inner(*e) + lmbda * ufl.tr(e[0]) * ufl.tr(e[1])) * ufl.dx
     form, number = (
         SteadySliding(problem, (-1.0, 0.0), density=1.0, damping=c) for c in (0.02 * K, 0.02)
@@ -211,7 +222,9 @@ def test_of_a_solution():
 def test_units():
     """Times go with sqrt(rho L^2/E), whatever the units."""
     plain = SteadySliding(pad(4), (-1.0, 0.0), density=1.0, damping=0.02).modes(1.0)
-    E, rho, length = 2e11, 7800.0, 1e-3
+    E = 2e11
+    rho = 7800.0
+    length = 1e-3
     time = np.sqrt(rho / E) * length
     domain = mesh.create_rectangle(COMM, [[0.0, 0.0], [length, length]], [4, 4], QUADS)
     stiff = on_box(domain, material=LinearElastic.from_young(E, 0.3))

@@ -10,10 +10,10 @@ from test_pair import tagged
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact import ContactPair, ContactProblem, Frictionless, output
+from dolfinx_contact import ContactPair, ContactProblem, Frictionless, io, plot
+from dolfinx_contact.io.fields import body_fields
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.meshing import join
-from dolfinx_contact.output.fields import body_fields
 
 COMM = MPI.COMM_WORLD
 PARTS = {1: LinearElastic.from_young(1000.0, 0.0), 2: LinearElastic.from_young(3000.0, 0.0)}
@@ -22,7 +22,9 @@ PRESSURE = 0.01 / (1 / 1000 + 1 / 3000)
 
 def pressed(dim, energy):
     """Two blocks on each other, pressed by a hundredth: the problem, and its cell tags."""
-    bodies, tags, up = [], [], dim - 1
+    bodies = []
+    tags = []
+    up = dim - 1
     for i in range(2):
         domain = box(COMM, 3, "tri" if dim == 2 else "tet")
         domain.geometry.x[:, up] += i
@@ -52,7 +54,7 @@ def test_of_each_tag(folder, dim, format):
     problem, tags = pressed(dim, two)
     problem.solve()
     stress = {tag: part.full_stress(problem.u) for tag, part in PARTS.items()}
-    files = output.write_fields(folder, problem, stress=stress, format=format)
+    files = io.write_fields(folder, problem, stress=stress, format=format)
     assert any(f.name.startswith("body_stress") for f in files)
     full, mises = body_fields(problem.u, stress, tags)
     exact = np.zeros((3, 3))
@@ -60,13 +62,13 @@ def test_of_each_tag(folder, dim, format):
     values = full.x.array.reshape(-1, 3, 3)
     np.testing.assert_allclose(values, np.tile(exact, (len(values), 1, 1)), atol=1e-6)
     np.testing.assert_allclose(mises.x.array, PRESSURE, rtol=1e-6)
-    output.picture_of_body(folder / "body.png", problem, stress=stress)
+    plot.picture_of_body(folder / "body.png", problem, stress=stress)
 
 
 def refused(folder, reason, problem, stress):
     for write in (
-        lambda: output.write_fields(folder, problem, stress=stress),
-        lambda: output.picture_of_body(folder / "body.png", problem, stress=stress),
+        lambda: io.write_fields(folder, problem, stress=stress),
+        lambda: plot.picture_of_body(folder / "body.png", problem, stress=stress),
     ):
         with pytest.raises(ValueError, match=reason):
             write()
@@ -95,16 +97,16 @@ def test_one_for_all(folder, caplog):
         return sum(PARTS[1].energy(u) * dx(tag) for tag in PARTS) + 0.1 * u[1] * dx(2)
 
     problem, _ = pressed(2, loaded)
-    output.write_fields(folder, problem, stress=PARTS[1].full_stress(problem.u))
+    io.write_fields(folder, problem, stress=PARTS[1].full_stress(problem.u))
     problem, tags = pressed(2, lambda u, dx: two(u, dx) + 0.1 * u[1] * dx(2))
     young = fem.Function(fem.functionspace(problem.u.function_space.mesh, ("DG", 0)))
     for tag, value in ((1, 1000.0), (2, 3000.0)):
         young.x.array[tags.find(tag)] = value
     stress = LinearElastic(0.0, young / 2).full_stress(problem.u)
-    output.write_fields(folder, problem, stress=stress)
+    io.write_fields(folder, problem, stress=stress)
     assert not caplog.records
     young.x.array[:] = 1000.0
-    output.write_fields(folder, problem, stress=stress)
+    io.write_fields(folder, problem, stress=stress)
     said = [r.getMessage() for r in caplog.records]
     assert len(said) == (COMM.rank == 0)
     assert all("forces of the stress are not those of the bulk" in words for words in said)

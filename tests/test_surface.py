@@ -153,14 +153,17 @@ def test_constants_in_a_tuple_move_the_obstacle():
     """Gap and normal follow a Constant that is one component of a point or of a normal."""
     domain = box(COMM, 2, "tri")
     u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
-    height, tilt = fem.Constant(domain, -0.1), fem.Constant(domain, 0.0)
+    height = fem.Constant(domain, -0.1)
+    tilt = fem.Constant(domain, 0.0)
     floor = HalfSpace((0, height), (tilt, 1.0))
     s = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.3))
     np.testing.assert_allclose(s.points.vertex_gaps, 0.1, atol=1e-14)
-    height.value, tilt.value = -0.3, 0.75
+    height.value = -0.3
+    tilt.value = 0.75
     s.update_geometry()
     x = s.positions[:, 0]
-    gaps, normals = s.points.vertex_gaps[: len(x)], s.points.vertex_normals[: len(x)]
+    gaps = s.points.vertex_gaps[: len(x)]
+    normals = s.points.vertex_normals[: len(x)]
     np.testing.assert_allclose(gaps, 0.8 * 0.3 + 0.6 * x, atol=1e-14)
     np.testing.assert_allclose(normals, np.broadcast_to([-0.6, -0.8], normals.shape), atol=1e-14)
     with pytest.raises(ValueError, match="the point of the half-space must have 2"):

@@ -107,7 +107,8 @@ def test_what_is_needed(text, symbol, varies):
     problem = problem_of(law_of(text, **{symbol: gamma}), domain=domain)
     system = ParametricContact(problem, gamma)
     problem.solve()
-    x, c = system.create_vector(), system.create_vector()
+    x = system.create_vector()
+    c = system.create_vector()
     problem.write(x)
     at = NUMBERS[symbol]
     system.parameter_derivative(x, at, c, system.piece_at(x, at))

@@ -44,7 +44,9 @@ from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.parametric import ParametricContact
 
 COMM = MPI.COMM_WORLD
-STATIC, KINETIC, V0 = 0.3, 0.1, 0.2
+STATIC = 0.3
+KINETIC = 0.1
+V0 = 0.2
 REFUSED = "looks at the time of a step"
 
 
@@ -106,7 +108,8 @@ class Dragged:
     def __init__(self, law, aside=0.2):
         domain = box(COMM, 2, "quad")
         V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-        self.u, self.top = fem.Function(V), fem.Function(V)
+        self.u = fem.Function(V)
+        self.top = fem.Function(V)
         surface = ContactSurface(
             self.u, facets(domain, 1, 0.0), obstacle=HalfSpace((0, 0), (0, 1)), law=law
         )
@@ -118,7 +121,8 @@ class Dragged:
         self.put(aside)
 
     def put(self, aside, down=0.01):
-        self.top.x.array[0::2], self.top.x.array[1::2] = aside, -down
+        self.top.x.array[0::2] = aside
+        self.top.x.array[1::2] = -down
 
     def ratio(self, result):
         fx, fy = result.resultants["contact"]

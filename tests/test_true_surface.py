@@ -23,20 +23,25 @@ from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.meshing import join
 
 COMM = MPI.COMM_WORLD
-INNER, MIDDLE, OUTER = 0.5, 1.0, 1.6  # radii of two tubes
+INNER = 0.5  # radii of two tubes
+MIDDLE = 1.0
+OUTER = 1.6
 OVERLAP = 1e-3
 
 
 def tubes(inside, outside):
     """A quarter of two tubes, one pressed into the other; tags 2, 3 face to face, 5, 6 cut."""
-    bodies, tags = [], []
+    bodies = []
+    tags = []
     ends = [(INNER, MIDDLE + OVERLAP), (MIDDLE, OUTER)]
     for i, (n, (a, b)) in enumerate(zip((inside, outside), ends, strict=True)):
         body = create_grid(COMM, [np.linspace(0, 1, n + 1), np.linspace(a, b, 9)], CELLS["quad"])
         planes = {f"t{2 * i + 1}": (1, a), f"t{2 * i + 2}": (1, b), "t5": (0, 0.0), "t6": (0, 1.0)}
         tags.append(tagged(body, **planes))
-        angle, r = np.pi / 2 * (1 - body.geometry.x[:, 0]), body.geometry.x[:, 1].copy()
-        body.geometry.x[:, 0], body.geometry.x[:, 1] = r * np.cos(angle), r * np.sin(angle)
+        angle = np.pi / 2 * (1 - body.geometry.x[:, 0])
+        r = body.geometry.x[:, 1].copy()
+        body.geometry.x[:, 0] = r * np.cos(angle)
+        body.geometry.x[:, 1] = r * np.sin(angle)
         bodies.append(body)
     return join(bodies, facet_tags=tags)
 

@@ -19,18 +19,12 @@ from dolfinx_contact import (
     Frictionless,
     HalfSpace,
 )
+from dolfinx_contact.io import Report, write_fields
+from dolfinx_contact.io.fields import contact_fields
+from dolfinx_contact.io.master import MasterFace
 from dolfinx_contact.meshing import join
-from dolfinx_contact.output import (
-    BranchRecord,
-    Report,
-    picture_of_body,
-    picture_of_contact,
-    pictures,
-    write_fields,
-    write_series,
-)
-from dolfinx_contact.output.fields import contact_fields
-from dolfinx_contact.output.master import MasterFace
+from dolfinx_contact.plot import picture_of_body, picture_of_contact, pictures
+from dolfinx_contact.records import BranchRecord, write_series
 from dolfinx_contact.solvers.errors import FloatingBodyError
 
 COMM = MPI.COMM_WORLD
@@ -49,10 +43,12 @@ CASES = [
 
 def blocks(cell, below, above, degree, method, *, law, gap=0.0):
     """Two unit blocks, one on the other; tags 1 below, 2 and 3 face to face, 4 above."""
-    bodies, tags = [], []
+    bodies = []
+    tags = []
     for i, n in enumerate((below, above)):
         body = box(COMM, n, cell)
-        up, z = body.topology.dim - 1, i * (1 + gap)
+        up = body.topology.dim - 1
+        z = i * (1 + gap)
         body.geometry.x[:, up] += z
         tags.append(tagged(body, **{f"t{2 * i + 1}": (up, z), f"t{2 * i + 2}": (up, z + 1)}))
         bodies.append(body)
@@ -65,7 +61,8 @@ def pressed(*case, friction=None, gap=0.0):
     """The upper block is moved: straight down in a box without friction, or aside as well."""
     law = Frictionless() if friction is None else Coulomb(friction)
     both, u, pair = blocks(*case, law=law, gap=gap)
-    V, dim = u.function_space, both.mesh.topology.dim
+    V = u.function_space
+    dim = both.mesh.topology.dim
     shift = np.zeros(dim)
     shift[-1] = -0.02
     ends = []
@@ -83,7 +80,8 @@ def pressed(*case, friction=None, gap=0.0):
 
 def gathered(f):
     """Owned values of a Function with the places of their nodes, from all ranks."""
-    V, bs = f.function_space, f.function_space.dofmap.index_map_bs
+    V = f.function_space
+    bs = f.function_space.dofmap.index_map_bs
     n = V.dofmap.index_map.size_local
     parts = COMM.allgather((V.tabulate_dof_coordinates()[:n], f.x.array.reshape(-1, bs)[:n]))
     return tuple(np.concatenate(p) for p in zip(*parts, strict=True))
@@ -147,8 +145,10 @@ def test_like_nodes_have_opposite_tractions(cell):
     """Node by node, where slip and pressure vary; and the support of what is held."""
     problem = pressed(cell, 2, 2, 1, "nodal", friction=0.25)
     problem.solve()
-    face, slave = MasterFace(problem, problem.surfaces[0]), problem.surfaces[0]
-    fields, theirs = face.fields(), contact_fields(problem, slave)
+    face = MasterFace(problem, problem.surfaces[0])
+    slave = problem.surfaces[0]
+    fields = face.fields()
+    theirs = contact_fields(problem, slave)
     for name, sign in (("traction", -1.0), ("pressure", 1.0)):
         x, mine = gathered(fields[name])
         y, other = gathered(theirs[name])
@@ -252,8 +252,10 @@ def test_pictures(folder, monkeypatch):
     picture_of_contact(folder / "contact.png", system.problem)
     if COMM.rank > 0:
         return
-    body, contact = seen["body_2d"], seen["contact_2d"]
-    (slave,), (master,) = body["contact_x"], body["master_x"]
+    body = seen["body_2d"]
+    contact = seen["contact_2d"]
+    (slave,) = body["contact_x"]
+    (master,) = body["master_x"]
     assert (len(slave), len(body["contact_cells"][0])) == (8, 6)
     assert (len(master), len(body["master_cells"][0])) == (7, 6)
     assert body["obstacle_x"] == []

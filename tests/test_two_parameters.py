@@ -66,7 +66,8 @@ def test_two_loads():
     """One element under (-gamma, -mu): folds at gamma = F mu and gamma = kt / k mu."""
     body = element((1.0, 1.0), 3.0, 1.0, (-2.0, 0.0), (0.0, 0.0)).problem
     domain = body.V.mesh
-    gamma, mu = fem.Constant(domain, 0.0), fem.Constant(domain, 1.0)
+    gamma = fem.Constant(domain, 0.0)
+    mu = fem.Constant(domain, 1.0)
     side = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[0], 0))
     tags = mesh.meshtags(domain, 1, np.sort(side), np.ones(len(side), dtype=np.int32))
     ds = ufl.Measure("ds", domain, subdomain_data=tags)(1)
@@ -139,7 +140,9 @@ def test_random_families(seed):
     Curves are followed from all borders at three coefficients; those that never pass these are not
     looked for.
     """
-    family, span, gammas = random_family(seed), (0.2, 4.0), (-20.0, 20.0)
+    family = random_family(seed)
+    span = (0.2, 4.0)
+    gammas = (-20.0, 20.0)
     starts = [
         (np.frombuffer(key, dtype=np.int8), mu)
         for mu in (0.5, 1.5, 3.5)
@@ -154,7 +157,8 @@ def test_random_families(seed):
         kinds = {s.frame.codes.tobytes(): s.kind for s in passed}
         for key, frame in there.items():
             # Solutions on either side of the border, by solving the pieces beside it.
-            gamma, h = frame.gamma(mu), 1e-7
+            gamma = frame.gamma(mu)
+            h = 1e-7
             sides = [
                 {sense for sense in (-1, 1) if holds(family, frame.piece(k), mu, gamma + sense * h)}
                 for k in (0, 1)
@@ -164,7 +168,9 @@ def test_random_families(seed):
 
 def test_curves_of_folds_that_cross():
     """Where they do two borders of all that enumeration finds have one gamma."""
-    family, span, gammas = random_family(20), (3.0, 4.0), (-20.0, 20.0)
+    family = random_family(20)
+    span = (3.0, 4.0)
+    gammas = (-20.0, 20.0)
     starts = [(np.frombuffer(key, np.int8), 3.9) for key in enumerated(family, 3.9, gammas)]
     curves = follow_events(family, starts, span, gammas)
     ((mu, gamma),) = curves.crossings
@@ -178,7 +184,9 @@ def test_curves_of_folds_that_cross():
 @pytest.mark.parametrize("seed", range(2))
 def test_chart_of_a_random_family(seed):
     """Numbers of solutions as by solving all pieces; the chart is fine where they change."""
-    family, span, gammas = random_family(seed), (0.2, 4.0), (-8.0, 8.0)
+    family = random_family(seed)
+    span = (0.2, 4.0)
+    gammas = (-8.0, 8.0)
     chart = count_solutions(COMM, family, span, gammas, cells=(4, 4), depth=2)
     assert chart.proved
     areas = [np.ptp(c.mu) * np.ptp(c.gamma) for c in chart.cells]

@@ -14,10 +14,11 @@ from test_two_faces import pressed
 
 from dolfinx import fem, io
 
+from dolfinx_contact.io import write_fields
+from dolfinx_contact.io.fields import contact_fields
+from dolfinx_contact.io.writers import vtu
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.output import BranchRecord, write_fields, write_series
-from dolfinx_contact.output.fields import contact_fields
-from dolfinx_contact.output.writers import vtu
+from dolfinx_contact.records import BranchRecord, write_series
 
 COMM = MPI.COMM_WORLD
 MATERIAL = LinearElastic.from_young(1000.0, 0.3)
@@ -54,7 +55,8 @@ def test_geometry_and_displacement(folder, cell, degree, kind):
     u = fem.Function(fem.functionspace(domain, ("Lagrange", degree, (dim,))), name="u & <v>")
     u.interpolate(lambda x: bent(x[:dim]))
     content = vtu(COMM, [u])
-    nodes, cells = u.function_space.dofmap.index_map.size_global, domain.topology.index_map(dim)
+    nodes = u.function_space.dofmap.index_map.size_global
+    cells = domain.topology.index_map(dim)
     if COMM.rank > 0:
         assert content == b""
         return

@@ -28,7 +28,9 @@ def form_of(S, slope):
 
 def test_one_point():
     """Slip to one side: up to k_t/k, where non-uniqueness begins; to the other: for every F."""
-    kt, kn, k = 173.0, 150.0, 91.0
+    kt = 173.0
+    kn = 150.0
+    k = 91.0
     S = np.array([[kt, k], [k, kn]]).reshape(1, 2, 1, 2)
     for sign, expected in ((-1.0, kt / k), (1.0, 1000.0)):
         form = form_of(S, np.array([[sign]]))
@@ -76,7 +78,8 @@ def test_in_space():
 def solutions(S, p, F, random, starts=40):
     """What a search from random starts finds: jumps and forces (m, 6) of each."""
     m = len(S)
-    flat, found = S.reshape(3 * m, 3 * m), []
+    flat = S.reshape(3 * m, 3 * m)
+    found = []
     A = np.linalg.inv(flat)
     rho = np.trace(flat) / len(flat)
 
@@ -102,10 +105,13 @@ def solutions(S, p, F, random, starts=40):
 
 def slope_of(solution, F):
     """F xi (m, 2)."""
-    ut, rt, rn = solution[:, :2], solution[:, 3:5], solution[:, 5]
+    ut = solution[:, :2]
+    rt = solution[:, 3:5]
+    rn = solution[:, 5]
     length = np.linalg.norm(ut, axis=1)
     size = np.abs(solution).max()
-    slips, presses = length > 1e-7 * size, F * rn > 1e-7 * size
+    slips = length > 1e-7 * size
+    presses = F * rn > 1e-7 * size
     along = ut / np.where(slips, length, 1)[:, None]
     against = -rt / np.where(presses, F * rn, 1)[:, None]
     xi = np.where(slips[:, None], along, np.where(presses[:, None], against, 0))
@@ -114,11 +120,14 @@ def slope_of(solution, F):
 
 def test_no_second_solution_where_there_is_proof():
     """Random problems of two points; some have several solutions, and those are not proved."""
-    random, several, gained = np.random.default_rng(4), 0, 0
+    random = np.random.default_rng(4)
+    several = 0
+    gained = 0
     for number in range(40):
         B = random.standard_normal((6, 6))
         S = (B @ B.T + 0.3 * np.eye(6)).reshape(2, 3, 2, 3)
-        p, F = random.uniform(-1, -0.3, (2, 3)), random.uniform(0.3, 3.0)
+        p = random.uniform(-1, -0.3, (2, 3))
+        F = random.uniform(0.3, 3.0)
         if number % 2:
             # Pulled against the way in which pressure moves a point.
             for i in range(2):

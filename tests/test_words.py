@@ -73,7 +73,8 @@ def middle(domain, most=2.0):
 
 
 def test_tags_of_something_else():
-    a, b = box(COMM, 2, "tri"), box(COMM, 3, "tri")
+    a = box(COMM, 2, "tri")
+    b = box(COMM, 3, "tri")
     here, there = (marked(m, 1, facets(m, 1, 0.0), 5) for m in (a, b))
     for given, message in (
         (dict(facet_tags=[here, here]), "facet_tags of mesh 2 are those of another mesh"),
@@ -107,7 +108,8 @@ def cracked(gap, most=2.0, **given):
     domain = box(COMM, 4, "quad")
     body = meshing.crack(domain, [5], facet_tags=marked(domain, 1, middle(domain, most), 5))
     V = fem.functionspace(body.mesh, ("Lagrange", 1, (2,)))
-    u, gap = fem.Function(V), fem.Constant(body.mesh, gap)
+    u = fem.Function(V)
+    gap = fem.Constant(body.mesh, gap)
     opened = given.pop("shape", lambda g, x: g)(gap, ufl.SpatialCoordinate(body.mesh))
     pair = ContactPair(u, body.facet_tags, slave=5, master=6, law=Coulomb(0.3), gap=opened, **given)
     bcs = []
@@ -125,7 +127,8 @@ def test_a_gap_that_becomes_an_overlap():
     gap.value = -1e-3
     with pytest.raises(ValueError, match=r"given gap is -0\.001; interference=True"):
         problem.solve()
-    system, x = ParametricContact(problem, gap), problem.create_vector()
+    system = ParametricContact(problem, gap)
+    x = problem.create_vector()
     with pytest.raises(ValueError, match=r"given gap is -0\.001; interference=True"):
         follow(system, x, 1e-3, gamma_range=(-1e-3, 1e-3))
     gap.value = 2e-3
@@ -144,7 +147,8 @@ def test_interference_at_the_front_of_a_crack():
 
 def test_points_with_nothing_opposite():
     """They have no gap."""
-    a, b = box(COMM, 4, "quad"), box(COMM, 3, "quad")
+    a = box(COMM, 4, "quad")
+    b = box(COMM, 3, "quad")
     b.geometry.x[:] *= [0.5, 1.0, 1.0]
     b.geometry.x[:, 1] -= 1.0
     tags = []
@@ -252,9 +256,11 @@ def test_words_as_options_of_algorithms(algorithm, option):
 
 def test_words_as_arguments():
     problem = block(n=2)
-    u, V = problem.u, problem.V
+    u = problem.u
+    V = problem.V
     gamma = fem.Constant(V.mesh, 0.0)
-    system, x = ParametricContact(problem, gamma), problem.create_vector()
+    system = ParametricContact(problem, gamma)
+    x = problem.create_vector()
     below = facets(V.mesh, 1, 0.0)
     floor = HalfSpace((0, 0), (0, 1))
     for call in (

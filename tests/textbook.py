@@ -35,9 +35,13 @@ class Textbook(System):
     def __init__(
         self, n, H, J, c, distances=None, codes=None, statuses=(), moves=None, comm=MPI.COMM_WORLD
     ):
-        self.comm, self.n = comm, n
-        self._H, self._J, self._c = H, J, c
-        self._distances, self._codes = distances, codes
+        self.comm = comm
+        self.n = n
+        self._H = H
+        self._J = J
+        self._c = c
+        self._distances = distances
+        self._codes = codes
         self._statuses = statuses
         self._moves = np.ones(n) if moves is None else np.asarray(moves, float)
         local = n // comm.size + (comm.rank < n % comm.size)
@@ -116,7 +120,8 @@ class Textbook(System):
 def one_node(kt, kn, k, F, load, rate):
     """Klarbring's and Hild's model: x = (ut, un, rt, rn), statuses 0 open, 1 stick, 2 +, 3 -."""
     S = np.array([[kt, k], [k, kn]])
-    load, rate = np.asarray(load, float), np.asarray(rate, float)
+    load = np.asarray(load, float)
+    rate = np.asarray(rate, float)
 
     def rows(code):
         law = np.zeros((2, 4))
@@ -125,7 +130,8 @@ def one_node(kt, kn, k, F, load, rate):
         elif code == 1:
             law[0, 0] = law[1, 1] = 1
         else:
-            law[0, 2], law[0, 3] = 1, F if code == 2 else -F
+            law[0, 2] = 1
+            law[0, 3] = F if code == 2 else -F
             law[1, 1] = 1
         return law
 
@@ -151,7 +157,8 @@ def one_node(kt, kn, k, F, load, rate):
 
     def codes(x, _g, r=1.0):
         ut, un, rt, rn = x
-        p, s = rn - r * un, rt - r * ut
+        p = rn - r * un
+        s = rt - r * ut
         if p <= 0:
             return [0]
         return [1] if abs(s) <= F * p else [3 if s > 0 else 2]
@@ -180,5 +187,6 @@ def coulomb_system(S, load, rate, friction, *, r=1.0):
     frames = np.tile(np.eye(2), (m, 1, 1))
     laws = PointLaws(m, frames, np.ones(m), [(np.arange(m), law, data)])
     B, C, exists = laws.cones()
-    load, rate = np.asarray(load, float), np.asarray(rate, float)
+    load = np.asarray(load, float)
+    rate = np.asarray(rate, float)
     return AffineSystem(M, load, rate, B, C, laws.classify, exists)

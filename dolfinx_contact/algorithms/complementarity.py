@@ -87,7 +87,8 @@ class Lemke(Algorithm):
             rn, _, lacks = z.reshape(3, m)
             rt = (problem.radius(rn) - lacks)[:, None]
         else:
-            rn, parts = z[:m], z[m:-m].reshape(m, -1)
+            rn = z[:m]
+            parts = z[m:-m].reshape(m, -1)
             rt = parts @ directions
         r = np.column_stack([rt, rn]) * stiffness * length
         a = contact.displacements(r)
@@ -111,7 +112,8 @@ def _polished(contact: ReducedContact, r: Array, iteration: Iteration) -> tuple[
     they have found are statuses: with these equilibrium is solved anew, by the stiffness itself.
     """
     a = contact.displacements(r)
-    best, least = (a, r), iteration.measure(a, r).worst
+    best = (a, r)
+    least = iteration.measure(a, r).worst
     for _ in range(_POLISH):
         if least <= _POLISHED * iteration.trend.tolerance:
             break
@@ -121,7 +123,8 @@ def _polished(contact: ReducedContact, r: Array, iteration: Iteration) -> tuple[
             break
         worst = iteration.measure(a, r).worst
         if worst < least:
-            best, least = (a, r), worst
+            best = (a, r)
+            least = worst
     return best
 
 
@@ -135,14 +138,16 @@ def tangents(dim: int, facets: int) -> Array:
 
 def _parts(contact: ReducedContact) -> tuple[Array, Array, Array, Array]:
     """A (m, dim, m, dim), and c in its normal and tangential parts; F as a diagonal matrix."""
-    m, d = contact.number, contact.dim
+    m = contact.number
+    d = contact.dim
     free = contact.free
     return contact.A.reshape(m, d, m, d), free[:, -1], free[:, :-1], np.diag(contact.friction)
 
 
 def copositive_form(contact: ReducedContact, directions: Array) -> tuple[Array, Array]:
     """M and q with z = (rn, b of point 1, b of point 2, ..., l); see the module."""
-    m, k = contact.number, len(directions)
+    m = contact.number
+    k = len(directions)
     A, cn, ct, F = _parts(contact)
     ant = np.einsum("iap,jp->iaj", A[:, -1, :, :-1], directions).reshape(m, m * k)
     att = np.einsum("jp,ipaq,lq->ijal", directions, A[:, :-1, :, :-1], directions)
@@ -161,8 +166,12 @@ def copositive_form(contact: ReducedContact, directions: Array) -> tuple[Array, 
 def klarbring_form(contact: ReducedContact) -> tuple[Array, Array]:
     """M and q with z = (rn, u+, f-), in 2D; see the module."""
     A, cn, ct, F = _parts(contact)
-    ann, ant, att = A[:, 1, :, 1], A[:, 1, :, 0], A[:, 0, :, 0]
-    atn, g, one = ant.T, contact.bound, np.eye(contact.number)
+    ann = A[:, 1, :, 1]
+    ant = A[:, 1, :, 0]
+    att = A[:, 0, :, 0]
+    atn = ant.T
+    g = contact.bound
+    one = np.eye(contact.number)
     M = np.block(
         [
             [ann + ant @ F, 0 * one, -ant],

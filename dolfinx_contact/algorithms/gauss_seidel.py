@@ -80,7 +80,8 @@ class GaussSeidel(Algorithm):
             if self.aitken:
                 changes = [*changes[-1:], a - before]
                 if (iteration.trend.count + 1) % self.aitken == 0 and len(changes) == 2:
-                    a, changes = self._extrapolated(a, changes, iteration), []
+                    a = self._extrapolated(a, changes, iteration)
+                    changes = []
 
     def _extrapolated(self, a: Array, changes: list[Array], iteration: Iteration) -> Array:
         old, new = (c.reshape(-1) for c in changes)
@@ -109,9 +110,11 @@ class Sweeps:
         relaxation: float,
         order: npt.NDArray[np.int_] | None = None,
     ):
-        self._contact, self._relaxation = contact, relaxation
+        self._contact = contact
+        self._relaxation = relaxation
         self._order = range(contact.number) if order is None else [int(i) for i in order]
-        m, d = contact.number, contact.dim
+        m = contact.number
+        d = contact.dim
         self._rows = np.ascontiguousarray(contact.S.reshape(m, d, m * d))
         self._blocks = contact.blocks
         self._points = [
@@ -121,7 +124,8 @@ class Sweeps:
 
     def __call__(self, a: Array) -> Array:
         """The displacements (m, dim) after a sweep."""
-        d, omega = self._contact.dim, self._relaxation
+        d = self._contact.dim
+        omega = self._relaxation
         x = a.reshape(-1).copy()
         load = self._contact.p.reshape(-1, d)
         for i in self._order:

@@ -75,16 +75,24 @@ class InteriorPoint(Algorithm):
 def follow_centre(given: ReducedContact, tolerance: float) -> tuple[Array, int, bool]:
     """Displacements of a convex problem, the number of steps, and whether they suffice."""
     state = _Interior(given, np.zeros((given.number, given.dim)))
-    force, length = given.force, given.length
-    best, least, since = state.a, np.inf, 0
+    force = given.force
+    length = given.length
+    best = state.a
+    least = np.inf
+    since = 0
     steps = 0
     while steps < _MOST:
-        a, r = state.a, state.r
-        force, length = max(force, float(np.abs(r).max())), max(length, float(np.abs(a).max()))
+        a = state.a
+        r = state.r
+        force = max(force, float(np.abs(r).max()))
+        length = max(length, float(np.abs(a).max()))
         worst = given.measure(a, r, force, length).worst
-        since, steps = since + 1, steps + 1
+        since = since + 1
+        steps = steps + 1
         if worst < least:
-            best, least, since = a, worst, 0
+            best = a
+            least = worst
+            since = 0
         if worst <= tolerance or since > _PATIENCE or not state.step(0.9):
             break
     # Near the boundary round-off ends it.
@@ -97,9 +105,12 @@ class _Interior:
     def __init__(self, contact: ReducedContact, r: Array):
         problem, stiffness, self._length = contact.scaled()
         self._force = stiffness * self._length
-        self._A, self._c = problem.A, problem.free
-        m, d = problem.number, problem.dim
-        self._F, self._g = problem.friction, problem.bound
+        self._A = problem.A
+        self._c = problem.free
+        m = problem.number
+        d = problem.dim
+        self._F = problem.friction
+        self._g = problem.bound
         #: Points that friction acts on.
         self._grips = (self._F > 0) | (self._g > _TINY * self._g.max())
         self._count = m + (2 if d == 2 else 1) * int(self._grips.sum())
@@ -139,7 +150,8 @@ class _Interior:
 
     def _slacks(self) -> tuple[Array, Array, Array]:
         """Slacks of friction (m, k), less their derivatives by rt (m, k, d - 1), and by rn."""
-        rt, radius = self._r[:, :-1], self._radius[:, None]
+        rt = self._r[:, :-1]
+        radius = self._radius[:, None]
         if rt.shape[1] == 1:
             outward = np.broadcast_to(np.array([[[1.0], [-1.0]]]), (len(rt), 2, 1))
             by_rn = np.broadcast_to(self._F[:, None], (len(rt), 2))
@@ -158,12 +170,14 @@ class _Interior:
         self._linearise()
         forecast = self._direction(0.0)
         part = self._longest(forecast, 1.0)
-        best, length = forecast, 0.0
+        best = forecast
+        length = 0.0
         for centring, curved in ((max((1.0 - part) ** 2, 1e-4), True), (0.3, True), (0.8, False)):
             direction = self._direction(centring, forecast if curved else None, part)
             possible = self._longest(direction, boundary)
             if possible > length:
-                best, length = direction, possible
+                best = direction
+                length = possible
             if length > _LONG:
                 break
         if not length > _SHORTEST:
@@ -206,10 +220,16 @@ class _Interior:
             forecast: a step whose second-order terms are taken out.
             ahead: the part of it that was possible.
         """
-        a, r, y, s = self._displacement(), self._r, self._y, self._s
+        a = self._displacement()
+        r = self._r
+        y = self._y
+        s = self._s
         multiplier = self._l
-        rn, part, aim = r[:, -1], 1.0 - centring, centring * self.mu
-        product_n, product_t = aim - y * rn, aim - multiplier * s
+        rn = r[:, -1]
+        part = 1.0 - centring
+        aim = centring * self.mu
+        product_n = aim - y * rn
+        product_t = aim - multiplier * s
         gap = part * (a[:, -1] - y)
         slack = part * (self._slacks()[0] - s)
         slip = part * (a[:, :-1] + np.einsum("ij,ijp->ip", multiplier, self._out))
@@ -241,7 +261,8 @@ class _Interior:
     def _longest(self, direction: _Direction, boundary: float) -> float:
         """The step that takes this part of the way to the boundary, at most 1."""
         dr, dy, dl, ds = direction
-        part, rn = 1.0, self._r[:, -1]
+        part = 1.0
+        rn = self._r[:, -1]
         for v, dv in ((rn, dr[:, -1]), (self._y, dy), (self._l, dl), (self._s, ds)):
             falls = dv < 0
             if falls.any():

@@ -74,8 +74,12 @@ class Trend:
     """
 
     def __init__(self, limit: int, tolerance: float, total: Callable[[Array], Array] = lambda v: v):
-        self.limit, self.tolerance, self._total = limit, tolerance, total
-        self.count, self.converged, self.reason = -1, False, ""
+        self.limit = limit
+        self.tolerance = tolerance
+        self._total = total
+        self.count = -1
+        self.converged = False
+        self.reason = ""
         self._before: deque[tuple[Array, float]] = deque(maxlen=_LONGEST_CYCLE)
         self._least = np.inf
         self._suspicion = 0
@@ -99,7 +103,8 @@ class Trend:
         """Whether iterates return to what they were, twice in a row, without getting better."""
         squares = [x @ x, *((x - y) @ (x - y) for y, _ in self._before)]
         norms: list[float] = [float(v) for v in np.sqrt(self._total(np.array(squares)))]
-        size, away = norms[0], norms[1:]
+        size = norms[0]
+        away = norms[1:]
         if away and away[-1] <= _STILL * size:
             return self._end(f"stands still at a residual of {worst:.1e}")
         period = next(
@@ -141,9 +146,11 @@ class Iteration:
         tolerance: float,
         monitor: Monitor | None = None,
     ):
-        self.contact, self.monitor = contact, monitor
+        self.contact = contact
+        self.monitor = monitor
         self.trend = Trend(limit, tolerance)
-        self.force, self.length = contact.force, contact.length
+        self.force = contact.force
+        self.length = contact.length
         start = np.zeros((contact.number, contact.dim))
         self.outcome = Outcome(start, start)
 
@@ -161,7 +168,8 @@ class Iteration:
             force = max(self.contact.force, float(np.abs(r).max()))
             length = max(self.contact.length, float(np.abs(a).max()))
             if self.force > _APART * force or self.length > _APART * length:
-                self.force, self.length = force, length
+                self.force = force
+                self.length = length
                 measures = self.contact.measure(a, r, force, length)
         return measures
 
@@ -176,7 +184,8 @@ class Iteration:
         """
         measures = self.measure(a, r)
         found = self.outcome
-        found.a, found.r = a.copy(), r.copy()
+        found.a = a.copy()
+        found.r = r.copy()
         found.measures.append(measures)
         for name, value in series.items():
             found.series.setdefault(name, []).append(float(value))
@@ -186,12 +195,14 @@ class Iteration:
         columns += [] if given is None else [given[:, None] / self.force]
         state = np.concatenate(columns, axis=1)
         stops = self.trend.stops(state, measures.worst)
-        found.converged, found.reason = self.trend.converged, self.trend.reason
+        found.converged = self.trend.converged
+        found.reason = self.trend.reason
         return stops
 
     def fails(self, reason: str) -> Outcome:
         """The outcome of an algorithm that cannot go on."""
-        self.outcome.converged, self.outcome.reason = False, reason
+        self.outcome.converged = False
+        self.outcome.reason = reason
         return self.outcome
 
 

@@ -77,9 +77,12 @@ def coulomb_by_lemke(
     c = A @ p / stiffness
     length = float(np.abs(c).max()) or 1.0
     c = c / length
-    t, n = np.arange(0, 2 * m, 2), np.arange(1, 2 * m, 2)
+    t = np.arange(0, 2 * m, 2)
+    n = np.arange(1, 2 * m, 2)
     att, atn, ant, ann = (A[np.ix_(i, j)] for i, j in ((t, t), (t, n), (n, t), (n, n)))
-    zero, one, F = np.zeros((m, m)), np.eye(m), np.diag(friction)
+    zero = np.zeros((m, m))
+    one = np.eye(m)
+    F = np.diag(friction)
     M = np.block(
         [
             [ann, ant, -ant, zero],
@@ -93,10 +96,12 @@ def coulomb_by_lemke(
     z, pivots = lemke(M, q)
     rn, plus, minus, _ = z.reshape(4, m)
     r: Array = np.empty(2 * m)
-    r[t], r[n] = plus - minus, rn
+    r[t] = plus - minus
+    r[n] = rn
     a: Array = np.asarray(A @ r + c, dtype=np.float64)
     worst = _violation(a[t], a[n], r[t], r[n], friction, given)
-    scaled, load = np.asarray(S / stiffness), np.asarray(p / (stiffness * length))
+    scaled = np.asarray(S / stiffness)
+    load = np.asarray(p / (stiffness * length))
     near: tuple[Array, Array] | None = (a, r)
     for _ in range(_ROUNDS):
         if worst <= _ROUND_OFF or near is None:
@@ -105,7 +110,8 @@ def coulomb_by_lemke(
         if near is not None:
             off = _violation(near[0][t], near[0][n], near[1][t], near[1][n], friction, given)
             if off < worst:
-                worst, (a, r) = off, near
+                worst = off
+                a, r = near
     if not worst < _LARGEST_VIOLATION:
         raise RayTermination(f"round-off: the law is violated by {worst:.1e} of the load")
     state = np.stack([a[t], a[n], r[t] * stiffness, r[n] * stiffness], axis=1)
@@ -129,13 +135,15 @@ def _with_statuses(
         Displacements and forces, (2 m,) each.
     """
     size = len(p)
-    t, n = np.arange(0, size, 2), np.arange(1, size, 2)
+    t = np.arange(0, size, 2)
+    n = np.arange(1, size, 2)
     closed = r[n] > a[n]
     radius = np.where(closed, friction * r[n], 0.0) + bound
     stuck = (closed | (bound > 0)) & (radius - np.abs(r[t]) > np.abs(a[t]))
     sense = np.where(a[t] == 0, -np.sign(r[t]), np.sign(a[t]))
     # Rows of a, then of r: S a - r = p, and at every point two that the status tells.
-    rows, right = np.zeros((2 * size, 2 * size)), np.zeros(2 * size)
+    rows = np.zeros((2 * size, 2 * size))
+    right = np.zeros(2 * size)
     rows[:size, :size] = S
     rows[:size, size:] = -np.eye(size)
     right[:size] = p
@@ -154,7 +162,8 @@ def _with_statuses(
 
 def _violation(ut: Array, un: Array, rt: Array, rn: Array, friction: Array, bound: Array) -> float:
     """The largest violation of Signorini's and Coulomb's law, in units in which the load is 1."""
-    size, radius = max(1.0, float(np.abs(rn).max()), float(np.abs(rt).max())), friction * rn + bound
+    size = max(1.0, float(np.abs(rn).max()), float(np.abs(rt).max()))
+    radius = friction * rn + bound
     parts = [
         -un,
         -rn / size,
@@ -213,8 +222,11 @@ class _Tableau:
     """w - M z - d z_0 = q solved for the basic variables, numbered w 0.., z n.., z_0 2 n."""
 
     def __init__(self, M: Array, q: Array):
-        self.n, self.artificial = len(q), 2 * len(q)
-        self._M, self._q, self._d = M, q, np.ones(len(q))
+        self.n = len(q)
+        self.artificial = 2 * len(q)
+        self._M = M
+        self._q = q
+        self._d = np.ones(len(q))
         #: In Fortran's order, which BLAS changes in place.
         self.table: Array = np.asfortranarray(np.column_stack([-M, -self._d]))
         self.values = q.copy()
@@ -273,8 +285,10 @@ class _Tableau:
 
     def _pivot(self, row: int, column: int) -> int:
         """Exchange a basic and a nonbasic variable; the one that leaves."""
-        T, element = self.table, float(self.table[row, column])
-        across, down = T[row] / element, T[:, column].copy()
+        T = self.table
+        element = float(self.table[row, column])
+        across = T[row] / element
+        down = T[:, column].copy()
         value = float(self.values[row]) / element
         self.table = T = dger(-1.0, down, across, a=T, overwrite_a=True)
         T[row] = across
@@ -283,7 +297,8 @@ class _Tableau:
         self.values -= down * value
         self.values[row] = value
         leaving = int(self.basic[row])
-        self.basic[row], self.nonbasic[column] = self.nonbasic[column], leaving
+        self.basic[row] = self.nonbasic[column]
+        self.nonbasic[column] = leaving
         self._since += 1
         if self._since >= max(100, self.n):
             self._refresh()
@@ -292,7 +307,8 @@ class _Tableau:
     def _columns(self, variables: npt.NDArray[np.int64]) -> Array:
         """Columns of [I, -M, -d]."""
         found = np.zeros((self.n, len(variables)))
-        w, z = np.flatnonzero(variables < self.n), np.flatnonzero(variables >= self.n)
+        w = np.flatnonzero(variables < self.n)
+        z = np.flatnonzero(variables >= self.n)
         found[variables[w], w] = 1.0
         everything = np.column_stack([-self._M, -self._d])
         found[:, z] = everything[:, variables[z] - self.n]
@@ -315,6 +331,7 @@ class _Tableau:
     def solution(self) -> Array:
         """The unknowns z of the basis, solved from the data."""
         values = np.linalg.solve(self._columns(self.basic), self._q)
-        z, inside = np.zeros(self.n), (self.basic >= self.n) & (self.basic < 2 * self.n)
+        z = np.zeros(self.n)
+        inside = (self.basic >= self.n) & (self.basic < 2 * self.n)
         z[self.basic[inside] - self.n] = np.maximum(values[inside], 0.0)
         return z

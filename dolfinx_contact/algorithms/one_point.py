@@ -56,9 +56,12 @@ class InPlane(OnePoint):
 
     def solve(self, b: Array) -> tuple[float, float]:
         """The first of open, stick, slip to the right, slip to the left that holds."""
-        t, n = float(b[0]), float(b[1])
-        F, g = self.friction, self.bound
-        self.stuck, self.closed = False, False
+        t = float(b[0])
+        n = float(b[1])
+        F = self.friction
+        g = self.bound
+        self.stuck = False
+        self.closed = False
         left = t - self.tn * n / self.nn
         ut = (abs(left) - g) / self.open_tt if abs(left) > g else 0.0
         ut = -ut if left < 0 else ut
@@ -70,7 +73,8 @@ class InPlane(OnePoint):
         if n <= 0 and abs(t) <= g - F * n:
             self.stuck = True
             return 0.0, 0.0
-        best, least = (0.0, 0.0), inf
+        best = (0.0, 0.0)
+        least = inf
         for sign in (1.0, -1.0):
             stiffness = self.tt + sign * F * self.tn
             if stiffness == 0:
@@ -81,7 +85,8 @@ class InPlane(OnePoint):
             if off == 0:
                 return ut, 0.0
             if off < least:
-                best, least = (ut, 0.0), off
+                best = (ut, 0.0)
+                least = off
         return best
 
 
@@ -89,7 +94,8 @@ class InSpace(OnePoint):
     """A point in 3D; see the module."""
 
     def __init__(self, S: Array, friction: float, bound: float):
-        self.friction, self.bound = friction, bound
+        self.friction = friction
+        self.bound = bound
         self.nn = float(S[2, 2])
         coupling = S[:2, 2]
         self._coupling = float(coupling[0]), float(coupling[1])
@@ -98,9 +104,12 @@ class InSpace(OnePoint):
 
     def solve(self, b: Array) -> tuple[float, float, float]:
         """The first of open, stick and slip that holds."""
-        t, n = (float(b[0]), float(b[1])), float(b[2])
-        F, g = self.friction, self.bound
-        self.stuck, self.closed = False, False
+        t = (float(b[0]), float(b[1]))
+        n = float(b[2])
+        F = self.friction
+        g = self.bound
+        self.stuck = False
+        self.closed = False
         c0, c1 = self._coupling
         left = (t[0] - c0 * n / self.nn, t[1] - c1 * n / self.nn)
         self.stuck = g > 0 and hypot(*left) <= g
@@ -127,15 +136,20 @@ class _Slip:
 
     def solve(self, b: tuple[float, float], n: float, F: float, g: float) -> tuple[float, float]:
         """The slip under a load b; without a root that of mu = 0."""
-        (v00, v01), (v10, v11) = self._first, self._second
+        v00, v01 = self._first
+        v10, v11 = self._second
         e0, e1 = self._values
         c0, c1 = self._coupling
-        b0, b1 = v00 * b[0] + v10 * b[1], v01 * b[0] + v11 * b[1]
+        b0 = v00 * b[0] + v10 * b[1]
+        b1 = v01 * b[0] + v11 * b[1]
         size = hypot(b0, b1)
-        low, high, mu = 0.0, inf, 0.0
+        low = 0.0
+        high = inf
+        mu = 0.0
         x = y = 0.0
         for _ in range(_MOST):
-            x, y = b0 / (e0 + mu), b1 / (e1 + mu)
+            x = b0 / (e0 + mu)
+            y = b1 / (e1 + mu)
             slip = sqrt(x * x + y * y)
             excess = mu * slip - F * (c0 * x + c1 * y - n) - g
             if abs(excess) <= _ROUND_OFF * (size + abs(F * n) + g):
@@ -146,7 +160,8 @@ class _Slip:
                 low = mu
             if high == 0:
                 break  # no friction that could hold it back
-            dx, dy = -x / (e0 + mu), -y / (e1 + mu)
+            dx = -x / (e0 + mu)
+            dy = -y / (e1 + mu)
             slope = slip + (mu * (x * dx + y * dy) / slip if slip > 0 else 0.0)
             slope -= F * (c0 * dx + c1 * dy)
             step = mu - excess / slope if slope > 0 else -1.0

@@ -59,8 +59,10 @@ class Penalty(Algorithm):
 
     def _iterate(self, contact: ReducedContact, r: Array, iteration: Iteration) -> None:
         iteration.trend.tolerance = max(self.accuracy, iteration.trend.tolerance)
-        none, k = np.zeros_like(r), self.stiffness * contact.augmentation
-        a, sequence = contact.displacements(r), Extrapolation()
+        none = np.zeros_like(r)
+        k = self.stiffness * contact.augmentation
+        a = contact.displacements(r)
+        sequence = Extrapolation()
         stops = iteration.stops(a, r)
         while not stops:
             cold = not sequence.states

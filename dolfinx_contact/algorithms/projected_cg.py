@@ -53,7 +53,8 @@ class ProjectedGradient(Algorithm):
 
     def _iterate(self, contact: ReducedContact, r: Array, iteration: Iteration) -> None:
         softness = self.regularisation * contact.length
-        r, energy = contact.allowed(r), 0.0
+        r = contact.allowed(r)
+        energy = 0.0
         a = contact.displacements(r)
         while not iteration.stops(a, r, energy=energy):
             inner = GivenBound(contact, contact.radius(r[:, -1]), r, softness)
@@ -65,7 +66,9 @@ class ProjectedGradient(Algorithm):
                 inner.step()
             if iteration.outcome.reason:
                 return
-            a, r, energy = inner.a, inner.r, inner.energy
+            a = inner.a
+            r = inner.r
+            energy = inner.energy
 
 
 class GivenBound:
@@ -84,7 +87,8 @@ class GivenBound:
     """
 
     def __init__(self, contact: ReducedContact, bound: Array, r: Array, softness: float = 0.0):
-        self._contact, self._bound = contact, bound
+        self._contact = contact
+        self._bound = bound
         self._longest = contact.longest
         yielding = np.zeros_like(r)
         yielding[:, :-1] = (softness / np.maximum(bound, 1e-300))[:, None]
@@ -111,7 +115,8 @@ class GivenBound:
 
     def _split(self) -> None:
         """The free and the chopped part of the projected gradient."""
-        r, g = self.r, self._gradient
+        r = self.r
+        g = self._gradient
         size = np.linalg.norm(r[:, :-1], axis=1)
         inside = np.zeros(r.shape, dtype=bool)
         inside[:, -1] = r[:, -1] > 0
@@ -143,7 +148,8 @@ class GivenBound:
 
     def step(self) -> None:
         """One step."""
-        free, chopped = self._free, self._chopped
+        free = self._free
+        chopped = self._chopped
         if np.sum(chopped**2) > _BALANCE * np.sum(free**2):
             self._expand()
             return
@@ -180,8 +186,11 @@ class GivenBound:
         moves = np.linalg.norm(d[:, :-1], axis=1) > 0
         if moves.any():
             # |r - s d|^2 = g^2 for s > 0.
-            r, v, g = self.r[moves, :-1], d[moves, :-1], self._bound[moves]
-            A, B = np.sum(v * v, axis=1), np.sum(r * v, axis=1)
+            r = self.r[moves, :-1]
+            v = d[moves, :-1]
+            g = self._bound[moves]
+            A = np.sum(v * v, axis=1)
+            B = np.sum(r * v, axis=1)
             C = np.sum(r * r, axis=1) - g**2
             root = np.sqrt(np.maximum(B**2 - A * C, 0.0))
             most = min(most, float(np.min((B + root) / A)))

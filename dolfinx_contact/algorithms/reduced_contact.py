@@ -116,7 +116,8 @@ class ReducedContact:
     @cached_property
     def blocks(self) -> Array:
         """Stiffness of every point alone (m, dim, dim)."""
-        m, d = self.number, self.dim
+        m = self.number
+        d = self.dim
         every = np.arange(m)
         return np.asarray(self.S.reshape(m, d, m, d)[every, :, every])
 
@@ -164,7 +165,8 @@ class ReducedContact:
 
     def statuses(self, a: Array, r: Array) -> npt.NDArray[np.int8]:
         """Numbers of the statuses (`laws.status`) of a state (m,)."""
-        closed, stuck = self.closed(a, r), self.stuck(a, r)
+        closed = self.closed(a, r)
+        stuck = self.stuck(a, r)
         shear = r[:, 0] - self.augmentation * a[:, 0]
         back = (shear > 0) & (self.dim == 2)
         codes = np.where(stuck, STICK, np.where(back, MINUS, PLUS))
@@ -175,8 +177,11 @@ class ReducedContact:
         """What is left of the equations, over a force and a length."""
         # Where the load moves what hardly resists, forces are small differences of large products.
         force = max(force, _ROUND_OFF * float(self.S.diagonal().mean()) * length)
-        off, closed, stuck = r - self.answer(a, r), self.closed(a, r), self.stuck(a, r)
-        along, across = np.abs(off[:, -1]), np.linalg.norm(off[:, :-1], axis=1)
+        off = r - self.answer(a, r)
+        closed = self.closed(a, r)
+        stuck = self.stuck(a, r)
+        along = np.abs(off[:, -1])
+        across = np.linalg.norm(off[:, :-1], axis=1)
         lengths = np.where(closed, along, 0.0), np.where(closed | stuck, across, 0.0)
         sizes = np.where(closed, 0.0, along), np.where(stuck, 0.0, across)
         balance = np.abs(self.forces(a) - r)

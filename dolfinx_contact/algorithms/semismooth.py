@@ -52,7 +52,9 @@ def newton_step(contact: ReducedContact, a: Array, r: Array) -> tuple[Array, Arr
     # H of Newton's method: its forces are unknowns of their own.
     k = contact.augmentation
     s = r - k[:, None] * a
-    D, m, d = derivative(contact, s), contact.number, contact.dim
+    D = derivative(contact, s)
+    m = contact.number
+    d = contact.dim
     off = (r - contact.allowed(s)).reshape(-1)
     spread = np.zeros((m, d, m, d))
     spread[np.arange(m), :, np.arange(m)] = D
@@ -104,7 +106,9 @@ def solve_semismooth(
             if part <= _SHORTEST or float(np.linalg.norm(H_tried)) <= max(recent):
                 break
             part *= 0.5
-        a, H, s = tried, H_tried, s_tried
+        a = tried
+        H = H_tried
+        s = s_tried
     return a, most, False
 
 
@@ -116,7 +120,9 @@ def solve_yielding(
     From a body that is far inside its obstacle stiff contact sends slips to and fro. Where a
     stiffness leads nowhere one between it and the last that did not is tried first.
     """
-    parts, total, known = [*((1e-3, 1e-2, 1e-1) if cold else ()), 1.0], 0, 0.0
+    parts = [*((1e-3, 1e-2, 1e-1) if cold else ()), 1.0]
+    total = 0
+    known = 0.0
     for _ in range(_STAGES):
         part = parts[0]
         found, steps, solved = solve_semismooth(contact, a, held=held, stiffness=part * stiffness)
@@ -124,7 +130,8 @@ def solve_yielding(
         if not solved:
             parts.insert(0, float(np.sqrt(known * part)) if known > 0 else 0.1 * part)
             continue
-        a, known = found, parts.pop(0)
+        a = found
+        known = parts.pop(0)
         if not parts:
             return a, total, True
     return found, total, False
@@ -156,7 +163,8 @@ def derivative(contact: ReducedContact, s: Array) -> Array:
     D = np.zeros((m, d, d))
     pushes = s[:, -1] > 0
     D[pushes, -1, -1] = 1.0
-    radius, size = contact.radius(s[:, -1]), np.linalg.norm(s[:, :-1], axis=1)
+    radius = contact.radius(s[:, -1])
+    size = np.linalg.norm(s[:, :-1], axis=1)
     inside = size <= radius
     D[inside, :-1, :-1] = np.eye(d - 1) * (radius[inside] > 0)[:, None, None]
     out = ~inside

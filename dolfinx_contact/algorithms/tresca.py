@@ -104,7 +104,9 @@ class Relaxation:
     def __init__(
         self, omega: float, *, aitken: bool, total: Callable[[Array], Array] = lambda v: v
     ):
-        self._omega, self._aitken, self._total = omega, aitken, total
+        self._omega = omega
+        self._aitken = aitken
+        self._total = total
         self._before: Array | None = None
 
     def __call__(self, g: Array, image: Array) -> Array:
@@ -155,16 +157,19 @@ def minimise(
 
     a = np.column_stack([a[:, :-1], np.maximum(a[:, -1], 0.0)])
     energies.append(given.energy(a))
-    y, speed = a, 1.0
+    y = a
+    speed = 1.0
     for steps in range(1, _MOST + 1):
         new = near(y)
         if given.energy(new) > energies[-1]:
-            new, speed = near(a), 1.0  # without momentum it cannot grow but for round-off
+            new = near(a)  # without momentum it cannot grow but for round-off
+            speed = 1.0
         energies.append(min(given.energy(new), energies[-1]))
         faster = 0.5 * (1 + np.sqrt(1 + 4 * speed**2))
         y = new + (speed - 1) / faster * (new - a)
         moved = float(np.abs(near(new) - new).max())
-        a, speed = new, faster
+        a = new
+        speed = faster
         if moved <= tolerance * max(given.length, float(np.abs(a).max())):
             return a, steps, True
     return a, _MOST, False

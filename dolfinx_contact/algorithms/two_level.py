@@ -62,12 +62,14 @@ def linearised(contact: ReducedContact, a: Array, r: Array) -> tuple[Array, Arra
         r: the forces there.
     """
     m, d = a.shape
-    closed, stuck = contact.closed(a, r), contact.stuck(a, r)
+    closed = contact.closed(a, r)
+    stuck = contact.stuck(a, r)
     free = np.ones((m, d), dtype=bool)
     free[closed, -1] = False
     free[stuck, :-1] = False
     slips = ~stuck & (contact.radius(np.where(closed, r[:, -1], 0.0)) > 0)
-    G, J = r.copy(), contact.S.reshape(m, d, m * d).copy()
+    G = r.copy()
+    J = contact.S.reshape(m, d, m * d).copy()
     shear = r[:, :-1] - contact.augmentation[:, None] * a[:, :-1]
     size = np.linalg.norm(shear, axis=1)
     for i in np.flatnonzero(slips):
@@ -98,7 +100,8 @@ class CoarseProblem:
         self._contact = contact
         x = contact.positions
         x = np.arange(contact.number, dtype=float)[:, None] if x is None else x
-        self._x, self._hats = x, hats(x, coarsening)
+        self._x = x
+        self._hats = hats(x, coarsening)
         self._P = np.kron(self._hats, np.eye(contact.dim))
 
     @property
@@ -110,7 +113,9 @@ class CoarseProblem:
     @property
     def contact(self) -> ReducedContact:
         """The contact problem of the coarse points."""
-        fine, P, weight = self._contact, self._P, self._hats.sum(axis=0)
+        fine = self._contact
+        P = self._P
+        weight = self._hats.sum(axis=0)
         return ReducedContact(
             P.T @ fine.S @ P,
             P.T @ fine.p,

@@ -60,8 +60,10 @@ class _Node:
 
 class _Search:
     def __init__(self, problem: ReducedProblem, seconds: float, progress: Callable[[str], None]):
-        self.certificate, self.proved = Certificate(problem), Proved()
-        self.problem, self._tell = problem.scaled, progress
+        self.certificate = Certificate(problem)
+        self.proved = Proved()
+        self.problem = problem.scaled
+        self._tell = progress
         self._end = time.monotonic() + seconds
         self._random = np.random.default_rng(0)
 
@@ -73,7 +75,8 @@ class _Search:
         whole = Region.whole(self.problem)
         if self._step({"do": "rest"}, whole):
             return
-        waiting, count = [_Node(whole, 0, None)], 0
+        waiting = [_Node(whole, 0, None)]
+        count = 0
         while waiting:
             node = waiting.pop()
             count += 1
@@ -94,7 +97,9 @@ class _Search:
 
     def _treat(self, node: _Node) -> list[_Node]:
         """Close a region, or branch it."""
-        region, scores, solution = node.region, None, node.hint
+        region = node.region
+        scores = None
+        solution = node.hint
         for attempt in range(2):
             if region.pieces <= _FEW:
                 self._pieces(region)
@@ -172,7 +177,8 @@ class _Search:
 
 def _parts(mask: int, which: int) -> list[int]:
     """How the statuses of a point are parted."""
-    opened, closed = mask & OPENED, mask & CLOSED
+    opened = mask & OPENED
+    closed = mask & CLOSED
     if opened and closed and bin(mask).count("1") > 2:
         return [opened, closed]
     left = [1 << s for s in range(7) if mask >> s & 1]

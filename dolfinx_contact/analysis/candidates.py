@@ -49,7 +49,8 @@ def candidates(
         random: for further ones.
         tries: number of these.
     """
-    m, may_be = problem.points, has_status(allowed)
+    m = problem.points
+    may_be = has_status(allowed)
     for k, start in enumerate([*starts, *_starts(m, tries, random)]):
         rho = float(np.diag(problem.S).mean()) * 10 ** (random.uniform(-1.5, 1.5) if k else 0.0)
         codes = np.array(
@@ -106,10 +107,12 @@ def _state(problem: ReducedProblem, codes: Codes) -> tuple[Array, Array, Array, 
         return None
     if not np.abs(z).max() < 1e12:
         return None
-    free, opened = IS_FREE[codes], IS_OPEN[codes]
+    free = IS_FREE[codes]
+    opened = IS_OPEN[codes]
     rn = np.where(opened, 0.0, z[:, 1])
     slip = -SENSE[codes] * (problem.friction * rn + problem.g)
-    ut, un = np.where(free, z[:, 0], 0.0), np.where(opened, z[:, 1], 0.0)
+    ut = np.where(free, z[:, 0], 0.0)
+    un = np.where(opened, z[:, 1], 0.0)
     return ut, un, np.where(free, slip, z[:, 0]), rn
 
 
@@ -120,7 +123,9 @@ def _asked(
     state: tuple[Array, Array, Array, Array],
     rho: float,
 ) -> Codes:
-    new, F, g = codes.copy(), problem.friction, problem.g
+    new = codes.copy()
+    F = problem.friction
+    g = problem.g
     for i, (ut, un, rt, rn) in enumerate(zip(*state, strict=True)):
         mask = int(allowed[i])
         if mask & (mask - 1) == 0:
@@ -139,7 +144,8 @@ def _asked(
             new[i] = left[0] + shift
             continue
         force = rn - rho * un if mask & OPENED else rn
-        radius, pull = F[i] * force + g[i], rt - rho * ut
+        radius = F[i] * force + g[i]
+        pull = rt - rho * ut
         if radius <= 0 and 1 in left and 2 in left and 3 in left:
             # The law for a known contact, with forces of any sign.
             stays = codes[i] == 1 and abs(rt) <= F[i] * abs(rn)

@@ -116,7 +116,8 @@ def count_solutions(
         ValueError: on every rank, if an argument does not fit or differs between ranks.
     """
     with everywhere(comm, "a chart"):
-        mus, gammas = checked_range(mu_range, []), checked_range(gamma_range, [])
+        mus = checked_range(mu_range, [])
+        gammas = checked_range(gamma_range, [])
         numbers = (*cells, depth)
         if len(numbers) != 3 or not all(isinstance(n, int | np.integer) for n in numbers):
             raise ValueError("cells must be two whole numbers, and depth must be one")
@@ -163,16 +164,22 @@ class _Counting:
         depth: int,
         seconds: float,
     ):
-        self.comm, self.family, self.ranges, self.seconds = comm, family, ranges, seconds
-        self.cells, self.depth = cells, depth
+        self.comm = comm
+        self.family = family
+        self.ranges = ranges
+        self.seconds = seconds
+        self.cells = cells
+        self.depth = depth
         #: Of the finest cells, the solutions of the cell that they are in, by number.
         self.raster: npt.NDArray[np.int64] = np.zeros([n * 2**depth for n in cells], dtype=int)
         self.found: list[_Leaf] = []
-        self._line, self._begun = Line(comm), time.monotonic()
+        self._line = Line(comm)
+        self._begun = time.monotonic()
 
     def run(self, curves: EventCurves | None) -> Chart:
         """Count, and divide what is at a border."""
-        size, (across, along) = 2**self.depth, self.cells
+        size = 2**self.depth
+        across, along = self.cells
         whole = [_Leaf(i * size, j * size, size) for i in range(across) for j in range(along)]
         self._count(whole)
         passed = self._passed(curves)
@@ -208,7 +215,8 @@ class _Counting:
 
     def _ends(self, leaf: _Leaf) -> list[tuple[float, float]]:
         """Ends of a cell, of mu and of gamma."""
-        found, places = [], (leaf.i, leaf.j)
+        found = []
+        places = (leaf.i, leaf.j)
         for first, (low, high), number in zip(places, self.ranges, self.raster.shape, strict=True):
             step = (high - low) / number
             found.append((low + first * step, low + (first + leaf.size) * step))

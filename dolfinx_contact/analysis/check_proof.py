@@ -127,7 +127,8 @@ def positive_definite(Q: Array, error: Array) -> bool:
         Q: symmetric to the last bit, (n, n).
         error: nonnegative, (n, n).
     """
-    n, d = len(Q), np.diag(Q)
+    n = len(Q)
+    d = np.diag(Q)
     if n == 0:
         return True
     if not (np.isfinite(Q).all() and np.isfinite(error).all() and (d > TINY).all()):
@@ -178,7 +179,8 @@ def solved(A: Array, b: Array, A_error: Array, b_error: Array) -> tuple[Array, A
         return None
     if not np.isfinite(C).all():
         return None
-    z, size = C @ b, np.abs(C)
+    z = C @ b
+    size = np.abs(C)
     z = z + C @ (b - A @ z)
     products = size @ (gamma(n) * np.abs(A) + A_error)
     G = up(np.abs(np.eye(n) - C @ A) + products + gamma(n) * np.eye(n))
@@ -365,8 +367,11 @@ _USED_FREE[2] = [True, True, False, False, False, True]
 
 def bounded(problem: ReducedProblem) -> Array:
     """Upper bounds of the slots of all points, at every solution (6, m)."""
-    S, p, m = problem.S, problem.p, problem.points
-    n, least = 2 * m, problem.least
+    S = problem.S
+    p = problem.p
+    m = problem.points
+    n = 2 * m
+    least = problem.least
     G = np.asarray(np.linalg.inv(S), dtype=np.float64)
     # S x = b is off by no more than its residual over the least eigenvalue.
     off = _residuals(problem, G, np.eye(n), np.zeros((n, n)))
@@ -378,8 +383,10 @@ def bounded(problem: ReducedProblem) -> Array:
     work += float(np.abs(p).sum() * shift + problem.dp @ (np.abs(twice) + shift))
     rho = float(np.sqrt(up(np.maximum(work, 0)))) / 2
     reach = rho * np.sqrt(up(diagonal))
-    t, k = np.arange(0, n, 2), np.arange(1, n, 2)
-    F, g = problem.friction, problem.g
+    t = np.arange(0, n, 2)
+    k = np.arange(1, n, 2)
+    F = problem.friction
+    g = problem.g
     ub: Array = np.zeros((6, m))
     size = np.abs(twice) + shift
     ub[0], ub[1], ub[2] = (
@@ -454,7 +461,9 @@ class Dual:
     @cached_property
     def coefficients(self) -> Array:
         """Of the slots in y.(S a - r), without what g contributes (6, m)."""
-        a, rt, rn = self._of_a, -self._shear, -self._pressure
+        a = self._of_a
+        rt = -self._shear
+        rn = -self._pressure
         return np.stack([a[0::2], -a[0::2], a[1::2], rt + rn, rn - rt, -self.y[1::2]])
 
     @property
@@ -485,7 +494,8 @@ class Dual:
         if less is not None:
             c = c.copy()
             c[less] -= 1.0
-        uses, F = used(self.problem).copy(), self.problem.friction
+        uses = used(self.problem).copy()
+        F = self.problem.friction
         # rn is (s+ + s-) / 2 F where F > 0, and s+, s- are in g where that is given.
         uses[F > 0, :, 5] = False
         uses[F == 0, :, 3:5] = False
@@ -494,10 +504,12 @@ class Dual:
 
     def round_off(self, ub: Array) -> float:
         """By how much sums of these may be off, and what errors of S and p do to them."""
-        problem, y = self.problem, np.abs(self.y)
+        problem = self.problem
+        y = np.abs(self.y)
         n = len(y)
         reach = np.empty(n)
-        reach[0::2], reach[1::2] = np.maximum(ub[0], ub[1]), ub[2]
+        reach[0::2] = np.maximum(ub[0], ub[1])
+        reach[1::2] = ub[2]
         data = reach @ (gamma(n) * (np.abs(problem.S) @ y) + problem.dS @ y)
         data += problem.dp @ y
         size = np.abs(self.coefficients)
@@ -575,7 +587,8 @@ class Piece:
     @cached_property
     def slacks(self) -> tuple[Interval, Interval]:
         """s+ and s-, F rn + g plus and minus rt."""
-        F, g = self.problem.friction, self.problem.g
+        F = self.problem.friction
+        g = self.problem.g
         size = F * np.abs(self.rn.value) + g + np.abs(self.rt.value)
         away = up(F * self.rn.away + self.rt.away + gamma(2) * size)
         found = (F * self.rn.value + g + sign * self.rt.value for sign in (1, -1))
@@ -585,7 +598,8 @@ class Piece:
     @cached_property
     def inequalities(self) -> Interval:
         """What must not be negative for the law to hold (m, 3); 1 fills up."""
-        is_open, is_free = IS_OPEN[self.codes], IS_FREE[self.codes]
+        is_open = IS_OPEN[self.codes]
+        is_free = IS_FREE[self.codes]
         rubs = (self.problem.friction > 0) | (self.problem.g > 0)
         sense = np.where(rubs, SENSE[self.codes], 0)
         plus, minus = self.slacks
@@ -620,11 +634,15 @@ class Piece:
 def matrix_of(S: Array, friction: Array, codes: Codes) -> Array:
     """Of the equations of a piece; unknowns ut or rt, un or rn point by point (2 m, 2 m)."""
     n = len(S)
-    t, k = np.arange(0, n, 2), np.arange(1, n, 2)
+    t = np.arange(0, n, 2)
+    k = np.arange(1, n, 2)
     A = np.zeros((n, n))
-    free, opened = IS_FREE[codes], IS_OPEN[codes]
-    A[:, t[free]], A[:, k[opened]] = S[:, t[free]], S[:, k[opened]]
-    stuck, closed = t[~free], k[~opened]
+    free = IS_FREE[codes]
+    opened = IS_OPEN[codes]
+    A[:, t[free]] = S[:, t[free]]
+    A[:, k[opened]] = S[:, k[opened]]
+    stuck = t[~free]
+    closed = k[~opened]
     A[stuck, stuck] = -1.0
     A[closed, closed] = -1.0
     slips = free & ~opened
@@ -639,8 +657,12 @@ def solve_piece(problem: ReducedProblem, codes: Codes) -> Piece | None:
         problem: scaled.
         codes: statuses (m,).
     """
-    free, opened, sense = IS_FREE[codes], IS_OPEN[codes], SENSE[codes]
-    F, g, n = problem.friction, problem.g, len(problem.p)
+    free = IS_FREE[codes]
+    opened = IS_OPEN[codes]
+    sense = SENSE[codes]
+    F = problem.friction
+    g = problem.g
+    n = len(problem.p)
     load = problem.p.copy()
     load[0::2] -= np.where(free, sense * g, 0.0)
     off = problem.dp + gamma(1) * np.abs(load)
@@ -793,9 +815,12 @@ def differences(piece: Piece, allowed: Masks, ub: Array) -> Differences | None:
     problem = piece.problem
     v = np.array([row.unknown for row in rows], dtype=np.int64)
     other = v ^ 1
-    x, x_off = np.array([r.x for r in rows]), np.array([r.x_off for r in rows])
-    S, dS = problem.S[np.ix_(v, v)], problem.dS[np.ix_(v, v)]
-    cross, dcross = problem.S[np.ix_(other, v)], problem.dS[np.ix_(other, v)]
+    x = np.array([r.x for r in rows])
+    x_off = np.array([r.x_off for r in rows])
+    S = problem.S[np.ix_(v, v)]
+    dS = problem.dS[np.ix_(v, v)]
+    cross = problem.S[np.ix_(other, v)]
+    dcross = problem.dS[np.ix_(other, v)]
     tilted = np.array([r.theta for r in rows], dtype=bool)[:, None]
     R = S + x[:, None] * cross
     off = dS + np.abs(x)[:, None] * dcross + x_off[:, None] * (np.abs(cross) + dcross)
@@ -816,10 +841,12 @@ def differences(piece: Piece, allowed: Masks, ub: Array) -> Differences | None:
 def _rows_of(piece: Piece, i: int, allowed: int, ub: Array) -> list[_Row] | None:
     """The rows of one point; None if b does not fit."""
     code = int(piece.codes[i])
-    opens, closes = bool(allowed & OPENED), bool(allowed & CLOSED)
+    opens = bool(allowed & OPENED)
+    closes = bool(allowed & CLOSED)
     if (IS_OPEN[code] and not opens) or (not IS_OPEN[code] and not closes):
         return None
-    F, g = float(piece.problem.friction[i]), float(piece.problem.g[i])
+    F = float(piece.problem.friction[i])
+    g = float(piece.problem.g[i])
     if F > 0:
         tangential = _coulomb(piece, i, allowed, ub)
     elif g > 0:
@@ -832,7 +859,8 @@ def _rows_of(piece: Piece, i: int, allowed: int, ub: Array) -> list[_Row] | None
         return tangential
     row = _Row(2 * i + 1, equal=not closes)
     if closes:
-        gap, force = float(piece.un.low[i]), float(piece.rn.low[i])
+        gap = float(piece.un.low[i])
+        force = float(piece.rn.low[i])
         slips_one_way = F > 0 and allowed in (0b0101, 0b1001)
         if not (gap >= 0 if IS_OPEN[code] else force >= 0):
             return None
@@ -850,7 +878,9 @@ def _ratio(part: float, most: float) -> float:
 
 def _coulomb(piece: Piece, i: int, allowed: int, ub: Array) -> list[_Row] | None:
     """Of a point with a coefficient of friction."""
-    code, F, t = int(piece.codes[i]), float(piece.problem.friction[i]), 2 * i
+    code = int(piece.codes[i])
+    F = float(piece.problem.friction[i])
+    t = 2 * i
     if allowed == 0b0001:
         return [_Row(t, equal=True)]
     if allowed == 0b0010:
@@ -864,7 +894,8 @@ def _coulomb(piece: Piece, i: int, allowed: int, ub: Array) -> list[_Row] | None
             return None if k is None else [_Row(t, sense * F, k1=k[0], k2=k[1])]
     plus, minus = (float(s.low[i]) for s in piece.slacks)
     if code == 1:
-        rn, rt = piece.rn, piece.rt
+        rn = piece.rn
+        rt = piece.rt
         pressed = plus >= 0 and minus >= 0
         # With the status known to be closed the law may hold for a negative rn.
         drawn = not allowed & 1 and max(float(s.high[i]) for s in piece.slacks) <= 0
@@ -879,8 +910,11 @@ def _coulomb(piece: Piece, i: int, allowed: int, ub: Array) -> list[_Row] | None
 
 def _slip(piece: Piece, i: int, ub: Array) -> list[_Row] | None:
     """Of a point that slips in b, or is open."""
-    ut, sense, F = piece.ut, int(SENSE[piece.codes[i]]), float(piece.problem.friction[i])
-    right, left = float(ut.low[i]), float(-ut.high[i])
+    ut = piece.ut
+    sense = int(SENSE[piece.codes[i]])
+    F = float(piece.problem.friction[i])
+    right = float(ut.low[i])
+    left = float(-ut.high[i])
     for way, slid, slack in ((1, right, ub[3]), (-1, left, ub[4])):
         if sense in (0, way) and slid >= 0:
             return [_Row(2 * i, way * F, k2=_ratio(slid, slack))]
@@ -889,7 +923,8 @@ def _slip(piece: Piece, i: int, ub: Array) -> list[_Row] | None:
 
 def _one_way(piece: Piece, i: int, sense: int, ub: Array) -> tuple[float, float] | None:
     """k1 and k2 where only stick and the slip of one sense are left; None if b does not fit."""
-    code, k = int(piece.codes[i]), 0 if sense > 0 else 1
+    code = int(piece.codes[i])
+    k = 0 if sense > 0 else 1
     slack = float(piece.slacks[k].low[i])
     slid = float(piece.ut.low[i] if sense > 0 else -piece.ut.high[i])
     if not IS_FREE[code]:
@@ -901,7 +936,8 @@ def _one_way(piece: Piece, i: int, sense: int, ub: Array) -> tuple[float, float]
 
 def _bounded(piece: Piece, i: int, allowed: int, ub: Array) -> list[_Row] | None:
     """Of a point whose shear has a bound given in advance."""
-    code, t = int(piece.codes[i]), 2 * i
+    code = int(piece.codes[i])
+    t = 2 * i
     if not allowed & FREE:
         return None if IS_FREE[code] else []
     senses = {int(SENSE[s]) for s in range(1, 7) if allowed >> s & 1}
@@ -1168,7 +1204,8 @@ def follow(
     """
     kind = step["do"]
     if kind == "branch":
-        point, parts = _index(step["point"], len(region.allowed)), step["parts"]
+        point = _index(step["point"], len(region.allowed))
+        parts = step["parts"]
         whole = int(region.allowed[point])
         if int(np.bitwise_or.reduce([0, *parts])) & whole != whole:
             raise InvalidCertificate("a branch leaves statuses out")
@@ -1199,7 +1236,8 @@ def follow(
     if y.shape != region.problem.p.shape or not np.isfinite(y).all():
         raise InvalidCertificate("a vector of multipliers does not fit")
     if kind == "bound":
-        slot, point = _index(step["slot"], 6), _index(step["point"], len(region.allowed))
+        slot = _index(step["slot"], 6)
+        point = _index(step["point"], len(region.allowed))
         if not region.most(y, slot, point) <= step["value"]:
             raise InvalidCertificate("a bound is not proved")
         region.ub = region.ub.copy()
@@ -1265,7 +1303,8 @@ def _index(value: Any, size: int) -> int:
 
 #: Of a status: open, stick, slip to either side, and these at an open point under a bound given in
 #: advance; of a point without friction, open and closed.
-_WITH, _WITHOUT = "ok+-KPM", "o-c----"
+_WITH = "ok+-KPM"
+_WITHOUT = "o-c----"
 _STATEMENT = {
     "complete": "they are all there are",
     "degenerate": "every other one is at a border, or in a singular piece, of these",

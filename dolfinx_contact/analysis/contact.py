@@ -46,7 +46,8 @@ logger = logging.getLogger(__name__)
 _SOLVED = 1e-6  # relative residual up to which a state is a solution of the present data
 _PATIENCE = 3.0  # seconds before something is said
 _MOST_POINTS = 300  # in 3D, for an eigenproblem that is not asked for
-_EFFORT, _ENOUGH = 60, 1.0 + 1e-6  # of a search for weights in 3D, and the factor it is to reach
+_EFFORT = 60  # of a search for weights in 3D
+_ENOUGH = 1.0 + 1e-6  # the factor it is to reach
 
 
 def obstacle_to_proof(equations: ContactEquations, condensed: CondensedContact | None) -> str:
@@ -91,7 +92,8 @@ def proved(condensed: CondensedContact, gamma: float, seconds: float) -> ProvedS
     problem = _within_errors(condensed, gamma)
     if problem is None:
         return None
-    line, begun = Line(condensed.comm), time.monotonic()
+    line = Line(condensed.comm)
+    begun = time.monotonic()
 
     def tell(text: str) -> None:
         if time.monotonic() - begun > _PATIENCE:
@@ -117,7 +119,8 @@ def proved_rays(
         known: statuses (m,) and dgamma of rays.
         seconds: for each sense of gamma.
     """
-    system, (of_S, _) = condensed.system, condensed.errors(0.0)
+    system = condensed.system
+    of_S, _ = condensed.errors(0.0)
     S = system.matrix[:, :, :2].reshape(len(system.rate), -1)
     off = condensed.rate_errors
     try:

@@ -148,7 +148,8 @@ class _PressureByShear:
     """T: shears at the points that slip to the pressures there, forces."""
 
     def __init__(self, eq: ContactEquations, slip: Slip, u: Array):
-        self.comm, self._slip = eq.comm, slip
+        self.comm = eq.comm
+        self._slip = slip
         K = with_dirichlet_rows(eq.bulk.stiffness(u), eq, eq.stiffness_scale)
         self._body = HeldBody(eq, K, [slip.N, slip.H])
         K.destroy()
@@ -196,7 +197,9 @@ class _PressureByShear:
         solver = self._largest(T, min(count, self._slip.number), [])
         # SLEPc gives its subspace away before it computes eigenvectors.
         found = solver.getInvariantSubspace() if solver.getConverged() else []
-        values, slips, shears = [], [], []
+        values = []
+        slips = []
+        shears = []
         real, imaginary = T.createVecs()
         for i in range(solver.getConverged()):
             values.append(solver.getEigenpair(i, real, imaginary))
@@ -291,7 +294,8 @@ class _Modes:
 def _collected(
     problem: Problem, operator: _PressureByShear, slip: Slip, modes: _Modes, complete: bool
 ) -> CriticalFriction:
-    friction, chosen = modes.friction, np.flatnonzero(modes.one_signed)
+    friction = modes.friction
+    chosen = np.flatnonzero(modes.one_signed)
     real = friction.imag == 0
     displacement = fem.Function(problem.equations.V, name="critical_slip")
     first, end = slip.D.getOwnershipRange()

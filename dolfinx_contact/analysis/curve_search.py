@@ -78,7 +78,9 @@ class _Search:
         gammas: tuple[float, float],
         folds_only: bool,
     ):
-        self.family, self.mus, self.gammas = family, mus, gammas
+        self.family = family
+        self.mus = mus
+        self.gammas = gammas
         self.folds_only = folds_only
         self.near = _SAME * (mus[1] - mus[0])
         self.segments: list[Segment] = []
@@ -94,7 +96,8 @@ class _Search:
         """The segments of a border, by number."""
         key = codes.tobytes()
         if key not in self._numbers:
-            frame, new = Frame(self.family, codes), []
+            frame = Frame(self.family, codes)
+            new = []
             for low, high in self._intervals(frame):
                 turns = {t for which in (0, 1) for t in frame.turns(which, (low, high))}
                 cuts = [low, *sorted(turns), high]
@@ -107,7 +110,8 @@ class _Search:
 
     def _intervals(self, frame: Frame) -> list[tuple[float, float]]:
         """Where the border holds states."""
-        cuts, one = [self.mus[0]], _ONE * (self.mus[1] - self.mus[0])
+        cuts = [self.mus[0]]
+        one = _ONE * (self.mus[1] - self.mus[0])
         for mu in frame.ends(self.mus, self.gammas):
             # At an apex functions of several points vanish, which round-off parts.
             if cuts[-1] + one < mu < self.mus[1] - one:
@@ -162,7 +166,8 @@ class _Search:
         """What is at the end of a segment; None at the ends of the ranges."""
         if mu in self.mus:
             return None
-        w, gamma = s.frame.state(mu), s.frame.gamma(mu)
+        w = s.frame.state(mu)
+        gamma = s.frame.gamma(mu)
         if w is None or min(abs(gamma - g) for g in self.gammas) <= 1e-9 * np.ptp(self.gammas):
             return None
         singular = [
@@ -202,7 +207,8 @@ class _Search:
 
     def _borders_at(self, w: Array, mu: float) -> list[Codes] | None:
         """All borders that may hold a state; None if these are too many."""
-        f, tolerance = self.family, _HELD * self._size(w)
+        f = self.family
+        tolerance = _HELD * self._size(w)
         held = [f.held(i, w[i], mu, tolerance) for i in range(f.points)]
         whole = [[c for c in these if c < FIRST_BORDER] for these in held]
         kinked = [i for i in range(f.points) if len(whole[i]) > 1]
@@ -218,7 +224,8 @@ class _Search:
             for border in (c for c in held[i] if c >= FIRST_BORDER):
                 for chosen in itertools.product(*choices):
                     new = codes.copy()
-                    new[i], new[others] = border, chosen
+                    new[i] = border
+                    new[others] = chosen
                     found.append(new)
         return found
 
@@ -226,11 +233,14 @@ class _Search:
         self, frame: Frame, which: int, mu: float, w: Array
     ) -> Iterator[tuple[Codes, Array]]:
         """The border at the other end of the states that a singular piece holds."""
-        f, codes = self.family, frame.piece(which)
+        f = self.family
+        codes = frame.piece(which)
         A, E = f.columns(codes)
         kernel = np.linalg.svd(A + mu * E)[2][-1]
         direction = f.state(codes, kernel, mu)
-        slack, rate, where = [], [], []
+        slack = []
+        rate = []
+        where = []
         for i, code in enumerate(codes):
             for C_0, C_1, beyond in f.inequalities(i, int(code)):
                 row = C_0 + mu * C_1

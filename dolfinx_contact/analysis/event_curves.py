@@ -111,7 +111,8 @@ class EventCurve:
         Curves that cross twice between two of the points at which they are compared, sixteen a
         segment, are taken not to cross there.
         """
-        low, high = max(self.span[0], other.span[0]), min(self.span[1], other.span[1])
+        low = max(self.span[0], other.span[0])
+        high = min(self.span[1], other.span[1])
         mus = np.unique(np.concatenate([c.points(16)[:, 0] for c in (self, other)]))
         mus = mus[(low < mus) & (mus < high)]
         apart = np.array([self.at(mu) - other.at(mu) for mu in mus])

@@ -146,7 +146,8 @@ class ContactFamily:
         """Of a status or border at a point: C_0, C_1 in C_0 + mu C_1, and the status beyond."""
         if self.frictionless[i]:
             return [(c, _NO, target) for c, _, target in _INSIDE[code] if c is _UN or c is _RN]
-        F, rate = self.friction[i], self.friction_rate[i]
+        F = self.friction[i]
+        rate = self.friction_rate[i]
         return [(c + F * slope, rate * slope, target) for c, slope, target in _INSIDE[code]]
 
     def columns(self, codes: Codes) -> tuple[Array, Array]:
@@ -164,7 +165,8 @@ class ContactFamily:
 
     def state(self, codes: Codes, z: Array, mu: float) -> Array:
         """W of the unknowns z of a piece or border (m, 4)."""
-        w, first = np.empty((self.points, 4)), 0
+        w = np.empty((self.points, 4))
+        first = 0
         for i, code in enumerate(codes):
             B = self.basis(i, int(code), mu)
             w[i] = B @ z[first : first + B.shape[1]]
@@ -199,7 +201,8 @@ class Frame:
     """
 
     def __init__(self, family: ContactFamily, codes: Codes):
-        self.family, self.codes = family, codes
+        self.family = family
+        self.codes = codes
         (self.point,) = (int(i) for i in np.flatnonzero(codes >= FIRST_BORDER))
         self.pair = BORDERS[codes[self.point] - FIRST_BORDER]
         A, E = family.columns(codes)
@@ -209,10 +212,14 @@ class Frame:
 
     def _functions(self) -> tuple[Array, Array]:
         """Rows s_0, s_1 of the slacks (s_0 + mu s_1) (z, gamma) (slacks, 2 m)."""
-        f, n, rows, first = self.family, len(self._G), [], 0
+        f = self.family
+        n = len(self._G)
+        rows = []
+        first = 0
         for i, code in enumerate(self.codes):
             B_0 = f.basis(i, int(code), 0.0)
-            B_1, width = f.basis(i, int(code), 1.0) - B_0, B_0.shape[1]
+            B_1 = f.basis(i, int(code), 1.0) - B_0
+            width = B_0.shape[1]
             for C_0, C_1, _ in f.inequalities(i, int(code)):
                 row = np.zeros((2, n))
                 # No inequality and basis of one status depend on the friction both.
@@ -244,7 +251,8 @@ class Frame:
 
     def slacks(self, mu: float) -> Array:
         """All slacks at mu; NaN where the matrix is singular."""
-        y, (s_0, s_1) = self.solve(mu), self._slacks
+        y = self.solve(mu)
+        s_0, s_1 = self._slacks
         return np.full(len(s_0), np.nan) if y is None else np.asarray((s_0 + mu * s_1) @ y)
 
     def is_inside(self, mu: float) -> bool:
@@ -263,7 +271,8 @@ class Frame:
             span: the interval of mu.
             gammas: the range of gamma.
         """
-        f, (s_0, s_1) = self.family, self._slacks
+        f = self.family
+        s_0, s_1 = self._slacks
         n = len(self._G)
         unit = np.zeros((2, n))
         unit[:, -1] = 1.0
@@ -281,7 +290,9 @@ class Frame:
 
     def _polished(self, mu: float, s_0: Array, s_1: Array, target: float) -> float:
         """A root of a function by Newton's method; where that fails as it was."""
-        f, best, least = self.family, mu, np.inf
+        f = self.family
+        best = mu
+        least = np.inf
         for _ in range(_POLISH):
             y = self.solve(mu)
             if y is None:
@@ -289,7 +300,8 @@ class Frame:
             value = float((s_0 + mu * s_1) @ y - target)
             if not abs(value) < least:
                 return best
-            best, least = mu, abs(value)
+            best = mu
+            least = abs(value)
             dy = np.linalg.solve(self._G + mu * self._E, f.v - self._E @ y)
             slope = float(s_1 @ y + (s_0 + mu * s_1) @ dy)
             if value == 0 or slope == 0:
@@ -313,9 +325,11 @@ class Frame:
 
     def sense(self, which: int, mu: float) -> float:
         """Whether gamma grows (1) or falls (-1) into the piece on one side; 0 if neither."""
-        f, codes = self.family, self.piece(which)
+        f = self.family
+        codes = self.piece(which)
         A, E = f.columns(codes)
-        mine, other = int(codes[self.point]), self.pair[1 - which]
+        mine = int(codes[self.point])
+        other = self.pair[1 - which]
         # An open point that closes slips, in the sense of its ut.
         C_0, C_1 = next(
             (constant, slope)
@@ -338,7 +352,9 @@ class _Pencil:
     """G + mu E about a center where it is regular; E has few columns that are not zero."""
 
     def __init__(self, E: Array, inverse: Array, center: float):
-        self.E, self.inverse, self.center = E, inverse, center
+        self.E = E
+        self.inverse = inverse
+        self.center = center
         self.columns = np.flatnonzero(np.abs(E).max(axis=0) > 0)
         self._by = inverse @ E
 

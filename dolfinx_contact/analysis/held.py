@@ -118,7 +118,8 @@ class HeldBody:
         *,
         counted: bool | None = None,
     ):
-        self.comm, self.unit = eq.comm, eq.stiffness_scale
+        self.comm = eq.comm
+        self.unit = eq.stiffness_scale
         self.sizes = [A.getLocalSize()[0] for A in (K, *rows)]
         self.matrix = saddle(K, rows, rows if forces is None else forces, self.unit)
         self._ksp = PETSc.KSP().create(self.comm)
@@ -182,9 +183,11 @@ class HeldBody:
             What is seen of the displacements, owned rows (m, k), and the multipliers of the first
             block, forces (sizes[1], k), of which there are none without blocks.
         """
-        n, k = self.sizes[0], loads.shape[1]
+        n = self.sizes[0]
+        k = loads.shape[1]
         first = sum(self.sizes[1:2])
-        motions, forces = np.empty((seen.getLocalSize()[0], k)), np.empty((first, k))
+        motions = np.empty((seen.getLocalSize()[0], k))
+        forces = np.empty((first, k))
         for a in range(0, k, _BATCH):
             part = loads[:, a : a + _BATCH]
             part.resize(sum(self.sizes), part.shape[1])

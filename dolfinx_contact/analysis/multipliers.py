@@ -55,12 +55,14 @@ def find_weights(d: Differences, *, effort: int = 80) -> Weights:
         d: the inequalities.
         effort: iterations of each of three searches with smaller and smaller tau.
     """
-    n, free = len(d.unknown), ~d.equal
+    n = len(d.unknown)
+    free = ~d.equal
     points = d.piece.problem.points
     none = Weights(np.ones(n), np.zeros(n), 0.0, False, -np.inf, np.zeros(points))
     if not free.any():
         return _with_mu(d, none)
-    A, B = d.R[np.ix_(free, free)], d.T[np.ix_(free, free)]
+    A = d.R[np.ix_(free, free)]
+    B = d.T[np.ix_(free, free)]
     if d.equal.any():
         E = d.R[np.ix_(d.equal, d.equal)]
         if np.linalg.cond(E) > 1e10:
@@ -75,8 +77,10 @@ def find_weights(d: Differences, *, effort: int = 80) -> Weights:
     weights, theta, least, vector = search.run(effort)
     bad = np.zeros(points)
     np.add.at(bad, d.unknown[free] // 2, vector**2)
-    whole, tilt = np.ones(n), np.zeros(n)
-    whole[free], tilt[free] = weights, theta
+    whole = np.ones(n)
+    tilt = np.zeros(n)
+    whole[free] = weights
+    tilt[free] = theta
     best = Weights(whole, tilt, 0.0, False, least, bad)
     return _with_mu(d, best) if least > 0 else best
 
@@ -94,17 +98,21 @@ class _Search:
     """The least eigenvalue as a function of log weights and F theta."""
 
     def __init__(self, d: Differences, A: Array, B: Array, free: npt.NDArray[np.bool_]):
-        k1, k2 = d.k1[free], d.k2[free]
+        k1 = d.k1[free]
+        k2 = d.k2[free]
         diagonal = np.diag(A) + k1 + k2 * np.diag(A) ** 2
         self.hopeless = diagonal <= 0
         s = 1 / np.sqrt(np.where(self.hopeless, 1.0, diagonal))
-        self.A, self.c1, self.c2 = s[:, None] * A * s, k1 * s * s, k2 / (s * s)
+        self.A = s[:, None] * A * s
+        self.c1 = k1 * s * s
+        self.c2 = k2 / (s * s)
         # theta counts where it does something.
         B = s[:, None] * B * s
         self.tilted = np.flatnonzero(d.tilted[free] & np.any(B != 0, axis=1))
         self.B = B[self.tilted]
         self.F = d.piece.problem.friction[d.unknown[free] // 2]
-        self.n, self.s = len(A), s
+        self.n = len(A)
+        self.s = s
         nothing = np.zeros(self.n + len(self.tilted))
         self.best: tuple[float, Array, Array] = (-np.inf, nothing, np.zeros(self.n))
         self.tau = 0.1
@@ -136,8 +144,10 @@ class _Search:
         return np.exp(x[:n]), (1 - 1e-12) * theta, least, vector
 
     def _value(self, x: Array) -> tuple[float, Array]:
-        n, tilted = self.n, self.tilted
-        alpha, omega = np.exp(x[:n]), x[n:]
+        n = self.n
+        tilted = self.tilted
+        alpha = np.exp(x[:n])
+        omega = x[n:]
         keeps = np.ones(n)
         keeps[tilted] -= np.abs(omega)
         Q = self.A.copy()

@@ -82,7 +82,8 @@ def apex_problem(whole: ReducedProblem, system: AffineSystem, cone: AffineSystem
     Raises:
         ValueError: if the problem is not positive definite beyond its errors.
     """
-    m, friction = whole.points, whole.friction
+    m = whole.points
+    friction = whole.friction
     same = (cone.inequalities == system.inequalities).all(axis=(1, 2, 3))
     apex = same & (cone.allowed == system.allowed).all(axis=1)
     codes = cone.allowed.argmax(axis=1).astype(np.int8)
@@ -97,7 +98,8 @@ def apex_problem(whole: ReducedProblem, system: AffineSystem, cone: AffineSystem
     moves[~apex & (codes != STICK), 0] = True
     moves[~apex & (codes == OPEN), 1] = True
     points = np.flatnonzero(apex)
-    k, e = np.flatnonzero(np.repeat(apex, 2)), np.flatnonzero(moves.reshape(-1))
+    k = np.flatnonzero(np.repeat(apex, 2))
+    e = np.flatnonzero(moves.reshape(-1))
     return Apex(_eliminated(whole, k, e, friction[points]), points, codes)
 
 
@@ -105,8 +107,13 @@ def _eliminated(
     whole: ReducedProblem, k: npt.NDArray[np.intp], e: npt.NDArray[np.intp], friction: Array
 ) -> ReducedProblem:
     """S' and q' with their errors; see the module."""
-    S, dS, q, dq = whole.S, whole.dS, whole.p, whole.dp
-    kk, ek, ee = np.ix_(k, k), np.ix_(e, k), np.ix_(e, e)
+    S = whole.S
+    dS = whole.dS
+    q = whole.p
+    dq = whole.dp
+    kk = np.ix_(k, k)
+    ek = np.ix_(e, k)
+    ee = np.ix_(e, e)
     n = len(e)
     if n == 0:
         return ReducedProblem(S[kk], q[k], friction, None, dS[kk], dq[k])
@@ -137,7 +144,10 @@ def prove_rays(apex: Apex, known: Sequence[tuple[Codes, float]], *, seconds: flo
         known: statuses (m,) and dgamma of rays that are known; they shorten the search.
         seconds: for each sense of gamma, after which it is left open.
     """
-    given, rays, verdicts, methods = apex.problem, list[tuple[Codes, float]](), set(), list[str]()
+    given = apex.problem
+    rays = list[tuple[Codes, float]]()
+    verdicts = set()
+    methods = list[str]()
     for sense in (1.0, -1.0):
         problem = ReducedProblem(given.S, sense * given.p, given.friction, None, given.dS, given.dp)
         starts = [codes[apex.points] for codes, rate in known if rate == sense]

@@ -128,7 +128,8 @@ class Regions:
     def _side_by_side(self) -> Iterator[tuple[Region, Region]]:
         for a, b in combinations(self.cells, 2):
             if a.mu[1] == b.mu[0]:
-                (low, high), (least, most) = a.ends(a.mu[1]), b.ends(b.mu[0])
+                low, high = a.ends(a.mu[1])
+                least, most = b.ends(b.mu[0])
                 if min(high, most) - max(low, least) > 1e-6 * (a.gamma[1] - a.gamma[0]):
                     yield a, b
 
@@ -139,10 +140,12 @@ def _changes_at(below: Region, above: Region) -> bool:
     Across a fold there are two solutions more, or less, across an event one is replaced.
     """
     mu = below.middle[0]
-    lower, upper = set(below.solutions), set(above.solutions)
+    lower = set(below.solutions)
+    upper = set(above.solutions)
     if len(below.above) == 1:
         (curve,) = below.above
-        statuses, changed = set(curve.statuses_at(mu)), lower ^ upper
+        statuses = set(curve.statuses_at(mu))
+        changed = lower ^ upper
         sides = (statuses <= lower, statuses <= upper)
         mine = any(sides) if curve.kind == "fold" else not any(sides)
         return changed == statuses and mine
@@ -178,7 +181,9 @@ def solution_regions(
             raise ValueError(f"seconds for a proof must be positive, got {seconds!r}")
     same_everywhere(comm, mus=mus, gammas=gammas, seconds=float(seconds))
     bare = [cell for span in _strips(curves, mus) for cell in _between(curves, span, gammas)]
-    mine, line, begun = {}, Line(comm), time.monotonic()
+    mine = {}
+    line = Line(comm)
+    begun = time.monotonic()
     with everywhere(comm, "regions"):
         for number in range(comm.rank, len(bare), comm.size):
             if time.monotonic() - begun > _PATIENCE:
@@ -200,7 +205,8 @@ def _strips(curves: EventCurves, mus: tuple[float, float]) -> list[tuple[float, 
     """Intervals of mu in which the same curves lie in the same order."""
     cuts = {mu for curve in curves.curves for mu in curve.span}
     cuts |= {mu for a, b in combinations(curves.curves, 2) for mu in a.crossings(b)}
-    within, near = [mus[0]], _SAME * (mus[1] - mus[0])
+    within = [mus[0]]
+    near = _SAME * (mus[1] - mus[0])
     for mu in sorted(cuts):
         if within[-1] + near < mu < mus[1] - near:
             within.append(mu)
@@ -211,7 +217,8 @@ def _between(
     curves: EventCurves, span: tuple[float, float], gammas: tuple[float, float]
 ) -> Iterator[Region]:
     """Cells of one strip, without solutions, from below."""
-    middle, near = (span[0] + span[1]) / 2, _SAME * (gammas[1] - gammas[0])
+    middle = (span[0] + span[1]) / 2
+    near = _SAME * (gammas[1] - gammas[0])
     there = [(curve.at(middle), curve) for curve in curves.curves]
     there = [(g, curve) for g, curve in there if gammas[0] + near < g < gammas[1] - near]
     groups: list[list[EventCurve]] = []

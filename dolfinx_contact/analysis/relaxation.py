@@ -46,27 +46,38 @@ class Relaxation:
     """
 
     def __init__(self, problem: ReducedProblem, allowed: Masks, ub: Array):
-        self.problem, self.m = problem, problem.points
-        m, S, p = self.m, problem.S, problem.p
-        F, g = problem.friction, problem.g
-        self._uses, self._ub = used(problem), ub
+        self.problem = problem
+        self.m = problem.points
+        m = self.m
+        S = problem.S
+        p = problem.p
+        F = problem.friction
+        g = problem.g
+        self._uses = used(problem)
+        self._ub = ub
         self._hull_terms: list[tuple[npt.NDArray[np.int64], Array]] = []
         # Rows of rt, rn over ut+, ut-, un.
         forces = np.concatenate([S[:, 0::2], -S[:, 0::2], S[:, 1::2]], axis=1)
-        rt, rn = forces[0::2], forces[1::2]
-        rows, start, numbers = [], [], []
+        rt = forces[0::2]
+        rn = forces[1::2]
+        rows = []
+        start = []
+        numbers = []
         for slot, sign in ((3, 1.0), (4, -1.0)):
             i = np.flatnonzero((F > 0) | (g > 0))
             rows.append(F[i, None] * rn[i] + sign * rt[i])
             start.append(-F[i] * p[1::2][i] - sign * p[0::2][i] + g[i])
             numbers.append(slot * m + i)
-        lifts, glides = np.flatnonzero(F == 0), np.flatnonzero((F == 0) & (g == 0))
+        lifts = np.flatnonzero(F == 0)
+        glides = np.flatnonzero((F == 0) & (g == 0))
         rows += [rn[lifts], rt[glides]]
         start += [-p[1::2][lifts], -p[0::2][glides]]
         numbers += [5 * m + lifts, 6 * m + glides]
         self._T = np.ascontiguousarray(np.concatenate(rows))
-        self._basic, self._nonbasic = np.concatenate(numbers), np.arange(3 * m)
-        self._values, self._at = np.concatenate(start), np.zeros(3 * m)
+        self._basic = np.concatenate(numbers)
+        self._nonbasic = np.arange(3 * m)
+        self._values = np.concatenate(start)
+        self._at = np.zeros(3 * m)
         self._costs = np.random.default_rng(0).uniform(0.5, 1.0, 3 * m)  # reduced, of the nonbasic
         self._up = np.zeros(7 * m)
         self._up[: 6 * m] = ub.reshape(-1)
@@ -105,7 +116,8 @@ class Relaxation:
         """Give nonbasic variables values."""
         moved = to != self._at[columns]
         if moved.any():
-            columns, to = columns[moved], to[moved]
+            columns = columns[moved]
+            to = to[moved]
             self._values += self._T[:, columns] @ (to - self._at[columns])
             self._at[columns] = to
 
@@ -123,7 +135,8 @@ class Relaxation:
         """Pivot until every variable is between its bounds."""
         self._lost = False
         for _ in range(40 + 4 * self._T.shape[1]):
-            below, above = -self._values, self._values - self._up[self._basic]
+            below = -self._values
+            above = self._values - self._up[self._basic]
             worst = np.maximum(below, above)
             wrong = np.flatnonzero(worst > _FEASIBLE)
             if len(wrong) == 0:
@@ -133,7 +146,8 @@ class Relaxation:
             r = int(wrong[np.argmax(worst[wrong] / (1e-12 + norms))])
             off = float(worst[r])
             sign = 1.0 if below[r] >= above[r] else -1.0
-            row, most = sign * self._T[r], self._up[self._nonbasic]
+            row = sign * self._T[r]
+            most = self._up[self._nonbasic]
             room = np.where(row > 0, most - self._at, self._at)
             room[np.abs(row) <= _PIVOT] = 0.0
             gain = np.abs(row) * np.where(np.isfinite(room), room, 1e100)
@@ -154,22 +168,27 @@ class Relaxation:
         return int(order[last])
 
     def _pivot(self, r: int, j: int, to: float) -> None:
-        T, element = self._T, float(self._T[r, j])
-        across, down = T[r] / element, T[:, j].copy()
+        T = self._T
+        element = float(self._T[r, j])
+        across = T[r] / element
+        down = T[:, j].copy()
         step = (to - float(self._values[r])) / element
         dger(-1.0, across, down, a=T.T, overwrite_a=True)
-        T[r], T[:, j] = -across, down / element
+        T[r] = -across
+        T[:, j] = down / element
         T[r, j] = 1.0 / element
         cost = float(self._costs[j])
         self._costs -= cost * across
         self._costs[j] = cost / element
         self._values += down * step
-        self._values[r], self._at[j] = self._at[j] + step, to
+        self._values[r] = self._at[j] + step
+        self._at[j] = to
         self._basic[r], self._nonbasic[j] = self._nonbasic[j], self._basic[r]
 
     def _multipliers(self, r: int, sign: float) -> Array:
         """The y of the identity that the row stands for."""
-        m, F = self.m, self.problem.friction
+        m = self.m
+        F = self.problem.friction
         v = np.zeros(len(self._up))
         v[self._nonbasic] = -sign * self._T[r]
         v[self._basic[r]] += sign
@@ -187,7 +206,8 @@ class Relaxation:
     def point(self) -> Array:
         """Values of the slots (6, m); rn is that of points without Coulomb friction."""
         x = np.zeros(len(self._up))
-        x[self._nonbasic], x[self._basic] = self._at, self._values
+        x[self._nonbasic] = self._at
+        x[self._basic] = self._values
         return x[: 6 * self.m].reshape(6, self.m)
 
     def _separate(self) -> bool:
@@ -205,7 +225,8 @@ class Relaxation:
         where = np.zeros(len(self._up), dtype=np.int64)
         where[self._nonbasic] = np.arange(len(self._nonbasic))
         where[self._basic] = -1 - np.arange(len(self._basic))
-        rows, values = np.zeros((len(terms), self._T.shape[1])), np.empty(len(terms))
+        rows = np.zeros((len(terms), self._T.shape[1]))
+        values = np.empty(len(terms))
         for k, (members, most) in enumerate(terms):
             parts: Array = np.asarray(1.0 / self._ub.reshape(-1)[members])
             values[k] = most

@@ -118,7 +118,8 @@ def renard_criterion(
     require_nodes(eq)
     require(eq.comm, eq.bulk.linear, "the criterion needs a bulk that is linear in u")
     require(eq.comm, not (weights and dense is False), "weights need the dense eigenproblem")
-    state, effort = problem.state(), _EFFORT if weights else 0
+    state = problem.state()
+    effort = _EFFORT if weights else 0
     found = criterion_at(
         eq, state, directions=directions, dense=dense or (weights or None), effort=effort
     )
@@ -151,9 +152,11 @@ def criterion_at(
     xi = _of_solution(eq, state, slope) if directions is None else _given(eq, directions)
     largest = float(eq.comm.allreduce(slope.max(initial=0.0), op=max))
     least = float(eq.comm.allreduce(slope.min(initial=np.inf), op=min))
-    factor, definite = np.inf, True
+    factor = np.inf
+    definite = True
     if len(eq.scaling.loose.of_body):
-        factor, definite = 0.0, False  # the form vanishes for rigid motions
+        factor = 0.0  # the form vanishes for rigid motions
+        definite = False
     elif largest > 0:
         form = _Form(eq, slope[:, None] * xi)
         definite = form.definite
@@ -171,7 +174,8 @@ def criterion_at(
 
 def _slope(eq: ContactEquations, number: int, state: State) -> Array:
     """Coefficients of friction at the points of a surface. Collective."""
-    s, known = eq.surfaces[number], state.surfaces[number]
+    s = eq.surfaces[number]
+    known = state.surfaces[number]
     fits = isinstance(s.law, Coulomb | Frictionless | Tresca)
     require(eq.comm, fits, f"{s.name}: the criterion is about Coulomb's law, not {s.law}")
     slope = known.answers.unit_bound
@@ -185,9 +189,11 @@ def _of_solution(eq: ContactEquations, state: State, slope: Array) -> Array:
         np.concatenate([getattr(s, name) for s in state.surfaces]) for name in ("jump", "traction")
     )
     ut, rt = (v - np.sum(v * n, axis=1)[:, None] * n for v in (jump, traction))
-    moved, bound = np.linalg.norm(ut, axis=1), -slope * np.sum(traction * n, axis=1)
+    moved = np.linalg.norm(ut, axis=1)
+    bound = -slope * np.sum(traction * n, axis=1)
     pressed = float(eq.comm.allreduce(bound.max(initial=0.0), op=max))
-    slips, presses = moved > _NOTHING * eq.body_size, bound > _NOTHING * pressed
+    slips = moved > _NOTHING * eq.body_size
+    presses = bound > _NOTHING * pressed
     along = ut / np.where(slips, moved, 1.0)[:, None]
     against = -rt / np.where(presses, bound, 1.0)[:, None]
     xi = np.where(slips[:, None], along, np.where(presses[:, None], against, 0.0))
@@ -196,7 +202,8 @@ def _of_solution(eq: ContactEquations, state: State, slope: Array) -> Array:
 
 def _given(eq: ContactEquations, directions: Field) -> Array:
     """Directions of a field, the tangential part. Collective."""
-    x, n = np.concatenate([s.positions for s in eq.surfaces]), point_normals(eq)
+    x = np.concatenate([s.positions for s in eq.surfaces])
+    n = point_normals(eq)
     with everywhere(eq.comm, "directions"):
         if not callable(directions):
             raise ValueError(f"directions must be a function of positions, got {directions!r}")
@@ -220,10 +227,13 @@ class _Form:
     """
 
     def __init__(self, eq: ContactEquations, friction: Array):
-        self._eq, self.comm, n = eq, eq.comm, point_normals(eq)
+        self._eq = eq
+        self.comm = eq.comm
+        n = point_normals(eq)
         pressed = np.flatnonzero(np.linalg.norm(n * free_components(eq), axis=1) > 0.5)
         point, tangents = free_tangents(eq)
-        N, T = component_rows(eq, pressed, n[pressed]), component_rows(eq, point, tangents)
+        N = component_rows(eq, pressed, n[pressed])
+        T = component_rows(eq, point, tangents)
         self._R = stacked([N, T])
         N.destroy(), T.destroy()
         self.number = self._R.getSize()[0]
@@ -234,7 +244,8 @@ class _Form:
         first = self._R.getOwnershipRange()[0]
         column[pressed] = first + np.arange(len(pressed))
         rows = first + len(pressed) + np.arange(len(point), dtype=np.int64)
-        entries, size = Entries(rows, column[point]), self._R.getLocalSize()[0]
+        entries = Entries(rows, column[point])
+        size = self._R.getLocalSize()[0]
         self._X = matrix_of(self.comm, (size, size), entries)
         # Rows are along n, against which pressures are counted.
         entries.add(-np.sum(friction[point] * tangents, axis=1), self._X)
@@ -252,7 +263,8 @@ class _Form:
 
         def solved() -> float:
             A, X, groups = (np.concatenate(p) for p in zip(*parts, strict=True))
-            form, last = -(A @ X + (A @ X).T) / 2, self.number - 1
+            form = -(A @ X + (A @ X).T) / 2
+            last = self.number - 1
             values = eigh(form, (A + A.T) / 2, eigvals_only=True, subset_by_index=(last, last))
             factor = _over(float(values[0]))
             if effort > 0 and factor < enough:
@@ -267,7 +279,8 @@ class _Form:
 
     def by_slepc(self) -> float:
         """The same by products with A and its inverse, the stiffness of the points."""
-        SLEPc, size = slepc(), (self._R.getLocalSize()[0], None)
+        SLEPc = slepc()
+        size = (self._R.getLocalSize()[0], None)
         held = HeldBody(self._eq, self._K, [self._R])
         product = _Product(self._free, held, self._R, self._X)
         M = PETSc.Mat().createPython((size, size), product, comm=self.comm)
@@ -303,7 +316,10 @@ class _Product:
     """-(X + S X^T A)/2, whose eigenvalues are those of the form over A."""
 
     def __init__(self, free: HeldBody, held: HeldBody, R: PETSc.Mat, X: PETSc.Mat):
-        self._free, self._held, self._R, self._X = free, held, R, X
+        self._free = free
+        self._held = held
+        self._R = R
+        self._X = X
 
     def mult(self, _: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
         u, a = self._R.createVecs()

@@ -94,8 +94,11 @@ def component_rows(eq: ContactEquations, places: npt.NDArray[np.intp], along: Ar
         along: vectors there (k, dim).
     """
     B = stacked([s.points.B for s in eq.surfaces])
-    comm, dim, (n, _) = eq.comm, eq.dim, B.getLocalSize()
-    first, column = comm.exscan(len(places)) or 0, B.getOwnershipRange()[0]
+    comm = eq.comm
+    dim = eq.dim
+    n, _ = B.getLocalSize()
+    first = comm.exscan(len(places)) or 0
+    column = B.getOwnershipRange()[0]
     i = np.repeat(first + np.arange(len(places), dtype=np.int64), dim)
     j = column + dim * places.astype(np.int64)[:, None] + np.arange(dim)
     entries = Entries(i, j.reshape(-1))

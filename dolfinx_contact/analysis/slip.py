@@ -92,8 +92,10 @@ class SlipPattern:
 
     @classmethod
     def _of_state(cls, eq: ContactEquations, state: State) -> SlipPattern:
-        n, codes = point_normals(eq), np.concatenate([c for c in state.statuses])
-        touching, sense = closed(codes), senses(codes)
+        n = point_normals(eq)
+        codes = np.concatenate([c for c in state.statuses])
+        touching = closed(codes)
+        sense = senses(codes)
         if eq.dim == 2:
             sign = np.where(sense == PLUS, 1.0, np.where(sense == MINUS, -1.0, 0.0))
             along = sign[:, None] * np.stack([-n[:, 1], n[:, 0]], axis=1)
@@ -128,16 +130,19 @@ class Slip:
     """
 
     def __init__(self, eq: ContactEquations, pattern: SlipPattern, *, hold_across: bool):
-        self._eq, self.comm = eq, eq.comm
+        self._eq = eq
+        self.comm = eq.comm
         require_nodes(eq)
-        n, d = point_normals(eq), pattern.directions
+        n = point_normals(eq)
+        d = pattern.directions
         free = free_components(eq)
         touching = pattern.closed & (np.linalg.norm(n * free, axis=1) > 1 - _TOLERANCE)
         slips = touching & (np.linalg.norm(d * free, axis=1) > 1 - _TOLERANCE)
         self.places = np.flatnonzero(slips)
         self.number = int(eq.comm.allreduce(len(self.places)))
         require(eq.comm, self.number > 0, "no contact point can slip")
-        self.normals, self.directions = n[slips], d[slips]
+        self.normals = n[slips]
+        self.directions = d[slips]
         stuck = np.flatnonzero(touching & ~slips)
         # The tangents that are held, as far as Dirichlet data leave them free.
         across = np.eye(eq.dim) - np.einsum("ni,nj->nij", n, n)
@@ -151,10 +156,12 @@ class Slip:
 
     def require_held(self) -> None:
         """Raise ``ValueError`` if rigid motions are held by nothing but friction. Collective."""
-        eq, motions = self._eq, self._eq.scaling.loose.of_body
+        eq = self._eq
+        motions = self._eq.scaling.loose.of_body
         if len(motions) == 0:
             return
-        u, held = self.N.createVecRight(), []
+        u = self.N.createVecRight()
+        held = []
         for motion in motions:
             u.array[:] = motion[: eq.V.dofmap.index_map.size_local].reshape(-1)
             parts = [(rows, rows.createVecLeft()) for rows in (self.N, self.H)]

@@ -153,7 +153,8 @@ def stability_at_rest(
         if unknowns > _LARGEST:
             reason = f"{unknowns} unknowns are too many"
             return Stability("not decided", 0.0, points.border, 0, reason)
-        gathered, quiet = _Gathered(eq, body, points), conserves and dissipates
+        gathered = _Gathered(eq, body, points)
+        quiet = conserves and dissipates
         return on_root(eq.comm, lambda: _decided(gathered, most, quiet=quiet))
     finally:
         body.destroy()
@@ -171,7 +172,8 @@ class _Points:
     """
 
     def __init__(self, eq: ContactEquations, state: State):
-        n, codes = point_normals(eq), np.concatenate(list(state.statuses))
+        n = point_normals(eq)
+        codes = np.concatenate(list(state.statuses))
         parts = [(s.points, found) for s, found in zip(eq.surfaces, state.surfaces, strict=True)]
         jump = np.concatenate([f.jump for _, f in parts])
         force = np.concatenate([p.areas[:, None] * f.traction for p, f in parts])
@@ -181,7 +183,8 @@ class _Points:
         require(eq.comm, known, "stability needs laws with a coefficient of friction")
         rn = -np.sum(force * n, axis=1)
         rt = force + rn[:, None] * n
-        size, bound = np.linalg.norm(rt, axis=1), slope * rn
+        size = np.linalg.norm(rt, axis=1)
+        bound = slope * rn
         largest = float(eq.comm.allreduce(rn.max(initial=0.0), op=max))
         movable = np.linalg.norm(n * free_components(eq), axis=1) > 0.5
         touches = movable & (closed(codes) | (gap <= _BORDER * eq.body_size))
@@ -217,7 +220,8 @@ class _Gathered:
     """
 
     def __init__(self, eq: ContactEquations, body: Body, points: _Points):
-        comm, n = eq.comm, point_normals(eq)
+        comm = eq.comm
+        n = point_normals(eq)
         owner, tangents = free_tangents(eq)
         rows = (
             component_rows(eq, np.arange(len(n)), n),
@@ -238,9 +242,11 @@ class _Gathered:
             np.concatenate(p) for p in zip(*parts, strict=True)
         )
         inside = np.ix_(free, free)
-        self.K, self.M = K[inside], M[inside]
+        self.K = K[inside]
+        self.M = M[inside]
         self.C = body.eta * self.K if C is None else C[inside]
-        self.N, self.T = N[:, free], T[:, free]
+        self.N = N[:, free]
+        self.T = T[:, free]
         self.held = np.abs(self.N).max(axis=1, initial=0.0) == 0
 
 
@@ -305,7 +311,8 @@ def _signs(
 
 def _by_inertia(eq: ContactEquations, body: Body, points: _Points) -> Stability:
     """Without points at a border, with symmetric matrices. Collective."""
-    doing, n = points.choices[:, 0], point_normals(eq)
+    doing = points.choices[:, 0]
+    n = point_normals(eq)
     movable = np.linalg.norm(n * free_components(eq), axis=1) > 0.5
     pressed = np.flatnonzero((doing != OPEN) & movable)
     owner, tangents = free_tangents(eq)
@@ -329,9 +336,11 @@ def _by_inertia(eq: ContactEquations, body: Body, points: _Points) -> Stability:
         number, _ = _signs(eq, body, rows, (1.0, 0.0, nothing))
         if number == 0:
             return Stability("not decided", 0.0, 0, 0, "a motion meets no resistance")
-        slow, fast = 0.0, _HIGHEST * math.sqrt(highest)
+        slow = 0.0
+        fast = _HIGHEST * math.sqrt(highest)
         while grow(fast):
-            slow, fast = fast, 2 * fast
+            slow = fast
+            fast = 2 * fast
         while fast - slow > _SURE * fast:
             middle = 0.5 * (slow + fast) if slow > 0 else 0.1 * fast
             slow, fast = (middle, fast) if grow(middle) else (slow, middle)
@@ -381,12 +390,14 @@ def _of_spectrum(g: _Gathered, proportional: bool, eta: float) -> Stability:
         roots = damped(values, eta).reshape(2, -1)
         values = np.take_along_axis(roots, roots.real.argmax(axis=0)[None], axis=0)[0]
     else:
-        most, least = values.real + off, values.real - off
+        most = values.real + off
+        least = values.real - off
     if (least > 0).any():
         fastest = values[np.where(least > 0, values.real, -np.inf).argmax()]
         how = "an oscillation grows (flutter)" if fastest.imag != 0 else "a motion grows"
         reason = f"no point is at a border, and {how} with this mass and damping"
-        growth, turn = float(fastest.real), abs(float(fastest.imag))
+        growth = float(fastest.real)
+        turn = abs(float(fastest.imag))
         return Stability("unstable", growth, 0, 0, reason, turn)
     if (most > 0).any():
         reason = "an eigenvalue is at the border of growth, or a motion meets no resistance"
@@ -419,7 +430,8 @@ def _decided(g: _Gathered, most: int, *, quiet: bool) -> Stability:
     border = np.flatnonzero(g.choices[:, 1] >= 0)
     ways = [g.choices[p][g.choices[p] >= 0][::-1] for p in border]
     number = math.prod(len(w) for w in ways)
-    seen, looked = _Seen(), 0
+    seen = _Seen()
+    looked = 0
     for chosen in product(*ways):
         if looked == most:
             break
@@ -440,7 +452,8 @@ def _decided(g: _Gathered, most: int, *, quiet: bool) -> Stability:
 
 def _piece(g: _Gathered, doing: npt.NDArray[np.int64]) -> tuple[Array, Array, Array, Array]:
     """K, M and C of a piece, and the motions Z that it allows."""
-    slips, stuck = (doing == SLIP) | (doing == BACK), doing == STICK
+    slips = (doing == SLIP) | (doing == BACK)
+    stuck = doing == STICK
     sign = np.where(doing == BACK, -1.0, 1.0)
     pressed = (slips | stuck | (doing == FREE)) & ~g.held
     # Tangents that are held: all of points that stick, those across the slip of others.
@@ -493,11 +506,14 @@ def _in_cones(g: _Gathered, doing: npt.NDArray[np.int64], v: Array, growth: floa
     load = g.K @ v + growth * (g.C @ v) + growth**2 * (g.M @ v)
     forces = np.linalg.lstsq(components.T, load, rcond=None)[0]
     m = int((~g.held).sum())
-    rn, shear, slip = np.zeros(len(g.N)), np.zeros(len(g.N)), np.zeros(len(g.N))
+    rn = np.zeros(len(g.N))
+    shear = np.zeros(len(g.N))
+    slip = np.zeros(len(g.N))
     rn[~g.held] = -forces[:m]
     np.add.at(shear, g.owner, g.along * forces[m:])
     np.add.at(slip, g.owner, g.along * (g.T @ v))
-    border, grazing = g.choices[:, 1] >= 0, g.choices[:, 1] == OPEN
+    border = g.choices[:, 1] >= 0
+    grazing = g.choices[:, 1] == OPEN
     force = _CONE * np.abs(forces).max(initial=0.0)
     length = _CONE * np.abs(components @ v).max(initial=0.0)
     opens = (g.N @ v <= length) | (doing != OPEN) | ~grazing

@@ -173,7 +173,8 @@ class SteadySliding(ReadOnly):
         with everywhere(self._eq.comm, "the onset of growth"):
             require_positive("largest friction", most)
             require_positive("step of friction", step)
-        frictions, growths = [0.0], [self._growth(0.0)]
+        frictions = [0.0]
+        growths = [self._growth(0.0)]
         if growths[0] > 0:
             return self._at(0.0)
         number = int(np.ceil(most / step))
@@ -194,7 +195,8 @@ class SteadySliding(ReadOnly):
             lambda F: -self._growth(F), bounds=(frictions[-3], frictions[-1]), method="bounded"
         )
         if best.fun < 0:
-            frictions[-2:], growths[-2:] = [float(best.x)], [-float(best.fun)]
+            frictions[-2:] = [float(best.x)]
+            growths[-2:] = [-float(best.fun)]
 
     def _growth(self, friction: float) -> float:
         """The largest growth over the size of its lambda, less what is round-off."""
@@ -209,7 +211,8 @@ class SteadySliding(ReadOnly):
         return Onset(friction, float(values[np.argmax(values.real / size)].imag))
 
     def _spectrum(self, friction: float | None, *, vectors: bool = False) -> Spectrum:
-        comm, places = self._eq.comm, self._slip.places
+        comm = self._eq.comm
+        places = self._slip.places
         if friction is None:
             known = bool(np.isfinite(self._slope).all())
             require(comm, known, "the law has no coefficient of friction: say which")

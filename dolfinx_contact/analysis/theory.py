@@ -61,7 +61,8 @@ def _coefficients(eq: ContactEquations) -> bool | None:
     """Whether a coefficient of friction is positive; None for other laws. Collective."""
     if not all(type(s.law) in (Coulomb, Frictionless, Tresca) for s in eq.surfaces):
         return None
-    x, b = eq.create_vector(), eq.create_vector()
+    x = eq.create_vector()
+    b = eq.create_vector()
     state = eq.residual(x, b)
     x.destroy(), b.destroy()
     mine = any(

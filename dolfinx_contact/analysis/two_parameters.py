@@ -63,7 +63,8 @@ def contact_family(
     curved = system.not_affine_in(other)
     require(system.comm, not curved, f"{_MUST} ({curved})")
     found = [_condensed(system, other, mu) for mu in (low, high, (low + high) / 2)]
-    (a, b, middle), errors_at = [data for data, *_ in found], [errors for _, errors, _ in found]
+    a, b, middle = [data for data, *_ in found]
+    errors_at = [errors for _, errors, _ in found]
     slopes = [np.asarray((y - x) / (high - low)) for x, y in zip(a, b, strict=True)]
     for number, (x, y, between) in enumerate(zip(a, b, middle, strict=True)):
         size = max(float(np.abs(v).max(initial=0.0)) for v in (x, y, between))
@@ -94,7 +95,8 @@ def _condensed(
     system: ParametricEquations, other: fem.Constant, mu: float
 ) -> tuple[tuple[Array, ...], tuple[Array, ...], Array]:
     """S, q, p and the friction at one mu, errors of S, p and q, and the reach. Collective."""
-    before, nothing = other.value.copy(), system.create_vector()
+    before = other.value.copy()
+    nothing = system.create_vector()
     other.value = mu
     try:
         with system.restored(always=True):

@@ -32,9 +32,11 @@ __all__ = ["OnePoint", "is_only"]
 Codes = npt.NDArray[np.int8]
 Array = npt.NDArray[np.float64]
 
-_UNIFORM, _TRIES = 4, 16  # starts of the search for another solution, with less time or more
+_UNIFORM = 4  # starts of the search for another solution, with less time
+_TRIES = 16  # and with more
 _FIRST = 2  # effort of the search for weights at first,
-_QUICK, _EFFORT = 15, 80  # then by default and where there is time,
+_QUICK = 15  # then by default,
+_EFFORT = 80  # and where there is time,
 _POINTS = 128  # up to so many points; then less, as eigenvalues cost the cube
 
 
@@ -69,7 +71,8 @@ def is_only(problem: ReducedProblem, codes: Codes, *, seconds: float = 0.0) -> O
     inside = piece if piece is not None and piece.verdict != "outside" else None
     share = min(1.0, (_POINTS / problem.points) ** 3)
     tries, effort = (_TRIES, _EFFORT) if seconds > 0 else (_UNIFORM, _QUICK)
-    certificate, other = _of_one_point(problem, inside, _FIRST), None
+    certificate = _of_one_point(problem, inside, _FIRST)
+    other = None
     if certificate is None:
         other = _another(scaled, codes, max(2, int(share * tries)))
     if certificate is None and other is None:
@@ -90,7 +93,8 @@ def is_only(problem: ReducedProblem, codes: Codes, *, seconds: float = 0.0) -> O
 def _of_one_point(problem: ReducedProblem, piece: Piece | None, effort: int) -> Certificate | None:
     if piece is None:
         return None
-    certificate, region = Certificate(problem), Region.whole(problem.scaled)
+    certificate = Certificate(problem)
+    region = Region.whole(problem.scaled)
     d = differences(piece, region.allowed, region.ub)
     w = None if d is None else find_weights(d, effort=effort)
     if w is None or not w.proves:

@@ -104,8 +104,10 @@ def body_of(eq: ContactEquations, u: Array, density: Any, damping: float | ufl.F
     Raises:
         ValueError: on every rank, for arguments that do not fit.
     """
-    V, domain = eq.V, eq.V.mesh
-    v, w = ufl.TrialFunction(V), ufl.TestFunction(V)
+    V = eq.V
+    domain = eq.V.mesh
+    v = ufl.TrialFunction(V)
+    w = ufl.TestFunction(V)
     with everywhere(eq.comm, "mass and damping"):
         if isinstance(density, int | float | np.number):
             require_positive("density", density)
@@ -180,7 +182,11 @@ class Vibrations:
     def __init__(
         self, eq: ContactEquations, slip: Slip, body: Body, *, dense: bool | None, count: int
     ):
-        self._eq, self.comm, self._slip, self._body, self._count = eq, eq.comm, slip, body, count
+        self._eq = eq
+        self.comm = eq.comm
+        self._slip = slip
+        self._body = body
+        self._count = count
         free = ~eq.fixed[: eq.owned_sizes[0]]
         constraints = slip.N.getSize()[0] + slip.H.getSize()[0]
         self.size = int(eq.comm.allreduce(int(free.sum()))) - constraints
@@ -206,8 +212,12 @@ class Vibrations:
         return Spectrum.of(values, motions, known)
 
     def _by_slepc(self, friction: Array) -> tuple[Complex, Complex, float]:
-        SLEPc, eq, slip, body = slepc(), self._eq, self._slip, self._body
-        G, F = slip.D.copy(), slip.D.createVecLeft()
+        SLEPc = slepc()
+        eq = self._eq
+        slip = self._slip
+        body = self._body
+        G = slip.D.copy()
+        F = slip.D.createVecLeft()
         F.array[:] = friction
         G.diagonalScale(F, None)
         G.axpy(1.0, slip.N)
@@ -234,9 +244,11 @@ class Vibrations:
         with options_in_database("analysis_", _DEFAULTS):
             solver.setFromOptions()
             solver.solve()
-        n, farthest = eq.owned_sizes[0], 0.0
+        n = eq.owned_sizes[0]
+        farthest = 0.0
         real, imaginary = matrices[0].createVecs()
-        values, motions = [], []
+        values = []
+        motions = []
         for i in range(solver.getConverged()):
             value = solver.getEigenpair(i, real, imaginary)
             motion = real.array_r[:n] + 1j * imaginary.array_r[:n]
@@ -256,7 +268,8 @@ class Vibrations:
     @cached_property
     def _highest(self) -> float:
         """A frequency of the size of the highest, of unknowns by themselves."""
-        body, free = self._body, ~self._eq.fixed[: self._eq.owned_sizes[0]]
+        body = self._body
+        free = ~self._eq.fixed[: self._eq.owned_sizes[0]]
         K, M = (A.getDiagonal().array_r[free] for A in (body.K, body.M))
         mine = np.sqrt(np.max(K / M, initial=0.0))
         if body.C is not None:
@@ -269,7 +282,8 @@ class _Dense:
     """All of the body on rank 0, as dense matrices."""
 
     def __init__(self, eq: ContactEquations, slip: Slip, body: Body):
-        self.comm, self._eta = eq.comm, body.eta
+        self.comm = eq.comm
+        self._eta = body.eta
         fixed = eq.comm.gather(eq.fixed[: eq.owned_sizes[0]])
         C = None if body.C is None else on_root_dense(body.C)
         K, M, N, D, H = (on_root_dense(A) for A in (body.K, body.M, slip.N, slip.D, slip.H))
@@ -278,7 +292,9 @@ class _Dense:
             return
         self._free = np.flatnonzero(~np.concatenate(fixed))
         inside = np.ix_(self._free, self._free)
-        self._K, self._M, self._C = K[inside], M[inside], None if C is None else C[inside]
+        self._K = K[inside]
+        self._M = M[inside]
+        self._C = None if C is None else C[inside]
         self._N, self._D, self._H = (A[:, self._free] for A in (N, D, H))
         self._total = len(K)
         self._motions = null_space(np.concatenate([self._N, self._H]))
@@ -289,8 +305,10 @@ class _Dense:
 
         def solved() -> tuple[Complex, Complex]:
             F = np.concatenate(parts)[:, None]
-            Z, Y = self._motions, null_space(np.concatenate([self._N + F * self._D, self._H]))
-            inertia, K = np.linalg.inv(Y.T @ self._M @ Z), Y.T @ self._K @ Z
+            Z = self._motions
+            Y = null_space(np.concatenate([self._N + F * self._D, self._H]))
+            inertia = np.linalg.inv(Y.T @ self._M @ Z)
+            K = Y.T @ self._K @ Z
             A = inertia @ K
             if self._C is not None:
                 damping = inertia @ (Y.T @ self._C @ Z)
@@ -302,7 +320,8 @@ class _Dense:
             values, x = (v.astype(complex) for v in np.linalg.eig(A))
             x = x[: Z.shape[1]]
             if self._C is None:
-                values, x = damped(values, self._eta), np.concatenate([x, x], axis=1)
+                values = damped(values, self._eta)
+                x = np.concatenate([x, x], axis=1)
             motions = np.zeros((self._total, len(values)), dtype=complex)
             motions[self._free] = Z @ x
             return values, motions

@@ -75,7 +75,8 @@ class WeightedForm:
         """
         w = weights[self.groups][:, None]
         at, slope = (w * M + (w * M).T for M in (self.S + factor * self.G, self.G))
-        unit, last = 1 / np.sqrt(np.abs(np.diag(at))), len(at) - 1
+        unit = 1 / np.sqrt(np.abs(np.diag(at)))
+        last = len(at) - 1
         at, slope = (unit[:, None] * M * unit for M in (at, slope))
         if np.linalg.eigvalsh(at)[0] <= _ENOUGH / 2:
             return factor, factor
@@ -103,7 +104,8 @@ class WeightedForm:
                 low, high = self.interval(np.exp(new), factor)
                 if not low <= best < high:
                     break
-                best, logs = high, new
+                best = high
+                logs = new
         return min(best, _MOST)
 
     def _search(self, logs: Array, factor: float, effort: int, end: float) -> Array | None:
@@ -134,7 +136,8 @@ class WeightedForm:
             np.add.at(slope, self.groups, by_row)
             return float(-(values[0] - tau * np.log(total))), -slope
 
-        x, limits = logs, [(-_SPREAD, _SPREAD)] * len(logs)
+        x = logs
+        limits = [(-_SPREAD, _SPREAD)] * len(logs)
         try:
             for tau in _TAUS:
                 options = dict(jac=True, method="L-BFGS-B", bounds=limits)

@@ -65,7 +65,8 @@ class Bulk:
     reach = 0.0
 
     def __init__(self, form: ufl.Form, u: fem.Function):
-        self._V, self.comm = u.function_space, u.function_space.mesh.comm
+        self._V = u.function_space
+        self.comm = u.function_space.mesh.comm
         _require_bulk(form, u)
         self.displacement = own = fem.Function(self._V, name=u.name)
         form = ufl.replace(form, {u: own})
@@ -254,7 +255,8 @@ class Bulk:
             return None
         mark = self._mark(self._loads)
         if self._f is None or not self._same(mark, self._f_mark):
-            self._f, self._f_mark = self._load(), mark
+            self._f = self._load()
+            self._f_mark = mark
         return self._f
 
     def product(self, u: npt.NDArray[np.float64]) -> npt.NDArray[np.float64] | None:
@@ -270,7 +272,8 @@ class Bulk:
     def times(self, u: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """The stiffness assembled last times ``u`` (owned). Collective."""
         assert self._K is not None
-        x, y = self._K.createVecRight(), self._K.createVecLeft()
+        x = self._K.createVecRight()
+        y = self._K.createVecLeft()
         x.array[:] = u[: x.getLocalSize()]
         self.for_products.mult(x, y)
         values = y.array_r.copy()
@@ -317,7 +320,8 @@ _left: dict[str, tuple[list[int], list[int]]] = {}
 
 def _given_in(derivative: ufl.Form) -> tuple[list[fem.Function], list[fem.Constant]]:
     """Coefficients and Constants of a derivative once it is taken."""
-    coefficients, constants = derivative.coefficients(), derivative.constants()
+    coefficients = derivative.coefficients()
+    constants = derivative.constants()
     key = derivative.signature()
     if key not in _left:
         taken = ufl.algorithms.expand_derivatives(derivative)

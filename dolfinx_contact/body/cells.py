@@ -50,10 +50,14 @@ def check_cells(domain: mesh.Mesh) -> None:
         ValueError: on every rank, if a cell has no volume to round-off.
     """
     n = domain.topology.index_map(domain.topology.dim).size_local
-    low, high, size = np.empty(n), np.empty(n), np.empty(n)
+    low = np.empty(n)
+    high = np.empty(n)
+    size = np.empty(n)
     for part, J, volume in _jacobians(domain):
         det = determinants(J)
-        low[part], high[part], size[part] = det.min(axis=1), det.max(axis=1), volume
+        low[part] = det.min(axis=1)
+        high[part] = det.max(axis=1)
+        size[part] = volume
     empty = np.maximum(np.abs(low), np.abs(high)) <= _ROUND_OFF * size
     number, first = _first(domain, empty, np.ones(n))
     require(
@@ -98,7 +102,8 @@ def _first(domain: mesh.Mesh, marked: npt.NDArray[np.bool_], weights: Array) -> 
         x = midpoints(domain, cells[i : i + 1])[0]
         mine = [(-float(weights[cells[i]]), int(original[i]), x.tolist())]
     parts = domain.comm.allgather((len(cells), mine))
-    number, found = sum(p[0] for p in parts), sorted(c for p in parts for c in p[1])
+    number = sum(p[0] for p in parts)
+    found = sorted(c for p in parts for c in p[1])
     if not found:
         return number, ""
     _, index, x = found[0]
@@ -168,7 +173,8 @@ def _jacobians(domain: mesh.Mesh) -> Iterator[tuple[slice, Array, Array]]:
 
     The scale is that of round-off: coordinates far from the origin are known less well.
     """
-    dim, nodes = domain.geometry.dim, geometry_dofmap(domain)
+    dim = domain.geometry.dim
+    nodes = geometry_dofmap(domain)
     x = domain.geometry.x[:, :dim]
     degree = 0 if is_affine(domain) else 2 * domain.ufl_domain().ufl_coordinate_element().degree
     points = reference_points(domain.basix_cell(), degree)
@@ -194,7 +200,9 @@ def _folds(domain: mesh.Mesh, sign: Array) -> Array:
         domain: mesh.
         sign: of det J of the owned cells.
     """
-    topology, tdim, n = domain.topology, domain.topology.dim, len(sign)
+    topology = domain.topology
+    tdim = domain.topology.dim
+    n = len(sign)
     topology.create_connectivity(tdim, tdim - 1)
     vertices = topology.index_map(0)
     names = vertices.local_to_global(

@@ -249,8 +249,10 @@ class _Weights:
     """
 
     def __init__(self, u: fem.Function):
-        self._u, self._domain = u, u.function_space.mesh
-        comm, x = self._domain.comm, self._domain.geometry.x
+        self._u = u
+        self._domain = u.function_space.mesh
+        comm = self._domain.comm
+        x = self._domain.geometry.x
         low = np.array(
             [comm.allreduce(float(x[:, i].min(initial=np.inf)), op=MPI.MIN) for i in (0, 1)]
         )
@@ -498,7 +500,8 @@ def _variation(integral: ufl.Integral, u: fem.Function) -> str | None:
     set_in = {
         c: _ones(domain, c) for c in extract_constants(integral.integrand()) if not np.any(c.value)
     }
-    here, along = fem.Function(u.function_space), fem.Function(u.function_space)
+    here = fem.Function(u.function_space)
+    along = fem.Function(u.function_space)
     e = integral.integrand()
     # The weight is neither in normals nor in sizes of cells, which are no matter of r.
     plain = {
@@ -544,7 +547,8 @@ def _kinds(
     if form.empty():
         return set()
     comm = along.function_space.mesh.comm
-    compiled, found = compiled_form(form), set()
+    compiled = compiled_form(form)
+    found = set()
     choices = [[], *([f] for f in copies), list(copies)]
     for live in choices:
         for f, copy in copies.items():
@@ -569,7 +573,8 @@ def _values(f: fem.Function) -> Array:
 
 
 def _means(f: fem.Function) -> Array:
-    bs, comm = f.function_space.dofmap.index_map_bs, f.function_space.mesh.comm
+    bs = f.function_space.dofmap.index_map_bs
+    comm = f.function_space.mesh.comm
     n = f.function_space.dofmap.index_map.size_local
     mine = _values(f)[: n * bs].reshape(-1, bs)
     sums = comm.allreduce(np.append(mine.sum(axis=0), len(mine)))

@@ -43,13 +43,15 @@ def smallest_jacobian(
         axisymmetric: whether the body is one of revolution, which stretches by 1 + u_r / r around.
     """
     domain = V.mesh
-    dim, degree = domain.geometry.dim, V.ufl_element().degree
+    dim = domain.geometry.dim
+    degree = V.ufl_element().degree
     n = domain.topology.index_map(dim).size_local
     order = 0 if is_affine(domain) and degree == 1 and not axisymmetric else 2 * degree
     points = reference_points(domain.basix_cell(), order, vertices=vertices)
     if axisymmetric:  # off the axis
         points = points + _OFF_AXIS * (points.mean(axis=0) - points)
-    X, elements = domain.geometry.x[:, :dim], domain.ufl_domain().ufl_coordinate_element()
+    X = domain.geometry.x[:, :dim]
+    elements = domain.ufl_domain().ufl_coordinate_element()
     fields = [
         (geometry_dofmap(domain), X, gradients(elements, points)),
         (
@@ -58,7 +60,8 @@ def smallest_jacobian(
             gradients(V.ufl_element(), points),
         ),
     ]
-    values, shapes = np.empty(n), (_values(elements, points), _values(V.ufl_element(), points))
+    values = np.empty(n)
+    shapes = (_values(elements, points), _values(V.ufl_element(), points))
     radial = [(nodes, f, shape) for (nodes, f, _), shape in zip(fields, shapes, strict=True)]
     for part in chunks(n):
         dX, du = (

@@ -58,7 +58,8 @@ def mass_matrix(
             that could have mass.
     """
     _check_density(V, density)
-    u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
+    u = ufl.TrialFunction(V)
+    v = ufl.TestFunction(V)
     consistent = dolfinx.fem.petsc.assemble_matrix(
         compiled_form(density * ufl.inner(u, v) * ufl.dx)
     )
@@ -99,7 +100,8 @@ def rigid_errors(
         largest displacement of a node by the turning of a body that falls freely, over its fall, by
         the axes along which it can fall.
     """
-    comm, n = V.mesh.comm, V.dofmap.index_map.size_local
+    comm = V.mesh.comm
+    n = V.dofmap.index_map.size_local
     modes = rigid_motions(V, axisymmetric=axisymmetric)
     held = np.where(fixed[None, :n], modes[:, :n], 0.0).reshape(len(modes), -1)
     modes = combine(comm.allreduce(held @ held.T), modes)
@@ -139,7 +141,8 @@ def _products(A: PETSc.Mat, rows: Array) -> list[Array]:
 
 def _check_density(V: fem.FunctionSpace, density: Any) -> None:
     """Refuse a density that is not positive. Collective."""
-    comm, domain = V.mesh.comm, V.mesh
+    comm = V.mesh.comm
+    domain = V.mesh
     W = fem.functionspace(domain, ("DG", 0))
     one = fem.Constant(domain, 1.0)
     mean = [

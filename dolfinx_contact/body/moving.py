@@ -120,15 +120,25 @@ class MovingBody:
     has_mass = True
 
     def __init__(self, body: Bulk, mass: PETSc.Mat, damping: PETSc.Mat | None, step: TimeStep):
-        self.body, self.mass, self.damping, self.comm = body, mass, damping, body.comm
-        self.linear, self.energy, self.residual = body.linear, body.energy, body.residual
-        self.displacement, self.residual_form = body.displacement, body.residual_form
-        self.jacobian_constants, self.kinks = body.jacobian_constants, body.kinks
-        self.seconds, self.assemblies = (0.0, 0.0), 0
+        self.body = body
+        self.mass = mass
+        self.damping = damping
+        self.comm = body.comm
+        self.linear = body.linear
+        self.energy = body.energy
+        self.residual = body.residual
+        self.displacement = body.displacement
+        self.residual_form = body.residual_form
+        self.jacobian_constants = body.jacobian_constants
+        self.kinks = body.kinks
+        self.seconds = (0.0, 0.0)
+        self.assemblies = 0
         self._owned = mass.getLocalSize()[0]
         self.step = step
         zeros = np.zeros_like(body.displacement.x.array)
-        self._origin, self._given, self.reach = zeros, zeros[: self._owned], 0.0
+        self._origin = zeros
+        self._given = zeros[: self._owned]
+        self.reach = 0.0
         self._K: PETSc.Mat | None = None
         self._half: PETSc.Mat | None = None
         self._of: tuple[int, TimeStep] | None = None
@@ -145,7 +155,9 @@ class MovingBody:
             v: velocity there, likewise.
             rows: R(u) + C v there (owned).
         """
-        self.step, self._origin, self._start = step, step.origin(u, v), None
+        self.step = step
+        self._origin = step.origin(u, v)
+        self._start = None
         before = self.times(self.mass, v) / step.length
         self._given = (1.0 - step.theta) * rows - before
         self.reach = float(np.max(np.abs(self._origin), initial=0.0))
@@ -250,7 +262,9 @@ class MovingBody:
         if self.damping is not None:
             self._K.axpy(step.theta * step.rate, self.damping, structure)
         self._forget_half()
-        self._of, self.assemblies, self.seconds = of, self.assemblies + 1, self.body.seconds
+        self._of = of
+        self.assemblies = self.assemblies + 1
+        self.seconds = self.body.seconds
         return self._K
 
     @property

@@ -41,8 +41,10 @@ def parts(V: fem.FunctionSpace) -> npt.NDArray[np.int32]:
 
     Parts are found rank by rank and joined through the ghost nodes.
     """
-    index_map, comm = V.dofmap.index_map, V.mesh.comm
-    owned, size = index_map.size_local, index_map.size_local + index_map.num_ghosts
+    index_map = V.dofmap.index_map
+    comm = V.mesh.comm
+    owned = index_map.size_local
+    size = index_map.size_local + index_map.num_ghosts
     cells = V.dofmap.list
     edges = np.stack([np.repeat(cells[:, 0], cells.shape[1] - 1), cells[:, 1:].reshape(-1)])
     graph = coo_array((np.ones(edges.shape[1]), tuple(edges)), shape=(size, size))
@@ -72,8 +74,10 @@ def rigid_motions(V: fem.FunctionSpace, *, axisymmetric: bool = False) -> npt.ND
     Returns:
         Shape (1, 3 or 6 times the number of parts, nodes, dim), part by part. Collective.
     """
-    comm, dim = V.mesh.comm, V.mesh.geometry.dim
-    x, part = V.tabulate_dof_coordinates()[:, :dim], parts(V)
+    comm = V.mesh.comm
+    dim = V.mesh.geometry.dim
+    x = V.tabulate_dof_coordinates()[:, :dim]
+    part = parts(V)
     owned = V.dofmap.index_map.size_local
     number = comm.allreduce(int(part[:owned].max(initial=-1)), op=max) + 1
     axes = [(0, 1)] if dim == 2 else [(1, 2), (2, 0), (0, 1)]
@@ -118,7 +122,8 @@ def free_motions(
     modes = rigid_motions(V, axisymmetric=axisymmetric)
     n = V.dofmap.index_map.size_local
     held = np.where(fixed[None, :n], modes[:, :n], 0.0).reshape(len(modes), n * modes.shape[2])
-    x, y = K.createVecRight(), K.createVecLeft()
+    x = K.createVecRight()
+    y = K.createVecLeft()
     scale = K.norm(PETSc.NormType.NORM_INFINITY)
     forces = []
     for mode in modes:

@@ -199,7 +199,8 @@ class AffinePiece:
 
         The inverse is brought up to date by the columns that change.
         """
-        s, new = self.system, self.codes.copy()
+        s = self.system
+        new = self.codes.copy()
         new[points] = codes
         d = s.bases.shape[3]
         columns = (points[:, None] * d + np.arange(d)).reshape(-1)

@@ -34,7 +34,8 @@ __all__ = [
     "told",
 ]
 
-_SHORTEST, _LONGEST = 1e-150, 1e150  # ranges of gamma whose squares are numbers
+_SHORTEST = 1e-150  # ranges of gamma whose squares are numbers
+_LONGEST = 1e150
 _ROUND_OFF = 1e-12  # of gamma: a range below it is a point
 
 
@@ -172,7 +173,9 @@ def _show(layout: Layout, point: BranchPoint) -> None:
 
 class _Told(Observer):
     def __init__(self, layout: Layout, observer: Observer, start: BranchPoint):
-        self._layout, self._observer, self._last = layout, observer, start
+        self._layout = layout
+        self._observer = observer
+        self._last = start
 
     def _tell(self, do: Callable[..., None], *what: Any) -> None:
         _show(self._layout, self._last)

@@ -74,7 +74,9 @@ class FreeSteps(ExactSteps):
 
     def try_step(self, point: BranchPoint, h: float) -> Crossed:
         """Go a step ``h`` on H itself. Collective."""
-        b, y, t = self.bordered, point.y.copy(), point.tangent.copy()
+        b = self.bordered
+        y = point.y.copy()
+        t = point.tangent.copy()
         y.axpy(h, point.tangent)
         ok = self.corrector.moore_penrose(y, t, None)
         t.destroy()
@@ -119,7 +121,8 @@ class FreeSteps(ExactSteps):
         self, point: BranchPoint, y: PETSc.Vec, piece: Piece
     ) -> tuple[tuple[float, Change], ...]:
         """Points whose status differs at ``y``, where ``piece`` is, in order. Collective."""
-        comm, old = self.bordered.comm, point.piece
+        comm = self.bordered.comm
+        old = point.piece
         changed = np.flatnonzero(old.codes != piece.codes)
         first = np.full(len(old.codes), np.inf)
         ends = []
@@ -229,12 +232,14 @@ class BatchedSteps(FreeSteps):
             h *= factor
         crossed, special, h = super().step(point, h)
         if any(not s.smooth for s in special):
-            h, self._refused = max(h, self._refused), 0.0
+            h = max(h, self._refused)
+            self._refused = 0.0
         return crossed, special, h
 
     def _first_asked(self, step: Crossed) -> float:
         """The fraction of the step at the first change to be located; inf if none. Collective."""
-        comm, locate = self.bordered.comm, self._locate
+        comm = self.bordered.comm
+        locate = self._locate
         if locate is None:
             return np.inf
         mine = [f for f, change in step.changes if change.rank == comm.rank and locate(change)]

@@ -47,10 +47,12 @@ class BifurcationTest:
         pairs = _PAIRS if self._several else 1
         self._borders = [self._border(seed) for seed in range(1, 2 * pairs + 1)]
         self._V = [bordered.vector() for _ in range(pairs)]
-        self.signs, self._chosen = np.ones(pairs), 0
+        self.signs = np.ones(pairs)
+        self._chosen = 0
 
     def _border(self, seed: int) -> PETSc.Vec:
-        v, probe = self._bordered.vector(), self._bordered.system.probe(seed)
+        v = self._bordered.vector()
+        probe = self._bordered.system.probe(seed)
         probe.scale(1.0 / probe.norm())
         self._bordered.join(probe, 0.6180339887 * np.cos(seed) if self._several else 0.0, v)
         probe.destroy()

@@ -42,8 +42,11 @@ class Bordered(Layout):
 
     def __init__(self, system: System, *, gamma_scale: float, prefix: str = "continuation_"):
         super().__init__(system)
-        self.prefix, self.gamma_scale = prefix, gamma_scale
-        self.x_scale, self.x_scale_is_new, self.sense = 0.0, False, 1.0
+        self.prefix = prefix
+        self.gamma_scale = gamma_scale
+        self.x_scale = 0.0
+        self.x_scale_is_new = False
+        self.sense = 1.0
         self._w = system.create_vector()
 
     @cached_property
@@ -94,7 +97,8 @@ class Bordered(Layout):
     def require_scale(self) -> None:
         """See that x has a scale: 1 in the metric of the system if no tangent has moved it yet."""
         if self.x_scale == 0.0:
-            self.x_scale, self.x_scale_is_new = 1.0, True
+            self.x_scale = 1.0
+            self.x_scale_is_new = True
 
     def destroy(self) -> None:
         """Free the PETSc objects."""

@@ -88,7 +88,8 @@ class StatusChange:
         gamma: float,
         piece: Piece,
     ):
-        self.system, self._change = system, change
+        self.system = system
+        self._change = change
         self._here, self._there, self._row = (system.create_vector() for _ in range(3))
         self.w = system.create_vector()
         self._difference(x, gamma, piece)
@@ -237,7 +238,8 @@ class _WithColumn(System):
     """A system whose derivative by its parameter is a column that is given."""
 
     def __init__(self, system: System):
-        self.comm, self._system = system.comm, system
+        self.comm = system.comm
+        self._system = system
         self.column = system.create_vector()
 
     @property

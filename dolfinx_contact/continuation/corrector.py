@@ -29,7 +29,9 @@ logger = logging.getLogger(__name__)
 _NEARLY_SINGULAR = 1e8
 #: Relative residuals of linear solves, where exactness has a price: at most, beyond what the
 #: tolerance of the step asks for, and for one more correction within it.
-_COARSEST, _RESERVE, _POLISHED = 1e-2, 0.1, 1e-4
+_COARSEST = 1e-2
+_RESERVE = 0.1
+_POLISHED = 1e-4
 #: Relative residual of a tangent that is no more than a direction to step along.
 _TO_STEP_ALONG = 1e-4
 
@@ -55,7 +57,8 @@ class Corrector:
     """
 
     def __init__(self, bordered: Bordered, control: StepControl):
-        self.bordered, self.control = bordered, control
+        self.bordered = bordered
+        self.control = control
         self.snes = PETSc.SNES().create(bordered.comm)
         self._b, self._row, self._away = (bordered.vector() for _ in range(3))
         self._hx, self._x, self._d = (bordered.system.create_vector() for _ in range(3))
@@ -74,7 +77,8 @@ class Corrector:
         self.snes.setTolerances(max_it=control.corrections)
         self._piece: Piece | None = None
         self._reference: PETSc.Vec | None = None
-        self._distance, self._polish = 0.0, False
+        self._distance = 0.0
+        self._polish = False
         self._T: PETSc.Vec | None = None
         self._error = self._residual = 0.0
         self._scales: tuple[float, ...] = ()  # at the start of the run
@@ -87,7 +91,8 @@ class Corrector:
 
     def moore_penrose(self, y: PETSc.Vec, t: PETSc.Vec, piece: Piece | None) -> bool:
         """Correct ``y`` in place, orthogonally to ``t``, which is improved in place."""
-        self._reference, self._T = None, t
+        self._reference = None
+        self._T = t
         return self._run(y, t, piece)
 
     def pseudo_arclength(
@@ -104,7 +109,9 @@ class Corrector:
 
         With ``polish`` it is corrected once more when it is within the tolerance.
         """
-        self._reference, self._T, self._distance = start, None, distance
+        self._reference = start
+        self._T = None
+        self._distance = distance
         self._polish = polish
         ok = self._run(y, t, piece)
         self._polish = False
@@ -113,7 +120,8 @@ class Corrector:
     def natural(self, y: PETSc.Vec, gamma: float, piece: Piece | None) -> bool:
         """Correct ``y`` in place at fixed gamma, which it then has to the last bit."""
         b = self.bordered
-        start, t = b.vector(), b.last_unit()
+        start = b.vector()
+        t = b.last_unit()
         t.scale(2 * b.gamma_scale**2)  # whose dual vector is the unit vector of gamma
         start.set(0.0)
         ok = self.pseudo_arclength(y, start, t, gamma, piece)
@@ -137,7 +145,8 @@ class Corrector:
         The matrix stays behind for other right-hand sides, with ``factorise`` factorised. Where
         exactness has a price, a tangent to step along need not be ``precise``.
         """
-        b, solver = self.bordered, self.bordered.solver
+        b = self.bordered
+        solver = self.bordered.solver
         # Beyond a kink the tangent may be orthogonal to the one before; then another row will do.
         axis = b.last_unit()
         axis.scale(b.gamma_scale)
@@ -156,7 +165,8 @@ class Corrector:
                 size = np.sqrt(b.inner(t, t))
                 if np.isfinite(size) and 0 < size < _NEARLY_SINGULAR:
                     t.scale((1.0 if b.inner(t, towards) >= 0 else -1.0) / size)
-                    found, b.sense = t, float(np.sign(b.inner(t, row)))
+                    found = t
+                    b.sense = float(np.sign(b.inner(t, row)))
                     break
             t.destroy()
         axis.destroy(), both.destroy()
@@ -172,8 +182,11 @@ class Corrector:
     # -- SNES ------------------------------------------------------------------------------------
 
     def _run(self, y: PETSc.Vec, t: PETSc.Vec, piece: Piece | None) -> bool:
-        self._piece, self.iterations, self._error = piece, 0, 0.0
-        self._scales, self._predicted = self.bordered.system.scales, None
+        self._piece = piece
+        self.iterations = 0
+        self._error = 0.0
+        self._scales = self.bordered.system.scales
+        self._predicted = None
         self.bordered.dual(t, self._row)
         self.snes.setJacobian(self._jacobian, self._matrix(y))
         with self.bordered.solver.options(), as_raised():
@@ -239,7 +252,8 @@ class Corrector:
     def _test(self, snes: PETSc.SNES, it: int, _norms: tuple[float, float, float]) -> int:
         reasons = PETSc.SNES.ConvergedReason
         out = snes.getFunction()[0]
-        last, error = self.bordered.gamma(out), self._residual
+        last = self.bordered.gamma(out)
+        error = self._residual
         if not np.isfinite(error + last):
             return int(reasons.DIVERGED_LOCAL_MIN)
         scale = max(abs(self._distance), 1e-6) if self._reference is not None else 1.0

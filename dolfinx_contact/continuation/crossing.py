@@ -78,13 +78,15 @@ def kinks_at(
     b = corrector.bordered
     x, gamma = b.split(y)
     events = b.system.events(x, gamma, piece)
-    mine, seen = [], set()
+    mine = []
+    seen = set()
     for i in np.flatnonzero(np.abs(events.distance) <= tolerance):
         point = int(events.point[i])
         if point not in seen:
             seen.add(point)
             statuses = tuple(int(s) for s in b.system.statuses(point))
-            code, target = int(piece.codes[point]), int(events.target[i])
+            code = int(piece.codes[point])
+            target = int(events.target[i])
             mine.append(Kink(b.comm.rank, point, code, target, statuses))
     return tuple(k for part in b.comm.allgather(mine) for k in part)
 
@@ -138,7 +140,8 @@ def cross(
                     rays += _not_back(corrector, piece, t, more)
     method = "enumeration of the pieces" if complete else ""
     if not rays and not complete:
-        rays, method = _as_H_leads(corrector, y, piece, t), "one step of Newton's method on H"
+        rays = _as_H_leads(corrector, y, piece, t)
+        method = "one step of Newton's method on H"
     if not rays:
         return Crossing(len(kinks), None, (), sign, (), complete)
     onwards, *others = _distinct(corrector, rays)
@@ -152,7 +155,8 @@ def _as_H_leads(corrector: Corrector, y: PETSc.Vec, come_by: Piece, t: PETSc.Vec
     For points at which more pieces meet than can be tried; other rays are not looked for.
     """
     b = corrector.bordered
-    gamma, forwards = b.gamma(y), 1.0 if b.gamma(t) >= 0 else -1.0
+    gamma = b.gamma(y)
+    forwards = 1.0 if b.gamma(t) >= 0 else -1.0
     for length, sense in itertools.product(_LENGTHS, (forwards, -forwards)):
         there = y.copy()
         if corrector.natural(there, gamma + sense * length * b.gamma_scale, None):
@@ -181,11 +185,14 @@ def _by_tangent_cone(
     condensed = b.system.condensed(x, gamma)
     if condensed is None:
         return None
-    w, base = condensed.contract(x), b.vector()
+    w = condensed.contract(x)
+    base = b.vector()
     condensed.expand(w, gamma, x)
     b.join(x, gamma, base)
-    cone, prove = condensed.system.tangent_cone(w, 100 * tolerance), b.system.prove_rays
-    rays, found = [], outgoing(cone, prove=partial(prove, condensed))
+    cone = condensed.system.tangent_cone(w, 100 * tolerance)
+    prove = b.system.prove_rays
+    rays = []
+    found = outgoing(cone, prove=partial(prove, condensed))
     for ray in found.rays:
         tangent = b.vector()
         condensed.expand(w + ray.direction, gamma + ray.rate, x)

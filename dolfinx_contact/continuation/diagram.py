@@ -195,13 +195,17 @@ class _Explorer:
         max_steps: int,
         observer: Observer | None,
     ):
-        self.follower, self.range, self.max_steps = follower, gamma_range, max_steps
-        self.observer, self.diagram = observer, Diagram()
+        self.follower = follower
+        self.range = gamma_range
+        self.max_steps = max_steps
+        self.observer = observer
+        self.diagram = Diagram()
 
     def run(
         self, starts: Sequence[tuple[PETSc.Vec, float]], max_branches: int, max_seconds: float
     ) -> None:
-        diagram, begun = self.diagram, time.monotonic()
+        diagram = self.diagram
+        begun = time.monotonic()
         comm = self.follower.bordered.comm
         low, high = self.range
         waiting = [(x, gamma, up) for x, gamma in starts for up in (True, False)]
@@ -250,7 +254,8 @@ class _Explorer:
         )
         end = None
         if branch.reason == _AT_NODE:
-            special, last = branch.bifurcations[-1], branch.points[-1]
+            special = branch.bifurcations[-1]
+            last = branch.points[-1]
             came = special.incoming
             if came is not None:
                 # The branch ends at the node, on its own piece.
@@ -262,7 +267,9 @@ class _Explorer:
 
     def _arrive(self, special: SpecialPoint, number: int) -> int:
         """The node at which branch ``number`` ends, made if it is new."""
-        b, came, onwards = self.follower.bordered, special.incoming, special.onwards
+        b = self.follower.bordered
+        came = special.incoming
+        onwards = special.onwards
         assert came is not None  # so are bifurcations recorded
         assert onwards is not None
         back = came.tangent.copy()
@@ -287,7 +294,8 @@ class _Explorer:
         b = self.follower.bordered
         for branch in self.diagram.branches:
             for other in self.follower.at(branch, point.gamma) if branch.points else []:
-                away, leaving = other.y - point.y, other.y.equal(branch.points[0].y)
+                away = other.y - point.y
+                leaving = other.y.equal(branch.points[0].y)
                 same_sense = b.inner(other.tangent, point.tangent) > 0
                 if b.inner(away, away) <= _SAME**2 and (same_sense or not leaving):
                     return True

@@ -110,12 +110,17 @@ class _Extended(System):
         x_size: float,
         border: Change | None,
     ):
-        self.comm, self.system, self.other, self.condition = system.comm, system, other, condition
+        self.comm = system.comm
+        self.system = system
+        self.other = other
+        self.condition = condition
         self.layout = Layout(system)
         self._solver = Factorised(self.layout, "special_", reuse=False)
         self._c, self._d, self._x = (system.create_vector() for _ in range(3))
         self._row = self.layout.vector()
-        self._gamma_scale, self._x_size, self._border = gamma_scale, x_size, border
+        self._gamma_scale = gamma_scale
+        self._x_size = x_size
+        self._border = border
         self._mine = border is not None and border.rank == self.comm.rank
 
     # -- H and the condition ---------------------------------------------------------------------
@@ -191,7 +196,8 @@ class _Extended(System):
         self.layout.join(self._d, gamma / self._gamma_scale**2, out)
 
     def probe(self, seed: int) -> PETSc.Vec:
-        x, out = self.system.probe(seed), self.create_vector()
+        x = self.system.probe(seed)
+        out = self.create_vector()
         self.layout.join(x, float(np.cos(seed)), out)
         x.destroy()
         return out
@@ -215,7 +221,8 @@ class _Extended(System):
         beyond = self.system.events(x, gamma, other)
         if not self._mine:
             return found
-        here, there = found.point == border.point, beyond.point == border.point
+        here = found.point == border.point
+        there = beyond.point == border.point
         own = np.concatenate(
             [
                 found.distance[here & (found.target != border.after)],
@@ -307,7 +314,8 @@ def follow_special(
         system.preconditioner is None,
         "curves in two parameters need assembled matrices: take the direct linear solver",
     )
-    layout, before = Layout(system), branch.points[special.index - 1]
+    layout = Layout(system)
+    before = branch.points[special.index - 1]
     x, gamma = layout.split(special.y)
     x = x.copy()
     other.set(mu)

@@ -38,7 +38,8 @@ class Factorised(BorderedSolver):
     """
 
     precision = 1e-12
-    many_sides, corrects = True, False
+    many_sides = True
+    corrects = False
     defaults = {
         "ksp_type": "preonly",
         "pc_type": "lu",
@@ -51,7 +52,10 @@ class Factorised(BorderedSolver):
         super().__init__(layout, prefix)
         self.reuse = layout.size >= _LARGE if reuse is None else reuse
         self._c = self.system.create_vector()
-        one, n, N, comm = int(layout.last), layout.local, layout.size, self.comm
+        one = int(layout.last)
+        n = layout.local
+        N = layout.size
+        comm = self.comm
         self._column = PETSc.Mat().createAIJ([[n, N], [one, 1]], nnz=(1, 1), comm=comm)
         self._row = PETSc.Mat().createAIJ([[one, 1], [n, N]], nnz=(max(n, 1), N), comm=comm)
         self._corner = PETSc.Mat().createAIJ([[one, 1], [one, 1]], nnz=(1, 0), comm=comm)
@@ -176,7 +180,8 @@ class Factorised(BorderedSolver):
 
 def _changed_rows(difference: PETSc.Mat, reference: PETSc.Mat) -> list[int]:
     """Global rows in which ``difference`` is not negligible. Collective."""
-    size, scale = _row_sums(difference), _row_sums(reference)
+    size = _row_sums(difference)
+    scale = _row_sums(reference)
     start = difference.getOwnershipRange()[0]
     changed = np.flatnonzero(size > 1e-12 * (scale + size)) + start
     return [int(r) for part in difference.comm.tompi4py().allgather(changed) for r in part]

@@ -184,7 +184,8 @@ class Follower:
         gamma_scale: float,
         locate: Locate | None = None,
     ):
-        self.system, self.control = system, control
+        self.system = system
+        self.control = control
         self.bordered = Bordered(system, gamma_scale=gamma_scale)
         self.corrector = Corrector(self.bordered, control)
         self._steps = _steps(self.corrector, locate)
@@ -238,7 +239,8 @@ class Follower:
             ValueError: if no solution is found there.
         """
         b = self.bordered
-        y, t = special.y.copy(), ray.tangent.copy()
+        y = special.y.copy()
+        t = ray.tangent.copy()
         y.axpy(distance, ray.tangent)
         if not self.corrector.pseudo_arclength(y, special.y, ray.tangent, distance, ray.piece):
             raise ValueError("no solution was found along the ray; try another distance")
@@ -278,11 +280,14 @@ class Follower:
         Returns:
             The branch from ``start`` on.
         """
-        branch, b, first = Branch([start]), self.bordered, 0
+        branch = Branch([start])
+        b = self.bordered
+        first = 0
         before = b.solver.factorisations, b.solver.solves
         h, low, high = self.control.initial, *gamma_range
         if stepping is not None:
-            first, h = stepping.index, stepping.next_step
+            first = stepping.index
+            h = stepping.next_step
             self.restore(stepping)
         observer = told(b, observer, start)
         observer.begin(branch_id, Task((low, high), b.gamma_scale, self.control, max_steps))
@@ -291,7 +296,9 @@ class Follower:
         for index in range(first + 1, max_steps + 1):
             new, special, h = self._steps.step(point, h)
             if new is None:
-                new, special, h = self._beyond_kink(point, (low, high)), [], self.control.initial
+                new = self._beyond_kink(point, (low, high))
+                special = []
+                h = self.control.initial
             if new is None:
                 branch.reason = f"no step of at least {self.control.minimum:g} succeeds"
                 if self.system.kinks_in_gamma:
@@ -299,7 +306,8 @@ class Follower:
                 break
             node = any(s.kind == "bifurcation" for s in special)
             if not node and self._is_closed(origin or start, point, new):
-                new, special = origin or start, [s for s in special if s.smooth]
+                new = origin or start
+                special = [s for s in special if s.smooth]
                 branch.reason = CLOSED
             elif not low <= new.gamma <= high:
                 new, special = self._steps.end_at(point, new, special, (low, high))
@@ -335,7 +343,8 @@ class Follower:
 
         None if there is none, or the branch does not go on continuously with the same statuses.
         """
-        b, slope = self.bordered, self.bordered.gamma(point.tangent)
+        b = self.bordered
+        slope = self.bordered.gamma(point.tangent)
         if not self.system.kinks_in_gamma or slope == 0:
             return None
         low, high = gamma_range
@@ -351,7 +360,8 @@ class Follower:
         except ValueError as error:
             logger.info("no way beyond gamma = %g: %s", point.gamma, error)
             return None
-        moved, onwards = new.y - point.y, b.gamma(new.tangent)
+        moved = new.y - point.y
+        onwards = b.gamma(new.tangent)
         distance = math.sqrt(b.inner(moved, moved))
         moved.destroy()
         most = abs(gamma - point.gamma) * (1 / abs(slope) + 1 / abs(onwards)) if onwards else 0.0
@@ -369,12 +379,14 @@ class Follower:
 
     def _is_closed(self, start: BranchPoint, point: BranchPoint, new: BranchPoint) -> bool:
         """Whether the step from ``point`` to ``new`` passes the start in the sense of the start."""
-        b, comm = self.bordered, self.bordered.comm
+        b = self.bordered
+        comm = self.bordered.comm
         same = bool(np.array_equal(start.piece.codes, point.piece.codes))
         if point is start or not comm.allreduce(same, op=_all):
             return False
         back = start.y - point.y
-        along, size = b.inner(point.tangent, back), b.inner(back, back)
+        along = b.inner(point.tangent, back)
+        size = b.inner(back, back)
         end = b.inner(point.tangent, new.y) - b.inner(point.tangent, point.y)
         beside = max(size - along**2, 0.0)
         forwards = b.inner(point.tangent, start.tangent) > self.control.cosine
@@ -388,7 +400,8 @@ class Follower:
 
         Between two points of the branch gamma is taken to pass a value once.
         """
-        b, found = self.bordered, []
+        b = self.bordered
+        found = []
         for a, c in pairwise(branch.points):
             if a.gamma == gamma:
                 found.append(a)
@@ -408,7 +421,9 @@ class Follower:
 
     def _require_parameter(self, y: PETSc.Vec, piece: Piece) -> None:
         x, gamma = self.bordered.split(y)
-        c, probe, size = self.system.create_vector(), self.system.probe(3), 0.0
+        c = self.system.create_vector()
+        probe = self.system.probe(3)
+        size = 0.0
         # It may vanish at one gamma, or on the branch, without being absent.
         probe.scale((1e-3 * x.norm() or 1e-8) / probe.norm())
         probe.axpy(1.0, x)
@@ -434,7 +449,8 @@ class Follower:
 
 def _steps(corrector: Corrector, locate: Locate | None) -> ExactSteps:
     """Steps that pass kinks as `StepControl.kinks` says."""
-    system, kinks = corrector.bordered.system, corrector.control.kinks
+    system = corrector.bordered.system
+    kinks = corrector.control.kinks
     if kinks is None:
         kinks = "batched" if system.has_many_pieces else "exact"
     if kinks == "batched":

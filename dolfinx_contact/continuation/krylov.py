@@ -54,7 +54,8 @@ class Krylov(BorderedSolver):
     """
 
     precision = 1e-8
-    many_sides, corrects = False, True
+    many_sides = False
+    corrects = True
     defaults = {"ksp_type": "fgmres", "ksp_gmres_restart": 200, "ksp_max_it": 200}
 
     def __init__(self, layout: Layout, prefix: str, preconditioner: Preconditioner):
@@ -63,7 +64,8 @@ class Krylov(BorderedSolver):
         self._c, self._v, self._w, self._f, self._x = (
             self.system.create_vector() for _ in range(5)
         )
-        self._r, self._d = layout.vector(), layout.vector()
+        self._r = layout.vector()
+        self._d = layout.vector()
         self._corner = self._s = 0.0
         n = self._r.getLocalSize()
         self.matrix = PETSc.Mat().createPython(((n, None), (n, None)), _Product(self), self.comm)
@@ -129,7 +131,9 @@ class Krylov(BorderedSolver):
     ) -> bool:
         if not self._regular:
             return False
-        r, d, layout = self._r, self._d, self.layout
+        r = self._r
+        d = self._d
+        layout = self.layout
         if near is None:
             self.eliminate(rhs, out)
         else:
@@ -148,7 +152,8 @@ class Krylov(BorderedSolver):
             r.array[-1] = 0.0
         # Both parts of the equation f = A x + gamma c count: of tangents f is zero.
         size = max(layout.split(rhs)[0].norm(), abs(layout.gamma(out)) * self._c.norm())
-        start, least = r.norm(), max(rtol, _PRECISE) * size
+        start = r.norm()
+        least = max(rtol, _PRECISE) * size
         if not np.isfinite(start):
             return False
         if start > least:
@@ -178,7 +183,9 @@ class Krylov(BorderedSolver):
     def determinant_sign(self) -> float:
         if self._sign is None:
             self._sign = 0.0
-            rhs, out, probe = self.layout.vector(), self.layout.vector(), self.system.probe(0)
+            rhs = self.layout.vector()
+            out = self.layout.vector()
+            probe = self.system.probe(0)
             self.layout.join(probe, 0.0, rhs)
             self.probe(rhs, out)
             for thing in (probe, rhs, out):

@@ -23,7 +23,8 @@ class Layout:
     """
 
     def __init__(self, system: System):
-        self.system, self.comm = system, system.comm
+        self.system = system
+        self.comm = system.comm
         self.last = self.comm.rank == self.comm.size - 1
         self.x = system.create_vector()
         self.local, self.size = self.x.getLocalSize(), self.x.getSize()

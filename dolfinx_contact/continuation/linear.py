@@ -36,7 +36,9 @@ class BorderedSolver(ABC):
     matrix: PETSc.Mat
 
     def __init__(self, layout: Layout, prefix: str):
-        self.layout, self.system, self.comm = layout, layout.system, layout.comm
+        self.layout = layout
+        self.system = layout.system
+        self.comm = layout.comm
         self.prefix = prefix
         self.factorisations = self.solves = 0
 

@@ -83,7 +83,9 @@ class SteppingSteps(FreeSteps):
 
     def _try(self, point: BranchPoint, t: PETSc.Vec, h: float) -> BranchPoint | None:
         """The point at the distance ``h`` along ``t``, if it does not lie behind ``point``."""
-        b, y, improved = self.bordered, point.y.copy(), t.copy()
+        b = self.bordered
+        y = point.y.copy()
+        improved = t.copy()
         y.axpy(h, t)
         ok = self.corrector.moore_penrose(y, improved, None)
         improved.destroy()

@@ -57,7 +57,8 @@ class Pivoting:
     """
 
     def __init__(self, system: System, condensed: Condensed, *, gamma_scale: float):
-        self.system, self.condensed = system, condensed
+        self.system = system
+        self.condensed = condensed
         self.bordered = Bordered(system, gamma_scale=gamma_scale)
         self._unit = 0.0
         self._recent: list[AffinePiece] = []
@@ -109,12 +110,16 @@ class Pivoting:
 
         The system is left at the end of the branch. Arguments as in `Follower.run`.
         """
-        b, branch, point, first = self.bordered, Branch([start]), start, 0
+        b = self.bordered
+        branch = Branch([start])
+        point = start
+        first = 0
         if stepping is not None:
             first = stepping.index
             self.restore(stepping)
         w, ray = self._state(point)
-        origin, (low, high) = origin or start, gamma_range
+        origin = origin or start
+        low, high = gamma_range
         w_origin = self._state(origin)[0]
         observer = told(b, observer, start)
         observer.begin(branch_id, Task((low, high), b.gamma_scale, StepControl(), max_steps))
@@ -127,7 +132,8 @@ class Pivoting:
             ahead = high - point.gamma if ray.rate > 0 else point.gamma - low
             special: list[SpecialPoint] = []
             if self._passes(w, ray, length, w_origin, origin) and point is not start:
-                point, branch.reason = origin, CLOSED
+                point = origin
+                branch.reason = CLOSED
             elif ray.rate != 0 and length >= ahead:
                 gamma = high if ray.rate > 0 else low
                 w = self._moved(w, gamma, ahead, ray)
@@ -159,7 +165,8 @@ class Pivoting:
 
     def restore(self, stepping: Stepping) -> None:
         """Know again what was known at a point that was followed to before."""
-        self.bordered.x_scale, self._unit = stepping.x_scale, stepping.largest_distance
+        self.bordered.x_scale = stepping.x_scale
+        self._unit = stepping.largest_distance
 
     def _stepping(self, index: int) -> Stepping:
         return Stepping(index, 0.0, self.bordered.x_scale, self._unit)
@@ -216,11 +223,15 @@ class Pivoting:
         self, w: Array, gamma: float, ray: AffineRay, length: float
     ) -> tuple[BranchPoint, SpecialPoint, AffineRay | None]:
         """The vertex (w, gamma), what is special about it, and the ray by which to go on."""
-        affine, tolerance = self.condensed.system, TOLERANCE * self._unit
+        affine = self.condensed.system
+        tolerance = TOLERANCE * self._unit
         held = affine.statuses_at(w, tolerance)
         kinked = np.flatnonzero(held.sum(axis=1) > 1)
         before = self._piece(ray.codes) if ray.rate != 0 else None
-        rays, complete, found, method = [], False, [], ""
+        rays = []
+        complete = False
+        found = []
+        method = ""
         self._unit = max(self._unit, float(np.abs(w).max(initial=0.0)))
         if len(kinked) == 1 and before is not None:
             i = int(kinked[0])
@@ -231,13 +242,15 @@ class Pivoting:
             prove = partial(self.system.prove_rays, self.condensed)
             ways = outgoing(affine.tangent_cone(w, tolerance), [back], prove=prove)
             rays = [r for r in ways.rays if not same_direction(r, back)]
-            complete, method = ways.complete, ways.method
+            complete = ways.complete
+            method = ways.method
             if self.bordered.comm.rank == 0:
                 logger.info("gamma = %.10g: %d rays by %s", gamma, len(ways.rays), ways.method)
         rays.sort(key=lambda r: (r.rate != ray.rate, -_cosine(r, ray)))
         onwards = rays[0] if rays else None
         point = self._point(w, gamma, onwards or ray, length)
-        y, parity = point.y, 0
+        y = point.y
+        parity = 0
         if onwards is None:
             end = SpecialPoint("end", False, gamma, y, 0, complete=complete, method=method)
             return point, end, None
@@ -282,7 +295,8 @@ class Pivoting:
     def _point(self, w: Array, gamma: float, ray: AffineRay, length: float) -> BranchPoint:
         b = self.bordered
         self._unit = max(self._unit, float(np.abs(w).max(initial=0.0)))
-        x, y = self.system.create_vector(), b.vector()
+        x = self.system.create_vector()
+        y = b.vector()
         self.condensed.expand(w, gamma, x)
         b.join(x, gamma, y)
         tangent = self._tangent(w, gamma, ray, x)
@@ -293,13 +307,15 @@ class Pivoting:
         self, w: Array, gamma: float, ray: AffineRay, x: PETSc.Vec | None = None
     ) -> PETSc.Vec:
         """The unit tangent of a ray that leaves (w, gamma), whose state is ``x`` if it is known."""
-        b, there = self.bordered, self.system.create_vector()
+        b = self.bordered
+        there = self.system.create_vector()
         here = self.system.create_vector() if x is None else x
         if x is None:
             self.condensed.expand(w, gamma, here)
         self.condensed.expand(w + ray.direction, gamma + ray.rate, there)
         there.axpy(-1.0, here)
-        t, y = b.vector(), b.vector()
+        t = b.vector()
+        y = b.vector()
         b.join(there, ray.rate, t)
         b.join(here, gamma, y)
         there.destroy()

@@ -56,7 +56,8 @@ def points_at(
         route=route,
         points=len(branch.points),
     )
-    first, x = branch.points[0], system.create_vector()
+    first = branch.points[0]
+    x = system.create_vector()
     x.array[:] = first.y.array_r[: x.getLocalSize()]
     scale = high - low
     with (

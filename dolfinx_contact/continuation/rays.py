@@ -75,7 +75,8 @@ class Rays:
 
 def step(system: AffineSystem, codes: Codes, w: Array, direction: Array) -> float:
     """How far a state can go in a direction before an inequality is violated; maybe infinitely."""
-    slack, rate = system.slacks(codes, w), system.slacks(codes, direction)
+    slack = system.slacks(codes, w)
+    rate = system.slacks(codes, direction)
     falling = np.isfinite(slack) & (rate < -TOLERANCE * np.abs(direction).max(initial=0.0))
     return float(np.min(np.maximum(slack[falling], 0.0) / -rate[falling], initial=np.inf))
 
@@ -94,7 +95,8 @@ def neighbours(
         new = piece.neighbour(np.array([kinked]), np.array([code], dtype=np.int8))
         if new is None:
             continue
-        w_1, C = new.coefficients[1], new.system.inequalities[kinked, code]
+        w_1 = new.coefficients[1]
+        C = new.system.inequalities[kinked, code]
         rate = (C @ w_1[kinked])[np.abs(C @ w[kinked]) <= tolerance]
         least = -TOLERANCE * np.abs(w_1).max(initial=0.0)
         found += [(new, sense) for sense in (1.0, -1.0) if (sense * rate >= least).all()]
@@ -133,7 +135,8 @@ def outgoing(
     pieces = number_of_pieces(cone)
     if pieces <= MOST_PIECES:
         wide: list[Codes] = []
-        found, doubt = list(known), ""
+        found = list(known)
+        doubt = ""
         try:
             with np.errstate(over="ignore", invalid="ignore"):
                 found += _enumerate(cone, choices, wide)
@@ -184,21 +187,28 @@ def _enumerate(
         FloatingPointError: at the end, if of some pieces nothing can be said for round-off.
     """
     doubt = ""
-    m, d = cone.points, cone.bases.shape[3]
+    m = cone.points
+    d = cone.bases.shape[3]
     kinked = np.array([i for i, c in enumerate(choices) if len(c) > 1], dtype=int)
-    codes, N = np.array([c[0] for c in choices], dtype=np.int8), len(cone.rate)
+    codes = np.array([c[0] for c in choices], dtype=np.int8)
+    N = len(cone.rate)
     held = np.setdiff1d(np.arange(m), kinked)
     fixed: Array = cone.pieced(codes).reshape(N, m, d)[:, held].reshape(N, d * len(held))
     singular = len(held) > 0 and np.linalg.matrix_rank(fixed) < d * len(held)
     if len(kinked) == 0 or singular:
-        kinked, held, fixed = np.arange(m), held[:0], fixed[:, :0]
+        kinked = np.arange(m)
+        held = held[:0]
+        fixed = fixed[:, :0]
     width = fixed.shape[1]
     Q = np.linalg.qr(fixed, mode="complete")[0][:, width:]
-    M, q = np.einsum("np,nmk->pmk", Q, cone.matrix[:, kinked]), Q.T @ cone.rate
+    M = np.einsum("np,nmk->pmk", Q, cone.matrix[:, kinked])
+    q = Q.T @ cone.rate
     # Of every kinked point, in every status: its columns of A.
     columns = np.einsum("pmk,mskd->mspd", M, cone.bases[kinked])
     every = itertools.product(*(choices[i] for i in kinked))
-    B, C, points = cone.bases[kinked], cone.inequalities[kinked], np.arange(len(kinked))
+    B = cone.bases[kinked]
+    C = cone.inequalities[kinked]
+    points = np.arange(len(kinked))
     while chunk := list(itertools.islice(every, _CHUNK)):
         statuses = np.array(chunk, dtype=np.int8).reshape(len(chunk), len(kinked))
         A = columns[points, statuses]  # (pieces, points, p, d)
@@ -266,7 +276,8 @@ def _inside(
     rate: float,
 ) -> Iterator[AffineRay]:
     """The ray of a kernel vector, in the senses in which it is inside its cones."""
-    B, w = cone.bases[np.arange(cone.points), codes], np.zeros(cone.matrix.shape[1:])
+    B = cone.bases[np.arange(cone.points), codes]
+    w = np.zeros(cone.matrix.shape[1:])
     w[kinked] = np.einsum("mkd,md->mk", B[kinked], z.reshape(len(kinked), -1))
     quick = cone.slacks(codes, w)[kinked]
     largest = np.abs(w).max(initial=0.0)
@@ -297,12 +308,15 @@ def _unfold(
     tries: int,
     seed: int,
 ) -> Rays:
-    rays, idle, count = _distinct([*known, *_by_newton(cone, choices)]), 0, 0
+    rays = _distinct([*known, *_by_newton(cone, choices)])
+    idle = 0
+    count = 0
     random = np.random.default_rng(seed)
     while idle < tries:
         codes, w = _random_state(cone, choices, random)
         unfolded = replace(cone, load=np.einsum("nmk,mk->n", cone.matrix, w))
-        before, ends = len(rays), list[AffineRay]()
+        before = len(rays)
+        ends = list[AffineRay]()
         piece = unfolded.piece(codes)
         if piece is not None:
             found = (_far_end(piece, 0.0, sense) for sense in (1.0, -1.0))
@@ -311,7 +325,8 @@ def _unfold(
             if not any(same_direction(ray, end) for end in ends):
                 ends += [end for end in [_other_end(unfolded, ray)] if end is not None]
         rays = _distinct([*rays, *ends])
-        idle, count = (idle + 1 if len(rays) == before else 0), count + 1
+        idle = idle + 1 if len(rays) == before else 0
+        count = count + 1
     return Rays(tuple(rays), False, f"{count} unfoldings of {len(choices)} points")
 
 
@@ -320,7 +335,8 @@ def _random_state(
 ) -> tuple[Codes, Array]:
     """Random statuses, and a random state inside their cones."""
     codes = np.array([random.choice(c) for c in choices], dtype=np.int8)
-    B, w = cone.bases[np.arange(cone.points), codes], np.zeros(cone.matrix.shape[1:])
+    B = cone.bases[np.arange(cone.points), codes]
+    w = np.zeros(cone.matrix.shape[1:])
     outside = np.ones(cone.points, dtype=bool)
     for _ in range(100):
         z = random.standard_normal((cone.points, B.shape[2]))
@@ -356,7 +372,8 @@ def _far_end(piece: AffinePiece, gamma: float, sense: float) -> AffineRay | None
     for _ in range(50 * unfolded.points):
         direction = sense * piece.coefficients[1]
         s_0, s_1 = piece.slack_coefficients
-        slack, rate = s_0 + gamma * s_1, sense * s_1
+        slack = s_0 + gamma * s_1
+        rate = sense * s_1
         falling = rate < -TOLERANCE * np.abs(direction).max(initial=0.0)
         falling &= np.isfinite(slack)
         if not falling.any():

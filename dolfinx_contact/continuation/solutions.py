@@ -106,9 +106,11 @@ class Solutions:
             system: that they solve.
             found: which, by default all.
         """
-        layout, points = Layout(system), []
+        layout = Layout(system)
+        points = []
         for s in self.found if found is None else found:
-            y, nothing = layout.vector(), layout.vector()
+            y = layout.vector()
+            nothing = layout.vector()
             layout.join(s.x, self.gamma, y)
             nothing.set(0.0)
             points.append(BranchPoint(y, nothing, s.piece, self.gamma, 0.0, 0))
@@ -162,7 +164,9 @@ def find_solutions(
         for name, states in dict(guesses=guesses, known=known, lengths=lengths).items():
             if isinstance(states, str) or not isinstance(states, Iterable):
                 raise ValueError(f"{name} must be a list, got {states!r}")
-        guesses, known, lengths = list(guesses), list(known), list(lengths)
+        guesses = list(guesses)
+        known = list(known)
+        lengths = list(lengths)
         if not guesses:
             raise ValueError("at least one guess is needed")
         positive = all(is_number(part) and 0 < part < np.inf for part in lengths)
@@ -236,7 +240,8 @@ def _found(
         first, tried = deflated.first(guesses, solutions)
         if first is not None:
             solutions.append(first)
-        runs, fruitless = 0, False
+        runs = 0
+        fruitless = False
         while not fruitless:
             fruitless = True
             starts = [(guess, piece) for guess in guesses for piece in deflated.pieces(guess)]
@@ -319,7 +324,8 @@ def _of_cones(system: System, x: PETSc.Vec, gamma: float, seconds: float) -> Sol
 
 def _same(condensed: Condensed, a: Solution, b: Solution) -> bool:
     """Whether two solutions are one. Collective."""
-    v, w = condensed.contract(a.x), condensed.contract(b.x)
+    v = condensed.contract(a.x)
+    w = condensed.contract(b.x)
     return bool(np.abs(v - w).max() <= 1e-7 * max(float(np.abs(v).max()), 1e-300))
 
 
@@ -327,8 +333,10 @@ class _Deflated:
     """Newton's method on m(x) H(x) at fixed gamma."""
 
     def __init__(self, system: System, gamma: float, max_iterations: int, tolerance: float):
-        self.system, self.gamma = system, gamma
-        self.max_iterations, self.tolerance = max_iterations, tolerance
+        self.system = system
+        self.gamma = gamma
+        self.max_iterations = max_iterations
+        self.tolerance = tolerance
         self.bordered = Bordered(system, gamma_scale=1.0, prefix="deflation_")
         b = self.bordered
         self._y, self._dy, self._rhs = (b.vector() for _ in range(3))
@@ -395,7 +403,8 @@ class _Deflated:
 
         The first step is a whole one on ``piece``, if there is one.
         """
-        b, x = self.bordered, guess.copy()
+        b = self.bordered
+        x = guess.copy()
         squares = [part**2 * self._product(guess, other)[0] or 1.0 for other in known]
         for _ in range(self.max_iterations):
             error = self.system.residual(x, self.gamma, self._h, piece)

@@ -49,8 +49,10 @@ class ExactSteps:
     """
 
     def __init__(self, corrector: Corrector):
-        self.corrector, self.control = corrector, corrector.control
-        self.bordered, self.system = corrector.bordered, corrector.bordered.system
+        self.corrector = corrector
+        self.control = corrector.control
+        self.bordered = corrector.bordered
+        self.system = corrector.bordered.system
         self.test = BifurcationTest(self.bordered)
         #: Of all events so far.
         self.largest_distance = 0.0
@@ -74,9 +76,11 @@ class ExactSteps:
         self, point: BranchPoint, h: float
     ) -> tuple[BranchPoint | None, list[SpecialPoint], float]:
         """The next point, special points on the way to it, and the next step length."""
-        control, b = self.control, self.bordered
+        control = self.control
+        b = self.bordered
         while h >= control.minimum:
-            y, t = point.y.copy(), point.tangent.copy()
+            y = point.y.copy()
+            t = point.tangent.copy()
             y.axpy(h, point.tangent)
             if not self.corrector.moore_penrose(y, t, point.piece):
                 h *= control.decrease
@@ -133,7 +137,8 @@ class ExactSteps:
             y: where the corrector ended.
             tangent: there.
         """
-        b, away = self.bordered, y - point.y
+        b = self.bordered
+        away = y - point.y
         length = self._length(away)
         along = b.inner(away, point.tangent)
         least = self.control.cosine
@@ -266,13 +271,20 @@ class ExactSteps:
         them is looked for by halving the bracket. Points are corrected from the line between the
         ends.
         """
-        b, comm = self.bordered, self.bordered.comm
-        y_low, piece = point.y, point.piece
-        low, high = 0.0, b.inner(point.tangent, y_high) - b.inner(point.tangent, point.y)
+        b = self.bordered
+        comm = self.bordered.comm
+        y_low = point.y
+        piece = point.piece
+        low = 0.0
+        high = b.inner(point.tangent, y_high) - b.inner(point.tangent, point.y)
         reach = self._length(y_high - point.y)
         e_low, e_high = (self._events(y, piece) for y in (y_low, y_high))
-        w_low, w_high = 1.0, 1.0
-        end, s, y, side = high, high, y_high, 0
+        w_low = 1.0
+        w_high = 1.0
+        end = high
+        s = high
+        y = y_high
+        side = 0
         for _ in range(60):
             fraction = reached(e_low, e_high, (w_low, w_high))
             first = comm.allreduce(float(np.min(fraction, initial=np.inf)), op=min)
@@ -291,10 +303,18 @@ class ExactSteps:
                 break
             if least < 0:
                 w_low = w_low / 2 if side > 0 else w_low
-                high, e_high, w_high, y_high, side = s, events, 1.0, y, 1
+                high = s
+                e_high = events
+                w_high = 1.0
+                y_high = y
+                side = 1
             else:
                 w_high = w_high / 2 if side < 0 else w_high
-                low, e_low, w_low, y_low, side = s, events, 1.0, y, -1
+                low = s
+                e_low = events
+                w_low = 1.0
+                y_low = y
+                side = -1
         return s, y
 
     def _length(self, away: PETSc.Vec) -> float:
@@ -310,12 +330,14 @@ class ExactSteps:
 
     def turned(self, t: PETSc.Vec, new: PETSc.Vec) -> bool:
         """Whether gamma turns back between two tangents."""
-        a, c = self.bordered.gamma(t), self.bordered.gamma(new)
+        a = self.bordered.gamma(t)
+        c = self.bordered.gamma(new)
         return a * c < 0 and min(abs(a), abs(c)) > 1e-9 * self.bordered.gamma_scale
 
     def smooth_points(self, point: BranchPoint, new: BranchPoint) -> list[SpecialPoint]:
         """Folds and bifurcations between two points of a piece, in order."""
-        b, special = self.bordered, []
+        b = self.bordered
+        special = []
         if self.turned(point.tangent, new.tangent):
             slopes = b.gamma(point.tangent), b.gamma(new.tangent)
             found = self.locate(point, new.y, slopes, lambda _y, t: b.gamma(t), piece=point.piece)
@@ -376,11 +398,17 @@ class ExactSteps:
         bracket (at first a parabola), whose distance from the branch falls with its square: so none
         is found on another branch that crosses nearby.
         """
-        b, y_low = self.bordered, point.y
+        b = self.bordered
+        y_low = point.y
         end = b.inner(point.tangent, y_high) - b.inner(point.tangent, y_low)
-        low, high, (f_low, f_high) = 0.0, end, values
+        low = 0.0
+        high = end
+        f_low, f_high = values
         reach = self._length(y_high - y_low)
-        y, s, f, side = None, 0.0, np.inf, 0
+        y = None
+        s = 0.0
+        f = np.inf
+        side = 0
         for _ in range(100):
             fraction = -f_low / (f_high - f_low)
             s = low + fraction * (high - low)
@@ -397,7 +425,8 @@ class ExactSteps:
             tangent = self.corrector.tangent(found, point.tangent, piece)
             if tangent is None:
                 break
-            y, f = found, function(found, tangent)
+            y = found
+            f = function(found, tangent)
             if not np.isfinite(f):
                 break
             if abs(f) <= b.solver.precision * max(
@@ -405,10 +434,16 @@ class ExactSteps:
             ) or high - low <= 1e-13 * abs(end):
                 break
             if f * f_low > 0:
-                low, f_low, y_low, f_high = s, f, y, f_high / (2 if side < 0 else 1)
+                low = s
+                f_low = f
+                y_low = y
+                f_high = f_high / (2 if side < 0 else 1)
                 side = -1
             else:
-                high, f_high, y_high, f_low = s, f, y, f_low / (2 if side > 0 else 1)
+                high = s
+                f_high = f
+                y_high = y
+                f_low = f_low / (2 if side > 0 else 1)
                 side = 1
         # A change of sign through infinity is no zero.
         return (s, y) if y is not None and abs(f) < 1e-3 * min(abs(v) for v in values) else None

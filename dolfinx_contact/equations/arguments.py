@@ -31,7 +31,8 @@ def lists(surfaces: Any, bcs: Any) -> tuple[list[ContactSurface], list[fem.Diric
     if isinstance(surfaces, ContactSurface) or isinstance(bcs, fem.DirichletBC):
         raise ValueError("surfaces and bcs must be lists")
     try:
-        surfaces, bcs = list(surfaces), list(bcs)
+        surfaces = list(surfaces)
+        bcs = list(bcs)
     except TypeError:
         raise ValueError("surfaces and bcs must be lists") from None
     if not all(isinstance(s, ContactSurface) for s in surfaces):

@@ -39,7 +39,8 @@ def automatic_augmentation(
     Raises:
         ValueError: if the stiffness is zero or not finite. Collective.
     """
-    comm, bs = V.mesh.comm, V.dofmap.index_map_bs
+    comm = V.mesh.comm
+    bs = V.dofmap.index_map_bs
     n = V.dofmap.index_map.size_local * bs
     diagonal = fem.Function(V)
     diagonal.x.array[:n] = np.abs(K.getDiagonal().array)
@@ -52,7 +53,8 @@ def automatic_augmentation(
     )
     per_node = diagonal.x.array.reshape(-1, bs).mean(axis=1)
     around = surfaces[0].axisymmetric
-    automatic, at_vertices = [], []
+    automatic = []
+    at_vertices = []
     soft = np.sqrt(min(2.0 * softness(K, V, axisymmetric=around), 1.0))
     for s in surfaces:
         # Of two bodies that touch both yield.
@@ -92,7 +94,8 @@ def softness(K: PETSc.Mat, V: fem.FunctionSpace, *, axisymmetric: bool = False) 
     0.73 for Poisson's ratio 0.3 and 0.008 for 0.499. Of a body of revolution they are (r, 0), with
     the same strain around, (0, z) and (0, r).
     """
-    dim, n = V.mesh.geometry.dim, V.dofmap.index_map.size_local
+    dim = V.mesh.geometry.dim
+    n = V.dofmap.index_map.size_local
     x = V.tabulate_dof_coordinates()[:n, :dim]
     gradients = [np.diag(row) for row in np.eye(dim)]
     for i, j in combinations(range(dim), 2):

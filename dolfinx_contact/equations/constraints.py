@@ -52,7 +52,9 @@ class Constraints:
         surfaces: Sequence[ContactSurface],
         bcs: Sequence[fem.DirichletBC],
     ):
-        self._V, self._bcs, self._told = V, list(bcs), False
+        self._V = V
+        self._bcs = list(bcs)
+        self._told = False
         # A value may itself be NaN, so a component is fixed if either filling is overwritten.
         self.fixed = np.isfinite(self.values()) | np.isnan(self.values(fill=0.0))
         crossing, crossed = crossings(V, surfaces, self.fixed)
@@ -101,12 +103,15 @@ class Constraints:
 
     def _warn_of_contradictions(self) -> None:
         """Warn, once, of nodes with two values for one component. Collective."""
-        V, comm = self._V, self._V.mesh.comm
+        V = self._V
+        comm = self._V.mesh.comm
         if self._told or len(self._bcs) < 2:
             return
-        bs, n = V.dofmap.index_map_bs, V.dofmap.index_map.size_local * V.dofmap.index_map_bs
+        bs = V.dofmap.index_map_bs
+        n = V.dofmap.index_map.size_local * V.dofmap.index_map_bs
         held: npt.NDArray[np.float64] = np.full(self.fixed.size, np.nan)
-        mine, pairs = np.empty_like(held), []
+        mine = np.empty_like(held)
+        pairs = []
         for bc in self._bcs:
             mine[:] = np.nan
             bc.set(mine)
@@ -286,7 +291,8 @@ def _nodes(s: ContactSurface) -> npt.NDArray[np.int64]:
 
 def _node_normals(s: ContactSurface) -> npt.NDArray[np.float64]:
     """Normals at the local multiplier nodes, from those at the vertices."""
-    normals, component = fem.Function(s.Q), fem.Function(s.points.vertices)
+    normals = fem.Function(s.Q)
+    component = fem.Function(s.points.vertices)
     for i in range(s.dim):
         component.x.array[:] = s.points.vertex_normals[:, i]
         normals.sub(i).interpolate(component)

@@ -78,8 +78,13 @@ class ContactEquations:
         r: float | None,
         options: ProblemOptions,
     ):
-        self.bulk, self.V, self.comm, self.dim = bulk, V, V.mesh.comm, V.mesh.geometry.dim
-        self.surfaces, self.bcs, self.options = list(surfaces), list(bcs), options
+        self.bulk = bulk
+        self.V = V
+        self.comm = V.mesh.comm
+        self.dim = V.mesh.geometry.dim
+        self.surfaces = list(surfaces)
+        self.bcs = list(bcs)
+        self.options = options
         check_overlap(self.surfaces)
         self.axisymmetric = self.surfaces[0].axisymmetric
         for s in self.surfaces:
@@ -153,7 +158,8 @@ class ContactEquations:
             statuses: by which the laws are taken; by default those that the state asks for.
         """
         self.refresh()
-        u, q = self.displacement(x), self.motions(x)
+        u = self.displacement(x)
+        q = self.motions(x)
         with logged("ContactStatus"):
             return State(u, q, self._contact(x, u, q, statuses))
 
@@ -167,12 +173,14 @@ class ContactEquations:
     def _contact(
         self, x: PETSc.Vec, u: Array, q: Array, statuses: Statuses | None
     ) -> list[ContactState]:
-        found, parts = [], self.blocks(x)
+        found = []
+        parts = self.blocks(x)
         held = [None] * len(self.surfaces) if statuses is None else statuses
         for i, (s, codes) in enumerate(zip(self.surfaces, held, strict=True)):
             removed = self.constraints.removed[i].reshape(-1)[: self.owned_sizes[i + 1]]
             multipliers = np.where(removed, 0.0, self.units[i + 1] * parts[i + 1])
-            jump, traction = self.relative_jump(s, u, q), s.points.traction(multipliers)
+            jump = self.relative_jump(s, u, q)
+            traction = s.points.traction(multipliers)
             data = s.data_at(jump)
             answers = s.law_at_points(jump, traction, data, codes)
             codes = answers.asked if codes is None else codes
@@ -205,10 +213,13 @@ class ContactEquations:
             statuses: by which the laws are taken; by default those that the state asks for.
         """
         self.refresh()
-        u, q, n = self.displacement(x), self.motions(x), self.owned_sizes[0]
+        u = self.displacement(x)
+        q = self.motions(x)
+        n = self.owned_sizes[0]
         with logged("ContactStatus"):
             contact = self._contact(x, u, q, statuses)
-        prescribed, motion = self.prescribed.values().reshape(-1), self.prescribed_motions()
+        prescribed = self.prescribed.values().reshape(-1)
+        motion = self.prescribed_motions()
         missing = np.where(self.fixed, prescribed - u, 0.0)
         missing_q = np.where(self.rigid.fixed, motion - q, 0.0)
         any_missing = self._any(missing, missing_q)
@@ -274,7 +285,8 @@ class ContactEquations:
             loads: on the rigid bodies, 0 where their motion is prescribed.
             motions: of what is prescribed to these, 0 elsewhere.
         """
-        n, u = self.owned_sizes[0], state.u
+        n = self.owned_sizes[0]
+        u = state.u
         moving = self._any(dirichlet, motions)
         rows = body.copy()
         if moving:
@@ -302,7 +314,9 @@ class ContactEquations:
 
     def gaps(self, s: ContactSurface, state: State) -> Array:
         """Gap of the displacement at the points of ``s`` as the law has it, but no averages."""
-        points, u, q = s.points, state.u, state.q
+        points = s.points
+        u = state.u
+        q = state.q
         if s.method != "mixed":
             jump = self.relative_jump(s, u, q)
             data = s.data_at(jump)

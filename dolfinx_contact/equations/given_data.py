@@ -80,7 +80,8 @@ def data_of_surface(s: ContactSurface) -> list[Datum]:
     """What stands in the obstacle and in the law of a surface."""
     obstacle = getattr(s.obstacle, "shape", s.obstacle)
     parts = [f.name for f in fields(obstacle)] if is_dataclass(obstacle) else []
-    kind, found = type(obstacle).__name__, []
+    kind = type(obstacle).__name__
+    found = []
     for e in (s.given.gap, s.given.normal):
         for d in data_in(e, f"the obstacle {kind} of {s.name!r}"):
             mine = [name for name in parts if getattr(obstacle, name) is d.value]
@@ -101,7 +102,8 @@ def data_within(expressions: Sequence[Any]) -> list[Datum]:
 
 def data_in(e: Any, place: str) -> Iterator[Datum]:
     """Functions, then Constants, in UFL that stands in a place, in words."""
-    is_form, constants = isinstance(e, ufl.Form), extract_constants(e)
+    is_form = isinstance(e, ufl.Form)
+    constants = extract_constants(e)
     for f in e.coefficients() if is_form else ufl.algorithms.extract_coefficients(e):
         yield Datum(place if f is e else f"the Function {f.name!r} in {place}", f)
     for i, c in enumerate(constants, 1):
@@ -141,9 +143,9 @@ class GivenData:
         """Whether all values are those still, on this rank. Not collective."""
         return all(np.array_equal(_values(f), values) for f, values in self._values)
 
-    def agrees(self, other: GivenData, data: Sequence[Datum]) -> bool:
+    def agrees(self, other: GivenData, data: Sequence[fem.Function | fem.Constant]) -> bool:
         """Whether these of the data have the same values in another, on this rank."""
-        wanted = {id(d.value) for d in data}
+        wanted = {id(d) for d in data}
         pairs = zip(self._values, other._values, strict=True)
         return all(np.array_equal(v, w) for (f, v), (_, w) in pairs if id(f) in wanted)
 
@@ -162,7 +164,8 @@ class Constancy:
     """
 
     def __init__(self, comm: MPI.Comm, data: Sequence[Datum]):
-        self._comm, self._data = comm, list(data)
+        self._comm = comm
+        self._data = list(data)
         self._values = [_values(d.value).copy() for d in self._data]
 
     def changed(self) -> str:

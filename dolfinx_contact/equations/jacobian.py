@@ -45,8 +45,10 @@ class _Block:
 
     def entries(self) -> tuple[Indices, Indices]:
         """Rows and columns, in the order of `values`."""
-        u, m = self.bodies, self.multipliers
-        (g, k, d), n = u.shape, m.shape[1]
+        u = self.bodies
+        m = self.multipliers
+        g, k, d = u.shape
+        n = m.shape[1]
         full = (g, n, d, k, d)
         places = [
             (np.broadcast_to(u[:, :, None], (g, k, n, d)), m[:, None]),
@@ -59,10 +61,14 @@ class _Block:
 
     def values(self, state: ContactState) -> Array:
         """Entries of S at a state."""
-        stencils, areas = self.surface.points.stencils, self.surface.points.areas
-        at, e, dim = stencils.points, stencils.multiplier_weights, self.surface.dim
+        stencils = self.surface.points.stencils
+        areas = self.surface.points.areas
+        at = stencils.points
+        e = stencils.multiplier_weights
+        dim = self.surface.dim
         W = areas[at]
-        by_jump, by_traction = state.by_jump[at], np.eye(dim) - state.by_traction[at]
+        by_jump = state.by_jump[at]
+        by_traction = np.eye(dim) - state.by_traction[at]
         weighted = W[..., None] * e
         if stencils.identity:  # one point a group, e = 1
             jump = (
@@ -102,9 +108,11 @@ class ContactTerms:
         # Times a typical stiffness, the diagonal of what is removed or prescribed.
         self._held = np.concatenate([np.ones(len(held)), eq.rigid.here(eq.rigid.fixed)])
         self._blocks: list[tuple[int, _Block | RigidTerms | SpreadTerms]] = []
-        rows, columns = [held, mine], [held, mine]
+        rows = [held, mine]
+        columns = [held, mine]
         for i, s in enumerate(eq.surfaces):
-            stencils, areas = s.points.stencils, s.points.areas
+            stencils = s.points.stencils
+            areas = s.points.areas
             coupling = np.einsum(
                 "gp,gpk,gpl->gkl",
                 areas[stencils.points],
@@ -192,9 +200,12 @@ class Jacobian:
     """
 
     def __init__(self, equations: ContactEquations):
-        self._equations, self._terms = equations, ContactTerms(equations)
-        self._assemblies, eq = -1, equations
-        numbering, n = _Numbering(eq), eq.owned_sizes[0]
+        self._equations = equations
+        self._terms = ContactTerms(equations)
+        self._assemblies = -1
+        eq = equations
+        numbering = _Numbering(eq)
+        n = eq.owned_sizes[0]
         K = eq.bulk.stiffness(eq.bulk.displacement.x.array.copy())
         indptr, columns, _ = K.getValuesCSR()
         mine = numbering.first + np.arange(n, dtype=np.int64)
@@ -202,7 +213,8 @@ class Jacobian:
         known, inverse = np.unique(columns, return_inverse=True)
         places = numbering.dof_places(0, known.astype(np.int64))[inverse]
         fixed = mine[eq.fixed[:n]]
-        self._fixed, self._body = Entries(fixed, fixed), Entries(rows, places)
+        self._fixed = Entries(fixed, fixed)
+        self._body = Entries(rows, places)
         size = sum(eq.owned_sizes)
         parts = self._fixed, self._body, self._terms.entries
         self.matrix = matrix_of(eq.comm, (size, size), *parts)

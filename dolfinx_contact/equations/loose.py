@@ -48,8 +48,11 @@ class LooseMotions:
         *,
         axisymmetric: bool = False,
     ):
-        self._V, self._surfaces, self._bodies = V, list(surfaces), bodies
-        self._axisymmetric, none = axisymmetric, np.zeros((0, *fixed.shape))
+        self._V = V
+        self._surfaces = list(surfaces)
+        self._bodies = bodies
+        self._axisymmetric = axisymmetric
+        none = np.zeros((0, *fixed.shape))
         self.of_body = (
             none if K is None else rigid.free_motions(K, V, fixed, axisymmetric=axisymmetric)
         )
@@ -60,7 +63,8 @@ class LooseMotions:
         ]
 
     def _by_body(self, s: ContactSurface) -> Array:
-        u, n = s.points.B.createVecRight(), self._V.dofmap.index_map.size_local
+        u = s.points.B.createVecRight()
+        n = self._V.dofmap.index_map.size_local
         jumps = np.zeros((len(self.of_body), s.points.number, s.dim))
         for i in range(len(self.of_body)):
             u.array[:] = self.of_body[i, :n].reshape(-1)

@@ -67,15 +67,18 @@ class Scales:
     """
 
     def __init__(self, equations: ContactEquations, *, settled: bool = False):
-        self._equations, self._settled = equations, settled
+        self._equations = equations
+        self._settled = settled
         self.force = self.length = 0.0
 
     def measure(self, state: State) -> Measures:
         """Measures of the rows of H at a state. Collective."""
-        eq, n = self._equations, self._equations.owned_sizes[0]
+        eq = self._equations
+        n = self._equations.owned_sizes[0]
         assert state.reactions is not None
         fixed = eq.fixed[:n]
-        force, dirichlet = _largest(state.rows[0][~fixed]), _largest(state.rows[0][fixed])
+        force = _largest(state.rows[0][~fixed])
+        dirichlet = _largest(state.rows[0][fixed])
         rigid = eq.rigid.here(eq.rigid.fixed)
         force = max(force, _largest(state.rows[-1][~rigid]))
         dirichlet = max(dirichlet, _largest(state.rows[-1][rigid]))
@@ -84,7 +87,8 @@ class Scales:
         # A body that passes where it is undeformed is not at rest.
         lengths = [_largest(state.u), _largest(state.q), eq.bulk.reach]
         lengths.append(dirichlet / eq.stiffness_scale)
-        constraint, cone = [dirichlet / eq.stiffness_scale], [0.0]
+        constraint = [dirichlet / eq.stiffness_scale]
+        cone = [0.0]
         contacts = zip(eq.surfaces, state.surfaces, state.rows[1:-1], strict=True)
         for (s, found, rows), stiffness in zip(contacts, eq.scaling.at_vertices, strict=True):
             length, size, contact = _row_measures(s, found, rows)
@@ -131,17 +135,20 @@ def _row_measures(
     slipping one); in the integral method every row counts as both. Collective.
     """
     points = s.points
-    r, area = points.data.r, points.areas
+    r = points.data.r
+    area = points.areas
     forces = _largest(found.traction * area[:, None])
     if points.E is not None:
-        r, area = points.r, points.vertex_areas
+        r = points.r
+        area = points.vertex_areas
         unit = s.comm.allreduce(_largest(r * area), op=max)
         size = _largest(rows)
         return size / unit, size, _largest(found.traction) * _largest(area)
     rows = rows.reshape(-1, s.dim)
     along = np.sum(rows * found.data.n, axis=1)
     across = np.linalg.norm(rows - along[:, None] * found.data.n, axis=1)
-    touching, stuck = closed(found.statuses), senses(found.statuses) == STICK
+    touching = closed(found.statuses)
+    stuck = senses(found.statuses) == STICK
     # The direction of a slip is known to the shear residual over r, a length as well. Friction may
     # hold an open point.
     lengths = np.where(touching, np.abs(along), 0.0), np.where(touching | stuck, across, 0.0)

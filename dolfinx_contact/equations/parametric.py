@@ -91,8 +91,12 @@ class ParametricEquations(System):
         *,
         driven: Sequence[tuple[fem.Function, Any]] = (),
     ):
-        self.equations, self.constant, self.comm = equations, gamma, equations.comm
-        self._linear, self._scales, rate = linear, Scales(equations), Rate(gamma)
+        self.equations = equations
+        self.constant = gamma
+        self.comm = equations.comm
+        self._linear = linear
+        self._scales = Scales(equations)
+        rate = Rate(gamma)
         self._body_rate = rate.of_form(equations.bulk.residual)
         self._driven = [Driven(f, expression, rate) for f, expression in driven]
         self._rates = [SurfaceRates(s, rate) for s in equations.surfaces]
@@ -109,7 +113,8 @@ class ParametricEquations(System):
         )
         self._offsets = np.concatenate([[0], np.cumsum(counts)]).astype(int)
         self._num_points = self.comm.allreduce(int(self._offsets[-1]))
-        body, driven_by = equations.bulk, [d.not_affine for d in self._driven]
+        body = equations.bulk
+        driven_by = [d.not_affine for d in self._driven]
         curved = [rate.not_affine(body.residual), *driven_by, self._rigid_rates.not_affine]
         #: What makes loads and motions not affine in gamma, in words; "" if they are.
         self.not_affine = next(filter(None, curved), "")
@@ -154,7 +159,9 @@ class ParametricEquations(System):
         By what the data are made of: loads, gaps and fields of the laws are to be affine in it,
         while the stiffness, the normals and the rates by gamma must not hold it.
         """
-        eq, rate, by_gamma = self.equations, Rate(other), Rate(self.constant)
+        eq = self.equations
+        rate = Rate(other)
+        by_gamma = Rate(self.constant)
         if other in eq.bulk.jacobian_constants:
             return "the stiffness depends on it"
         loads = [eq.bulk.residual, *(d.expression for d in self._driven)]
@@ -188,7 +195,8 @@ class ParametricEquations(System):
     def restored(self, *, always: bool = False) -> Iterator[None]:
         functions = [d.function for d in self._driven]
         before = [f.x.array.copy() for f in functions]
-        gamma, done = self.constant.value.copy(), False
+        gamma = self.constant.value.copy()
+        done = False
         try:
             yield
             done = not always
@@ -321,7 +329,8 @@ class ParametricEquations(System):
     def _mass(self) -> PETSc.Mat:
         """Mass matrix of the displacement over the volume and the square of the body's size."""
         V = self.equations.V
-        u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
+        u = ufl.TrialFunction(V)
+        v = ufl.TestFunction(V)
         mass = dolfinx.fem.petsc.assemble_matrix(compiled_form(ufl.inner(u, v) * ufl.dx))
         mass.assemble()
         translation, volume = mass.createVecs()
@@ -335,7 +344,10 @@ class ParametricEquations(System):
         return self.piece(self.contact(x, gamma, None).statuses)
 
     def events(self, x: PETSc.Vec, gamma: float, piece: Piece) -> Events:
-        state, distance, point, target = self.contact(x, gamma, piece), [], [], []
+        state = self.contact(x, gamma, piece)
+        distance = []
+        point = []
+        target = []
         for (s, a, _), found in zip(self.parts(), state.surfaces, strict=True):
             borders = found.answers.borders(found.statuses)
             i, k = np.nonzero(np.isfinite(borders.distance))
@@ -347,9 +359,11 @@ class ParametricEquations(System):
         return Events(np.concatenate(distance)[free], points[free], np.concatenate(target)[free])
 
     def probe(self, seed: int) -> PETSc.Vec:
-        parts, eq = [], self.equations
+        parts = []
+        eq = self.equations
         for V in (eq.V, *(s.Q for s in eq.surfaces)):
-            bs, n = V.dofmap.index_map_bs, V.dofmap.index_map.size_local
+            bs = V.dofmap.index_map_bs
+            n = V.dofmap.index_map.size_local
             # Keyed by coordinates: neither numbering nor ranks matter.
             places = V.tabulate_dof_coordinates()[:n] / eq.body_size
             phase = places @ np.array([12.9898, 78.233, 37.719]) + seed

@@ -29,7 +29,9 @@ class PrescribedDisplacement:
     """
 
     def __init__(self, V: fem.FunctionSpace, constraints: Constraints):
-        self._V, self._constraints, self.part = V, constraints, 1.0
+        self._V = V
+        self._constraints = constraints
+        self.part = 1.0
         self._start: npt.NDArray[np.float64] | None = None
         #: What the unknowns are where the displacement is what is prescribed, if they are not it.
         self.unknowns: Callable[[npt.NDArray[np.float64]], npt.NDArray[np.float64]] | None = None
@@ -39,7 +41,8 @@ class PrescribedDisplacement:
         self,
     ) -> list[tuple[int, fem.Function, npt.NDArray[np.int32], fem.DirichletBC]]:
         """Every component that is fixed somewhere: Function of values, nodes, condition."""
-        V, found = self._V, []
+        V = self._V
+        found = []
         bs = V.dofmap.index_map_bs
         for i in range(bs):
             fixed = self._constraints.fixed[:, i]
@@ -82,4 +85,5 @@ class PrescribedDisplacement:
         try:
             yield
         finally:
-            self._start, self.part = None, 1.0
+            self._start = None
+            self.part = 1.0

@@ -96,7 +96,8 @@ class Driven:
         # FFCx compiles no expression in which nothing but constants occurs.
         nothing = fem.Constant(domain, 0.0) * (x if expression.ufl_shape else x[0])
         self.expression = expression
-        self.function, slope = function, rate.of_expression(expression)
+        self.function = function
+        slope = rate.of_expression(expression)
         #: What makes it not affine in gamma; "" if it is.
         self.not_affine = rate.not_affine(expression)
         #: Where it has kinks or jumps in gamma; "" if nowhere.
@@ -144,7 +145,8 @@ class SurfaceRates:
         """The rate at held unknowns (n, dim); None if gamma is not in it. Collective."""
         if not self.applies:
             return None
-        s, data = self._surface, state.data
+        s = self._surface
+        data = state.data
         if s.displaced is not None:
             rates = s.displaced.rates(self._evaluators[0], state.jump)
             return s.law_at_points.rate(state.jump, state.traction, data, rates, state.statuses)

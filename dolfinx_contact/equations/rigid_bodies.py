@@ -53,7 +53,8 @@ class RigidBodies:
     """
 
     def __init__(self, V: fem.FunctionSpace, surfaces: Sequence[ContactSurface], body_size: float):
-        self.comm, self.surfaces = V.mesh.comm, list(surfaces)
+        self.comm = V.mesh.comm
+        self.surfaces = list(surfaces)
         self._owned_nodes = V.dofmap.index_map.size_local
         self.bodies: list[RigidBody] = []
         for s in surfaces:
@@ -130,9 +131,11 @@ class RigidBodies:
 
     def reactions(self, s: ContactSurface, forces: Array) -> Array:
         """This rank's part of Phi^T f by the forces B^T W t of ``s`` on its owned nodes."""
-        rows, body = np.zeros(self.size), s.rigid_body
+        rows = np.zeros(self.size)
+        body = s.rigid_body
         if body is not None:
-            x, part = s.node_positions[: self._owned_nodes], self.slice_of(body)
+            x = s.node_positions[: self._owned_nodes]
+            part = self.slice_of(body)
             rows[part] = body.resultant(x, forces.reshape(-1, s.dim)) / self._units[part]
             if s.axisymmetric:  # around the axis all else cancels
                 rows[part][[0, 2]] = 0.0
@@ -146,7 +149,8 @@ class RigidBodies:
         moved = np.zeros((s.points.number, s.dim, width))
         if body is None:
             return moved
-        u, x = s.points.B.createVecRight(), s.node_positions[: self._owned_nodes]
+        u = s.points.B.createVecRight()
+        x = s.node_positions[: self._owned_nodes]
         for k, unit in enumerate(np.diag(1.0 / self._units[part])):
             u.array[:] = body.field(x, unit).reshape(-1)
             moved[:, :, k] = s.points.product(u)
@@ -172,7 +176,8 @@ class RigidBodies:
 
     def directions(self) -> Array:
         """Unit translations along the loads on free components, zero where there are none."""
-        loads, found = self.loads(), np.zeros(self.size)
+        loads = self.loads()
+        found = np.zeros(self.size)
         for b, part in zip(self.bodies, self.slices, strict=True):
             along = loads[part][: b.dim]
             size = float(np.linalg.norm(along))
@@ -189,7 +194,8 @@ class RigidBodies:
         """
         ways = np.zeros(self.size)
         for b, part in zip(self.bodies, self.slices, strict=True):
-            nearest, way = np.inf, np.inf
+            nearest = np.inf
+            way = np.inf
             for s, gap, rate in zip(self.surfaces, gaps, rates, strict=True):
                 if s.rigid_body is b:
                     nearest = min(nearest, float(np.min(gap, initial=np.inf)))
@@ -202,7 +208,9 @@ class RigidBodies:
 
     def jump_matrix(self, s: ContactSurface) -> PETSc.Mat:
         """-Phi: jumps at the points of ``s`` by all unknowns. Collective."""
-        moved, part, n = self.at_points(s), self.slice_of(s.rigid_body), s.points.number * s.dim
+        moved = self.at_points(s)
+        part = self.slice_of(s.rigid_body)
+        n = s.points.number * s.dim
         first = s.points.B.getOwnershipRange()[0]
         columns = np.arange(part.start, part.stop)
         rows = np.broadcast_to(first + np.arange(n)[:, None], (n, len(columns)))

@@ -54,7 +54,8 @@ class RigidTerms:
 
     def values(self, state: ContactState) -> Array:
         """The entries at a state. Collective."""
-        stencils, areas = self.surface.points.stencils, self.surface.points.areas
+        stencils = self.surface.points.stencils
+        areas = self.surface.points.areas
         at = stencils.points
         weighted = areas[at][..., None] * stencils.multiplier_weights
         force = np.einsum("gpl,gpia->glia", weighted, self.at_points[at])

@@ -56,10 +56,15 @@ class Scaling:
         body_size: float,
         forced_r: float | None,
     ):
-        self._bulk, self._V, self._surfaces, self._comm = bulk, V, surfaces, V.mesh.comm
+        self._bulk = bulk
+        self._V = V
+        self._surfaces = surfaces
+        self._comm = V.mesh.comm
         self._given = fixed, rigid
-        self._size, self._forced = body_size, forced_r
-        self.stiffness, self._mark = 0.0, -1
+        self._size = body_size
+        self._forced = forced_r
+        self.stiffness = 0.0
+        self._mark = -1
         self.automatic_r = [0.0 * s.points.r for s in surfaces]
         self.at_vertices = [0.0 * s.points.r for s in surfaces]
         self.loose: LooseMotions
@@ -76,8 +81,10 @@ class Scaling:
         self._augment(self._forced)
 
     def _measure(self, u: Array) -> None:
-        surfaces, (fixed, rigid) = self._surfaces, self._given
-        K, around = self._bulk.stiffness(u), surfaces[0].axisymmetric
+        surfaces = self._surfaces
+        fixed, rigid = self._given
+        K = self._bulk.stiffness(u)
+        around = surfaces[0].axisymmetric
         if around:
             require_hoop_stiffness(K)
         scale, automatic, at_vertices = automatic_augmentation(K, self._V, surfaces, self._size)
@@ -87,7 +94,9 @@ class Scaling:
         a = np.concatenate([[self.stiffness], *self.automatic_r])
         b = np.concatenate([[scale], *automatic])
         if self._anywhere(bool(np.any(np.maximum(a, b) > _MUCH * np.minimum(a, b)))):
-            self.stiffness, self.automatic_r, self.at_vertices = scale, automatic, at_vertices
+            self.stiffness = scale
+            self.automatic_r = automatic
+            self.at_vertices = at_vertices
 
     def _anywhere(self, here: bool) -> bool:
         return bool(self._comm.allreduce(int(here)))

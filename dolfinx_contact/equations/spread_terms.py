@@ -46,8 +46,11 @@ class SpreadTerms:
         multipliers: Indices,
         unknowns: int,
     ):
-        self._surface, self._unit = surface, unit
-        comm, stencils, n = surface.comm, surface.points.stencils, surface.points.number
+        self._surface = surface
+        self._unit = unit
+        comm = surface.comm
+        stencils = surface.points.stencils
+        n = surface.points.number
         law = surface.law_at_points
         assert isinstance(law, LawAmongPoints)
         self._N = law.neighbours.matrix
@@ -55,7 +58,8 @@ class SpreadTerms:
 
         def pairs(places: Indices) -> tuple[Indices, Indices]:
             shape = *stencils.points.shape, *places.shape[1:]
-            at, of = np.broadcast_to(point, shape), np.broadcast_to(places[:, None], shape)
+            at = np.broadcast_to(point, shape)
+            of = np.broadcast_to(places[:, None], shape)
             return at.reshape(-1), of.reshape(-1)
 
         at, of = pairs(multipliers)
@@ -86,8 +90,10 @@ class SpreadTerms:
         """The entries at a state; none where another law, that is local, stands in."""
         if state.answers.spreading is None:
             return np.zeros(self._number)
-        stencils, areas = self._surface.points.stencils, self._surface.points.areas
-        at, e = stencils.points, stencils.multiplier_weights
+        stencils = self._surface.points.stencils
+        areas = self._surface.points.areas
+        at = stencils.points
+        e = stencils.multiplier_weights
         by_jump, by_traction = state.spread_by
         weighted = (areas[:, None] * state.by_around)[at]
         left = e[..., None] * weighted[:, :, None, :]

@@ -43,7 +43,8 @@ class _Substitute(ContactEquations):
         kind: type[ContactState],
     ):
         self.__dict__.update(equations.__dict__)
-        self._answers, self._kind = answers, kind
+        self._answers = answers
+        self._kind = kind
 
     def _contact(
         self, x: PETSc.Vec, u: Array, q: Array, statuses: Statuses | None
@@ -91,7 +92,8 @@ class HeldBonds(_Substitute):
 
     def __init__(self, equations: ContactEquations, strengths: list[Array | None]):
         def answers(i: int, state: ContactState) -> Answers:
-            s, strength = equations.surfaces[i], strengths[i]
+            s = equations.surfaces[i]
+            strength = strengths[i]
             if strength is None:
                 return state.answers
             assert s.law.weakens is not None

@@ -86,7 +86,8 @@ def bring_together(eq: ContactEquations, x: PETSc.Vec) -> None:
     """
     if not eq.rigid.size:
         return
-    state, along = eq.contact(x), eq.rigid.directions()
+    state = eq.contact(x)
+    along = eq.rigid.directions()
     gaps = [eq.gaps(s, state) for s in eq.surfaces]
     closing = [_closing(eq, s, along) for s in eq.surfaces]
     moved = state.q + eq.rigid.free_ways(gaps, closing) * along

@@ -89,7 +89,8 @@ class ArcLength(ReadOnly):
     def __init__(self, parametric: ParametricContact):
         if not isinstance(parametric, ParametricContact):
             raise ValueError(f"a ParametricContact is needed, got {type(parametric).__name__}")
-        self.parametric, self.problem = parametric, parametric.problem
+        self.parametric = parametric
+        self.problem = parametric.problem
         require_smooth(parametric)
         self._stepper = Stepper(self.problem, lambda _: None, None)
         self._require_no_time()
@@ -152,7 +153,7 @@ class ArcLength(ReadOnly):
                 the reason, or "" to go on.
             observer: told of every accepted point while it stands in the problem.
             record: keeps every accepted point before the observer is told of it, as
-                `output.PathRecord` does.
+                `records.PathRecord` does.
             progress: whether rank 0 says on the standard error stream where it is; by default once
                 it takes more than some seconds.
 
@@ -165,7 +166,8 @@ class ArcLength(ReadOnly):
                 time, or a start that is no solution; what ``stop`` or ``observer`` raises.
             OSError: on every rank, if a point cannot be recorded.
         """
-        comm, standing = self.problem.comm, self._standing
+        comm = self.problem.comm
+        standing = self._standing
         first = standing is None or standing.arrived is None
         gamma = float(self.parametric.constant.value) if standing is None else standing.gamma
         with everywhere(comm, "a path by arc length"):
@@ -177,7 +179,7 @@ class ArcLength(ReadOnly):
                 raise ValueError(f"a path with memory passes kinks exactly, not {control.kinks!r}")
             direction = direction or ("increasing" if first else "onwards")
             if record is not None and not hasattr(record, "begin"):
-                raise ValueError(f"record must be an output.PathRecord, got {record!r}")
+                raise ValueError(f"record must be an records.PathRecord, got {record!r}")
             known = get_args(Direction)[:2] if first else get_args(Direction)[2:]
             if direction not in known:
                 run = "the first run" if first else "a later run"
@@ -265,7 +267,8 @@ class ArcLength(ReadOnly):
         new: bool = False,
     ) -> PathHistory:
         """A run from where it stands to its end. Collective."""
-        comm, (low, high) = self.problem.comm, task.gamma_range
+        comm = self.problem.comm
+        low, high = task.gamma_range
         bordered = Bordered(self.parametric, gamma_scale=high - low)
         steps = ArcSteps(Corrector(bordered, task.control))
         run = PathRun(self.parametric, self._stepper, steps, task, standing)
@@ -310,7 +313,8 @@ class ArcLength(ReadOnly):
 
     def _begin(self) -> PathStanding:
         """The state in the Functions, from which a path begins. Collective."""
-        eq, gamma = self.problem.equations, float(self.parametric.constant.value)
+        eq = self.problem.equations
+        gamma = float(self.parametric.constant.value)
         self.parametric.set(gamma)
         if all(m is None for m in eq.memory):
             moment = self._stepper.start(0.0)

@@ -63,13 +63,15 @@ class ArcSteps(ExactSteps):
     def known(self) -> Known:
         """What has been found out on the way."""
         b = self.bordered
-        x_scale, signs = b.x_scale / b.gamma_scale**2, tuple(map(float, self.test.signs))
+        x_scale = b.x_scale / b.gamma_scale**2
+        signs = tuple(map(float, self.test.signs))
         return Known(x_scale, self.largest_distance, tuple(self.system.scales), signs)
 
     def know(self, known: Known) -> None:
         """Know what was found out before."""
         self.bordered.x_scale = known.x_scale * self.bordered.gamma_scale**2
-        self.largest_distance, self.system.scales = known.largest_distance, tuple(known.scales)
+        self.largest_distance = known.largest_distance
+        self.system.scales = tuple(known.scales)
         if len(known.signs) == len(self.test.signs):
             self.test.signs[:] = known.signs
 
@@ -112,24 +114,31 @@ class ArcSteps(ExactSteps):
                 if border is None:
                     h *= control.decrease
                     continue
-                new, at, next_h = border, "kink", h
+                new = border
+                at = "kink"
+                next_h = h
             special = self.smooth_points(point, new)
             folds = [s for s in special if s.kind == "fold"]
             if self.lacks_fold(point, new, special):
                 h *= control.decrease
                 continue
             if folds:
-                new, at, next_h = self._at_fold(point, new, folds[0]), "fold", h
+                new = self._at_fold(point, new, folds[0])
+                at = "fold"
+                next_h = h
             end = _end_reached(point.gamma, new.gamma, gamma_range)
             if end is not None:
-                new, at = self._at_end(point, new, end), "end"
+                new = self._at_end(point, new, end)
+                at = "end"
             before = [s for s in special if s.kind == "bifurcation"]
             return Arrival(new, at, tuple(before), next_h)
         return None
 
     def _corrected(self, point: BranchPoint, h: float) -> BranchPoint | None:
         """The point a step ``h`` away on the piece of ``point``."""
-        b, y, t = self.bordered, point.y.copy(), point.tangent.copy()
+        b = self.bordered
+        y = point.y.copy()
+        t = point.tangent.copy()
         y.axpy(h, point.tangent)
         if not self.corrector.moore_penrose(y, t, point.piece):
             return None
@@ -146,7 +155,8 @@ class ArcSteps(ExactSteps):
 
         As far as the cubics through values and rates at the two ends say: a shorter step tells.
         """
-        b, ends = self.bordered, (point, new)
+        b = self.bordered
+        ends = (point, new)
         away = new.y - point.y
         length = self._length(away)
         away.destroy()

@@ -73,7 +73,8 @@ class Energies:
             after: at its end.
             dissipated: in it.
         """
-        du, dq = after.u - before.u, after.q - before.q
+        du = after.u - before.u
+        dq = after.q - before.q
         outer = np.dot(before.outer + after.outer, du) / 2
         inner = np.dot(before.inner + after.inner, du) / 2
         pressed = spent = 0.0
@@ -146,7 +147,8 @@ def forces_at(eq: ContactEquations, state: State) -> Forces:
     assert state.reactions is not None
     assert state.pushes is not None
     n = eq.owned_sizes[0]
-    u, rows = state.u[:n].copy(), _rows(eq, state.u)
+    u = state.u[:n].copy()
+    rows = _rows(eq, state.u)
     load = -_rows(eq, np.zeros_like(state.u))
     energy = eq.bulk.energy_at(state.u)
     if energy is not None:

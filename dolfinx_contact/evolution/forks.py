@@ -8,6 +8,7 @@ is found at all their statuses are tried.
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +19,8 @@ from dolfinx_contact.evolution.step_rays import StepRays, number_of_points, rays
 from dolfinx_contact.solvers import ConvergenceError
 
 __all__ = ["Forked", "Forks"]
+
+logger = logging.getLogger(__name__)
 
 _FEW = 16  # contact points up to which rays are looked for unless it is forbidden
 _SAME = 1e-6  # of the change in a step: the same end
@@ -51,7 +54,8 @@ class Forks:
     """
 
     def __init__(self, stepper: Stepper, wanted: bool | None):
-        self._stepper, self._wanted = stepper, wanted
+        self._stepper = stepper
+        self._wanted = wanted
         self._few = number_of_points(stepper.problem) <= _FEW
 
     def take(self, moment: Moment, time: float) -> Forked:
@@ -78,12 +82,21 @@ class Forks:
 
     def others(self, forked: Forked) -> list[Taken]:
         """Steps from the same start to the same time along the other rays, to other ends."""
-        taken, found, comm = forked.taken, [forked.taken], self._stepper.problem.comm
+        taken = forked.taken
+        found = [forked.taken]
+        comm = self._stepper.problem.comm
         whole = change(comm, taken.before, taken.after)
         for statuses in () if forked.rays is None else forked.rays.statuses:
             try:
                 other = self._stepper.take(taken.before, taken.after.time, likely=(statuses,))
-            except ConvergenceError:
+            except ConvergenceError as error:
+                if comm.rank == 0:
+                    logger.warning(
+                        "another way on from the time %.10g is not followed, since its first step "
+                        "was not solved: %s",
+                        taken.before.time,
+                        error,
+                    )
                 continue
             size = max(whole, change(comm, other.before, other.after))
             if all(change(comm, other.after, t.after) > _SAME * size for t in found):

@@ -121,7 +121,7 @@ class History:
         raise KeyError(f"no step ends at {time!r}")
 
     def rows(self) -> list[dict[str, Any]]:
-        """The table of steps, for `output.write_rows`."""
+        """The table of steps, for `io.write_rows`."""
         return [step.row() for step in self.steps]
 
 

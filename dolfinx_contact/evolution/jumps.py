@@ -49,7 +49,7 @@ class Found:
         steps: that lead on from its start.
         far: from the end of these, a step whose end is far however short it is; None if the
             evolution goes on from there as ever.
-        proved: whether it is proved that no solution continues the evolution where it begins.
+        proved: whether it is proved that no path of solutions leads through this step.
         failure: why shorter steps from there were not solved; None if they were.
         why: what is known of the solutions beyond, in words.
     """
@@ -66,7 +66,8 @@ def find_jump(stepper: Stepper, step: Taken, slow: Array, least: float) -> Found
 
     Halves are looked at in turn, the earlier one first. One is left alone if the state changes in
     it slowly, by a small share of the change in the step, along a straight line, or evenly (by as
-    much in each of its halves, and in theirs). A jump is what none of these become true of.
+    much in each of its halves, and in theirs if they can be halved). A jump is what none of these
+    become true of.
 
     Args:
         stepper: takes the steps; the problem is left anywhere.
@@ -84,29 +85,34 @@ class _Search:
     """The search for a jump in a step."""
 
     def __init__(self, stepper: Stepper, step: Taken, slow: Array, least: float):
-        self._stepper, self._slow, self._least = stepper, slow, least
-        self._end, self._aim = step.after.statuses, step.after.time
+        self._stepper = stepper
+        self._slow = slow
+        self._least = least
+        self._end = step.after.statuses
+        self._aim = step.after.time
         whole = self._change(step)
         self._small = np.maximum(_SMALL * whole, _ROUND_OFF * whole.max())
         equations = stepper.problem.equations
         self._linear = equations.linear and all(
             s.law_at_points.compiled.is_piecewise_linear for s in equations.surfaces
         )
-        self._laws = [d for s in equations.surfaces for d in data_of_surface(s)]
+        at_points = [d.value for s in equations.surfaces for d in data_of_surface(s)]
+        self._kept = [*equations.bulk.stiffness_data, *at_points]
 
     def look(self, path: Sequence[Taken], step: Taken, even: bool = False) -> Found | None:
         """Look at a part of the step, which follows others; even: it is a half of an even one."""
-        a, b = step.before.time, step.after.time
+        a = step.before.time
+        b = step.after.time
         size = self._change(step)
         slow = size <= np.maximum(self._small, self._slow * (b - a))
         if slow.all() or self._is_straight(step):
             return None
         middle = 0.5 * (a + b)
         if b - a < 2 * self._least or not a < middle < b:
-            return self._at_last(path, step)
+            return None if even else self._at_last(path, step)
         first = self._first(step.before, middle)
         if isinstance(first, ConvergenceError):
-            return Found(path, step, failure=first)
+            return None if self._leads_to_end(step) else Found(path, step, failure=first)
         before = [*path, first]
         uneven = bool((self._change(first) > _EVEN * size)[~slow].any())
         found = self.look(path, first) if uneven else None
@@ -116,7 +122,7 @@ class _Search:
             return Found(before)
         second = self._first(first.after, b)
         if isinstance(second, ConvergenceError):
-            return Found(path, step, failure=second)
+            return None if self._leads_to_end(step) else Found(path, step, failure=second)
         halves = not uneven and bool((self._change(second) <= _EVEN * size)[~slow].all())
         if halves and even:
             return None
@@ -134,12 +140,16 @@ class _Search:
         The way of friction and damage depends on the steps: where the branch of the whole step
         leads to its end, that is a solution as good as that of the halves.
         """
-        comm, stepper = self._stepper.problem.comm, self._stepper
+        comm = self._stepper.problem.comm
         much = np.maximum(_NEAR * self._change(step), self._small)
         if (changes(comm, second.after, step.after) <= much).all():
             return False
-        branch = branch_of_step(stepper, step.before, step.after.time)
-        return not (branch.goes_on and self._is_at(branch, step))
+        return not self._leads_to_end(step)
+
+    def _leads_to_end(self, step: Taken) -> bool:
+        """Whether the branch of solutions from the start of a step is at its end. Collective."""
+        branch = branch_of_step(self._stepper, step.before, step.after.time)
+        return branch.goes_on and self._is_at(branch, step)
 
     def _change(self, step: Taken) -> Array:
         return changes(self._stepper.problem.comm, step.before, step.after)
@@ -147,15 +157,16 @@ class _Search:
     def _is_straight(self, step: Taken) -> bool:
         """Whether the states between are solutions under the loads between. Collective.
 
-        The statuses of both ends are the same, all is linear in them, and no law or obstacle has
-        changed its data.
+        The statuses of both ends are the same, all is linear in them, and neither the stiffness nor
+        a law or obstacle has changed its data.
         """
-        a, b = step.before, step.after
+        a = step.before
+        b = step.after
         if not self._linear:
             return False
         mine = a.statuses is not None and b.statuses is not None
         mine = mine and all(map(np.array_equal, a.statuses or (), b.statuses or ()))
-        mine = mine and a.data.agrees(b.data, self._laws)
+        mine = mine and a.data.agrees(b.data, self._kept)
         return bool(self._stepper.problem.comm.allreduce(int(mine), op=MPI.MIN))
 
     def _first(self, before: Moment, time: float) -> Taken | ConvergenceError:
@@ -176,11 +187,14 @@ class _Search:
         If they lead there it is no jump. If they lead elsewhere they are gone along, as far as the
         time that was aimed at if possible.
         """
-        stepper, far = self._stepper, self._change(step)
-        why, ends = "", False
+        stepper = self._stepper
+        far = self._change(step)
+        why = ""
+        ends = False
         for time in dict.fromkeys((self._aim, step.after.time)):
             branch = branch_of_step(stepper, step.before, time)
-            why, ends = branch.why, branch.ends
+            why = branch.why
+            ends = branch.ends
             if not branch.goes_on:
                 continue
             if time == step.after.time and self._is_at(branch, step):
@@ -197,7 +211,8 @@ class _Search:
     def _is_at(self, branch: StepBranch, step: Taken) -> bool:
         """Whether a branch leads to the end of a step. Collective."""
         assert branch.unknowns is not None
-        off, way = branch.unknowns - step.after.unknowns, step.after.unknowns - step.before.unknowns
+        off = branch.unknowns - step.after.unknowns
+        way = step.after.unknowns - step.before.unknowns
         mine = np.array([np.dot(off, off), np.dot(way, way)])
         found = np.sqrt(self._stepper.problem.comm.allreduce(mine))
         return bool(found[0] <= _SAME * found[1])
@@ -207,7 +222,8 @@ def where_it_changes(stepper: Stepper, before: Moment, after: Moment) -> str:
     """Places whose status differs between two moments, in words. Collective."""
     words: list[str] = []
     for s, old, new in zip(stepper.problem.surfaces, before.shown, after.shown, strict=True):
-        names, here = letters(s.dim), old != new
+        names = letters(s.dim)
+        here = old != new
         mine = [
             (tuple(x), str(names[a]), str(names[b]))
             for x, a, b in zip(s.positions[here].tolist(), old[here], new[here], strict=True)

@@ -8,9 +8,10 @@ leave nothing behind but what `Stepper.put` overwrites, bit by bit.
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 from mpi4py import MPI
 
@@ -27,7 +28,16 @@ from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.results.result import Result
 
-__all__ = ["AtRest", "Moment", "Stepper", "Taken", "change", "changes", "extended"]
+__all__ = [
+    "AtRest",
+    "Moment",
+    "Stepper",
+    "Taken",
+    "change",
+    "changes",
+    "extended",
+    "largest_at_points",
+]
 
 logger = logging.getLogger(__name__)
 
@@ -94,26 +104,70 @@ def changes(comm: MPI.Comm, a: Moment, b: Moment) -> Array:
     """How much the body and its surfaces change from one state to the other. Collective.
 
     Returns:
-        Lengths (2 + number of surfaces): the largest displacement of a node, `change` and, between
-        states of equilibrium, the mean change of the jump at the points of each surface that are
-        not clamped. Where points go one after the other, each its way, the mean over a time is the
-        sum of those over its parts.
+        The largest displacement of a node, a length, and `change`; between states of equilibrium
+        then, surface by surface, the mean change of the jump at points that are not clamped, a
+        length, and that of the variable by which bonds weaken. Where points go one after the other,
+        each its way, such a mean over a time is the sum of those over its parts.
     """
     if not (isinstance(a, AtRest) and isinstance(b, AtRest)):
         return np.array([0.0, change(comm, a, b)])
     moved = float(np.abs(b.forces.u - a.forces.u).max(initial=0.0))
-    moved, eq = comm.allreduce(moved, op=MPI.MAX), a.forces.equations
-    sums = np.zeros((len(eq.surfaces), 2))
-    parts = zip(
-        eq.surfaces, eq.constraints.clamped, a.forces.surfaces, b.forces.surfaces, strict=True
+    moved = comm.allreduce(moved, op=MPI.MAX)
+    points = _at_points(a, b)
+    sums = np.array([[p.ways.sum(), p.weakened.sum(), len(p.ways)] for p in points])
+    total, weakened, number = comm.allreduce(sums.reshape(-1, 3)).T
+    means = np.array([total, weakened]) / np.maximum(number, 1.0)
+    return np.array([moved, change(comm, a, b), *means.ravel()])
+
+
+def largest_at_points(comm: MPI.Comm, a: Moment, b: Moment) -> tuple[Array, Array]:
+    """What one point alone may do from one state to the other, surface by surface. Collective.
+
+    Returns:
+        The largest change of the jump at a point, a length; and by how much a bond weakens, at
+        most, as a part of what the strongest had left (0 where that is not known).
+    """
+    if not (isinstance(a, AtRest) and isinstance(b, AtRest)):
+        return np.zeros(0), np.zeros(0)
+    found = np.array(
+        [[np.max(v, initial=0.0) for v in (p.ways, p.weakened, p.left)] for p in _at_points(a, b)]
     )
-    for k, (s, clamped, old, new) in enumerate(parts):
-        ways = np.linalg.norm(new.jump - old.jump, axis=1)
-        if s.method != "integral":
-            ways = ways[~clamped[: len(ways)]]
-        sums[k] = ways.sum(), len(ways)
-    total, number = comm.allreduce(sums).T
-    return np.array([moved, change(comm, a, b), *(total / np.maximum(number, 1.0))])
+    ways, weakened, left = comm.allreduce(found.reshape(-1, 3), op=np.maximum).T
+    return ways, np.divide(weakened, left, out=np.zeros_like(left), where=left > 0)
+
+
+class _AtPoints(NamedTuple):
+    """What happens at the points of a surface (n,) from a state to another, on this rank.
+
+    Attributes:
+        ways: changes of the jump.
+        weakened: those of the variable by which bonds weaken.
+        left: what that had left.
+    """
+
+    ways: Array
+    weakened: Array
+    left: Array
+
+
+def _at_points(a: AtRest, b: AtRest) -> list[_AtPoints]:
+    """Of all points that are not clamped, surface by surface."""
+    eq = a.forces.equations
+    found = []
+    for k, s in enumerate(eq.surfaces):
+        ways = np.linalg.norm(b.forces.surfaces[k].jump - a.forces.surfaces[k].jump, axis=1)
+        weakened = np.zeros_like(ways)
+        left = np.zeros_like(ways)
+        before = a.memory[k]
+        after = b.memory[k]
+        if s.law.weakens is not None and before is not None and after is not None:
+            name, sense = s.law.weakens
+            _, end = s.law.ends.get(name, (sense, 0.0 if sense < 0 else math.nan))
+            weakened = np.abs(after.fields[name] - before.fields[name])
+            left = np.nan_to_num(np.abs(end - before.fields[name]))
+        free = slice(None) if s.method == "integral" else ~eq.constraints.clamped[k][: len(ways)]
+        found.append(_AtPoints(ways[free], weakened[free], left[free]))
+    return found
 
 
 class Stepper:
@@ -128,11 +182,14 @@ class Stepper:
     def __init__(
         self, problem: ContactProblem, load: Callable[[float], object], progress: bool | None
     ):
-        self.problem, self._load, self._progress = problem, load, progress
+        self.problem = problem
+        self._load = load
+        self._progress = progress
 
     def start(self, time: float) -> Moment:
         """The state in the Functions, from which everything slips that will. Collective."""
-        eq, data = self.problem.equations, GivenData(self.problem.equations)
+        eq = self.problem.equations
+        data = GivenData(self.problem.equations)
         try:
             self._set(time)
             eq.remember([None] * len(eq.surfaces))
@@ -145,7 +202,8 @@ class Stepper:
             asked = self.problem.state([s.answers.asked for s in state.surfaces])
             other = Scales(eq, settled=True).measure(asked).worst
             if other < residual:
-                state, residual = asked, other
+                state = asked
+                residual = other
         solved = residual <= _SOLVED
         if not solved and eq.comm.rank == 0:
             logger.warning(
@@ -168,7 +226,8 @@ class Stepper:
             energies: since the start.
             first: whether it is the start, whose statuses are not known.
         """
-        eq, data = self.problem.equations, GivenData(self.problem.equations)
+        eq = self.problem.equations
+        data = GivenData(self.problem.equations)
         try:
             self._set(time)
             eq.remember(memory)
@@ -204,6 +263,12 @@ class Stepper:
 
         Collective.
         """
+        self._put_unknowns(moment)
+        self.problem.equations.remember(moment.memory)
+        moment.data.restore()
+
+    def _put_unknowns(self, moment: Moment) -> None:
+        """Put those and the statuses of a moment into the problem. Not collective."""
         problem = self.problem
         for f, values in zip(problem.fields, moment.fields, strict=True):
             f.x.array[:] = values
@@ -211,8 +276,6 @@ class Stepper:
             body.values = motion.copy()
         for s, codes in zip(problem.surfaces, moment.shown, strict=True):
             s.statuses = codes.copy()
-        problem.equations.remember(moment.memory)
-        moment.data.restore()
 
     def show(self, taken: Taken) -> None:
         """Put the end of a step into the problem, with the memory of the step. Collective."""
@@ -230,7 +293,14 @@ class Stepper:
             raise
 
     @mesh_stays()
-    def take(self, moment: Moment, time: float, *, likely: Sequence[Statuses | None] = ()) -> Taken:
+    def take(
+        self,
+        moment: Moment,
+        time: float,
+        *,
+        likely: Sequence[Statuses | None] = (),
+        guess: Moment | None = None,
+    ) -> Taken:
         """Step from a moment to a time; the problem is left there, with the memory of the step.
 
         Collective.
@@ -239,15 +309,19 @@ class Stepper:
             moment: where the step begins.
             time: at its end.
             likely: statuses of the end, the likeliest first; by default those of the moment.
+            guess: where the solver begins, by default at the moment.
 
         Raises:
             ConvergenceError: if nothing solves the step. The problem is then at the moment, as it
                 is after any other error.
         """
         assert isinstance(moment, AtRest)
-        problem, eq = self.problem, self.problem.equations
+        problem = self.problem
+        eq = self.problem.equations
         self.prepare(moment, time)
         try:
+            if guess is not None:
+                self._put_unknowns(guess)
             expected = [s for s in likely or (moment.statuses,) if s is not None]
             result = problem.solve(expected=expected, progress=self._progress)
             state = problem.state()

@@ -123,8 +123,11 @@ class MotionStepper(Stepper):
         super().__init__(problem, load, progress)
         body = problem.equations.bulk
         assert isinstance(body, MovingBody)
-        self._body, self._velocity, self._method = body, velocity, method
-        self._constancy, self._said = constancy, False
+        self._body = body
+        self._velocity = velocity
+        self._method = method
+        self._constancy = constancy
+        self._said = False
 
     def start(self, time: float) -> Moment:
         """The state in the Functions. Collective.
@@ -132,7 +135,8 @@ class MotionStepper(Stepper):
         Raises:
             ValueError: on every rank, if a point is within an obstacle, or the state not finite.
         """
-        eq, data = self.problem.equations, GivenData(self.problem.equations)
+        eq = self.problem.equations
+        data = GivenData(self.problem.equations)
         try:
             self._set(time)
             eq.refresh()
@@ -151,7 +155,8 @@ class MotionStepper(Stepper):
     def recalled(
         self, time: float, memory: Sequence[Memory | None], energies: Energies, *, first: bool
     ) -> Moment:
-        eq, data = self.problem.equations, GivenData(self.problem.equations)
+        eq = self.problem.equations
+        data = GivenData(self.problem.equations)
         try:
             self._set(time)
             eq.remember(memory)
@@ -164,8 +169,10 @@ class MotionStepper(Stepper):
 
     def renewed(self, moment: Moment) -> Moment:
         assert isinstance(moment, MotionMoment)
-        u, v = moment.motion.u, moment.motion.v
-        rows, load = self._body.forces(u, v), self._body.load()
+        u = moment.motion.u
+        v = moment.motion.v
+        rows = self._body.forces(u, v)
+        load = self._body.load()
         motion = replace(moment.motion, rows=rows, load=load)
         return replace(moment, data=GivenData(self.problem.equations), motion=motion)
 
@@ -175,10 +182,20 @@ class MotionStepper(Stepper):
         self._velocity.x.array[:] = moment.motion.v
 
     @mesh_stays()
-    def take(self, moment: Moment, time: float, *, likely: Sequence[Statuses | None] = ()) -> Taken:
-        """Step from a moment to a time; see `Stepper.take`. Nothing is likely. Collective."""
+    def take(
+        self,
+        moment: Moment,
+        time: float,
+        *,
+        likely: Sequence[Statuses | None] = (),
+        guess: Moment | None = None,
+    ) -> Taken:
+        """Step from a moment to a time; see `Stepper.take`. Guesses are its own. Collective."""
         assert isinstance(moment, MotionMoment)
-        problem, eq, body, a = self.problem, self.problem.equations, self._body, moment.motion
+        problem = self.problem
+        eq = self.problem.equations
+        body = self._body
+        a = moment.motion
         length = time - moment.time
         if abs(length - body.step.length) <= _ROUND_OFF * length:
             length = body.step.length  # the same steps have the same matrices
@@ -198,7 +215,8 @@ class MotionStepper(Stepper):
             result = problem.solve(progress=self._progress)
             state = problem.state()
             u, v = (f(state.u, body.origin) for f in (step.displacement, step.velocity))
-            problem.u.x.array[:], self._velocity.x.array[:] = u, v
+            problem.u.x.array[:] = u
+            self._velocity.x.array[:] = v
             later = [None if m is None else m.later(step.length) for m in moment.memory]
             eq.remember(later)
             shown = self._at(state, u)
@@ -238,17 +256,23 @@ class MotionStepper(Stepper):
             step: of time.
             motion: by which the unknowns of the rigid bodies change in it.
         """
-        eq, a = self.problem.equations, moment.motion
+        eq = self.problem.equations
+        a = moment.motion
         eq.remember([None] * len(eq.surfaces))
-        origin, gain = self._body.origin, step.gain
+        origin = self._body.origin
+        gain = step.gain
         if self._method.massless:
-            origin, gain = step.seen(a.u, origin), 1.0 / step.share
-        q, found = eq.rigid.given + (1.0 - gain) * motion, []
+            origin = step.seen(a.u, origin)
+            gain = 1.0 / step.share
+        q = eq.rigid.given + (1.0 - gain) * motion
+        found = []
         for i, (s, memory) in enumerate(zip(eq.surfaces, moment.memory, strict=True)):
-            jump, gap = eq.relative_jump(s, origin, q), None
+            jump = eq.relative_jump(s, origin, q)
+            gap = None
             if self._method.level == "velocity":
                 moved = eq.relative_jump(s, step.length * a.v, motion, rate=True)
-                n, risen = s.points.data.n, s.points.data.gap - a.gaps[i]
+                n = s.points.data.n
+                risen = s.points.data.gap - a.gaps[i]
                 opening = risen - np.sum(moved * n, axis=1)  # h un'_0
                 back = self._method.restitution * step.gain * opening
                 closes = np.sum(jump * n, axis=1) + step.gain * risen + back
@@ -262,7 +286,8 @@ class MotionStepper(Stepper):
 
     def _at(self, state: State, u: Array) -> State:
         """The contact of a step's end at its displacement, as tables show it. Collective."""
-        eq, surfaces = self.problem.equations, []
+        eq = self.problem.equations
+        surfaces = []
         for s, found in zip(eq.surfaces, state.surfaces, strict=True):
             jump = eq.relative_jump(s, u, state.q)
             surfaces.append(replace(found, jump=jump, data=s.data_at(jump)))
@@ -306,7 +331,8 @@ class MotionStepper(Stepper):
 
     def _require_held(self) -> None:
         """Refuse a start at which the displacement is not what is prescribed. Collective."""
-        eq, held = self.problem.equations, self._held()
+        eq = self.problem.equations
+        held = self._held()
         n = len(held)
         given = eq.prescribed.values().reshape(-1)[:n]
         u = self.problem.u.x.array[:n]
@@ -323,7 +349,8 @@ class MotionStepper(Stepper):
 
     def _require_speed(self, a: Motion) -> None:
         """Refuse a start with a velocity where Dirichlet data do not move. Collective."""
-        eq, held = self.problem.equations, self._held()
+        eq = self.problem.equations
+        held = self._held()
         n = len(held)
         given = eq.prescribed.values().reshape(-1)[:n]
         size = eq.comm.allreduce(float(np.max(np.abs(a.v), initial=0.0)), op=max)
@@ -339,13 +366,16 @@ class MotionStepper(Stepper):
 
     def _worst(self, off: Array, tolerance: float, is_: Array, prescribed: Array) -> str:
         """Where owned values are furthest off, in words; "" where none is. Collective."""
-        V, comm = self.problem.V, self.problem.equations.comm
+        V = self.problem.V
+        comm = self.problem.equations.comm
         worst = comm.allreduce(float(np.max(off, initial=0.0)), op=max)
         if worst <= tolerance:
             return ""
         # Of several that are as far off the first in the order of their places.
-        bs, nodes = V.dofmap.index_map_bs, V.tabulate_dof_coordinates()
-        mine, size = [], self.problem.equations.body_size
+        bs = V.dofmap.index_map_bs
+        nodes = V.tabulate_dof_coordinates()
+        mine = []
+        size = self.problem.equations.body_size
         for i in np.flatnonzero(off >= (1 - _ROUND_OFF) * worst):
             x = np.round(nodes[i // bs, : V.mesh.geometry.dim] / size, 9) * size + 0.0
             mine.append((x.tolist(), int(i % bs), float(is_[i]), float(prescribed[i])))
@@ -361,7 +391,8 @@ class MotionStepper(Stepper):
         With theta = 1/2 the end of a step has twice the mean velocity less that of the start, so
         that a velocity which was not that of the data once turns about it for ever. Collective.
         """
-        held, a = self._held(), moment.motion
+        held = self._held()
+        a = moment.motion
         n = len(held)
         mean: Array = np.asarray((b.u - a.u)[:n] / step.length)
         off = np.where(held, b.v[:n] - mean, 0.0)

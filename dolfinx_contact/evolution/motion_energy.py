@@ -100,15 +100,20 @@ def motion_at(eq: ContactEquations, state: State, u: Array, v: Array) -> Motion:
     """
     body = eq.bulk
     assert isinstance(body, MovingBody)
-    comm, n = eq.comm, eq.owned_sizes[0]
+    comm = eq.comm
+    n = eq.owned_sizes[0]
     load = body.load()
     inner = body.body.energy_at(u)
     sums = [float(np.dot(load, u[:n])), 0.5 * float(np.dot(v[:n], body.times(body.mass, v)))]
     potential, kinetic = comm.allreduce(np.array(sums))
-    gaps, un, pressed, bonds = [], [], [], []
+    gaps = []
+    un = []
+    pressed = []
+    bonds = []
     for s, found in zip(eq.surfaces, state.surfaces, strict=True):
         data = s.data_at(found.jump)
-        normal, areas = found.data.n, s.points.areas
+        normal = found.data.n
+        areas = s.points.areas
         gaps.append(s.points.data.gap.copy())
         un.append(data.gap - np.sum(found.jump * normal, axis=1))
         force = found.traction
@@ -152,8 +157,11 @@ def account(
     body = eq.bulk
     assert isinstance(body, MovingBody)
     assert state.reactions is not None
-    step, n = body.step, eq.owned_sizes[0]
-    h, v, du = step.length, (a.v + b.v) / 2, (b.u - a.u)[:n]
+    step = body.step
+    n = eq.owned_sizes[0]
+    h = step.length
+    v = (a.v + b.v) / 2
+    du = (b.u - a.u)[:n]
     support = np.where(eq.fixed[:n], state.reactions, 0.0)
     external = float(np.dot((a.load + b.load) / 2 + support, du))
     stored = damping = contact = slipped = spent = 0.0
@@ -162,7 +170,8 @@ def account(
         damping = h * float(np.dot(v[:n], body.times(body.damping, mean)))
     inner_of_rows = (a.rows + a.load + b.rows + b.load) / 2
     for i, (s, found) in enumerate(zip(eq.surfaces, state.surfaces, strict=True)):
-        W, normal = s.points.areas, found.data.n
+        W = s.points.areas
+        normal = found.data.n
         force = W[:, None] * found.traction
         relative = eq.relative_jump(s, h * v, turned, rate=True)
         dragged = -eq.relative_jump(s, np.zeros_like(v), turned, rate=True)

@@ -131,7 +131,8 @@ class NSCD(Evolution):
     ):
         if not isinstance(problem, ContactProblem):
             raise ValueError(f"a ContactProblem is needed, got {type(problem).__name__}")
-        comm, V = problem.comm, problem.V
+        comm = problem.comm
+        V = problem.V
         with everywhere(comm, "a motion"):
             self._dt = _positive("dt", dt)
             method = _method(scheme, theta, level, mass, restitution)
@@ -198,7 +199,7 @@ class NSCD(Evolution):
                 half the length, down to ``locate`` or dt halved twenty times, where it is accepted.
             observer: told of every accepted step while its end stands in the problem.
             record: keeps every accepted step before the observer is told of it, as
-                `output.EvolutionRecord` does.
+                `records.EvolutionRecord` does.
             progress: whether rank 0 says on the standard error stream where it is; by default once
                 it takes more than some seconds.
 
@@ -268,7 +269,9 @@ class NSCD(Evolution):
                 raise ValueError(f"rest must be between 0 and 1, got {rest!r}")
         same_everywhere(self.problem.comm, most=most, rest=float(rest))
         start = 0.0 if self._moment is None else self._moment.time
-        whole, peak, quiet = None, 0.0, 0
+        whole = None
+        peak = 0.0
+        quiet = 0
         while quiet < _QUIET and (whole is None or whole.time < start + most):
             time = start if whole is None else whole.time
             part = self.run([time, time + self._dt], observer=observer, progress=progress)
@@ -358,7 +361,8 @@ def _touching(eq: ContactEquations) -> npt.NDArray[np.bool_]:
         indptr, indices, values = weights.getValuesCSR()
         weights.setValuesCSR(indptr, indices, np.abs(values))
         weights.assemble()
-        ones, sums = weights.createVecLeft(), weights.createVecRight()
+        ones = weights.createVecLeft()
+        sums = weights.createVecRight()
         ones.set(1.0)
         weights.multTranspose(ones, sums)
         marks += sums.array_r
@@ -380,7 +384,8 @@ def _refuse_state(density: Any, *state: fem.Function | None) -> None:
 
 def _warn_of_inertia(problem: ContactProblem, M: PETSc.Mat, density: Any) -> None:
     """Warn where a mass that was moved lies elsewhere than that of the body. Collective."""
-    eq, V = problem.equations, problem.V
+    eq = problem.equations
+    V = problem.V
     consistent = mass_matrix(V, density, "consistent", np.zeros(eq.owned_sizes[0], dtype=bool))
     fixed = eq.constraints.fixed
     share, falls = rigid_errors(V, M, consistent, fixed, axisymmetric=eq.axisymmetric)
@@ -410,7 +415,8 @@ def _damping(
     """
     if damping is None:
         return None, None
-    V, body = problem.V, problem.equations.bulk
+    V = problem.V
+    body = problem.equations.bulk
     with everywhere(problem.comm, "damping"):
         if isinstance(damping, ufl.Form):
             form, wind = _damping_form(problem.u, velocity, damping)
@@ -434,7 +440,9 @@ def _damping_form(
     u: fem.Function, velocity: fem.Function, form: ufl.Form
 ) -> tuple[ufl.Form, ufl.Form | None]:
     """The derivative of damping by the velocity, and what is left at none, if anything is."""
-    V, arguments, given = u.function_space, form.arguments(), form.coefficients()
+    V = u.function_space
+    arguments = form.arguments()
+    given = form.coefficients()
     if not arguments or any(a.ufl_function_space() != V for a in arguments):
         raise ValueError("damping must have a test function of the displacement's space")
     if u in given:
@@ -516,7 +524,8 @@ def _rayleigh(damping: Any) -> tuple[float, float]:
             f"damping must be a form or a pair of numbers or scalar Constants, got {damping!r}; "
             "what varies over the body is to be a form"
         )
-    a, b = float(a), float(b)
+    a = float(a)
+    b = float(b)
     if not (math.isfinite(a) and math.isfinite(b) and min(a, b) >= 0):
         raise ValueError(f"the factors of damping must not be negative, got {(a, b)!r}")
     return a, b

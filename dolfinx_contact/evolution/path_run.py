@@ -47,10 +47,17 @@ class PathRun:
         task: PathTask,
         standing: PathStanding,
     ):
-        self._system, self._stepper, self._steps, self._task = system, stepper, steps, task
-        self._moment, self._arrived = standing.moment, standing.arrived
-        self._h, self._number, self._passed = standing.length, standing.number, standing.passed
-        self._gamma, self.reason = standing.gamma, standing.reason
+        self._system = system
+        self._stepper = stepper
+        self._steps = steps
+        self._task = task
+        self._moment = standing.moment
+        self._arrived = standing.arrived
+        self._h = standing.length
+        self._number = standing.number
+        self._passed = standing.passed
+        self._gamma = standing.gamma
+        self.reason = standing.reason
         self._leaves: BranchPoint | None = None
         surfaces = stepper.problem.surfaces
         self._weak = any(s.points.E is not None for s in surfaces)
@@ -83,7 +90,8 @@ class PathRun:
         Raises:
             ValueError: on every rank, if it is the start, and no solution.
         """
-        steps, direction = self._steps, self._task.direction
+        steps = self._steps
+        direction = self._task.direction
         if self._arrived is None:
             point = self._start(1.0 if direction == "increasing" else -1.0)
             ways = steps.rate_problem(point.y, point.piece).begun(point.piece, point.tangent)
@@ -103,8 +111,11 @@ class PathRun:
 
     def _start(self, sense: float) -> BranchPoint:
         """The point at the state of the start, with the rate of the load as its tangent."""
-        b, problem, known = self._steps.bordered, self._stepper.problem, self._moment.statuses
-        y, gamma = b.vector(), self._gamma
+        b = self._steps.bordered
+        problem = self._stepper.problem
+        known = self._moment.statuses
+        y = b.vector()
+        gamma = self._gamma
         x = problem.create_vector()
         problem.write(x)
         b.join(x, gamma, y)
@@ -140,8 +151,10 @@ class PathRun:
                 if system.kinks_in_gamma:
                     self.reason += f"; {system.kinks_in_gamma}"
                 return None
-            before, point = self._moment, found.point
-            result, state = system.result_at(point), self._stepper.problem.state()
+            before = self._moment
+            point = found.point
+            result = system.result_at(point)
+            state = self._stepper.problem.state()
             if self._weak or self._violation(state) <= _VIOLATION:
                 break
             # Bonds were taken for damaging that are not, or the other way round, within the step.
@@ -159,7 +172,9 @@ class PathRun:
         self._moment = self._stepper.moment(
             before.time + point.step, state.statuses, eq.advanced(state), forces, energies
         )
-        self._arrived, self._gamma, self._number = point, point.gamma, self._number + 1
+        self._arrived = point
+        self._gamma = point.gamma
+        self._number = self._number + 1
         self._passed = (*self._passed, self._moment.time)
         eq.remember(self._moment.memory)
         ways = Ways(None)
@@ -191,14 +206,16 @@ class PathRun:
 
     def _violation(self, state: State) -> float:
         """Of the law, beside the largest forces on the path: one may pass where there are none."""
-        eq, (force, length) = self._system.equations, self._system.scales
+        eq = self._system.equations
+        force, length = self._system.scales
         return violation(eq, state, force, length) if force > 0 else 0.0
 
     def _event(self, found: Arrival) -> PathEvent:
         """What happens at an accepted point."""
         if found.at == "fold":
             return "smooth fold"
-        a, b = found.point, self._leaves
+        a = found.point
+        b = self._leaves
         if b is None:
             return "kink"
         comm = self._system.comm
@@ -208,7 +225,8 @@ class PathRun:
 
     def stuck(self) -> str:
         """Why the path gets nowhere; "" if it does."""
-        number, last = self._patience, self._passed[-self._patience - 1 :]
+        number = self._patience
+        last = self._passed[-self._patience - 1 :]
         if len(last) <= number or last[-1] - last[0] > number * _NOWHERE:
             return ""
         return (

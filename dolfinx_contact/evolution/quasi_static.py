@@ -83,17 +83,21 @@ class QuasiStatic(Evolution):
             at_jump: where no solution continues the evolution, or none is found that does, "raise"
                 `NoContinuation`, "stop" with the reason in the history, or "jump" to the solution
                 that was found under the load a moment later, which is labelled so. If none was
-                found a "jump" raises. It is proved that none continues where the load turns back
-                along the solutions that lead on from the state, and nothing else leads on there;
-                the reason says whether it is, and else what was tried. A step that was not solved
-                proves nothing: shorter ones are tried from the same state.
-            sudden: times the rate at which the state changed in the step before, beyond which a
-                step is looked at for a jump; ``inf`` for never. It is the rate of all unknowns, or
-                of the mean way of the points of a surface, which is looked at if it is more than
-                half as fast as the body was. The first step is looked at in any case, unless it
-                begins with a state that is no solution. That takes some steps more, which are not
-                kept if there is no jump. One that is a tenth or less of what happens in such a step
-                passes, and so does one that makes it no faster than that.
+                found a "jump" raises. It is proved that none continues through a step of the
+                shortest length where the load turns back in it along the solutions that lead on
+                from its start, and nothing else leads on; the reason says whether it is, and else
+                what was tried. A step that was not solved proves nothing: shorter ones are tried
+                from the same state. Data that leap in time are no jump: that is one of the state
+                under data that change little.
+            sudden: 1 or more, times the rate at which the state changed in the step before, beyond
+                which a step is looked at for a jump; ``inf`` for never, 1 for the most. It is the
+                rate of all unknowns, or of the points of a surface, their mean or the farthest one,
+                which are looked at if they are more than half as fast as the body was. A step in
+                which a bond loses more than a quarter of what the strongest had, and the first
+                one, are looked at in any case, unless it begins with a state that is no solution.
+                That takes some steps more; if there is no jump they are kept only where shorter
+                steps lead to another solution. A jump that is a tenth or less of what happens in
+                such a step passes, and so does one that makes it no faster than that.
             rays: whether all solutions of the rate problem are looked for where a step begins, in
                 2D with contact at nodes (`EvolutionStep.ways`); by default up to sixteen points and
                 where the statuses of the step before do not hold.
@@ -103,7 +107,7 @@ class QuasiStatic(Evolution):
                 half the length, and is accepted at the shortest length.
             observer: told of every accepted step while its end stands in the problem.
             record: keeps every accepted step before the observer is told of it, as
-                `output.EvolutionRecord` does.
+                `records.EvolutionRecord` does.
             progress: whether rank 0 says on the standard error stream where it is; by default once
                 it takes more than some seconds.
 
@@ -152,7 +156,8 @@ class QuasiStatic(Evolution):
             ValueError: on every rank, if there is none, the motion is of something else, and as
                 `NSCD.run`.
         """
-        comm, before = self.problem.comm, self._moment
+        comm = self.problem.comm
+        before = self._moment
         with everywhere(comm, "a jump"):
             if before is None or not time >= before.time:
                 raise ValueError("a jump begins where a run has ended, at its time or later")
@@ -167,7 +172,8 @@ class QuasiStatic(Evolution):
             history = motion.settle(most, rest=rest, progress=False)
             if not history.complete:
                 raise NoContinuation(f"the body moves on: {history.reason}", history)
-            a, b = before.energies, history.energies
+            a = before.energies
+            b = history.energies
             energies = Energies(
                 a.external + b.external,
                 a.stored + b.stored,

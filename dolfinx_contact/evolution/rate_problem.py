@@ -77,7 +77,9 @@ class RateProblem:
     """
 
     def __init__(self, corrector: Corrector, y: PETSc.Vec, tolerance: float, outside: float):
-        self._corrector, self._y, self._tolerance = corrector, y, tolerance
+        self._corrector = corrector
+        self._y = y
+        self._tolerance = tolerance
         self._outside = outside
         self._b = corrector.bordered
         self._comm = self._b.comm
@@ -132,7 +134,8 @@ class RateProblem:
 
         A point is there as often as it is at a border, the steepest last.
         """
-        here, ahead = self._distances(ray, 0.0), self._distances(ray, _PROBE)
+        here = self._distances(ray, 0.0)
+        ahead = self._distances(ray, _PROBE)
         slope = (ahead.distance - self._distances(ray, -_PROBE).distance) / (2 * _PROBE)
         largest = self._comm.allreduce(float(np.max(np.abs(slope), initial=0.0)), op=max)
         at_border = np.abs(here.distance) <= self._tolerance
@@ -169,7 +172,8 @@ class RateProblem:
 
     def _pivoted(self, first: Piece, t: PETSc.Vec, oriented: bool, at_once: bool) -> Ray | None:
         seen: set[bytes] = set()
-        come_by, piece = Ray(first, t), first
+        come_by = Ray(first, t)
+        piece = first
         for _ in range(_ROUNDS):
             known = b"".join(self._comm.allgather(piece.codes.tobytes()))
             if known in seen:
@@ -214,7 +218,9 @@ class RateProblem:
 
     def _enumerated(self, piece: Piece, t: PETSc.Vec) -> tuple[list[Ray], bool]:
         """Directions by all statuses of the points at a border, and whether all were tried."""
-        rank, choices, order = self._comm.rank, [], self._b.system.order()
+        rank = self._comm.rank
+        choices = []
+        order = self._b.system.order()
         x, gamma = self._b.split(self._y)
         events = self._b.system.events(x, gamma, piece)
         at_border = np.abs(events.distance) <= self._tolerance
@@ -239,7 +245,8 @@ class RateProblem:
 
     def _as_H_leads(self, t: PETSc.Vec) -> list[Ray]:
         """The direction in which H itself, statuses recomputed, has a solution nearby."""
-        b, y = self._b, self._y
+        b = self._b
+        y = self._y
         sense = 1.0 if b.gamma(t) >= 0 else -1.0
         for length in _LENGTHS:
             there = y.copy()

@@ -30,7 +30,7 @@ from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.evolution.forks import Forked, Forks
 from dolfinx_contact.evolution.history import EvolutionStep, History, NoContinuation
 from dolfinx_contact.evolution.jumps import Found, find_jump, where_it_changes
-from dolfinx_contact.evolution.moment import Moment, Stepper, Taken, changes
+from dolfinx_contact.evolution.moment import Moment, Stepper, Taken, changes, largest_at_points
 from dolfinx_contact.evolution.said import Said
 from dolfinx_contact.evolution.standing import AtJump, Recorder, Standing, Task, aim, checked_times
 from dolfinx_contact.laws.status import closed
@@ -43,7 +43,11 @@ __all__ = ["Evolution", "Observer"]
 #: Told of every accepted step, or asked whether to accept it, on every rank.
 Observer: TypeAlias = Callable[[EvolutionStep], object]
 
+_SUDDEN = 2.0  # times the rate before: a step that was found from beyond is a jump
 _SLIPS = 0.5  # of the rate of the body, at most, that of points that begin to
+_BREAKS = 0.25  # of a bond, lost in a step: it may have snapped
+_FURTHER = 4.0  # times as far in time, the next at which a solution is looked for
+_MOST_FURTHER = 20  # such times
 _MOST_FORKS = 16  # evolutions along other rays
 _HALVINGS = 20  # of the whole time, to the least step
 
@@ -90,7 +94,8 @@ class Evolution(ReadOnly):
                 lack = s.law.lacks(history=True)
                 if lack:
                     raise ValueError(f"{s.name}: the law {s.law.name} lacks {lack}")
-        self.problem, self.load = problem, load
+        self.problem = problem
+        self.load = load
         self._moment: Moment | None = None
         self._rate: npt.NDArray[np.float64] | None = None
         self._number = 0
@@ -132,7 +137,7 @@ class Evolution(ReadOnly):
                 if call is not None and not callable(call):
                     raise ValueError(f"{name} must be a function of a step, got {call!r}")
             if record is not None and not hasattr(record, "begin"):
-                raise ValueError(f"record must be an output.EvolutionRecord, got {record!r}")
+                raise ValueError(f"record must be an records.EvolutionRecord, got {record!r}")
         same_everywhere(comm, times=given, longest=longest, shortest=shortest, at_jump=at_jump)
         same_everywhere(comm, sudden=float(sudden), rays=rays, follow_rays=bool(follow_rays))
         same_everywhere(comm, a_record=record is not None)
@@ -176,7 +181,8 @@ class Evolution(ReadOnly):
 
     def put(self, standing: Standing) -> None:
         """Put the evolution where a run of it ended, from which the next goes on. Collective."""
-        self._moment, self._rate = standing.moment, standing.rate
+        self._moment = standing.moment
+        self._rate = standing.rate
         self._number = standing.number
         self._stepper(None).put(standing.moment)
 
@@ -209,16 +215,21 @@ class Evolution(ReadOnly):
         """A run from where it stands to its end. Collective."""
         said = Said(self.problem.comm, progress, (standing.moment.time, task.times[-1]))
         run = _Run(stepper, task, standing, accept, observer, record, said)
-        history, failure = run.history, None
+        history = run.history
+        failure = None
         try:
             with stepper.problem.telling_once():
                 for end in task.times[1:]:
                     run.to(end)
-            history.reason, history.complete = "the last time is reached", True
+            history.reason = "the last time is reached"
+            history.complete = True
         except _Ended as ended:
-            history.reason, failure = str(ended), ended
+            history.reason = str(ended)
+            failure = ended
         finally:
-            self._moment, self._rate, self._number = run.moment, run.rate, run.number
+            self._moment = run.moment
+            self._rate = run.rate
+            self._number = run.number
             stepper.put(run.moment)
             said.end(history)
         if record is not None:
@@ -249,13 +260,19 @@ class _Run:
     ):
         self.moment = standing.moment
         self.history = History(self.moment.time, self.moment.energies)
-        self._stepper, self._task, self._said = stepper, task, said
-        self._accepts, self._observer, self._record = accept, observer, record
-        self._length, self._rejected = standing.length, 0
+        self._stepper = stepper
+        self._task = task
+        self._said = said
+        self._accepts = accept
+        self._observer = observer
+        self._record = record
+        self._length = standing.length
+        self._rejected = 0
         self._forks = Forks(stepper, task.rays)
         #: Steps along other rays, which are to be followed.
         self.forks: list[Taken] = []
-        self.rate, self._before = standing.rate, standing.number
+        self.rate = standing.rate
+        self._before = standing.number
 
     def begin(self, taken: Taken) -> None:
         """Accept a step that was taken."""
@@ -290,52 +307,119 @@ class _Run:
 
     def _jump(self, taken: Taken) -> Found | None:
         """What is found in a step that changes the state suddenly; None if it is no jump."""
-        sudden, before = self._task.sudden, self.rate
-        if math.isinf(sudden) or not taken.before.solved:
+        if math.isinf(self._task.sudden) or not taken.before.solved:
             return None
-        rate = _rate(self._stepper.problem.comm, taken)
-        slow = np.zeros_like(rate) if before is None else sudden * before
-        slow[0] = math.inf
-        if before is not None:  # points that begin to slip come to be as fast as the body
-            slow[2:] = np.maximum(slow[2:], _SLIPS * before[0])
-        if (rate <= slow).all():
+        slow = self._sudden(taken, self._task.sudden)
+        if slow is None:
             return None
         return find_jump(self._stepper, taken, slow, self._task.shortest)
 
+    def _sudden(self, taken: Taken, times: float) -> npt.NDArray[np.float64] | None:
+        """Rates up to which nothing jumps in a step that is sudden; None if it is not. Collective.
+
+        Args:
+            taken: the step.
+            times: the rate of the step before that are sudden.
+        """
+        before = self.rate
+        comm = self._stepper.problem.comm
+        rate = _rate(comm, taken)
+        n = len(self._stepper.problem.surfaces)
+        means = slice(2, 2 + n)
+        bonds = slice(2 + n, 2 + 2 * n)
+        one = slice(2 + 2 * n, None)
+        if before is not None and before.shape != rate.shape:
+            before = None  # that of an older record, which had other rates
+        slow = np.zeros_like(rate) if before is None else times * before
+        if before is not None:  # points that begin to slip come to be as fast as the body
+            for part in (means, one):
+                slow[part] = np.maximum(slow[part], _SLIPS * before[0])
+        slow[0] = math.inf
+        fast = rate > slow
+        fast[bonds] = largest_at_points(comm, taken.before, taken.after)[1] > _BREAKS
+        if not fast.any():
+            return None
+        # In a mean what one point does is small, and a bond that breaks is no rate.
+        known = np.where(fast[: 2 + n].any(), slow, 0.0)[: one.start]
+        known[0] = math.inf
+        known[bonds] = 0.0
+        return np.asarray(known)
+
     def _jump_over(self, found: Found, far: Taken) -> None:
         """Accept a step whose end is far as a jump, or end the run there and say why."""
-        a, b = far.before, far.after
+        a = far.before
+        b = far.after
         if self._task.at_jump == "jump":
             self._accept(Forked(far), jump=True)
             return
-        beyond, least = f"beyond the time {a.time:.10g}", self._task.shortest
-        there = f"found at {b.time:.10g}, {where_it_changes(self._stepper, a, b)}"
+        beyond = f"beyond the time {a.time:.10g}"
+        least = self._task.shortest
+        there = where_it_changes(self._stepper, a, b)
         if found.proved:
-            said = f"no solution continues the evolution {beyond}; in the next one, {there}"
-            said += f" ({found.why})"
+            said = (
+                f"no solution continues the evolution in the step from {a.time:.10g} to "
+                f"{b.time:.10g}, where {found.why}; at its end another one was found, {there}"
+            )
         elif found.failure is not None:
             said = (
                 f"no step {beyond} was solved, down to {least:.2g}, that leads on from it; in a "
-                f"solution further off, {there}. Whether one continues the evolution is not "
-                f"decided: {found.failure}"
+                f"solution further off, at {b.time:.10g}, {there}. Whether one continues the "
+                f"evolution is not decided: {found.failure}"
             )
         else:
             said = (
                 f"no solution {beyond} was found that continues the evolution, in a step of "
-                f"{b.time - a.time:.2g}; in the next one, {there}. Whether one does is not "
-                f"decided: {found.why}"
+                f"{b.time - a.time:.2g}; at its end another one was found, {there}. Whether one "
+                f"does is not decided: {found.why}"
             )
         raise _Ended(said) from found.failure
 
     def _shorten(self, aim: float, error: ConvergenceError | None = None) -> None:
         """Try half the step next time, or a quarter if there was an error; end if too short."""
-        length, part = aim - self.moment.time, 2 if error is None else 4
+        length = aim - self.moment.time
+        part = 2 if error is None else 4
         if length / part < self._task.shortest:
+            if error is not None and self._task.at_jump == "jump":
+                beyond = self._beyond(aim)
+                if beyond is not None:
+                    times = min(self._task.sudden, _SUDDEN)
+                    self._accept(Forked(beyond), jump=self._sudden(beyond, times) is not None)
+                    return
             raise _Ended(
                 f"no solution was found beyond the time {self.moment.time:.10g}, in a step of "
                 f"{length:.2g}, which was not solved: {error}"
             ) from error
-        self._length, self._rejected = length / part, self._rejected + 1
+        self._length = length / part
+        self._rejected = self._rejected + 1
+
+    def _beyond(self, goal: float) -> Taken | None:
+        """A step to a time at which no solution was found near; None if there is none either.
+
+        A solution further off in time is where the solver begins then, or one between. Collective.
+        """
+        far: Taken | None = None
+        start = self.moment
+        last = self._task.times[-1]
+        ahead = [start.time + (goal - start.time) * _FURTHER**k for k in range(1, _MOST_FURTHER)]
+        for time in [*(t for t in ahead if t < last), last]:
+            try:
+                far = self._stepper.take(start, time)
+                break
+            except ConvergenceError:
+                continue
+        while far is not None:
+            likely = (far.after.statuses,)
+            try:
+                return self._stepper.take(start, goal, likely=likely, guess=far.after)
+            except ConvergenceError:
+                between = start.time + (far.after.time - start.time) / _FURTHER
+            if not goal < between < far.after.time:
+                return None
+            try:
+                far = self._stepper.take(start, between, likely=likely, guess=far.after)
+            except ConvergenceError:
+                return None
+        return None
 
     def _step(self, taken: Taken, jump: bool, ways: int | None = None) -> EvolutionStep:
         return EvolutionStep(
@@ -369,7 +453,8 @@ class _Run:
         return not comm.allreduce(int(not wanted))
 
     def _accept(self, forked: Forked, *, jump: bool = False, settled: bool = True) -> None:
-        taken, comm = forked.taken, self._stepper.problem.comm
+        taken = forked.taken
+        comm = self._stepper.problem.comm
         step = self._step(taken, jump, forked.ways)
         if self._task.follow_rays:
             self.forks += self._forks.others(forked)
@@ -394,15 +479,17 @@ class _Run:
 
 def _closes(comm: MPI.Comm, taken: Taken) -> bool:
     """Whether a point closes in a step. Collective."""
-    a, b = taken.before.shown, taken.after.shown
+    a = taken.before.shown
+    b = taken.after.shown
     mine = any(bool((closed(y) & ~closed(x)).any()) for x, y in zip(a, b, strict=True))
     return bool(comm.allreduce(int(mine)))
 
 
 def _rate(comm: MPI.Comm, taken: Taken) -> npt.NDArray[np.float64]:
-    """Of the state in a step, as `changes` has it. Collective."""
-    length = taken.after.time - taken.before.time
-    return np.asarray(changes(comm, taken.before, taken.after) / length)
+    """Of the state in a step: of `changes`, then of the farthest ways of a point. Collective."""
+    ways, _ = largest_at_points(comm, taken.before, taken.after)
+    found = np.concatenate([changes(comm, taken.before, taken.after), ways])
+    return np.asarray(found / (taken.after.time - taken.before.time))
 
 
 def _followed(forks: list[Taken], stepper: Stepper, task: Task) -> list[History]:
@@ -419,7 +506,8 @@ def _followed(forks: list[Taken], stepper: Stepper, task: Task) -> list[History]
             run.begin(first)
             for end in task.times:
                 run.to(end)
-            run.history.reason, run.history.complete = "the last time is reached", True
+            run.history.reason = "the last time is reached"
+            run.history.complete = True
         except _Ended as ended:
             run.history.reason = str(ended)
         found.append(run.history)

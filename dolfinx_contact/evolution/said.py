@@ -21,12 +21,16 @@ class Said:
     """The line of progress: time, step, statuses, and the time that is left by the clock."""
 
     def __init__(self, comm: MPI.Comm, wanted: bool | None, times: Sequence[float]):
-        self._line, self._start, self._span = Line(comm), clock.monotonic(), (times[0], times[-1])
+        self._line = Line(comm)
+        self._start = clock.monotonic()
+        self._span = (times[0], times[-1])
         self._silent = wanted is False or comm.rank > 0
-        self._after, self._shown = 0.0 if wanted else _PATIENCE, False
+        self._after = 0.0 if wanted else _PATIENCE
+        self._shown = False
 
     def step(self, step: EvolutionStep) -> None:
-        passed, (a, b) = clock.monotonic() - self._start, self._span
+        passed = clock.monotonic() - self._start
+        a, b = self._span
         if self._silent or passed < self._after:
             return
         self._shown = True
@@ -49,12 +53,16 @@ class SaidOfPath:
     """The line of progress: load, number of the point, statuses, time by the clock."""
 
     def __init__(self, comm: MPI.Comm, wanted: bool | None, limits: tuple[float, float]):
-        self._line, self._start, self._limits = Line(comm), clock.monotonic(), limits
+        self._line = Line(comm)
+        self._start = clock.monotonic()
+        self._limits = limits
         self._silent = wanted is False or comm.rank > 0
-        self._after, self._shown = 0.0 if wanted else _PATIENCE, False
+        self._after = 0.0 if wanted else _PATIENCE
+        self._shown = False
 
     def step(self, step: PathStep) -> None:
-        passed, (low, high) = clock.monotonic() - self._start, self._limits
+        passed = clock.monotonic() - self._start
+        low, high = self._limits
         if self._silent or passed < self._after:
             return
         self._shown = True

@@ -46,7 +46,8 @@ class Standing:
     Attributes:
         moment: the last accepted state.
         length: no longer is the next step.
-        rate: of the state in the last step, as `moment.changes` has it; None before the first.
+        rate: of the state in the last step, of `moment.changes` and of the farthest way of a point
+            of each surface; None before the first.
         number: of the last step, over all runs of the evolution; 0 before the first.
         settled: whether it says how the run goes on. It does not in the midst of steps that were
             found together, up to a jump.

@@ -62,7 +62,8 @@ def branch_of_step(stepper: Stepper, moment: Moment, time: float) -> StepBranch:
     """
     problem = stepper.problem
     stepper.prepare(moment, time)
-    equations, x = problem.equations, problem.create_vector()
+    equations = problem.equations
+    x = problem.create_vector()
     try:
         problem.write(x)
         with equations.ramped(x):
@@ -83,7 +84,10 @@ def branch_of_step(stepper: Stepper, moment: Moment, time: float) -> StepBranch:
 
 def _followed(follower: Follower, system: Loaded, start: BranchPoint) -> StepBranch:
     """What the branch from a start leads to, and those that leave where it turns. Collective."""
-    starts, turns, why, unknown = [start], 0, "", ""
+    starts = [start]
+    turns = 0
+    why = ""
+    unknown = ""
     while starts:
         branch = follower.run(starts.pop(), (0.0, 1.0), max_steps=_MOST_STEPS, stop=_turned)
         last = branch.points[-1]
@@ -95,7 +99,8 @@ def _followed(follower: Follower, system: Loaded, start: BranchPoint) -> StepBra
             unknown = f"the solutions were followed in the step: {branch.reason}"
             continue
         turn = _at_turn(follower, special[-1])
-        why, turns = turn.why, turns + 1
+        why = f"{turn.why}, at {special[-1].gamma:.4g} of its change"
+        turns = turns + 1
         if not turn.known:
             unknown = turn.why
         elif turns > _MOST_TURNS:
@@ -132,7 +137,7 @@ class _Turn:
 def _at_turn(follower: Follower, special: SpecialPoint) -> _Turn:
     """What leads to more load from a fold, or where branches meet. Collective."""
     if special.kind == "fold" and special.smooth:
-        return _Turn("the load turns back there while all statuses stay", known=True)
+        return _Turn("the load turns back while all statuses stay", known=True)
     b = follower.bordered
     onwards = special.onwards
     if special.smooth or onwards is None:
@@ -157,4 +162,4 @@ def _at_turn(follower: Follower, special: SpecialPoint) -> _Turn:
         ]
         method = f"enumeration of {number} pieces"
     more = [ray for ray in rays if b.gamma(ray.tangent) > _NO_MORE]
-    return _Turn(f"the load turns back there, by {method}", True, more, f"by {method}")
+    return _Turn(f"the load turns back, by {method}", True, more, f"by {method}")

@@ -56,7 +56,8 @@ def rays_of_step(problem: ContactProblem) -> StepRays | None:
         None where statuses are no polyhedral cones (`reduced.condensed`), data of the surfaces
         change in the step, or the body is singular although its contact points are held.
     """
-    eq, x = problem.equations, problem.create_vector()
+    eq = problem.equations
+    x = problem.create_vector()
     problem.write(x)
     try:
         with eq.ramped(x):

@@ -45,8 +45,11 @@ from dolfinx_contact.laws.status import DAMAGING, OPEN, PLUS
 
 __all__ = ["RCCM"]
 
-_RATE, _LENGTH, _REST = ".rate", ".length", ".rest"
-_CLOSED, _ORIGIN = ".closed", ".origin_"
+_RATE = ".rate"
+_LENGTH = ".length"
+_REST = ".rest"
+_CLOSED = ".closed"
+_ORIGIN = ".origin_"
 _FIELDS = "normal", "tangential", "work", "friction", "viscosity", "beta", "broken"
 _STIFFNESS = "stiffness"  # of a surface that gives way
 
@@ -140,7 +143,8 @@ class RCCM(Law):
         return mine if self.contact is None else mine | {_STIFFNESS: self.contact.stiffness}
 
     def having(self, symbols: Mapping[str, Any]) -> Self:
-        own, contact = dict(symbols), self.contact
+        own = dict(symbols)
+        contact = self.contact
         if contact is not None:
             stiffness = own.pop(_STIFFNESS, contact.stiffness)
             contact = replace(contact, stiffness=stiffness)
@@ -166,9 +170,12 @@ class RCCM(Law):
         return self._soft(a, self._now(a), self._opening(a))
 
     def bond(self, a: ContactPoint) -> Bond:
-        opening, moved = self._opening(a), self._moved(a)
-        energy, beta = self._energy(opening, moved), self._now(a)
-        lost, moves = self.beta - beta, ufl.gt(a.step, 0.0)
+        opening = self._opening(a)
+        moved = self._moved(a)
+        energy = self._energy(opening, moved)
+        beta = self._now(a)
+        lost = self.beta - beta
+        moves = ufl.gt(a.step, 0.0)
         time = ufl.conditional(moves, a.step, 1.0)
         viscous = ufl.And(moves, ufl.And(ufl.gt(self.viscosity, 0.0), ufl.gt(lost, 0.0)))
         pace = ufl.conditional(viscous, lost, 1.0) / time
@@ -202,7 +209,9 @@ class RCCM(Law):
         return Bond(after, traction, 0.5 * beta**2 * energy, spent, broken)
 
     def pieces(self, a: ContactPoint) -> Mapping[int, StatusPiece]:
-        found, step, moved = {}, self._step(a), self._moved(a)
+        found = {}
+        step = self._step(a)
+        moved = self._moved(a)
         scale = ufl.sqrt(self.work * (self.normal + self.tangential))
         for is_open in (True, False):
             opening = -a.u_n if is_open or self.compliant else 0.0
@@ -263,7 +272,8 @@ class RCCM(Law):
 
     def _step(self, a: ContactPoint) -> DamageStep:
         """How the intensity goes on from memory."""
-        b, p = self.viscosity, float(self.exponent)
+        b = self.viscosity
+        p = float(self.exponent)
         before = (
             {k.removeprefix("."): a.kept[k] for k in (_RATE, _LENGTH, _REST)}
             if self.order == 2

@@ -99,8 +99,10 @@ class Answers:
         spreading: Spreading | None = None,
         turning: Callable[[Codes], Array] | None = None,
     ):
-        self._law, self._values = law, values
-        self.spreading, self._turning = spreading, turning
+        self._law = law
+        self._values = values
+        self.spreading = spreading
+        self._turning = turning
 
     def _of(self, codes: Codes, what: str, shape: tuple[int, ...]) -> Array:
         every = np.stack([self._values[:, k] for k in self._law.places[what]], axis=1)

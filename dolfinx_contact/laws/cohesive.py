@@ -58,12 +58,14 @@ class BilinearCohesive(Interface):
         return breaking + self.friction * state["damage"] * state.pressure * rates.slip
 
     def cost(self, start: InterfaceState, end: InterfaceState) -> Any:
-        k, lost = self.strength / self.elastic, end["damage"] - start["damage"]
+        k = self.strength / self.elastic
+        lost = end["damage"] - start["damage"]
         return k * self._reached(start) * self._reached(end) * lost / 2.0
 
     def _reached(self, state: InterfaceState) -> Any:
         """K, the size of the jump at which the traction begins to fall."""
-        a, b = self.elastic, self.softening
+        a = self.elastic
+        b = self.softening
         return a * (a + b) / (a + b - state["damage"] * b)
 
 

@@ -49,7 +49,8 @@ class _Written:
     """
 
     def __init__(self, law: Law, symbols: Symbols):
-        point, mine = symbols.point, law.having(symbols.of_the_law)
+        point = symbols.point
+        mine = law.having(symbols.of_the_law)
         self.equations = dict(mine.equations(point))
         point = replace(point, solved=symbols.exact(self.equations))
         local = law.spread is None
@@ -60,7 +61,8 @@ class _Written:
             "bound": mine.bound(soft, soft.p),
             "unit_bound": mine.bound(unit, ufl.as_ufl(1.0)),
         }
-        bond, self.bond = mine.bond(point), dict[str, Any]()
+        bond = mine.bond(point)
+        self.bond = dict[str, Any]()
         if bond is not None:
             known = "traction", "stored", "spent", "broken"
             self.bond = {name: getattr(bond, name) for name in known}
@@ -104,7 +106,8 @@ class CompiledLaw:
 
     def __init__(self, law: Law, dim: int, comm: MPI.Comm):
         local = law.spread is None
-        self.dim, self._comm = dim, comm
+        self.dim = dim
+        self._comm = comm
         # What the user wrote comes first: compiling is collective.
         with everywhere(comm, f"the law {type(law).__name__}"):
             given = dim, law.given, law.keeps(dim), law.solves(dim)
@@ -112,9 +115,15 @@ class CompiledLaw:
             memory = every.used(_Written(law, every).scalars)
             symbols = Symbols(*given, memory, local=local)
             written = _Written(law, symbols)
-        self.names, self._w, self._fields = symbols.names, symbols.w, symbols.fields
-        self._jump, self._traction, self._n = symbols.jump, symbols.traction, symbols.n
-        self._pieces, self._spreads, bond = written.pieces, written.spreads, written.bond
+        self.names = symbols.names
+        self._w = symbols.w
+        self._fields = symbols.fields
+        self._jump = symbols.jump
+        self._traction = symbols.traction
+        self._n = symbols.n
+        self._pieces = written.pieces
+        self._spreads = written.spreads
+        bond = written.bond
         self.keeps = [name for name in law.keeps(dim) if name in self.names]
         self.knows_slip: bool = SLID in self.names
         self.codes = tuple(self._pieces)
@@ -145,7 +154,8 @@ class CompiledLaw:
         roots = written.equations
         self._needs: dict[float, bool] = {}
         self._roots = Roots(roots, symbols.solved, self._w, comm) if roots else None
-        self._step, self._says = symbols.step, written.scalars
+        self._step = symbols.step
+        self._says = written.scalars
 
     def needs_time(self, step: float) -> bool:
         """Whether the law is not said without a time: at a step of no length, or a negative one.
@@ -188,7 +198,8 @@ class CompiledLaw:
     @cached_property
     def slopes(self) -> tuple[Values, list[list[int]]]:
         """Derivatives of distances by jump and traction, compiled when first asked for."""
-        flat, places = Flat(), []
+        flat = Flat()
+        places = []
         for piece in self._pieces.values():
             places.append(
                 [
@@ -252,7 +263,9 @@ class LawAtPoints:
     """
 
     def __init__(self, law: Law, dim: int, number: int, comm: MPI.Comm):
-        self.law, self.dim, self.number = law, dim, number
+        self.law = law
+        self.dim = dim
+        self.number = number
         self.compiled = _compiled(law, dim, comm)
         self.codes = self.compiled.codes
 
@@ -260,7 +273,9 @@ class LawAtPoints:
         self, jump: Array, traction: Array, data: PointData, codes: Codes | None = None
     ) -> Answers:
         """Evaluate at jumps and tractions (n, dim), and statuses if they are held."""
-        turn, slope, values = data.turn, data.slope, self.compiled.values
+        turn = data.turn
+        slope = data.slope
+        values = self.compiled.values
         found = self._evaluate(values, jump, traction, data)
         if turn is None or slope is None:
             return Answers(self.compiled, found)
@@ -301,7 +316,8 @@ class LawAtPoints:
             rates: of normals, gaps and fields; those of r are not looked at.
             codes: statuses.
         """
-        normal, gap = rates.n[:, :, None], rates.gap[:, None, None]
+        normal = rates.n[:, :, None]
+        gap = rates.gap[:, None, None]
         rate, by_field = self._by_given(jump, traction, data, codes, normal, gap)
         for name, slope in by_field.items():
             if name in rates.fields:  # what memory has does not change
@@ -326,7 +342,8 @@ class LawAtPoints:
         """
         compiled, by_normal, by_field = self.compiled.sensitivities
         values = self._evaluate(compiled, jump, traction, data)
-        mine, d = np.arange(len(codes)), self.dim
+        mine = np.arange(len(codes))
+        d = self.dim
 
         def chosen(places: list[list[int]], *shape: int) -> Array:
             every = np.stack([values[:, k] for k in places], axis=1)

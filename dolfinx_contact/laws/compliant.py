@@ -62,7 +62,8 @@ class _AroundFriction(FrictionLaw):
 
     @property
     def kind(self) -> Hashable | None:
-        inside, mine = self.friction.kind, super().kind
+        inside = self.friction.kind
+        mine = super().kind
         present = tuple(k for k in self.own if getattr(self, k) is not None)
         return None if inside is None else (mine, present, self._number, inside)
 
@@ -180,7 +181,9 @@ class NormalCompliance(_AroundFriction):
 
     def soft(self, a: ContactPoint) -> ContactPoint:
         """The point with the pressure and the shear of springs."""
-        C, C_t, m = self.stiffness, self.tangential, float(self.exponent)
+        C = self.stiffness
+        C_t = self.tangential
+        m = float(self.exponent)
         shear = None if C_t is None else C_t / (C_t + a.r) * a.s
         if m == 1:
             return replace(a, pressure=C / (C + a.r) * a.p, shear=shear)
@@ -255,7 +258,8 @@ class Regularised(_AroundFriction):
         return ufl.conditional(timed, self.speed * a.step, self.width)
 
     def shears(self, a: ContactPoint) -> Mapping[int, StatusPiece]:
-        u, eps = a.u_t, self._eps(a)
+        u = a.u_t
+        eps = self._eps(a)
         y = ufl.dot(u, u) / eps**2
         size = eps * _root(y)
         b = self.bound(replace(a, slid=a.slid_before + size), a.p)

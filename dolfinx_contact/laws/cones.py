@@ -60,7 +60,8 @@ def cones(
         the rows t - tau(j, t) = 0.
     """
     n = law.number
-    B, C = np.zeros((n, _STATUSES, 4, 2)), np.zeros((n, _STATUSES, 3, 4))
+    B = np.zeros((n, _STATUSES, 4, 2))
+    C = np.zeros((n, _STATUSES, 3, 4))
     exists = np.zeros((n, _STATUSES), dtype=bool)
     nothing = np.zeros((n, 2))
     answers = law(nothing, nothing, data)
@@ -69,8 +70,10 @@ def cones(
     lengths[:, :2, :2] = frames
     lengths[:, 2:, 2:] = frames * scale[:, None, None]
     for i, code in enumerate(law.codes):
-        codes, exists[:, code] = np.full(n, code, dtype=np.int8), there[:, i]
-        by_jump, by_traction = answers.by_jump(codes), answers.by_traction(codes)
+        codes = np.full(n, code, dtype=np.int8)
+        exists[:, code] = there[:, i]
+        by_jump = answers.by_jump(codes)
+        by_traction = answers.by_traction(codes)
         rows = np.concatenate([-by_jump, np.eye(2) - by_traction], axis=2) @ lengths
         rows /= scale[:, None, None]
         plane, free = _plane(rows, exists[:, code])
@@ -91,12 +94,15 @@ def no_cones(n: int) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
 
 def _plane(rows: Array, used: npt.NDArray[np.bool_]) -> tuple[Array, list[int]]:
     """Bases (n, 4, 2) of the planes ``rows`` w = 0, and the coordinates that they are made of."""
-    best, chosen, size = -1.0, (0, 1), np.abs(rows).max(axis=(1, 2))
+    best = -1.0
+    chosen = (0, 1)
+    size = np.abs(rows).max(axis=(1, 2))
     for pivots in combinations(range(4), 2):
         determinant = np.abs(np.linalg.det(rows[:, :, list(pivots)])) / size**2
         least = float(determinant[used].min(initial=np.inf))
         if least > best * (1 + _ROUND_OFF):
-            best, chosen = least, pivots
+            best = least
+            chosen = pivots
     held = list(chosen)
     free = [k for k in range(4) if k not in held]
     B = np.zeros((len(rows), 4, 2))

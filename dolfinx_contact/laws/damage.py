@@ -50,7 +50,8 @@ def _solved(log: Any, exponent: float) -> Any:
     small = ufl.lt(log, 0.0)
     k = ufl.exp(ufl.conditional(small, log, -log / p))
     x = ufl.conditional(small, _horner(below, k), log / p + _horner(beyond, k))
-    one, other = ufl.exp(-x), ufl.exp(log - p * x)
+    one = ufl.exp(-x)
+    other = ufl.exp(log - p * x)
     x = x + ufl.ln(one + other) * (one + other) / (one + p * other)
     return ufl.exp(-x)
 
@@ -62,7 +63,8 @@ def _starts(p: float) -> tuple[list[float], list[float]]:
     for log, line in ((np.log(at), 0.0 * at), (-p * np.log(at), -np.log(at))):
         x = np.maximum(log / p, 0.0)
         for _ in range(50):
-            one, other = np.exp(-x), np.exp(log - p * x)
+            one = np.exp(-x)
+            other = np.exp(log - p * x)
             x = x + np.log(one + other) * (one + other) / (one + p * other)
         fitted = np.polynomial.Polynomial.fit(at, x - line, _DEGREE).convert().coef
         found.append([round(float(c), 9) for c in fitted])  # the same on every machine
@@ -103,10 +105,14 @@ class DamageStep:
         before: dict[str, Any] | None = None,
         recovers: Any | None = None,
     ):
-        self._work, self._viscosity, self._exponent = work, viscosity, exponent
+        self._work = work
+        self._viscosity = viscosity
+        self._exponent = exponent
         self._viscous = ufl.And(ufl.gt(viscosity, 0.0), ufl.ge(step, 0.0))
         most = beta if recovers is None else ufl.conditional(recovers, 1.0, beta)
-        self._start, self._time, self.cap = beta, step, most
+        self._start = beta
+        self._time = step
+        self.cap = most
         if before is not None:
             length = before["length"]
             known = ufl.And(ufl.gt(length, 0.0), ufl.gt(step, 0.0))

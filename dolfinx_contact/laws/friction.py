@@ -67,7 +67,8 @@ class FrictionLaw(Law):
         if a.dim == 3:
             return {PLUS: None}
         # It slips against its displacement.
-        grips, back = self.grips(a), ufl.gt(ufl.dot(a.s, a.t), 0.0)
+        grips = self.grips(a)
+        back = ufl.gt(ufl.dot(a.s, a.t), 0.0)
         back = back if grips is None else ufl.And(back, grips)
         return {PLUS: ufl.Not(back), MINUS: back}
 
@@ -78,7 +79,8 @@ class FrictionLaw(Law):
                 OPEN: StatusPiece(nothing, [Border(-a.touch, PLUS)]),
                 PLUS: StatusPiece(-a.p * a.n, [Border(a.touch, OPEN)]),
             }
-        friction, pieces = self.shears(a), {}
+        friction = self.shears(a)
+        pieces = {}
         if self.needs_pressure:
             closing = [Border(-a.touch, code, where) for code, where in self.entered(a).items()]
             pieces[OPEN] = StatusPiece(nothing, closing)
@@ -103,7 +105,8 @@ class _Slip:
 
     def __init__(self, a: ContactPoint, radius: Radius, slid: Any):
         least = -_ROUND_OFF * a.p / a.r
-        self._forward, self._back = ufl.ge(slid, least), a.r * slid
+        self._forward = ufl.ge(slid, least)
+        self._back = a.r * slid
         self.radius = radius(ufl.conditional(self._forward, slid, least))
         self._knows = radius(slid) != radius(2.0 * slid)
 
@@ -114,9 +117,12 @@ class _Slip:
 
 def _in_plane(a: ContactPoint, radius: Radius, grips: Any, holds: Any) -> dict[int, StatusPiece]:
     """Friction at a point in 2D; a slip with u_t > 0 has s.t < 0."""
-    s, u = ufl.dot(a.s, a.t), ufl.dot(a.u_t, a.t)
-    right, left = _Slip(a, radius, u), _Slip(a, radius, -u)
-    b, c = right.radius, left.radius
+    s = ufl.dot(a.s, a.t)
+    u = ufl.dot(a.u_t, a.t)
+    right = _Slip(a, radius, u)
+    left = _Slip(a, radius, -u)
+    b = right.radius
+    c = left.radius
     return {
         STICK: StatusPiece(s * a.t, [Border(c - s, MINUS), Border(b + s, PLUS)], holds),
         MINUS: StatusPiece(c * a.t, [Border(left.border(s - c), STICK)], grips),

@@ -144,7 +144,8 @@ class Interface(Law):
 
     def equations(self, a: ContactPoint) -> Mapping[str, Equations]:
         self._check_time(a)
-        found, x = {}, self._monotone
+        found = {}
+        x = self._monotone
         for name in self.solves(a.dim):
             side = self._side(a, *_which(name), level=0)
             start = [s for v in side.unknown for s in _scalars(side.start[v.name])]
@@ -186,7 +187,8 @@ class Interface(Law):
     def bond(self, a: ContactPoint) -> Bond | None:
         if not self.bonded:
             return None
-        now, after = self._now(a), dict[str, Any]()
+        now = self._now(a)
+        after = dict[str, Any]()
         for x in self.internal:
             names = x.components(a.dim) if x.vector else [x.name]
             after |= dict(zip(names, _scalars(now.values[x.name]), strict=True))
@@ -246,7 +248,9 @@ class Interface(Law):
 
     def _side(self, a: ContactPoint, is_open: bool, family: int, level: int = 1) -> InterfacePoint:
         """The interface at an open or closed point whose monotone variable is as a family says."""
-        start, unknown, values = self._starts(a), [], dict[str, Any]()
+        start = self._starts(a)
+        unknown = []
+        values = dict[str, Any]()
         x = self._monotone
         for v in (*([] if x is None else [x]), *(v for v in self.internal if v is not x)):
             if v is x and family != DAMAGING:
@@ -258,7 +262,8 @@ class Interface(Law):
         numbers = list(a.solved.get(_name(is_open, family), ()))
         for v in unknown:
             n = a.dim if v.vector else 1
-            mine, numbers = numbers[:n], numbers[n:]
+            mine = numbers[:n]
+            numbers = numbers[n:]
             values[v.name] = ufl.as_vector(mine) if v.vector else mine[0]
         opening = -a.u_n if is_open else ufl.as_ufl(0.0)
         return InterfacePoint(self, a, opening, values, start, unknown, is_open, level)
@@ -274,7 +279,8 @@ class Interface(Law):
 
     def _now(self, a: ContactPoint) -> InterfacePoint:
         """The interface as it is."""
-        is_open, values = ufl.lt(a.u_n, 0.0), dict[str, Any]()
+        is_open = ufl.lt(a.u_n, 0.0)
+        values = dict[str, Any]()
         both = [self._values(a, side) for side in (True, False)]
         for x in self.internal:
             values[x.name] = _chosen(is_open, *(known[x.name] for known in both))
@@ -283,7 +289,8 @@ class Interface(Law):
 
     def _values(self, a: ContactPoint, is_open: bool) -> dict[str, Any]:
         """Values of the variables at a point that is open or closed."""
-        sides, x = {f: self._side(a, is_open, f) for f in self._families}, self._monotone
+        sides = {f: self._side(a, is_open, f) for f in self._families}
+        x = self._monotone
         if x is None:
             return sides[OPEN].values
         moves = _both(ufl.lt(self._slack(sides[OPEN]), 0.0), self._has_way)
@@ -312,10 +319,12 @@ class Interface(Law):
 
     def _ways(self, sides: Mapping[int, InterfacePoint], family: int, code: int) -> list[Border]:
         """Borders to other families."""
-        x, found = self._monotone, list[Border]()
+        x = self._monotone
+        found = list[Border]()
         if x is None:
             return found
-        scale, way = sides[OPEN].scale(x.name), self._has_way
+        scale = sides[OPEN].scale(x.name)
+        way = self._has_way
         rests = scale * self._slack(sides[OPEN])
         if family == OPEN:
             found += _borders(sides[DAMAGING], rests, code, DAMAGING, way)

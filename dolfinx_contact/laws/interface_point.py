@@ -27,7 +27,8 @@ __all__ = ["InterfacePoint"]
 _FIRST = 5000  # number of a variable to differentiate by
 _PER_LEVEL = 100
 _POINTS = 4  # of a quadrature
-_SHORTEST, _NO_PACE = 1e-60, 1e-290
+_SHORTEST = 1e-60
+_NO_PACE = 1e-290
 
 
 class Potentials(Protocol):
@@ -71,8 +72,12 @@ class InterfacePoint:
         is_open: bool | None,
         level: int,
     ):
-        self._law, self._a, self.start, self.unknown = law, a, dict(start), list(unknown)
-        self._is_open, self._level = is_open, level
+        self._law = law
+        self._a = a
+        self.start = dict(start)
+        self.unknown = list(unknown)
+        self._is_open = is_open
+        self._level = level
         self._signs = {x.name: x.sense for x in law.internal}
         n = a.n
         moved = a.u_t + a.before - ufl.dot(a.before, n) * n
@@ -102,7 +107,8 @@ class InterfacePoint:
     @cached_property
     def _along(self) -> Any:
         """dPsi/d[u_t]."""
-        g, n = _slope(self.energy, self._moved), self._a.n
+        g = _slope(self.energy, self._moved)
+        n = self._a.n
         return g - ufl.dot(g, n) * n
 
     @property
@@ -112,7 +118,9 @@ class InterfacePoint:
 
     def scale(self, name: str) -> Any:
         """Of the force on a variable, by which it becomes a traction."""
-        law, a, zero = self._law, self._a, self._a.n * 0.0
+        law = self._law
+        a = self._a
+        zero = self._a.n * 0.0
         rest = InterfacePoint(
             law, a, ufl.as_ufl(0.0), self.start, self.start, [], True, self._level
         )
@@ -241,16 +249,19 @@ class InterfacePoint:
         Springs count as augmentation: so pressure and shear fall where the body moves away, however
         stiff they are.
         """
-        a, pull = self._a, self._pull
+        a = self._a
+        pull = self._pull
         if self._is_open:
             pull = pull + _positive(_slope(self._pull, self._opening)) * a.u_n
-        H, n = _slope(_slope(self.energy, self._moved), self._moved), a.n
+        H = _slope(_slope(self.energy, self._moved), self._moved)
+        n = a.n
         spring = _positive((ufl.tr(H) - ufl.dot(n, ufl.dot(H, n))) / (a.dim - 1))
         return replace(a, traction=a.traction - pull * n, shear=a.s + self._along - spring * a.u_t)
 
     @cached_property
     def _friction(self) -> _Friction:
-        viscous, presses = self._viscous, self._law.needs_pressure
+        viscous = self._viscous
+        presses = self._law.needs_pressure
         free = bool(self._is_open) and not presses
         return _Friction(self.resistance, self.speed, self._pace, viscous, presses, free)
 

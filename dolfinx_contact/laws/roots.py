@@ -22,9 +22,11 @@ __all__ = ["Roots"]
 Array = npt.NDArray[np.float64]
 Marks = npt.NDArray[np.bool_]
 
-_MOST_STEPS, _MOST_CUTS = 100, 30
+_MOST_STEPS = 100
+_MOST_CUTS = 30
 _ENOUGH = 1e-10  # of the numbers, a last step: what is left is its square
-_MOST_GROWN, _MOST_HALVED = 60, 120
+_MOST_GROWN = 60
+_MOST_HALVED = 120
 _TO_THE_END = 0.9  # of the way, a step is cut to
 
 
@@ -65,7 +67,9 @@ class _Root:
     """
 
     def __init__(self, equations: Equations, solved: Solved, w: fem.Function, comm: MPI.Comm):
-        self._n, self._first, self._sense = len(solved.numbers), solved.first, equations.sense
+        self._n = len(solved.numbers)
+        self._first = solved.first
+        self._sense = equations.sense
         flat = Flat()
         for f in equations.residual:
             flat.add(f)
@@ -83,7 +87,8 @@ class _Root:
 
     def __call__(self, full: Array) -> None:
         """Find the numbers at points, and write them into the columns."""
-        n, first = self._n, self._first
+        n = self._n
+        first = self._first
         known = self._known(full)
         start = known[:, :n]
         end = known[:, n] if self._ends else np.full(len(full), self._sense * np.inf)
@@ -147,7 +152,8 @@ class _Root:
         As where the first number leaves a start at 0 by less than its equation is off by round-off:
         of such a number no digit is known, and no correction is small beside it.
         """
-        low, high = start[:, 0].copy(), end.copy()
+        low = start[:, 0].copy()
+        high = end.copy()
         if not self._ends:
             high = first.copy()
             for _ in range(_MOST_GROWN):
@@ -159,7 +165,8 @@ class _Root:
         for _ in range(_MOST_HALVED):
             middle = low + (high - low) / 2
             short = self._sense * self._first_force(full, start, middle) < 0
-            low, high = np.where(short, middle, low), np.where(short, high, middle)
+            low = np.where(short, middle, low)
+            high = np.where(short, high, middle)
         return self._held(full, start, high)
 
     def _first_force(self, full: Array, start: Array, value: Array) -> Array:
@@ -180,7 +187,8 @@ class _Root:
         The measure is that of Deuflhard (Newton Methods for Nonlinear Problems, 2004, section 3.3),
         which knows no units.
         """
-        z, n = z.copy(), self._n
+        z = z.copy()
+        n = self._n
         active = np.arange(len(full))
         F, J = self._system_at(full, z, held)
         for _ in range(_MOST_STEPS):
@@ -192,7 +200,10 @@ class _Root:
             z[active[failed]] = np.nan
             z[active[ready]] += step[ready]
             go = ~(ready | failed)
-            active, step, inverse, size = active[go], step[go], inverse[go], size[go]
+            active = active[go]
+            step = step[go]
+            inverse = inverse[go]
+            size = size[go]
             if not len(active):
                 return z
             scale = size + np.abs(step) + np.finfo(float).tiny
@@ -201,7 +212,8 @@ class _Root:
             if end is not None:
                 ends = start[active, 0], end[active]
                 cut = _cut(z[active, 0], step[:, 0], *ends)
-            F, J = np.zeros((len(active), n)), np.zeros((len(active), n, n))
+            F = np.zeros((len(active), n))
+            J = np.zeros((len(active), n, n))
             left: npt.NDArray[np.int64] = np.arange(len(active))
             for _ in range(_MOST_CUTS):
                 trial = z[active[left]] + cut[left, None] * step[left]
@@ -221,7 +233,10 @@ class _Root:
         """F and its derivatives; the first number stays where it is if it is held."""
         F, J = self._at(full, z)
         if held:
-            F[:, 0], J[:, 0, :], J[:, :, 0], J[:, 0, 0] = 0.0, 0.0, 0.0, 1.0
+            F[:, 0] = 0.0
+            J[:, 0, :] = 0.0
+            J[:, :, 0] = 0.0
+            J[:, 0, 0] = 1.0
         return F, J
 
 

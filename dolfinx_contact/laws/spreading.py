@@ -22,7 +22,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.integrate import quad
 
 import ufl
 
@@ -51,6 +50,8 @@ KERNELS: dict[str, Callable[[Array], Array]] = {"mollifier": _mollifier, "biweig
 @cache
 def whole(shape: str, dim: int) -> float:
     """The integral of a kernel of radius 1 over the line (``dim`` 2) or the plane (3)."""
+    from scipy.integrate import quad  # no other law needs it
+
     omega = KERNELS[shape]
     ring = (lambda x: 2.0) if dim == 2 else (lambda x: 2.0 * np.pi * x)
     return float(quad(lambda x: float(omega(np.array(x))) * ring(x), 0.0, 1.0, epsabs=1e-14)[0])

@@ -36,7 +36,8 @@ OPEN, STICK, PLUS, MINUS = range(4)
 #: Added to the number of a closed status: friction as there, at an open point.
 WHERE_OPEN = 3
 #: Added to the number of any status: the strength of a bond changes there, or has come to its end.
-DAMAGING, BROKEN = 8, 16
+DAMAGING = 8
+BROKEN = 16
 
 _LETTERS = {2: "ok+-KPM aqrl QRL bhxyHXY", 3: "oks KS  aqc  QC  bhz HZ  "}
 

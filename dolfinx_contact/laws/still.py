@@ -47,7 +47,8 @@ class _Decided(MultiFunction):  # type: ignore[misc]
 
     def __init__(self, symbol: Variable, step: float):
         super().__init__()
-        self._symbol, self._step = symbol, step
+        self._symbol = symbol
+        self._step = step
 
     def expr(self, o: Any, *operands: Any) -> Any:
         return self.reuse_if_untouched(o, *operands)

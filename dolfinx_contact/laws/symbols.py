@@ -34,7 +34,8 @@ __all__ = [
 #: Name of the field of a law that is not local: what the points around spread.
 AROUND = ".around"
 #: Of the time since the last accepted state; of the distance slipped until then.
-STEP, SLID = ".step", ".slid"
+STEP = ".step"
+SLID = ".slid"
 CHUNK = 256  # points that are evaluated at once
 _FIRST_LABEL = 10**9  # beyond what UFL counts
 _FIRST_SOLVED = 1000  # of these
@@ -108,7 +109,9 @@ class Symbols:
         *,
         local: bool,
     ):
-        self._dim, self._given, self._keeps = dim, list(given), list(keeps)
+        self._dim = dim
+        self._given = list(given)
+        self._keeps = list(keeps)
         self.names = [*self._given, *memory, *([] if local else [AROUND])]
         points = mesh.create_interval(MPI.COMM_SELF, CHUNK, (0.0, 1.0))
         first = 3 * dim + 2 + len(self.names)
@@ -136,7 +139,8 @@ class Symbols:
     @property
     def point(self) -> ContactPoint:
         """The point that a law sees."""
-        gap, r = self.w[3 * self._dim], self.w[3 * self._dim + 1]
+        gap = self.w[3 * self._dim]
+        r = self.w[3 * self._dim + 1]
         point = ContactPoint(self.jump, self.traction, self.n, gap, r, self._dim)
         # What a law does not look at may be anything.
         slid, step = (self._known.get(name, 0.0) for name in (SLID, STEP))

@@ -29,7 +29,8 @@ class Flat:
 
     def add(self, expression: Any) -> list[int]:
         """The columns that the expression will have."""
-        e, first = ufl.as_ufl(expression), len(self.components)
+        e = ufl.as_ufl(expression)
+        first = len(self.components)
         self.components += [e[i] for i in np.ndindex(e.ufl_shape)] if e.ufl_shape else [e]
         return list(range(first, len(self.components)))
 
@@ -44,7 +45,8 @@ class Values:
     """
 
     def __init__(self, components: Sequence[Any], w: fem.Function, comm: MPI.Comm):
-        self.components, self._w = list(components), w
+        self.components = list(components)
+        self._w = w
         self._mesh = w.function_space.mesh
         self._dofs = w.function_space.dofmap.list[:, 0]
         middle = np.array([[0.5]])
@@ -52,8 +54,11 @@ class Values:
 
     def __call__(self, columns: Array) -> Array:
         """Values (n, components) where ``columns`` (n, columns of w) are given. Not collective."""
-        n, chunk, width = len(columns), len(self._dofs), len(self.components)
-        given, found = self._w.x.array.reshape(chunk, -1), np.empty((n, width))
+        n = len(columns)
+        chunk = len(self._dofs)
+        width = len(self.components)
+        given = self._w.x.array.reshape(chunk, -1)
+        found = np.empty((n, width))
         for a in range(0, n, chunk):
             part = columns[a : a + chunk]
             given[self._dofs[: len(part)]] = part

@@ -75,9 +75,11 @@ def crack(
     else:
         if not isinstance(body, mesh.Mesh):
             raise ValueError(f"a mesh to crack is needed, got {body!r}")
-        domain, names = body, {}
+        domain = body
+        names = {}
     keep(domain)
-    comm, tdim = domain.comm, domain.topology.dim
+    comm = domain.comm
+    tdim = domain.topology.dim
     with everywhere(comm, "a crack"):
         if isinstance(groups, str | int) or not isinstance(groups, Iterable):
             raise ValueError(f"groups must be a list of names or tags, got {groups!r}")
@@ -128,7 +130,8 @@ class _Around:
 
     def __init__(self, whole: WholeMesh, cell: basix.CellType, marked: npt.NDArray[np.bool_]):
         self.near = np.flatnonzero(marked[whole.cells].any(axis=1))
-        self.cells, self._marked = whole.cells[self.near].copy(), marked
+        self.cells = whole.cells[self.near].copy()
+        self._marked = marked
         self.corners = np.array(basix.topology(cell)[-2])
         every = np.sort(self.cells[:, self.corners], axis=2)
         given = np.sort(whole.facets, axis=1)
@@ -230,8 +233,10 @@ def _split(
     item = one[np.searchsorted(known, around.tagged[moved])]
     facets[moved] = around.cells[at[item][:, None], around.corners[place[item]]]
     values = whole.facet_values
-    rows, given = [facets[~chosen]], [values[~chosen]]
-    others, free = {}, int(values.max()) + 1
+    rows = [facets[~chosen]]
+    given = [values[~chosen]]
+    others = {}
+    free = int(values.max()) + 1
     for i, tag in enumerate(tags):
         others[tag] = free + i
         items, is_first = sides.of(around.tagged[(values == tag) & opens], tag)
@@ -259,7 +264,9 @@ class _Sides:
     """The two sides of groups of facets."""
 
     def __init__(self, whole: WholeMesh, around: _Around, several: npt.NDArray[np.bool_]):
-        self._x, self._around, self._several = whole.x, around, several
+        self._x = whole.x
+        self._around = around
+        self._several = several
         self._old = whole.cells[around.near]
         self._materials = np.full(len(whole.cells), np.iinfo(np.int32).min, dtype=np.int64)
         self._materials[whole.tagged_cells] = whole.cell_values
@@ -269,7 +276,8 @@ class _Sides:
         around = self._around
         cells, places = around.items(facets)
         nodes = around.cells[cells[:, None], around.corners[places]]
-        number, m = np.unique(around.ids[cells, places], return_inverse=True)[1], len(cells)
+        number = np.unique(around.ids[cells, places], return_inverse=True)[1]
+        m = len(cells)
         # What has a doubled node in common is of one side.
         held, node = np.nonzero(self._several[nodes])
         links = coo_array(
@@ -281,7 +289,8 @@ class _Sides:
         a, b = patch[by_facet].T
         # Every patch twice, as the first side and as the second.
         count = int(patch.max()) + 1
-        rows, columns = np.concatenate([a, a + count]), np.concatenate([b + count, b])
+        rows = np.concatenate([a, a + count])
+        columns = np.concatenate([b + count, b])
         doubled = coo_array((np.ones(len(rows)), (rows, columns)), shape=(2 * count,) * 2)
         label = connected_components(doubled, directed=False)[1]
         if (label[patch] == label[patch + count]).any():

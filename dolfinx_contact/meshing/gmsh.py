@@ -101,12 +101,14 @@ class GmshMesh(NamedTuple):
 
         Of an empty group infinity and minus infinity. Raises as `facets`.
         """
-        facets, dim = self.facets(name), self.facet_tags.dim
+        facets = self.facets(name)
+        dim = self.facet_tags.dim
         x = np.empty((0, 3))
         if len(facets):  # DOLFINx divides by their number
             self.mesh.topology.create_connectivity(dim, self.mesh.topology.dim)
             x = self.mesh.geometry.x[mesh.entities_to_geometry(self.mesh, dim, facets).ravel()]
-        comm, limits = self.mesh.comm, np.empty((2, 3))
+        comm = self.mesh.comm
+        limits = np.empty((2, 3))
         comm.Allreduce(x.min(axis=0, initial=np.inf), limits[0], op=MPI.MIN)
         comm.Allreduce(x.max(axis=0, initial=-np.inf), limits[1], op=MPI.MAX)
         return limits

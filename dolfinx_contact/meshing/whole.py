@@ -64,7 +64,8 @@ def gathered(
     Raises:
         ValueError: on every rank, if the cells are curved.
     """
-    comm, tdim = domain.comm, domain.topology.dim
+    comm = domain.comm
+    tdim = domain.topology.dim
     degree = domain.ufl_domain().ufl_coordinate_element().degree
     require(comm, degree == 1, "the cells are curved: only meshes of first order can be split")
     n = domain.topology.index_map(tdim).size_local
@@ -96,7 +97,8 @@ def gathered(
     if parts is None:
         return None
     columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
-    order, places = np.argsort(columns[0]), np.argsort(columns[2])
+    order = np.argsort(columns[0])
+    places = np.argsort(columns[2])
     known = columns[2][places]
     return WholeMesh(
         np.searchsorted(known, columns[1][order]),
@@ -151,7 +153,8 @@ def distributed(
     if whole is None:
         none = np.empty(0, dtype=np.int64)
         tags = none.astype(np.int32)
-        cells, facets = none.reshape(0, shape[0]), none.reshape(0, shape[2])
+        cells = none.reshape(0, shape[0])
+        facets = none.reshape(0, shape[2])
         whole = WholeMesh(cells, np.empty((0, shape[1])), none, tags, facets, tags)
     domain = create_mesh(comm, whole.cells, whole.x, element)
     keep(domain)

@@ -157,10 +157,13 @@ def cover(slave: Faces, master: Faces, pairs: Nodes, deepest: float) -> Cover:
     """
     i, k = pairs.T
     facing = np.sum(slave.normals[i] * master.normals[k], axis=1) < -_STEEP
-    i, k = i[facing], k[facing]
-    centre, axes = slave.x.mean(axis=1), _axes(slave)
+    i = i[facing]
+    k = k[facing]
+    centre = slave.x.mean(axis=1)
+    axes = _axes(slave)
     flat = np.einsum("nkd,nda->nka", slave.x - centre[:, None], axes)
-    mine, theirs = flat[i], np.einsum("pkd,pda->pka", master.x[k] - centre[i, None], axes[i])
+    mine = flat[i]
+    theirs = np.einsum("pkd,pda->pka", master.x[k] - centre[i, None], axes[i])
     if slave.x.shape[2] == 2:
         size = np.abs(flat[:, 1, 0] - flat[:, 0, 0])
         pair, pieces = _segments(mine, theirs, size[i])
@@ -215,12 +218,14 @@ def _polygons(mine: Array, theirs: Array, size: Array) -> tuple[Nodes, Array]:
     polygon = _anticlockwise(theirs[:, _LOOP[theirs.shape[1]]])
     count: Nodes = np.full(len(mine), polygon.shape[1], dtype=np.int64)
     for edge in range(clip.shape[1]):
-        start, end = clip[:, edge], clip[:, (edge + 1) % clip.shape[1]]
+        start = clip[:, edge]
+        end = clip[:, (edge + 1) % clip.shape[1]]
         polygon, count = _cut(polygon, count, start, end)
     polygon, count = _without_copies(polygon, count, size)
     pair, corner = np.nonzero(np.arange(polygon.shape[1]) < count[:, None])
     held = (count[pair] > 3) | ((count[pair] == 3) & (corner == 0))
-    pair, corner = pair[held], corner[held]
+    pair = pair[held]
+    corner = corner[held]
     after = (corner + 1) % count[pair]
     middle = _centre(polygon, count)[pair]
     apex = np.where((count[pair] == 3)[:, None], polygon[pair, 2], middle)
@@ -265,7 +270,8 @@ def _cut(polygon: Array, count: Nodes, start: Array, end: Array) -> tuple[Array,
     offset = polygon - start[:, None]
     left = along[:, None, 0] * offset[..., 1] - along[:, None, 1] * offset[..., 0]
     left /= np.sum(along**2, axis=1)[:, None]
-    held, after = np.arange(m) < count[:, None], _after(count, m)
+    held = np.arange(m) < count[:, None]
+    after = _after(count, m)
     there = np.take_along_axis(left, after, axis=1)
     inside = left >= -_ON_LINE
     crosses = inside != (there >= -_ON_LINE)
@@ -313,7 +319,8 @@ def _reference(corners: Array, x: Array) -> Array:
 
 def _bilinear(xi: Array) -> tuple[Array, Array]:
     """The bilinear basis in tensor order, and its derivatives (..., 4, 2)."""
-    a, b = xi[..., 0], xi[..., 1]
+    a = xi[..., 0]
+    b = xi[..., 1]
     values = np.stack([(1 - a) * (1 - b), a * (1 - b), (1 - a) * b, a * b], axis=-1)
     by_a = np.stack([b - 1, 1 - b, -b, b], axis=-1)
     by_b = np.stack([a - 1, -a, 1 - a, a], axis=-1)

@@ -110,10 +110,16 @@ class ContactPoints:
         *,
         axisymmetric: bool = False,
     ):
-        self._V, self.submesh, self.method, self.given = V, submesh, method, given
+        self._V = V
+        self.submesh = submesh
+        self.method = method
+        self.given = given
         self._weight: Any = circumference(V.mesh) if axisymmetric else None
-        domain, sub, facets = V.mesh, submesh.mesh, submesh.parent_facets
-        self.comm, self.dim = domain.comm, domain.geometry.dim
+        domain = V.mesh
+        sub = submesh.mesh
+        facets = submesh.parent_facets
+        self.comm = domain.comm
+        self.dim = domain.geometry.dim
         self.vertices = point_space(sub, None)
         if degrees[1] == 1:
             self.Q = blocked_space(self.vertices, self.dim)
@@ -159,7 +165,8 @@ class ContactPoints:
         if axisymmetric:
             sections = self._at_vertices.areas
             around = PointEvaluator(self.vertices, exact, {}, self._maps, self._weight)
-            self.vertex_areas, self.circumferences = around.areas, around.areas / sections
+            self.vertex_areas = around.areas
+            self.circumferences = around.areas / sections
             if method == "nodal":
                 self.areas = self.vertex_areas[: self.number].copy()
         if opposite is not None and opposite.areas is not None:
@@ -209,14 +216,18 @@ class ContactPoints:
         """Evaluate what is given anew. Collective."""
         values = self._evaluate()
         if self._at_vertices is self._evaluate:
-            self.vertex_gaps, self.vertex_normals = values["gap"], values["normal"]
+            self.vertex_gaps = values["gap"]
+            self.vertex_normals = values["normal"]
         else:
             at_vertices = self._at_vertices()
-            self.vertex_gaps, self.vertex_normals = at_vertices["gap"], at_vertices["normal"]
+            self.vertex_gaps = at_vertices["gap"]
+            self.vertex_normals = at_vertices["normal"]
         n = self.number
         mine = {name: v[:n] for name, v in values.items()}
-        normal, gap = mine["normal"], mine["gap"]
-        self.positions, self.gaps = mine["x"], gap
+        normal = mine["normal"]
+        gap = mine["gap"]
+        self.positions = mine["x"]
+        self.gaps = gap
         self.aside = np.zeros_like(normal)
         offset = self._averaged(self._average, gap[:, None] * normal)
         if offset is not None:
@@ -227,7 +238,9 @@ class ContactPoints:
     def rates(self, evaluators: tuple[Evaluator, PointEvaluator | None]) -> tuple[PointData, Array]:
         """Rates of data and of `aside` from the evaluators of rates. Collective."""
         values = {name: v[: self.number] for name, v in evaluators[0]().items()}
-        n, gap, normal = self.data.n, values["gap"], values["normal"]
+        n = self.data.n
+        gap = values["gap"]
+        normal = values["normal"]
         aside = np.zeros_like(n)
         product = gap[:, None] * n + self.gaps[:, None] * normal
         offset = self._averaged(evaluators[1], product)
@@ -405,8 +418,10 @@ class ContactPoints:
         return self._each_alone(*trace(self.trace_dofs[: self.number]))
 
     def _mixed(self, trace: Trace) -> Stencils:
-        W, owned = self.vertices, self._V.dofmap.index_map.size_local
-        p, q = ufl.TrialFunction(W), ufl.TestFunction(W)
+        W = self.vertices
+        owned = self._V.dofmap.index_map.size_local
+        p = ufl.TrialFunction(W)
+        q = ufl.TestFunction(W)
         dx = ufl.dx(domain=self.submesh.mesh, metadata={"quadrature_degree": 2})
         product = p * q * dx
         if self._weight is not None:
@@ -420,7 +435,8 @@ class ContactPoints:
         return self._each_alone(*rows_of(means, self.areas))
 
     def _integral(self, trace: Trace) -> Stencils:
-        sub, cells = self.submesh.mesh, self._gauss.cells
+        sub = self.submesh.mesh
+        cells = self._gauss.cells
         u_element = self._V.ufl_element()
         U = point_space(sub, None)
         if u_element.degree > 1:

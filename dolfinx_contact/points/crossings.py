@@ -52,7 +52,8 @@ def crossings(
         Which local vertices of every surface are there, and which local nodes of the displacement,
         of both faces.
     """
-    comm, index_map = V.mesh.comm, V.dofmap.index_map
+    comm = V.mesh.comm
+    index_map = V.dofmap.index_map
     parts: list[Edges] = [np.zeros((0, 4), dtype=np.int64)]
     for i, s in enumerate(surfaces):
         opposite = s.obstacle.opposite

@@ -112,7 +112,9 @@ class DisplacedPoints:
     """
 
     def __init__(self, points: ContactPoints, domain: mesh.Mesh, obstacle: Obstacle):
-        self._points, self._domain, self._obstacle = points, domain, obstacle
+        self._points = points
+        self._domain = domain
+        self._obstacle = obstacle
         self._jump = fem.Function(blocked_space(points.space, points.dim))
         x = ufl.variable(ufl.SpatialCoordinate(self._domain) + self._jump)
         gap, normal = obstacle.at(self._domain, x)
@@ -129,7 +131,9 @@ class DisplacedPoints:
         """What the law is given at jumps (n, dim), and how that changes with them."""
         self._place(jump)
         found = {name: v[: self._points.number] for name, v in self._evaluate().items()}
-        normal, turn, plain = found["normal"], found["by_normal"], self._points.data
+        normal = found["normal"]
+        turn = found["by_normal"]
+        plain = self._points.data
         along = np.sum(jump * normal, axis=1)
         slope = found["by_gap"] + normal + np.einsum("nij,ni->nj", turn, jump)
         return PointData(normal, found["gap"] + along, plain.r, plain.fields, turn, slope)
@@ -157,7 +161,9 @@ class DisplacedPoints:
         return values["gap"], values["normal"]
 
     def _vertices(self) -> tuple[fem.Function, PointEvaluator]:
-        W, submesh, domain = self._points.vertices, self._points.submesh, self._domain
+        W = self._points.vertices
+        submesh = self._points.submesh
+        domain = self._domain
         ds = measure_of(domain, submesh.parent_facets, 1, "vertex")
         moved = fem.Function(blocked_space(W, self._points.dim))
         at = self._obstacle.at(domain, ufl.SpatialCoordinate(domain) + moved)

@@ -22,7 +22,8 @@ _STABLE: dict[str, set[tuple[int, int]]] = {
 
 def displacement_degree(u: fem.Function) -> int:
     """Degree of a vector Lagrange displacement, or ``ValueError``."""
-    domain, element = u.function_space.mesh, u.function_space.ufl_element()
+    domain = u.function_space.mesh
+    element = u.function_space.ufl_element()
     if domain.geometry.x.dtype != np.float64 or u.x.array.dtype != np.float64:
         raise ValueError("the mesh and the displacement must be in double precision")
     if domain.basix_cell().name not in ("triangle", "quadrilateral", "tetrahedron", "hexahedron"):

@@ -56,7 +56,8 @@ class PointEvaluator:
             e = ufl.as_ufl(e) if weight is None else weight * ufl.as_ufl(e)
             self._places[name] = len(components), e.ufl_shape
             components += [e[i] for i in np.ndindex(e.ufl_shape)] if e.ufl_shape else [e]
-        self._index_map, self._width = W.dofmap.index_map, len(components)
+        self._index_map = W.dofmap.index_map
+        self._width = len(components)
         Q = blocked_space(W, self._width)
         require_same_numbering(W, Q)
         tested = ufl.dot(ufl.as_vector(components), ufl.TestFunction(Q)) * ds
@@ -91,7 +92,8 @@ def measure_of(
 
 def blocked_space(W: fem.FunctionSpace, width: int) -> fem.FunctionSpace:
     """The space of vectors over a scalar space of points."""
-    element, domain = W.ufl_element(), W.mesh
+    element = W.ufl_element()
+    domain = W.mesh
     return fem.functionspace(domain, basix.ufl.blocked_element(element, shape=(width,)))
 
 

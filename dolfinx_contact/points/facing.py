@@ -28,7 +28,8 @@ _ASLANT = 0.5  # cosine between a given normal and that of a facet, the least
 
 def faces_of(V: fem.FunctionSpace, facets: npt.NDArray[np.int32]) -> Faces:
     """The facets that this rank owns."""
-    domain, dim = V.mesh, V.mesh.geometry.dim
+    domain = V.mesh
+    dim = V.mesh.geometry.dim
     owned = facets[facets < domain.topology.index_map(dim - 1).size_local]
     closures = facet_closures(V, owned)
     corners = len(basix.topology(domain.basix_cell())[dim - 1][0])
@@ -46,7 +47,8 @@ def candidates(comm: MPI.Comm, slave: Faces, master: Faces) -> tuple[Faces, Node
     Returns:
         The facets, and pairs of numbers of slave and master facets.
     """
-    middles, others = slave.x.mean(axis=1), master.x.mean(axis=1)
+    middles = slave.x.mean(axis=1)
+    others = master.x.mean(axis=1)
     dim = middles.shape[1]
     radius, theirs = (
         np.linalg.norm(f.x - f.x.mean(axis=1, keepdims=True), axis=2).max(axis=1, initial=0.0)
@@ -59,7 +61,8 @@ def candidates(comm: MPI.Comm, slave: Faces, master: Faces) -> tuple[Faces, Node
     asked, tree = asked_ranks(comm, others, middles, lambda near, _: near <= reach)
     sent: Any = [np.column_stack([middles[i], reach[i], i]) for i in asked]
     answers: list[Array] = []
-    corners, nodes = master.corners, master.nodes.shape[1]
+    corners = master.corners
+    nodes = master.nodes.shape[1]
     width = 1 + corners * dim + dim + nodes
     for q in exchanged(comm, sent, (dim + 2,)):
         found = tree.query_ball_point(q[:, :dim], q[:, dim]) if tree is not None and len(q) else []
@@ -69,7 +72,8 @@ def candidates(comm: MPI.Comm, slave: Faces, master: Faces) -> tuple[Faces, Node
         columns = [i[:, None], x, master.normals[k], master.nodes[k]]
         answers.append(np.column_stack(columns) if len(k) else np.empty((0, width)))
     rows = np.concatenate(exchanged(comm, answers, (width,)))
-    a, b = 1 + corners * dim, 1 + (corners + 1) * dim
+    a = 1 + corners * dim
+    b = 1 + (corners + 1) * dim
     faces = Faces(
         rows[:, 1:a].reshape(-1, corners, dim), rows[:, a:b], rows[:, b:].astype(np.int64)
     )
@@ -103,7 +107,8 @@ def measured(
     if not len(owned):
         return np.zeros((0, dim + 1))
     x = domain.geometry.x[mesh.entities_to_geometry(domain, dim - 1, owned)][:, :, :dim]
-    normals, means = facet_normals(domain, owned, unit=False), x.mean(axis=1)
+    normals = facet_normals(domain, owned, unit=False)
+    means = x.mean(axis=1)
     found = np.column_stack([means, np.linalg.norm(normals, axis=1)])
     if direction is None:
         return found

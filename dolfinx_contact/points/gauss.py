@@ -86,7 +86,8 @@ class CommonPoints:
         *,
         axisymmetric: bool,
     ):
-        self._cover, dim = common.cover, V.mesh.geometry.dim
+        self._cover = common.cover
+        dim = V.mesh.geometry.dim
         self._degree = int(V.ufl_element().degree)
         rule = self._rule = common.cover.rule(degree)
         slave = common.cover.slave

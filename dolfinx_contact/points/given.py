@@ -55,7 +55,8 @@ def fields_of(values: Mapping[str, Array]) -> dict[str, Array]:
 
 def at_nodes(W: fem.FunctionSpace, surface: Obstacle) -> tuple[Array, Array]:
     """Gap and normal of an obstacle at the local nodes of a scalar P1 space. Collective."""
-    domain, found = W.mesh, []
+    domain = W.mesh
+    found = []
     x = ufl.SpatialCoordinate(domain)
     # FFCx compiles no expression in which nothing but constants occurs.
     nothing = fem.Constant(domain, 0.0) * x

@@ -80,7 +80,8 @@ def held_in_place(
 def in_place(opposite: Opposite, nodes: npt.NDArray[np.bool_]) -> Opposite:
     """What is opposite, at some of the local nodes at their own places. Not collective."""
     assert opposite.common is not None
-    places, chosen = opposite.common.places, nodes[opposite.rows >= 0][:, None]
+    places = opposite.common.places
+    chosen = nodes[opposite.rows >= 0][:, None]
     width = max(opposite.nodes.shape[1], places.nodes.shape[1])
 
     def rows(values: Any, others: Any) -> Any:
@@ -120,7 +121,8 @@ def shared(
     taken = np.where(given[:n], areas, taken)
     means.axpy(1.0, own)
     columns, rows = means.createVecs()
-    columns.array[:], rows.array[:] = areas, 1 / taken
+    columns.array[:] = areas
+    rows.array[:] = 1 / taken
     means.diagonalScale(rows, columns)
     for part in (shares, own, columns, rows):
         part.destroy()
@@ -142,7 +144,8 @@ def takers(
         that are given away, none whose function nobody can take.
     """
     shares, given = _shares(vertices, given, idle)
-    index_map, comm = vertices.dofmap.index_map, vertices.mesh.comm
+    index_map = vertices.dofmap.index_map
+    comm = vertices.mesh.comm
     nodes, weights = rows_of(shares, np.ones(index_map.size_local))
     width = comm.allreduce(nodes.shape[1], op=max)
     table = la.vector(index_map, 2 * width)
@@ -162,10 +165,13 @@ def _shares(
     Of a vertex that is given away those around it take equal parts; where these are given as well,
     the parts go on to where they are taken. What nobody can take is kept.
     """
-    index_map, comm = vertices.dofmap.index_map, vertices.mesh.comm
-    n, topology = index_map.size_local, vertices.mesh.topology
+    index_map = vertices.dofmap.index_map
+    comm = vertices.mesh.comm
+    n = index_map.size_local
+    topology = vertices.mesh.topology
     cells = vertices.dofmap.list[: topology.index_map(topology.dim).size_local]
-    a, b = (np.repeat(cells, cells.shape[1], axis=1), np.tile(cells, cells.shape[1]))
+    a = np.repeat(cells, cells.shape[1], axis=1)
+    b = np.tile(cells, cells.shape[1])
     known = la.vector(index_map, 1)
     known.array[:] = ~given & ~idle
     shares = _diagonal(vertices, ~given[:n])

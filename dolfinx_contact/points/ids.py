@@ -31,7 +31,8 @@ def point_ids(vertices: fem.FunctionSpace, gauss: GaussPoints | None) -> tuple[I
         Of the points of this rank: the node of a vertex and zeros, or the sorted nodes of the facet
         of a Gauss point. Of all local vertices, likewise.
     """
-    domain, corners = vertices.mesh, vertices.dofmap.list
+    domain = vertices.mesh
+    corners = vertices.dofmap.list
     nodes = np.asarray(domain.geometry.input_global_indices, dtype=np.int64)
     of_facets = nodes[geometry_dofmap(domain)[:, : corners.shape[1]]]
     index_map = vertices.dofmap.index_map

@@ -58,7 +58,9 @@ def coupling(cover: Cover, degree: int, *, axisymmetric: bool) -> Coupling:
         degree: of the displacement.
         axisymmetric: whether they are those of a body of revolution.
     """
-    i, k, corners = cover.facet, cover.other, cover.slave.corners
+    i = cover.facet
+    k = cover.other
+    corners = cover.slave.corners
     rule = cover.rule(1 + degree + axisymmetric)
     mine, theirs = (
         basis(x, faces.corners, order)
@@ -71,7 +73,8 @@ def coupling(cover: Cover, degree: int, *, axisymmetric: bool) -> Coupling:
     if axisymmetric:
         weights = 2 * np.pi * np.einsum("pqa,pa->pq", mine, cover.slave.x[i, :, 0]) * weights
     n = len(cover.slave.x)
-    mass, areas = np.zeros((n, corners, corners)), np.zeros((n, corners))
+    mass = np.zeros((n, corners, corners))
+    areas = np.zeros((n, corners))
     np.add.at(mass, i, np.einsum("pq,pqa,pqb->pab", weights, mine, mine))
     np.add.at(areas, i, np.einsum("pq,pqa->pa", weights, mine))
     mass[areas.sum(axis=1) == 0] = np.eye(corners)

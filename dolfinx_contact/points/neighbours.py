@@ -58,7 +58,8 @@ def spreading_matrix(comm: MPI.Comm, x: Array, areas: Array, kernel: Kernel) -> 
         away = np.linalg.norm(q[i, :dim] - x[k], axis=1)
         answers.append(np.column_stack([q[i, dim], known[k, dim:], away]))
     rows = np.concatenate(exchanged(comm, answers, (4,)))
-    i, k = rows[:, 0].astype(np.int64), rows[:, 2].astype(np.int64)
+    i = rows[:, 0].astype(np.int64)
+    k = rows[:, 2].astype(np.int64)
     share = KERNELS[kernel.shape](np.asarray(rows[:, 3] / kernel.radius, dtype=np.float64))
     weights = np.asarray(rows[:, 1] * share, dtype=np.float64)
     if kernel.normalised:
@@ -81,7 +82,9 @@ class Neighbours:
     """
 
     def __init__(self, points: ContactPoints, kernel: Kernel, name: str):
-        self._points, self._kernel, self._name = points, kernel, name
+        self._points = points
+        self._kernel = kernel
+        self._name = name
         self._areas: Array | None = None
         self._matrix: PETSc.Mat | None = None
 
@@ -103,7 +106,8 @@ class Neighbours:
 
     def _warn_of_size(self) -> None:
         """Warn of a radius below the mean size of the facets. Collective."""
-        sub, comm = self._points.submesh.mesh, self._points.comm
+        sub = self._points.submesh.mesh
+        comm = self._points.comm
         area = comm.allreduce(float(self._points.areas.sum()))
         cells = sub.topology.index_map(sub.topology.dim).size_global
         share = basix.cell.volume(sub.basix_cell())
@@ -129,8 +133,10 @@ class _Spread:
     """What points spread, and how; see `laws.answers.Spreading`."""
 
     def __init__(self, neighbours: Neighbours, around: Array, by_jump: Array, by_traction: Array):
-        self.neighbours, self.around = neighbours, around
-        self.by_jump, self.by_traction = by_jump, by_traction
+        self.neighbours = neighbours
+        self.around = around
+        self.by_jump = by_jump
+        self.by_traction = by_traction
 
     def __call__(self, values: Array) -> Array:
         return self.neighbours(values)

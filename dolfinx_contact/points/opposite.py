@@ -173,7 +173,8 @@ class OppositeFacets(Obstacle):
         name: str,
     ):
         domain = V.mesh
-        comm, dim = domain.comm, domain.geometry.dim
+        comm = domain.comm
+        dim = domain.geometry.dim
         owned = domain.topology.index_map(dim - 1).size_local
         common = comm.allreduce(int((np.intersect1d(slave, master) < owned).sum()))
         require(comm, common == 0, f"{name}: slave and master have {common} facets in common")
@@ -245,7 +246,8 @@ def _normals(
 
 def _gaps(V: fem.FunctionSpace, opposite: Opposite, normals: Array, size: float) -> Array:
     """Gaps at the local nodes, along the normals; large where nothing is opposite. Collective."""
-    dim, comm = V.mesh.geometry.dim, V.mesh.comm
+    dim = V.mesh.geometry.dim
+    comm = V.mesh.comm
     x = V.tabulate_dof_coordinates()[:, :dim]
     there = opposite.values(comm, x[: V.dofmap.index_map.size_local], len(x))
     gaps = np.sum((there - x) * normals, axis=1)
@@ -270,18 +272,22 @@ def _matched(
     Along a given normal that is the nearest as it is seen in its direction, of those that look
     against it; else the nearest of all.
     """
-    comm, dim = V.mesh.comm, V.mesh.geometry.dim
-    index_map, x = V.dofmap.index_map, V.tabulate_dof_coordinates()[:, :dim]
+    comm = V.mesh.comm
+    dim = V.mesh.geometry.dim
+    index_map = V.dofmap.index_map
+    x = V.tabulate_dof_coordinates()[:, :dim]
     theirs, _ = outward_normals(V, master)
     against = nodes_on(V, master)
     if given is not None:
-        x, against = seen_in(given, x), against & (theirs @ given < 0)
+        x = seen_in(given, x)
+        against = against & (theirs @ given < 0)
     on_master = np.flatnonzero(against[: index_map.size_local])
     mine = np.flatnonzero(nodes_on(V, slave))
     first = index_map.local_range[0]
     known = np.column_stack([x[on_master], theirs[on_master], first + on_master])
     found = nearest(comm, known, x[mine], dim)
-    offset, n = found[:, :dim] - x[mine], normals[mine]
+    offset = found[:, :dim] - x[mine]
+    n = normals[mine]
     gap = np.sum(offset * n, axis=1)
     aside = np.linalg.norm(offset - gap[:, None] * n, axis=1)
     unmatched: npt.NDArray[np.bool_] = np.asarray(~(aside <= _TANGENTIAL * size))
@@ -315,8 +321,10 @@ def _matched(
         "an arm of a crack ends on the other side: exchange slave and master; where cracks cross, "
         "or both sides have an arm, each arm needs a group of its own",
     )
-    rows, none = np.full(len(x), -1, dtype=np.int64), np.zeros(len(x), dtype=bool)
-    rows[mine], none[mine] = np.arange(len(mine)), itself
+    rows = np.full(len(x), -1, dtype=np.int64)
+    none = np.zeros(len(x), dtype=bool)
+    rows[mine] = np.arange(len(mine))
+    none[mine] = itself
     sides = nodes_on(V, slave), nodes_on(V, master)
     return Opposite(rows, ids[:, None], np.ones((len(mine), 1)), none, None, sides, master), ""
 
@@ -335,10 +343,13 @@ def _mortar(
 
     Of degree 2 these are the weights at the corners of facets; nodes between them have the means.
     """
-    comm, index_map, dim = V.mesh.comm, V.dofmap.index_map, V.mesh.geometry.dim
+    comm = V.mesh.comm
+    index_map = V.dofmap.index_map
+    dim = V.mesh.geometry.dim
     degree = V.mesh.ufl_domain().ufl_coordinate_element().degree
     require(comm, degree == 1, f"{name}: cells are curved where faces do not match")
-    on_slave, on_master = nodes_on(V, slave), nodes_on(V, master)
+    on_slave = nodes_on(V, slave)
+    on_master = nodes_on(V, master)
     shared = comm.allreduce(int((on_slave & on_master)[: index_map.size_local].sum()))
     require(comm, shared == 0, f"{name}: slave and master touch at {shared} nodes of the mesh")
     facets = slave[slave < V.mesh.topology.index_map(dim - 1).size_local]
@@ -383,7 +394,8 @@ def _means(
     V: fem.FunctionSpace, A: PETSc.Mat, on_slave: npt.NDArray[np.bool_]
 ) -> tuple[Nodes, Nodes, Array, npt.NDArray[np.bool_]]:
     """The rows of a matrix as weighted means, as in `Opposite`; the matrix is destroyed."""
-    index_map, comm = V.dofmap.index_map, V.mesh.comm
+    index_map = V.dofmap.index_map
+    comm = V.mesh.comm
     indptr, columns, values = A.getValuesCSR()
     A.destroy()
     counts = np.diff(indptr)
@@ -395,7 +407,8 @@ def _means(
     for i in np.flatnonzero(on_slave[: index_map.size_local]):
         here = slice(indptr[i], indptr[i + 1])
         # What has nothing opposite is opposite to itself, and has no jump.
-        rows[i, :width], rows[i, width] = index_map.local_range[0] + i, 1.0
+        rows[i, :width] = index_map.local_range[0] + i
+        rows[i, width] = 1.0
         if counts[i]:
             rows[i, : counts[i]] = columns[here]
             # The sum is the area, but for round-off.

@@ -122,7 +122,8 @@ class ContactPair(ContactSurface):
     ):
         if not isinstance(u, fem.Function):
             raise ValueError(f"the displacement must be a Function, got {type(u).__name__}")
-        V, comm = u.function_space, u.function_space.mesh.comm
+        V = u.function_space
+        comm = u.function_space.mesh.comm
         keep(V.mesh)
         with everywhere(comm, "a contact pair"):
             if not isinstance(name, str) or not name:
@@ -219,7 +220,8 @@ class ContactPair(ContactSurface):
         Raises:
             ValueError: if there is no node beside a crossing that could take its part.
         """
-        V, trace = self.u.function_space, self.points.vertex_trace_dofs
+        V = self.u.function_space
+        trace = self.points.vertex_trace_dofs
         matching = self._apart.matching
         self._check_crossing(crossing)
         given = crossing
@@ -250,7 +252,8 @@ class ContactPair(ContactSurface):
 
     def _check_crossing(self, crossing: npt.NDArray[np.bool_]) -> None:
         """Raise ``ValueError`` if multipliers cannot leave out a crossing. Collective."""
-        degree, crosses = self.degrees[1], self.comm.allreduce(int(crossing.any()))
+        degree = self.degrees[1]
+        crosses = self.comm.allreduce(int(crossing.any()))
         require(
             self.comm,
             degree == 1 or not crosses,

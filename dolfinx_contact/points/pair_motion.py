@@ -97,11 +97,16 @@ class PairMotion:
         slave: npt.NDArray[np.int32],
         master: npt.NDArray[np.int32],
     ):
-        self._u, self._points, self._slave = u, points, slave
-        domain, V = u.function_space.mesh, u.function_space
+        self._u = u
+        self._points = points
+        self._slave = slave
+        domain = u.function_space.mesh
+        V = u.function_space
         owned = domain.topology.index_map(domain.topology.dim - 1).size_local
         self._master = master[master < owned]
-        self._V, self._comm, self._dim = V, domain.comm, domain.geometry.dim
+        self._V = V
+        self._comm = domain.comm
+        self._dim = domain.geometry.dim
         self._corners = len(basix.topology(domain.basix_cell())[self._dim - 1][0])
         self._samples, self._simplices = _simplices(self._corners, V.ufl_element().degree)
         self._normals: tuple[fem.Function, fem.Function] | None = None
@@ -112,7 +117,8 @@ class PairMotion:
         u = self._u.x.array.reshape(-1, self._dim)
         x, y, mine = self._points_at(u, self._turning(self._slave, u))
         rows = self._rows(u, self._turning(self._master, u))
-        before, after = self._nearest(x, rows, now=False), self._nearest(y, rows, now=True)
+        before = self._nearest(x, rows, now=False)
+        after = self._nearest(y, rows, now=True)
         n = self._points.data.n
         turn = _angle(n, mine[:, self._dim :]) - _angle(n, mine[:, : self._dim])
         turn = np.maximum(turn, _angle(n, -after.mean) - _angle(n, -before.mean))
@@ -131,7 +137,9 @@ class PairMotion:
 
     def _points_at(self, u: Array, normals: Array) -> tuple[Array, Array, Array]:
         """Positions of the points, those in the displacement, and normals at them. Collective."""
-        x, n, dim = self._points.positions, self._points.number, self._dim
+        x = self._points.positions
+        n = self._points.number
+        dim = self._dim
         if self._points.method != "integral":
             nodes = self._points.vertex_trace_dofs[:n]
             return x, x + u[nodes], normals[nodes]
@@ -150,7 +158,9 @@ class PairMotion:
 
     def _turning(self, facets: npt.NDArray[np.int32], u: Array) -> Array:
         """Normals of a face at the local nodes, before and after (nodes, 2 dim). Collective."""
-        V, dim, domain = self._V, self._dim, self._V.mesh
+        V = self._V
+        dim = self._dim
+        domain = self._V.mesh
         owned = facets[facets < domain.topology.index_map(dim - 1).size_local]
         closures = facet_closures(V, owned)
         corners = closures[:, : self._corners]
@@ -171,14 +181,16 @@ class PairMotion:
 
     def _rows(self, u: Array, normals: Array) -> Array:
         """Simplices of the owned facets: corners, displacements, normals there, width, sense."""
-        dim, facets = self._dim, self._master
+        dim = self._dim
+        facets = self._master
         closures = facet_closures(self._V, facets)
         X = self._V.tabulate_dof_coordinates()[:, :dim][closures]
         values = np.concatenate([X, u[closures], normals[closures]], axis=2)
         values = np.einsum("sn,fnc->fsc", self._samples, values)[:, self._simplices]
         outward = facet_normals(self._V.mesh, facets, unit=False)
         width = np.linalg.norm(outward, axis=1) ** (1 / (dim - 1))
-        n, k = len(facets), len(self._simplices)
+        n = len(facets)
+        k = len(self._simplices)
         values = values.reshape(n * k, dim, 4 * dim)
         sense = np.sum(_area_vectors(values[:, :, :dim]) * np.repeat(outward, k, axis=0), axis=1)
         columns = [values.reshape(n * k, 4 * dim**2), np.repeat(width, k), np.sign(sense)]
@@ -192,7 +204,8 @@ class PairMotion:
             rows: of the master.
             now: whether it is displaced, or in the reference configuration.
         """
-        comm, dim = self._comm, self._dim
+        comm = self._comm
+        dim = self._dim
         corners = _corners(_values(rows, dim), now=now)
         middles = corners.mean(axis=1)
         radius = np.linalg.norm(corners - middles[:, None], axis=2).max(axis=1, initial=0.0)
@@ -245,7 +258,8 @@ def _places(wanted: Array, point: npt.NDArray[np.int64], rows: Array, *, now: bo
     off = wanted[point] - np.einsum("nk,nkd->nd", weights, corners)
     normal = _area_vectors(corners) * rows[:, -1:]
     normal = _unit(normal)
-    gap, distance = np.sum(off * normal, axis=1), np.linalg.norm(off, axis=1)
+    gap = np.sum(off * normal, axis=1)
+    distance = np.linalg.norm(off, axis=1)
     aside = np.linalg.norm(off - gap[:, None] * normal, axis=1)
     least: Array = np.full(len(wanted), np.inf)
     np.minimum.at(least, point, distance)
@@ -300,20 +314,28 @@ def _closest(corners: Array, y: Array) -> Array:
     if corners.shape[1] == 2:
         return _on_edge(corners[:, 0], corners[:, 1], y)
     a, b, c = corners.transpose(1, 0, 2)
-    p, q, r = b - a, c - a, y - a
-    pp, pq, qq = np.sum(p * p, axis=1), np.sum(p * q, axis=1), np.sum(q * q, axis=1)
-    rp, rq = np.sum(r * p, axis=1), np.sum(r * q, axis=1)
+    p = b - a
+    q = c - a
+    r = y - a
+    pp = np.sum(p * p, axis=1)
+    pq = np.sum(p * q, axis=1)
+    qq = np.sum(q * q, axis=1)
+    rp = np.sum(r * p, axis=1)
+    rq = np.sum(r * q, axis=1)
     det = np.maximum(pp * qq - pq**2, 1e-300)
-    s, t = (qq * rp - pq * rq) / det, (pp * rq - pq * rp) / det
+    s = (qq * rp - pq * rq) / det
+    t = (pp * rq - pq * rp) / det
     best = np.stack([1 - s - t, s, t], axis=1)
     least = np.where((best >= 0).all(axis=1), -np.inf, np.inf)
     for i, j in ((0, 1), (1, 2), (2, 0)):
         on = _on_edge(corners[:, i], corners[:, j], y)
         weights = np.zeros_like(best)
-        weights[:, i], weights[:, j] = on[:, 0], on[:, 1]
+        weights[:, i] = on[:, 0]
+        weights[:, j] = on[:, 1]
         square = np.sum((np.einsum("nk,nkd->nd", weights, corners) - y) ** 2, axis=1)
         closer = square < least
-        best[closer], least[closer] = weights[closer], square[closer]
+        best[closer] = weights[closer]
+        least[closer] = square[closer]
     return best
 
 

@@ -48,7 +48,8 @@ def check_section(domain: mesh.Mesh, facets: npt.NDArray[np.int32], name: str) -
         smallest >= -_NEAR * largest,
         f"{name}: an axisymmetric body is meshed in x >= 0, the mesh reaches to x = {smallest:.3g}",
     )
-    mine, count = facets[facets < domain.topology.index_map(1).size_local], 0
+    mine = facets[facets < domain.topology.index_map(1).size_local]
+    count = 0
     if len(mine):  # DOLFINx divides by their number
         ends = mesh.entities_to_geometry(domain, 1, mine)[:, :2]
         count = int((np.abs(r[ends]) <= _NEAR * largest).all(axis=1).sum())

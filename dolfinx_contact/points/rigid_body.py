@@ -97,7 +97,9 @@ class RigidBody(Obstacle):
             raise ValueError(f"the name of a rigid body must be a word, got {name!r}")
         if not isinstance(shape, Obstacle) or isinstance(shape, RigidBody) or shape.opposite:
             raise ValueError(f"{name}: its shape must be a HalfSpace, Sphere, Cylinder, LevelSet")
-        self.shape, self.name, self.about = shape, name, _point(about, name)
+        self.shape = shape
+        self.name = name
+        self.about = _point(about, name)
         self.dim = len(self.about)
         self.components = COMPONENTS[self.dim]
         known: dict[str, Any] = {}
@@ -191,13 +193,16 @@ class RigidBody(Obstacle):
         vector[3 - len(self.rotation) :] = self.rotation
         turned = Rotation.from_rotvec(vector).as_matrix().T[: self.dim, : self.dim]
         for shift, turn in self._places:
-            shift.value, turn.value = self.displacement, turned
+            shift.value = self.displacement
+            turn.value = turned
 
     # -- rigid motions ---------------------------------------------------------------------------
 
     def field(self, x: Array, values: Array) -> Array:
         """Phi q: displacements (n, dim) at points (n, dim) of a motion q."""
-        arm, d, turn = x - self.about, values[: self.dim], values[self.dim :]
+        arm = x - self.about
+        d = values[: self.dim]
+        turn = values[self.dim :]
         if self.dim == 2:
             return np.asarray(d + turn * np.stack([-arm[:, 1], arm[:, 0]], axis=1))
         return np.asarray(d + np.cross(turn, arm))

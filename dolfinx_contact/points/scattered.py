@@ -55,7 +55,9 @@ class ScatteredEvaluator:
         areas: Array,
         expressions: Mapping[str, Any],
     ):
-        self.areas, self._cells, self._dim = areas, cells, x.shape[1]
+        self.areas = areas
+        self._cells = cells
+        self._dim = x.shape[1]
         self._x = np.zeros((len(x), 3))
         self._x[:, : self._dim] = x
         every = {name: expand_derivatives(ufl.as_ufl(e)) for name, e in expressions.items()}
@@ -76,7 +78,8 @@ class ScatteredEvaluator:
             for g, part in zip(given, columns, strict=True)
         }
         # FFCx compiles no expression in which nothing but numbers occurs.
-        components, self._places = [w[0]], dict[str, tuple[int, tuple[int, ...]]]()
+        components = [w[0]]
+        self._places = dict[str, tuple[int, tuple[int, ...]]]()
         for name, e in every.items():
             self._places[name] = len(components), e.ufl_shape
             e = ufl.replace(e, known)

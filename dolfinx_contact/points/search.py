@@ -44,7 +44,8 @@ def nearest(comm: MPI.Comm, known: Array, wanted: Array, dim: int) -> Array:
     for i, rows in zip(asked, exchanged(comm, answers, known.shape[1:]), strict=True):
         d = np.linalg.norm(rows[:, :dim] - wanted[i], axis=1)
         closer = d < distance[i]
-        best[i[closer]], distance[i[closer]] = rows[closer], d[closer]
+        best[i[closer]] = rows[closer]
+        distance[i[closer]] = d[closer]
     return best
 
 
@@ -83,7 +84,8 @@ def asked_ranks(
     if len(known):
         box[:] = known.min(axis=0), known.max(axis=0)
     boxes = np.array(comm.allgather(box))
-    low, high = boxes[:, 0, None], boxes[:, 1, None]
+    low = boxes[:, 0, None]
+    high = boxes[:, 1, None]
     near = np.linalg.norm(np.maximum(np.maximum(low - wanted, wanted - high), 0.0), axis=2)
     far = np.linalg.norm(np.maximum(np.abs(wanted - low), np.abs(high - wanted)), axis=2)
     tree = cKDTree(known) if len(known) else None

@@ -106,7 +106,8 @@ def rows_of(product: PETSc.Mat, divisor: Array) -> tuple[Nodes, Array]:
     indptr, columns, values = product.getValuesCSR()
     product.destroy()
     counts = np.diff(indptr)
-    n, width = len(counts), int(counts.max(initial=1))
+    n = len(counts)
+    width = int(counts.max(initial=1))
     # Of no weight are copies of the first node of the row.
     place = indptr[:-1, None] + np.minimum(np.arange(width), counts[:, None] - 1)
     nodes = columns[place].astype(np.int64) if n else np.zeros((0, width), dtype=np.int64)

@@ -135,7 +135,10 @@ class ContactSurface(ReadOnly):
             raise ValueError(f"the displacement must be a Function, got {type(u).__name__}")
         domain = u.function_space.mesh
         keep(domain)
-        self.u, self.domain, self.name, self.dim = u, domain, name, domain.geometry.dim
+        self.u = u
+        self.domain = domain
+        self.name = name
+        self.dim = domain.geometry.dim
         self.comm = domain.comm
         with everywhere(self.comm, "a contact surface"):
             if not isinstance(name, str) or not name:
@@ -376,7 +379,8 @@ class ContactSurface(ReadOnly):
     @property
     def reference(self) -> Array:
         """What laws do not see of jumps: those along the surface that memory has (n, dim)."""
-        n, memory = self.points.data.n, self.memory if self.displaced is None else None
+        n = self.points.data.n
+        memory = self.memory if self.displaced is None else None
         return np.zeros_like(n) if memory is None else memory.reference(n)
 
     def jump(self) -> Array:
@@ -410,8 +414,10 @@ class ContactSurface(ReadOnly):
 
     def state_of(self, jump: Array, traction: Array, data: PointData) -> dict[str, Array]:
         """What `state` says, at jumps as laws see them, tractions and `data_at`. Collective."""
-        points, n = self.points, data.n
-        along, pressure = np.sum(jump * n, axis=1), -np.sum(traction * n, axis=1)
+        points = self.points
+        n = data.n
+        along = np.sum(jump * n, axis=1)
+        pressure = -np.sum(traction * n, axis=1)
         return {
             "x": points.positions,
             "area": points.areas,

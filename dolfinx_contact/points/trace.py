@@ -46,7 +46,8 @@ def exterior_facets(
         ValueError: on every rank, if there is no such facet, one lies inside the body, or the
             MeshTags are those of another mesh.
     """
-    fdim, comm = domain.topology.dim - 1, domain.comm
+    fdim = domain.topology.dim - 1
+    comm = domain.comm
     domain.topology.create_connectivity(fdim, fdim + 1)
     domain.topology.create_connectivity(fdim + 1, fdim)
     index_map = domain.topology.index_map(fdim)
@@ -124,7 +125,8 @@ def trace_dofs(
     nodes = np.full(index_map.size_local + index_map.num_ghosts, -1, dtype=np.int32)
     candidates = facet_closures(V, parent_facets)
     wanted = Q.dofmap.list[: len(parent_facets)]
-    X, Y = V.tabulate_dof_coordinates(), Q.tabulate_dof_coordinates()
+    X = V.tabulate_dof_coordinates()
+    Y = Q.tabulate_dof_coordinates()
     distance = np.linalg.norm(X[candidates][:, None, :, :] - Y[wanted][:, :, None, :], axis=3)
     if len(parent_facets):
         nodes[wanted] = np.take_along_axis(candidates, np.argmin(distance, axis=2), axis=1)
@@ -143,7 +145,8 @@ def outward_normals(
     Returns:
         Normals (nodes, dim), zero off the facets, and the size of the smallest facet of this rank.
     """
-    domain, dim = V.mesh, V.mesh.geometry.dim
+    domain = V.mesh
+    dim = V.mesh.geometry.dim
     owned = facets[facets < domain.topology.index_map(dim - 1).size_local]
     normals = facet_normals(domain, owned, unit=False)
     sums = la.vector(V.dofmap.index_map, dim)

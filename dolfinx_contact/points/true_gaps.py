@@ -26,7 +26,9 @@ class TrueGaps:
     """
 
     def __init__(self, u: fem.Function, points: ContactPoints, obstacle: Obstacle):
-        self._u, self._points, self._obstacle = u, points, obstacle
+        self._u = u
+        self._points = points
+        self._obstacle = obstacle
         self._evaluate: Evaluator | None = None
 
     def __call__(self) -> npt.NDArray[np.float64] | None:

@@ -24,7 +24,8 @@ def vertex_state(s: ContactSurface) -> dict[str, Array]:
     `ContactSurface.state`, and ``open``, ``slip``: how much of the area around a vertex has that
     status (0 or 1 where the vertices are the points).
     """
-    points, kept = s.points, ("un", "ut", "n", "traction", "pressure", "shear", "bound")
+    points = s.points
+    kept = ("un", "ut", "n", "traction", "pressure", "shear", "bound")
     state = s.state()
     friction = senses(s.statuses)
     slips = closed(s.statuses) & ((friction == PLUS) | (friction == MINUS))
@@ -36,7 +37,8 @@ def vertex_state(s: ContactSurface) -> dict[str, Array]:
     u = s.relative_now(s.u.x.array.reshape(-1, s.dim))
     u = (u - s.opposite(u))[points.vertex_trace_dofs]
     gap, n = s.at_vertices(u)
-    traction, along = _multiplier_at_vertices(s), np.sum(u * n, axis=1)
+    traction = _multiplier_at_vertices(s)
+    along = np.sum(u * n, axis=1)
     pressure = -np.sum(traction * n, axis=1)
     return {
         **found,

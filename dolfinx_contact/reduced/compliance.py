@@ -73,15 +73,22 @@ class Compliance:
     @staged("ContactCondensation")
     def __init__(self, system: ParametricEquations, x: PETSc.Vec, solve: Callable[[Array], Array]):
         eq: ContactEquations = system.equations
-        self.comm, self._equations, self._solve = eq.comm, eq, solve
-        self._n, self._x, b = eq.owned_sizes[0], x.copy(), x.duplicate()
+        self.comm = eq.comm
+        self._equations = eq
+        self._solve = solve
+        self._n = eq.owned_sizes[0]
+        self._x = x.copy()
+        b = x.duplicate()
         self.points = points = GatheredPoints(system)
-        scales, state = Scales(eq), eq.residual(x, b)
+        scales = Scales(eq)
+        state = eq.residual(x, b)
         scales.measure(state)
         self._x.array[self._n :] = 0.0
         self._relax(self._x)
         free = self.displacements(self._x)
-        m, d, T = points.number, eq.dim, points.frames
+        m = points.number
+        d = eq.dim
+        T = points.frames
         A = self._jumps_by_forces().reshape(m, d, m, d)
         A = np.einsum("iap,iajb,jbq->ipjq", T, A, T).reshape(m * d, m * d)
         size = float(np.abs(A).max())
@@ -117,7 +124,9 @@ class Compliance:
 
     def _jumps_by_forces(self) -> Array:
         """B K^-1 B^T, Cartesian, in the order of the points. Collective."""
-        eq, points, d = self._equations, self.points, self._equations.dim
+        eq = self._equations
+        points = self.points
+        d = self._equations.dim
         counts = [s.points.number for s in eq.surfaces]
         starts = np.concatenate([[0], np.cumsum(counts)])
         places = np.full(starts[-1], -1)
@@ -173,16 +182,19 @@ class Compliance:
 
     def expand(self, r: Array, x: PETSc.Vec) -> None:
         """Put the state under forces (m, dim) into ``x``. Collective."""
-        eq, points = self._equations, self.points
+        eq = self._equations
+        points = self.points
         forces = np.einsum("iap,ip->ia", points.frames, r)
         tractions = np.zeros((sum(s.points.number for s in eq.surfaces), eq.dim))
         tractions[points.local] = forces[points.mine] / points.areas[points.mine][:, None]
         self._x.copy(x)
-        first, row = 0, self._n
+        first = 0
+        row = self._n
         for s, unit in zip(eq.surfaces, eq.units[1:-1], strict=True):
             n = s.points.number
             x.array[row : row + n * eq.dim] = tractions[first : first + n].reshape(-1) / unit
-            first, row = first + n, row + n * eq.dim
+            first = first + n
+            row = row + n * eq.dim
         self._relax(x)
 
     def destroy(self) -> None:

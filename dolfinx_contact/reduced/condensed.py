@@ -74,7 +74,9 @@ def can_condense(
     points = eq.comm.allreduce(int((~system.clamped).sum()))
     if eq.dim != 2 or not 0 < points <= _MOST_POINTS or not system.held_laws:
         return False
-    nodes, mixed, polyhedral = [], False, True
+    nodes = []
+    mixed = False
+    polyhedral = True
     known = eq.constraints.clamped, eq.constraints.held
     for s, clamped, held in zip(eq.surfaces, *known, strict=True):
         if s.points.E is not None or s.displaced is not None or (partly and s.method != "nodal"):
@@ -124,12 +126,18 @@ class CondensedContact:
         exact: bool,
         conic: bool = True,
     ):
-        self._parametric, self.exact = parametric, exact
+        self._parametric = parametric
+        self.exact = exact
         eq: ContactEquations = parametric.equations
-        self.comm, self._equations = eq.comm, eq
-        self._gamma, self._x, self._scale = gamma, x.copy(), eq.stiffness_scale
-        self._nodal, self._n = eq.owned_sizes[0], eq.owned_sizes[0] + eq.rigid.owned
-        b, c = parametric.create_vector(), parametric.create_vector()
+        self.comm = eq.comm
+        self._equations = eq
+        self._gamma = gamma
+        self._x = x.copy()
+        self._scale = eq.stiffness_scale
+        self._nodal = eq.owned_sizes[0]
+        self._n = eq.owned_sizes[0] + eq.rigid.owned
+        b = parametric.create_vector()
+        c = parametric.create_vector()
         piece = parametric.piece_at(x, gamma)
         parametric.residual(x, gamma, b, piece)
         parametric.parameter_derivative(x, gamma, c, piece)
@@ -138,7 +146,8 @@ class CondensedContact:
         self._points = points = GatheredPoints(parametric)
         self._m = points.number
         self._factorise(parametric.contact(x, gamma, piece).u)
-        T, m = points.frames, self._m
+        T = points.frames
+        m = self._m
         schur, self._sizes_of_jumps, self._residuals_of_jumps = self._reactions_to_jumps()
         k = float(np.abs(np.diag(schur)).mean())
         S = np.einsum("iap,iajb,jbq->ipjq", T, schur.reshape(m, 2, m, 2), T) / k
@@ -152,7 +161,8 @@ class CondensedContact:
         self._residuals_of_loads = [residual for _, _, residual in loads]
         self._w = self.contract(x)
         load = np.einsum("nmk,mk->n", M, self._w) - rest + gamma * rate
-        self.friction, self.bound = points.friction, points.bound / k
+        self.friction = points.friction
+        self.bound = points.bound / k
         self.reach = points.reach
         laws = points.laws(k)
         bases, inequalities, exists = laws.cones() if conic else no_cones(m)
@@ -177,10 +187,12 @@ class CondensedContact:
 
     def errors(self, gamma: float) -> tuple[Array, Array]:
         """By how much S and p + gamma q may be off (2 m, 2 m), (2 m,); see the module."""
-        points, system = 2 * self._m, self.system
+        points = 2 * self._m
+        system = self.system
         S = np.abs(system.matrix[:, :, :2].reshape(points, points))
         of_S, rest, rate = self._errors
-        w, length = np.abs(self._w[:, :2]).reshape(-1), points * _ROUND_OFF
+        w = np.abs(self._w[:, :2]).reshape(-1)
+        length = points * _ROUND_OFF
         of_load = of_S @ w + length * (S @ w) + rest + abs(gamma - self._gamma) * rate
         sums = np.abs(system.load) + abs(gamma) * np.abs(system.rate)
         return of_S, of_load + 64 * _ROUND_OFF * sums
@@ -193,7 +205,8 @@ class CondensedContact:
     @cached_property
     def _errors(self) -> tuple[Array, Array, Array]:
         """Of S, and what the factorisation leaves of the load at the state, and of its rate."""
-        points, k = 2 * self._m, self.force_unit
+        points = 2 * self._m
+        k = self.force_unit
         S = np.abs(self.system.matrix[:, :, :2].reshape(points, points))
         # Frames mix the components of a point, and are orthonormal to round-off.
         X, R = (
@@ -223,11 +236,14 @@ class CondensedContact:
 
     def _factorise(self, u: Array) -> None:
         """[K, -B^T; -B, 0], with the Dirichlet rows of H: symmetric, as a rule."""
-        eq, first = self._equations, 0
+        eq = self._equations
+        first = 0
         K = eq.bulk.stiffness(u).copy()
         fixed = np.flatnonzero(eq.fixed[: self._nodal]) + K.getOwnershipRange()[0]
         K.zeroRowsColumns(fixed.astype(PETSc.IntType), diag=self._scale)
-        wanted, blocks, motions = self._points.local, [], []
+        wanted = self._points.local
+        blocks = []
+        motions = []
         for s in eq.surfaces:
             inside = wanted[(wanted >= first) & (wanted < first + s.points.number)] - first
             rows = (2 * inside[:, None] + np.arange(2)).reshape(-1)
@@ -265,7 +281,8 @@ class CondensedContact:
         self, fields: list[tuple[PETSc.Mat, npt.NDArray[np.int64], list[PETSc.Mat]]]
     ) -> PETSc.Mat:
         """[K, -B^T; -B, 0] of fields that move: K, prescribed rows, and B surface by surface."""
-        scale, number = self._scale, len(fields)
+        scale = self._scale
+        number = len(fields)
         # Whatever holds a displacement, its rows have units of force.
         scaled = [[B * -scale for B in parts] for _, _, parts in fields]
         transposed = [[B.transpose(PETSc.Mat()) for B in parts] for parts in scaled]
@@ -288,10 +305,13 @@ class CondensedContact:
 
         With the sizes of the solutions and of their residuals (2 m,).
         """
-        local, columns = self._matrix.getLocalSize()[0], 2 * self._m
+        local = self._matrix.getLocalSize()[0]
+        columns = 2 * self._m
         rows = (2 * self._points.mine[:, None] + np.arange(2)).reshape(-1)
-        mine, squares = np.empty((len(rows), columns)), np.empty((2, columns))
-        scale, places = self._scale, self._n + np.arange(len(rows))
+        mine = np.empty((len(rows), columns))
+        squares = np.empty((2, columns))
+        scale = self._scale
+        places = self._n + np.arange(len(rows))
         entries = np.full(len(rows), -scale), (places, rows)
         jumps = Columns(entries, shape=(local, columns))
         for a in range(0, columns, _BATCH):
@@ -327,7 +347,8 @@ class CondensedContact:
         b.array[: self._n] = load
         b.array[self._n :] = -scale * jumps[self._points.mine].reshape(-1)
         self._ksp.solve(b, x)
-        u, forces = x.array_r[: self._n].copy(), np.zeros((self._m, 2))
+        u = x.array_r[: self._n].copy()
+        forces = np.zeros((self._m, 2))
         mine = scale * x.array_r[self._n :].reshape(-1, 2)
         for places, part in self.comm.allgather((self._points.mine, mine)):
             forces[places] = part
@@ -362,7 +383,8 @@ class CondensedContact:
 
     def expand(self, w: Array, gamma: float, x: PETSc.Vec) -> None:
         """Put the unknowns of the state ``w`` at ``gamma`` into ``x``. Collective."""
-        dw, T = w - self._w, self._points.frames
+        dw = w - self._w
+        T = self._points.frames
         jumps = np.einsum("iap,ip->ia", T, dw[:, :2])
         forces = np.einsum("iap,ip->ia", T, dw[:, 2:]) * self.force_unit
         load = -self._rest - (gamma - self._gamma) * self._rate
@@ -373,11 +395,14 @@ class CondensedContact:
         tractions = np.zeros((len(self._parametric.clamped), 2))
         mine = forces[self._points.mine] / self._points.areas[self._points.mine][:, None]
         tractions[self._points.local] = mine
-        eq, first, row = self._equations, 0, self._nodal
+        eq = self._equations
+        first = 0
+        row = self._nodal
         for s, unit in zip(eq.surfaces, eq.units[1:-1], strict=True):
             n = s.points.number
             x.array[row : row + 2 * n] += tractions[first : first + n].reshape(-1) / unit
-            first, row = first + n, row + 2 * n
+            first = first + n
+            row = row + 2 * n
 
     def destroy(self) -> None:
         """Free the PETSc objects."""

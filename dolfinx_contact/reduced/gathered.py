@@ -42,7 +42,8 @@ class GatheredPoints:
     """
 
     def __init__(self, system: ParametricEquations):
-        eq, self.comm = system.equations, system.comm
+        eq = system.equations
+        self.comm = system.comm
         self.local = np.flatnonzero(~system.clamped)
         self._surfaces = eq.surfaces
         columns: list[tuple[Any, ...]] = []
@@ -71,8 +72,13 @@ class GatheredPoints:
             v[self._sorted] for v in everywhere
         )
         self.frames: Array = np.stack([*_tangents(normals), -normals], axis=2)
-        self._which, self._r, self._held = which, r, held.astype(bool)
-        self.number, self.normals, self.areas, self.reach = len(normals), normals, areas, reach
+        self._which = which
+        self._r = r
+        self._held = held.astype(bool)
+        self.number = len(normals)
+        self.normals = normals
+        self.areas = areas
+        self.reach = reach
         self.friction, self.bound = (np.where(self._held, 0.0, v) for v in (slope, bound))
         self.guided = bool(self._held.any())
         self._starts = np.concatenate([[0], np.cumsum([len(p[0]) for p in parts])])
@@ -110,7 +116,9 @@ class GatheredPoints:
             ):
                 if len(places):
                     given = {name: fields[name][places] for name in law.given}
-                    n, r, none = self.normals[places], self._r[places], np.zeros(len(places))
+                    n = self.normals[places]
+                    r = self._r[places]
+                    none = np.zeros(len(places))
                     data = PointData(n, none, r, given)
                     known = LawAtPoints(law, 2, len(places), self.comm)
                     groups.append((places, known, data))
@@ -147,7 +155,8 @@ class PointLaws:
         """Statuses that a state (m, 4) asks for."""
         codes: npt.NDArray[np.int8] = np.full(self.number, OPEN, dtype=np.int8)
         for places, law, data in self.groups:
-            T, scale = self.frames[places], self.scale[places, None]
+            T = self.frames[places]
+            scale = self.scale[places, None]
             jump = np.einsum("iap,ip->ia", T, w[places, :2])
             traction = np.einsum("iap,ip->ia", T, w[places, 2:]) * scale
             codes[places] = law(jump, traction, data).asked
@@ -155,7 +164,8 @@ class PointLaws:
 
     def cones(self) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
         """Bases (m, 4, 4, 2), inequalities (m, 4, 3, 4), statuses there are (m, 4); see `cones`."""
-        B, C = np.zeros((self.number, 4, 4, 2)), np.zeros((self.number, 4, 3, 4))
+        B = np.zeros((self.number, 4, 4, 2))
+        C = np.zeros((self.number, 4, 3, 4))
         exists = np.zeros((self.number, 4), dtype=bool)
         for places, law, data in self.groups:
             found = cones(law, data, self.frames[places], self.scale[places])

@@ -75,11 +75,13 @@ def balance(eq: ContactEquations, state: State, tables: Iterable[ContactForces])
         state: with reactions.
         tables: of all surfaces, in their order.
     """
-    comm, n = eq.comm, eq.V.dofmap.index_map.size_local
+    comm = eq.comm
+    n = eq.V.dofmap.index_map.size_local
     reactions = support_at_nodes(eq, state)[:n]
     support = eq.resultant(reactions)
     external = eq.resultant(-eq.bulk.local_rows(state.u))
-    contact, size = np.zeros_like(support), 0.0
+    contact = np.zeros_like(support)
+    size = 0.0
     for s, t in zip(eq.surfaces, tables, strict=True):
         if not s.between_bodies:  # else it acts on both of what is one whole here
             contact += t.resultant(t.force)
@@ -108,7 +110,8 @@ def support_at_nodes(eq: ContactEquations, state: State) -> npt.NDArray[np.float
 
     They are 0 in the components that none fix.
     """
-    reaction, owned = fem.Function(eq.V), eq.owned_sizes[0]
+    reaction = fem.Function(eq.V)
+    owned = eq.owned_sizes[0]
     assert state.reactions is not None
     reaction.x.array[:owned] = np.where(eq.fixed[:owned], state.reactions, 0.0)
     reaction.x.scatter_forward()
@@ -135,13 +138,12 @@ def forces_at_vertices(
     if V.ufl_element().degree == 1:
         return np.asarray(forces[trace])
     tdim = V.mesh.topology.dim
-    topology, index_map = V.mesh.topology, V.dofmap.index_map
+    topology = V.mesh.topology
+    index_map = V.dofmap.index_map
     facets = submesh.parent_facets[: submesh.mesh.topology.index_map(tdim - 1).size_local]
     to_cells = topology.connectivity(tdim - 1, tdim)
-    nodes, closures = (
-        V.dofmap.list[to_cells.array[to_cells.offsets[facets]]],
-        facet_closures(V, facets),
-    )
+    nodes = V.dofmap.list[to_cells.array[to_cells.offsets[facets]]]
+    closures = facet_closures(V, facets)
     # A node of several facets is shared among these first, whichever rank has them.
     count = la.vector(index_map, 1)
     count.array[:] = 0.0

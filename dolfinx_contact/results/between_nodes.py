@@ -84,7 +84,8 @@ def _deepest(
 
     A depth is that within the facet less that of its corners.
     """
-    m, vertices = len(s.submesh.parent_facets), s.points.vertices
+    m = len(s.submesh.parent_facets)
+    vertices = s.points.vertices
     x = vertices.tabulate_dof_coordinates()[:, : s.dim] + u[s.points.vertex_trace_dofs]
     corners = x[vertices.dofmap.list[:m]]
     if not len(corners):

@@ -234,7 +234,9 @@ def _worst(s: ContactSurface, values: Array, others: Array) -> tuple[float, Arra
     found_there = (s.positions, s.points.ids, values, others)
     x, ids, values, others = (np.concatenate(gather(v)) for v in found_there)
     order = by_coordinates(x, ids)
-    x, values, others = x[order], values[order], others[order]
+    x = x[order]
+    values = values[order]
+    others = others[order]
     # Of points with the same value, up to round-off, the first in the table.
     i = int(np.flatnonzero(~(values < (1 - 1e-9) * np.max(values)))[0])
     return float(values[i]), x[i], float(others[i])
@@ -270,7 +272,8 @@ def _warn_of_side(eq: ContactEquations, s: ContactSurface, lowest: float) -> Non
     Of a body that is deep in its obstacle those points decide that are deepest, and where they face
     neither way (the rims of a round foot) those that are nearest to the obstacle's surface.
     """
-    tolerance, gaps = 1e-9 * eq.body_size, s.points.vertex_gaps
+    tolerance = 1e-9 * eq.body_size
+    gaps = s.points.vertex_gaps
     closest = s.comm.allreduce(float(np.min(np.abs(gaps), initial=np.inf)), op=min)
     deepest, x = _facing(s, gaps <= lowest + tolerance)
     if deepest < -0.5:
@@ -291,7 +294,9 @@ def _warn_of_side(eq: ContactEquations, s: ContactSurface, lowest: float) -> Non
 
 def _facing(s: ContactSurface, marked: npt.NDArray[np.bool_]) -> tuple[float, Array]:
     """Largest n.N over the facets around ``marked`` local vertices, N outward, and where."""
-    domain, dim, m = s.domain, s.dim, len(s.submesh.parent_facets)
+    domain = s.domain
+    dim = s.dim
+    m = len(s.submesh.parent_facets)
     corners = s.points.vertices.dofmap.list[:m]
     # Without the round-off in them, so that the first of several places is the same everywhere.
     x = _rounded(s.points.vertices.tabulate_dof_coordinates()[:, :dim])

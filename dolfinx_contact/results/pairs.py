@@ -66,9 +66,11 @@ def pair_balance(eq: ContactEquations, number: int, state: State) -> PairBalance
         number: of the pair among its surfaces.
         state: with tractions.
     """
-    comm, s = eq.comm, eq.surfaces[number]
+    comm = eq.comm
+    s = eq.surfaces[number]
     n = eq.V.dofmap.index_map.size_local
-    forces, x = pair_forces(eq, number, state), eq.V.tabulate_dof_coordinates()[:, : eq.dim]
+    forces = pair_forces(eq, number, state)
+    x = eq.V.tabulate_dof_coordinates()[:, : eq.dim]
     # Where a crack ends nodes are of both faces; what acts there cancels.
     slave, master = (side[:n] for side in s.obstacle.opposite.sides)
     sums = [eq.resultant(forces[a & ~b]) for a, b in ((slave, master), (master, slave))]

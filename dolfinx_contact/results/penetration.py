@@ -43,7 +43,8 @@ def penetrations(eq: ContactEquations, tables: dict[str, ContactTable]) -> dict[
     for s in eq.surfaces:
         if not s.law.compliant:
             continue
-        size, table = s.mean_width, tables[s.name]
+        size = s.mean_width
+        table = tables[s.name]
         depth = np.nan_to_num(np.maximum(-table.un, 0.0), nan=0.0)
         area = table.area[depth > 0]
         # Of points with the same depth, up to round-off, the first in the table.

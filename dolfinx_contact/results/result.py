@@ -237,7 +237,8 @@ def collect(eq: ContactEquations, state: State, attempts: Sequence[Attempt]) -> 
     assert state.reactions is not None
     lost = without_normal(eq, state)
     require(eq.comm, not lost, lost)
-    comm, supports = eq.comm, support_at_nodes(eq, state)
+    comm = eq.comm
+    supports = support_at_nodes(eq, state)
     warn_of_small_obstacles(eq, state)
     tables = {
         s.name: contact_table(eq, number, state, supports) for number, s in enumerate(eq.surfaces)
@@ -254,8 +255,10 @@ def collect(eq: ContactEquations, state: State, attempts: Sequence[Attempt]) -> 
     kept = max(held_back(s, found, stiffness) for s, found, stiffness in contacts)
     u = comm.allreduce(max(moved, kept), op=max)
     none = least_scales(eq, u)
-    force, length = max(force, eq.round_off_force(u), none[0]), max(u, none[1])
-    forces, violated = balance(eq, state, tables.values()), violation(eq, state, force, length)
+    force = max(force, eq.round_off_force(u), none[0])
+    length = max(u, none[1])
+    forces = balance(eq, state, tables.values())
+    violated = violation(eq, state, force, length)
     weak = any(s.points.E is not None for s in eq.surfaces)
     if not weak and not violated <= _LARGEST_VIOLATION and comm.rank == 0:
         logger.warning(

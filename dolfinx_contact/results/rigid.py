@@ -78,7 +78,8 @@ class RigidBodyResult:
 
 def rigid_body_results(eq: ContactEquations, state: State) -> dict[str, RigidBodyResult]:
     """The rigid bodies at a state with reactions, by name."""
-    found, rigid = {}, eq.rigid
+    found = {}
+    rigid = eq.rigid
     assert state.pushes is not None
     loads = rigid.loads()
     support = np.where(rigid.fixed, -state.pushes, 0.0)

@@ -152,11 +152,17 @@ def contact_table(
         state: with reactions.
         supports: reactions of Dirichlet data at the local nodes of the displacement (n, dim).
     """
-    s, found = eq.surfaces[number], state.surfaces[number]
-    clamped, removed = eq.constraints.clamped[number], eq.constraints.removed[number]
-    known, n = s.state_of(found.jump, found.traction, found.data), s.points.number
-    area, normal, traction = known["area"], known["n"], known["traction"]
-    letters, bound = _letters(s, found, known), known["bound"] * area
+    s = eq.surfaces[number]
+    found = state.surfaces[number]
+    clamped = eq.constraints.clamped[number]
+    removed = eq.constraints.removed[number]
+    known = s.state_of(found.jump, found.traction, found.data)
+    n = s.points.number
+    area = known["area"]
+    normal = known["n"]
+    traction = known["traction"]
+    letters = _letters(s, found, known)
+    bound = known["bound"] * area
     support = np.zeros_like(traction)
     if s.method != "integral":
         held = clamped[:n]
@@ -243,14 +249,17 @@ def _letters(
     s: ContactSurface, found: ContactState, known: dict[str, npt.NDArray[np.float64]]
 ) -> npt.NDArray[np.str_]:
     """Letters of the statuses; where nothing grips a closed point the sense of its motion."""
-    touching, contact = closed(found.statuses), without_damage(found.statuses)
+    touching = closed(found.statuses)
+    contact = without_damage(found.statuses)
     letters = np.where(touching, status.letters(s.dim)[contact], "o")
     if s.dim == 3:
         return letters
-    free, bond = touching.copy(), found.statuses - contact
+    free = touching.copy()
+    bond = found.statuses - contact
     for of_bond in np.unique(bond):
         free &= (bond != of_bond) | ~found.answers.may_be(STICK + of_bond)
-    moved, n = known["increment"], known["n"]
+    moved = known["increment"]
+    n = known["n"]
     along = moved[:, 1] * n[:, 0] - moved[:, 0] * n[:, 1]
     return np.where(free, np.where(along < 0, "-", "+"), letters)
 

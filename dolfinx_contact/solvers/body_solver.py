@@ -33,7 +33,9 @@ class BodySolver:
     """
 
     def __init__(self, equations: ContactEquations, *, direct: bool):
-        self._equations, self.comm, self.direct = equations, equations.comm, direct
+        self._equations = equations
+        self.comm = equations.comm
+        self.direct = direct
         self._n = equations.owned_sizes[0]
         self.fixed = np.flatnonzero(equations.fixed[: self._n])
         self._assemblies = -1

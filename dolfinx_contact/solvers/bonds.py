@@ -115,7 +115,8 @@ def _end(
 ) -> bool:
     """Newton's method with the law itself, its statuses at the state held in the first step."""
     with Newton(eq, linear(), "none", None) as solver:
-        solver.held, solver.most = eq.contact(x).statuses, 1
+        solver.held = eq.contact(x).statuses
+        solver.most = 1
         start = x.copy()
         if not solver.run(x, attempt):
             start.copy(x)

@@ -59,7 +59,8 @@ class LinearSolverChoice:
 
     def _create(self) -> LinearSolver:
         eq = self._equations
-        size, dim = sum(eq.global_sizes), eq.dim
+        size = sum(eq.global_sizes)
+        dim = eq.dim
         kind = eq.options.value("linear_solver") or "auto"
         if kind not in _KINDS:
             raise ValueError(f"unknown linear solver {kind!r}; known: {', '.join(_KINDS)}")
@@ -91,7 +92,8 @@ class LinearSolverChoice:
         if asked or self().name == "direct":
             return False
         needed = predicted_gigabytes("direct", sum(eq.global_sizes), eq.dim)
-        free, root = available_gigabytes(eq.comm), eq.comm.rank == 0
+        free = available_gigabytes(eq.comm)
+        root = eq.comm.rank == 0
         if needed > free:
             if root:
                 words = "a direct solver needs about %.2g GB, of which %.2g are free"

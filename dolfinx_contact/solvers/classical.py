@@ -129,12 +129,14 @@ def solve_by(
             for step in attempt.steps:
                 tell(step)
     except (FloatingBodyError, LinearSolverError) as error:
-        attempt.converged, attempt.reason = False, str(error)
+        attempt.converged = False
+        attempt.reason = str(error)
         failure = FloatingBodyError if isinstance(error, FloatingBodyError) else failure
     finally:
         body.destroy()
     if attempt.converged and (reason := gone(equations, x)):
-        attempt.converged, attempt.reason = False, reason
+        attempt.converged = False
+        attempt.reason = reason
     if not attempt.converged:
         x.destroy()
         worst = f", residual {attempt.steps[-1].measures.worst:.2g}" if attempt.steps else ""
@@ -212,7 +214,8 @@ def _on_points(
     check_reducible(equations)
     body.update()
     system = ParametricEquations(equations, fem.Constant(equations.V.mesh, 0.0), linear)
-    compliance, b = Compliance(system, x, body.columns), x.duplicate()
+    compliance = Compliance(system, x, body.columns)
+    b = x.duplicate()
     try:
         start = compliance.forces(x)
         scales = Scales(equations)
@@ -226,7 +229,8 @@ def _on_points(
         )
         attempt.steps += [Step(i, m, 0, 1.0) for i, m in enumerate(outcome.measures)]
         attempt.series = outcome.series
-        attempt.converged, attempt.reason = outcome.converged, outcome.reason
+        attempt.converged = outcome.converged
+        attempt.reason = outcome.reason
         compliance.expand(outcome.r, x)
         if outcome.converged:
             measures = scales.measure(equations.residual(x, b))

@@ -38,18 +38,25 @@ class CondensedBlock:
     """
 
     def __init__(self, operator: ContactOperator, s: SurfaceSet, prefix: str):
-        self._operator, self._s, self._comm = operator, s, operator.comm
+        self._operator = operator
+        self._s = s
+        self._comm = operator.comm
         self.factor = SurfaceFactor(operator.comm, prefix)
         B = operator.contact.createSubMatrix(s.displacements, s.multipliers)
         indptr, columns, values = B.getValuesCSR()
         rows = np.repeat(np.arange(s.nodes), np.diff(indptr))
         kept = (values != 0) & s.answered[rows] & ~np.isin(rows, s.fixed)
-        rows, columns, values = rows[kept], columns[kept], values[kept]
-        n, m = s.nodes, len(s.local) - s.nodes
+        rows = rows[kept]
+        columns = columns[kept]
+        values = values[kept]
+        n = s.nodes
+        m = len(s.local) - s.nodes
         #: Whether every multiplier has one dof, or was removed.
         self.applies = not self._comm.allreduce(int(len(np.unique(rows)) < len(rows)))
         if not self.applies:
-            rows, columns, values = rows[:0], columns[:0], values[:0]
+            rows = rows[:0]
+            columns = columns[:0]
+            values = values[:0]
         starts = np.searchsorted(rows, np.arange(n + 1)).astype(np.int32)
         self._T, inverse = (
             PETSc.Mat().createAIJ(((n, None), (m, None)), csr=(starts, columns, v), comm=self._comm)
@@ -72,7 +79,8 @@ class CondensedBlock:
         passed_on = B.matMult(self._W)
         self._plain = combined(identity, -1.0, passed_on, None)
         self._rc, self._x = self._plain.createVecs()
-        self._rl, self._y = answered, answered.duplicate()
+        self._rl = answered
+        self._y = answered.duplicate()
         self._b, self._t = self._rc.duplicate(), self._rc.duplicate()
         self._K: PETSc.Mat | None = None
         self._C: PETSc.Mat | None = None
@@ -98,7 +106,8 @@ class CondensedBlock:
 
         Patterns never change: products, sums and the analysis of the LU are set up once.
         """
-        A, s = self._operator, self._s
+        A = self._operator
+        s = self._s
         self._C = A.contact.createSubMatrix(s.multipliers, s.displacements, self._C)
         self._L = A.contact.createSubMatrix(s.multipliers, s.multipliers, self._L)
         self._LW = self._L.matMult(self._W, self._LW)
@@ -117,7 +126,8 @@ class CondensedBlock:
         n = self._s.nodes
         assert self._K is not None
         assert self._E is not None
-        self._rc.array[:], self._rl.array[:] = residual[:n], residual[n:]
+        self._rc.array[:] = residual[:n]
+        self._rl.array[:] = residual[n:]
         self._E.mult(self._rc, self._b)
         self._T.multAdd(self._rl, self._b, self._b)
         self.factor.ksp.solve(self._b, self._x)

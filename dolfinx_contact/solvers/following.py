@@ -48,7 +48,8 @@ class Loaded(ParametricEquations):
         super().__init__(equations, fem.Constant(equations.V.mesh, 0.0), linear)
         self._start = equations.prescribed.values()
         self._motions = equations.prescribed_motions()
-        self._x0, self._rest = x0, equations.create_vector()
+        self._x0 = x0
+        self._rest = equations.create_vector()
         equations.residual(x0, self._rest)
 
     def surfaces_stand(self) -> bool:
@@ -75,14 +76,16 @@ class Loaded(ParametricEquations):
 
     def dirichlet_rates(self) -> Array:
         prescribed = self.equations.prescribed
-        part, prescribed.part = prescribed.part, 1.0
+        part = prescribed.part
+        prescribed.part = 1.0
         rates = prescribed.values() - self._start
         prescribed.part = part
         return rates.reshape(-1)
 
     def rigid_rates(self) -> tuple[Array, Array]:
         prescribed = self.equations.prescribed
-        part, prescribed.part = prescribed.part, 1.0
+        part = prescribed.part
+        prescribed.part = 1.0
         rates = self.equations.prescribed_motions() - self._motions
         prescribed.part = part
         return np.zeros_like(rates), rates

@@ -59,7 +59,8 @@ class Forcing:
         """Begin anew, from a state that is close to a solution or not."""
         self._cap = self.warm if warm else self.largest
         self._last = self._eta = 0.0
-        self._least, self._waited = float("inf"), 0
+        self._least = float("inf")
+        self._waited = 0
 
     def tighten(self) -> bool:
         """Solve more exactly from now on; False if that is done already."""

@@ -75,8 +75,11 @@ class Hierarchy:
     def __init__(
         self, V: fem.FunctionSpace, prefix: str, *, symmetric: bool = True, massive: bool = False
     ):
-        self._default, self._massive = "gamg", massive and symmetric
-        self.comm, self.prefix, self._symmetric = V.mesh.comm, prefix + "amg_", symmetric
+        self._default = "gamg"
+        self._massive = massive and symmetric
+        self.comm = V.mesh.comm
+        self.prefix = prefix + "amg_"
+        self._symmetric = symmetric
         self.null_space, self._vectors = rigid_body_space(V)
         self._bs = V.dofmap.index_map_bs
         self.pc: PETSc.PC | None = None
@@ -180,7 +183,8 @@ def rigid_body_space(V: fem.FunctionSpace) -> tuple[PETSc.NullSpace, list[PETSc.
     the others. With the axial translation alone, the one motion that is rigid, solves stagnate
     (measured).
     """
-    index_map, dim = V.dofmap.index_map, V.mesh.geometry.dim
+    index_map = V.dofmap.index_map
+    dim = V.mesh.geometry.dim
     n = index_map.size_local
     x = V.tabulate_dof_coordinates()[: n + index_map.num_ghosts, :dim]
     axes = [(0, 1)] if dim == 2 else [(1, 2), (2, 0), (0, 1)]

@@ -28,8 +28,11 @@ def raise_load(solver: Newton, x: PETSc.Vec, attempt: Attempt, increments: int) 
 
     One that fails, or turns the body inside out, is quartered; one that works is doubled.
     """
-    eq, first = solver.equations, 1.0 / increments
-    done, step, good = 0.0, first, x.duplicate()
+    eq = solver.equations
+    first = 1.0 / increments
+    done = 0.0
+    step = first
+    good = x.duplicate()
     with eq.ramped(x):
         eq.prescribed.part = 0.0
         eq.residual(x, solver.offset)
@@ -39,9 +42,11 @@ def raise_load(solver: Newton, x: PETSc.Vec, attempt: Attempt, increments: int) 
                 solver.load = eq.prescribed.part = min(1.0, done + step)
                 solved = solver.run(x, attempt)
                 if solved and (objection := inverted(eq, x)):
-                    solved, attempt.reason = False, objection
+                    solved = False
+                    attempt.reason = objection
                 if solved:
-                    done, step = solver.load, 2 * step
+                    done = solver.load
+                    step = 2 * step
                     continue
                 good.copy(x)
                 step /= 4

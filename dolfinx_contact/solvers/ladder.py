@@ -107,7 +107,10 @@ def solve(
     bring_together(equations, x0)
     attempts: list[Attempt] = []
     floating: FloatingBodyError | None = None
-    x, turned, objection, way = x0.duplicate(), x0.duplicate(), "", ""
+    x = x0.duplicate()
+    turned = x0.duplicate()
+    objection = ""
+    way = ""
     for strategy, run in _ladder(equations, linear, increments, expected):
         if objection and strategy != _INCREMENTS:
             continue
@@ -120,15 +123,18 @@ def solve(
             attempt.converged = run(x, attempt, _told(progress, monitor))
         except FloatingBodyError as error:
             floated = floating is not None
-            attempt.reason, floating = str(error), error
+            attempt.reason = str(error)
+            floating = error
         if attempt.converged and (reason := gone(equations, x)):
-            attempt.converged, attempt.reason = False, reason
+            attempt.converged = False
+            attempt.reason = reason
         if attempt.converged:
             objection = inverted(equations, x)
             if not objection:
                 _compare_with_prediction(linear, progress.seconds)
                 return x, attempts
-            attempt.converged, attempt.reason = False, objection
+            attempt.converged = False
+            attempt.reason = objection
             way = strategy
             x.copy(turned)
         progress.clear()
@@ -183,7 +189,8 @@ def _ladder(
     def newton(line_search: str) -> _Run:
         def run(x: PETSc.Vec, attempt: Attempt, monitor: Any) -> bool:
             with Newton(eq, linear(), line_search, monitor) as solver:
-                done, stagnated = solver.run(x, attempt), solver.stagnated
+                done = solver.run(x, attempt)
+                stagnated = solver.stagnated
             if stagnated and linear.direct_instead():
                 with Newton(eq, linear(), line_search, monitor) as solver:
                     done = solver.run(x, attempt)
@@ -228,7 +235,8 @@ def _ladder(
         def run(x: PETSc.Vec, attempt: Attempt, monitor: Any) -> bool:
             start = x.copy()
             with Newton(eq, linear(), "none", monitor) as solver:
-                solver.held, solver.most = statuses, _HELD
+                solver.held = statuses
+                solver.most = _HELD
                 if not solver.run(x, attempt):
                     start.copy(x)
                 solver.held = solver.most = None

@@ -127,7 +127,8 @@ class Direct(LinearSolver):
     }
 
     def __init__(self, equations: ContactEquations):
-        self._equations, self._jacobian = equations, Jacobian(equations)
+        self._equations = equations
+        self._jacobian = Jacobian(equations)
         self.matrix = self._jacobian.matrix
         self._residual = 0.0  # of the last solve, over its right-hand side
         if (equations.options.value("pc_type") or "lu") not in ("lu", "cholesky"):
@@ -182,7 +183,8 @@ class Direct(LinearSolver):
 
 def reasons_of(ksp: PETSc.KSP) -> str:
     """Why a KSP ended, in PETSc's names: its own reason, its PC's, and MUMPS'. Collective."""
-    comm, pc = ksp.comm.tompi4py(), ksp.getPC()
+    comm = ksp.comm.tompi4py()
+    pc = ksp.getPC()
     words = [f"{ksp.getType()} with {pc.getType()}"]
     words.append(f"KSP {_name(PETSc.KSP.ConvergedReason, ksp.getConvergedReason())}")
     failed = max(comm.allgather(int(pc.getFailedReason())), key=abs)

@@ -68,7 +68,8 @@ class Multigrid(LinearSolver):
         equations: the contact problem.
     """
 
-    name, corrects = "amg", True
+    name = "amg"
+    corrects = True
     defaults: dict[str, Any] = {
         "ksp_type": "fgmres",
         "ksp_knoll": True,
@@ -77,13 +78,15 @@ class Multigrid(LinearSolver):
     }
 
     def __init__(self, equations: ContactEquations):
-        self._equations, self.comm = equations, equations.comm
+        self._equations = equations
+        self.comm = equations.comm
         prefix = equations.options.prefix
         with logged("ContactJacobian"):
             self.operator = ContactOperator(equations)
         self.matrix = self.operator.matrix
         self.filter = SurfaceFilter(self.operator, prefix)
-        symmetric, massive = equations.bulk.energy is not None, equations.bulk.has_mass
+        symmetric = equations.bulk.energy is not None
+        massive = equations.bulk.has_mass
         self.hierarchy = Hierarchy(equations.V, prefix, symmetric=symmetric, massive=massive)
         self.forcing = Forcing.in_motion() if massive else Forcing()
         self._glued: _Glued | None = None
@@ -144,7 +147,8 @@ class Multigrid(LinearSolver):
         held = np.union1d(A.fixed, np.flatnonzero(self._glued.held)).astype(np.int32)
         added = springs(self._equations, A.stiffness, self._glued.joined)
         self.filter.cycle = self.hierarchy.build(A.stiffness, held, A.diagonal, added)
-        self._assemblies, self._excess = self._equations.bulk.assemblies, 0.0
+        self._assemblies = self._equations.bulk.assemblies
+        self._excess = 0.0
         if self.comm.rank == 0:
             logger.info(
                 "multigrid hierarchy %d built: %s", self.hierarchy.builds, self.hierarchy.kind
@@ -152,8 +156,10 @@ class Multigrid(LinearSolver):
 
     def _closed(self, state: State) -> _Glued:
         """What to glue: what is closed, or a guess where nothing is closed yet. Collective."""
-        eq, V = self._equations, self._equations.V
-        bs, n = V.dofmap.index_map_bs, V.dofmap.index_map.size_local
+        eq = self._equations
+        V = self._equations.V
+        bs = V.dofmap.index_map_bs
+        n = V.dofmap.index_map.size_local
         marks = la.vector(V.dofmap.index_map, 1)
         marks.array[:] = 0.0
         joined = []

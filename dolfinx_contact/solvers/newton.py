@@ -66,7 +66,9 @@ class Newton:
         line_search: str,
         monitor: Callable[[Step], None] | None,
     ):
-        self.equations, self.linear, self.monitor = equations, linear, monitor
+        self.equations = equations
+        self.linear = linear
+        self.monitor = monitor
         self.comm = equations.comm
         # A monitor may be on one rank alone, as one that prints.
         self._monitored = bool(self.comm.allreduce(int(monitor is not None)))
@@ -131,8 +133,13 @@ class Newton:
 
     def run(self, x: PETSc.Vec, attempt: Attempt) -> bool:
         """Solve H(x) = (1 - load) offset from ``x``, which is overwritten. Collective."""
-        self.attempt, self._history, self.floating, self._known = attempt, [], None, None
-        given, ksp, y = self.equations.options, self.snes.getKSP(), x.copy()
+        self.attempt = attempt
+        self._history = []
+        self.floating = None
+        self._known = None
+        given = self.equations.options
+        ksp = self.snes.getKSP()
+        y = x.copy()
         try:
             with options_in_database(given.prefix, self.options), as_raised():
                 self.snes.solve(None, y)
@@ -171,7 +178,8 @@ class Newton:
     def _warn_of_options(self) -> None:
         """Warn of options that nothing has read, once a linear system has been solved."""
         if self.snes.getLinearSolveIterations() > 0:
-            multigrid, root = self.linear.name == "amg", self.comm.rank == 0
+            multigrid = self.linear.name == "amg"
+            root = self.comm.rank == 0
             self.equations.options.warn(multigrid=multigrid, root=root)
 
     @property
@@ -180,7 +188,8 @@ class Newton:
         return bool(self.snes.getConvergedReason() == _LINEAR)
 
     def _function(self, _snes: PETSc.SNES, x: PETSc.Vec, b: PETSc.Vec) -> None:
-        known, self._known = self._known, None
+        known = self._known
+        self._known = None
         if known is not None and self._everywhere(np.array_equal(x.array_r, known[0])):
             b.array[:] = known[1]
             return
@@ -210,7 +219,8 @@ class Newton:
         """Put the contact surface right after the full step x - step; see `settle`."""
         after, b, d = self._after
         after.waxpy(-1.0, step, x)
-        rounds, there = ROUNDS if self._warm else 1, np.zeros(0)
+        rounds = ROUNDS if self._warm else 1
+        there = np.zeros(0)
 
         def evaluate(x: PETSc.Vec, b: PETSc.Vec) -> None:
             nonlocal there
@@ -227,7 +237,8 @@ class Newton:
             self._known = after.array_r.copy(), b.array_r.copy()
 
     def _test(self, snes: PETSc.SNES, it: int, _norms: tuple[float, float, float]) -> int:
-        eq, tolerance = self.equations, snes.getTolerances()[0]
+        eq = self.equations
+        tolerance = snes.getTolerances()[0]
         measures = self._measure(snes.getFunction()[0], tolerance)
         statuses = self.state.statuses
         flips = 0
@@ -282,10 +293,13 @@ class Newton:
         state = replace(self.state, rows=self.equations.blocks(b))
         measures = self.scales.measure(state)
         if measures.worst <= tolerance:
-            own, then = Scales(self.equations, settled=True), self.scales
+            own = Scales(self.equations, settled=True)
+            then = self.scales
             judged = own.measure(state)
             if then.force > _FAR * own.force or then.length > _FAR * own.length:
-                self.scales, measures, self._history = own, judged, []
+                self.scales = own
+                measures = judged
+                self._history = []
         return measures
 
     def _first_statuses(self, statuses: Statuses) -> Statuses:

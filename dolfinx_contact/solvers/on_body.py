@@ -68,7 +68,8 @@ class OnBody:
 
     def run(self, algorithm: TrescaFixedPoint | Uzawa | Penalty, x: PETSc.Vec) -> bool:
         """Solve from ``x``, which is overwritten; whether it converged."""
-        most, self._start = algorithm.max_iterations, x.copy()
+        most = algorithm.max_iterations
+        self._start = x.copy()
         self._trend = Trend(most, self.tolerance, self.equations.comm.allreduce)
         b = x.duplicate()
         try:
@@ -141,7 +142,9 @@ class OnBody:
         Stiff contact that yields cycles between stick and slip where many points are near the
         bound: pivoting on the statuses knows no stiffness.
         """
-        start, steps, reasons = x.copy(), 0, []
+        start = x.copy()
+        steps = 0
+        reasons = []
         ways: dict[str, tuple[str, Callable[[Newton, PETSc.Vec, Attempt], bool]]] = {
             "full steps": ("none", Newton.run),
             "pivoting": ("none", pivot),
@@ -198,25 +201,31 @@ class OnBody:
         return [s.traction for s in self._state.surfaces]
 
     def _augmented(self, algorithm: Uzawa, x: PETSc.Vec, b: PETSc.Vec) -> None:
-        stops, cold = self._stops(x, b, inner=0), True
+        stops = self._stops(x, b, inner=0)
+        cold = True
         while not stops:
             steps = self._yield(self._tractions(), algorithm.step * STIFF, x, cold=cold)
             if steps < 0:
                 return
-            stops, cold = self._stops(x, b, inner=steps), False
+            stops = self._stops(x, b, inner=steps)
+            cold = False
 
     def _penalty(self, algorithm: Penalty, x: PETSc.Vec, b: PETSc.Vec) -> None:
         self._trend.tolerance = max(algorithm.accuracy, self.tolerance)
         sequence = Extrapolation(self.equations.comm.allreduce)
-        stops, factor, cold = self._stops(x, b), algorithm.stiffness, True
-        none, limit = [np.zeros_like(t) for t in self._tractions()], x.copy()
+        stops = self._stops(x, b)
+        factor = algorithm.stiffness
+        cold = True
+        none = [np.zeros_like(t) for t in self._tractions()]
+        limit = x.copy()
         try:
             while not stops:
                 steps = self._yield(none, factor, x, cold=cold)
                 if steps < 0:
                     return
                 sequence.add(x.array_r.copy())
-                factor, cold = 2.0 * factor, False
+                factor = 2.0 * factor
+                cold = False
                 if len(sequence.states) < LEAST:
                     continue
                 limit.array[:] = sequence.limit()
@@ -228,7 +237,8 @@ class OnBody:
     # -- Uzawa -----------------------------------------------------------------------------------
 
     def _uzawa(self, algorithm: Uzawa, x: PETSc.Vec, b: PETSc.Vec) -> None:
-        eq, n = self.equations, self.equations.owned_sizes[0]
+        eq = self.equations
+        n = self.equations.owned_sizes[0]
         self.body.update()
         rho = algorithm.step * SHARE * 2.0 / self._largest()
         # At rest before the first look, as every later iterate.
@@ -243,7 +253,8 @@ class OnBody:
 
     def _raise(self, rho: float, x: PETSc.Vec) -> None:
         """Put the tractions that the laws answer with the augmentation ``rho`` into ``x``."""
-        eq, row = self.equations, self.equations.owned_sizes[0]
+        eq = self.equations
+        row = self.equations.owned_sizes[0]
         for i, (s, state) in enumerate(zip(eq.surfaces, self._state.surfaces, strict=True)):
             data = replace(state.data, r=np.full(s.points.number, rho))
             answers = s.law_at_points(state.jump, state.traction, data)
@@ -256,10 +267,12 @@ class OnBody:
 
     def _largest(self) -> float:
         """The largest eigenvalue of the compliance, jumps by tractions, by the power method."""
-        eq, n = self.equations, self.equations.owned_sizes[0]
+        eq = self.equations
+        n = self.equations.owned_sizes[0]
         # Pressure and shear in every direction, uneven.
         t = [s.points.data.n + np.cos(s.positions / eq.body_size) for s in eq.surfaces]
-        value, nothing = 0.0, np.zeros(eq.rigid.size)
+        value = 0.0
+        nothing = np.zeros(eq.rigid.size)
         for _ in range(_POWER):
             load = np.sum([s.points.forces(v) for s, v in zip(eq.surfaces, t, strict=True)], axis=0)
             load[self.body.fixed] = 0.0

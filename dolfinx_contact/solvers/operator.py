@@ -34,7 +34,8 @@ class ContactOperator:
     """
 
     def __init__(self, equations: ContactEquations):
-        self.equations, self.comm = equations, equations.comm
+        self.equations = equations
+        self.comm = equations.comm
         self.size = equations.owned_sizes[0]
         self.fixed = np.flatnonzero(equations.fixed[: self.size])
         self._terms = ContactTerms(equations)

@@ -32,7 +32,8 @@ def pivot(solver: Newton, x: PETSc.Vec, attempt: Attempt) -> bool:
     """Solve by pivoting from ``x``, which is overwritten. Collective."""
     eq = solver.equations
     points = sum(s.number_everywhere for s in eq.surfaces)
-    fewest, patience = points + 1, _PATIENCE
+    fewest = points + 1
+    patience = _PATIENCE
     held = eq.contact(x).statuses
     for _ in range(20 + 4 * min(points, 100)):
         solver.held = held
@@ -46,7 +47,8 @@ def pivot(solver: Newton, x: PETSc.Vec, attempt: Attempt) -> bool:
         objecting = differs(asked, held)
         count = int(eq.comm.allreduce(sum(int(o.sum()) for o in objecting)))
         if count < fewest:
-            fewest, patience = count, _PATIENCE
+            fewest = count
+            patience = _PATIENCE
         else:
             patience -= 1
         if count > 0 and patience < 0:
@@ -62,7 +64,8 @@ def pivot(solver: Newton, x: PETSc.Vec, attempt: Attempt) -> bool:
 
 def _by_stick(asked: Codes, held: Codes) -> Codes:
     """What is asked for, but stick where a slip is to turn round: the bound between comes first."""
-    before, after = senses(held), senses(asked)
+    before = senses(held)
+    after = senses(asked)
     turns = (before != after) & np.isin(before, (PLUS, MINUS)) & np.isin(after, (PLUS, MINUS))
     return np.where(turns, held + STICK - before, asked).astype(np.int8)
 

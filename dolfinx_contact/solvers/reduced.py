@@ -43,7 +43,8 @@ def solve_reduced(
             attempt.reason = "needs contact at the nodes with Coulomb's law or without friction"
             return False
         condensed = CondensedContact(system, x, 0.0, exact=True)
-        affine, friction = condensed.system, condensed.friction
+        affine = condensed.system
+        friction = condensed.friction
         S = affine.matrix[:, :, :2].reshape(len(affine.load), -1)
         w, _ = on_root(equations.comm, lambda: coulomb_by_lemke(S, affine.load, friction))
         condensed.expand(w, 0.0, x)

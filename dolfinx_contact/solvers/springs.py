@@ -43,13 +43,17 @@ def springs(
     pairs = [s for s in equations.surfaces if s.between_bodies]
     if not pairs:
         return None
-    dim, diagonal = equations.dim, stiffness.getDiagonal()
+    dim = equations.dim
+    diagonal = stiffness.getDiagonal()
     compliance = 1.0 / diagonal.array_r.reshape(-1, dim).mean(axis=1)
     diagonal.destroy()
-    rows, columns, values = [], [], []
+    rows = []
+    columns = []
+    values = []
     for s, points in zip(pairs, closed, strict=True):
         stencils = s.points.stencils
-        b, nodes = stencils.weights, stencils.nodes
+        b = stencils.weights
+        nodes = stencils.nodes
         soft = at_global_places(equations.comm, compliance, nodes)
         share = points * s.points.areas / s.points.from_vertices(s.points.vertex_areas)
         kappa = share[stencils.points] / np.einsum("gpk,gk->gp", b**2, soft)

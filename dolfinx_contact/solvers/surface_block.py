@@ -44,13 +44,17 @@ class SurfaceSet:
     """
 
     def __init__(self, operator: ContactOperator):
-        eq, self.comm = operator.equations, operator.comm
-        dofs, surfaces = contact_dofs(eq), contact_dofs(eq, opposite=False)
+        eq = operator.equations
+        self.comm = operator.comm
+        dofs = contact_dofs(eq)
+        surfaces = contact_dofs(eq, opposite=False)
         self.answered = np.isin(dofs, surfaces)
         rest = np.arange(operator.size, sum(eq.owned_sizes), dtype=np.int32)
-        self.local, self.nodes = np.concatenate([dofs, rest]), len(dofs)
+        self.local = np.concatenate([dofs, rest])
+        self.nodes = len(dofs)
         self.fixed = np.flatnonzero(np.isin(dofs, operator.fixed)).astype(np.int32)
-        first, first_u = operator.first, operator.stiffness.getOwnershipRange()[0]
+        first = operator.first
+        first_u = operator.stiffness.getOwnershipRange()[0]
         self.of_all = PETSc.IS().createGeneral(self.local + first, comm=self.comm)
         self.of_body = PETSc.IS().createGeneral(dofs + first_u, comm=self.comm)
         self.displacements = PETSc.IS().createGeneral(dofs + first, comm=self.comm)
@@ -115,7 +119,9 @@ class SurfaceBlock:
     """
 
     def __init__(self, operator: ContactOperator, s: SurfaceSet, prefix: str):
-        self._operator, self._s, self._comm = operator, s, operator.comm
+        self._operator = operator
+        self._s = s
+        self._comm = operator.comm
         self.factor = SurfaceFactor(operator.comm, prefix)
         self._K: PETSc.Mat | None = None
         self._S: PETSc.Mat | None = None
@@ -139,7 +145,8 @@ class SurfaceBlock:
     def update(self) -> None:
         """Factorise anew. Collective."""
         assert self._K is not None
-        A, s = self._operator, self._s
+        A = self._operator
+        s = self._s
         self._S = A.contact.createSubMatrix(s.of_all, s.of_all, self._S)
         self._block = combined(self._K, 1.0, self._S, self._block)
         rows = s.fixed + self._block.getOwnershipRange()[0]

@@ -45,7 +45,8 @@ class SurfaceFilter:
     """
 
     def __init__(self, operator: ContactOperator, prefix: str):
-        self.operator, self.comm = operator, operator.comm
+        self.operator = operator
+        self.comm = operator.comm
         self.cycle: PETSc.PC | None = None
         self.block: SurfaceBlock | CondensedBlock | None = None
         self._prefix = prefix + "surface_"
@@ -70,7 +71,8 @@ class SurfaceFilter:
                 self.block = self._choose_block()
             assemblies = self.operator.equations.bulk.assemblies
             if self._assemblies != assemblies:
-                K, nodes = self.operator.stiffness, self.surface.of_body
+                K = self.operator.stiffness
+                nodes = self.surface.of_body
                 self._rows = K.createSubMatrix(nodes, self._columns, self._rows)
                 square = K.createSubMatrix(nodes, nodes)
                 self.block.set_stiffness(square)
@@ -90,7 +92,9 @@ class SurfaceFilter:
 
     def apply(self, _pc: PETSc.PC | None, r: PETSc.Vec, z: PETSc.Vec) -> None:
         """Z = the filtered cycle of r."""
-        A, n, s = self.operator, self.operator.size, self.surface.local
+        A = self.operator
+        n = self.operator.size
+        s = self.surface.local
         t = self._t
         r.copy(t)
         z.set(0.0)
@@ -109,7 +113,8 @@ class SurfaceFilter:
         zu = self._zu.array
         zu[A.fixed] = 0.0
         e = self._e.array
-        e[:n], e[n:] = zu, 0.0
+        e[:n] = zu
+        e[n:] = 0.0
         z.array[:] += e
         z.array[A.fixed] += t.array_r[A.fixed] / A.diagonal
         # What the cycle did to the rows of the surface, without a product with all of K.

@@ -60,7 +60,8 @@ def attack(case):
 
 
 def honest(case):
-    capped, plain = system_of(case, Orowan(0.5, 1e6)), system_of(case, Coulomb(0.5))
+    capped = system_of(case, Orowan(0.5, 1e6))
+    plain = system_of(case, Coulomb(0.5))
     for system in (capped, plain):
         system.set_parameter(1.0)
     one, other = (s.problem.solve().tables["contact"] for s in (capped, plain))

@@ -33,7 +33,8 @@ def numbers(load, at):
     below = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 0))
     slope = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[0] + x[1], 1))
     held = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, slope), V)
-    gamma, m = fem.Constant(domain, 1.0), fem.Constant(domain, 0.0)
+    gamma = fem.Constant(domain, 1.0)
+    m = fem.Constant(domain, 0.0)
     # A body force f puts f / 6 on the node.
     force = 6 * ufl.as_vector((-load(gamma, m), -1.0 + 0 * m))
     steel = materials.LinearElastic(1.0, 1.0)

@@ -18,7 +18,11 @@ from dolfinx_contact import (
     materials,
 )
 
-E, K, C, D, G = 1000.0, 1000.0, 0.002, 0.01, 0.003
+E = 1000.0
+K = 1000.0
+C = 0.002
+D = 0.01
+G = 0.003
 
 
 def forces(case, way, refusals):

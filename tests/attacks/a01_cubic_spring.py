@@ -13,7 +13,8 @@ from dolfinx_contact import ContactProblem, ContactSurface, Frictionless, HalfSp
 
 
 def attack(case):
-    E, K = 1000.0, 2e5
+    E = 1000.0
+    K = 2e5
     body = block(case.comm, (2, 2), cell="quadrilateral")
     x = ufl.SpatialCoordinate(body.domain)
     lower = ufl.conditional(ufl.lt(x[1], 1e-6), 1.0, 0.0)

@@ -14,7 +14,10 @@ from dolfinx_contact import ContactPair, ContactProblem, Frictionless, materials
 
 
 def attack(case):
-    E, K, C, D = 1000.0, 3000.0, 0.002, 0.01
+    E = 1000.0
+    K = 3000.0
+    C = 0.002
+    D = 0.01
     parts = [
         mesh.create_rectangle(
             case.comm,
@@ -33,7 +36,8 @@ def attack(case):
     between = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 1.0))
     cells = np.array([of_facet.links(f)[0] for f in between], dtype=np.int32)
     is_upper = mesh.compute_midpoints(domain, 2, cells)[:, 1] > 1.0
-    slave, master = between[is_upper], between[~is_upper]
+    slave = between[is_upper]
+    master = between[~is_upper]
     ends = [
         fem.dirichletbc(
             np.array([0.0, way]),

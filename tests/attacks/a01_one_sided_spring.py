@@ -13,7 +13,10 @@ import ufl
 
 from dolfinx_contact import ContactProblem, ContactSurface, Frictionless, HalfSpace, materials
 
-E, K, C, D = 1000.0, 3000.0, 0.002, 0.01
+E = 1000.0
+K = 3000.0
+C = 0.002
+D = 0.01
 SIZE = 1.0
 
 

@@ -14,7 +14,10 @@ from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, 
 
 
 def attack(case):
-    E, K, C, D = 1000.0, 4000.0, 0.001, 0.01
+    E = 1000.0
+    K = 4000.0
+    C = 0.001
+    D = 0.01
     body = block(case.comm, (1, 1, 2), size=(1.0, 1.0, 1.0))
     body.moved.interpolate(lambda x: np.stack([0 * x[0], 0 * x[0], -D + 0 * x[0]]))
     x = ufl.SpatialCoordinate(body.domain)

@@ -13,7 +13,10 @@ import ufl
 
 from dolfinx_contact import ContactProblem, ContactSurface, Frictionless, HalfSpace, materials
 
-E, K, C, D = 2e11, 6e17, 2e-9, 1e-8
+E = 2e11
+K = 6e17
+C = 2e-9
+D = 1e-8
 SIZE = 1e-6
 
 

@@ -13,7 +13,9 @@ from dolfinx import fem
 from dolfinx_contact import ContactProblem, ContactSurface, Frictionless, HalfSpace, materials
 from dolfinx_contact.evolution import NSCD
 
-RHO, C, DT = 2.0, 3.0, 0.1
+RHO = 2.0
+C = 3.0
+DT = 0.1
 
 
 def moved(case, wind, start):

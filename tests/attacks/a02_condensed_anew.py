@@ -37,7 +37,8 @@ class _Made:
 def attack(case):
     changed = _Made(case.comm, 1000.0, 0.1, 1.0)
     for young, friction, size in ((1000.0, 0.1, 1.0), (400.0, 0.4, 1.0), (400.0, 0.1, 3.0)):
-        changed.young.value, changed.size.value = young, size
+        changed.young.value = young
+        changed.size.value = size
         changed.contact.law.friction.value = friction
         complete, found, lemke, S = changed.answers()
         expected = _Made(case.comm, young, friction, size).answers()

@@ -14,7 +14,8 @@ from dolfinx_contact import ContactPair, ContactProblem, Coulomb, materials
 
 def _pair(case):
     both = two_blocks(case.comm, (2, 1), (2, 1))
-    u, gap = both.u, fem.Constant(both.domain, 0.0)
+    u = both.u
+    gap = fem.Constant(both.domain, 0.0)
     pair = ContactPair(u, both.slave, master_facets=both.master, law=Coulomb(0.1), gap=gap)
     both.top.interpolate(lambda x: np.outer((0.0, -0.01), np.ones_like(x[0])))
     steel = materials.LinearElastic.from_young(1000.0, 0.0)

@@ -18,7 +18,8 @@ from dolfinx_contact.parametric import ParametricContact
 def chart(case, ways):
     """Cells of a chart over friction and the way of a spring that draws the top."""
     both = two_blocks(case.comm, (2, 1), (2, 1))
-    way, friction = fem.Constant(both.domain, 0.0), fem.Constant(both.domain, 0.1)
+    way = fem.Constant(both.domain, 0.0)
+    friction = fem.Constant(both.domain, 0.1)
     facets = mesh.locate_entities_boundary(both.domain, 1, lambda x: np.isclose(x[1], 1))
     tags = mesh.meshtags(both.domain, 1, np.sort(facets), np.ones(len(facets), dtype=np.int32))
     ds = ufl.Measure("ds", both.domain, subdomain_data=tags)(1)

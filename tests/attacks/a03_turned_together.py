@@ -18,11 +18,13 @@ def force(case, degrees, press):
     rubber = materials.StVenantKirchhoff(0.0, 0.5)
     pair = ContactPair(both.u, both.slave, master_facets=both.master, law=Frictionless())
     problem = ContactProblem(rubber.energy(both.u) * ufl.dx, both.u, [pair], bcs=both.bcs)
-    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    c = np.cos(np.radians(degrees))
+    s = np.sin(np.radians(degrees))
 
     def turned(down):
         def field(x):
-            a, b = x[0], x[1] - down * (x[1] + 0.5) / 1.5
+            a = x[0]
+            b = x[1] - down * (x[1] + 0.5) / 1.5
             return np.stack([c * a - s * b - x[0], s * a + c * b - x[1]])
 
         return field

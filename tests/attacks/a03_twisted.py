@@ -13,10 +13,12 @@ from bodies import two_blocks
 def put(case, degrees, press):
     both = two_blocks(case.comm, (2, 2, 1), (3, 3, 1), cell="hexahedron")
     problem = pressed(both, 0.0)
-    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    c = np.cos(np.radians(degrees))
+    s = np.sin(np.radians(degrees))
 
     def top(x):
-        a, b = x[0] - 0.5, x[1] - 0.5
+        a = x[0] - 0.5
+        b = x[1] - 0.5
         return np.stack([c * a - s * b - a, s * a + c * b - b, -press + 0 * a])
 
     both.top.interpolate(top)

@@ -22,7 +22,9 @@ def opening(lift, K, u0):
 
 
 def attack(case):
-    C, work, K = 100.0, 1.0, 4.0
+    C = 100.0
+    work = 1.0
+    K = 4.0
     u0 = np.sqrt(work / C)
     body, energy = one_point(case.comm, [[50.0, 0.0], [0.0, K * C / 2]])
     floor = HalfSpace((0, 0), (0, 1))

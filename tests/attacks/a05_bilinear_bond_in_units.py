@@ -16,7 +16,10 @@ from dolfinx_contact.parametric import ParametricContact
 
 
 def folded(case, force, length):
-    s, a, b, k = 2.0 * force, 0.01 * length, 0.02 * length, 40.0 * force / length
+    s = 2.0 * force
+    a = 0.01 * length
+    b = 0.02 * length
+    k = 40.0 * force / length
     body, energy = one_point(case.comm, [[k / 2, 0.0], [0.0, k / 2]])
     floor = HalfSpace((0, 0), (0, 1))
     law = BilinearCohesive(s, a, b)

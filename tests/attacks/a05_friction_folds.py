@@ -18,7 +18,8 @@ from dolfinx_contact.parametric import ParametricContact
 
 
 def followed(case, dim, friction, folds, longest):
-    S, aside = [[1.0, -1.5], [-1.5, 4.0]], [1.0]
+    S = [[1.0, -1.5], [-1.5, 4.0]]
+    aside = [1.0]
     body, energy = one_point(case.comm, S, dim)
     floor = HalfSpace((0,) * dim, (0,) * (dim - 1) + (1,))
     contact = ContactSurface(body.u, body.bottom, obstacle=floor, law=Coulomb(friction))

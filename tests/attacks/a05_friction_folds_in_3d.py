@@ -17,7 +17,8 @@ from dolfinx_contact.parametric import ParametricContact
 
 
 def followed(case, dim, friction, folds, longest):
-    S, aside = [[1.0, 0.0, -0.9], [0.0, 1.0, -1.2], [-0.9, -1.2, 4.0]], [0.6, 0.8]
+    S = [[1.0, 0.0, -0.9], [0.0, 1.0, -1.2], [-0.9, -1.2, 4.0]]
+    aside = [0.6, 0.8]
     body, energy = one_point(case.comm, S, dim)
     floor = HalfSpace((0,) * dim, (0,) * (dim - 1) + (1,))
     contact = ContactSurface(body.u, body.bottom, obstacle=floor, law=Coulomb(friction))

@@ -17,7 +17,10 @@ from dolfinx_contact.parametric import ParametricContact
 
 
 def followed(case, shape, end=2.0):
-    C, work, K, largest = 100.0, 1.0, 4.0, 0.2
+    C = 100.0
+    work = 1.0
+    K = 4.0
+    largest = 0.2
     u0 = np.sqrt(work / C)
     roots = np.roots([1.0, -largest, 0, 0, u0**4 / K])
     u = max(r.real for r in roots if abs(r.imag) < 1e-12)

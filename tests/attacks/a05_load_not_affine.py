@@ -14,7 +14,10 @@ from dolfinx_contact.continuation import StepControl
 from dolfinx_contact.evolution import ArcLength
 from dolfinx_contact.parametric import ParametricContact
 
-S, A, B, K = 2.0, 0.01, 0.02, 40.0
+S = 2.0
+A = 0.01
+B = 0.02
+K = 40.0
 
 
 def followed(case, lift, inverse):

@@ -18,7 +18,8 @@ from dolfinx_contact.parametric import ParametricContact
 
 
 def folded(case, K, longest):
-    C, work = 100.0, 1.0
+    C = 100.0
+    work = 1.0
     u0 = np.sqrt(work / C)
     for maximum in longest:
         body, energy = one_point(case.comm, [[50.0, 0.0], [0.0, K * C / 2]])

@@ -17,7 +17,9 @@ from dolfinx_contact.parametric import ParametricContact
 
 
 def attack(case):
-    C, work, K = 100.0, 1.0, 0.5
+    C = 100.0
+    work = 1.0
+    K = 0.5
     u0 = np.sqrt(work / C)
     folds = [u0 * (1 + 1 / K), 4 / 3 * u0 * (3 / K) ** 0.25]
     body, energy = one_point(case.comm, [[50.0, 0.0], [0.0, K * C / 2]])

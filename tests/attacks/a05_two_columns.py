@@ -15,7 +15,9 @@ from dolfinx_contact.continuation import StepControl
 from dolfinx_contact.evolution import ArcLength
 from dolfinx_contact.parametric import ParametricContact
 
-STRENGTH, ELASTIC, SOFTENING = 2.0, 0.01, 0.02
+STRENGTH = 2.0
+ELASTIC = 0.01
+SOFTENING = 0.02
 
 
 def followed(case, soft, stiff):
@@ -23,7 +25,8 @@ def followed(case, soft, stiff):
     two.geometry.x[:, 0] += 2.0
     body = meshing.join([one, two])
     V = fem.functionspace(body.mesh, ("Lagrange", 1, (2,)))
-    u, moved = fem.Function(V), fem.Function(V)
+    u = fem.Function(V)
+    moved = fem.Function(V)
     bottom, top = (
         mesh.locate_entities_boundary(body.mesh, 1, lambda x, y=y: np.isclose(x[1], y))
         for y in (0.0, 1.0)

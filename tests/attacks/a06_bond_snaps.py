@@ -10,7 +10,9 @@ from bodies import free_point, moves, one_point
 from dolfinx_contact import RCCM, ContactProblem, ContactSurface, HalfSpace
 from dolfinx_contact.evolution import NoContinuation, QuasiStatic
 
-C, WORK, U0 = 100.0, 1.0, 0.1
+C = 100.0
+WORK = 1.0
+U0 = 0.1
 
 
 def pulled(case, K, times, at_jump):

@@ -10,7 +10,9 @@ from bodies import free_point, moves, one_point
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace
 from dolfinx_contact.evolution import QuasiStatic
 
-KT, KN, F = 2.0, 3.0, 0.4
+KT = 2.0
+KN = 3.0
+F = 0.4
 
 
 def top(t):
@@ -31,10 +33,12 @@ def attack(case):
     histories = [
         evolution.run(part, sudden=np.inf) for part in (times[:7], times[6:11], times[10:])
     ]
-    slip, dissipated = np.zeros(2), 0.0
+    slip = np.zeros(2)
+    dissipated = 0.0
     for step in [s for h in histories for s in h.steps]:
         U = top(step.time)
-        pull, bound = KT * (U[:2] - slip), -F * KN * U[2]
+        pull = KT * (U[:2] - slip)
+        bound = -F * KN * U[2]
         size = np.linalg.norm(pull)
         if size > bound:
             way = (size - bound) / KT * pull / size

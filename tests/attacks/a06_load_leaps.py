@@ -29,7 +29,8 @@ def attack(case):
             history = QuasiStatic(problem, load).run([0.0, 0.2, 0.4, 0.6, 0.8], at_jump=at_jump)
             reason = history.reason
         except NoContinuation as error:
-            history, reason = error.history, str(error)
+            history = error.history
+            reason = str(error)
         case.true(f"no false proof: {reason}", not re.search("no solution continues", reason))
         for step in history.steps:
             table = step.result.tables["contact"]

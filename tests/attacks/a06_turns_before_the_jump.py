@@ -28,7 +28,8 @@ def grazed(case, lift, times, **options):
     case.equal("jumps", sum(s.jump for s in history.steps), 0)
     table = history.steps[-1].result.tables["contact"]
     k = free_point(table)
-    U, u = lift(times[-1]), table.ut[k, 0]
+    U = lift(times[-1])
+    u = table.ut[k, 0]
     if table.letters[k] == "k":
         case.equal("sticks", u, 0.0)
     case.equal("normal force", table.force[k, 1], 1.5 * (1 - u) - 4 * U, 1e-6)

@@ -20,7 +20,8 @@ def put(case, k, c, d, rho):
 
     body, problem = floating(case.comm, force)
     problem.solve()
-    trial, test = ufl.TrialFunction(body.V), ufl.TestFunction(body.V)
+    trial = ufl.TrialFunction(body.V)
+    test = ufl.TestFunction(body.V)
     damping = d * ufl.dot(trial, test) * ufl.dx if d else 0.0
     answer = stability_at_rest(problem, density=rho, damping=damping)
     roots = np.concatenate([np.roots([rho, d, k + s * 1j * c]) for s in (1, -1)])

@@ -25,19 +25,22 @@ def driven(u, v, c):
 
 
 def gyroscope(body, g):
-    trial, test = ufl.TrialFunction(body.V), ufl.TestFunction(body.V)
+    trial = ufl.TrialFunction(body.V)
+    test = ufl.TestFunction(body.V)
     return g * ufl.dot(ufl.as_vector((-trial[1], trial[0])), test) * ufl.dx
 
 
 def attack(case):
-    c, rho = 0.2, 2.0
+    c = 0.2
+    rho = 2.0
     for g in (2.0, 0.8):
         body, problem = floating(case.comm, lambda u, v: driven(u, v, c))
         problem.solve()
         answer = stability_at_rest(problem, density=rho, damping=gyroscope(body, g))
         own, same = floating(MPI.COMM_SELF, lambda u, v: driven(u, v, c))
         K = own_stiffness(own, c)
-        trial, test = ufl.TrialFunction(own.V), ufl.TestFunction(own.V)
+        trial = ufl.TrialFunction(own.V)
+        test = ufl.TestFunction(own.V)
         M = dense(rho * ufl.dot(trial, test) * ufl.dx)
         grows = growth_of(M, dense(gyroscope(own, g)), K)
         same.destroy()
@@ -51,7 +54,8 @@ def attack(case):
 
 
 def own_stiffness(own, c):
-    trial, test = ufl.TrialFunction(own.V), ufl.TestFunction(own.V)
+    trial = ufl.TrialFunction(own.V)
+    test = ufl.TestFunction(own.V)
     E = ufl.sym(ufl.grad(trial))
     stress = ufl.tr(E) * ufl.Identity(2) + 2 * E
     form = ufl.inner(stress, ufl.sym(ufl.grad(test))) + driven(trial, test, c)

@@ -39,8 +39,10 @@ def put(case, stress):
     case.true(f"all stick: {letters}", letters == {"k"})
     answer = stability_at_rest(problem, density=heavy)
     own, energy, heavy = stressed(MPI.COMM_SELF, stress)
-    trial, test = ufl.TrialFunction(own.V), ufl.TestFunction(own.V)
-    K, M = dense(tangent(energy, own)), dense(heavy * ufl.dot(trial, test) * ufl.dx)
+    trial = ufl.TrialFunction(own.V)
+    test = ufl.TestFunction(own.V)
+    K = dense(tangent(energy, own))
+    M = dense(heavy * ufl.dot(trial, test) * ufl.dx)
     free = nodes_of(own.V, lambda y: (y[:, 1] > 1e-6) & (y[:, 1] < 1 - 1e-6))
     free = np.concatenate([2 * free, 2 * free + 1])
     least = scipy.linalg.eigh(K[np.ix_(free, free)], M[np.ix_(free, free)], eigvals_only=True)[0]

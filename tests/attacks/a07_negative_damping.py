@@ -12,11 +12,13 @@ from dolfinx_contact.analysis import stability_at_rest
 
 
 def attack(case):
-    k, rho = 0.5, 2.0
+    k = 0.5
+    rho = 2.0
     for d in (0.3, 0.05):
         body, problem = floating(case.comm, lambda u, v: k * ufl.dot(u, v))
         problem.solve()
-        trial, test = ufl.TrialFunction(body.V), ufl.TestFunction(body.V)
+        trial = ufl.TrialFunction(body.V)
+        test = ufl.TestFunction(body.V)
         form = -d * ufl.dot(trial, test) * ufl.dx
         answer = stability_at_rest(problem, density=rho, damping=form)
         case.true(f"unstable, not {answer.label}", answer.label == "unstable")
@@ -24,10 +26,13 @@ def attack(case):
 
 
 def honest(case):
-    k, rho, d = 0.5, 2.0, 0.3
+    k = 0.5
+    rho = 2.0
+    d = 0.3
     body, problem = floating(case.comm, lambda u, v: k * ufl.dot(u, v))
     problem.solve()
-    trial, test = ufl.TrialFunction(body.V), ufl.TestFunction(body.V)
+    trial = ufl.TrialFunction(body.V)
+    test = ufl.TestFunction(body.V)
     form = d * ufl.dot(trial, test) * ufl.dx
     answer = stability_at_rest(problem, density=rho, damping=form)
     case.true(f"stable, not {answer.label}", answer.label == "stable")

@@ -18,7 +18,8 @@ from dolfinx_contact.analysis import stability_at_rest
 
 
 def attack(case):
-    S_tt, S_nt = 173.0, 91.0  # (lambda + 3 mu) / 2 and (lambda + mu) / 2
+    S_tt = 173.0  # (lambda + 3 mu) / 2
+    S_nt = 91.0  # (lambda + mu) / 2
     rho = 4.0
     # A triangle is a mesh of its own on every rank.
     corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])

@@ -21,8 +21,10 @@ def floating(comm, force, *, height=-1.0, length=1.0, stress=1.0, cells=(2, 2)):
     test = ufl.TestFunction(body.V)
     energy = materials.LinearElastic(stress, stress).energy(body.u) * ufl.dx
     bulk = ufl.derivative(energy, body.u, test) + force(body.u, test) * ufl.dx
-    point, normal = np.zeros(dim), np.zeros(dim)
-    point[-1], normal[-1] = height * length, 1.0
+    point = np.zeros(dim)
+    normal = np.zeros(dim)
+    point[-1] = height * length
+    normal[-1] = 1.0
     floor = HalfSpace(point, normal)
     contact = ContactSurface(body.u, body.bottom, obstacle=floor, law=Coulomb(0.5))
     return body, ContactProblem(bulk, body.u, [contact])

@@ -48,7 +48,9 @@ def attack(case):
         leaves = []
         for k, (own, part, density) in enumerate(zip(given, (1.0, 10.0), (4.0, 1.0), strict=True)):
             friction[k].value = own
-            S_tt, S_nt, slip = 173.0 * part, 91.0 * part, -0.01
+            S_tt = 173.0 * part
+            S_nt = 91.0 * part
+            slip = -0.01
             load[k].value[:] = 6 * np.array([S_tt * slip - 9 * own, S_nt * slip - 9])
             leaves.append((own * S_nt - S_tt) / (density * 0.5 / 6))
         u.interpolate(lambda x: np.stack([-0.01 * (x[1] < 0.1) * (x[0] % 5 < 0.1), 0 * x[0]]))

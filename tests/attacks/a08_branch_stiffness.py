@@ -16,8 +16,8 @@ from dolfinx import fem
 
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, materials
 from dolfinx_contact.continuation import Observers, StepControl, follow
-from dolfinx_contact.output import BranchRecord, read_journal, resume
 from dolfinx_contact.parametric import ParametricContact
+from dolfinx_contact.records import BranchRecord, read_journal, resume
 
 RANGE = (0.0, 1.0)
 
@@ -72,7 +72,8 @@ CONTROL = StepControl(initial=0.2, maximum=0.5)
 
 
 def history(case, first, second):
-    where, whole = folder(case.comm), folder(case.comm)
+    where = folder(case.comm)
+    whole = folder(case.comm)
     recorded(case.comm, where, first, 3)
     system, _, work = make(case.comm, second)
     resume(where, system, work, every=1)

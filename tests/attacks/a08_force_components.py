@@ -37,7 +37,8 @@ def make(comm, order):
 
 
 def attack(case):
-    first, second = (0, 1, 2), (1, 0, 2)
+    first = (0, 1, 2)
+    second = (1, 0, 2)
     found = resumed(
         case.comm, lambda: make(case.comm, first), lambda: make(case.comm, second), TIMES
     )

@@ -19,7 +19,8 @@ TIMES = (0.0, 1.0, 2.0, 3.0)
 
 def make(comm, left, right):
     body = block(comm, (4, 2), (SIZE, SIZE), "quadrilateral")
-    down, part = body.V.sub(1), body.V.sub(1).collapse()[0]
+    down = body.V.sub(1)
+    part = body.V.sub(1).collapse()[0]
     profile = fem.Function(part)
     profile.interpolate(lambda x: -0.02 * (left * SIZE + (right - left) * x[0]))
     sides = fem.Constant(body.domain, 0.0)

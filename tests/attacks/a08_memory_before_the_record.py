@@ -8,9 +8,10 @@ import contextlib
 
 from recorded import Killed, Killer, compare, dragged, folder
 
-from dolfinx_contact.output import EvolutionRecord
+from dolfinx_contact.records import EvolutionRecord
 
-FIRST, SECOND = (0.0, 1.0, 2.0), (2.0, 2.5, 3.0)
+FIRST = (0.0, 1.0, 2.0)
+SECOND = (2.0, 2.5, 3.0)
 
 
 def attack(case):

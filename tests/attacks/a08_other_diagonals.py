@@ -17,7 +17,8 @@ from dolfinx_contact.evolution import QuasiStatic
 def make(comm, diagonal):
     domain = mesh.create_unit_square(comm, 3, 2, diagonal=diagonal)
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u, moved = fem.Function(V), fem.Function(V)
+    u = fem.Function(V)
+    moved = fem.Function(V)
     below, above = (
         mesh.locate_entities_boundary(domain, 1, lambda x, at=at: np.isclose(x[1], at))
         for at in (0.0, 1.0)

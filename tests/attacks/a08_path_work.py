@@ -15,8 +15,8 @@ from dolfinx import fem
 from dolfinx_contact import RCCM, ContactProblem, ContactSurface, HalfSpace, materials
 from dolfinx_contact.continuation import StepControl
 from dolfinx_contact.evolution import ArcLength
-from dolfinx_contact.output import PathRecord, read_path
 from dolfinx_contact.parametric import ParametricContact
+from dolfinx_contact.records import PathRecord, read_path
 
 RANGE = (0.0, 0.03)
 CONTROL = StepControl(initial=0.02, maximum=0.1)
@@ -43,7 +43,8 @@ def recorded(comm, where, after, left, right):
 
 
 def history(case, first, second):
-    where, whole = folder(case.comm), folder(case.comm)
+    where = folder(case.comm)
+    whole = folder(case.comm)
     recorded(case.comm, where, 3, *first)
     with PathRecord(where, make(case.comm, *second), resume=True) as record:
         record.go_on()

@@ -23,18 +23,20 @@ from dolfinx.fem.petsc import LinearProblem
 
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, materials
 from dolfinx_contact.evolution import QuasiStatic
-from dolfinx_contact.output import EvolutionRecord
+from dolfinx_contact.records import EvolutionRecord
 
 TIMES = (0.0, 1.0, 2.0, 3.0)
 
 
 def make(comm, mirrored):
     body = block(comm, (2, 2), cell="quadrilateral", degree=2)
-    force, profile = fem.Function(body.V), fem.Function(body.V)
+    force = fem.Function(body.V)
+    profile = fem.Function(body.V)
     at = (lambda x: 1.0 - x[0]) if mirrored else (lambda x: x[0])
     profile.interpolate(lambda x: np.stack([20.0 * at(x) ** 2, -60.0 * at(x)]))
     W = fem.functionspace(body.domain, ("Lagrange", 1))
-    a, b = ufl.TrialFunction(W), ufl.TestFunction(W)
+    a = ufl.TrialFunction(W)
+    b = ufl.TestFunction(W)
     form = (a * b + 0.1 * ufl.dot(ufl.grad(a), ufl.grad(b))) * ufl.dx
     source = 1000.0 * (1 + ufl.SpatialCoordinate(body.domain)[0])
     exact = {"ksp_type": "preonly", "pc_type": "lu", "pc_factor_mat_solver_type": "mumps"}

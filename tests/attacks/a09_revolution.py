@@ -18,7 +18,8 @@ def attack(case):
         case.comm, [(1.0, 0.0), (2.0, 1.0)], (3, 2), mesh.CellType.quadrilateral
     )
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u, velocity = fem.Function(V), fem.Function(V)
+    u = fem.Function(V)
+    velocity = fem.Function(V)
     bottom = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 0.0))
     round_ = materials.circumference(domain)
     steel = materials.Axisymmetric(materials.LinearElastic.from_young(1e4, 0.2))

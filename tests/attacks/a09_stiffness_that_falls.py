@@ -28,7 +28,8 @@ def motion(comm, later, b, start=None, velocity=None, at=0.0):
     problem = ContactProblem(energy, body.u, [contact], bcs=body.bcs)
     v = fem.Function(body.V)
     if start is not None:
-        body.u.x.array[:], v.x.array[:] = start, velocity
+        body.u.x.array[:] = start
+        v.x.array[:] = velocity
 
     def load(t):
         young.value = later if t > TIMES[1] + 1e-9 else (300.0 if at else 900.0)

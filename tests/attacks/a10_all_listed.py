@@ -37,7 +37,8 @@ def made(body, energy, **more):
 
 def tangent(energy, body):
     """Second derivative of an energy, a bilinear form."""
-    trial, test = ufl.TrialFunction(body.V), ufl.TestFunction(body.V)
+    trial = ufl.TrialFunction(body.V)
+    test = ufl.TestFunction(body.V)
     return ufl.derivative(ufl.derivative(energy, body.u, test), body.u, trial)
 
 
@@ -45,7 +46,8 @@ def expected(K, V, height):
     """Coefficients by own numpy: of one sign, mixed, complex, each by size."""
     bottom = nodes_of(V, lambda y: np.isclose(y[:, 1], 0, atol=1e-9 * height))
     top = nodes_of(V, lambda y: np.isclose(y[:, 1], height, rtol=1e-9))
-    across, along = 2 * bottom, 2 * bottom + 1
+    across = 2 * bottom
+    along = 2 * bottom + 1
     S = condensed(K, np.concatenate([across, along]), np.concatenate([2 * top, 2 * top + 1]))
     m = len(bottom)
     return sorted_by_slips(S[:m, :m], S[m:, :m])

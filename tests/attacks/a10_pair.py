@@ -49,7 +49,8 @@ def one(material, cells, bottom, top, held):
     lean(domain)
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
     u = fem.Function(V)
-    trial, test = ufl.TrialFunction(V), ufl.TestFunction(V)
+    trial = ufl.TrialFunction(V)
+    test = ufl.TestFunction(V)
     energy = material.energy(u) * ufl.dx
     K = dense(ufl.derivative(ufl.derivative(energy, u, test), u, trial))
     face = nodes_of(V, lambda y: np.isclose(y[:, 1], 0))

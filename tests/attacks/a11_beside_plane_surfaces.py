@@ -36,7 +36,8 @@ def attack(case):
         return psi * circumference(body.domain) * ufl.dx
 
     def hoop_of_my_own(psi, body):
-        u, x = body.u, ufl.SpatialCoordinate(body.domain)
+        u = body.u
+        x = ufl.SpatialCoordinate(body.domain)
         eps = ufl.sym(ufl.grad(u))
         return 500.0 * (ufl.inner(eps, eps) + (u[0] / x[0]) ** 2) * 2 * np.pi * x[0] * ufl.dx
 

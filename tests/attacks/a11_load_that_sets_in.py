@@ -20,7 +20,8 @@ def force(case, weight, tagged):
     body.moved.interpolate(lambda x: np.stack([0 * x[0], -0.01 + 0 * x[0]]))
     steel = materials.Axisymmetric(materials.LinearElastic.from_young(1000.0, 0.0))
     q = fem.Constant(body.domain, (0.0, 0.0))
-    pushed, ds = ufl.dot(q, body.u) * weight(body.domain), ufl.ds
+    pushed = ufl.dot(q, body.u) * weight(body.domain)
+    ds = ufl.ds
     if tagged:
         numbers = np.full(len(body.bottom), 3, dtype=np.int32)
         tags = mesh.meshtags(body.domain, 1, np.sort(body.bottom), numbers)

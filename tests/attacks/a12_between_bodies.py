@@ -19,7 +19,9 @@ from dolfinx_contact.parametric import ParametricContact
 
 class _Forces(Observer):
     def __init__(self, problem, pair, moved):
-        self.problem, self.pair, self.moved = problem, pair, moved
+        self.problem = problem
+        self.pair = pair
+        self.moved = moved
         self.seen = []
 
     def point(self, branch, index, point, special, stepping):
@@ -31,7 +33,8 @@ class _Forces(Observer):
 
 def attack(case):
     both = two_blocks(case.comm, (2, 1), (2, 1))
-    u, moved = both.u, both.top
+    u = both.u
+    moved = both.top
     pair = ContactPair(u, both.slave, master_facets=both.master, law=Coulomb(0.2), gap=0.004)
     steel = materials.LinearElastic.from_young(1000.0, 0.0)
     problem = ContactProblem(steel.energy(u) * ufl.dx, u, [pair], bcs=both.bcs)

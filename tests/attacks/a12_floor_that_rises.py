@@ -16,7 +16,9 @@ from dolfinx_contact.parametric import ParametricContact
 
 class _Forces(Observer):
     def __init__(self, problem, contact, body):
-        self.problem, self.contact, self.body = problem, contact, body
+        self.problem = problem
+        self.contact = contact
+        self.body = body
         self.seen = []
 
     def point(self, branch, index, point, special, stepping):

@@ -12,7 +12,7 @@ from a12_point_stands import Reader, compared, lowered
 
 from dolfinx_contact import Coulomb
 from dolfinx_contact.continuation import Observers, StepControl, follow
-from dolfinx_contact.output import BranchRecord, read_journal, resume
+from dolfinx_contact.records import BranchRecord, read_journal, resume
 
 
 def _force(contact):

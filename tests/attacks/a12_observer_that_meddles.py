@@ -15,7 +15,9 @@ class Meddler(Observer):
     """Leaves another state than it found."""
 
     def __init__(self, body, problem, contact):
-        self.body, self.problem, self.contact = body, problem, contact
+        self.body = body
+        self.problem = problem
+        self.contact = contact
 
     def point(self, branch, index, point, special, stepping):
         if index == 2:

@@ -21,12 +21,16 @@ class Reader(Observer):
     """What an observer of one's own reads."""
 
     def __init__(self, body, problem, contact, gamma):
-        self.body, self.problem, self.contact, self.gamma = body, problem, contact, gamma
+        self.body = body
+        self.problem = problem
+        self.contact = contact
+        self.gamma = gamma
         self.seen = []
         self.lowest = fem.form(ufl.dot(body.u, body.u) * ufl.dx)
 
     def point(self, branch, index, point, special, stepping):
-        comm, body = self.body.domain.comm, self.body
+        comm = self.body.domain.comm
+        body = self.body
         table = self.problem.table(self.contact)
         top = fem.locate_dofs_topological(body.V, body.domain.topology.dim - 1, body.top)
         ways = body.u.x.array.reshape(len(body.u.x.array) // table.dim, -1)[top, table.dim - 1]

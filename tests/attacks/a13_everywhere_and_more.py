@@ -12,7 +12,8 @@ import ufl
 def attack(case):
     body, tags = columns(case.comm, cell="quadrilateral")
     dx = ufl.Measure("dx", body.domain, subdomain_data=tags)
-    steel, glass = STEEL.full_stress(body.u), GLASS.full_stress(body.u)
+    steel = STEEL.full_stress(body.u)
+    glass = GLASS.full_stress(body.u)
     energies = STEEL.energy(body.u), GLASS.energy(body.u)
     for bulk in (
         energies[0] * dx((1, 2)) + energies[1] * dx(2),

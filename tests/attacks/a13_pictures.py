@@ -8,7 +8,7 @@ from bodies import moves, refused
 
 import ufl
 
-from dolfinx_contact import output
+from dolfinx_contact import plot, records
 from dolfinx_contact.evolution import QuasiStatic
 
 
@@ -16,17 +16,18 @@ def attack(case):
     body, tags = columns(case.comm, cell="quadrilateral")
     dx = ufl.Measure("dx", body.domain, subdomain_data=tags)
     problem = on_floor(body, STEEL.energy(body.u) * dx(1) + GLASS.energy(body.u) * dx(2))
-    one, both = STEEL.full_stress(body.u), {1: STEEL.full_stress(body.u)}
+    one = STEEL.full_stress(body.u)
+    both = {1: STEEL.full_stress(body.u)}
     both[2] = GLASS.full_stress(body.u)
     with folder(case.comm) as path:
         evolution = QuasiStatic(problem, lambda t: moves(body, 0.0, -0.01 * t))
-        with output.EvolutionRecord(path / "record", evolution) as record:
+        with records.EvolutionRecord(path / "record", evolution) as record:
             evolution.run([1.0, 2.0], record=record)
-            words = refused(lambda: output.animate(path / "one.gif", record, stress=one))
+            words = refused(lambda: plot.animate(path / "one.gif", record, stress=one))
             case.true("an animation of one material is refused", "one of each tag" in words)
         case.comm.barrier()
         case.true("nothing is drawn", not (path / "one.gif").exists())
-        words = refused(lambda: output.picture_of_body(path / "one.png", problem, stress=one))
+        words = refused(lambda: plot.picture_of_body(path / "one.png", problem, stress=one))
         case.true("a picture of one material is refused", "one of each tag" in words)
-        drawn = output.picture_of_body(path / "both.png", problem, stress=both)
+        drawn = plot.picture_of_body(path / "both.png", problem, stress=both)
         case.true("both are drawn, or it is said why", drawn or case.warned("drawn|draw"))

@@ -12,7 +12,8 @@ def attack(case):
     body, tags = columns(case.comm, cell="quadrilateral")
     dx = ufl.Measure("dx", body.domain, subdomain_data=tags)
     problem = on_floor(body, STEEL.energy(body.u) * dx(1) + GLASS.energy(body.u) * dx(2))
-    steel, glass = STEEL.full_stress(body.u), GLASS.full_stress(body.u)
+    steel = STEEL.full_stress(body.u)
+    glass = GLASS.full_stress(body.u)
     tried = (
         {1: steel},
         {2: glass},

@@ -17,14 +17,7 @@ from bodies import block, moves, refused
 import ufl
 from dolfinx import mesh
 
-from dolfinx_contact import (
-    ContactProblem,
-    ContactSurface,
-    Frictionless,
-    HalfSpace,
-    materials,
-    output,
-)
+from dolfinx_contact import ContactProblem, ContactSurface, Frictionless, HalfSpace, io, materials
 
 STEEL = materials.LinearElastic.from_young(1000.0, 0.0)
 GLASS = materials.LinearElastic.from_young(3000.0, 0.0)
@@ -68,7 +61,7 @@ def on_floor(body, bulk, **options):
 def written(comm, problem, stress):
     """What ``write_fields`` writes: the centres of cells, and their stresses at every point."""
     with folder(comm) as path:
-        output.write_fields(path, problem, stress=stress, format="vtk")
+        io.write_fields(path, problem, stress=stress, format="vtk")
         comm.barrier()
         piece = ET.parse(path / "body_stress.vtu").getroot()[0][0]
     x = _array(piece, "Points").reshape(-1, 3)

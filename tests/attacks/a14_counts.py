@@ -23,7 +23,9 @@ def enumerated(S, p, F):
         A[: 2 * m, 2 * m :] = -np.eye(2 * m)
         b[: 2 * m] = p
         for i, letter in enumerate(letters):
-            row, t, n = 2 * m + 2 * i, 2 * i, 2 * i + 1
+            row = 2 * m + 2 * i
+            t = 2 * i
+            n = 2 * i + 1
             A[row + 1, 2 * m + n if letter == "o" else n] = 1
             if letter == "k":
                 A[row, t] = 1
@@ -35,11 +37,13 @@ def enumerated(S, p, F):
         scale[: 2 * m] = 1 / np.abs(np.diag(S)).max()
         A = A * scale
         size = np.abs(A).max(axis=1)
-        A, b = A / size[:, None], b / size
+        A = A / size[:, None]
+        b = b / size
         if abs(np.linalg.det(A)) < 1e-12:
             continue
         x = np.linalg.solve(A, b) * scale
-        a, r = x[: 2 * m].reshape(m, 2), x[2 * m :].reshape(m, 2)
+        a = x[: 2 * m].reshape(m, 2)
+        r = x[2 * m :].reshape(m, 2)
         if all(_holds(c, a[i], r[i], F[i]) for i, c in enumerate(letters)):
             found.append(("".join(letters), a))
     return found
@@ -66,7 +70,8 @@ def random_problem(seed, m=2, friction=2.0):
 
 def counts(seeds, units):
     """Numbers of solutions that are proved and of those enumerated, and the states of both."""
-    proved, expected = [], []
+    proved = []
+    expected = []
     for seed in seeds:
         S, p, F = random_problem(seed)
         for unit in units:

@@ -22,7 +22,8 @@ def attack(case):
     truth = [len(enumerated(*g)) for g in given]
     problems = [ReducedProblem(*g) for g in given]
     proofs = [prove_solutions(p, seconds=5.0).certificate for p in problems]
-    wrong, refused = [], 0
+    wrong = []
+    refused = 0
     for i, problem in enumerate(problems):
         for j, proof in enumerate(proofs):
             if problem.points != proof.problem.points or i == j:

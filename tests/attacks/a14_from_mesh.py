@@ -49,7 +49,8 @@ def attack(case, pulls=(4.0, -4.0)):
         case.true("complete", found.complete)
         # The same by numpy, on this rank alone.
         own, _, energy = made(MPI.COMM_SELF, pull)
-        trial, test = ufl.TrialFunction(own.V), ufl.TestFunction(own.V)
+        trial = ufl.TrialFunction(own.V)
+        test = ufl.TestFunction(own.V)
         K = dense(ufl.derivative(ufl.derivative(energy, own.u, test), own.u, trial), own.V, [])
         f = -fem.assemble_vector(fem.form(ufl.derivative(energy, own.u, test))).array
         y = own.V.tabulate_dof_coordinates()

@@ -34,7 +34,9 @@ def variants(steps):
 
 
 def attack(case):
-    wrong, tried, lengths = [], 0, []
+    wrong = []
+    tried = 0
+    lengths = []
     for seed in range(6):
         S, p, F = random_problem(seed, m=3)
         expected = len(enumerated(S, p, F))

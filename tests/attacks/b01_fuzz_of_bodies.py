@@ -17,7 +17,8 @@ def attack(case):
     rng = np.random.default_rng(7)
     for rows in (1, 2, 3):
         body = block(case.comm, (3, rows), (1.0, 0.2 * rows), "quadrilateral")
-        young, load = fem.Constant(body.domain, 1.0), fem.Constant(body.domain, (0.0, 0.0))
+        young = fem.Constant(body.domain, 1.0)
+        load = fem.Constant(body.domain, (0.0, 0.0))
         steel = materials.LinearElastic.from_young(young, 0.3)
         energy = steel.energy(body.u) * ufl.dx - ufl.dot(load, body.u) * ufl.dx
         floor = HalfSpace((0, 0), (0, 1))
@@ -31,8 +32,10 @@ def attack(case):
             body.moved.x.array[:] = 0.0
             table = problem.solve(algorithm="lemke").tables["contact"]
             reduced = problem.reduced()
-            p, a = np.asarray(reduced.p).ravel(), np.empty(2 * len(table.un))
-            a[0::2], a[1::2] = table.ut[:, 0], table.un
+            p = np.asarray(reduced.p).ravel()
+            a = np.empty(2 * len(table.un))
+            a[0::2] = table.ut[:, 0]
+            a[1::2] = table.un
             F = np.full(len(table.un), friction)
             error = violation(np.asarray(reduced.S), p, F, a)
             case.true(f"{rows} rows, F = {friction}: violation {error}", error < 1e-6)

@@ -11,8 +11,12 @@ from dolfinx_contact.algorithms import Lemke, ReducedContact
 def violation(S, p, F, a):
     """Worst violation of the static law by the displacements a, relative. u_n = gap >= 0."""
     r = S @ a - p
-    ut, un, rt, rn = a[0::2], a[1::2], r[0::2], r[1::2]
-    force, length = np.abs(p).max(), np.abs(np.linalg.solve(S, p)).max()
+    ut = a[0::2]
+    un = a[1::2]
+    rt = r[0::2]
+    rn = r[1::2]
+    force = np.abs(p).max()
+    length = np.abs(np.linalg.solve(S, p)).max()
     gap = max((-un).max() / length, (-rn).max() / force, np.abs(un * rn).max() / force / length)
     cone = ((np.abs(rt) - F * rn) / force).max()
     slips = np.abs(np.abs(ut) * (F * rn) + ut * rt) / force / length
@@ -21,12 +25,14 @@ def violation(S, p, F, a):
 
 def attack(case):
     rng = np.random.default_rng(1)
-    worst, unsolved = 0.0, 0
+    worst = 0.0
+    unsolved = 0
     for k in range(150):
         n = int(rng.integers(1, 9))
         Q = np.linalg.qr(rng.standard_normal((2 * n, 2 * n)))[0]
         S = Q @ np.diag(10.0 ** rng.uniform(0, [1, 3, 6][k % 3], 2 * n)) @ Q.T
-        unit, length = 10.0 ** rng.choice([-9, 0, 9]), 10.0 ** rng.choice([-9, 0, 9])
+        unit = 10.0 ** rng.choice([-9, 0, 9])
+        length = 10.0 ** rng.choice([-9, 0, 9])
         S = (S + S.T) / 2 * unit / length
         p = rng.standard_normal(2 * n) * unit
         F = rng.choice([0.0, 0.3, 2.0, 20.0], n)

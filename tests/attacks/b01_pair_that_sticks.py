@@ -46,11 +46,13 @@ def attack(case):
     glued = steel.energy(whole.u) * ufl.dx
     glued -= ufl.dot(fem.Constant(whole.domain, (0.2, -1.0)), whole.u) * ufl.dx
     whole.moved.interpolate(lambda x: np.stack([0.0 * x[0], -0.02 + 0 * x[0]]))
-    du, v = ufl.TrialFunction(whole.V), ufl.TestFunction(whole.V)
+    du = ufl.TrialFunction(whole.V)
+    v = ufl.TestFunction(whole.V)
     zero = fem.locate_dofs_topological(whole.V, 1, whole.bottom)
     held = [*whole.bcs, fem.dirichletbc(np.zeros(2), zero, whole.V)]
     F = ufl.derivative(glued, whole.u, v)
-    a, L = ufl.derivative(F, whole.u, du), -ufl.replace(F, {whole.u: 0 * whole.u})
+    a = ufl.derivative(F, whole.u, du)
+    L = -ufl.replace(F, {whole.u: 0 * whole.u})
     right = LinearProblem(a, L, bcs=held).solve()
     middle = fem.assemble_scalar(fem.form(ufl.dot(right, right) * ufl.dx))
     middle = case.comm.allreduce(middle)

@@ -18,8 +18,12 @@ from dolfinx_contact.evolution import QuasiStatic
 def pulled(case, n, young, work, times, at_jump, unit=1.0):
     """Forces in `unit`."""
     body = block(case.comm, (n, 1), (1.0, 0.05), "quadrilateral")
-    u, ky, press, mu = body.u, 10.0 * unit, 0.02, 0.5
-    young, work = young * unit, work * unit
+    u = body.u
+    ky = 10.0 * unit
+    press = 0.02
+    mu = 0.5
+    young = young * unit
+    work = work * unit
     energy = young / 2 * u[0].dx(0) ** 2 / 0.05 + 5e3 * young / 2 * u[0].dx(1) ** 2
     energy += ky * 0.05 / 2 * (u[1].dx(1) ** 2)
     across, along = (body.V.sub(i) for i in (1, 0))

@@ -37,7 +37,8 @@ def attack(case):
         system.put(solution.x, 0.0, solution.piece)
         table = problem.table(contact)
         k = free_point(table)
-        slip, force = float(table.ut[k] @ [0.6, 0.8, 0.0]), float(table.force[k, 2])
+        slip = float(table.ut[k] @ [0.6, 0.8, 0.0])
+        force = float(table.force[k, 2])
         near = [i for i, (a, b) in enumerate(RIGHT) if abs(a - slip) + abs(b - force) < 1e-6]
         case.true(f"slip {slip}, force {force} is one of the three", near)
         found.update(near)

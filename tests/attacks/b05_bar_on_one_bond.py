@@ -13,7 +13,9 @@ import ufl
 from dolfinx_contact import RCCM, ContactProblem, ContactSurface, HalfSpace, materials
 from dolfinx_contact.evolution import QuasiStatic
 
-C, WORK, U0 = 100.0, 1.0, 0.1
+C = 100.0
+WORK = 1.0
+U0 = 0.1
 
 
 def pulled(case, K, cells, cell, times):

@@ -13,19 +13,23 @@ from dolfinx_contact import ContactPair, ContactProblem, Frictionless, materials
 
 
 def squeezed(case, arms):
-    n, e = 4, 0.01
+    n = 4
+    e = 0.01
     domain = mesh.create_unit_square(case.comm, n, n, mesh.CellType.quadrilateral)
-    facets, values = [], []
+    facets = []
+    values = []
     for tag, on in enumerate(arms, start=1):
         found = mesh.locate_entities(domain, 1, on)
         facets.append(found)
         values.append(np.full(len(found), tag, dtype=np.int32))
-    facets, values = np.concatenate(facets), np.concatenate(values)
+    facets = np.concatenate(facets)
+    values = np.concatenate(values)
     order = np.argsort(facets)
     tags = mesh.meshtags(domain, 1, facets[order], values[order])
     body = meshing.crack(domain, list(range(1, len(arms) + 1)), facet_tags=tags)
     V = fem.functionspace(body.mesh, ("Lagrange", 1, (2,)))
-    u, held = fem.Function(V), fem.Function(V)
+    u = fem.Function(V)
+    held = fem.Function(V)
     held.interpolate(lambda x: -e * x[:2])
     rim = fem.locate_dofs_geometrical(
         V, lambda x: np.isclose(np.abs(x[0] - 0.5), 0.5) | np.isclose(np.abs(x[1] - 0.5), 0.5)

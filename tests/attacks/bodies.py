@@ -66,7 +66,8 @@ def block(
     V = fem.functionspace(domain, ("Lagrange", degree, (dim,)))
     u = fem.Function(V, name="displacement")
     moved = fem.Function(V, name="moved")
-    bottom, top = face(0.0), face(size[dim - 1])
+    bottom = face(0.0)
+    top = face(size[dim - 1])
     held = fem.dirichletbc(moved, fem.locate_dofs_topological(V, dim - 1, top))
     return Block(domain, V, u, bottom, top, moved, [held])
 
@@ -145,7 +146,8 @@ def two_blocks(
     both = meshing.join(
         [create(comm, unit * np.array([a, b]), n, _CELLS[cell]) for n, a, b in boxes]
     )
-    domain, parts = both.mesh, both.cell_tags
+    domain = both.mesh
+    parts = both.cell_tags
 
     def face(value: float) -> Any:
         return mesh.locate_entities_boundary(

@@ -31,7 +31,10 @@ import numpy as np
 
 from dolfinx_contact import ConvergenceError
 
-RIGHT, REFUSED, SAID, WRONG = "RIGHT", "REFUSED", "SAID", "WRONG"
+RIGHT = "RIGHT"
+REFUSED = "REFUSED"
+SAID = "SAID"
+WRONG = "WRONG"
 #: What a refusal is raised as: bad data, or an attribute that cannot be set.
 REFUSALS = (ValueError, AttributeError)
 
@@ -105,11 +108,13 @@ def judged(do: Callable[[Case], None], comm: MPI.Comm) -> tuple[str, str, float]
     try:
         do(case)
     except ConvergenceError as error:
-        word, why = SAID, f"not solved: {error}"
+        word = SAID
+        why = f"not solved: {error}"
     except REFUSALS as error:
         word, why = (REFUSED, str(error)) if _of_the_package(error) else (WRONG, _trace(error))
     except Exception as error:
-        word, why = WRONG, _trace(error)
+        word = WRONG
+        why = _trace(error)
     else:
         word, why = _word(case)
     finally:

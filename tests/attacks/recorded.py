@@ -19,7 +19,7 @@ from dolfinx import fem
 
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, materials
 from dolfinx_contact.evolution import NSCD, QuasiStatic
-from dolfinx_contact.output import EvolutionRecord
+from dolfinx_contact.records import EvolutionRecord
 
 _FOLDERS: list[tempfile.TemporaryDirectory[str]] = []  # removed at the end of the process
 

@@ -1,0 +1,21 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Files that others read: fields for ParaView, tables, summaries; what a script says."""
+
+from dolfinx_contact.io.evolution import EvolutionSeries
+from dolfinx_contact.io.fields import STATUS_CODES, write_fields
+from dolfinx_contact.io.folder import output_folder, write_summary
+from dolfinx_contact.io.progress import Progress
+from dolfinx_contact.io.report import Report
+from dolfinx_contact.io.table import write_contact_table, write_rows
+
+__all__ = [
+    "STATUS_CODES",
+    "EvolutionSeries",
+    "Progress",
+    "Report",
+    "output_folder",
+    "write_contact_table",
+    "write_fields",
+    "write_rows",
+    "write_summary",
+]

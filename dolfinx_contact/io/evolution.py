@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""An evolution on the disk: its states for ParaView, and a table of its steps."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dolfinx import fem
+
+from dolfinx_contact._errors import everywhere, on_root, same_everywhere
+from dolfinx_contact.io.disk import aside
+from dolfinx_contact.io.fields import faces
+from dolfinx_contact.io.folder import output_folder
+from dolfinx_contact.io.script import write_script
+from dolfinx_contact.io.table import GrowingTable
+from dolfinx_contact.io.writers import Format, Series, checked_format, see_room, series
+
+if TYPE_CHECKING:
+    from dolfinx_contact.evolution.history import EvolutionStep
+    from dolfinx_contact.problem import ContactProblem
+
+__all__ = ["EvolutionSeries"]
+
+_TABLE = "steps.csv"
+
+
+class EvolutionSeries:
+    """An observer of evolutions that writes their accepted steps. Collective, as a context.
+
+    ``evolution_body.bp`` holds the displacement, ``evolution_contact.bp`` (or
+    ``evolution_contact_NAME.bp``) the fields of a contact surface, ``..._opposite.bp`` those of the
+    master of a pair, over the time of the evolution; ``steps.csv`` is the table of steps. With
+    ``format="vtk"`` it is ``evolution_body.pvd`` and a folder of ``.vtu``, ... ``paraview.py``
+    beside them shows them. Files of before are removed when the first step is accepted, or when the
+    context ends without one. Every row of the table is on the disk before the next step is
+    computed; fields are in their place when the context ends, also if the evolution ended in an
+    error: then up to there. `EvolutionRecord` has the fields of a run that is killed.
+
+    Args:
+        folder: where to, made if need be.
+        problem: whose evolution it is.
+        every: so many steps are written; the table has all of them.
+        format: "vtx" (``.bp``) or "vtk" (``.pvd``); by default as in `write_fields`.
+
+    Attributes:
+        files: their names, once the context has ended.
+
+    Raises:
+        OSError: on every rank, with the path and the reason, if the folder cannot be written to,
+            or has no room.
+        ValueError: on every rank, if the format cannot be written or arguments differ; from a run
+            whose observer it is outside of its context.
+
+    Example:
+        ::
+
+            with io.EvolutionSeries("output/path", problem) as series:
+                history = evolution.run(times, observer=series)
+    """
+
+    def __init__(
+        self,
+        folder: str | os.PathLike[str],
+        problem: ContactProblem,
+        *,
+        every: int = 1,
+        format: Format = None,
+    ):
+        self._problem = problem
+        self._comm = problem.comm
+        with everywhere(problem.comm, "a series"):
+            if not isinstance(every, int | np.integer) or isinstance(every, bool) or every < 1:
+                raise ValueError(f"every must be a number of steps, got {every!r}")
+        same_everywhere(problem.comm, every=int(every))
+        self._every, self._format = every, checked_format(self._comm, format)
+        self._folder = output_folder(self._comm, folder)
+        self._faces = faces(problem)
+        self._shown: list[list[fem.Function]] = []
+        self._opened: list[Series] = []
+        self._stack: ExitStack | None = None
+        self.files: list[Path] = []
+
+    def __enter__(self) -> EvolutionSeries:
+        self._shown = []
+        self._opened = []
+        self._count = 0
+        self._table = GrowingTable(self._comm, self._folder / _TABLE)
+        self._stack = ExitStack()
+        self._part = self._stack.enter_context(aside(self._comm, self._folder, "evolution"))
+        return self
+
+    def __call__(self, step: EvolutionStep) -> None:
+        if self._stack is None:
+            raise ValueError(
+                "an EvolutionSeries writes in its context alone: with EvolutionSeries(...) as "
+                "series: evolution.run(times, observer=series)"
+            )
+        if self._count == 0:
+            self._forget()
+        self._table.add(step.row())
+        self._count += 1
+        if (self._count - 1) % self._every:
+            return
+        fields = [[self._problem.u], *(list(f.fields().values()) for f in self._faces)]
+        first = not self._shown
+        self._shown = self._shown or fields
+        if self._format == "vtx":
+            see_room(self._comm, self._folder / "evolution_body", self._shown)
+        if first:
+            stems = ["body", *(f.stem for f in self._faces)]
+            comms = [self._comm, *(f.comm for f in self._faces)]
+            self._opened = [
+                series(comm, self._part / f"evolution_{stem}", shown, self._format, single=False)
+                for comm, stem, shown in zip(comms, stems, self._shown, strict=True)
+            ]
+        for shown, now, each in zip(self._shown, fields, self._opened, strict=True):
+            for f, g in zip(shown, now, strict=True):
+                f.x.array[:] = g.x.array
+            each.write(step.time)
+
+    def __exit__(self, *_: object) -> None:
+        assert self._stack is not None
+        stack = self._stack
+        self._stack = None
+        with stack:
+            for each in self._opened:
+                each.close()
+            if self._count:
+                write_script(self._comm, self._part, self._folder)
+            else:
+                self._forget()
+        self.files = [self._folder / each.file.name for each in self._opened]
+
+    def _forget(self) -> None:
+        """Remove what a series of before has left in the folder. Collective."""
+        on_root(self._comm, lambda: _remove_series(self._folder))
+
+
+def _remove_series(folder: Path) -> None:
+    """Remove the files that a series writes, on this rank alone."""
+    (folder / _TABLE).unlink(missing_ok=True)
+    for path in folder.glob("evolution_*"):
+        if re.fullmatch(r"evolution_(body|contact.*)(\.bp|\.pvd)?", path.name):
+            if path.is_dir():
+                shutil.rmtree(path)
+            else:
+                path.unlink()

@@ -1,0 +1,456 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Fields on the body and on its contact surfaces, for ParaView.
+
+On the body: the displacement, the Cauchy stress and the von Mises stress
+(3/2 dev s : dev s)^(1/2), both linear and discontinuous. On each contact surface, a mesh of its own
+so that it opens beside the body, at the vertices: displacement, contact traction on the body,
+normal pressure, gap, slip (the tangential displacement), status, and apart from contact the
+support, the force per area by which Dirichlet data hold the body there. A pair of bodies has these
+on the slave, and what can be said of the master (`master`) in another file.
+
+The status is a number, `STATUS_CODES`: 0 open, 1 stick, 2 slip, 3 clamped by Dirichlet data. In the
+integral method the contact points are Gauss points, which ParaView cannot show; a vertex then has
+the status of the largest share of the surface around it (weighted by its hat function), while
+traction, gap and slip are values at the vertex.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+
+import ufl
+from dolfinx import fem, la, mesh
+from ufl.algorithms import expand_derivatives, extract_coefficients
+from ufl.corealg.traversal import unique_pre_traversal
+
+from dolfinx_contact._agreement import described, refuse_other_mesh
+from dolfinx_contact._compat import interpolation_points
+from dolfinx_contact._errors import everywhere, same_everywhere
+from dolfinx_contact._forms import compiled_form
+from dolfinx_contact.io.disk import aside
+from dolfinx_contact.io.folder import output_folder
+from dolfinx_contact.io.master import MasterFace
+from dolfinx_contact.io.script import write_script
+from dolfinx_contact.io.writers import Format, checked_format, see_room, series
+from dolfinx_contact.points.evaluation import vertex_function
+from dolfinx_contact.points.vertex_state import vertex_state
+
+if TYPE_CHECKING:
+    from dolfinx_contact.points.surface import ContactSurface
+    from dolfinx_contact.problem import ContactProblem
+
+__all__ = [
+    "STATUS_CODES",
+    "Face",
+    "body_fields",
+    "check_stress",
+    "contact_fields",
+    "faces",
+    "von_mises",
+    "write_fields",
+]
+
+# Of the way from a corner of a cell to its middle; FFCx takes 1 - 1e-6 in its tables for 1.
+_INSIDE = 1e-5
+_OFF = 0.01  # by which forces of a stress may be off, relative
+_ALL_STRAINS = np.array([[1.0, 0.4, -0.3], [-0.6, 0.8, 0.5], [0.2, -0.7, 0.9]])  # a gradient
+_BY_TAG = "stress={1: steel.full_stress(u), 2: rubber.full_stress(u)}"
+
+logger = logging.getLogger(__name__)
+
+#: Number of each status letter of the tables.
+STATUS_CODES = {"o": 0, "k": 1, "+": 2, "-": 2, "s": 2, "d": 3}
+
+
+def write_fields(
+    folder: str | os.PathLike[str],
+    problem: ContactProblem,
+    *,
+    stress: Any = None,
+    format: Format = None,
+) -> list[Path]:
+    """Write the present state of a problem for ParaView. Collective.
+
+    ``body.bp`` holds the displacement, ``body_stress.bp`` the stresses with the displacement of the
+    vertices, and ``contact.bp`` (or ``contact_NAME.bp``, if a surface has another name) the fields
+    of a contact surface; of a pair of bodies these are on the slave, and ``contact_opposite.bp``
+    (``contact_NAME_opposite.bp``) holds those of the master. With ``format="vtk"`` it is
+    ``body.vtu``, ... ``paraview.py`` beside them shows them: ``paraview
+    --script=FOLDER/paraview.py``.
+
+    Args:
+        folder: where to, made if need be. Files of an earlier state are replaced when all of the
+            new ones are complete.
+        problem: a contact problem, usually solved.
+        stress: 3 x 3 UFL stress, in 2D too: ``material.full_stress(u)``. Of several materials, in
+            a bulk of integrals over cell tags, one of each tag: ``{1: steel.full_stress(u), 2:
+            rubber.full_stress(u)}``; one for all is refused there, but for one with a Function
+            that is constant in each cell, of which there is a warning where its forces are not
+            those of a linear bulk. Without it no stresses are written.
+        format: "vtx" (``.bp``) or "vtk" (``.vtu``, which PyVista and every ParaView read); by
+            default "vtx" unless DOLFINx was built without ADIOS2.
+
+    Returns:
+        The names of the files, on every rank.
+
+    Raises:
+        OSError: on every rank, with the path and the reason, if the folder cannot be written to,
+            or has no room. It is then as it was.
+        ValueError: on every rank, if the stress is not 3 x 3 or of another mesh, is that of one
+            material where the bulk has several, or has not its cell tags, two surfaces would have
+            one file, the format cannot be written, or arguments differ between ranks.
+    """
+    tags = check_stress(problem, stress)
+    comm = problem.comm
+    kind = checked_format(problem.comm, format)
+    on_faces = faces(problem)
+    written = [("body", comm, [problem.u])]
+    if stress is not None:
+        fields = [*body_fields(problem.u, stress, tags), _at_corners(problem.u)]
+        written.append(("body_stress", comm, fields))
+    path = output_folder(comm, folder)
+    written += [(face.stem, face.comm, list(face.fields().values())) for face in on_faces]
+    files = []
+    with aside(comm, path, "write_fields") as part:
+        if kind == "vtx":
+            see_room(comm, path / "body", [functions for *_, functions in written])
+        for stem, of_mesh, fields in written:
+            each = series(of_mesh, part / stem, fields, kind)
+            each.write(0.0)
+            each.close()
+            files.append(path / each.file.name)
+        write_script(comm, part, path)
+    return files
+
+
+def _at_corners(u: fem.Function) -> fem.Function:
+    """The displacement with the element of the stresses, so that these can be shown deformed."""
+    domain = u.function_space.mesh
+    f = fem.Function(fem.functionspace(domain, ("DG", 1, u.ufl_shape)), name="displacement")
+    f.interpolate(u)
+    return f
+
+
+@dataclass(frozen=True)
+class Face:
+    """A face with a file of its own.
+
+    Attributes:
+        stem: of the file, without suffix.
+        comm: of its mesh.
+        fields: what is known on it at the state in the problem's Functions, by name. Collective.
+    """
+
+    stem: str
+    comm: MPI.Comm
+    fields: Callable[[], dict[str, fem.Function]]
+
+
+def faces(problem: ContactProblem) -> list[Face]:
+    """All faces: every surface, and after a pair its master. Collective.
+
+    Raises:
+        ValueError: if two would have one file.
+    """
+    found = []
+    for s in problem.surfaces:
+        name = re.sub(r"[^\w.-]+", "_", s.name)
+        stem = "contact" if name == "contact" else f"contact_{name}"
+        found.append(Face(stem, s.submesh.mesh.comm, partial(contact_fields, problem, s)))
+        if s.between_bodies:
+            master = MasterFace(problem, s)
+            found.append(Face(f"{stem}_opposite", master.submesh.mesh.comm, master.fields))
+    stems = [face.stem for face in found]
+    if len(set(stems)) < len(stems):
+        names = [s.name for s in problem.surfaces]
+        raise ValueError(f"the names of contact surfaces make the same file: {names}")
+    return found
+
+
+def von_mises(stress: Any) -> Any:
+    """UFL von Mises stress of a 3 x 3 UFL stress.
+
+    Raises:
+        ValueError: if the stress is not 3 x 3.
+    """
+    shape = getattr(stress, "ufl_shape", None)
+    if shape != (3, 3):
+        raise ValueError(
+            f"the von Mises stress needs a 3 x 3 UFL stress, got {shape or stress!r}; in 2D pass "
+            "material.full_stress(u), which knows the stress across the plane"
+        )
+    return ufl.sqrt(1.5 * ufl.inner(ufl.dev(stress), ufl.dev(stress)))
+
+
+def check_stress(problem: ContactProblem, stress: Any) -> mesh.MeshTags | None:
+    """See that a stress, if there is one, can be that of a problem. Collective.
+
+    Returns:
+        The cell tags of the bulk if the stress is given tag by tag.
+
+    Raises:
+        ValueError: on every rank, if it is not 3 x 3, of another mesh, of one material of several,
+            does not have the cell tags of the bulk, or differs between ranks.
+    """
+    says: Any = None
+    tags = None
+    names = ""
+    domain = problem.u.function_space.mesh
+    with everywhere(problem.comm, "the stress"):
+        if isinstance(stress, Mapping):
+            tags = _cell_tags(problem)
+        for e in _expressions(stress):
+            von_mises(e)
+            refuse_other_mesh(e, domain, "the stress")
+        if tags is not None:
+            wrong = [tag for tag in stress if not isinstance(tag, int | np.integer)]
+            if wrong:
+                raise ValueError(f"cell tags of a stress are whole numbers, not {wrong[0]!r}")
+            says = [(int(tag), described(stress[tag], domain)) for tag in sorted(stress)]
+        elif stress is not None:
+            names = _refuse_one_of_several(problem, stress)
+            says = described(stress, domain)
+    same_everywhere(problem.comm, stress=says)
+    if names:
+        _doubt_forces(problem, stress, names)
+    if tags is not None:
+        _require_tags(domain, tags, {int(tag) for tag in stress})
+    return tags
+
+
+def _expressions(stress: Any) -> list[Any]:
+    """One expression, or those of all tags."""
+    if isinstance(stress, Mapping):
+        return list(stress.values())
+    return [] if stress is None else [stress]
+
+
+def _cell_integrals(problem: ContactProblem) -> list[ufl.Integral]:
+    return list(problem.equations.bulk.residual.integrals_by_type("cell"))
+
+
+def _cell_tags(problem: ContactProblem) -> mesh.MeshTags:
+    """The tags of the cells over whose parts the bulk is integrated, or ``ValueError``."""
+    for integral in _cell_integrals(problem):
+        tags = integral.subdomain_data()
+        if isinstance(tags, mesh.MeshTags):
+            return tags
+    raise ValueError(
+        "a stress by cell tags needs a bulk with cell tags, ufl.Measure('dx', "
+        "subdomain_data=cell_tags); of a bulk without them give one expression"
+    )
+
+
+def _require_tags(domain: mesh.Mesh, tags: mesh.MeshTags, given: set[int]) -> None:
+    """``ValueError`` on every rank if cells have no stress, or a stress no cells. Collective."""
+    comm = domain.comm
+    n = domain.topology.index_map(domain.topology.dim).size_local
+    parts = comm.allgather((set(np.unique(tags.values).tolist()), int(np.sum(tags.indices < n))))
+    known = set().union(*(found for found, _ in parts))
+    if known != given:
+        raise ValueError(f"the stress has the cell tags {sorted(given)}, the bulk {sorted(known)}")
+    size = domain.topology.index_map(domain.topology.dim).size_global
+    if sum(count for _, count in parts) < size:
+        raise ValueError("the stress is given by cell tags, but some cells have none")
+
+
+def _refuse_one_of_several(problem: ContactProblem, stress: Any) -> str:
+    """``ValueError`` if a stress without parts stands beside a bulk of several materials.
+
+    Returns:
+        The tags of these if the stress may be that of all of them, by a Function that is constant
+        in each cell; else "".
+    """
+    materials: dict[Any, list[str]] = {}
+    beside = False
+    for integral in _strained(problem):
+        names = integral.subdomain_id()
+        for name in names if isinstance(names, tuple) else (names,):
+            if name in ("everywhere", "otherwise"):
+                beside = True
+            else:
+                materials.setdefault(name, []).append(_said_by(integral))
+    different = {repr(sorted(said)) for said in materials.values()}
+    if len(different) < 2 and not (beside and different):
+        return ""
+    tags = ", ".join(map(str, sorted(materials)))
+    if any(f is not problem.u and _is_cellwise(f) for f in extract_coefficients(stress)):
+        return tags
+    raise ValueError(
+        "the stress is that of one material, but the bulk has different integrals over cell "
+        f"tags ({tags}): give one of each tag, {_BY_TAG}"
+    )
+
+
+def _doubt_forces(problem: ContactProblem, stress: Any, names: str) -> None:
+    """Warn if the forces of a stress are not those of a linear bulk. Collective.
+
+    Both are taken by their change with a displacement that has all strains, so that loads and the
+    present state do not matter. Of a body of revolution nothing is said.
+    """
+    bulk = problem.equations.bulk
+    if not bulk.linear or problem.equations.axisymmetric:
+        return
+    V = problem.u.function_space
+    v = ufl.TestFunction(V)
+    dim = V.mesh.geometry.dim
+    w = fem.Function(V)
+    w.interpolate(lambda x: _ALL_STRAINS[:dim, :dim] @ x[:dim])
+    strain = ufl.grad(v)
+    work = sum(stress[i, j] * strain[i, j] for i in range(dim) for j in range(dim))
+    of_stress = ufl.derivative(work * ufl.dx(domain=V.mesh), problem.u, w)
+    of_bulk = ufl.derivative(ufl.Form(_strained(problem)), bulk.displacement, w)
+    forces = []
+    for form in (of_stress, of_bulk):
+        b = fem.assemble_vector(compiled_form(expand_derivatives(form)))
+        b.scatter_reverse(la.InsertMode.add)
+        forces.append(b.array[: V.dofmap.index_map.size_local * V.dofmap.index_map_bs])
+    squares = [np.sum((forces[0] - forces[1]) ** 2), np.sum(forces[1] ** 2)]
+    off, size = problem.comm.allreduce(np.array(squares))
+    if off > _OFF**2 * size and problem.comm.rank == 0:
+        logger.warning(
+            "the forces of the stress are not those of the bulk, of which they are off by %.2g: a "
+            "Function that is constant in each cell is to tell the materials of the cell tags (%s) "
+            "apart; or give one of each tag, %s",
+            np.sqrt(off / size) if size else np.inf,
+            names,
+            _BY_TAG,
+        )
+
+
+def _strained(problem: ContactProblem) -> list[ufl.Integral]:
+    """Integrals over cells that resist strains."""
+    return [i for i in _cell_integrals(problem) if _has_strain(problem, i)]
+
+
+def _is_cellwise(f: Any) -> bool:
+    return bool(f.ufl_element().embedded_superdegree == 0)
+
+
+def _has_strain(problem: ContactProblem, integral: ufl.Integral) -> bool:
+    """Whether an integral resists a strain, as no load does."""
+    u = problem.equations.bulk.displacement
+    rate = expand_derivatives(ufl.derivative(ufl.Form([integral]), u))
+    nodes = (n for i in rate.integrals() for n in unique_pre_traversal(i.integrand()))
+    return any(isinstance(n, ufl.classes.Grad) for n in nodes)
+
+
+def _said_by(integral: ufl.Integral) -> str:
+    """An integrand with the values of its Constants and the Functions in it."""
+    form = ufl.Form([integral.reconstruct(subdomain_id="everywhere", metadata={})])
+    values = [np.asarray(c.value).tolist() for c in form.constants()]
+    return f"{form.signature()} {values} {[id(f) for f in form.coefficients()]}"
+
+
+def body_fields(
+    u: fem.Function, stress: Any, tags: mesh.MeshTags | None = None
+) -> list[fem.Function]:
+    """``stress`` and ``von_mises`` as discontinuous Functions of degree 1. Collective.
+
+    Where conditions of the place make it jump between cells, each has the values of its own side.
+
+    Args:
+        u: the displacement.
+        stress: UFL, or UFL by cell tags.
+        tags: of cells, for the latter.
+
+    Raises:
+        ValueError: on every rank, if the stress is not a 3 x 3 UFL expression.
+    """
+    fields = []
+    for name, shape, of in (("stress", (3, 3), lambda e: e), ("von_mises", (), von_mises)):
+        W = fem.functionspace(u.function_space.mesh, ("DG", 1, shape))
+        f = fem.Function(W, name=name)
+        if tags is None:
+            _interpolate(f, of(stress), None)
+        else:
+            for tag in sorted(stress):
+                _interpolate(f, of(stress[tag]), tags.find(tag))
+            f.x.scatter_forward()
+        fields.append(f)
+    return fields
+
+
+def _interpolate(f: fem.Function, e: Any, cells: npt.NDArray[np.int32] | None) -> None:
+    """Put an expression into a discontinuous Function of degree 1, in some cells or all."""
+    W = f.function_space
+    points = interpolation_points(W)
+    if not _jumps_by_place(e):
+        f.interpolate(fem.Expression(e, points), cells0=cells)
+        return
+    # At a corner between two cells the condition has one answer for both. A little inside each
+    # cell it has that of the cell.
+    inside = points + _INSIDE * (points.mean(axis=0) - points)
+    if cells is None:
+        here = W.mesh.topology.index_map(W.mesh.topology.dim)
+        cells = np.arange(here.size_local + here.num_ghosts, dtype=np.int32)
+    dofs = W.dofmap.list[cells]
+    size = W.dofmap.index_map_bs
+    # A rank may have none of the cells.
+    values = fem.Expression(e, inside).eval(W.mesh, cells).reshape(*dofs.shape, size)
+    middle = values.mean(axis=1, keepdims=True)
+    values = middle + (values - middle) / (1 - _INSIDE)
+    f.x.array.reshape(-1, size)[dofs] = values
+
+
+def _jumps_by_place(e: Any) -> bool:
+    """Whether a condition of the position is in an expression, as of a modulus of two parts."""
+    conditions = (n for n in unique_pre_traversal(e) if isinstance(n, ufl.classes.Condition))
+    return any(
+        isinstance(node, ufl.classes.SpatialCoordinate)
+        for condition in conditions
+        for node in unique_pre_traversal(condition)
+    )
+
+
+def contact_fields(problem: ContactProblem, surface: ContactSurface) -> dict[str, fem.Function]:
+    """What is known on a contact surface, as continuous linear Functions on its mesh. Collective.
+
+    Returns:
+        By name: ``displacement``, ``traction`` (of contact, on the body), ``pressure``, ``gap``,
+        ``slip``, a vector, ``status``, a number of `STATUS_CODES`, ``support``, the reaction of
+        Dirichlet data on the body over the area of a vertex, and the variables of laws, as
+        ``beta``, the intensity of adhesion.
+    """
+    s = surface
+    state = vertex_state(surface)
+    shares = np.stack([state["open"], 1 - state["open"] - state["slip"], state["slip"]])
+    status = np.argmax(np.round(shares, 9), axis=0).astype(float)
+    clamped = _at_vertices(s, problem.equations.constraints.clamped[problem.surfaces.index(s)])
+    status[clamped] = STATUS_CODES["d"]
+    if s.method != "integral":
+        state["traction"][clamped] = state["pressure"][clamped] = 0.0  # as in the table
+    values = {
+        "displacement": s.u.x.array.reshape(-1, s.dim)[s.points.vertex_trace_dofs],
+        "traction": state["traction"],
+        "pressure": state["pressure"],
+        "gap": state["un"],
+        "slip": state["ut"],
+        "status": status,
+        "support": problem.support_forces(s) / s.points.vertex_areas[:, None],
+    }
+    for name, inner in s.law.variables(s.dim).items():
+        values[name] = s.points.at_vertices(s.bond(f"after.{inner}"))
+    return {name: vertex_function(s.points.vertices, name, v) for name, v in values.items()}
+
+
+def _at_vertices(s: ContactSurface, marked: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    """Local vertices among the ``marked`` multiplier nodes."""
+    f = fem.Function(s.Q)
+    f.x.array[:] = np.repeat(marked.astype(float), s.dim)
+    vertices = fem.Function(fem.functionspace(s.submesh.mesh, ("Lagrange", 1, (s.dim,))))
+    vertices.interpolate(f)
+    vertices.x.scatter_forward()
+    return np.asarray(vertices.x.array[:: s.dim] > 0.5)

@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The output folder and the summary in it."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+import uuid
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+
+import dolfinx
+
+from dolfinx_contact._errors import everywhere, on_root, same_everywhere
+from dolfinx_contact.io.disk import write_text
+
+__all__ = ["agreed_path", "output_folder", "write_summary"]
+
+_STARTED = time.perf_counter()
+
+
+def agreed_path(comm: MPI.Comm, path: str | os.PathLike[str], what: str) -> Path:
+    """A path that is the same on every rank. Collective.
+
+    Args:
+        comm: communicator.
+        path: of the user.
+        what: it is, for the message.
+
+    Raises:
+        TypeError: on every rank, if it is no path.
+        ValueError: on every rank, if it differs between ranks.
+    """
+    with everywhere(comm, what):
+        found = Path(path)
+    same_everywhere(comm, **{what: str(found)})
+    return found
+
+
+def output_folder(comm: MPI.Comm, path: str | os.PathLike[str]) -> Path:
+    """Make the folder ``path`` if need be and see that it can be written to. Collective.
+
+    Raises:
+        OSError: on every rank, if the folder cannot be made or written to.
+        ValueError: on every rank, if it differs between ranks.
+    """
+    folder = agreed_path(comm, path, "folder")
+
+    def make() -> None:
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            probe = folder / f".{uuid.uuid4().hex}.part"
+            probe.touch()
+            probe.unlink()
+        except OSError as error:
+            reason = f"cannot write to the output folder: {error.strerror}"
+            raise OSError(error.errno, reason, str(folder)) from None
+
+    on_root(comm, make)
+    return folder
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    raise TypeError(f"cannot write {type(value).__name__} to a summary")
+
+
+def write_summary(
+    comm: MPI.Comm, folder: str | os.PathLike[str], scalars: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Write ``folder/summary.json``: ``scalars`` with ranks, versions and the time since import.
+
+    Returns:
+        What was written, on every rank.
+
+    Raises:
+        OSError: on every rank, with the path, if it cannot be written; it is then as it was.
+        TypeError: on every rank, if something cannot be written as JSON.
+    """
+    from dolfinx_contact import __version__
+
+    summary = {
+        **scalars,
+        "ranks": comm.size,
+        "versions": {
+            "dolfinx": dolfinx.__version__,
+            "petsc": ".".join(str(v) for v in PETSc.Sys.getVersion()),
+            "dolfinx_contact": __version__,
+        },
+        "wall_seconds": comm.bcast(time.perf_counter() - _STARTED),
+    }
+    file = Path(folder) / "summary.json"
+    write_text(comm, file, lambda: json.dumps(summary, indent=2, default=_plain) + "\n")
+    return summary

@@ -1,0 +1,213 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Show the results beside this script in ParaView.
+
+    paraview --script=FOLDER/paraview.py
+    pvbatch FOLDER/paraview.py PICTURE.png
+
+To the left the deformed body, coloured by the von Mises stress, or else by the displacement; to the
+right its contact surfaces, coloured by the pressure and by the status; of a pair of bodies these
+are on the slave, and below them is the pressure on the master, from the file that ends in
+_opposite. Where there are branches as well as a state, the one written last is shown, the others
+wait in the pipeline browser. Files that end in .bp want the reader ADIOS2VTXReader: the one that
+ParaView proposes first cannot read them.
+"""
+
+import os
+import sys
+from typing import Any
+
+WRITTEN_TO = ""  # folder of this script when it was written, if ParaView does not tell where it is
+
+
+def own_folder() -> str:
+    """Where the results are."""
+    if "__file__" in globals():
+        return os.path.dirname(os.path.abspath(__file__))
+    try:  # paraview --script does not say
+        with open("/proc/self/cmdline") as file:
+            words = file.read().split("\0")
+    except OSError:
+        words = []
+    for i, word in enumerate(words[:-1]):
+        script = words[i + 1] if word == "--script" else word.partition("--script=")[2]
+        if os.path.isfile(script):
+            return os.path.dirname(os.path.abspath(script))
+    return WRITTEN_TO
+
+
+# This script has the name of what it imports.
+sys.path[:] = [p for p in sys.path if not os.path.isfile(os.path.join(p or ".", "paraview.py"))]
+
+from paraview import simple  # noqa: E402
+
+STATUSES = [
+    ("0", "open", (0.79, 0.82, 0.86)),
+    ("1", "stick", (0.18, 0.43, 0.71)),
+    ("2", "slip", (0.91, 0.54, 0.17)),
+    ("3", "clamped", (0.33, 0.33, 0.33)),
+]
+RANGES: dict[str, tuple[float, float]] = {}  # of the colours of what is shown
+
+
+def found(folder: str) -> list[tuple[str, dict[str, str]]]:
+    """Files of every group, by what they show, the latest group last.
+
+    A group is a state (""), a branch or an evolution.
+    """
+    groups: dict[str, dict[str, str]] = {}
+    for name in sorted(os.listdir(folder)):
+        stem, kind = os.path.splitext(name)
+        if kind not in (".bp", ".vtu", ".pvd"):
+            continue
+        prefix = stem[:12] if stem.startswith("branch_") else ""
+        prefix = "evolution_" if stem.startswith("evolution_") else prefix
+        part = stem[len(prefix) :]
+        if part in ("body", "body_stress") or part.startswith("contact"):
+            files = groups.setdefault(prefix, {})
+            path = os.path.join(folder, name)
+            if part not in files or os.path.getmtime(files[part]) < os.path.getmtime(path):
+                files[part] = path  # of two formats
+    return sorted(groups.items(), key=lambda g: max(map(os.path.getmtime, g[1].values())))
+
+
+def opened(path: str, name: str) -> Any:
+    """A reader of a file, by the name that the pipeline browser shows."""
+    if path.endswith(".bp"):
+        parts = simple.ADIOS2VTXReader(registrationName=name + ".bp", FileName=path)
+        reader = simple.MergeBlocks(registrationName=name, Input=parts)
+    elif path.endswith(".pvd"):
+        reader = simple.PVDReader(registrationName=name, FileName=path)
+    else:
+        reader = simple.XMLUnstructuredGridReader(registrationName=name, FileName=[path])
+    reader.UpdatePipeline()
+    return reader
+
+
+def warped(reader: Any, name: str) -> tuple[Any, str]:
+    """What is read, deformed by its displacement; the name of that."""
+    arrays = {a.GetName(): a.GetNumberOfComponents() for a in reader.PointData.values()}
+    vectors = [a for a, components in arrays.items() if components == 3]
+    vector = "displacement" if "displacement" in vectors else vectors[0]
+    warp = simple.WarpByVector(registrationName=name, Input=reader)
+    warp.Vectors = ["POINTS", vector]
+    warp.UpdatePipeline()
+    return warp, vector
+
+
+def shown(source: Any, view: Any, array: list[str], title: str) -> None:
+    """Show a source in a view, coloured by an array, with a colour bar."""
+    display = simple.Show(source, view)
+    display.Representation = "Surface"
+    display.LineWidth = 6.0  # of the contact surface of a 2D body
+    simple.ColorBy(display, ("POINTS", *array))
+    colours = simple.GetColorTransferFunction(array[0])
+    if array[0] == "status":
+        # There is nothing between two statuses.
+        display.InterpolateScalarsBeforeMapping = display.NonlinearSubdivisionLevel = 0
+        colours.InterpretValuesAsCategories = 1
+        colours.Annotations = [text for code, name, _ in STATUSES for text in (code, name)]
+        colours.IndexedColors = [c for *_, colour in STATUSES for c in colour]
+    else:
+        display.NonlinearSubdivisionLevel = 2  # cells of degree 2 are curved
+        display.RescaleTransferFunctionToDataRangeOverTime()
+        # Views that share colours share their range.
+        low, high = RANGES.get(array[0], (float("inf"), -float("inf")))
+        RANGES[array[0]] = min(low, colours.RGBPoints[0]), max(high, colours.RGBPoints[-4])
+        colours.RescaleTransferFunction(*RANGES[array[0]])
+    display.SetScalarBarVisibility(view, True)
+    bar = simple.GetScalarBar(colours, view)
+    bar.Title = title
+    bar.ComponentTitle = ""
+
+
+def open_all(prefix: str, files: dict[str, str]) -> dict[str, tuple[Any, str]]:
+    """What the files of a group hold, deformed, with the names of displacements; bodies first."""
+    bodies = [part for part in ("body_stress", "body") if part in files]
+    contacts = [part for part in files if part.startswith("contact")]
+    names = {part: prefix + part for part in bodies + contacts}
+    return {p: warped(opened(files[p], name), name + " deformed") for p, name in names.items()}
+
+
+def show(parts: dict[str, tuple[Any, str]]) -> tuple[Any, list[Any]]:
+    """Show a group; the layout and its views."""
+    contacts = [warp for part, (warp, _) in parts.items() if part.startswith("contact")]
+    # The master of a pair has no statuses.
+    slaves = [warp for warp in contacts if warp.PointData.GetArray("status")]
+    masters = [warp for warp in contacts if warp not in slaves]
+    beside = [("pressure", "(contact)", slaves), ("status", "(contact)", slaves)] if slaves else []
+    if masters:
+        beside.append(("pressure", "(opposite face)", masters))
+    layout, views = views_for(len(beside))
+    if "body_stress" in parts:
+        body, _ = parts["body_stress"]
+        shown(body, views[0], ["von_mises"], "von Mises stress")
+        look(views[0], body)
+    elif "body" in parts:
+        body, vector = parts["body"]
+        shown(body, views[0], [vector, "Magnitude"], "displacement")
+        look(views[0], body)
+    for view, (array, where, warps) in zip(views[1:], beside, strict=True):
+        for warp in warps:
+            shown(warp, view, [array], f"{array} {where}")
+            look(view, warp, along=True)
+    return layout, views
+
+
+def look(view: Any, source: Any, along: bool = False) -> None:
+    """Look at a plane as it lies, at the rest aslant, or along the axis where it is thinnest."""
+    x = source.GetDataInformation().GetBounds()
+    sizes = [x[1] - x[0], x[3] - x[2], x[5] - x[4]]
+    thin = sizes.index(min(sizes))
+    flat = sizes[2] <= 1e-9 * max(sizes)
+    direction = [1.0, -1.7, 0.9]
+    up = (0.0, 0.0, 1.0)
+    if flat:
+        direction = [0.0, 0.0, 1.0]
+        up = (0.0, 1.0, 0.0)
+    elif along:
+        direction = [0.15, -0.25, 0.15]
+        direction[thin] = 1.0
+        up = (0.0, 1.0, 0.0) if thin == 2 else (0.0, 0.0, 1.0)
+    middle = [(x[0] + x[1]) / 2, (x[2] + x[3]) / 2, (x[4] + x[5]) / 2]
+    view.CameraFocalPoint = middle
+    view.CameraViewUp = up
+    view.CameraPosition = [m + 3.0 * max(sizes) * d for m, d in zip(middle, direction, strict=True)]
+    simple.ResetCamera(view)
+
+
+def views_for(count: int) -> tuple[Any, list[Any]]:
+    """A view, and to its right ``count`` more, one above the other."""
+    views = [simple.GetActiveViewOrCreate("RenderView")]
+    layout = simple.GetLayout(views[0])
+    cell = layout.GetViewLocation(views[0])
+    for i in range(count):
+        if i == 0:
+            cell = layout.SplitHorizontal(cell, 0.5) + 1
+        else:
+            cell = layout.SplitVertical(cell, 1.0 / (count - i + 1)) + 1
+        views.append(simple.CreateView("RenderView"))
+        simple.AssignViewToLayout(view=views[-1], layout=layout, hint=cell)
+    return layout, views
+
+
+def main() -> None:
+    """Show the group that was written last; open the others."""
+    folder = own_folder()
+    groups = found(folder)
+    if not groups:
+        raise RuntimeError("there are no results in " + (folder or "the folder of this script"))
+    for prefix, files in groups[:-1]:
+        open_all(prefix, files)
+    layout, views = show(open_all(*groups[-1]))
+    simple.GetAnimationScene().UpdateAnimationUsingDataTimeSteps()
+    simple.GetAnimationScene().GoToLast()
+    for view in views:
+        simple.ResetCamera(view)
+    simple.RenderAllViews()
+    pictures = [word for word in sys.argv[1:] if word.endswith(".png")]
+    if pictures:
+        layout.SetSize(1600, 900)
+        simple.SaveScreenshot(pictures[0], layout, ImageResolution=[1600, 900])
+
+
+main()

@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The other face of a pair of bodies: fields on the master.
+
+The contact points of a pair are those of the slave, whose face has all fields. On the master are
+its displacement and support, and the contact forces B^T W t at its nodes over the areas of its own
+vertices. So its traction is minus the slave's where both faces have the same nodes and contact is
+nodal; else it is the same force, as another mesh has it: a vertex of which the slave covers a part
+has the force on that part over its whole area. Gap, slip and status are those of contact points,
+and so of the slave alone.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+import ufl
+from dolfinx import fem, la
+
+from dolfinx_contact._compat import FacetSubmesh, create_facet_submesh
+from dolfinx_contact._forms import compiled_form
+from dolfinx_contact.materials import circumference
+from dolfinx_contact.points.evaluation import point_space, vertex_function
+from dolfinx_contact.points.trace import outward_normals, trace_dofs
+from dolfinx_contact.results.balance import forces_at_vertices, support_at_nodes
+from dolfinx_contact.results.pairs import pair_forces
+
+if TYPE_CHECKING:
+    from dolfinx_contact.points.surface import ContactSurface
+    from dolfinx_contact.problem import ContactProblem
+
+__all__ = ["MasterFace"]
+
+
+class MasterFace:
+    """The face of a pair that has no contact points. Collective.
+
+    Args:
+        problem: with the pair.
+        pair: one of its surfaces, between bodies.
+
+    Attributes:
+        submesh: of its facets.
+        vertices: scalar P1 space on it.
+        areas: of the local vertices, as the slave has them: by the vertex rule where nodes match
+            and contact is nodal, else by hat functions.
+        trace: the nodes of the displacement at the local vertices.
+        normals: outward, at the local vertices (n, dim).
+    """
+
+    def __init__(self, problem: ContactProblem, pair: ContactSurface):
+        self._problem = problem
+        self._number = problem.surfaces.index(pair)
+        opposite = pair.obstacle.opposite
+        V = problem.V
+        self.submesh: FacetSubmesh = create_facet_submesh(V.mesh, opposite.master_facets)
+        self.vertices = point_space(self.submesh.mesh, None)
+        facets = self.submesh.parent_facets
+        self.trace = trace_dofs(V, self.vertices, facets)
+        same = pair.method == "nodal" and opposite.matching
+        rule = {"quadrature_rule": "vertex", "quadrature_degree": 1}
+        dx = ufl.Measure("dx", self.submesh.mesh, metadata=rule if same else {})
+        areas = la.vector(self.vertices.dofmap.index_map, 1)
+        areas.array[:] = 0.0
+        area = ufl.TestFunction(self.vertices) * dx
+        if pair.axisymmetric:
+            exact = dx(metadata={"quadrature_degree": 2})
+            area = circumference(self.submesh.mesh) * ufl.TestFunction(self.vertices) * exact
+        fem.assemble_vector(areas.array, compiled_form(area))
+        areas.scatter_reverse(la.InsertMode.add)
+        areas.scatter_forward()
+        self.areas = areas.array.copy()
+        W = fem.functionspace(V.mesh, ("Lagrange", 1))
+        normals, _ = outward_normals(W, opposite.master_facets)
+        self.normals = normals[trace_dofs(W, self.vertices, facets)]
+
+    def fields(self) -> dict[str, fem.Function]:
+        """What is known at the state in the Functions, continuous and linear. Collective.
+
+        Returns:
+            By name: ``displacement``, ``traction`` (of contact, on the master), ``pressure``, its
+            part against the outward normal, and ``support``, the reaction of Dirichlet data on the
+            body over the area of a vertex.
+        """
+        problem = self._problem
+        eq = self._problem.equations
+        state = problem.state()
+        dim = eq.dim
+        u = problem.u.x.array.reshape(-1, dim)
+        forces = fem.Function(problem.V)
+        owned = pair_forces(eq, self._number, state).reshape(-1)
+        forces.x.array[: len(owned)] = owned
+        forces.x.scatter_forward()
+        traction = self._per_area(forces.x.array.reshape(-1, dim))
+        values = {
+            "displacement": u[self.trace],
+            "traction": traction,
+            "pressure": -np.sum(traction * self.normals, axis=1) + 0.0,
+            "support": self._per_area(support_at_nodes(eq, state)),
+        }
+        return {name: vertex_function(self.vertices, name, v) for name, v in values.items()}
+
+    def _per_area(self, forces: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """Forces at the local nodes of the displacement over the areas of the vertices."""
+        there = forces_at_vertices(self._problem.V, self.submesh, self.trace, forces)
+        return np.asarray(there / self.areas[:, None])

@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""What a script says on rank 0 while it works."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any, Protocol, TextIO
+
+from mpi4py import MPI
+
+if TYPE_CHECKING:
+    from dolfinx_contact.results.result import Result
+    from dolfinx_contact.solvers.history import Step
+
+__all__ = ["Report"]
+
+
+class JournalOfBranches(Protocol):
+    """What a report needs of a journal (`records.Journal`)."""
+
+    @property
+    def branches(self) -> Sequence[Any]: ...
+
+    def rows(self, branch: int | None = None) -> Sequence[Any]: ...
+
+
+class Report:
+    """Lines on rank 0, each flushed, so that a reader sees where the time goes. Not collective.
+
+    Args:
+        comm: only rank 0 writes.
+        stream: where to, by default the standard output stream of the moment.
+
+    Example:
+        ::
+
+            say = Report(comm)
+            say("solving")
+            result = problem.solve(monitor=say.newton)
+            say.result(result)
+    """
+
+    def __init__(self, comm: MPI.Comm, *, stream: TextIO | None = None):
+        self._speaks = comm.rank == 0
+        self._stream = stream
+
+    def __call__(self, text: str) -> None:
+        """Write a line."""
+        if self._speaks:
+            print(text, file=self._stream or sys.stdout, flush=True)
+
+    def newton(self, step: Step) -> None:
+        """Write a line for an iterate of Newton's method; a monitor for `ContactProblem.solve`."""
+        m = step.measures
+        self(
+            f"  Newton {step.iteration:2d}: force {m.force:.1e}, constraint {m.constraint:.1e}, "
+            f"cone {m.cone:.1e}, {step.flips} points changed status"
+        )
+
+    def result(self, result: Result) -> None:
+        """Write how a solve ended: points by status, contact forces, violation of the law."""
+        self(f"{result.reason}: {result.iterations} Newton iterations, {result.dofs} unknowns")
+        self("contact points: " + ", ".join(f"{n} {k}" for k, n in result.counts.items() if n))
+        pairs = result.pairs
+        for name, force in result.resultants.items():
+            numbers = ", ".join(f"{v:.6g}" for v in force + 0.0)
+            self(f"contact force on the {'slave' if name in pairs else 'body'} ({name}): {numbers}")
+            if name in pairs:
+                numbers = ", ".join(f"{v:.6g}" for v in pairs[name].master + 0.0)
+                self(f"contact force on the master ({name}): {numbers}")
+        self(f"worst violation of the contact law: {result.kkt_violation:.1e} (relative)")
+
+    def branch(self, journal: JournalOfBranches, branch: int = 0) -> None:
+        """Write special points of a branch with the statuses at them, and why it ended."""
+        rows = journal.rows(branch)
+        known = journal.branches[branch]
+        for p in known.points:
+            for s in p["special"]:
+                word = rows[p["index"]]["status"]
+                self(f"{s['kind']:11s} gamma {s['gamma']:.12f}  {word if len(word) < 65 else ''}")
+        self(f"{len(known.points)} points: {known.reason}")
+
+    def files(self, files: Iterable[str | os.PathLike[str] | None]) -> None:
+        """Write the names of files; None is one that could not be made."""
+        self("files:")
+        for file in files:
+            if file is not None:
+                self(f"  {os.fspath(file)}")

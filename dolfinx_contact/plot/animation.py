@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""A recorded history as an animation of the deformed body.
+
+Frames are those of `picture_of_body`, drawn one after the other by the same program, with one
+frame, one scale of colours and one camera for all.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dolfinx_contact._errors import everywhere, on_root, same_everywhere
+from dolfinx_contact.io.folder import agreed_path
+from dolfinx_contact.plot.pictures import body_seen, draw
+from dolfinx_contact.records.steps_record import StepsRecord
+
+__all__ = ["animate"]
+
+#: What writes files of a kind: module, and how it is installed.
+_WRITERS = {
+    ".gif": ("imageio", "imageio, or python3-imageio of Debian"),
+    ".mp4": ("imageio_ffmpeg", "imageio-ffmpeg; .gif does not need it"),
+}
+_SKIN = 0.04  # of the size, by which obstacles are thick in a picture
+
+
+def animate(
+    file: str | os.PathLike[str],
+    record: StepsRecord[Any, Any],
+    *,
+    steps: Sequence[int] | None = None,
+    stress: Any = None,
+    scale: float = 1.0,
+    title: str = "",
+    rate: float = 10.0,
+) -> Path | None:
+    """Draw a recorded history as an animation, without a display. Collective.
+
+    Args:
+        file: ``.gif``, or ``.mp4``, for which imageio-ffmpeg must be installed.
+        record: an `EvolutionRecord` or `PathRecord`. The problem stays as it is.
+        steps: which are shown, in this order, 0 the start; by default all.
+        stress: 3 x 3 UFL stress of the displacement, by cell tags if there are several materials,
+            as for `write_fields`, for the colours.
+        scale: factor of the displacement.
+        title: above the pictures, before the time.
+        rate: pictures a second.
+
+    Returns:
+        The file, on every rank; None where it could not be drawn, as for `picture_of_body`.
+
+    Raises:
+        ModuleNotFoundError: on every rank, if what writes such a file is not installed.
+        ValueError: on every rank, for another suffix, a rate that is not positive, steps that are
+            not recorded, or arguments that differ between ranks.
+
+    Example:
+        ::
+
+            with records.EvolutionRecord("output/path", evolution) as record:
+                evolution.run(times, record=record)
+                plot.animate("output/path.gif", record, stress=steel.full_stress(u))
+    """
+    comm = record.comm
+    problem = record.problem
+    path = agreed_path(comm, file, "file")
+    states = record.journal.states
+    with everywhere(comm, "animate"):
+        shown = list(range(len(states))) if steps is None else [int(i) for i in steps]
+        if path.suffix not in _WRITERS:
+            raise ValueError(f"animations are .gif or .mp4, not {path.name}")
+        if not (np.isfinite(rate) and rate > 0):
+            raise ValueError(f"the rate must be a positive number of pictures a second, got {rate}")
+        if not shown:
+            raise ValueError("there are no steps to show")
+    same_everywhere(comm, steps=shown, rate=float(rate), title=title)
+    on_root(comm, lambda: _require_writer(path.suffix))
+    frames = []
+    with record.looking():
+        for index in shown:
+            record.show(index)
+            said = f"{title}{', ' if title else ''}time {states[index]['time']:.4g}"
+            kind, data = body_seen(problem, stress, scale, said)
+            frames.append(data)
+    if comm.rank == 0:
+        common: dict[str, Any] = {"reach": _reach(frames)}
+        if stress is not None:
+            values = [frame["von_mises"] for frame in frames]
+            common["colours"] = min(map(np.min, values)), max(map(np.max, values))
+        frames = [frame | common for frame in frames]
+    data = {"kind": kind, "frames": frames, "rate": float(rate)}
+    return draw(comm, "film", data, path, count=len(shown))
+
+
+def _require_writer(suffix: str) -> None:
+    module, package = _WRITERS[suffix]
+    if find_spec(module) is None:
+        raise ModuleNotFoundError(
+            f"{suffix} needs what is not installed: python3 -m pip install {package}", name=module
+        )
+
+
+def _reach(frames: Sequence[dict[str, Any]]) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """Two opposite corners of what is seen in any frame, or all of them in 3D (n, 3)."""
+    body = np.concatenate([frame["x"] for frame in frames])
+    skin = _SKIN * np.linalg.norm(np.ptp(body, axis=0))
+    parts = [body]
+    for frame in frames:
+        pairs = zip(frame["obstacle_x"], frame["obstacle_normals"], strict=True)
+        parts += [points + skin * n for points, n in pairs] if np.ptp(body[:, 2]) == 0 else []
+    seen = np.concatenate(parts)
+    ends = np.array([seen.min(axis=0), seen.max(axis=0)])
+    return np.array([[ends[i, 0], ends[j, 1], ends[k, 2]] for i, j, k in np.ndindex(2, 2, 2)])

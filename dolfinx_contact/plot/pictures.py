@@ -1,0 +1,390 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""PNG pictures of a body and of its contact surfaces, without a display.
+
+Only what is seen is gathered to rank 0: the boundary of a body in 3D, the body itself in 2D, the
+contact surfaces. There a process of its own (`render.py`) draws it, because VTK without a display
+may end its process. It gets a virtual display (Xvfb) where there is one, else that of the caller,
+else none, which is enough for some builds of VTK. A picture that cannot be drawn is a warning in
+the log: no solve fails for want of it.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import pickle
+import select
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+
+import ufl
+from dolfinx import fem, la, mesh
+
+from dolfinx_contact._errors import everywhere, require, same_everywhere
+from dolfinx_contact.io.fields import STATUS_CODES, check_stress, contact_fields, von_mises
+from dolfinx_contact.io.folder import agreed_path
+from dolfinx_contact.io.gathering import Arrays, gather_cells
+from dolfinx_contact.io.master import MasterFace
+from dolfinx_contact.points.trace import facet_closures
+from dolfinx_contact.points.vertex_state import vertex_state
+
+if TYPE_CHECKING:
+    from dolfinx_contact.points.surface import ContactSurface
+    from dolfinx_contact.problem import ContactProblem
+
+__all__ = ["body_seen", "draw", "picture_of_body", "picture_of_contact"]
+
+logger = logging.getLogger(__name__)
+
+_SECONDS = 120.0  # after which a picture is given up
+_NOTHING = 1e-10  # of a force, what counts as none
+_BY_VTK = ("body_3d", "vibration")
+_PROGRAMS = {"vibration": "animate.py"}  # of others render.py
+
+
+def picture_of_body(
+    file: str | os.PathLike[str],
+    problem: ContactProblem,
+    *,
+    stress: Any = None,
+    scale: float = 1.0,
+    title: str | None = None,
+) -> Path | None:
+    """Draw the deformed body with its obstacles and the rims of its contact surfaces. Collective.
+
+    Of a pair of bodies the rim of the slave is thick, that of the master thin.
+
+    Args:
+        file: the picture, ``.png``.
+        problem: a contact problem, usually solved.
+        stress: 3 x 3 UFL stress (``material.full_stress(u)``), of several materials one of each
+            cell tag as for `write_fields`, for the colours: von Mises stress, averaged to the
+            vertices.
+        scale: factor of the displacement.
+        title: above the picture.
+
+    Returns:
+        The file, on every rank; None where it could not be drawn.
+
+    Raises:
+        ValueError: on every rank, if the stress is not 3 x 3 or of another mesh, the scale is not
+            finite, or arguments differ between ranks.
+    """
+    path = agreed_path(problem.comm, file, "file")
+    return draw(problem.comm, *body_seen(problem, stress, scale, title), path)
+
+
+def body_seen(
+    problem: ContactProblem, stress: Any, scale: float, title: str | None
+) -> tuple[str, dict[str, Any]]:
+    """What a picture of the body shows, for rank 0: its kind and data. Collective.
+
+    Arguments and errors are those of `picture_of_body`.
+    """
+    u = problem.u
+    domain = u.function_space.mesh
+    comm = problem.comm
+    check_scale(comm, scale)
+    tags = check_stress(problem, stress)
+    tdim = domain.topology.dim
+    V = fem.functionspace(domain, ("Lagrange", 1))
+    moved = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (tdim,))))
+    moved.interpolate(u)
+    values = {"u": moved.x.array.reshape(-1, tdim)}
+    if stress is not None:
+        values["von_mises"] = _averaged(V, stress, tags)
+    cells = outer_cells(V)
+    data: dict[str, Any] = {"title": title or _title(u, scale)}
+    seen = gather_cells(comm, V, cells, values)
+    patches = [patch(s) for s in problem.surfaces]
+    masters = [_master(problem, s) for s in problem.surfaces if s.between_bodies]
+    rigid = [p for p, s in zip(patches, problem.surfaces, strict=True) if not s.between_bodies]
+    if comm.rank == 0:
+        data |= {**seen, "x": _in_space(seen["x"] + scale * _in_space(seen["u"]))}
+        data["contact_x"] = [_in_space(p["x"] + scale * _in_space(p["u"])) for p in patches]
+        data["contact_cells"] = [p["cells"] for p in patches]
+        data["master_x"] = [_in_space(p["x"] + scale * _in_space(p["u"])) for p in masters]
+        data["master_cells"] = [p["cells"] for p in masters]
+        data["obstacle_cells"] = [p["cells"] for p in rigid]
+        data["obstacle_x"] = [_in_space(p["floor"] + scale * p["moved"]) for p in rigid]
+        data["obstacle_normals"] = [_in_space(p["n"]) for p in rigid]
+    return f"body_{tdim}d", data
+
+
+def picture_of_contact(
+    file: str | os.PathLike[str],
+    problem: ContactProblem,
+    *,
+    surface: ContactSurface | None = None,
+    title: str | None = None,
+) -> Path | None:
+    """Draw pressure, shear and status of a contact surface. Collective.
+
+    In 3D two maps of the surface, projected along its mean normal; in 2D the tractions and the
+    friction bound against the position along the surface. Status and values are those of the
+    vertices (`fields.contact_fields`).
+
+    Args:
+        file: the picture, ``.png``.
+        problem: a contact problem, usually solved.
+        surface: one of its surfaces, by default the first.
+        title: above the picture.
+
+    Returns:
+        The file, on every rank; None where it could not be drawn.
+
+    Raises:
+        ValueError: on every rank, if the surface is not one of the problem, or arguments differ
+            between ranks.
+    """
+    s = problem.surfaces[0] if surface is None else surface
+    path = agreed_path(problem.comm, file, "file")
+    with everywhere(problem.comm, "a picture"):
+        if not any(s is t for t in problem.surfaces):
+            raise ValueError(f"the surface {getattr(s, 'name', s)!r} is not one of the problem")
+    same_everywhere(problem.comm, surface=s.name)
+    fields = contact_fields(problem, s)
+    pressure = fields["pressure"].x.array
+    status = fields["status"].x.array
+    at_vertices = vertex_state(s)
+    normal = at_vertices["n"]
+    traction = fields["traction"].x.array.reshape(-1, s.dim)
+    # What supports hold is not contact; and where nothing is pressed round-off would be all to see.
+    carries = (status != STATUS_CODES["d"]) & _is_seen(problem, s, traction)
+    values = {
+        "pressure": np.where(carries, pressure, 0.0),
+        "status": status,
+        "shear": np.where(carries[:, None], traction + pressure[:, None] * normal, 0.0),
+        "bound": at_vertices["bound"],
+        "n": s.points.vertex_normals,
+    }
+    cells = s.points.vertices.dofmap.list[: s.submesh.mesh.topology.index_map(s.dim - 1).size_local]
+    seen = gather_cells(s.comm, s.points.vertices, cells, values)
+    data: dict[str, Any] = {"title": title or f"Contact surface: {s.name}"}
+    data["body"] = "slave" if s.between_bodies else "body"
+    # So are nodes that a crack has not doubled, and those that have nothing opposite.
+    data["clamped"] = "without contact" if s.between_bodies else "clamped"
+    if s.comm.rank == 0:
+        axes, labels = _flat_axes(seen["n"].mean(axis=0), s.dim)
+        shear = seen["shear"] @ axes
+        data |= {**seen, "x": seen["x"][:, : s.dim] @ axes, "labels": labels}
+        data["shear"] = shear if s.dim == 3 else shear[:, 0]
+        codes = np.bincount(seen["status"].astype(int), minlength=len(set(STATUS_CODES.values())))
+        data["counts"] = codes
+    return draw(s.comm, f"contact_{s.dim}d", data, path)
+
+
+# -- what is seen --------------------------------------------------------------------------------
+
+
+def outer_cells(V: fem.FunctionSpace) -> npt.NDArray[np.int32]:
+    """Vertices, numbers of dofs of a linear space, of what is seen of a body. Collective.
+
+    In 2D its cells, in 3D the facets of its boundary, of this rank.
+    """
+    topology = V.mesh.topology
+    if topology.dim == 2:
+        return np.asarray(V.dofmap.list[: topology.index_map(2).size_local])
+    topology.create_connectivity(2, 3)
+    return facet_closures(V, mesh.exterior_facet_indices(topology))
+
+
+def check_scale(comm: MPI.Comm, scale: float) -> None:
+    """See that the factor of a displacement is a number, the same on every rank. Collective."""
+    number = isinstance(scale, int | float | np.integer | np.floating)
+    ok = number and bool(np.isfinite(scale))
+    require(comm, ok, f"the scale of the displacement must be a finite number, got {scale!r}")
+    same_everywhere(comm, scale=float(scale))
+
+
+def _title(u: fem.Function, scale: float) -> str:
+    return "Deformed body" if scale == 1 else f"Deformed body, displacement x {scale:g}"
+
+
+def _in_space(vectors: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Three components."""
+    return np.pad(vectors, ((0, 0), (0, 3 - vectors.shape[1])))
+
+
+def _averaged(
+    V: fem.FunctionSpace, stress: Any, tags: mesh.MeshTags | None
+) -> npt.NDArray[np.float64]:
+    """Means of the von Mises stress around the local vertices, weighted by their hat functions.
+
+    Args:
+        V: of the vertices.
+        stress: UFL, or UFL by cell tags.
+        tags: of cells, for the latter.
+    """
+    q = ufl.TestFunction(V)
+    dx = ufl.Measure("dx", V.mesh, subdomain_data=tags, metadata={"quadrature_degree": 2})
+    if tags is None:
+        whole = von_mises(stress) * q * dx
+    else:
+        whole = sum(von_mises(stress[tag]) * q * dx(tag) for tag in sorted(stress))
+    sums = []
+    for form in (whole, q * dx):
+        b = la.vector(V.dofmap.index_map, 1)
+        b.array[:] = 0.0
+        fem.assemble_vector(b.array, fem.form(form))
+        b.scatter_reverse(la.InsertMode.add)
+        b.scatter_forward()
+        sums.append(b.array.copy())
+    return np.asarray(sums[0] / sums[1])
+
+
+def patch(s: ContactSurface) -> Arrays:
+    """A contact surface and its obstacle, which may move as well."""
+    points = s.points
+    u, x = (v[points.vertex_trace_dofs] for v in (s.u.x.array.reshape(-1, s.dim), s.node_positions))
+    body = s.rigid_body
+    gap = points.vertex_gaps
+    n = points.vertex_normals
+    if s.displaced is not None:
+        x = x + (u if body is None else u - body.field(x, body.values))
+        gap, n = s.displaced.at_vertices(x - s.node_positions[points.vertex_trace_dofs])
+    floor = x + gap[:, None] * n
+    moved = np.zeros_like(floor) if body is None else body.field(floor, body.values)
+    values = {"u": u, "n": n, "floor": floor, "moved": moved, "ids": points.vertex_ids}
+    cells = s.points.vertices.dofmap.list[: s.submesh.mesh.topology.index_map(s.dim - 1).size_local]
+    return gather_cells(s.comm, s.points.vertices, cells, values)
+
+
+def _master(problem: ContactProblem, s: ContactSurface) -> Arrays:
+    """The face opposite to a pair's."""
+    face = MasterFace(problem, s)
+    u = s.u.x.array.reshape(-1, s.dim)[face.trace]
+    owned = face.submesh.mesh.topology.index_map(s.dim - 1).size_local
+    return gather_cells(s.comm, face.vertices, face.vertices.dofmap.list[:owned], {"u": u})
+
+
+def _is_seen(
+    problem: ContactProblem, s: ContactSurface, traction: npt.NDArray[np.float64]
+) -> npt.NDArray[np.bool_]:
+    """Local vertices of a surface at which tractions (n, dim) are more than round-off. Collective.
+
+    That of a body's forces is the round-off of its stiffness times its displacement.
+    """
+    u = s.comm.allreduce(float(np.max(np.abs(s.u.x.array), initial=0.0)), op=max)
+    force = np.linalg.norm(traction, axis=1) * s.points.vertex_areas
+    return np.asarray(force > _NOTHING * problem.equations.stiffness_scale * u)
+
+
+def _flat_axes(n: npt.NDArray[np.float64], dim: int) -> tuple[npt.NDArray[np.float64], list[str]]:
+    """Axes (dim, dim - 1) of the plane across ``n`` with labels: coordinate axes if nearly one."""
+    size = np.linalg.norm(n)
+    names = "xyz"[:dim]
+    n = n / size if size > 0.1 else np.eye(dim)[-1]  # a closed surface has no side to look at
+    across = np.abs(n) < 0.05
+    if across.sum() == dim - 1:
+        return np.eye(dim)[:, across], [name for name, a in zip(names, across, strict=True) if a]
+    if dim == 2:
+        return np.array([[-n[1]], [n[0]]]), ["position along the surface"]
+    first = np.eye(3)[np.argmin(np.abs(n))]
+    first = first - (first @ n) * n
+    first /= np.linalg.norm(first)
+    return np.stack([first, np.cross(first, n)], axis=1), ["along the surface", "across"]
+
+
+# -- drawing -------------------------------------------------------------------------------------
+
+
+def draw(
+    comm: MPI.Comm, kind: str, data: Mapping[str, Any], file: Path, *, count: int = 1
+) -> Path | None:
+    """Draw on rank 0; whether it worked is known on every rank. Collective.
+
+    Args:
+        comm: communicator.
+        kind: what, a function of `render.py` or `animate.py`.
+        data: that it shows, of rank 0.
+        file: the picture.
+        count: of pictures in the file, each of which has its time.
+    """
+    failure = _draw_apart(kind, data, file, _SECONDS * count) if comm.rank == 0 else None
+    failure = comm.bcast(failure)
+    if failure is None:
+        return file
+    if comm.rank == 0:
+        logger.warning("no picture %s: %s", file, failure)
+    return None
+
+
+def _draw_apart(kind: str, data: Mapping[str, Any], file: Path, seconds: float) -> str | None:
+    """Draw in a process of its own; why it failed, or None."""
+    in_space = kind in _BY_VTK or data.get("kind") in _BY_VTK
+    part = file.with_name(f".{file.stem}.part{file.suffix}")
+    source = Path(__file__).with_name(_PROGRAMS.get(kind, "render.py"))
+    program = [sys.executable, str(source), kind, str(part)]
+    try:
+        # A file and no pipe: PETSc takes the SIGPIPE of a reader that dies for an error of its own.
+        with tempfile.TemporaryFile() as stream, _display(needed=in_space) as environment:
+            pickle.dump(dict(data), stream)
+            stream.seek(0)
+            done = subprocess.run(
+                program,
+                stdin=stream,
+                env=environment,
+                capture_output=True,
+                timeout=seconds,
+                check=False,
+            )
+        if done.returncode == 0:
+            part.replace(file)
+            return None
+    except (OSError, subprocess.TimeoutExpired) as error:
+        return str(error)
+    finally:
+        with suppress(OSError):  # the reason is known by then
+            for left in file.parent.glob(f"{part.name}*"):
+                left.unlink()
+    said = done.stderr.decode(errors="replace").strip().splitlines()
+    if done.returncode < 0:
+        return (
+            f"the drawing process was ended by signal {-done.returncode}, as VTK does without a "
+            f"display (install Xvfb, or set DISPLAY). {said[-1] if said else ''}"
+        )
+    return said[-1] if said else f"the drawing process returned {done.returncode}"
+
+
+@contextmanager
+def _display(*, needed: bool) -> Iterator[dict[str, str]]:
+    """Environment in which VTK can draw: with a virtual display while the context lasts."""
+    environment = dict(os.environ)
+    server = shutil.which("Xvfb") if needed else None
+    if server is None:
+        yield environment
+        return
+    options = ["-displayfd", "1", "-screen", "0", "1600x1200x24", "-nolisten", "tcp"]
+    # The shell ends the display when its input ends, and so even if this process is killed; Xvfb
+    # may miss a signal that comes as it begins to wait.
+    watch = (
+        '"$@" & x=$!; exec > /dev/null 2>&1; cat; kill $x; '
+        "(while sleep 0.5; do kill $x; done) & k=$!; wait $x; kill $k"
+    )
+    xvfb = subprocess.Popen(
+        ["sh", "-c", watch, "sh", server, *options],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+    )
+    try:
+        # Readable when the number is written, or when Xvfb ends without one.
+        ready = select.select([xvfb.stdout], [], [], _SECONDS)[0]
+        number = ready[0].readline().decode().strip() if ready else ""
+        if number:
+            environment["DISPLAY"] = f":{number}"
+        yield environment
+    finally:
+        xvfb.communicate()

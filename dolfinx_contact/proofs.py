@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""What problems ask of `analysis`, which stands above them and is loaded when it is asked first.
+
+This is the one place where something imports from above.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact.continuation.affine import AffineSystem
+from dolfinx_contact.continuation.system import Proof, RayProof
+from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.reduced.condensed import CondensedContact
+from dolfinx_contact.results.theory import Theory
+from dolfinx_contact.results.uniqueness import Uniqueness
+from dolfinx_contact.solvers.linear import LinearSolver
+
+__all__ = ["obstacle_to_proof", "proved", "proved_rays", "theory_of", "uniqueness"]
+
+
+def _analysis() -> Any:
+    from dolfinx_contact.analysis import contact
+
+    return contact
+
+
+def obstacle_to_proof(equations: ContactEquations, condensed: CondensedContact | None) -> str:
+    """See `analysis.contact`."""
+    return str(_analysis().obstacle_to_proof(equations, condensed))
+
+
+def proved(condensed: CondensedContact, gamma: float, seconds: float) -> Proof | None:
+    """See `analysis.contact`."""
+    found: Proof | None = _analysis().proved(condensed, gamma, seconds)
+    return found
+
+
+def proved_rays(
+    condensed: CondensedContact,
+    cone: AffineSystem,
+    known: Sequence[tuple[npt.NDArray[np.int8], float]],
+    seconds: float,
+) -> RayProof:
+    """See `analysis.contact`."""
+    found: RayProof = _analysis().proved_rays(condensed, cone, known, seconds)
+    return found
+
+
+def theory_of(equations: ContactEquations) -> Theory:
+    """See `analysis.theory`."""
+    found: Theory = _analysis().theory_of(equations)
+    return found
+
+
+def uniqueness(
+    equations: ContactEquations,
+    linear: Callable[[], LinearSolver],
+    x: PETSc.Vec,
+    seconds: float,
+) -> Uniqueness:
+    """See `analysis.contact`."""
+    found: Uniqueness = _analysis().uniqueness(equations, linear, x, seconds)
+    return found

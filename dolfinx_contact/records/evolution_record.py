@@ -1,0 +1,171 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The record of an evolution on the disk, from which a killed run is resumed; see `StepsRecord`.
+
+Beside what all have a state has the Functions that its evolution keeps, as velocities. Steps that
+were found together, on the way to a jump, do not say how the run goes on: they are found once more.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
+from typing import Any
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact.evolution import EvolutionStep, History
+from dolfinx_contact.evolution.run import Evolution
+from dolfinx_contact.evolution.standing import Standing, Task
+from dolfinx_contact.records.evolution_journal import EvolutionJournal
+from dolfinx_contact.records.steps_record import StepsRecord
+
+__all__ = ["EvolutionRecord"]
+
+
+class EvolutionRecord(StepsRecord[EvolutionJournal, Standing]):
+    """Records the runs of an evolution in a folder. Collective.
+
+    While it is open no other process can record there. Ranks that ``mpirun`` has started end with
+    it from then on, also when it is killed.
+
+    A record is resumed with the same problem only: mesh, forms and the cells and facets of their
+    integrals, Dirichlet conditions, surfaces and laws, the values of Constants, and those of
+    Functions node by node (of density and damping as well), to 1e-9 of their size, all under the
+    load at the last recorded time. The forces at the first state after it are evaluated and
+    compared with those of then. What the load will do later cannot be compared.
+
+    Args:
+        folder: of the record, made if need be.
+        evolution: whose runs are recorded.
+        resume: whether to go on with a record that exists. Else there must be none.
+
+    Attributes:
+        journal: what has been recorded, on every rank.
+
+    Raises:
+        OSError: on every rank, if the folder cannot be written to, another process records there,
+            there is a record and it is not to be resumed, or the other way round. Later, from
+            `QuasiStatic.run`, if a step cannot be written: the record then ends with the step
+            before, and can be resumed.
+        ValueError: on every rank, if the journal is damaged or that of another problem or load, or
+            arguments differ between ranks. Nothing has been written then.
+
+    Example:
+        Record a run, and look at it::
+
+            with EvolutionRecord("output/path", evolution) as record:
+                history = evolution.run(times, record=record)
+            rows = read_evolution("output/path").rows()
+
+        If it is killed, a script that has made the same evolution goes on::
+
+            with EvolutionRecord("output/path", evolution, resume=True) as record:
+                history = record.go_on()
+    """
+
+    _what = "evolution"
+    _along = "the time"
+
+    def __init__(
+        self, folder: str | os.PathLike[str], evolution: Evolution, *, resume: bool = False
+    ):
+        if not isinstance(evolution, Evolution):
+            raise ValueError(f"a QuasiStatic or NSCD is needed, got {type(evolution).__name__}")
+        self.evolution = evolution
+        super().__init__(
+            folder,
+            evolution.problem,
+            EvolutionJournal,
+            method=evolution.method,
+            resume=resume,
+            data=evolution.data,
+            forms=evolution.forms,
+        )
+
+    def _load(self, state: Mapping[str, Any]) -> None:
+        self.evolution.load(state["time"])
+
+    def _entry_of(self, standing: Standing) -> dict[str, Any]:
+        return {
+            "number": standing.number,
+            "length": standing.length,
+            "rate": None if standing.rate is None else standing.rate.tolist(),
+            "settled": standing.settled,
+        }
+
+    def _names(self) -> Iterable[str]:
+        return self.evolution.kept
+
+    def _fill(self, vectors: Mapping[str, PETSc.Vec], standing: Standing) -> None:
+        n = self.problem.equations.owned_sizes[0]
+        for name, f in self.evolution.kept.items():
+            vectors[name].array[:n] = f.x.array[:n]
+
+    def _stood(
+        self,
+        state: Mapping[str, Any],
+        vectors: Mapping[str, PETSc.Vec],
+        found: Mapping[str, npt.NDArray[Any]],
+        first: bool,
+    ) -> Standing:
+        n = self.problem.equations.owned_sizes[0]
+        for name, f in self.evolution.kept.items():
+            f.x.array[:n] = vectors[name].array_r[:n]
+            f.x.scatter_forward()
+        memory = self._points.memory(found)
+        energies = self.evolution.account(**state["energies"])
+        moment = self.evolution.recalled(state["time"], memory, energies, first=first)
+        # Of the start older journals say no more, and of the rate they have one number.
+        length = state.get("length", math.inf)
+        number = state.get("number", 0)
+        rate = None
+        if isinstance(state.get("rate"), list):
+            rate = np.array(state["rate"])
+        return Standing(moment, length, rate, number)
+
+    def go_on(
+        self,
+        *,
+        accept: Callable[[EvolutionStep], bool] | None = None,
+        observer: Callable[[EvolutionStep], object] | None = None,
+        progress: bool | None = None,
+    ) -> History:
+        """Go on with the last run as it was begun; one that has ended stays as it is. Collective.
+
+        The evolution is at the end of the record then, and may run on with ``record=`` this record.
+
+        Args:
+            accept: the same as at the beginning, if there was one.
+            observer: told of the steps that are computed, beside the record.
+            progress: see `QuasiStatic.run`.
+
+        Returns:
+            The steps that were computed; the journal has all.
+
+        Raises:
+            NoContinuation: as `QuasiStatic.run`.
+            ValueError: on every rank, if no run was recorded, its checkpoints are damaged, or the
+                problem is not that of the record.
+        """
+        run = self._last_run()
+        if run.reason:
+            standing = replace(self._ended(), length=math.inf)
+            self.evolution.put(standing)
+            history = History(standing.moment.time, standing.moment.energies)
+            history.reason = run.reason
+            history.complete = run.complete
+            return history
+        task = Task(**run.task | {"times": tuple(run.task["times"])})
+        states = self.journal.states
+        known = [i for i in range(run.after + 1, len(states)) if states[i]["settled"]]
+        standing = self._resumed(run, known)
+        if self._index == run.after:
+            standing = replace(standing, length=task.longest)
+        return self.evolution.go_on(
+            task, standing, accept=accept, observer=observer, record=self, progress=progress
+        )

@@ -1,0 +1,239 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Journals: one JSON object a line, only ever appended to.
+
+The first line names the problem. A line is on the disk before what follows is computed, so that a
+run may be killed at any moment: at worst the last line lacks its end, and is not counted; a journal
+without a complete line counts as none. Every line ends with the CRC-32 of what is before it; a line
+that was damaged later is an error.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, BinaryIO, ClassVar, Generic, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact.io.disk import os_error, sync_folder
+from dolfinx_contact.records.lock import Lock
+
+__all__ = ["FILE_NAME", "FORMAT", "JournalFile", "Lines", "parse"]
+
+FILE_NAME = "journal.jsonl"
+FORMAT = 1
+_MARK = ', "crc": "'
+
+
+class _OtherKind(ValueError):
+    """A journal of something else."""
+
+
+@dataclass
+class Lines:
+    """What is in every journal.
+
+    Attributes:
+        header: what identifies the problem, and (not in journals of old) the places of the contact
+            points.
+        data: the checkpoint with the nodes of the mesh and, of branches, the values of Functions
+            (not in journals of old).
+        sessions: one dictionary for every run that recorded: ranks, versions, time of its start.
+        length: of the file in bytes, without a last line that was not finished.
+        torn: whether there is such a line.
+    """
+
+    kind: ClassVar[str]
+    header: dict[str, Any] = field(default_factory=dict)
+    data: dict[str, Any] = field(default_factory=dict)
+    sessions: list[dict[str, Any]] = field(default_factory=list)
+    length: int = 0
+    torn: bool = False
+
+    @property
+    def places(self) -> dict[str, npt.NDArray[np.float64]]:
+        """Coordinates (n, dim) of contact points by surface, in the order of the statuses.
+
+        Empty for a journal that does not have them.
+        """
+        return {k: np.array(x, float) for k, x in self.header.get("points", {}).items()}
+
+    def take(self, entry: dict[str, Any]) -> None:
+        """Add one line to what was read before.
+
+        Raises:
+            ValueError, KeyError, TypeError, IndexError: if it does not follow.
+        """
+        kind = entry.pop("type")
+        if (kind == "header") != (not self.header):
+            raise ValueError("a journal has one header, as its first line")
+        if kind == "header":
+            found = entry.get("of", "branches")
+            if found != self.kind:
+                raise _OtherKind(f"it is the journal of {found}, not of {self.kind}")
+            if entry["format"] != FORMAT:
+                raise ValueError(f"its format is {entry['format']}, known is {FORMAT}")
+            self.header = entry
+        elif kind == "session":
+            self.data = entry.pop("data", self.data)
+            self.sessions.append(entry)
+        else:
+            self._take(kind, entry)
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing was recorded yet."""
+        raise NotImplementedError
+
+    def _take(self, kind: str, entry: dict[str, Any]) -> None:
+        """Add a line that not every journal has."""
+        raise NotImplementedError
+
+
+J = TypeVar("J", bound=Lines)
+
+
+def parse(data: bytes, kind: type[J]) -> J:
+    """The journal in ``data``; a last line that was not finished is left out.
+
+    Raises:
+        ValueError: if a line is damaged or does not follow from those before it, or it is a journal
+            of something else.
+    """
+    *lines, rest = data.split(b"\n")
+    journal = kind(length=len(data) - len(rest), torn=bool(rest))
+    for number, line in enumerate(lines, 1):
+        try:
+            journal.take(_decode(line))
+        except _OtherKind:
+            raise
+        except (ValueError, KeyError, TypeError, IndexError) as error:
+            raise ValueError(f"line {number} of the journal is damaged: {error}") from None
+    return journal
+
+
+def _encode(entry: Mapping[str, Any]) -> bytes:
+    """A line for ``entry``; numbers keep all their digits, those that are not finite are words."""
+    body = json.dumps(_plain(entry), allow_nan=False)[:-1]
+    return f'{body}{_MARK}{zlib.crc32(body.encode()):08x}"}}\n'.encode()
+
+
+def _decode(line: bytes) -> dict[str, Any]:
+    text = line.decode()
+    body, mark, crc = text.rpartition(_MARK)
+    if not mark or crc != f'{zlib.crc32(body.encode()):08x}"}}':
+        raise ValueError("its check sum is wrong")
+    return dict(json.loads(body + "}", object_hook=_number))
+
+
+def _number(entry: dict[str, Any]) -> Any:
+    """A number that is not finite, if ``entry`` stands for one."""
+    return float(entry["float"]) if list(entry) == ["float"] else entry
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(v) for v in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not math.isfinite(value):
+        return {"float": str(value)}
+    return value
+
+
+def _is_blank(path: Path) -> bool:
+    """Whether a journal has no complete line: it was left in the first moment of a run."""
+    if not path.is_file():
+        return False
+    with open(path, "rb") as file:
+        return not file.readline().endswith(b"\n")
+
+
+class JournalFile(Generic[J]):
+    """A journal that is open for appending, locked against other processes. On one rank.
+
+    Args:
+        folder: where it is, or is to be.
+        kind: of the journal.
+        new: whether it must not exist yet.
+
+    Attributes:
+        journal: what was in it when it was opened.
+
+    Raises:
+        FileExistsError: if it is to be new and something has been recorded.
+        FileNotFoundError: if it is to exist and does not, or has no complete line.
+        BlockingIOError: if another process has it open; it says which.
+        OSError: if it cannot be opened.
+        ValueError: if it is damaged, or a journal of something else. It stays as it is.
+    """
+
+    def __init__(self, folder: Path, kind: type[J], *, new: bool):
+        path = folder / FILE_NAME
+        absent = FileNotFoundError(f"there is no {FILE_NAME} in {folder}")
+        if not new and not path.exists():
+            raise absent
+        message = f"{path} exists: resume it, or record to another folder; nothing is overwritten"
+        if new and path.exists() and not _is_blank(path):
+            raise FileExistsError(message)
+        # Append mode: the position cannot be wrong.
+        self._file: BinaryIO = open(path, "a+b", buffering=0)  # noqa: SIM115
+        try:
+            self._lock: Lock | None = None
+            self._lock = Lock(self._file, path)
+            self._file.seek(0)
+            self.journal = parse(self._file.readall(), kind)  # type: ignore[attr-defined]
+            if new and self.journal.length:  # written since
+                raise FileExistsError(message)
+            if not new and not self.journal.length:
+                raise absent
+            self._path = path
+            self._new = new
+            sync_folder(folder)
+        except BaseException as error:
+            # What another process has open is not removed.
+            if new and not isinstance(error, BlockingIOError) and _is_blank(path):
+                path.unlink(missing_ok=True)
+            if self._lock is not None:
+                self._lock.free()
+            self._file.close()
+            raise
+
+    def drop_torn_line(self) -> None:
+        """Cut off a last line that a killed run did not finish, so that lines can follow."""
+        if self.journal.torn:
+            self._file.truncate(self.journal.length)
+            os.fsync(self._file.fileno())
+            self.journal.torn = False
+
+    def append(self, entry: Mapping[str, Any]) -> None:
+        """Write one line; it is on the disk when this returns.
+
+        Raises:
+            OSError: with the path, if it cannot be written. What was written of it is cut off.
+        """
+        line = _encode(entry)
+        length = self._file.seek(0, os.SEEK_END)
+        try:
+            while line:
+                line = line[self._file.write(line) :]
+            os.fsync(self._file.fileno())
+        except OSError as error:
+            self._file.truncate(length)
+            raise os_error(error, self._path) from None
+
+    def close(self) -> None:
+        """Close the file, which frees the lock. A new one without a line is removed."""
+        if self._new and self._file.seek(0, os.SEEK_END) == 0:
+            self._path.unlink(missing_ok=True)
+        if self._lock is not None:
+            self._lock.free()
+        self._file.close()

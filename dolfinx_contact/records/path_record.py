@@ -1,0 +1,210 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The record of a path by arc length on the disk, from which a killed run is resumed.
+
+Beside what all have (`StepsRecord`) a state has the tangent by which it was come to, and all that
+the next step depends on, so that a run goes on with the same points.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, replace
+from typing import Any
+
+from petsc4py import PETSc
+
+import numpy.typing as npt
+
+from dolfinx_contact._errors import require
+from dolfinx_contact.continuation.branch import BranchPoint
+from dolfinx_contact.continuation.parameters import StepControl
+from dolfinx_contact.evolution import ArcLength, PathHistory
+from dolfinx_contact.evolution.arc_length import Observer, Stop
+from dolfinx_contact.evolution.path_standing import Known, PathStanding, PathTask, begun
+from dolfinx_contact.records.checkpoints import joined, last_entry
+from dolfinx_contact.records.path_journal import PathJournal
+from dolfinx_contact.records.steps_record import StepsRecord
+
+__all__ = ["PathRecord"]
+
+
+class PathRecord(StepsRecord[PathJournal, PathStanding]):
+    """Records the runs of a path by arc length in a folder. Collective.
+
+    While it is open no other process can record there. Ranks that ``mpirun`` has started end with
+    it from then on, also when it is killed.
+
+    Args:
+        folder: of the record, made if need be.
+        path: whose runs are recorded.
+        resume: whether to go on with a record that exists. Else there must be none.
+
+    Attributes:
+        journal: what has been recorded, on every rank.
+
+    Raises:
+        OSError: on every rank, if the folder cannot be written to, another process records there,
+            there is a record and it is not to be resumed, or the other way round. Later, from
+            `ArcLength.run`, if a point cannot be written: the record then ends with the point
+            before, and can be resumed.
+        ValueError: on every rank, if the journal is damaged or that of another problem or load, or
+            arguments differ between ranks. Nothing has been written then.
+
+    Example:
+        Record a path, and look at it::
+
+            with PathRecord("output/path", path) as record:
+                history = path.run((0.0, 1.0), record=record)
+            folds = read_path("output/path").folds
+
+        If it is killed, a script that has made the same `ArcLength` goes on::
+
+            with PathRecord("output/path", path, resume=True) as record:
+                history = record.go_on()
+                back = path.run((0.0, 1.0), direction="back", record=record)
+    """
+
+    _what = "path"
+    _along = "the arc length"
+
+    def __init__(self, folder: str | os.PathLike[str], path: ArcLength, *, resume: bool = False):
+        if not isinstance(path, ArcLength):
+            raise ValueError(f"an ArcLength is needed, got {type(path).__name__}")
+        self.path = path
+        driven = path.parametric.driven_expressions
+        super().__init__(
+            folder, path.parametric, PathJournal, method=(), resume=resume, driven=driven
+        )
+
+    def _load(self, state: Mapping[str, Any]) -> None:
+        self.path.parametric.set(state["gamma"])
+
+    def _entry_of(self, standing: PathStanding) -> dict[str, Any]:
+        point = standing.arrived
+        arrived = None
+        if point is not None:
+            arrived = {
+                "tangent": last_entry(point.tangent),
+                "piece": self.path.parametric.letters(point.piece),
+                "step": point.step,
+                "corrections": point.corrections,
+                "tau": point.tau,
+            }
+        return {
+            "gamma": standing.gamma,
+            "arrived": arrived,
+            "number": standing.number,
+            "length": standing.length,
+            "known": asdict(standing.known),
+            "reason": standing.reason,
+        }
+
+    def _names(self) -> Iterable[str]:
+        return ("tangent",)
+
+    def _fill(self, vectors: Mapping[str, PETSc.Vec], standing: PathStanding) -> None:
+        if standing.arrived is not None:
+            t = vectors["tangent"]
+            t.array[:] = standing.arrived.tangent.array_r[: t.getLocalSize()]
+
+    def _stood(
+        self,
+        state: Mapping[str, Any],
+        vectors: Mapping[str, PETSc.Vec],
+        found: Mapping[str, npt.NDArray[Any]],
+        first: bool,
+    ) -> PathStanding:
+        gamma = state["gamma"]
+        arrived = None
+        energies = self.path.account(**state["energies"])
+        memory = self._points.memory(found)
+        moment = self.path.recalled(state["time"], gamma, memory, energies, first=first)
+        if (at := state["arrived"]) is not None:
+            arrived = BranchPoint(
+                joined(vectors["x"], gamma),
+                joined(vectors["tangent"], at["tangent"]),
+                self.path.parametric.piece_of(at["piece"]),
+                gamma,
+                at["step"],
+                at["corrections"],
+                at["tau"],
+            )
+        known = Known(**state["known"])
+        number = state["number"]
+        return PathStanding(
+            moment,
+            gamma,
+            arrived,
+            state["length"],
+            known,
+            number,
+            (moment.time,),
+            state["reason"],
+        )
+
+    def begin(self, task: PathTask, standing: PathStanding) -> None:
+        """A run begins; see `evolution.standing.Keeper`. Collective.
+
+        Raises:
+            ValueError: on every rank, if it does not begin where the record ends, or is not the one
+                that was begun there and killed.
+        """
+        runs = self.journal.runs
+        if runs and not runs[-1].reason and self._last is None:
+            known = asdict(_task(runs[-1].task))
+            for name, value in asdict(task).items():
+                message = f"the run in {self.folder} has {name} {known[name]}, not {value}"
+                require(self.comm, known[name] == value, message)
+        super().begin(task, standing)
+
+    def go_on(
+        self,
+        *,
+        stop: Stop | None = None,
+        observer: Observer | None = None,
+        progress: bool | None = None,
+    ) -> PathHistory:
+        """Go on with the last run as it was begun; one that has ended stays as it is. Collective.
+
+        The path is at the end of the record then, and may run on with ``record=`` this record.
+
+        Args:
+            stop: the same as at the beginning, if there was one.
+            observer: told of the points that are computed, beside the record.
+            progress: see `ArcLength.run`.
+
+        Returns:
+            The points that were computed; the journal has all.
+
+        Raises:
+            ValueError: on every rank, if no run was recorded, its checkpoints are damaged, or the
+                problem is not that of the record.
+        """
+        run = self._last_run()
+        if run.reason:
+            standing = self._ended()
+            self.path.put(standing)
+            history = PathHistory(standing.moment.time, standing.moment.energies)
+            history.gamma = standing.gamma
+            history.reason = run.reason
+            history.complete = run.complete
+            return history
+        task = _task(run.task)
+        states = self.journal.states
+        standing = self._resumed(run, range(run.after + 1, len(states)))
+        passed = tuple(s["time"] for s in states[run.after : self._index + 1])
+        standing = replace(standing, passed=passed)
+        if self._index == run.after:
+            standing = begun(task, standing)
+        return self.path.go_on(
+            task, standing, stop=stop, observer=observer, record=self, progress=progress
+        )
+
+
+def _task(words: Mapping[str, Any]) -> PathTask:
+    """What was asked of a run, as the journal says it."""
+    low, high = words["gamma_range"]
+    return PathTask(
+        **dict(words) | {"gamma_range": (low, high), "control": StepControl(**words["control"])}
+    )

@@ -1,0 +1,189 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""What records of one contact problem in a folder share: the journal, its lock, and checkpoints."""
+
+from __future__ import annotations
+
+import logging
+import os
+import time
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
+
+from dolfinx import fem
+
+from dolfinx_contact._errors import on_root, require
+from dolfinx_contact.io.folder import agreed_path, output_folder
+from dolfinx_contact.records.checkpoints import Checkpoints
+from dolfinx_contact.records.identity import difference, same_words
+from dolfinx_contact.records.kept_data import KeptData, nodes_of, other_values, owned_values
+from dolfinx_contact.records.lines import FORMAT, JournalFile, Lines
+from dolfinx_contact.records.lock import end_with_launcher
+from dolfinx_contact.records.points import places
+
+if TYPE_CHECKING:
+    from dolfinx_contact.problem import ContactProblem
+
+__all__ = ["ProblemRecord"]
+
+logger = logging.getLogger(__name__)
+
+_DATA = "data"  # the checkpoint of what is known from the beginning
+
+J = TypeVar("J", bound=Lines)
+R = TypeVar("R", bound="ProblemRecord[Any]")
+
+
+class ProblemRecord(Generic[J]):
+    """A folder with a journal, locked, and checkpoints of one contact problem. Collective.
+
+    While it is open no other process can record there. Ranks that ``mpirun`` has started end with
+    it from then on, also when it is killed.
+
+    Args:
+        folder: of the record, made if need be.
+        problem: what it is of.
+        kind: of the journal.
+        resume: whether to go on with a record that exists. Else there must be none.
+
+    Attributes:
+        journal: what has been recorded, on every rank.
+
+    Raises:
+        OSError: on every rank, if the folder cannot be written to, another process records there,
+            there is a record and it is not to be resumed, or the other way round.
+        ValueError: on every rank, if the journal is damaged or one of something else.
+    """
+
+    def __init__(
+        self,
+        folder: str | os.PathLike[str],
+        problem: ContactProblem,
+        kind: type[J],
+        *,
+        resume: bool,
+    ):
+        self.problem = problem
+        self.comm = problem.comm
+        known = agreed_path(self.comm, folder, "folder")
+        self.folder = known if resume else output_folder(self.comm, known)
+        self._file: JournalFile[J] | None = None
+        self._made: Checkpoints | None = None
+        end_with_launcher()
+        self.journal: J = on_root(self.comm, lambda: self._open(kind, new=not resume))
+
+    def _open(self, kind: type[J], *, new: bool) -> J:
+        self._file = JournalFile(self.folder, kind, new=new)
+        return self._file.journal
+
+    def _require_same(self, problem: Mapping[str, Any], **more: Any) -> None:
+        """Compare the header with the problem, if there is one. Collective.
+
+        Args:
+            problem: what it is known by (`identity`).
+            more: words of the header, by name, that must be the same.
+
+        Raises:
+            ValueError: on every rank, if the journal is that of another problem.
+        """
+        recorded = self.journal.header
+        if recorded:
+            differs = self._nodes_differ(recorded, problem) or difference(
+                recorded["problem"] | {"mesh": problem["mesh"]}, problem
+            )
+            for name, value in more.items():
+                words = recorded.get(name, [])  # what is new has no words in older records
+                if not differs and not same_words(words, value):
+                    differs = f"other {name} ({', '.join(words)})"
+            message = f"the journal in {self.folder} is that of another problem: {differs}"
+            require(self.comm, not differs, message)
+
+    def _nodes_differ(self, recorded: Mapping[str, Any], problem: Mapping[str, Any]) -> str:
+        """In which respect the meshes differ, "" if they are the same. Collective.
+
+        Nodes that were moved by what was solved for are elsewhere in their last digits on other
+        ranks. So they are compared where the hash of the whole mesh is another.
+        """
+        known = recorded["problem"]
+        kept = self.journal.data
+        if known["mesh"] == problem["mesh"]:
+            return ""
+        if not kept or known["cells"] != problem["cells"]:
+            return "another mesh"
+        nodes = nodes_of(self.problem)
+        found = fem.Function(nodes.function_space)
+        self._checkpoints.read_functions(kept["checkpoint"], kept["sum"], {"nodes": found})
+        least = 1e-9 * self.problem.equations.body_size
+        other = other_values(nodes, owned_values(found), least)
+        return "" if other is None else f"another mesh: a coordinate of a node: {other}"
+
+    @property
+    def _checkpoints(self) -> Checkpoints:
+        """What is kept of states. Collective."""
+        if self._made is None:
+            self._made = Checkpoints(self.folder / "checkpoints", self.problem)
+        return self._made
+
+    def _begin(self, problem: Mapping[str, Any], data: KeptData | None = None, **more: Any) -> None:
+        """Write the header, if there is none, and begin a session. Collective.
+
+        Args:
+            problem: what it is known by (`identity`).
+            data: whose values are kept from the beginning, if they do not go with states.
+            more: words of the header, by name.
+        """
+        from dolfinx_contact import __version__
+
+        recorded = self.journal.header
+        known = recorded.get("package", __version__)
+        if known != __version__ and self.comm.rank == 0:
+            logger.warning("recorded by %s, resumed by %s", known, __version__)
+        on_root(self.comm, lambda: self._file.drop_torn_line() if self._file else None)
+        if not recorded:
+            header = {"package": __version__, "of": self.journal.kind, **more, "problem": problem}
+            header["points"] = places(self.problem)
+            self._append({"type": "header", "format": FORMAT, **header})
+            self.journal.header = header
+        session = {"time": time.time(), "ranks": self.comm.size, "package": __version__}
+        more_of_it = {}
+        if not self.journal.data and self.journal.is_empty:
+            more_of_it["data"] = self.journal.data = self._keep_data(data)
+        self._append({"type": "session", **session, **more_of_it})
+        self.journal.sessions.append(session)
+
+    def _keep_data(self, data: KeptData | None) -> dict[str, Any]:
+        """Keep the nodes of the mesh, and data; what the journal says of it. Collective."""
+        kept = {} if data is None else data.changed()
+        functions = {"nodes": nodes_of(self.problem), **kept}
+        total = self._checkpoints.write(_DATA, {}, functions=functions)
+        entry: dict[str, Any] = {"checkpoint": _DATA, "sum": total}
+        if data is not None:
+            entry["values"] = data.are_kept(_DATA, kept)
+        return entry
+
+    def _append(self, entry: Mapping[str, Any]) -> None:
+        """Write a line of the journal; a checkpoint that it cannot name is removed. Collective."""
+        self._require_open()
+        try:
+            on_root(self.comm, lambda: self._file.append(entry) if self._file else None)
+        except OSError:
+            if "checkpoint" in entry:
+                self._checkpoints.remove(entry["checkpoint"])
+            raise
+
+    def _require_open(self) -> None:
+        """Raise ``ValueError`` on every rank if the journal is closed. Collective."""
+        closed = self.comm.rank == 0 and self._file is None
+        message = f"the record in {self.folder} is closed: open it with resume=True"
+        require(self.comm, not closed, message)
+
+    def close(self) -> None:
+        """Close the journal; the record can then be resumed."""
+        if self._file is not None:
+            self._file.close()
+            self._file = None
+
+    def __enter__(self: R) -> R:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()

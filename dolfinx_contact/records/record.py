@@ -1,0 +1,410 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The record of a continuation on the disk, from which a killed run is resumed.
+
+A record is a folder with the journal (`journal.py`: gamma, functionals, statuses, step data and
+special points of every accepted point) and checkpoints (`checkpoints.py`: unknowns and tangent of
+some). A run may be killed at any moment; resumed, on any number of ranks, it goes on from the last
+checkpoint to the same points. Those that had been recorded beyond it are computed once more, must
+coincide with the record, and are not recorded again.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+from petsc4py import PETSc
+
+import numpy as np
+
+from dolfinx_contact._errors import require, same_everywhere
+from dolfinx_contact.continuation import (
+    Branch,
+    BranchPoint,
+    Observer,
+    Observers,
+    Route,
+    SpecialPoint,
+    StepControl,
+    Stepping,
+    Task,
+    follower_for,
+)
+from dolfinx_contact.continuation.branch import Stop
+from dolfinx_contact.equations.given_data import data_within
+from dolfinx_contact.laws import status
+from dolfinx_contact.records.checkpoints import joined, last_entry
+from dolfinx_contact.records.identity import driven_words, identity
+from dolfinx_contact.records.journal import Journal, JournalBranch
+from dolfinx_contact.records.kept_data import KeptData
+from dolfinx_contact.records.points import Functional, compiled, described
+from dolfinx_contact.records.problem_record import ProblemRecord
+
+if TYPE_CHECKING:
+    from dolfinx_contact.parametric import ParametricContact
+
+__all__ = ["BranchRecord"]
+
+logger = logging.getLogger(__name__)
+
+_COINCIDE = 1e-8  # of the range of gamma, and of the length of x that counts as 1
+
+
+class BranchRecord(ProblemRecord[Journal], Observer):
+    """Records branches of a contact problem in a folder. Collective.
+
+    While it is open no other process can record there. Ranks that ``mpirun`` has started end with
+    it from then on, also when it is killed.
+
+    A record is resumed with the same problem only: mesh, forms and the cells and facets of their
+    integrals, Dirichlet conditions and what gamma drives, surfaces and laws, the values of
+    Constants, and those of Functions node by node, to 1e-9 of their size. The point from which a
+    branch goes on must be a solution.
+
+    Args:
+        folder: of the record, made if need be.
+        system: what is followed.
+        functionals: by name, scalar UFL forms in the problem's Functions, or functions of the
+            problem that return a number; these are called on every rank.
+        every: fields are kept at every so many points, at special points, and at both ends.
+        resume: whether to go on with a record that exists. Else there must be none.
+
+    Attributes:
+        journal: what has been recorded, on every rank.
+
+    Raises:
+        OSError: on every rank, if the folder cannot be written to, another process records there,
+            there is a record and it is not to be resumed, or the other way round. Later, from
+            whatever follows a branch, if a point cannot be written: the record then ends with the
+            point before, and can be resumed.
+        ValueError: on every rank, if the journal is damaged or that of another problem, or
+            arguments differ between ranks. Nothing has been written then.
+
+    Example:
+        Follow a branch with a record, and look at it::
+
+            push = {"push": ufl.dot(traction, u) * ds}
+            with BranchRecord("output/branch", system, push) as record:
+                branch = follow(system, x, 0.0, gamma_range=(0.0, 1.0), observer=record)
+            table = read_journal("output/branch").table()  # pandas, a row a point
+
+        If the run is killed, the same script goes on with ``resume``::
+
+            branch = resume("output/branch", system, push)
+    """
+
+    def __init__(
+        self,
+        folder: str | os.PathLike[str],
+        system: ParametricContact,
+        functionals: Mapping[str, Functional] | None = None,
+        *,
+        every: int = 10,
+        resume: bool = False,
+    ):
+        if not (functionals is None or isinstance(functionals, Mapping)):
+            raise ValueError(f"functionals are a dictionary by their names, got {functionals!r}")
+        comm = system.comm
+        whole = isinstance(every, int | np.integer) and every >= 1
+        require(comm, whole, f"fields must be kept at every 1 or more points, got {every!r}")
+        same_everywhere(comm, every=int(every), resume=bool(resume))
+        self.system = system
+        self.every = every
+        self._functionals = compiled(system.problem, functionals or {})
+        super().__init__(folder, system.problem, Journal, resume=resume)
+        self._x = system.create_vector()
+        self._mx = system.create_vector()
+        self._last: tuple[BranchPoint, Stepping] | None = None
+        self._starts = False
+        try:
+            driven = system.driven_expressions
+            data = KeptData(
+                system.problem,
+                self._checkpoints,
+                more=data_within(driven),
+                but=[*system.driven_functions, system.constant],
+            )
+            known = identity(system.problem, but=[system.constant], more=data_within(driven))
+            known |= {"functions": data.elements, "driven": driven_words(system.problem, driven)}
+            self._require_same(known, functionals=list(self._functionals))
+            gamma = float(self.journal.header.get("gamma", system.constant.value))
+            with system.restored(always=True):
+                system.set(gamma)
+                self._require_data(data)
+                self._begin(known, data, functionals=list(self._functionals), gamma=gamma)
+        except Exception:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        """Close the journal; the record can then be resumed."""
+        super().close()
+        for v in (self._x, self._mx):
+            v.destroy()
+
+    def _require_data(self, data: KeptData) -> None:
+        """Refuse Functions that are not those that were recorded. Collective."""
+        kept = self.journal.data
+        if self.journal.is_empty:
+            return
+        if "values" not in kept:
+            if self.comm.rank == 0:
+                logger.warning(
+                    "the journal in %s is of an earlier version, which did not keep the values of "
+                    "Functions: that they are the same is not known",
+                    self.folder,
+                )
+            return
+        other = data.difference(kept["values"], {kept["checkpoint"]: kept["sum"]})
+        message = (
+            f"the journal in {self.folder} is that of another problem: other loads, materials or "
+            f"friction{other}"
+        )
+        require(self.comm, other is None, message)
+
+    # -- Observer --------------------------------------------------------------------------------
+
+    def begin(self, branch: int, task: Task) -> None:
+        new = {
+            "gamma_range": [float(g) for g in task.gamma_range],
+            "gamma_scale": float(task.gamma_scale),
+            "control": asdict(task.control),
+            "max_steps": task.max_steps,
+        }
+        known = self.journal.branches.get(branch)
+        self._starts = True
+        if known is None:
+            self._append({"type": "branch", "branch": branch, "task": new})
+            self.journal.branches[branch] = JournalBranch(new)
+            return
+        for key in ("gamma_range", "gamma_scale", "control"):
+            same = known.task[key] == new[key]
+            message = f"branch {branch} was recorded with {key} {known.task[key]}, not {new[key]}"
+            require(self.comm, same, message)
+
+    def point(
+        self,
+        branch: int,
+        index: int,
+        point: BranchPoint,
+        special: Sequence[SpecialPoint],
+        stepping: Stepping,
+    ) -> None:
+        recorded = self.journal.branches[branch].points
+        self._last = point, stepping
+        starts = self._starts
+        self._starts = False
+        letters = self.system.letters(point.piece)
+        entry = {
+            "index": index,
+            "gamma": point.gamma,
+            "norm": self._norm(point.y, stepping),
+            "step": point.step,
+            "corrections": point.corrections,
+            "tau": point.tau,
+            "status": letters,
+            "special": [described(self.system, s) for s in special],
+        }
+        if index < len(recorded):
+            if starts:  # what lies before it is not looked at again
+                entry["special"] = recorded[index]["special"]
+            self._compare(branch, recorded[index], entry)
+            return
+        follows = index == len(recorded)
+        message = f"point {index} cannot follow the {len(recorded)} recorded of branch {branch}"
+        require(self.comm, follows, message)
+        if index % self.every == 0 or special:
+            entry |= self._checkpoint(branch, index, point)
+        self._unknowns(point.y)
+        self.system.put(self._x, point.gamma, point.piece)
+        entry |= {
+            "functionals": {name: f() for name, f in self._functionals.items()},
+            "counts": status.count(letters),
+            "next_step": stepping.next_step,
+            "x_scale": stepping.x_scale,
+            "largest_distance": stepping.largest_distance,
+            "scales": list(self.system.scales),
+            "tangent_gamma": last_entry(point.tangent),
+        }
+        written = dict(entry)
+        if recorded and recorded[-1]["status"] == letters:
+            del written["status"]
+        self._append({"type": "point", "branch": branch, **written})
+        recorded.append(entry)
+        self.journal.branches[branch].reason = ""
+
+    def end(self, branch: int, reason: str) -> None:
+        known = self.journal.branches[branch]
+        if known.reason == reason or self._last is None:
+            return
+        entry: dict[str, Any] = {}
+        point, stepping = self._last
+        if "checkpoint" not in known.points[-1] and stepping.index == len(known.points) - 1:
+            entry = self._checkpoint(branch, stepping.index, point)
+        self._append({"type": "end", "branch": branch, "reason": reason, **entry})
+        known.points[-1] |= entry
+        known.reason = reason
+
+    def _checkpoint(self, branch: int, index: int, point: BranchPoint) -> dict[str, str]:
+        """Keep unknowns and tangent of a point; what the journal says of it."""
+        name = f"branch_{branch:04d}_point_{index:06d}"
+        t = self.system.create_vector()
+        t.array[:] = point.tangent.array_r[: t.getLocalSize()]
+        self._unknowns(point.y)
+        check_sum = self._checkpoints.write(name, {"tangent": t, "x": self._x})
+        t.destroy()
+        return {"checkpoint": name, "sum": check_sum}
+
+    def _compare(self, branch: int, recorded: Mapping[str, Any], found: Mapping[str, Any]) -> None:
+        """Refuse a point that is not the one that was recorded."""
+        scale = self.journal.branches[branch].task["gamma_scale"]
+        pairs = [(recorded["gamma"] / scale, found["gamma"] / scale)]
+        pairs += [(recorded["norm"], found["norm"])]
+        kinds = [[(s["kind"], s["smooth"]) for s in p["special"]] for p in (recorded, found)]
+        same = kinds[0] == kinds[1] and recorded["status"] == found["status"]
+        if same:
+            gammas = [[s["gamma"] / scale for s in p["special"]] for p in (recorded, found)]
+            pairs += zip(*gammas, strict=True)
+        same = same and all(abs(a - b) <= _COINCIDE * (1 + abs(a)) for a, b in pairs)
+        message = (
+            f"point {found['index']} of branch {branch} was recorded at gamma = "
+            f"{recorded['gamma']:.12g}, status {recorded['status']}, and is now found at gamma = "
+            f"{found['gamma']:.12g}, status {found['status']}: the problem has changed"
+        )
+        require(self.comm, same, message)
+
+    # -- going on --------------------------------------------------------------------------------
+
+    def last_state(self, branch: int = 0) -> tuple[BranchPoint, Stepping] | None:
+        """The last point of a branch whose fields were kept; None if there is none. Collective.
+
+        A damaged checkpoint is passed over, with a warning in the log.
+
+        Raises:
+            ValueError: on every rank, if it is no solution of the problem, or all are damaged.
+        """
+        known = self.journal.branches.get(branch)
+        kept = [p["index"] for p in known.points if "checkpoint" in p] if known else []
+        for index in reversed(kept):
+            try:
+                return self.state(branch, index)
+            except ValueError as error:
+                if "damaged" not in str(error) or index == kept[0]:
+                    raise
+                if self.comm.rank == 0:
+                    logger.warning("%s; going back to one before", error)
+        return None
+
+    def state(self, branch: int, index: int) -> tuple[BranchPoint, Stepping]:
+        """A point whose fields were kept, and what is needed to go on from it. Collective.
+
+        Raises:
+            ValueError: on every rank, if there are none, they are damaged, or it is no solution.
+        """
+        system = self.system
+        p = self.journal.branches[branch].points[index]
+        if "checkpoint" not in p:
+            raise ValueError(f"no fields were kept at point {index} of branch {branch}")
+        x, t, b = (system.create_vector() for _ in range(3))
+        self._checkpoints.read(p["checkpoint"], p["sum"], {"tangent": t, "x": x})
+        y = joined(x, p["gamma"])
+        tangent = joined(t, p["tangent_gamma"])
+        piece = system.piece_of(p["status"])
+        system.scales = p["scales"]
+        error = system.residual(x, p["gamma"], b, piece)
+        for v in (x, t, b):
+            v.destroy()
+        tolerance = self.journal.branches[branch].task["control"]["tolerance"]
+        require(
+            self.comm,
+            error <= 10 * tolerance,
+            f"point {index} of branch {branch} is no solution of this problem (residual "
+            f"{error:.1e}): other loads, materials or conditions than recorded",
+        )
+        system.scales = p["scales"]
+        point = BranchPoint(y, tangent, piece, p["gamma"], p["step"], p["corrections"], p["tau"])
+        stepping = Stepping(index, p["next_step"], p["x_scale"], p["largest_distance"])
+        return point, stepping
+
+    def points(self, branch: int = 0) -> list[BranchPoint]:
+        """All points of a branch whose fields were kept. Collective."""
+        recorded = self.journal.branches[branch].points
+        return [self.state(branch, p["index"])[0] for p in recorded if "checkpoint" in p]
+
+    def go_on(
+        self,
+        branch: int = 0,
+        *,
+        max_steps: int | None = None,
+        observer: Observer | None = None,
+        stop: Stop | None = None,
+    ) -> Branch:
+        """Go on with a branch as it was begun; one that has ended stays as it is. Collective.
+
+        Args:
+            branch: number of the branch.
+            max_steps: another budget, counted from the start of the branch.
+            observer: told of every point after the last checkpoint, beside the record.
+            stop: the same stop condition as at the beginning, if there was one.
+
+        Returns:
+            The branch from the last checkpoint on; the journal has all of it.
+
+        Raises:
+            ValueError: on every rank, if nothing of the branch was recorded, its checkpoints are
+                damaged, or the problem is not that of the record.
+        """
+        same_everywhere(self.comm, branch=branch, max_steps=max_steps)
+        state = self.last_state(branch)
+        if state is None:
+            raise ValueError(
+                f"no point of branch {branch} is in {self.folder}: follow it from its start, with "
+                "BranchRecord(..., resume=True), or remove the folder"
+            )
+        point, stepping = state
+        known = self.journal.branches[branch]
+        task = known.task
+        budget = task["max_steps"] if max_steps is None else max_steps
+        exhausted = known.reason.startswith("the budget") and budget >= len(known.points)
+        if known.reason and not exhausted:
+            return Branch([point], reason=known.reason)
+        origin = self.state(branch, 0)[0] if stepping.index else None
+        self.system.scales = known.points[stepping.index]["scales"]
+        control = StepControl(**task["control"])
+        scale = task["gamma_scale"]
+        # Pivoting has no length of steps.
+        route: Route = "steps" if stepping.next_step > 0 else "pivoting"
+        self._unknowns(point.y)
+        with (
+            self.system.restored(),
+            follower_for(
+                self.system, self._x, point.gamma, control, gamma_scale=scale, route=route
+            ) as follower,
+        ):
+            return follower.run(
+                point,
+                (task["gamma_range"][0], task["gamma_range"][1]),
+                max_steps=budget,
+                observer=Observers(self, observer or Observer()),
+                stop=stop,
+                branch_id=branch,
+                stepping=stepping,
+                origin=origin,
+            )
+
+    # -- vectors ---------------------------------------------------------------------------------
+
+    def _unknowns(self, y: PETSc.Vec) -> None:
+        """The unknowns of y = (x, gamma) into a vector that is reused."""
+        self._x.array[:] = y.array_r[: self._x.getLocalSize()]
+
+    def _norm(self, y: PETSc.Vec, stepping: Stepping) -> float:
+        """Length of the unknowns in the units of steps; 0 while these are not known."""
+        if stepping.x_scale == 0:
+            return 0.0
+        self._unknowns(y)
+        self.system.metric(self._x, self._mx)
+        return float(np.sqrt(max(float(self._x.dot(self._mx)), 0.0) / stepping.x_scale))

@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""A recorded branch for ParaView: its deformed states one after the other.
+
+The series is written from the checkpoints once the branch has been followed, so that a run that is
+killed leaves no half of a series behind.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from dolfinx import fem
+
+from dolfinx_contact._errors import same_everywhere
+from dolfinx_contact.io.disk import aside
+from dolfinx_contact.io.fields import Face, faces
+from dolfinx_contact.io.folder import output_folder
+from dolfinx_contact.io.script import write_script
+from dolfinx_contact.io.writers import Format, Series, checked_format, see_room, series
+from dolfinx_contact.records.record import BranchRecord
+
+__all__ = ["write_series"]
+
+
+def write_series(
+    folder: str | os.PathLike[str],
+    record: BranchRecord,
+    branch: int = 0,
+    *,
+    format: Format = None,
+) -> list[Path]:
+    """Write the points of a branch whose fields were kept, for ParaView. Collective.
+
+    ``branch_0000_body.bp`` holds the displacement, ``branch_0000_contact.bp`` (or
+    ``branch_0000_contact_NAME.bp``) the fields of a contact surface, ``..._opposite.bp`` those of
+    the master of a pair, and gamma, which is the same at all their nodes. With ``format="vtk"`` it
+    is ``branch_0000_body.pvd`` and a folder of ``.vtu``, ... ``paraview.py`` beside them shows
+    them: ``paraview --script=FOLDER/paraview.py``. gamma may go back along a branch, so that the
+    time of the series is the index of the point in the journal.
+
+    Args:
+        folder: where to, made if need be. Files of before are replaced when the series is complete.
+        record: whose problem's Functions follow the points.
+        branch: number of the branch.
+        format: "vtx" (``.bp``) or "vtk" (``.pvd``); by default as in `write_fields`.
+
+    Returns:
+        The names of the files, on every rank.
+
+    Raises:
+        OSError: on every rank, with the path and the reason, if the folder cannot be written to,
+            or has no room. It is then as it was.
+        ValueError: on every rank, if no fields of the branch were kept, they are damaged, the
+            format cannot be written, or arguments differ between ranks.
+    """
+    problem = record.system.problem
+    comm = record.comm
+    same_everywhere(comm, branch=branch)
+    known = record.journal.branches.get(branch)
+    kept = [p["index"] for p in known.points if "checkpoint" in p] if known else []
+    if not kept:
+        raise ValueError(f"no fields of branch {branch} were kept in {record.folder}")
+    kind = checked_format(comm, format)
+    path = output_folder(comm, folder)
+    on_faces = faces(problem)
+    stems = [f"branch_{branch:04d}_{stem}" for stem in ("body", *(f.stem for f in on_faces))]
+    comms = [comm, *(face.comm for face in on_faces)]
+    shown: list[list[fem.Function]] = []
+    opened: list[Series] = []
+    with aside(comm, path, "write_series") as part:
+        try:
+            for index in kept:
+                fields = _fields(record, on_faces, branch, index)
+                # The Functions of the first point are those of the series.
+                shown = shown or fields
+                if kind == "vtx":  # for all that is to come: a disk may fill up on the way
+                    see_room(comm, path / stems[0], shown, len(kept) - kept.index(index))
+                for i, stem in enumerate(stems):
+                    if i == len(opened):
+                        opened.append(series(comms[i], part / stem, shown[i], kind, single=False))
+                    for mine, f in zip(shown[i], fields[i], strict=True):
+                        mine.x.array[:] = f.x.array
+                    opened[i].write(float(index))
+        finally:
+            for each in opened:
+                each.close()
+        write_script(comm, part, path)
+    return [path / each.file.name for each in opened]
+
+
+def _fields(
+    record: BranchRecord, on_faces: list[Face], branch: int, index: int
+) -> list[list[fem.Function]]:
+    """Functions of the body and of every face at a recorded point. Collective."""
+    system = record.system
+    problem = record.system.problem
+    point, _ = record.state(branch, index)
+    x = system.create_vector()
+    x.array[:] = point.y.array_r[: x.getLocalSize()]
+    system.put(x, point.gamma, point.piece)
+    for v in (x, point.y, point.tangent):
+        v.destroy()
+    found = [[problem.u]]
+    for face in on_faces:
+        fields = face.fields()
+        gamma = fem.Function(fields["pressure"].function_space, name="gamma")
+        gamma.x.array[:] = point.gamma
+        found.append([*fields.values(), gamma])
+    return found

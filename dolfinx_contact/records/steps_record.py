@@ -1,0 +1,446 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""What records of histories and of paths share: states step by step, on the disk and from there.
+
+A record is a folder with the journal (`evolution_journal.py`: energies and statuses of every
+accepted step) and a checkpoint of every step: displacement, multipliers, rigid bodies, statuses and
+memory. All of a step is on the disk before the next one is computed. Resumed, on any number of
+ranks, a run goes on from the last step that says how. Those recorded beyond it are computed once
+more, must coincide with the record, and are not recorded again.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict
+from typing import Any, ClassVar, Generic, Protocol, TypeVar
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+import ufl
+
+from dolfinx_contact._errors import everywhere, require, same_everywhere
+from dolfinx_contact.equations.given_data import Datum, GivenData, given_data, numbers_of
+from dolfinx_contact.equations.measures import Scales
+from dolfinx_contact.evolution import EvolutionStep, History
+from dolfinx_contact.evolution.moment import Moment
+from dolfinx_contact.evolution.motion import MotionMoment
+from dolfinx_contact.io.folder import output_folder
+from dolfinx_contact.io.table import write_contact_table
+from dolfinx_contact.parametric import ParametricContact
+from dolfinx_contact.problem import ContactProblem
+from dolfinx_contact.records.at_points import AtPoints
+from dolfinx_contact.records.evolution_journal import EvolutionJournal, EvolutionRun
+from dolfinx_contact.records.identity import driven_words, identity, other_data
+from dolfinx_contact.records.kept_data import KeptData
+from dolfinx_contact.records.problem_record import ProblemRecord
+
+__all__ = ["StepsRecord"]
+
+logger = logging.getLogger(__name__)
+
+_COINCIDE = 1e-8  # of the values that are compared
+_BALANCED = 1e-6  # of forces that are evaluated once more
+_ROUND_OFF = 1e-9  # of a stiffness times a displacement
+#: What forces are known by: in words, and the size of one that is none.
+_FORCES = {
+    "residual": ("the relative residual", 1.0),
+    "rows": ("the norm of the forces of the body", 0.0),
+    "kinetic": ("the kinetic energy", 0.0),
+}
+
+
+class Stands(Protocol):
+    """Where a run stands."""
+
+    @property
+    def moment(self) -> Moment:
+        """The last accepted state."""
+
+
+J = TypeVar("J", bound=EvolutionJournal)
+S = TypeVar("S", bound=Stands)
+
+
+class StepsRecord(ProblemRecord[J], Generic[J, S]):
+    """Records runs step by step in a folder. Collective, as a context.
+
+    Args:
+        folder: of the record, made if need be.
+        system: the contact problem, or it and its load, which are put back after a look.
+        kind: of the journal.
+        method: what the runs are known by beside the problem, in words.
+        data: Functions and Constants beside those of the problem, with their places.
+        forms: beside those of the problem.
+        driven: expressions by which a load drives Dirichlet data.
+        resume: whether to go on with a record that exists. Else there must be none.
+
+    Attributes:
+        journal: what has been recorded, on every rank.
+
+    Raises:
+        OSError, ValueError: on every rank, see `EvolutionRecord`.
+    """
+
+    #: What is recorded, and what its states are told apart by.
+    _what: ClassVar[str]
+    _along: ClassVar[str]
+
+    def __init__(
+        self,
+        folder: str | os.PathLike[str],
+        system: ContactProblem | ParametricContact,
+        kind: type[J],
+        *,
+        method: Sequence[str],
+        resume: bool,
+        data: Sequence[Datum] = (),
+        forms: Sequence[ufl.Form] = (),
+        driven: Sequence[Any] = (),
+    ):
+        problem = system if isinstance(system, ContactProblem) else system.problem
+        same_everywhere(problem.comm, resume=bool(resume))
+        super().__init__(folder, problem, kind, resume=resume)
+        self._system = system
+        self._points = AtPoints(problem)
+        self._last: Moment | None = None  # where the runs stand
+        self._index = -1  # of that state
+        self._old = False  # whether the journal lacks values of Functions, and that was said
+        try:
+            self._data = KeptData(problem, self._checkpoints, more=data)
+            # The values of all data are compared state by state.
+            known = identity(problem, but=given_data(problem.equations), forms=forms)
+            known |= {"functions": self._data.elements, "driven": driven_words(problem, driven)}
+            words = list(method)
+            self._require_same(known, method=words)
+            if self.journal.states:
+                self._require_load(self.journal.states[-1])
+            self._begin(known, method=words)
+        except Exception:
+            self.close()
+            raise
+
+    def _require_load(self, state: Mapping[str, Any]) -> None:
+        """Refuse a load that is not the recorded one at a state. Collective."""
+        with self.looking():
+            with everywhere(self.comm, f"the load at {self._along} {state['time']:g}"):
+                self._load(state)
+            self._require_data(state, numbers_of(self.problem.equations))
+
+    def _require_data(self, state: Mapping[str, Any], found: list[list[float]]) -> None:
+        """Refuse data that are not those of a state. Collective."""
+        values = state.get("values")
+        other = other_data(self.problem, state["data"], found, functions=values is None)
+        if other is None and values is not None:
+            sums = {s["checkpoint"]: s["sum"] for s in self.journal.states}
+            other = self._data.difference(values, sums)
+        elif other is None and not self._old:
+            self._old = True
+            if self.comm.rank == 0:
+                logger.warning(
+                    "the journal in %s is of an earlier version, which knew Functions by mean and "
+                    "root mean square alone: that they are the same is not known",
+                    self.folder,
+                )
+        message = (
+            f"the journal in {self.folder} is that of another problem: other loads, materials or "
+            f"friction at {self._along} {state['time']:.10g}{other}"
+        )
+        require(self.comm, other is None, message)
+
+    # -- what records of one kind have ---------------------------------------------------------
+
+    def _load(self, state: Mapping[str, Any]) -> None:
+        """Put the load of a state into the data of the problem. Collective."""
+        raise NotImplementedError
+
+    def _entry_of(self, standing: S) -> dict[str, Any]:
+        """What the journal says of how a run goes on. Collective."""
+        raise NotImplementedError
+
+    def _names(self) -> Iterable[str]:
+        """Of what a state has beside the unknowns, as vectors of unknowns."""
+        raise NotImplementedError
+
+    def _fill(self, vectors: Mapping[str, PETSc.Vec], standing: S) -> None:
+        """Put what a state has beside the unknowns into vectors, which are 0."""
+        raise NotImplementedError
+
+    def _stood(
+        self,
+        state: Mapping[str, Any],
+        vectors: Mapping[str, PETSc.Vec],
+        found: Mapping[str, npt.NDArray[Any]],
+        first: bool,
+    ) -> S:
+        """Where a run stood at a recorded state, which has been put into the problem. Collective.
+
+        Args:
+            state: what the journal says.
+            vectors: that were kept.
+            found: arrays at the points.
+            first: whether statuses at the state are not known.
+        """
+        raise NotImplementedError
+
+    # -- what a run tells ------------------------------------------------------------------------
+
+    def begin(self, task: Any, standing: S) -> None:
+        """A run begins; see `evolution.standing.Keeper`. Collective.
+
+        Raises:
+            ValueError: on every rank, if this is closed, or it does not begin where the record
+                ends.
+        """
+        self._require_open()
+        states = self.journal.states
+        moment = standing.moment
+        if not states:
+            self._keep(0, standing, self._letters(), {})
+        elif len(states) == 1 and self._last is None:
+            self._compare(0, self._entry(moment, self._letters()))
+            self._index = 0
+            self._last = moment
+        goes_on = self._index == len(states) - 1 and self._last is moment
+        message = (
+            f"the {self._what} is at {self._along} {moment.time:.10g} and not at the end of the "
+            f"record in {self.folder}, which is at {states[-1]['time']:.10g}: go on with "
+            f"{type(self).__name__}(..., resume=True).go_on(), or record to another folder"
+        )
+        require(self.comm, goes_on, message)
+        run = EvolutionRun(asdict(task), self._index)
+        self._append({"type": "run", "task": run.task, "after": run.after})
+        self.journal.runs.append(run)
+
+    def step(self, step: EvolutionStep, standing: S) -> None:
+        """A step was accepted; see `evolution.standing.Keeper`. Collective."""
+        index = self._index + 1
+        if index < len(self.journal.states):
+            self._compare(index, self._entry(standing.moment, step.status))
+            self._index = index
+            self._last = standing.moment
+            return
+        self._keep(index, standing, step.status, {"row": step.row()})
+
+    def end(self, history: History) -> None:
+        """A run has ended; see `evolution.standing.Keeper`. Collective."""
+        run = self.journal.runs[-1]
+        left = len(self.journal.states) - 1 - self._index
+        message = f"the run ends {left} steps before the one that was recorded: {history.reason}"
+        require(self.comm, left == 0, message)
+        self._append({"type": "end", "reason": history.reason, "complete": history.complete})
+        run.reason = history.reason
+        run.complete = history.complete
+
+    def _keep(self, index: int, standing: S, letters: str, more: Mapping[str, Any]) -> None:
+        """Put a state on the disk, which stands in the problem. Collective."""
+        entry = {"index": index} | self._entry(standing.moment, letters) | dict(more)
+        entry |= {"forces": self._forces(standing.moment)}
+        entry |= {"first": standing.moment.statuses is None} | self._entry_of(standing)
+        name = f"state_{index:06d}"
+        vectors = self._vectors()
+        self._fill(vectors, standing)
+        self.problem.write(vectors["x"])
+        arrays = self._points.gathered(standing.moment)
+        functions = self._data.changed()
+        check_sum = self._checkpoints.write(name, vectors, arrays, functions)
+        for x in vectors.values():
+            x.destroy()
+        entry |= {"checkpoint": name, "sum": check_sum}
+        entry |= {"values": self._data.are_kept(name, functions)}
+        self._append({"type": "state", **entry})
+        self.journal.states.append(entry)
+        self._index = index
+        self._last = standing.moment
+
+    def _vectors(self) -> dict[str, PETSc.Vec]:
+        """For what a state has, the unknowns last. Collective."""
+        return {name: self.problem.create_vector() for name in (*self._names(), "x")}
+
+    def _entry(self, moment: Moment, letters: str) -> dict[str, Any]:
+        """What the journal says of every state. Collective."""
+        square = self.comm.allreduce(float(np.dot(moment.unknowns, moment.unknowns)))
+        return {
+            "time": moment.time,
+            "status": letters,
+            "norm": float(np.sqrt(square)),
+            "energies": asdict(moment.energies),
+            "data": numbers_of(self.problem.equations),
+        }
+
+    def _letters(self) -> str:
+        """Letters of the statuses that stand in the surfaces, as those of a step. Collective."""
+        return "".join(self.problem.table(s).status for s in self.problem.surfaces)
+
+    def _compare(self, index: int, found: Mapping[str, Any]) -> None:
+        """Refuse a state that is not the one that was recorded. Collective."""
+        recorded = self.journal.states[index]
+        self._require_data(recorded, found["data"])
+        a, b = ([s["time"], s["norm"], *s["energies"].values()] for s in (recorded, found))
+        scales = [abs(a[0]), a[1], *[max(map(abs, a[2:]))] * len(a[2:])]
+        same = recorded["status"] == found["status"] and all(
+            abs(p - q) <= _COINCIDE * scale for p, q, scale in zip(a, b, scales, strict=True)
+        )
+        message = (
+            f"step {index} was recorded at {self._along} {recorded['time']:.12g}, status "
+            f"{recorded['status']}, and is now found at {found['time']:.12g}, status "
+            f"{found['status']}: the problem has changed"
+        )
+        require(self.comm, same, message)
+
+    # -- going on --------------------------------------------------------------------------------
+
+    def _last_run(self) -> EvolutionRun:
+        if not self.journal.runs:
+            raise ValueError(
+                f"no run is in {self.folder}: run the {self._what} from its start, with "
+                f"{type(self).__name__}(..., resume=True), or remove the folder"
+            )
+        return self.journal.runs[-1]
+
+    def _ended(self) -> S:
+        """Where a run stood that has ended, which is the last state. Collective."""
+        self._index = len(self.journal.states) - 1
+        standing = self._standing(self._index)
+        self._last = standing.moment
+        return standing
+
+    def _resumed(self, run: EvolutionRun, known: Sequence[int]) -> S:
+        """Where a run stood at the last state from which it can go on. Collective.
+
+        A damaged checkpoint is passed over, with a warning in the log.
+
+        Args:
+            run: that has not ended.
+            known: indices of the states that say how it goes on, beside that where it begins.
+        """
+        for index in (*reversed(known), run.after):
+            try:
+                standing = self._standing(index)
+            except ValueError as error:
+                if "damaged" not in str(error) or index == run.after:
+                    raise
+                if self.comm.rank == 0:
+                    logger.warning("%s; going back to one before", error)
+                continue
+            break
+        self._index = index
+        self._last = standing.moment
+        return standing
+
+    def _standing(self, index: int) -> S:
+        """Where a run stood at a recorded state, which is put into the problem. Collective.
+
+        Raises:
+            ValueError: on every rank, if it is damaged, or of another load.
+        """
+        problem = self.problem
+        state = self.journal.states[index]
+        vectors = self._vectors()
+        self._checkpoints.read(state["checkpoint"], state["sum"], vectors)
+        found = self._checkpoints.arrays(state["checkpoint"])
+        problem.put(vectors["x"], self._points.statuses(found))
+        # Journals of old do not say it.
+        standing = self._stood(state, vectors, found, state.get("first", index == 0))
+        for x in vectors.values():
+            x.destroy()
+        self._require_data(state, numbers_of(problem.equations))
+        self._require_forces(state, standing.moment)
+        return standing
+
+    def _require_forces(self, state: Mapping[str, Any], moment: Moment) -> None:
+        """Refuse a problem whose forces at a recorded state are not those of then. Collective."""
+        if "forces" not in state:  # in journals of old
+            return
+        recorded = state["forces"]
+        found = self._forces(moment)
+        least = found["least"]
+        for name, (words, unit) in _FORCES.items():
+            if name not in recorded or name not in found:
+                continue
+            a = recorded[name]
+            b = found[name]
+            size = max(abs(a), abs(b), unit)
+            allowed = _BALANCED * size + (least if name == "rows" else 0.0)
+            same = abs(a - b) <= allowed or (np.isnan(a) and np.isnan(b))
+            message = (
+                f"the journal in {self.folder} is that of another problem: at {self._along} "
+                f"{state['time']:.10g} {words} was {a:.6g} and is now {b:.6g}: something is not "
+                "as it was recorded that data and forms do not show"
+            )
+            require(self.comm, bool(same), message)
+
+    def _forces(self, moment: Moment) -> dict[str, float]:
+        """What forces at a moment, which stands in the problem, are known by. Collective."""
+        eq = self.problem.equations
+        if isinstance(moment, MotionMoment):
+            rows = moment.motion.rows
+            u = moment.motion.u
+            square = self.comm.allreduce(float(np.dot(rows, rows)))
+            largest = self.comm.allreduce(float(np.max(np.abs(u), initial=0.0)), op=max)
+            return {
+                "rows": float(np.sqrt(square)),
+                "kinetic": moment.motion.kinetic,
+                "least": _ROUND_OFF * eq.stiffness_scale * largest,
+            }
+        residual = Scales(eq, settled=True).measure(self.problem.state()).worst
+        return {"residual": residual, "least": 0.0}
+
+    def show(self, index: int) -> None:
+        """Put a recorded state into the problem, for tables, fields and pictures. Collective.
+
+        Runs stay where they are, and what they stand at is put back by the next one.
+
+        Args:
+            index: of the step; 0 is the start.
+
+        Raises:
+            ValueError: on every rank, if there is none, or it is damaged.
+        """
+        same_everywhere(self.comm, index=index)
+        last = len(self.journal.states) - 1
+        known = isinstance(index, int | np.integer) and 0 <= index <= last
+        require(self.comm, known, f"steps 0 to {last} are recorded, not {index}")
+        if index == 0:
+            self._standing(0)
+            return
+        before = self._standing(index - 1).moment
+        step = self._standing(index).moment.time - before.time
+        later = [None if m is None else m.later(step) for m in before.memory]
+        self.problem.equations.remember(later)
+
+    @contextmanager
+    def looking(self) -> Iterator[None]:
+        """Put back at the end what stands in the problem, whatever was shown. Collective."""
+        eq = self.problem.equations
+        memory = eq.memory
+        data = GivenData(eq)
+        try:
+            with self._system.restored(always=True):
+                yield
+        finally:
+            eq.remember(memory)
+            data.restore()
+
+    def write_contact(self, folder: str | os.PathLike[str], index: int) -> None:
+        """Write the contact points of a recorded state, ``folder/contact.csv``. Collective.
+
+        The problem stays as it is.
+
+        Args:
+            folder: where to, made if need be.
+            index: of the step; 0 is the start.
+
+        Raises:
+            OSError: on every rank, with the path, if it cannot be written.
+            ValueError: on every rank, if there is no such step, or it is damaged.
+        """
+        with self.looking():
+            self.show(index)
+            tables = [self.problem.table(s) for s in self.problem.surfaces]
+        write_contact_table(self.comm, output_folder(self.comm, folder), tables)

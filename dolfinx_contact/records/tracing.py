@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Journals of branches in memory: what a record says, without the disk."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dolfinx_contact._errors import everywhere, same_everywhere
+from dolfinx_contact.continuation import Branch, SpecialPoint
+from dolfinx_contact.laws import status
+from dolfinx_contact.records.journal import Journal, JournalBranch
+from dolfinx_contact.records.lines import FORMAT
+from dolfinx_contact.records.points import Functional, compiled, described, places
+
+if TYPE_CHECKING:
+    from dolfinx_contact.parametric import ParametricContact
+
+__all__ = ["journal_of"]
+
+
+def journal_of(
+    system: ParametricContact,
+    branches: Iterable[Branch],
+    functionals: Mapping[str, Functional] | None = None,
+) -> Journal:
+    """The journal of branches that have been followed, for tables and `draw_diagram`. Collective.
+
+    It is in memory only, and nothing can be resumed from it; `BranchRecord` writes one.
+
+    Args:
+        system: the problem that the branches belong to; it is left as it was.
+        branches: their numbers in the journal are their places here.
+        functionals: by name, as for `BranchRecord`.
+
+    Returns:
+        The journal, on every rank. ``norm`` is that of the metric of the system.
+
+    Raises:
+        ValueError: on every rank, as for `BranchRecord`, or if the numbers of branches or points
+            differ between ranks.
+
+    Example:
+        ::
+
+            branch = follow(system, x, 0.0, gamma_range=(0.0, 1.0))
+            journal = journal_of(system, [branch], {"force": total("rt"), "energy": problem.energy})
+            draw_diagram("branch.png", journal, ["force", "energy"])
+    """
+    with everywhere(system.comm, "journal_of"):
+        branches = list(branches)
+        if not all(isinstance(b, Branch) for b in branches):
+            raise ValueError("branches must be Branches, as `follow` and `explore` return them")
+    same_everywhere(system.comm, points_of_the_branches=[len(b.points) for b in branches])
+    values = compiled(system.problem, functionals or {})
+    header = {"functionals": list(values), "points": places(system.problem), "format": FORMAT}
+    journal = Journal(header=header)
+    x = system.create_vector()
+    mx = system.create_vector()
+    with system.restored(always=True):
+        for number, branch in enumerate(branches):
+            entries: list[dict[str, Any]] = []
+            for index, point in enumerate(branch.points):
+                letters = system.letters(point.piece)
+                x.array[:] = point.y.array_r[: x.getLocalSize()]
+                system.put(x, point.gamma, point.piece)
+                system.metric(x, mx)
+                entries.append(
+                    {
+                        "index": index,
+                        "gamma": point.gamma,
+                        "norm": float(np.sqrt(max(float(x.dot(mx)), 0.0))),
+                        "step": point.step,
+                        "corrections": point.corrections,
+                        "tau": point.tau,
+                        "status": letters,
+                        "counts": status.count(letters),
+                        "special": [described(system, s) for s in _before(branch, index)],
+                        "functionals": {name: f() for name, f in values.items()},
+                    }
+                )
+            journal.branches[number] = JournalBranch({}, entries, branch.reason)
+    x.destroy()
+    mx.destroy()
+    return journal
+
+
+def _before(branch: Branch, index: int) -> list[SpecialPoint]:
+    """Special points on the way to a point of the branch."""
+    return [s for s in branch.special if s.index == index]

@@ -1,0 +1,149 @@
+"""Jumps of histories that no mean over a body shows, and what is stated of them."""
+
+import importlib
+from pathlib import Path
+from types import SimpleNamespace
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from blocks import facets
+from demo_own_law import SlipWeakening
+
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact import RCCM, ContactProblem, ContactSurface, HalfSpace
+from dolfinx_contact.evolution import QuasiStatic
+from dolfinx_contact.grids import create_grid
+from dolfinx_contact.meshing import join
+
+COMM = MPI.COMM_WORLD
+C = 100.0
+W = 1.0  # of a bond; it yields at the opening sqrt(W/C)
+U0 = np.sqrt(W / C)
+
+
+def columns(stiffness, law, degree=1):
+    """Columns side by side that do not know of each other, on one floor, and their top.
+
+    Their energy is k |grad u|^2/2: a spring k across and along.
+    """
+    line = np.linspace(0.0, 1.0, 2)
+    both = join(
+        [
+            create_grid(COMM, (line + 2 * i, line), mesh.CellType.quadrilateral)
+            for i in range(len(stiffness))
+        ]
+    )
+    V = fem.functionspace(both.mesh, ("Lagrange", degree, (2,)))
+    u = fem.Function(V)
+    top = fem.Constant(both.mesh, np.zeros(2))
+    low, high = (facets(both.mesh, 1, value) for value in (0.0, 1.0))
+    surface = ContactSurface(u, low, obstacle=HalfSpace((0.0, 0.0), (0.0, 1.0)), law=law)
+    dx = ufl.Measure("dx", both.mesh, subdomain_data=both.cell_tags)
+    strain = ufl.inner(ufl.grad(u), ufl.grad(u)) / 2
+    energy = sum(k * strain * dx(i) for i, k in enumerate(stiffness, 1))
+    held = fem.dirichletbc(top, fem.locate_dofs_topological(V, 1, high), V)
+    return ContactProblem(energy, u, [surface], bcs=[held]), top
+
+
+def pulled(stiffness, degree=1):
+    """Columns on brittle bonds, whose top is lifted by the time in openings at which they yield."""
+    problem, top = columns([k * C for k in stiffness], RCCM(C, C, W), degree)
+
+    def load(time):
+        top.value[1] = U0 * time
+
+    return QuasiStatic(problem, load)
+
+
+def jumps_of(history):
+    return [(s.start, s.time) for s in history.steps if s.jump]
+
+
+@pytest.mark.chatty
+@pytest.mark.parametrize(
+    ("stiffness", "steps", "degree"),
+    [
+        ((0.5, 1.0, 2.0, 4.0), 7, 1),
+        pytest.param((0.5, 1.0, 2.0, 4.0), 3, 1, marks=pytest.mark.long),
+        pytest.param((0.5, 1.0, 2.0, 4.0), 23, 2, marks=pytest.mark.long),
+        pytest.param(
+            (0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.2, 1.4, 1.6, 1.8), 20, 1, marks=pytest.mark.long
+        ),
+    ],
+)
+def test_columns_that_come_off_one_by_one(stiffness, steps, degree):
+    """A bond under a column of stiffness k C snaps at (1 + 1/k) times its opening, for k < 3.
+
+    It is one of many, in steps as long as from one to the next.
+    """
+    history = pulled(stiffness, degree).run(np.linspace(0.0, 4.0, steps + 1), at_jump="jump")
+    exact = sorted(1 + 1 / k for k in stiffness if k < 3)
+    found = jumps_of(history)
+    assert len(found) == len(exact)
+    for (start, end), load in zip(found, exact, strict=True):
+        assert start - 2e-5 < load < end + 2e-5
+
+
+def test_what_is_proved_of_a_coarse_step():
+    """The load turns back in the step, not where it begins; shorter steps lead nearer."""
+    evolution = pulled([1.0])
+    history = evolution.run([0.0, 1.8, 2.1], at_jump="stop", shortest=0.6)
+    assert "beyond the time 1.8" not in history.reason
+    assert "continues the evolution in the step from 1.8 to 2.1" in history.reason
+    assert "at 0.6667 of its change" in history.reason
+    later = evolution.run([1.8, 1.9, 1.999], at_jump="stop")
+    assert later.complete
+    assert jumps_of(later) == []
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "law", "pressed", "times"),
+    [
+        (200.0, (0.6, 0.3, 0.002), 0.01, np.linspace(0.0, 0.018, 21)),
+        (200.0, (0.6, 0.3, 0.002), 0.01, np.linspace(0.0, 0.018, 31)),
+        (1.0, (0.6, 0.2, 0.1), 1.0, [0.0, 0.2, 0.4, 0.55, 0.8, 1.0]),
+    ],
+)
+def test_a_jump_from_which_no_solution_is_near(stiffness, law, pressed, times):
+    """Friction that weakens by slip snaps once, at mu p / k; the state beyond is far off."""
+    static, kinetic, distance = law
+    problem, top = columns([stiffness], SlipWeakening(*law))
+
+    def load(time):
+        top.value[:] = time, -pressed
+
+    load(0.0)
+    problem.solve()
+    history = QuasiStatic(problem, load).run(times, at_jump="jump", progress=False)
+    assert history.complete
+    ((start, end),) = jumps_of(history)
+    assert start - 1e-4 * times[-1] <= static * pressed <= end + 1e-4 * times[-1]
+    slip = history.steps[-1].result.tables["contact"].ut[:, 0]
+    bound = kinetic + (static - kinetic) * np.exp(-slip / distance)
+    np.testing.assert_allclose(times[-1] - slip, bound * pressed, rtol=1e-6)
+
+
+@pytest.mark.chatty
+def test_short_steps_after_a_jump_are_none(monkeypatch):
+    """They are faster than the body that stuck before, evenly, and none can be halved twice."""
+    monkeypatch.syspath_prepend(Path(__file__).parent / "attacks")
+    attack = importlib.import_module("a06_slip_weakening")
+    times = [0.0, 0.2, 0.4, 0.55, 0.8, 1.0]
+    history = attack.weakened(SimpleNamespace(comm=COMM), 1.0, times, "jump")
+    ((start, end),) = jumps_of(history)
+    assert start - 1e-5 < 0.6 < end + 1e-5
+    assert sum(end < step.time < end + 1e-3 for step in history.steps) > 3
+
+
+def test_a_run_that_goes_on_from_an_older_record():
+    """Its rates were others: the first step is looked at as that of a new evolution."""
+    evolution = pulled([1.0])
+    evolution.run([0.0, 1.0])
+    evolution._rate = evolution._rate[:3]
+    history = evolution.run([1.0, 1.5, 2.5], at_jump="jump")
+    ((start, end),) = jumps_of(history)
+    assert start - 1e-4 < 2.0 < end + 1e-4
