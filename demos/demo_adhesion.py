@@ -17,13 +17,13 @@
 from mpi4py import MPI
 
 import numpy as np
+from _case import ScriptParser, number
 from demo_linear_triangle import linear_triangle
 
 import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact import RCCM, ContactProblem, ContactSurface, HalfSpace, io, plot
-from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.evolution import ArcLength, QuasiStatic
 from dolfinx_contact.materials import LinearElastic
 

@@ -19,12 +19,12 @@
 from mpi4py import MPI
 
 import numpy as np
+from _case import ScriptParser, number
 
 import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, io, plot
-from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.continuation import find_solutions
 from dolfinx_contact.parametric import ParametricContact
 

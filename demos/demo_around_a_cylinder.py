@@ -15,13 +15,13 @@
 from mpi4py import MPI
 
 import numpy as np
+from _case import ScriptParser, number
 from scipy.integrate import solve_bvp
 
 import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact import ContactProblem, ContactSurface, Frictionless, Sphere, io, plot
-from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.materials import NeoHookean, lame
 
 HALF = 1.2  # of the length of the band

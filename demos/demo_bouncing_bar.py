@@ -16,12 +16,12 @@
 from mpi4py import MPI
 
 import numpy as np
+from _case import MOTION, ScriptParser, motion_of, number
 
 import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact import ContactProblem, ContactSurface, Frictionless, HalfSpace, io, plot
-from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.evolution import NSCD
 from dolfinx_contact.materials import LinearElastic
 
@@ -40,21 +40,12 @@ NOTHING = 1e-9  # of the largest force
 
 
 def arguments(argv=None):
-    parser = ScriptParser("A bar that bounces", output="output/bouncing_bar")
+    parser = ScriptParser("A bar that bounces", output="output/bouncing_bar", **MOTION)
     add = parser.add_argument
-    part = number(least=0, most=1)
     positive = number(above=0)
     count = number(int, above=1)
-    levels = ("position", "velocity")
-    masses = ("redistributed", "lumped", "consistent")
-    schemes = ("theta", "theta-euler", "modified-theta")
     add("--elements", type=count, default=50, help="along the bar")
-    add("--scheme", choices=schemes, default="theta", help="of steps")
-    add("--level", choices=levels, default="position", help="of the law")
-    add("--theta", type=part, default=0.5, help="weight of a step's end")
     add("--dt", type=positive, help="length of a step (default: h/c)")
-    add("--mass", choices=masses, default="redistributed", help="matrix")
-    add("--restitution", type=part, default=0.0, help="at the velocity level")
     add("--end", type=positive, default=PERIOD, help="of the time")
     args = parser.parse(argv)
     args.dt = args.dt or LENGTH / args.elements / SPEED
@@ -132,16 +123,7 @@ def main(argv=None):
     folder = io.output_folder(comm, args.output)
     say = io.Report(comm)
     problem = bar(args.elements, comm)
-    motion = NSCD(
-        problem,
-        DENSITY,
-        dt=args.dt,
-        scheme=args.scheme,
-        level=args.level,
-        theta=args.theta,
-        mass=args.mass,
-        restitution=args.restitution,
-    )
+    motion = NSCD(problem, DENSITY, dt=args.dt, **motion_of(args))
     history = motion.run([0.0, args.end])
 
     ends = np.array([s.time for s in history.steps])

@@ -21,11 +21,11 @@
 from mpi4py import MPI
 
 import demo_followed_mesh
+from _case import ScriptParser, number
 from demo_hild_triangle import element
 
 from dolfinx_contact import io, plot
 from dolfinx_contact.analysis import contact_family, count_solutions, event_curves
-from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.continuation import follow
 
 

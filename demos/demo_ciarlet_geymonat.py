@@ -19,12 +19,12 @@ import time
 from mpi4py import MPI
 
 import numpy as np
+from _case import ScriptParser
 
 import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, io, plot, records
-from dolfinx_contact.command_line import ScriptParser
 from dolfinx_contact.continuation import Branch, explore
 from dolfinx_contact.materials import CiarletGeymonat
 from dolfinx_contact.parametric import ParametricContact

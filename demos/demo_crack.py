@@ -21,12 +21,12 @@ from mpi4py import MPI
 
 import gmsh
 import numpy as np
+from _case import ScriptParser, number
 
 import ufl
 from dolfinx import fem
 
 from dolfinx_contact import ContactPair, ContactProblem, Coulomb, io, plot
-from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.meshing import crack, mesh_from_gmsh
 

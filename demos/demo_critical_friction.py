@@ -17,6 +17,7 @@
 from mpi4py import MPI
 
 import numpy as np
+from _case import ScriptParser, number
 from demo_linear_triangle import linear_triangle
 
 import ufl
@@ -24,7 +25,6 @@ from dolfinx import fem, mesh
 
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, io, plot
 from dolfinx_contact.analysis import critical_friction, renard_criterion
-from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.materials import LinearElastic
 
 

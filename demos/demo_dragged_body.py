@@ -20,12 +20,12 @@ from mpi4py import MPI
 
 import gmsh
 import numpy as np
+from _case import ScriptParser, number
 
 import ufl
 from dolfinx import fem
 
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, io, plot
-from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.meshing import mesh_from_gmsh, read_mesh
 

@@ -18,6 +18,7 @@ from mpi4py import MPI
 
 import gmsh
 import numpy as np
+from _case import ScriptParser, number
 from demo_dragged_body import WIDTH, draw_rocker
 
 import ufl
@@ -32,7 +33,6 @@ from dolfinx_contact import (
     io,
     plot,
 )
-from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.meshing import mesh_from_gmsh
 

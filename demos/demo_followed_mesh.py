@@ -17,6 +17,7 @@
 from mpi4py import MPI
 
 import numpy as np
+from _case import ScriptParser, number
 
 import ufl
 from dolfinx import fem, mesh
@@ -31,7 +32,6 @@ from dolfinx_contact import (
     plot,
     records,
 )
-from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.continuation import Branch, points_at
 from dolfinx_contact.meshing import draw_polygon, mesh_from_gmsh, read_mesh
 from dolfinx_contact.parametric import ParametricContact

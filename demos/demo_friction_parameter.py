@@ -17,10 +17,10 @@
 from mpi4py import MPI
 
 import numpy as np
+from _case import ScriptParser, number
 from demo_hild_triangle import element
 
 from dolfinx_contact import io, plot, records
-from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.continuation import find_solutions, follow
 from dolfinx_contact.parametric import ParametricContact
 

@@ -15,12 +15,12 @@
 from mpi4py import MPI
 
 import numpy as np
+from _case import CELLS, ScriptParser, number
 
 import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, io, plot
-from dolfinx_contact.command_line import CELLS, ScriptParser, number
 from dolfinx_contact.materials import LinearElastic
 
 #: Metres and pascals in one unit of length and of stress.

@@ -13,6 +13,8 @@
 from mpi4py import MPI
 
 import numpy as np
+from _case import CELLS, ScriptParser, number
+from _hertz import Hertz
 
 import ufl
 from dolfinx import fem, mesh
@@ -26,7 +28,6 @@ from dolfinx_contact import (
     io,
     plot,
 )
-from dolfinx_contact.command_line import CELLS, ScriptParser, number
 from dolfinx_contact.grids import create_grid, graded
 from dolfinx_contact.materials import LinearElastic
 
@@ -43,7 +44,7 @@ def arguments(argv=None):
     args = parser.parse(argv)
     stiffness = args.young / (1 - args.poisson**2)
     parts = 2 ** (args.dim - 1)
-    args.hertz = plot.Hertz(args.dim, args.radius, stiffness, parts)
+    args.hertz = Hertz(args.dim, args.radius, stiffness, parts)
     args.load = args.load or args.hertz.load(args.radius / 50)
     if args.dim == 2:
         levels = [5, 10, 20, 40]
@@ -150,7 +151,12 @@ def main(argv=None):
     finest = levels[-1]
     if comm.rank == 0:
         errors = [key for key in finest if key.endswith("error")]
-        plot.draw_convergence(folder / "convergence.png", levels, errors, size="h_over_a")
+        h = np.array([level["h_over_a"] for level in levels])
+        curves = {key: (h, [level[key] for level in levels]) for key in errors}
+        first = levels[0][errors[0]]
+        slope = {"order 2": (h, first * (h / h[0]) ** 2)}
+        look = dict(labels=("h_over_a", "error"), loglog=True)
+        plot.draw_curves(folder / "convergence.png", curves, dotted=slope, **look)
         args.hertz.draw(folder / "pressure.png", result.tables["contact"])
     if args.friction > 0:
         plot.picture_of_contact(folder / "friction.png", body)

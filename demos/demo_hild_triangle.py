@@ -15,10 +15,11 @@
 from mpi4py import MPI
 
 import numpy as np
+from _case import ScriptParser, number
+from _plots import draw_maps
 from demo_linear_triangle import linear_triangle
 
 from dolfinx_contact import io, plot, records
-from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.continuation import Branch, find_solutions
 from dolfinx_contact.records import leftmost
 
@@ -139,10 +140,10 @@ def draw_diagrams(args, folder, comm):
             for (a, b), word in lines:
                 if word not in sets:
                     own.append((([0, 3 * a], [0, 3 * b]), word))
-            title = f"F = {friction:.4g}, {name} critical"
+            maps = {f"F = {friction:.4g}, {name} critical": sets}
             labels = ("$F_1$", "$F_2$")
             picture = folder / f"regions_{name}_critical.png"
-            plot.draw_regions(picture, *axes, sets, NAMES, lines=own, labels=labels, title=title)
+            draw_maps(picture, *axes, maps, NAMES, lines=own, labels=labels)
         cells = {str(word): int(np.sum(sets == word)) for word in np.unique(sets)}
         rays = [{"load": list(ray), "solutions": word} for ray, word in lines]
         shown[name] = {"friction": friction, "cells": cells, "lines": rays}

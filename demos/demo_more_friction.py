@@ -18,13 +18,13 @@ from itertools import pairwise
 from mpi4py import MPI
 
 import numpy as np
+from _case import ScriptParser, number
 
 import basix.ufl
 import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, io, plot, records
-from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.continuation import find_solutions, follow
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.parametric import ParametricContact

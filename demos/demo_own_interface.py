@@ -24,12 +24,12 @@ from typing import Any
 from mpi4py import MPI
 
 import numpy as np
+from _case import ScriptParser, number
 
 import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact import ContactProblem, ContactSurface, HalfSpace, io, plot
-from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.laws import Interface, Internal
 from dolfinx_contact.materials import LinearElastic

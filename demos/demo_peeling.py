@@ -22,12 +22,12 @@
 from mpi4py import MPI
 
 import numpy as np
+from _case import ScriptParser, number
 
 import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact import RCCM, ContactProblem, ContactSurface, HalfSpace, io, plot
-from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.continuation import StepControl
 from dolfinx_contact.evolution import ArcLength
 from dolfinx_contact.materials import LinearElastic

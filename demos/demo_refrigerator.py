@@ -19,6 +19,7 @@
 from mpi4py import MPI
 
 import numpy as np
+from _case import ScriptParser, number
 
 import ufl
 from dolfinx import fem, mesh
@@ -32,7 +33,6 @@ from dolfinx_contact import (
     io,
     plot,
 )
-from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.materials import LinearElastic
 

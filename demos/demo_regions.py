@@ -20,6 +20,7 @@
 
 from mpi4py import MPI
 
+from _case import ScriptParser, number
 from demo_linear_triangle import linear_triangle
 
 import ufl
@@ -27,7 +28,6 @@ from dolfinx import fem
 
 from dolfinx_contact import io, plot
 from dolfinx_contact.analysis import contact_family, event_curves, solution_regions
-from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.continuation import follow
 
 WORDS = {"o": "separation", "k": "stick", "+": "slip right", "-": "slip left"}
@@ -126,7 +126,7 @@ def main(argv=None):
             file = folder / f"regions_{part:g}.png"
             names = NAMES if args.n == 1 else None
             look = dict(labels=("$F_1$", "$F_2$"), title=f"F = {F:.4g}")
-            plot.draw_solutions(file, regions, curves, names, **look)
+            plot.draw_chart(file, regions, curves, names, **look)
         summary["regions"].append(record_of(F, curves, regions))
         summary["newton_iterations"] += iterations
         summary["dofs"] = system.create_vector().getSize()

@@ -14,12 +14,12 @@
 from mpi4py import MPI
 
 import numpy as np
+from _case import ScriptParser, number
 from demo_linear_triangle import SEEN, linear_triangle
 
 from dolfinx import fem
 
 from dolfinx_contact import Coulomb, Regularised, io, plot, records
-from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.continuation import Branch, explore, follow
 from dolfinx_contact.parametric import ParametricContact
 

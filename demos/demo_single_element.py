@@ -15,10 +15,10 @@
 
 from mpi4py import MPI
 
+from _case import ScriptParser, number
 from demo_hild_triangle import element
 
 from dolfinx_contact import io, plot, records
-from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.continuation import Branch, follower_for
 from dolfinx_contact.records import leftmost
 

@@ -14,6 +14,7 @@
 from mpi4py import MPI
 
 import numpy as np
+from _case import MOTION, ScriptParser, motion_of, number
 
 import ufl
 from dolfinx import fem, mesh
@@ -27,7 +28,6 @@ from dolfinx_contact import (
     io,
     plot,
 )
-from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.evolution import NSCD
 from dolfinx_contact.materials import LinearElastic
 
@@ -38,24 +38,15 @@ LEFT = 0.02
 
 
 def arguments(argv=None):
-    given = dict(friction=0.3, young=1e6, poisson=0.3)
+    given = dict(friction=0.3, young=1e6, poisson=0.3, **MOTION)
     parser = ScriptParser("A sliding block", output="output/sliding_block", **given)
     add = parser.add_argument
-    part = number(least=0, most=1)
     positive = number(above=0)
     count = number(int, above=0)
-    levels = ("position", "velocity")
-    masses = ("redistributed", "lumped", "consistent")
-    schemes = ("theta", "theta-euler", "modified-theta")
     add("--elements", type=count, default=8, help="over the height")
     add("--width", type=positive, default=2.0, help="of the block")
     add("--height", type=positive, default=1.0, help="of the block")
-    add("--scheme", choices=schemes, default="theta", help="of steps")
-    add("--level", choices=levels, default="position", help="of the law")
-    add("--theta", type=part, default=0.5, help="weight of a step's end")
     add("--dt", type=positive, help="of a step (default: 1/200 of the stop)")
-    add("--mass", choices=masses, default="redistributed", help="matrix")
-    add("--restitution", type=part, default=0.0, help="at the velocity level")
     add("--damping", type=number(least=0), default=0.0, help="of K, a time")
     args = parser.parse(argv)
     if not 0 < args.friction * args.height < args.width:
@@ -119,11 +110,7 @@ def main(argv=None):
         DENSITY,
         dt=args.dt,
         velocity=velocity,
-        scheme=args.scheme,
-        level=args.level,
-        theta=args.theta,
-        mass=args.mass,
-        restitution=args.restitution,
+        **motion_of(args),
         damping=damping,
     )
     history = motion.run([0.0, 1.2 * stop])

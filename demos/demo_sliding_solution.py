@@ -13,10 +13,11 @@
 from mpi4py import MPI
 
 import numpy as np
+from _case import ScriptParser, number
+from _plots import draw_maps
 from demo_which_solution import ALGORITHMS, NAMES, end_of, reduced
 
-from dolfinx_contact import algorithms, io, plot
-from dolfinx_contact.command_line import ScriptParser, number
+from dolfinx_contact import algorithms, io
 
 PATIENT = ALGORITHMS | {
     "tresca": algorithms.TrescaFixedPoint(max_iterations=1000),
@@ -116,7 +117,7 @@ def main(argv=None):
         if comm.rank == 0:
             labels = ("$F$", "$r_n/p_n$ of A at the start")
             file = folder / f"{title}.png"
-            plot.draw_panels(file, frictions, starts, words, NAMES, labels=labels)
+            draw_maps(file, frictions, starts, words, NAMES, labels=labels)
         problems[title] = {
             "critical": critical,
             "frictions": frictions.tolist(),

@@ -17,14 +17,17 @@
 from mpi4py import MPI
 
 import numpy as np
+from _case import CELLS, ScriptParser, number
 
 import ufl
 from dolfinx import fem, mesh
+from dolfinx.io import VTKFile
 
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, io, plot
 from dolfinx_contact.analysis import SteadySliding
-from dolfinx_contact.command_line import CELLS, ScriptParser, number
 from dolfinx_contact.materials import LinearElastic
+
+FRAMES = 24
 
 
 def arguments(argv=None):
@@ -99,6 +102,21 @@ def regularised(problem, energy, ds, args, slope):
     return eta * stiffness + damper
 
 
+# ## One period of a vibration
+#
+# The body moves as the real part of (real + i imaginary) exp(i t); the growth is left out, so that
+# the animation can be repeated.
+
+
+def period(problem, modes, size, frames=FRAMES):
+    """Put state by state into the problem, with the largest component of the given size."""
+    mode = modes.real.x.array + 1j * modes.imaginary.x.array
+    largest = problem.comm.allreduce(np.abs(mode).max(initial=0.0), op=MPI.MAX)
+    for part in np.arange(frames) / frames:
+        problem.u.x.array[:] = size / largest * (mode * np.exp(2j * np.pi * part)).real
+        yield f"{part:.2f} of a period"
+
+
 def main(argv=None):
     args = arguments(argv)
     comm = MPI.COMM_WORLD
@@ -133,10 +151,12 @@ def main(argv=None):
     if comm.rank == 0:
         plot.draw_curves(picture, curves, labels=("friction $F$", "largest growth"))
     size = 0.1 * args.height
-    parts = (modes.real, modes.imaginary)
-    file = plot.write_vibration(folder, *parts, size=size)
+    file = folder / "vibration.pvd"
+    with VTKFile(comm, file, "w") as vtk:
+        for frame, _ in enumerate(period(problem, modes, size)):
+            vtk.write_function(problem.u, frame / FRAMES)
     title = f"F = {args.friction:g}, frequency {modes.frequency:.4g}"
-    gif = plot.picture_of_vibration(folder / "mode.gif", *parts, size=size, title=title)
+    gif = plot.film(folder / "mode.gif", problem, period(problem, modes, size), title=title)
     say.files([picture, file, gif])
     summary = {
         "converged": True,

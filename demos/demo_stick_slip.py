@@ -19,12 +19,12 @@
 from mpi4py import MPI
 
 import numpy as np
+from _case import ScriptParser, number
 
 import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, RigidBody, io, plot
-from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.evolution import NSCD
 from dolfinx_contact.materials import LinearElastic
 

@@ -17,6 +17,7 @@
 from mpi4py import MPI
 
 import numpy as np
+from _case import ScriptParser, number
 
 import ufl
 from dolfinx import fem, mesh
@@ -30,7 +31,6 @@ from dolfinx_contact import (
     io,
     plot,
 )
-from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.evolution import NSCD
 from dolfinx_contact.materials import NeoHookean, lame
 from dolfinx_contact.meshing import join

@@ -18,12 +18,12 @@
 from mpi4py import MPI
 
 import numpy as np
+from _case import MOTION, ScriptParser, motion_of, number
 
 import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact import ContactPair, ContactProblem, Frictionless, io, plot
-from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.evolution import NSCD
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.meshing import join
@@ -38,21 +38,12 @@ EARLY = 0.1  # time until the impact
 
 
 def arguments(argv=None):
-    parser = ScriptParser("Two bars", output="output/two_bars", poisson=0.0)
+    parser = ScriptParser("Two bars", output="output/two_bars", poisson=0.0, **MOTION)
     add = parser.add_argument
-    part = number(least=0, most=1)
     count = number(int, above=1)
-    levels = ("position", "velocity")
-    masses = ("redistributed", "lumped", "consistent")
-    schemes = ("theta", "theta-euler", "modified-theta")
     add("--elements", type=count, default=50, help="along a bar")
     add("--across", type=count, default=2, help="and across it")
-    add("--scheme", choices=schemes, default="theta", help="of steps")
-    add("--level", choices=levels, default="position", help="of the law")
-    add("--theta", type=part, default=0.5, help="weight of a step's end")
     add("--dt", type=number(above=0), help="length of a step (default: h/c)")
-    add("--mass", choices=masses, default="redistributed", help="matrix")
-    add("--restitution", type=part, default=0.0, help="at the velocity level")
     args = parser.parse(argv)
     args.dt = args.dt or LENGTH / args.elements / C
     return args
@@ -104,11 +95,7 @@ def main(argv=None):
         DENSITY,
         dt=args.dt,
         velocity=velocity,
-        scheme=args.scheme,
-        level=args.level,
-        theta=args.theta,
-        mass=args.mass,
-        restitution=args.restitution,
+        **motion_of(args),
     )
     places = [[0.0, 0.0]]
 

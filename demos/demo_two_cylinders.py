@@ -16,12 +16,13 @@
 # `--case spheres` is the demo of two spheres, in which the bodies are drawn.
 
 import numpy as np
+from _hertz import Hertz
 from demo_two_spheres import RADIUS, draw, parser, quarter, study
 
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact import ContactPair, ContactProblem, Coulomb, Frictionless, plot
+from dolfinx_contact import ContactPair, ContactProblem, Coulomb, Frictionless
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.meshing import mesh_from_gmsh
 
@@ -33,7 +34,7 @@ POISSON = 0.3
 STEEL = LinearElastic.from_young(STEEL_YOUNG, POISSON)
 ALUMINIUM = LinearElastic.from_young(ALUMINIUM_YOUNG, POISSON)
 COMPLIANCE = (1 - POISSON**2) * (1 / STEEL_YOUNG + 1 / ALUMINIUM_YOUNG)
-HERTZ = plot.Hertz(2, RADIUS, 1 / COMPLIANCE, parts=2)
+HERTZ = Hertz(2, RADIUS, 1 / COMPLIANCE, parts=2)
 
 
 # ## The bodies

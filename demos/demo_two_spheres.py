@@ -15,12 +15,13 @@ from mpi4py import MPI
 
 import gmsh
 import numpy as np
+from _case import ScriptParser, number
+from _hertz import Hertz
 
 import ufl
 from dolfinx import fem
 
 from dolfinx_contact import ContactPair, ContactProblem, Coulomb, Frictionless, io, plot
-from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.materials import Axisymmetric, LinearElastic, circumference
 from dolfinx_contact.meshing import mesh_from_gmsh
 
@@ -28,7 +29,7 @@ RADIUS = 50.0  # mm
 APPROACH = 4.0
 YOUNG = 20e3  # MPa
 POISSON = 0.3
-HERTZ = plot.Hertz(3, RADIUS / 2, YOUNG / (2 * (1 - POISSON**2)))
+HERTZ = Hertz(3, RADIUS / 2, YOUNG / (2 * (1 - POISSON**2)))
 MATERIAL = Axisymmetric(LinearElastic.from_young(YOUNG, POISSON))
 
 

@@ -14,10 +14,11 @@
 from mpi4py import MPI
 
 import numpy as np
+from _case import ScriptParser, number
+from _plots import draw_maps
 from demo_linear_triangle import linear_triangle
 
-from dolfinx_contact import algorithms, io, plot
-from dolfinx_contact.command_line import ScriptParser, number
+from dolfinx_contact import algorithms, io
 from dolfinx_contact.laws.status import letters
 
 ALGORITHMS = {
@@ -105,7 +106,7 @@ def main(argv=None):
             labels = ("$r_t$ of A at the start", "$r_n$ of A at the start")
             if comm.rank == 0:
                 file = folder / f"basins_{title}.png"
-                plot.draw_panels(file, *axes, panels, NAMES, labels=labels)
+                draw_maps(file, *axes, panels, NAMES, labels=labels)
     return io.write_summary(comm, folder, found["triangle"] | {"problems": found})
 
 

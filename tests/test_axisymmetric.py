@@ -6,6 +6,7 @@ import demo_press_fit
 import demo_two_spheres
 import numpy as np
 import pytest
+from _hertz import Hertz
 from blocks import box, facets, same_tables
 from scipy.optimize import brentq
 from test_pair import tagged
@@ -24,7 +25,6 @@ from dolfinx_contact import (
     RigidBody,
     Sphere,
     io,
-    plot,
 )
 from dolfinx_contact.continuation import follow
 from dolfinx_contact.evolution import QuasiStatic
@@ -134,7 +134,7 @@ def indented(shape, contact_radius, n=16):
     return ContactProblem(energy, u, [surface], bcs=bcs)
 
 
-HERTZ = plot.Hertz(3, 50.0, 1000.0 / (1 - 0.3**2))
+HERTZ = Hertz(3, 50.0, 1000.0 / (1 - 0.3**2))
 LOAD = HERTZ.load(1.0)
 
 
@@ -169,7 +169,7 @@ def test_hertz_sphere_on_a_plane():
     down = fem.dirichletbc(-2.0, body.dofs(V.sub(1), "upper end"), V.sub(1))
     result = ContactProblem(energy, u, [floor], bcs=[down]).solve()
     table = result.tables["contact"]
-    found = plot.Hertz(3, 50.0, 20e3 / (1 - 0.3**2)).compare(table)
+    found = Hertz(3, 50.0, 20e3 / (1 - 0.3**2)).compare(table)
     assert found["load"] == pytest.approx(660.7e3, rel=3e-3)
     assert found["peak_pressure"] == pytest.approx(2912, rel=2e-3)
     assert found["peak_pressure_error"] < 1e-3

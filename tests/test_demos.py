@@ -122,7 +122,7 @@ def proposition_2(F, critical, f1, f2):
 DEMOS = Path(__file__).parents[1] / "demos"
 
 
-@pytest.mark.parametrize("demo", sorted(DEMOS.glob("*.py")), ids=lambda path: path.stem)
+@pytest.mark.parametrize("demo", sorted(DEMOS.glob("demo_*.py")), ids=lambda path: path.stem)
 def test_a_demo_is_narrated(demo):
     """What a user copies: narrated, without private names."""
     text = demo.read_text()

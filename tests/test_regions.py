@@ -130,4 +130,4 @@ def test_bad_input(tmp_path):
     with pytest.raises(ValueError, match="outside"):
         regions.at(0.0, 0.0)
     with pytest.raises(ValueError, match="no names"):
-        plot.draw_solutions(tmp_path / "a.png", regions, curves, {})
+        plot.draw_chart(tmp_path / "a.png", regions, curves, {})

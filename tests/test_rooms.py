@@ -21,7 +21,7 @@ FLOORS = [
     ("solvers",),
     ("results",),
     ("proofs",),
-    ("problem", "parametric", "nested", "command_line"),
+    ("problem", "parametric", "nested"),
     ("analysis", "evolution"),
     ("io", "output"),
     ("records",),

@@ -7,19 +7,20 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
+from _case import ScriptParser, number
+from _hertz import Hertz
+from _plots import draw_maps
 from blocks import block, box, facets
 
 import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, io, plot, records
-from dolfinx_contact.command_line import ScriptParser, number
 from dolfinx_contact.continuation import Branch, find_solutions, follow, follower_for, points_at
 from dolfinx_contact.grids import create_grid, graded
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.meshing import draw_polygon, mesh_from_gmsh
 from dolfinx_contact.parametric import ParametricContact
-from dolfinx_contact.plot import Hertz
 from dolfinx_contact.records import BranchRecord, leftmost, rightmost, total
 
 COMM = MPI.COMM_WORLD
@@ -214,21 +215,15 @@ def test_pictures_of_curves_and_regions(folder):
     x = np.linspace(0.1, 1.0, 30)
     out = plot.draw_curves(folder / "a.png", {"y": (x, x**2)}, marks={"m": (x[:3], x[:3])})
     assert big(out)
-    rows = [{"h": h, "error": h**2, "other": h} for h in (0.1, 0.05)]
-    assert big(plot.draw_convergence(folder / "b.png", rows, ["error", "other"], order=2))
     cells = [["a", "b"], ["b", "a"], ["a", "a"]]
     names = {"a": "first", "b": "second", "c": "third"}
     lines = [(([0, 1], [0, 1]), "c")]
-    assert big(plot.draw_regions(folder / "c.png", x[:3], x[:2], cells, names, lines=lines))
+    assert big(draw_maps(folder / "c.png", x[:3], x[:2], {"map": cells}, names, lines=lines))
     for wrong in ({}, {"y": (x, x[:2])}):
         with pytest.raises(ValueError, match=r"nothing to draw|abscissae"):
             plot.draw_curves(folder / "d.png", wrong)
-    with pytest.raises(ValueError, match="3 x 1 cells"):
-        plot.draw_regions(folder / "d.png", x[:3], x[:1], cells, names)
-    with pytest.raises(ValueError, match="no names are given for b"):
-        plot.draw_regions(folder / "d.png", x[:3], x[:2], cells, {"a": "first"})
-    with pytest.raises(ValueError, match="nothing to draw"):
-        plot.draw_convergence(folder / "d.png", [], ["error"])
+    with pytest.raises(KeyError, match="b"):
+        draw_maps(folder / "d.png", x[:3], x[:2], {"map": cells}, {"a": "first"})
     assert not (folder / "d.png").exists()
 
 

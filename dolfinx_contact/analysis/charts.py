@@ -59,6 +59,11 @@ class ChartCell:
         """Number of solutions in the middle; if it is not proved, at least so many."""
         return len(self.solutions)
 
+    def outline(self) -> tuple[Array, Array, Array]:
+        """Values of mu (2,), and the least and the largest gamma there."""
+        low, high = self.gamma
+        return np.array(self.mu), np.full(2, low), np.full(2, high)
+
 
 @dataclass(frozen=True, eq=False)
 class Chart:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""A recorded history as an animation of the deformed body.
+"""Animations of the deformed body: of states one after the other, and of a recorded history.
 
 Frames are those of `picture_of_body`, drawn one after the other by the same program, with one
 frame, one scale of colours and one camera for all.
@@ -8,19 +8,20 @@ frame, one scale of colours and one camera for all.
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from dolfinx_contact._errors import everywhere, on_root, same_everywhere
+from dolfinx_contact._errors import everywhere, on_root, require, same_everywhere
 from dolfinx_contact.io.folder import agreed_path
 from dolfinx_contact.plot.pictures import body_seen, draw
+from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.records.steps_record import StepsRecord
 
-__all__ = ["animate"]
+__all__ = ["animate", "film"]
 
 #: What writes files of a kind: module, and how it is installed.
 _WRITERS = {
@@ -28,6 +29,77 @@ _WRITERS = {
     ".mp4": ("imageio_ffmpeg", "imageio-ffmpeg; .gif does not need it"),
 }
 _SKIN = 0.04  # of the size, by which obstacles are thick in a picture
+
+
+def film(
+    file: str | os.PathLike[str],
+    problem: ContactProblem,
+    states: Iterable[str],
+    *,
+    stress: Any = None,
+    scale: float = 1.0,
+    title: str = "",
+    rate: float = 10.0,
+) -> Path | None:
+    """Draw states of a body one after the other as an animation, without a display. Collective.
+
+    Args:
+        file: ``.gif``, or ``.mp4``, for which imageio-ffmpeg must be installed.
+        problem: whose displacement is drawn; it is put back at the end.
+        states: sets the displacement of the problem and yields what is written beside the title,
+            state by state: a generator.
+        stress: 3 x 3 UFL stress of the displacement, by cell tags if there are several materials,
+            as for `write_fields`, for the colours.
+        scale: factor of the displacement.
+        title: above the pictures.
+        rate: pictures a second.
+
+    Returns:
+        The file, on every rank; None where it could not be drawn, as for `picture_of_body`.
+
+    Raises:
+        ModuleNotFoundError: on every rank, if what writes such a file is not installed.
+        ValueError: on every rank, for another suffix, a rate that is not positive, no states, or
+            arguments that differ between ranks.
+
+    Example:
+        ::
+
+            def swinging():
+                for phase in np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False):
+                    problem.u.x.array[:] = np.cos(phase) * mode.x.array
+                    yield f"phase {phase:.2f}"
+
+
+            plot.film("output/mode.gif", problem, swinging())
+    """
+    comm = problem.comm
+    path = agreed_path(comm, file, "file")
+    with everywhere(comm, "film"):
+        if path.suffix not in _WRITERS:
+            raise ValueError(f"animations are .gif or .mp4, not {path.name}")
+        if not (np.isfinite(rate) and rate > 0):
+            raise ValueError(f"the rate must be a positive number of pictures a second, got {rate}")
+    same_everywhere(comm, rate=float(rate), title=title)
+    on_root(comm, lambda: _require_writer(path.suffix))
+    before = problem.u.x.array.copy()
+    frames = []
+    try:
+        for words in states:
+            beside = ", ".join(part for part in (title, words) if part)
+            kind, data = body_seen(problem, stress, scale, beside)
+            frames.append(data)
+    finally:
+        problem.u.x.array[:] = before
+    require(comm, bool(frames), "there are no states to show")
+    if comm.rank == 0:
+        common: dict[str, Any] = {"reach": _reach(frames)}
+        if stress is not None:
+            values = [frame["von_mises"] for frame in frames]
+            common["colours"] = min(map(np.min, values)), max(map(np.max, values))
+        frames = [frame | common for frame in frames]
+    data = {"kind": kind, "frames": frames, "rate": float(rate)}
+    return draw(comm, "film", data, path, count=len(frames))
 
 
 def animate(
@@ -40,14 +112,13 @@ def animate(
     title: str = "",
     rate: float = 10.0,
 ) -> Path | None:
-    """Draw a recorded history as an animation, without a display. Collective.
+    """Draw a recorded history as an animation, with its times. Collective.
 
     Args:
-        file: ``.gif``, or ``.mp4``, for which imageio-ffmpeg must be installed.
+        file: as for `film`.
         record: an `EvolutionRecord` or `PathRecord`. The problem stays as it is.
         steps: which are shown, in this order, 0 the start; by default all.
-        stress: 3 x 3 UFL stress of the displacement, by cell tags if there are several materials,
-            as for `write_fields`, for the colours.
+        stress: as for `film`, like the following.
         scale: factor of the displacement.
         title: above the pictures, before the time.
         rate: pictures a second.
@@ -57,8 +128,7 @@ def animate(
 
     Raises:
         ModuleNotFoundError: on every rank, if what writes such a file is not installed.
-        ValueError: on every rank, for another suffix, a rate that is not positive, steps that are
-            not recorded, or arguments that differ between ranks.
+        ValueError: on every rank, as for `film`, and for steps that are not recorded.
 
     Example:
         ::
@@ -67,35 +137,19 @@ def animate(
                 evolution.run(times, record=record)
                 plot.animate("output/path.gif", record, stress=steel.full_stress(u))
     """
-    comm = record.comm
-    problem = record.problem
-    path = agreed_path(comm, file, "file")
     states = record.journal.states
-    with everywhere(comm, "animate"):
+    with everywhere(record.comm, "animate"):
         shown = list(range(len(states))) if steps is None else [int(i) for i in steps]
-        if path.suffix not in _WRITERS:
-            raise ValueError(f"animations are .gif or .mp4, not {path.name}")
-        if not (np.isfinite(rate) and rate > 0):
-            raise ValueError(f"the rate must be a positive number of pictures a second, got {rate}")
-        if not shown:
-            raise ValueError("there are no steps to show")
-    same_everywhere(comm, steps=shown, rate=float(rate), title=title)
-    on_root(comm, lambda: _require_writer(path.suffix))
-    frames = []
-    with record.looking():
+    same_everywhere(record.comm, steps=shown)
+
+    def times() -> Iterator[str]:
         for index in shown:
             record.show(index)
-            said = f"{title}{', ' if title else ''}time {states[index]['time']:.4g}"
-            kind, data = body_seen(problem, stress, scale, said)
-            frames.append(data)
-    if comm.rank == 0:
-        common: dict[str, Any] = {"reach": _reach(frames)}
-        if stress is not None:
-            values = [frame["von_mises"] for frame in frames]
-            common["colours"] = min(map(np.min, values)), max(map(np.max, values))
-        frames = [frame | common for frame in frames]
-    data = {"kind": kind, "frames": frames, "rate": float(rate)}
-    return draw(comm, "film", data, path, count=len(shown))
+            yield f"time {states[index]['time']:.4g}"
+
+    look = dict(stress=stress, scale=scale, title=title, rate=rate)
+    with record.looking():
+        return film(file, record.problem, times(), **look)
 
 
 def _require_writer(suffix: str) -> None:

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Plain pictures: curves and marks over one axis, and maps of what holds where."""
+"""Plain pictures: curves and marks over one axis, and charts of two parameters."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -15,7 +15,7 @@ from dolfinx_contact._optional import optional
 from dolfinx_contact.analysis import Chart, EventCurves, Regions
 from dolfinx_contact.io.disk import part_of
 
-__all__ = ["draw_chart", "draw_convergence", "draw_curves", "draw_regions", "draw_solutions"]
+__all__ = ["draw_chart", "draw_curves"]
 
 _FEW = 20  # points of a curve that are marked
 #: Abscissae and ordinates.
@@ -80,131 +80,50 @@ def draw_curves(
     return _written(figure, file)
 
 
-def draw_convergence(
-    file: str | os.PathLike[str],
-    rows: Sequence[Mapping[str, Any]],
-    errors: Sequence[str],
-    *,
-    size: str = "h",
-    order: float = 2.0,
-    title: str | None = None,
-) -> Path:
-    """Draw errors over the size of cells, with a slope to compare with; on this rank alone.
-
-    Args:
-        file: the picture, of any kind that matplotlib writes.
-        rows: one for each mesh.
-        errors: keys of the errors.
-        size: key of the size of cells.
-        order: of the slope.
-        title: above the picture.
-
-    Raises:
-        OSError: with the path, if it cannot be written; it is then as it was.
-        ValueError: if there is no row or no error.
-    """
-    if not rows or not errors:
-        raise ValueError("there is nothing to draw")
-    h = np.array([row[size] for row in rows], dtype=float)
-    curves: dict[str, Curve] = {key: (h, [row[key] for row in rows]) for key in errors}
-    slope = {f"order {order:g}": (h, rows[0][errors[0]] * (h / h[0]) ** order)}
-    look: dict[str, Any] = dict(labels=(size, "error"), title=title, loglog=True)
-    return draw_curves(file, curves, dotted=slope, **look)
-
-
-def draw_regions(
-    file: str | os.PathLike[str],
-    x: npt.ArrayLike,
-    y: npt.ArrayLike,
-    cells: npt.ArrayLike,
-    names: Mapping[str, str],
-    *,
-    lines: Sequence[tuple[Curve, str]] = (),
-    labels: tuple[str, str] = ("", ""),
-    title: str | None = None,
-) -> Path:
-    """Draw a map of what holds where; on this rank alone.
-
-    Args:
-        file: the picture, of any kind that matplotlib writes.
-        x: abscissae of the cells (n,).
-        y: their ordinates (m,).
-        cells: what holds in each, a word (n, m).
-        names: of the words, for the legend; their order gives the colours.
-        lines: curves on which something of its own holds, with its word.
-        labels: of the axes, TeX between dollars.
-        title: above the picture.
-
-    Raises:
-        OSError: with the path, if it cannot be written; it is then as it was.
-        ValueError: if the cells are not (n, m), or a word has no name.
-    """
-    words = np.asarray(cells, dtype=str)
-    if words.shape != (np.size(x), np.size(y)):
-        raise ValueError(f"{np.size(x)} x {np.size(y)} cells are needed, got {words.shape}")
-    present = {*words.ravel().tolist(), *(word for _, word in lines)}
-    if present - set(names):
-        raise ValueError(f"no names are given for {', '.join(sorted(present - set(names)))}")
-    figure = _figure((6.4, 6.6))
-    from matplotlib.colors import ListedColormap
-    from matplotlib.patches import Patch
-
-    colours = {word: _FILLS[i % len(_FILLS)] for i, word in enumerate(names)}
-    numbers = {word: i for i, word in enumerate(names)}
-    codes = np.vectorize(numbers.__getitem__)(words)
-    axes = figure.subplots()
-    look = dict(cmap=ListedColormap(list(colours.values())), vmin=-0.5, vmax=len(names) - 0.5)
-    axes.pcolormesh(x, y, codes.T, shading="nearest", **look)
-    limits = axes.get_xlim(), axes.get_ylim()
-    for curve, word in lines:
-        axes.plot(*curve, color=colours[word], lw=3)
-    axes.axhline(0, color="0.3", lw=0.6)
-    axes.axvline(0, color="0.3", lw=0.6)
-    axes.set(xlabel=labels[0], ylabel=labels[1], xlim=limits[0], ylim=limits[1], aspect="equal")
-    axes.set_title(title or "")
-    handles = [
-        Patch(facecolor=colours[word], edgecolor="0.4", label=name)
-        for word, name in names.items()
-        if word in present
-    ]
-    figure.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False)
-    return _written(figure, file)
-
-
 def draw_chart(
     file: str | os.PathLike[str],
-    chart: Chart,
+    chart: Chart | Regions,
     curves: EventCurves | None = None,
+    names: Mapping[tuple[str, ...], str] | None = None,
     *,
     labels: tuple[str, str] = ("", ""),
     title: str | None = None,
 ) -> Path:
-    """Draw how many solutions there are over two parameters; on this rank alone.
+    """Draw the solutions over two parameters, cell by cell; on this rank alone.
 
-    Cells whose number is not proved are hatched: there are at least so many. Curves of folds are
-    drawn thick, of events thin, and where two curves of folds end there is a dot.
+    Cells whose number of solutions is not proved are hatched: there are at least so many. Curves of
+    folds are drawn thick, of events thin, and where two curves of folds end there is a dot.
 
     Args:
         file: the picture, of any kind that matplotlib writes.
-        chart: the numbers.
+        chart: what `count_solutions` or `solution_regions` returned.
         curves: of folds and events.
+        names: of sets of statuses, for the legend; by default numbers of solutions are shown.
         labels: of the axes, TeX between dollars.
         title: above the picture.
 
     Raises:
         OSError: with the path, if it cannot be written; it is then as it was.
+        ValueError: if a set of statuses has no name.
     """
-    figure = _figure((6.4, 5.2))
-    from matplotlib.patches import Patch, Rectangle
+    present = {c.solutions for c in chart.cells}
+    if names is None:
+        counts = sorted({len(solutions) for solutions in present})
+        words = {n: f"{n} solution" + "s" * (n != 1) for n in counts}
+        kinds = {solutions: words[len(solutions)] for solutions in present}
+        colours = {words[n]: _FILLS[n % len(_FILLS)] for n in counts}
+    elif present - set(names):
+        raise ValueError(f"no names are given for {sorted(present - set(names))}")
+    else:
+        kinds = dict(names)
+        colours = {word: _FILLS[i % len(_FILLS)] for i, word in enumerate(names.values())}
+    figure = _figure((6.4, 6.0))
+    from matplotlib.patches import Patch
 
     axes = figure.subplots()
-    counts = sorted({c.count for c in chart.cells})
     for c in chart.cells:
-        left, right = c.mu
-        low, high = c.gamma
-        hatch = None if c.proved else "///"
-        look = dict(facecolor=_FILLS[c.count % len(_FILLS)], edgecolor="white", lw=0.3)
-        axes.add_patch(Rectangle((left, low), right - left, high - low, hatch=hatch, **look))
+        look = dict(facecolor=colours[kinds[c.solutions]], hatch=None if c.proved else "///")
+        axes.fill_between(*c.outline(), lw=0, antialiased=False, **look)
     for curve in curves.curves if curves is not None else ():
         width = 1.8 if curve.kind == "fold" else 0.7
         axes.plot(*curve.points(32).T, color="black", lw=width)
@@ -215,74 +134,16 @@ def draw_chart(
         limits(min(a for a, _ in ends), max(b for _, b in ends))
     axes.set(xlabel=labels[0], ylabel=labels[1])
     axes.set_title(title or "", loc="left")
-    words = {n: f"{n} solution" + "s" * (n != 1) for n in counts}
-    handles = [
-        Patch(facecolor=_FILLS[n % len(_FILLS)], edgecolor="0.4", label=words[n]) for n in counts
-    ]
-    if not chart.proved:
-        handles.append(Patch(facecolor="white", edgecolor="0.4", hatch="///", label="at least"))
-    figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
-    return _written(figure, file)
-
-
-def draw_solutions(
-    file: str | os.PathLike[str],
-    regions: Regions,
-    curves: EventCurves,
-    names: Mapping[tuple[str, ...], str] | None = None,
-    *,
-    labels: tuple[str, str] = ("", ""),
-    title: str | None = None,
-) -> Path:
-    """Draw the regions between curves by their solutions; on this rank alone.
-
-    Regions whose number of solutions is not proved are hatched. Curves of folds are drawn thick, of
-    events thin.
-
-    Args:
-        file: the picture, of any kind that matplotlib writes.
-        regions: cells.
-        curves: between them.
-        names: of sets of statuses, for the legend; by default numbers of solutions are shown.
-        labels: of the axes, TeX between dollars.
-        title: above the picture.
-
-    Raises:
-        OSError: with the path, if it cannot be written; it is then as it was.
-        ValueError: if a set of statuses has no name.
-    """
-    present = {c.solutions for c in regions.cells}
-    if names is None:
-        counts = sorted({len(words) for words in present})
-        words = {n: f"{n} solution" + "s" * (n != 1) for n in counts}
-        kinds = {solutions: words[len(solutions)] for solutions in present}
-        order = {words[n]: _FILLS[n % len(_FILLS)] for n in counts}
-    elif present - set(names):
-        raise ValueError(f"no names are given for {sorted(present - set(names))}")
-    else:
-        kinds = dict(names)
-        order = {word: _FILLS[i % len(_FILLS)] for i, word in enumerate(names.values())}
-    figure = _figure((6.4, 6.6))
-    from matplotlib.patches import Patch
-
-    axes = figure.subplots()
-    for c in regions.cells:
-        look = dict(facecolor=order[kinds[c.solutions]], hatch=None if c.proved else "///")
-        axes.fill_between(*c.outline(), lw=0, antialiased=False, **look)
-    for curve in curves.curves:
-        width = 1.8 if curve.kind == "fold" else 0.7
-        axes.plot(*curve.points(32).T, color="black", lw=width)
-    ends = [c.mu for c in regions.cells]
-    axes.set(xlim=(min(a for a, _ in ends), max(b for _, b in ends)), ylim=regions.cells[0].gamma)
-    axes.set(xlabel=labels[0], ylabel=labels[1])
-    axes.set_title(title or "", loc="left")
     shown = {kinds[solutions] for solutions in present}
     handles = [
         Patch(facecolor=colour, edgecolor="0.4", label=word)
-        for word, colour in order.items()
+        for word, colour in colours.items()
         if word in shown
     ]
-    figure.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False)
+    if not chart.proved:
+        handles.append(Patch(facecolor="white", edgecolor="0.4", hatch="///", label="at least"))
+    columns = 4 if names is None else 2
+    figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False)
     return _written(figure, file)
 
 

@@ -3,7 +3,7 @@
 
 Only what is seen is gathered to rank 0: the boundary of a body in 3D, the body itself in 2D, the
 contact surfaces. There a process of its own (`render.py`) draws it, because VTK without a display
-may end its process. It gets a virtual display (Xvfb) where there is one, else that of the caller,
+may end its process. It gets a virtual display where xvfb-run is installed, else that of the caller,
 else none, which is enough for some builds of VTK. A picture that cannot be drawn is a warning in
 the log: no solve fails for want of it.
 """
@@ -13,13 +13,13 @@ from __future__ import annotations
 import logging
 import os
 import pickle
-import select
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -49,8 +49,6 @@ logger = logging.getLogger(__name__)
 
 _SECONDS = 120.0  # after which a picture is given up
 _NOTHING = 1e-10  # of a force, what counts as none
-_BY_VTK = ("body_3d", "vibration")
-_PROGRAMS = {"vibration": "animate.py"}  # of others render.py
 
 
 def picture_of_body(
@@ -307,7 +305,7 @@ def draw(
 
     Args:
         comm: communicator.
-        kind: what, a function of `render.py` or `animate.py`.
+        kind: what, a function of `render.py`.
         data: that it shows, of rank 0.
         file: the picture.
         count: of pictures in the file, each of which has its time.
@@ -323,24 +321,20 @@ def draw(
 
 def _draw_apart(kind: str, data: Mapping[str, Any], file: Path, seconds: float) -> str | None:
     """Draw in a process of its own; why it failed, or None."""
-    in_space = kind in _BY_VTK or data.get("kind") in _BY_VTK
+    in_space = "body_3d" in (kind, data.get("kind"))
     part = file.with_name(f".{file.stem}.part{file.suffix}")
-    source = Path(__file__).with_name(_PROGRAMS.get(kind, "render.py"))
-    program = [sys.executable, str(source), kind, str(part)]
+    source = Path(__file__).with_name("render.py")
+    program = [*_display(needed=in_space), sys.executable, str(source), kind, str(part)]
     try:
         # A file and no pipe: PETSc takes the SIGPIPE of a reader that dies for an error of its own.
-        with tempfile.TemporaryFile() as stream, _display(needed=in_space) as environment:
+        with tempfile.TemporaryFile() as stream, tempfile.TemporaryFile() as messages:
             pickle.dump(dict(data), stream)
             stream.seek(0)
-            done = subprocess.run(
-                program,
-                stdin=stream,
-                env=environment,
-                capture_output=True,
-                timeout=seconds,
-                check=False,
-            )
-        if done.returncode == 0:
+            streams: dict[str, Any] = dict(stdin=stream, stdout=messages, stderr=messages)
+            code = _run(program, seconds, streams)
+            messages.seek(0)
+            lines = messages.read().decode(errors="replace").strip().splitlines()
+        if code == 0:
             part.replace(file)
             return None
     except (OSError, subprocess.TimeoutExpired) as error:
@@ -349,42 +343,35 @@ def _draw_apart(kind: str, data: Mapping[str, Any], file: Path, seconds: float) 
         with suppress(OSError):  # the reason is known by then
             for left in file.parent.glob(f"{part.name}*"):
                 left.unlink()
-    said = done.stderr.decode(errors="replace").strip().splitlines()
-    if done.returncode < 0:
+    last = lines[-1] if lines else ""
+    # A shell, as xvfb-run is, adds 128 to the number of a signal.
+    signalled = -code if code < 0 else code - 128
+    if signalled > 0:
         return (
-            f"the drawing process was ended by signal {-done.returncode}, as VTK does without a "
-            f"display (install Xvfb, or set DISPLAY). {said[-1] if said else ''}"
+            f"the drawing process was ended by signal {signalled}, as VTK does without a display "
+            f"(install Xvfb, or set DISPLAY). {last}"
         )
-    return said[-1] if said else f"the drawing process returned {done.returncode}"
+    return last or f"the drawing process returned {code}"
 
 
-@contextmanager
-def _display(*, needed: bool) -> Iterator[dict[str, str]]:
-    """Environment in which VTK can draw: with a virtual display while the context lasts."""
-    environment = dict(os.environ)
-    server = shutil.which("Xvfb") if needed else None
-    if server is None:
-        yield environment
-        return
-    options = ["-displayfd", "1", "-screen", "0", "1600x1200x24", "-nolisten", "tcp"]
-    # The shell ends the display when its input ends, and so even if this process is killed; Xvfb
-    # may miss a signal that comes as it begins to wait.
-    watch = (
-        '"$@" & x=$!; exec > /dev/null 2>&1; cat; kill $x; '
-        "(while sleep 0.5; do kill $x; done) & k=$!; wait $x; kill $k"
-    )
-    xvfb = subprocess.Popen(
-        ["sh", "-c", watch, "sh", server, *options],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-    )
+def _display(*, needed: bool) -> list[str]:
+    """What a program is run by that may need a display: a virtual one where that is installed."""
+    if not needed or shutil.which("xvfb-run") is None:
+        return []
+    screen = "-screen 0 1600x1200x24 -nolisten tcp"
+    return ["xvfb-run", "--auto-servernum", f"--server-args={screen}"]
+
+
+def _run(program: Sequence[str], seconds: float, streams: Mapping[str, Any]) -> int:
+    """Run a program, which ends with all that it began; its code.
+
+    Raises:
+        subprocess.TimeoutExpired: if it takes longer.
+    """
+    process = subprocess.Popen(program, start_new_session=True, **streams)
     try:
-        # Readable when the number is written, or when Xvfb ends without one.
-        ready = select.select([xvfb.stdout], [], [], _SECONDS)[0]
-        number = ready[0].readline().decode().strip() if ready else ""
-        if number:
-            environment["DISPLAY"] = f":{number}"
-        yield environment
+        return process.wait(seconds)
     finally:
-        xvfb.communicate()
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.wait()

@@ -23,8 +23,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.plot.curves import draw_curves
-from dolfinx_contact.results.tables import ContactTable
+from dolfinx_contact import ContactTable
+from dolfinx_contact.plot import draw_curves
 
 __all__ = ["Hertz"]
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The command line of a script: options that recur, each with its check.
+"""The command line of a demo: options that recur, each with its check.
 
 Words that begin with one dash, such as ``-contact_snes_monitor``, are PETSc's.
 """
@@ -18,7 +18,7 @@ from dolfinx import mesh
 from dolfinx_contact._petsc import parse_arguments
 from dolfinx_contact.continuation import Kinks, Route
 
-__all__ = ["CELLS", "ScriptParser", "number"]
+__all__ = ["CELLS", "MOTION", "ScriptParser", "motion_of", "number"]
 
 #: Kinds of cells by the word of an option.
 CELLS = {
@@ -26,6 +26,14 @@ CELLS = {
     "quad": mesh.CellType.quadrilateral,
     "tet": mesh.CellType.tetrahedron,
     "hex": mesh.CellType.hexahedron,
+}
+#: What `NSCD` is by default, as options of a demo: ``ScriptParser(..., **MOTION)``.
+MOTION: dict[str, Any] = {
+    "scheme": "theta",
+    "level": "position",
+    "theta": 0.5,
+    "mass": "redistributed",
+    "restitution": 0.0,
 }
 
 
@@ -92,6 +100,11 @@ _RECURRING: dict[str, dict[str, Any]] = {
     "solutions_at": dict(
         type=number(least=0, most=1), metavar="GAMMA", help="list the solutions at this gamma"
     ),
+    "scheme": dict(choices=("theta", "theta-euler", "modified-theta"), help="of steps"),
+    "level": dict(choices=("position", "velocity"), help="of the law"),
+    "theta": dict(type=number(least=0, most=1), help="weight of a step's end"),
+    "mass": dict(choices=("redistributed", "lumped", "consistent"), help="matrix"),
+    "restitution": dict(type=number(least=0, most=1), help="at the velocity level"),
 }
 
 
@@ -147,3 +160,8 @@ class ScriptParser(argparse.ArgumentParser):
     def _print_message(self, message: str, file: Any = None) -> None:
         if MPI.COMM_WORLD.rank == 0:
             super()._print_message(message, file)
+
+
+def motion_of(args: argparse.Namespace) -> dict[str, Any]:
+    """The options of `MOTION` as they were given, for `NSCD`."""
+    return {name: getattr(args, name) for name in MOTION}

@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Pictures that some demos share: maps of what holds where."""
+
+import numpy as np
+
+#: Colours of words, in their order.
+FILLS = (
+    *("#dfe7ef", "#f2d9a6", "#b7d7b0", "#c9b8dc", "#c0392b", "#3b6ea8", "#e07b39", "#111111"),
+    *("#8fc1c9", "#9a8f5a"),
+)
+COLUMNS = 4
+
+
+def draw_maps(file, x, y, maps, names, *, lines=(), labels=("", "")):
+    """Draw maps over the same axes with one legend; on this rank alone.
+
+    Args:
+        file: the picture, of any kind that matplotlib writes.
+        x: abscissae of the cells (n,).
+        y: their ordinates (m,).
+        maps: by title what holds in each cell, words (n, m).
+        names: of the words, for the legend; their order gives the colours.
+        lines: curves ((x, y), word) on which something of its own holds, in every map.
+        labels: of the axes, TeX between dollars.
+
+    Raises:
+        KeyError: if a word has no name.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.colors import ListedColormap
+    from matplotlib.figure import Figure
+    from matplotlib.patches import Patch
+
+    columns = min(COLUMNS, len(maps))
+    rows = -(-len(maps) // columns)
+    size = 6.4 if len(maps) == 1 else 2.6
+    figure = Figure(figsize=(size * columns, size * rows + 0.9), layout="constrained")
+    FigureCanvasAgg(figure)
+    numbers = {word: i for i, word in enumerate(names)}
+    colours = {word: FILLS[i % len(FILLS)] for word, i in numbers.items()}
+    look = dict(cmap=ListedColormap(list(colours.values())), vmin=-0.5, vmax=len(names) - 0.5)
+    grid = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
+    present = {word for _, word in lines}
+    for axes in grid.flat[len(maps) :]:
+        axes.set_axis_off()
+    for axes, (title, cells) in zip(grid.flat, maps.items(), strict=False):
+        words = np.asarray(cells, dtype=str)
+        present |= set(words.ravel().tolist())
+        codes = np.array([[numbers[word] for word in row] for row in words])
+        axes.pcolormesh(x, y, codes.T, shading="nearest", **look)
+        limits = dict(xlim=axes.get_xlim(), ylim=axes.get_ylim())
+        for curve, word in lines:
+            axes.plot(*curve, color=colours[word], lw=3)
+        axes.set(**limits)
+        axes.set_title(title, fontsize="medium")
+    for axes in grid[-1]:
+        axes.set_xlabel(labels[0])
+    for axes in grid[:, 0]:
+        axes.set_ylabel(labels[1])
+    handles = [
+        Patch(facecolor=colours[word], edgecolor="0.4", label=name)
+        for word, name in names.items()
+        if word in present
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False)
+    figure.savefig(file, dpi=130)
+    return file
