@@ -6,7 +6,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import Any, ClassVar, TypeVar
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 from petsc4py import PETSc
 
@@ -29,7 +30,6 @@ from dolfinx_contact._numbers import is_count, is_number
 from dolfinx_contact._options import ProblemOptions, check_options, in_database
 from dolfinx_contact._petsc import require_real, staged
 from dolfinx_contact._progress import SolveProgress
-from dolfinx_contact.algorithms import Algorithm, ReducedContact
 from dolfinx_contact.body.bulk import Bulk
 from dolfinx_contact.body.cells import check_cells
 from dolfinx_contact.body.circumference import check_circumference, refuse_revolution
@@ -48,16 +48,16 @@ from dolfinx_contact.results.tables import ContactTable, contact_table
 from dolfinx_contact.results.theory import Theory
 from dolfinx_contact.results.uniqueness import OTHER_DATA, Uniqueness, checked_seconds
 from dolfinx_contact.solvers.choice import LinearSolverChoice
-from dolfinx_contact.solvers.classical import algorithm_named, reduced_contact, solve_by
 from dolfinx_contact.solvers.history import Attempt, Step
 from dolfinx_contact.solvers.ladder import check_data, solve
 from dolfinx_contact.solvers.linear import LinearSolver
 
+if TYPE_CHECKING:
+    from dolfinx_contact.algorithms import Algorithm, ReducedContact
+
 __all__ = ["ContactProblem"]
 
-
 Answer = TypeVar("Answer")
-
 
 _ANOTHER = "make another problem"
 _CONDITIONS = (
@@ -65,6 +65,13 @@ _CONDITIONS = (
     f"changed; for other conditions {_ANOTHER}"
 )
 _SURFACES = f"numbers of a law change as surface.law.friction.value = 0.5; for others {_ANOTHER}"
+
+
+def _classical() -> ModuleType:
+    """What algorithms other than Newton's need, loaded when one is asked for."""
+    from dolfinx_contact.solvers import classical
+
+    return classical
 
 
 class ContactProblem(ReadOnly):
@@ -342,7 +349,9 @@ class ContactProblem(ReadOnly):
             expected = listed(expected)
             if not is_count(increments):
                 raise ValueError(f"the number of increments must be 1 or more, got {increments!r}")
-            chosen = algorithm_named(algorithm)
+            chosen: Algorithm | None = None
+            if not (isinstance(algorithm, str) and algorithm == "newton"):
+                chosen = _classical().algorithm_named(algorithm)
             if monitor is not None and not callable(monitor):
                 raise ValueError(f"monitor must be a function of a step, got {monitor!r}")
             if progress not in (None, True, False):
@@ -371,7 +380,7 @@ class ContactProblem(ReadOnly):
                 )
             else:
                 check_data(self.equations, x0)
-                x, attempts = solve_by(
+                x, attempts = _classical().solve_by(
                     chosen, self.equations, self._linear, x0, monitor=monitor, progress=said
                 )
             with self.restored():
@@ -432,7 +441,8 @@ class ContactProblem(ReadOnly):
         self.write(x)
         try:
             check_data(self.equations, x)
-            return reduced_contact(self.equations, self._linear, x)
+            contact: ReducedContact = _classical().reduced_contact(self.equations, self._linear, x)
+            return contact
         finally:
             x.destroy()
 

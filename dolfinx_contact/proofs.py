@@ -7,20 +7,21 @@ This is the one place where something imports from above.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from petsc4py import PETSc
+if TYPE_CHECKING:
+    from petsc4py import PETSc
 
-import numpy as np
-import numpy.typing as npt
+    import numpy as np
+    import numpy.typing as npt
 
-from dolfinx_contact.continuation.affine import AffineSystem
-from dolfinx_contact.continuation.system import Proof, RayProof
-from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.reduced.condensed import CondensedContact
-from dolfinx_contact.results.theory import Theory
-from dolfinx_contact.results.uniqueness import Uniqueness
-from dolfinx_contact.solvers.linear import LinearSolver
+    from dolfinx_contact.continuation.affine import AffineSystem
+    from dolfinx_contact.continuation.system import Proof, RayProof
+    from dolfinx_contact.equations.contact import ContactEquations
+    from dolfinx_contact.reduced.condensed import CondensedContact
+    from dolfinx_contact.results.theory import Theory
+    from dolfinx_contact.results.uniqueness import Uniqueness
+    from dolfinx_contact.solvers.linear import LinearSolver
 
 __all__ = ["obstacle_to_proof", "proved", "proved_rays", "theory_of", "uniqueness"]
 

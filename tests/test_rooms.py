@@ -82,15 +82,18 @@ def test_floors(name):
 
 
 def test_what_a_static_solve_does_not_need_is_not_loaded():
-    """Proofs, and what takes long to load, are loaded when they are asked for."""
+    """Proofs, paths and other algorithms are loaded when they are asked for."""
     code = f"import {PACKAGE}, sys; print(*sys.modules)"
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120
     )
     loaded = done.stdout.split()
     assert f"{PACKAGE}.proofs" in loaded
-    late = (f"{PACKAGE}.analysis", f"{PACKAGE}.evolution", "scipy.integrate", "scipy.optimize")
-    assert not [name for name in loaded if name.startswith(late)]
+    above = ("analysis", "evolution", "io", "plot", "records")
+    strategies = ("algorithms", "continuation", "reduced")
+    late = [f"{PACKAGE}.{room}" for room in (*above, *strategies)]
+    late += ["scipy.integrate", "scipy.optimize"]
+    assert not [name for name in loaded if name.startswith(tuple(late))]
 
 
 def test_no_circle():

@@ -52,16 +52,14 @@ _TOLERANCE = 1e-10
 _GATHERED = 10.0  # times the tolerance, that a solution of the points may leave in the body
 
 
-def algorithm_named(wanted: object) -> Algorithm | None:
-    """The algorithm of a name, or the one given; None for Newton's method.
+def algorithm_named(wanted: object) -> Algorithm:
+    """The algorithm of a name, or the one given.
 
     Raises:
         ValueError: for anything else.
     """
     if isinstance(wanted, Algorithm):
         return wanted
-    if wanted == "newton":
-        return None
     if not isinstance(wanted, str) or wanted not in ALGORITHMS:
         names = ", ".join(("newton", *ALGORITHMS))
         raise ValueError(f"unknown algorithm {wanted!r}; known: {names}")

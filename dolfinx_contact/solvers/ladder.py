@@ -51,12 +51,10 @@ from dolfinx_contact.points.law_checks import check_law
 from dolfinx_contact.solvers.bonds import have_bonds, let_go
 from dolfinx_contact.solvers.choice import LinearSolverChoice
 from dolfinx_contact.solvers.errors import ConvergenceError, FloatingBodyError
-from dolfinx_contact.solvers.following import follow_load
 from dolfinx_contact.solvers.history import Attempt, Step
 from dolfinx_contact.solvers.increments import raise_load
 from dolfinx_contact.solvers.newton import Newton
 from dolfinx_contact.solvers.pivoting import pivot
-from dolfinx_contact.solvers.reduced import solve_reduced
 from dolfinx_contact.solvers.states import gone, inverted
 
 __all__ = ["check_data", "solve"]
@@ -216,6 +214,8 @@ def _ladder(
             return raise_load(solver, x, attempt, increments)
 
     def by_following(x: PETSc.Vec, attempt: Attempt, monitor: Any) -> bool:
+        from dolfinx_contact.solvers.following import follow_load  # seldom needed, slow to load
+
         with Newton(eq, linear(), "none", monitor) as solver:
             most = int(solver.snes.getTolerances()[3])
             return follow_load(eq, linear, x, attempt, most) and solver.run(x, attempt)
@@ -225,6 +225,8 @@ def _ladder(
             return pivot(solver, x, attempt)
 
     def by_lemke(x: PETSc.Vec, attempt: Attempt, monitor: Any) -> bool:
+        from dolfinx_contact.solvers.reduced import solve_reduced  # seldom needed, slow to load
+
         with Newton(eq, linear(), "none", monitor) as solver:
             if solver.snes.getTolerances()[3] < 1:
                 attempt.reason = "no convergence in 0 iterations"
