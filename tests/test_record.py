@@ -125,7 +125,7 @@ def test_numbers_survive(folder):
     """All digits, and numbers that are not finite."""
     values = {"pi": np.pi, "tiny": 5e-324, "nan": float("nan"), "many": [float("inf"), -np.inf]}
     if COMM.rank == 0:
-        file = JournalFile(folder, Journal, new=True)
+        file = JournalFile(folder, Journal, new=True, holders={})
         file.append({"type": "header", "format": 1, **values, "text": 'a "crc": "} é\n'})
         file.close()
         header = read_journal(folder).header
@@ -223,7 +223,7 @@ def test_what_else_is_refused(whole, folder):
     assert not (folder / "new").exists()
     COMM.barrier()
     with BranchRecord(folder / "new", system) as r:
-        with pytest.raises(BlockingIOError, match="another process records"):
+        with pytest.raises(BlockingIOError, match="another run records"):
             BranchRecord(folder / "new", system, resume=True)
         assert r.last_state() is None
     with pytest.raises(ValueError, match="no point of branch 0"):

@@ -5,6 +5,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+from mpi4py import MPI
+
 import pytest
 from conftest import ON_THREE
 
@@ -81,6 +83,7 @@ def test_floors(name):
             assert floor(other) <= floor(name), f"{name} imports {other}"
 
 
+@pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="starts a process of its own")
 def test_what_a_static_solve_does_not_need_is_not_loaded():
     """Proofs, paths and other algorithms are loaded when they are asked for."""
     code = f"import {PACKAGE}, sys; print(*sys.modules)"

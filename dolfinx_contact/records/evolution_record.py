@@ -48,7 +48,7 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, Standing]):
         journal: what has been recorded, on every rank.
 
     Raises:
-        OSError: on every rank, if the folder cannot be written to, another process records there,
+        OSError: on every rank, if the folder cannot be written to, another run records there,
             there is a record and it is not to be resumed, or the other way round. Later, from
             `QuasiStatic.run`, if a step cannot be written: the record then ends with the step
             before, and can be resumed.

@@ -13,7 +13,7 @@ import json
 import math
 import os
 import zlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO, ClassVar, Generic, TypeVar
@@ -158,12 +158,13 @@ def _is_blank(path: Path) -> bool:
 
 
 class JournalFile(Generic[J]):
-    """A journal that is open for appending, locked against other processes. On one rank.
+    """A journal that is open for appending, locked against other runs. On one rank.
 
     Args:
         folder: where it is, or is to be.
         kind: of the journal.
         new: whether it must not exist yet.
+        holders: numbers of the processes of the run, by host (`lock.processes`).
 
     Attributes:
         journal: what was in it when it was opened.
@@ -171,12 +172,14 @@ class JournalFile(Generic[J]):
     Raises:
         FileExistsError: if it is to be new and something has been recorded.
         FileNotFoundError: if it is to exist and does not, or has no complete line.
-        BlockingIOError: if another process has it open; it says which.
+        BlockingIOError: if another run has it open, with its process numbers.
         OSError: if it cannot be opened.
         ValueError: if it is damaged, or a journal of something else. It stays as it is.
     """
 
-    def __init__(self, folder: Path, kind: type[J], *, new: bool):
+    def __init__(
+        self, folder: Path, kind: type[J], *, new: bool, holders: Mapping[str, Sequence[int]]
+    ):
         path = folder / FILE_NAME
         absent = FileNotFoundError(f"there is no {FILE_NAME} in {folder}")
         if not new and not path.exists():
@@ -188,7 +191,7 @@ class JournalFile(Generic[J]):
         self._file: BinaryIO = open(path, "a+b", buffering=0)  # noqa: SIM115
         try:
             self._lock: Lock | None = None
-            self._lock = Lock(self._file, path)
+            self._lock = Lock(self._file, path, holders)
             self._file.seek(0)
             self.journal = parse(self._file.readall(), kind)  # type: ignore[attr-defined]
             if new and self.journal.length:  # written since

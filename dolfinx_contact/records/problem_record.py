@@ -17,7 +17,7 @@ from dolfinx_contact.records.checkpoints import Checkpoints
 from dolfinx_contact.records.identity import difference, same_words
 from dolfinx_contact.records.kept_data import KeptData, nodes_of, other_values, owned_values
 from dolfinx_contact.records.lines import FORMAT, JournalFile, Lines
-from dolfinx_contact.records.lock import end_with_launcher
+from dolfinx_contact.records.lock import processes
 from dolfinx_contact.records.points import places
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ class ProblemRecord(Generic[J]):
         journal: what has been recorded, on every rank.
 
     Raises:
-        OSError: on every rank, if the folder cannot be written to, another process records there,
+        OSError: on every rank, if the folder cannot be written to, another run records there,
             there is a record and it is not to be resumed, or the other way round.
         ValueError: on every rank, if the journal is damaged or one of something else.
     """
@@ -68,12 +68,13 @@ class ProblemRecord(Generic[J]):
         self.folder = known if resume else output_folder(self.comm, known)
         self._file: JournalFile[J] | None = None
         self._made: Checkpoints | None = None
-        end_with_launcher()
-        self.journal: J = on_root(self.comm, lambda: self._open(kind, new=not resume))
+        holders = processes(self.comm)
 
-    def _open(self, kind: type[J], *, new: bool) -> J:
-        self._file = JournalFile(self.folder, kind, new=new)
-        return self._file.journal
+        def opened() -> J:
+            self._file = JournalFile(self.folder, kind, new=not resume, holders=holders)
+            return self._file.journal
+
+        self.journal: J = on_root(self.comm, opened)
 
     def _require_same(self, problem: Mapping[str, Any], **more: Any) -> None:
         """Compare the header with the problem, if there is one. Collective.

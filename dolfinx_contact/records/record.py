@@ -76,7 +76,7 @@ class BranchRecord(ProblemRecord[Journal], Observer):
         journal: what has been recorded, on every rank.
 
     Raises:
-        OSError: on every rank, if the folder cannot be written to, another process records there,
+        OSError: on every rank, if the folder cannot be written to, another run records there,
             there is a record and it is not to be resumed, or the other way round. Later, from
             whatever follows a branch, if a point cannot be written: the record then ends with the
             point before, and can be resumed.
