@@ -20,21 +20,12 @@ import numpy.typing as npt
 from scipy.sparse import csc_matrix as Columns
 from scipy.sparse import csr_matrix as Rows
 
-from dolfinx_contact._columns import factor_kind, solved_columns
-from dolfinx_contact._petsc import options_in_database
+from dolfinx_contact._factor import BATCH, Factor, marked_symmetric
 from dolfinx_contact.equations.contact import ContactEquations
 
 __all__ = ["HeldBody", "columns_of", "saddle", "slepc", "with_dirichlet_rows"]
 
 Array = npt.NDArray[np.float64]
-
-_BATCH = 128  # right-hand sides solved at once
-_DEFAULTS = {
-    "ksp_type": "preonly",
-    "pc_factor_mat_solver_type": "mumps",
-    "mat_mumps_icntl_14": 80,
-    "mat_mumps_icntl_27": 128,
-}
 
 
 def slepc() -> Any:
@@ -122,16 +113,11 @@ class HeldBody:
         self.unit = eq.stiffness_scale
         self.sizes = [A.getLocalSize()[0] for A in (K, *rows)]
         self.matrix = saddle(K, rows, rows if forces is None else forces, self.unit)
-        self._ksp = PETSc.KSP().create(self.comm)
-        self._ksp.setOptionsPrefix("analysis_")
-        self._ksp.setOperators(self.matrix)
         # Alone the body's matrix may be indefinite or singular, and says so by its signs.
         counted = not rows if counted is None else counted
-        signs: dict[str, int] = {"mat_mumps_icntl_24": 1} if counted else {}
-        with options_in_database("analysis_", factor_kind(self.matrix) | signs | _DEFAULTS):
-            self._ksp.setFromOptions()
-            self._ksp.setUp()
-        if self._ksp.getPC().getFailedReason() != PETSc.PC.FailedReason.NOERROR:
+        kind: dict[str, bool] = dict(symmetric=marked_symmetric(self.matrix), counted=counted)
+        self._factor = Factor(self.comm, "analysis_", columns=True, **kind)
+        if not self._factor.factorise(self.matrix):
             raise RuntimeError("the body is not held: Dirichlet data and contact leave it to move")
         self._b, self._x = self.matrix.createVecs()
 
@@ -145,15 +131,14 @@ class HeldBody:
         for i, (load, place) in enumerate(zip(loads, self._starts, strict=False)):
             scale = 1.0 if i == 0 else self.unit
             self._b.array[place : place + len(load)] = scale * load
-        self._ksp.solve(self._b, self._x)
+        self._factor.solve(self._b, self._x)
         parts = np.split(self._x.array_r.copy(), self._starts[1:])
         return [parts[0], *(self.unit * p for p in parts[1:])]
 
     @property
     def definite(self) -> bool:
         """Whether a body without rows is symmetric and positive definite. Collective."""
-        pc = self._ksp.getPC()
-        return pc.getType() == "cholesky" and pc.getFactorMatrix().getInertia()[:2] == (0, 0)
+        return self._factor.is_symmetric and self._factor.inertia[:2] == (0, 0)
 
     @property
     def signs(self) -> tuple[int, int]:
@@ -165,8 +150,8 @@ class HeldBody:
         `counted`.
         """
         rows = int(self.comm.allreduce(sum(self.sizes[1:])))
-        negative, zero, _ = self._ksp.getPC().getFactorMatrix().getInertia()
-        return int(negative) - rows, int(zero)
+        negative, zero, _ = self._factor.inertia
+        return negative - rows, zero
 
     @property
     def _starts(self) -> npt.NDArray[np.int64]:
@@ -188,12 +173,12 @@ class HeldBody:
         first = sum(self.sizes[1:2])
         motions = np.empty((seen.getLocalSize()[0], k))
         forces = np.empty((first, k))
-        for a in range(0, k, _BATCH):
-            part = loads[:, a : a + _BATCH]
+        for a in range(0, k, BATCH):
+            part = loads[:, a : a + BATCH]
             part.resize(sum(self.sizes), part.shape[1])
-            x = solved_columns(self._ksp.getPC(), part)
+            x = self._factor.solve_columns(part)
             answers = x.getDenseArray(readonly=True)
-            forces[:, a : a + _BATCH] = self.unit * answers[n : n + first]
+            forces[:, a : a + BATCH] = self.unit * answers[n : n + first]
             if len(self.sizes) > 1:
                 u = PETSc.Mat().createDense(((n, None), (None, part.shape[1])), comm=self.comm)
                 u.setUp()
@@ -202,11 +187,11 @@ class HeldBody:
                 x.destroy()
                 x = u
             product = seen.matMult(x)
-            motions[:, a : a + _BATCH] = product.getDenseArray(readonly=True)
+            motions[:, a : a + BATCH] = product.getDenseArray(readonly=True)
             product.destroy(), x.destroy()
         return motions, forces
 
     def destroy(self) -> None:
         """Free the PETSc objects."""
-        for thing in (self._ksp, self.matrix, self._b, self._x):
+        for thing in (self._factor, self.matrix, self._b, self._x):
             thing.destroy()

@@ -40,8 +40,8 @@ from scipy.linalg import eig
 
 import ufl
 
-from dolfinx_contact._columns import is_symmetric
 from dolfinx_contact._errors import on_root, require
+from dolfinx_contact._factor import is_symmetric
 from dolfinx_contact._numbers import is_count
 from dolfinx_contact._petsc import staged
 from dolfinx_contact.analysis.held import HeldBody, with_dirichlet_rows

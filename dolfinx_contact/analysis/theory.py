@@ -17,10 +17,7 @@ The signs of the pivots of K decide, but for round-off.
 
 from __future__ import annotations
 
-from petsc4py import PETSc
-
-from dolfinx_contact._columns import is_symmetric
-from dolfinx_contact._petsc import options_in_database
+from dolfinx_contact._factor import Factor, marked_symmetric
 from dolfinx_contact.analysis.held import with_dirichlet_rows
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.laws import Coulomb, Frictionless, Tresca
@@ -28,12 +25,6 @@ from dolfinx_contact.results.theory import Theory
 
 __all__ = ["is_positive_definite", "theory_of"]
 
-#: 24: pivots that vanish are counted.
-_DEFAULTS = {
-    "pc_type": "cholesky",
-    "pc_factor_mat_solver_type": "mumps",
-    "mat_mumps_icntl_24": 1,
-}
 _NONE = "no computable theorem applies: "
 
 
@@ -77,16 +68,10 @@ def is_positive_definite(eq: ContactEquations) -> bool:
     stiffness = eq.bulk.stiffness(eq.bulk.displacement.x.array.copy())
     K = with_dirichlet_rows(stiffness, eq, eq.stiffness_scale)
     signs = (1, 0, 0)
-    if is_symmetric(K):
-        K.setOption(PETSc.Mat.Option.SYMMETRIC, True)
-        solver = PETSc.PC().create(eq.comm)
-        solver.setOptionsPrefix("analysis_")
-        solver.setOperators(K)
-        with options_in_database("analysis_", _DEFAULTS):
-            solver.setFromOptions()
-            solver.setUp()
-        failed = solver.getFailedReason() != PETSc.PC.FailedReason.NOERROR
-        signs = (1, 0, 0) if failed else solver.getFactorMatrix().getInertia()
-        solver.destroy()
+    if marked_symmetric(K):
+        factor = Factor(eq.comm, "analysis_", symmetric=True, counted=True)
+        if factor.factorise(K):
+            signs = factor.inertia
+        factor.destroy()
     K.destroy()
     return signs[0] == 0 and signs[1] == 0

@@ -34,6 +34,7 @@ import ufl
 from dolfinx import fem
 
 from dolfinx_contact._errors import everywhere, on_root
+from dolfinx_contact._factor import DEFAULTS as FACTOR
 from dolfinx_contact._forms import compiled_form
 from dolfinx_contact._petsc import options_in_database
 from dolfinx_contact.analysis.held import saddle, slepc, with_dirichlet_rows
@@ -62,10 +63,7 @@ _DEFAULTS = {
     "pep_tol": 1e-12,
     "pep_max_it": 500,
     "st_type": "sinvert",
-    "st_ksp_type": "preonly",
-    "st_pc_type": "lu",
-    "st_pc_factor_mat_solver_type": "mumps",
-    "st_mat_mumps_icntl_14": 80,
+    **{f"st_{key}": value for key, value in FACTOR.items()},
 }
 
 

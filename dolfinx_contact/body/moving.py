@@ -37,7 +37,7 @@ import numpy.typing as npt
 
 from dolfinx import fem
 
-from dolfinx_contact._columns import is_symmetric
+from dolfinx_contact._factor import is_symmetric
 from dolfinx_contact._petsc import half_of
 from dolfinx_contact.body.bulk import Bulk
 

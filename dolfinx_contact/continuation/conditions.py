@@ -182,9 +182,9 @@ class SmoothFold:
         self._solver.assemble(self._y, self._row, piece)
         if not self._solver.factorise():
             raise ValueError("the bordered matrix is singular: this is no simple fold")
-        self._solver.ksp.solveTranspose(self._unit, self._y)
+        self._solver.factor.solve_transposed(self._unit, self._y)
         self.psi.array[:] = self._y.array_r[: self._layout.local]
-        self._solver.ksp.solve(self._unit, self._y)
+        self._solver.factor.solve(self._unit, self._y)
         self.v.array[:] = self._y.array_r[: self._layout.local]
         return self._layout.gamma(self._y)
 

@@ -14,6 +14,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._factor import Factor
 from dolfinx_contact.continuation.layout import Layout
 from dolfinx_contact.continuation.linear import BorderedSolver
 from dolfinx_contact.continuation.system import Piece
@@ -40,13 +41,6 @@ class Factorised(BorderedSolver):
     precision = 1e-12
     many_sides = True
     corrects = False
-    defaults = {
-        "ksp_type": "preonly",
-        "pc_type": "lu",
-        "pc_factor_mat_solver_type": "mumps",
-        "mat_mumps_icntl_14": 80,
-        "mat_mumps_icntl_33": 1,  # the determinant, for its sign
-    }
 
     def __init__(self, layout: Layout, prefix: str, *, reuse: bool | None = None):
         super().__init__(layout, prefix)
@@ -61,14 +55,13 @@ class Factorised(BorderedSolver):
         self._corner = PETSc.Mat().createAIJ([[one, 1], [one, 1]], nnz=(1, 0), comm=comm)
         self._nest: PETSc.Mat | None = None
         self.matrix = PETSc.Mat()
-        self.ksp = PETSc.KSP().create(comm)
-        self.ksp.setOptionsPrefix(prefix)
-        with self.options():
-            self.ksp.setFromOptions()
-        self.ksp.getPC().setReusePreconditioner(True)
+        self.factor = Factor(comm, prefix, determinant=True)
+        self.defaults = self.factor.defaults
+        self._pc = self.factor.ksp.getPC()
+        self._pc.setReusePreconditioner(True)
         self._krylov = PETSc.KSP().create(comm)
         self._krylov.setType(PETSc.KSP.Type.GMRES)
-        self._krylov.setPC(self.ksp.getPC())
+        self._krylov.setPC(self._pc)
         self._krylov.setGMRESRestart(_MOST_ITERATIONS)
         self._krylov.setTolerances(rtol=_ROUND_OFF, max_it=_MOST_ITERATIONS)
         #: Whether there is a factorisation, whether it is that of `matrix`, and whether it is old.
@@ -96,15 +89,10 @@ class Factorised(BorderedSolver):
         self._current = False
 
     def factorise(self) -> bool:
-        self.ksp.setOperators(self.matrix)
-        self.ksp.getPC().setReusePreconditioner(False)
-        with self.options():
-            self.ksp.setUp()
-        self.ksp.getPC().setReusePreconditioner(True)
+        self._pc.setReusePreconditioner(False)
+        ok = self.factor.factorise(self.matrix)
+        self._pc.setReusePreconditioner(True)
         self.factorisations += 1
-        ok = bool(self.ksp.getPC().getFailedReason() == PETSc.PC.FailedReason.NOERROR)
-        if not ok:
-            self.ksp.reset()  # MUMPS does not recover from a singular matrix
         self._factorised = self._current = ok
         self._worn = False
         return ok
@@ -118,9 +106,9 @@ class Factorised(BorderedSolver):
                 return True
             if not self.factorise():
                 return False
-        self.ksp.solve(rhs, out)
+        solved = self.factor.solve(rhs, out)
         self.solves += 1
-        return bool(self.ksp.getConvergedReason() > 0 and np.isfinite(out.norm()))
+        return solved and bool(np.isfinite(out.norm()))
 
     def probe(self, rhs: PETSc.Vec, out: PETSc.Vec, *, rtol: float = 0.0) -> bool:
         return self.solve(rhs, out)
@@ -136,7 +124,7 @@ class Factorised(BorderedSolver):
     def determinant_sign(self) -> float:
         if not self._current and not self.factorise():
             return 0.0
-        return float(np.sign(self.ksp.getPC().getFactorMatrix().getMumpsRinfog(12)))
+        return self.factor.determinant_sign
 
     def determinant_quotient(
         self,
@@ -173,9 +161,11 @@ class Factorised(BorderedSolver):
         return int(np.sign(np.linalg.det(np.eye(len(rows)) + S)))
 
     def destroy(self) -> None:
-        mine = (self._krylov, self.ksp, self.matrix, self._column, self._row, self._corner, self._c)
-        for thing in (*mine, *((self._nest,) if self._nest is not None else ())):
+        matrices = (self.matrix, self._column, self._row, self._corner)
+        for thing in (self._krylov, self.factor, *matrices, self._c):
             thing.destroy()
+        if self._nest is not None:
+            self._nest.destroy()
 
 
 def _changed_rows(difference: PETSc.Mat, reference: PETSc.Mat) -> list[int]:

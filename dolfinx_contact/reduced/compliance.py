@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact._errors import require
+from dolfinx_contact._factor import BATCH
 from dolfinx_contact._petsc import staged
 from dolfinx_contact.algorithms.reduced_contact import ReducedContact
 from dolfinx_contact.equations.contact import ContactEquations
@@ -28,7 +29,6 @@ from dolfinx_contact.reduced.gathered import GatheredPoints
 __all__ = ["Compliance", "check_reducible"]
 
 Array = npt.NDArray[np.float64]
-_BATCH = 128  # right-hand sides solved at once
 _SYMMETRIC = 1e-8  # of the largest entry of a compliance
 
 
@@ -134,8 +134,8 @@ class Compliance:
         fixed = np.flatnonzero(eq.fixed[: self._n])
         size = d * points.number
         found = np.zeros((size, size))
-        for a in range(0, size, _BATCH):
-            columns = range(a, min(a + _BATCH, size))
+        for a in range(0, size, BATCH):
+            columns = range(a, min(a + BATCH, size))
             load = np.zeros((self._n, len(columns)))
             for k, column in enumerate(columns):
                 here = np.flatnonzero(places == column // d)

@@ -33,8 +33,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csc_matrix as Columns
 
-from dolfinx_contact._columns import factor_kind, solved_columns
-from dolfinx_contact._petsc import options_in_database, staged
+from dolfinx_contact._factor import BATCH, Factor, marked_symmetric
+from dolfinx_contact._petsc import staged
 from dolfinx_contact.continuation import Piece
 from dolfinx_contact.continuation.affine import AffineSystem
 from dolfinx_contact.equations.contact import ContactEquations
@@ -48,15 +48,8 @@ __all__ = ["CondensedContact", "can_condense"]
 Array = npt.NDArray[np.float64]
 _MOST_POINTS = 1024
 _DEFINITE = 1e-10  # least eigenvalue of the condensed stiffness, whose mean diagonal entry is 1
-_BATCH = 128  # right-hand sides solved at once
 _ROUND_OFF = 2.0**-53
 _TERMS = 256  # of a row of the matrix, at most, or nearly so
-_DEFAULTS = {
-    "ksp_type": "preonly",
-    "pc_factor_mat_solver_type": "mumps",
-    "mat_mumps_icntl_14": 80,
-    "mat_mumps_icntl_27": 128,
-}
 
 
 def can_condense(
@@ -266,13 +259,9 @@ class CondensedContact:
         for stiffness, _, parts in fields:
             for thing in (stiffness, *parts):
                 thing.destroy()
-        self._ksp = PETSc.KSP().create(self.comm)
-        self._ksp.setOptionsPrefix("condensed_")
-        self._ksp.setOperators(self._matrix)
-        with options_in_database("condensed_", factor_kind(self._matrix) | _DEFAULTS):
-            self._ksp.setFromOptions()
-            self._ksp.setUp()
-        if self._ksp.getPC().getFailedReason() != PETSc.PC.FailedReason.NOERROR:
+        symmetric = marked_symmetric(self._matrix)
+        self._factor = Factor(self.comm, "condensed_", symmetric=symmetric, columns=True)
+        if not self._factor.factorise(self._matrix):
             raise RuntimeError(
                 "the body held at its contact points is singular: it cannot be solved"
             )
@@ -314,16 +303,16 @@ class CondensedContact:
         places = self._n + np.arange(len(rows))
         entries = np.full(len(rows), -scale), (places, rows)
         jumps = Columns(entries, shape=(local, columns))
-        for a in range(0, columns, _BATCH):
-            part = jumps[:, a : a + _BATCH]
-            out = solved_columns(self._ksp.getPC(), part)
-            mine[:, a : a + _BATCH] = scale * out.getDenseArray(readonly=True)[self._n :]
+        for a in range(0, columns, BATCH):
+            part = jumps[:, a : a + BATCH]
+            out = self._factor.solve_columns(part)
+            mine[:, a : a + BATCH] = scale * out.getDenseArray(readonly=True)[self._n :]
             product = self._matrix.matMult(out)
             i, j = part.nonzero()
             product.getDenseArray()[i, j] += scale
             for of, v in zip(squares, (out, product), strict=True):
                 array = v.getDenseArray(readonly=True)
-                of[a : a + _BATCH] = np.einsum("ij,ij->j", array, array)
+                of[a : a + BATCH] = np.einsum("ij,ij->j", array, array)
             product.destroy(), out.destroy()
         S = np.empty((columns, columns))
         for part, theirs in zip(self.comm.allgather(mine), self.comm.allgather(rows), strict=True):
@@ -346,7 +335,7 @@ class CondensedContact:
         scale = self._scale
         b.array[: self._n] = load
         b.array[self._n :] = -scale * jumps[self._points.mine].reshape(-1)
-        self._ksp.solve(b, x)
+        self._factor.solve(b, x)
         u = x.array_r[: self._n].copy()
         forces = np.zeros((self._m, 2))
         mine = scale * x.array_r[self._n :].reshape(-1, 2)
@@ -406,5 +395,5 @@ class CondensedContact:
 
     def destroy(self) -> None:
         """Free the PETSc objects."""
-        for thing in (self._ksp, self._matrix, self._x):
+        for thing in (self._factor, self._matrix, self._x):
             thing.destroy()

@@ -130,7 +130,7 @@ class CondensedBlock:
         self._rl.array[:] = residual[n:]
         self._E.mult(self._rc, self._b)
         self._T.multAdd(self._rl, self._b, self._b)
-        self.factor.ksp.solve(self._b, self._x)
+        self.factor.solve(self._b, self._x)
         self._K.mult(self._x, self._t)
         self._t.aypx(-1.0, self._rc)
         self._W.mult(self._t, self._y)
@@ -140,7 +140,7 @@ class CondensedBlock:
 
     def release(self) -> None:
         """Free the PETSc objects."""
-        self.factor.release()
+        self.factor.destroy()
         made = (self._K, self._C, self._L, self._LW, self._TLW, self._TC, self._EK, self._E)
         mine = (self._T, self._W, self._plain, self._rc, self._x, self._rl, self._y, self._b)
         for thing in (*mine, self._t, *(m for m in (*made, self._block) if m is not None)):

@@ -9,6 +9,7 @@ from petsc4py import PETSc
 
 import numpy as np
 
+from dolfinx_contact._factor import DEFAULTS
 from dolfinx_contact._petsc import logged
 from dolfinx_contact.equations.jacobian import Jacobian
 
@@ -119,12 +120,7 @@ class Direct(LinearSolver):
     """A KSP on the assembled Jacobian, by default MUMPS."""
 
     name = "direct"
-    defaults = {
-        "ksp_type": "preonly",
-        "pc_type": "lu",
-        "pc_factor_mat_solver_type": "mumps",
-        "mat_mumps_icntl_14": 80,
-    }
+    defaults = DEFAULTS
 
     def __init__(self, equations: ContactEquations):
         self._equations = equations

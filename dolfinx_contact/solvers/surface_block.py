@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from dolfinx import la
 
-from dolfinx_contact._petsc import options_in_database
+from dolfinx_contact._factor import Factor
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.points.trace import facet_closures, owned_exterior
 from dolfinx_contact.solvers.errors import LinearSolverError
@@ -20,13 +20,7 @@ from dolfinx_contact.solvers.operator import ContactOperator
 
 __all__ = ["SurfaceBlock", "SurfaceFactor", "SurfaceSet", "combined", "contact_dofs", "copied"]
 
-_DEFAULTS: dict[str, Any] = {
-    "ksp_type": "preonly",
-    "pc_type": "lu",
-    "pc_factor_mat_solver_type": "mumps",
-    "mat_mumps_icntl_14": 50,
-    "mat_mumps_icntl_33": 1,  # the determinant, for its sign
-}
+_ROOM = 50  # percent beyond what MUMPS expects to need
 _STRUCTURE = PETSc.Mat.Structure
 
 
@@ -66,8 +60,8 @@ class SurfaceSet:
             thing.destroy()
 
 
-class SurfaceFactor:
-    """A direct solver for a matrix on the surface, by default MUMPS.
+class SurfaceFactor(Factor):
+    """A direct solver for a matrix on the surface.
 
     Args:
         comm: communicator.
@@ -75,41 +69,21 @@ class SurfaceFactor:
     """
 
     def __init__(self, comm: Any, prefix: str):
-        self._prefix = prefix
-        self.ksp = PETSc.KSP().create(comm)
-        self.ksp.setOptionsPrefix(prefix)
-        with options_in_database(prefix, _DEFAULTS):
-            self.ksp.setFromOptions()
+        super().__init__(comm, prefix, determinant=True, room=_ROOM)
 
-    def factorise(self, A: PETSc.Mat) -> None:
-        """Factorise ``A``; analysed is a pattern only when it is a new one. Collective.
+    def factorise(self, A: PETSc.Mat) -> bool:
+        """Factorise ``A``. Collective.
 
         Raises:
             LinearSolverError: if it is singular.
         """
-        if not (self._factorise(A) or self._factorise(A)):
+        # The second try begins with an analysis of its own.
+        if not (super().factorise(A) or super().factorise(A)):
             raise LinearSolverError(
                 "the contact block of the Jacobian is singular: contact conditions contradict one "
                 "another or the Dirichlet data, or a contact node has no stiffness"
             )
-
-    def _factorise(self, A: PETSc.Mat) -> bool:
-        """Whether it worked; if not, the next try begins with an analysis of its own."""
-        self.ksp.setOperators(A)
-        with options_in_database(self._prefix, _DEFAULTS):
-            self.ksp.setUp()
-        done = self.ksp.getPC().getFailedReason() == PETSc.PC.FailedReason.NOERROR
-        if not done:
-            self.ksp.reset()  # MUMPS does not recover from a singular matrix
-        return bool(done)
-
-    def determinant_sign(self) -> float:
-        """Sign of the determinant of the matrix, by MUMPS."""
-        return float(np.sign(self.ksp.getPC().getFactorMatrix().getMumpsRinfog(12)))
-
-    def release(self) -> None:
-        """Free the factors."""
-        self.ksp.destroy()
+        return True
 
 
 class SurfaceBlock:
@@ -159,12 +133,12 @@ class SurfaceBlock:
         """The unknowns on s for a residual there, local parts. Collective."""
         assert self._b is not None
         self._b.array[:] = residual
-        self.factor.ksp.solve(self._b, self._x)
+        self.factor.solve(self._b, self._x)
         return self._x.array_r.copy()
 
     def release(self) -> None:
         """Free the PETSc objects."""
-        self.factor.release()
+        self.factor.destroy()
         for thing in (self._K, self._S, self._block):
             if thing is not None:
                 thing.destroy()

@@ -131,7 +131,7 @@ class SurfaceFilter:
     def determinant_sign(self) -> float:
         """Sign of the determinant of the surface block, up to a constant factor. Collective."""
         assert self.block is not None
-        return self.block.factor.determinant_sign()
+        return self.block.factor.determinant_sign
 
     def solve(self, residual: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """The unknowns on s for a residual there, local parts. Collective."""
