@@ -21,7 +21,7 @@ from dolfinx_contact import (
     Regularised,
     io,
 )
-from dolfinx_contact.continuation import StepControl
+from dolfinx_contact.continuation import Ending, StepControl
 from dolfinx_contact.evolution import ArcLength, QuasiStatic
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.parametric import ParametricContact
@@ -136,6 +136,7 @@ def test_going_back_unloads():
     k = 1.0
     there = path.run(ENDS, stop=broken_by_half)
     assert there.reason == "far enough"
+    assert there.ending is Ending.STOPPED
     assert not there.complete
     (r,) = set(np.round(opening(there.steps[-1]), 12))
     beta = there.steps[-1]
@@ -164,6 +165,7 @@ def test_back_to_nothing(k, n, event):
     r = opening(there.steps[-1])[0]
     back = path.run(ENDS, direction="back")
     assert back.reason == "gamma reached the end of its range"
+    assert back.ending is Ending.REACHED
     assert back.steps[-1].gamma == 0.0
     assert [s.event for s in back.steps if s.event] == []
     np.testing.assert_allclose(opening(back.steps[-1]), 0.0, atol=1e-12)
@@ -308,6 +310,7 @@ def test_what_is_written(folder):
 
         history = path.run(ENDS, observer=observer, max_steps=3)
     assert history.reason == "the budget of 3 steps is exhausted"
+    assert history.ending is Ending.BUDGET
     assert seen == [(s.number, s.gamma) for s in history.steps]
     rows = (folder / "steps.csv").read_text().splitlines()
     assert len(rows) == 4

@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 from textbook import SymmetricGuess, Textbook, one_node, smooth
 
-from dolfinx_contact.continuation import Events, Follower, Piece, StepControl, System, follow
+from dolfinx_contact.continuation import (
+    Ending,
+    Events,
+    Follower,
+    Piece,
+    StepControl,
+    System,
+    follow,
+)
 
 
 @pytest.fixture(params=["factorised", "krylov"], autouse=True)
@@ -44,6 +52,7 @@ def test_circle():
     assert g == pytest.approx(-0.5, abs=1e-12)
     assert x[0] == pytest.approx(-np.sqrt(0.75), abs=1e-10)
     assert branch.reason == "gamma reached the end of its range"
+    assert branch.ending is Ending.REACHED
 
 
 def test_an_end_of_the_range_that_cannot_be_solved_for():
@@ -55,6 +64,7 @@ def test_an_end_of_the_range_that_cannot_be_solved_for():
     system = smooth(1, cubic, lambda x, g: [[3 * x[0] ** 2 + 1]], lambda x, g: [-1.0])
     branch = follow(system, start(system, [0.0]), 0.0, gamma_range=(0.0, 1.0))
     assert branch.reason == "the point at the end of the range of gamma was not solved for"
+    assert branch.ending is Ending.NOT_SOLVED
     assert max(p.gamma for p in branch.points) < 1
 
 
@@ -182,6 +192,7 @@ def test_a_branch_does_not_go_back_where_it_came():
     control = StepControl(0.07, minimum=0.055, kinks="exact")
     branch = follow(system, start(system, [0.0]), 0.0, gamma_range=(0.0, 1.0), control=control)
     assert branch.reason == "no step of at least 0.055 succeeds"
+    assert branch.ending is Ending.NOT_SOLVED
     assert branch.points[-1].gamma == pytest.approx(0.4375, abs=1e-12)
 
 
@@ -456,6 +467,7 @@ def test_an_exhausted_budget_keeps_what_was_found():
     branch = follow(system, x, 0.0, gamma_range=(-1.0, 5.0), max_steps=3)
     assert len(branch.points) == 4
     assert branch.reason == "the budget of 3 steps is exhausted"
+    assert branch.ending is Ending.BUDGET
 
 
 def test_a_point_with_too_many_kinks_is_said():
@@ -511,4 +523,5 @@ def test_a_branch_that_ends(algebra):
     )
     branch = follow(system, start(system, -np.ones(n)), -1.0, gamma_range=(-1.0, 1.0))
     assert "12 points are at a kink at once (too many pieces to try)" in branch.reason
+    assert branch.ending is Ending.NOT_FOUND
     assert branch.points[-1].gamma == pytest.approx(0.0, abs=1e-9)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from textbook import Textbook, one_node, smooth
 
-from dolfinx_contact.continuation import explore, follow
+from dolfinx_contact.continuation import Ending, explore, follow
 
 
 def start(system, values):
@@ -24,6 +24,7 @@ def test_closed_branch():
     )
     branch = follow(system, start(system, [1.0]), 0.0, gamma_range=(-2.0, 2.0))
     assert branch.reason == "the branch is closed"
+    assert branch.ending is Ending.CLOSED
     np.testing.assert_allclose([s.gamma for s in branch.folds], [1.0, -1.0], atol=1e-10)
     assert branch.points[-1].y.equal(branch.points[0].y)
 
@@ -41,6 +42,7 @@ def test_stop_on_a_functional():
         stop=lambda point, special: "enough" if point.gamma > 0.5 else "",
     )
     assert branch.reason == "enough"
+    assert branch.ending is Ending.STOPPED
     assert branch.points[-1].gamma > 0.5 >= branch.points[-2].gamma
 
 
@@ -129,6 +131,7 @@ def test_budgets_and_bad_input():
     x = start(system, [0.0])
     diagram = explore(system, [(x, -1.0)], gamma_range=(-1.0, 1.0), max_branches=2)
     assert diagram.reason == "the budget of 2 branches is exhausted"
+    assert diagram.ending is Ending.BUDGET
     assert not diagram.complete
     assert len(diagram.edges) == 2
     with pytest.raises(ValueError, match="must lie in the range"):

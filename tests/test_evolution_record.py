@@ -15,6 +15,7 @@ import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, RigidBody
+from dolfinx_contact.continuation import Ending
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.parametric import ParametricContact
@@ -95,6 +96,7 @@ def test_the_journal_says_what_was_run(folder):
     assert journal.rows() == [s.row() | {"status": s.status} for s in history.steps]
     assert [s["time"] for s in journal.states] == [0.0, *(s.time for s in history.steps)]
     assert (journal.runs[0].reason, journal.runs[0].complete) == ("the last time is reached", True)
+    assert journal.runs[0].ending is Ending.REACHED
     assert journal.runs[0].task["times"] == TIMES.tolist()
     np.testing.assert_allclose(journal.places["contact"], [(x, 0) for x in np.arange(5) / 4])
     letters = set("".join(s["status"] for s in journal.states))

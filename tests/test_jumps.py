@@ -15,6 +15,7 @@ import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact import RCCM, ContactProblem, ContactSurface, HalfSpace
+from dolfinx_contact.continuation import Ending
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.grids import create_grid
 from dolfinx_contact.meshing import join
@@ -95,6 +96,7 @@ def test_what_is_proved_of_a_coarse_step():
     assert "beyond the time 1.8" not in history.reason
     assert "continues the evolution in the step from 1.8 to 2.1" in history.reason
     assert "at 0.6667 of its change" in history.reason
+    assert history.ending is Ending.NO_SOLUTION
     later = evolution.run([1.8, 1.9, 1.999], at_jump="stop")
     assert later.complete
     assert jumps_of(later) == []

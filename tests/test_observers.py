@@ -42,7 +42,7 @@ class Looks(Observer):
         # What it does is no affair of the branch.
         self.system.problem.u.x.array[:] = 7.0
 
-    def end(self, branch, reason):
+    def end(self, branch, ended):
         self.calls.append(("end", seen(self.system)))
 
 

@@ -22,6 +22,7 @@ from dolfinx_contact import (
     Frictionless,
     HalfSpace,
     Tresca,
+    _factor,
 )
 from dolfinx_contact.analysis import check
 from dolfinx_contact.analysis.contact import reduced_problem
@@ -122,9 +123,7 @@ def test_errors_of_the_factorisation(monkeypatch):
     """Another factorisation is within the bounds, which are small."""
     found = []
     for ordering in (0, 7):
-        import dolfinx_contact.reduced.condensed as condensed
-
-        monkeypatch.setitem(condensed._DEFAULTS, "mat_mumps_icntl_7", ordering)
+        monkeypatch.setitem(_factor.DEFAULTS, "mat_mumps_icntl_7", ordering)
         system = demo_linear_triangle.linear_triangle(12, 1.7, preload=(3.0, -2.0))
         found.append(reduced_problem(system.condensed(system.create_vector(), 0.3), 0.3))
     one, other = found

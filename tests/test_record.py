@@ -15,6 +15,7 @@ from killing import kill, launch
 from recorded_run import moved_block, record
 
 from dolfinx_contact.continuation import (
+    Ending,
     Follower,
     Observer,
     Observers,
@@ -26,7 +27,7 @@ from dolfinx_contact.io import Progress
 from dolfinx_contact.plot import diagrams, draw_diagram
 from dolfinx_contact.records import BranchRecord, Journal, read_journal, resume, write_series
 from dolfinx_contact.records.identity import mesh_hash
-from dolfinx_contact.records.lines import FILE_NAME, JournalFile, parse
+from dolfinx_contact.records.lines import FILE_NAME, JournalFile, ending_of, parse
 
 COMM = MPI.COMM_WORLD
 serial = pytest.mark.skipif(COMM.size > 1, reason="starts processes of its own")
@@ -73,6 +74,7 @@ def test_journal_says_what_was_followed(whole):
     assert special["gamma"].tolist() == [s.gamma for s in branch.special]
     assert special["index"].tolist() == [s.index for s in branch.special]
     assert journal.branches[0].reason == branch.reason == "gamma reached the end of its range"
+    assert journal.branches[0].ending is branch.ending is Ending.REACHED
     # Compressed, so less volume; and a force as soon as a point has closed.
     assert table["volume"].iloc[-1] < 0.99
     assert (table["open"][table["force"] > 1e-9] < 5).all()
@@ -118,6 +120,7 @@ def test_every_discretisation_resumes(cell, method, degree, folder):
     record(*moved_block(COMM, **options), folder / names[1], max_steps=8, every=100)
     branch = resume(folder / names[1], *moved_block(COMM, **options), max_steps=11)
     assert branch.reason == "the budget of 11 steps is exhausted"
+    assert branch.ending is Ending.BUDGET
     require_same(*(read_journal(folder / name) for name in names))
 
 
@@ -507,3 +510,19 @@ def test_errors_reach_every_rank(whole, folder, ranks):
         assert len(said) == 1
         assert message in said.pop()
         assert (folder / FILE_NAME).read_bytes() == b"".join(content)
+
+
+def test_endings_of_old_journals():
+    """They have the reason alone."""
+    for reason, ending in (
+        ("gamma reached the end of its range", Ending.REACHED),
+        ("the last time is reached", Ending.REACHED),
+        ("the branch is closed", Ending.CLOSED),
+        ("the budget of 7 steps is exhausted", Ending.BUDGET),
+        ("no step of at least 1e-08 succeeds beyond gamma = 0.3", Ending.NOT_SOLVED),
+        ("no solution continues the evolution in the step from 1 to 2", Ending.NO_SOLUTION),
+        ("no solution was found beyond the time 0.5667", Ending.NOT_FOUND),
+        ("far enough", Ending.STOPPED),
+    ):
+        assert ending_of({"reason": reason}) is ending
+    assert ending_of({"ending": "CLOSED", "reason": "far enough"}) is Ending.CLOSED

@@ -4,6 +4,7 @@
 from dolfinx_contact.continuation.batch import Locate
 from dolfinx_contact.continuation.branch import Branch, BranchPoint, Change, Ray, SpecialPoint
 from dolfinx_contact.continuation.diagram import Diagram, Edge, Node, explore
+from dolfinx_contact.continuation.ending import Ending, Ends
 from dolfinx_contact.continuation.extended import SpecialCurve, follow_special
 from dolfinx_contact.continuation.follow import Follower, Route, follow, follower_for
 from dolfinx_contact.continuation.observer import Observer, Observers, Stepping, Task
@@ -27,6 +28,8 @@ __all__ = [
     "Continuum",
     "Diagram",
     "Edge",
+    "Ending",
+    "Ends",
     "Events",
     "Follower",
     "Kinks",

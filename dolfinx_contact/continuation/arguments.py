@@ -13,6 +13,7 @@ import numpy as np
 from dolfinx_contact._errors import everywhere, same_everywhere
 from dolfinx_contact._numbers import is_count, is_number
 from dolfinx_contact.continuation.branch import BranchPoint, SpecialPoint, Stop
+from dolfinx_contact.continuation.ending import Ends
 from dolfinx_contact.continuation.layout import Layout
 from dolfinx_contact.continuation.observer import (
     Observer,
@@ -196,5 +197,5 @@ class _Told(Observer):
         self._last = point
         self._tell(self._observer.point, branch, index, point, special, stepping)
 
-    def end(self, branch: int, reason: str) -> None:
-        self._tell(self._observer.end, branch, reason)
+    def end(self, branch: int, ended: Ends) -> None:
+        self._tell(self._observer.end, branch, ended)

@@ -9,12 +9,10 @@ from typing import Any, Literal, TypeAlias
 
 from petsc4py import PETSc
 
+from dolfinx_contact.continuation.ending import Ending, Ends
 from dolfinx_contact.continuation.system import Piece
 
 __all__ = [
-    "AT_END",
-    "CLOSED",
-    "NOT_SOLVED_AT_END",
     "Branch",
     "BranchPoint",
     "Change",
@@ -22,13 +20,6 @@ __all__ = [
     "SpecialPoint",
     "Stop",
 ]
-
-#: Why a branch ended that was followed to the end of the range of gamma.
-AT_END = "gamma reached the end of its range"
-#: Why a branch ended of which the next point is beyond the range, and the one at its end failed.
-NOT_SOLVED_AT_END = "the point at the end of the range of gamma was not solved for"
-#: Why a branch ended that came back to its start.
-CLOSED = "the branch is closed"
 
 Kind = Literal["event", "fold", "bifurcation", "end"]
 
@@ -123,22 +114,29 @@ Stop: TypeAlias = Callable[[BranchPoint, Sequence[SpecialPoint]], str]
 
 
 @dataclass
-class Branch:
+class Branch(Ends):
     """What was followed.
 
     Attributes:
         points: in order, the start first.
         special: events, folds and bifurcations, in order.
-        reason: why it ended.
+        ending: how it ended.
+        reason: why, in words.
         factorisations: of bordered matrices.
         solves: right-hand sides.
     """
 
     points: list[BranchPoint] = field(default_factory=list)
     special: list[SpecialPoint] = field(default_factory=list)
+    ending: Ending | None = None
     reason: str = ""
     factorisations: int = 0
     solves: int = 0
+
+    @property
+    def complete(self) -> bool:
+        """Whether it was followed to the end of the range of gamma."""
+        return self.ending is Ending.REACHED
 
     @property
     def folds(self) -> list[SpecialPoint]:
@@ -153,7 +151,7 @@ class Branch:
     def summary(self) -> dict[str, Any]:
         """Scalars and lists for `summary.json`."""
         return {
-            "converged": self.reason == AT_END,
+            "converged": self.complete,
             "reason": self.reason,
             "newton_iterations": sum(p.corrections for p in self.points),
             "points": len(self.points),

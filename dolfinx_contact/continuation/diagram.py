@@ -27,6 +27,7 @@ from dolfinx_contact.continuation.arguments import (
     checked_range,
 )
 from dolfinx_contact.continuation.branch import Branch, BranchPoint, Ray, SpecialPoint
+from dolfinx_contact.continuation.ending import Ending, Ends
 from dolfinx_contact.continuation.follow import Follower, Route, follower_for
 from dolfinx_contact.continuation.observer import Observer
 from dolfinx_contact.continuation.parameters import StepControl
@@ -73,19 +74,21 @@ class Edge:
 
 
 @dataclass
-class Diagram:
+class Diagram(Ends):
     """What was found.
 
     Attributes:
         edges: branches.
         nodes: bifurcations.
         complete: whether every ray has been followed and every node knows all of its rays.
-        reason: why the exploration ended.
+        ending: how the exploration ended.
+        reason: why, in words.
     """
 
     edges: list[Edge] = field(default_factory=list)
     nodes: list[Node] = field(default_factory=list)
     complete: bool = False
+    ending: Ending | None = None
     reason: str = ""
 
     @property
@@ -105,7 +108,7 @@ class Diagram:
     def summary(self) -> dict[str, Any]:
         """Scalars and lists for `summary.json`; those of branches in the order of the edges."""
         return {
-            "converged": self.reason == _ALL,
+            "converged": self.ending is Ending.REACHED,
             "reason": self.reason,
             "complete": self.complete,
             "methods": sorted({node.point.method for node in self.nodes}),
@@ -214,7 +217,7 @@ class _Explorer:
             late = comm.bcast(time.monotonic() - begun > max_seconds)
             if late or len(diagram.edges) >= max_branches:
                 what = f"{max_seconds:g} s" if late else f"{max_branches} branches"
-                diagram.reason = f"the budget of {what} is exhausted"
+                diagram.end(Ending.BUDGET, f"the budget of {what} is exhausted")
                 break
             if waiting:
                 x, gamma, increasing = waiting.pop(0)
@@ -231,11 +234,13 @@ class _Explorer:
                 # The ray stays without a branch, and the diagram incomplete.
                 if comm.rank == 0:
                     logger.warning("gamma = %.10g: %s", node.point.gamma, error)
-                diagram.edges.append(Edge(Branch(reason=str(error)), i, None))
+                branch = Branch()
+                branch.end(Ending.NOT_FOUND, str(error))
+                diagram.edges.append(Edge(branch, i, None))
                 continue
             self._follow(point, i)
         else:
-            diagram.reason = _ALL
+            diagram.end(Ending.REACHED, _ALL)
             known = all(node.point.complete for node in diagram.nodes)
             diagram.complete = known and all(edge.branch.points for edge in diagram.edges)
         if comm.rank == 0:

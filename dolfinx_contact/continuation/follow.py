@@ -32,9 +32,6 @@ from dolfinx_contact.continuation.arguments import (
 from dolfinx_contact.continuation.batch import BatchedSteps, Locate
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.branch import (
-    AT_END,
-    CLOSED,
-    NOT_SOLVED_AT_END,
     Branch,
     BranchPoint,
     Ray,
@@ -42,6 +39,7 @@ from dolfinx_contact.continuation.branch import (
     Stop,
 )
 from dolfinx_contact.continuation.corrector import Corrector
+from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.continuation.observer import Observer, Stepping, Task
 from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.continuation.passage import SteppingSteps
@@ -300,34 +298,37 @@ class Follower:
                 special = []
                 h = self.control.initial
             if new is None:
-                branch.reason = f"no step of at least {self.control.minimum:g} succeeds"
+                reason = f"no step of at least {self.control.minimum:g} succeeds"
                 if self.system.kinks_in_gamma:
-                    branch.reason += f"; {self.system.kinks_in_gamma}"
+                    reason += f"; {self.system.kinks_in_gamma}"
+                branch.end(Ending.NOT_SOLVED, reason)
                 break
             node = any(s.kind == "bifurcation" for s in special)
             if not node and self._is_closed(origin or start, point, new):
                 new = origin or start
                 special = [s for s in special if s.smooth]
-                branch.reason = CLOSED
+                branch.end(Ending.CLOSED)
             elif not low <= new.gamma <= high:
                 new, special = self._steps.end_at(point, new, special, (low, high))
                 if not low <= new.gamma <= high:
-                    branch.reason = NOT_SOLVED_AT_END
+                    branch.end(Ending.NOT_SOLVED)
                     break
-                branch.reason = AT_END
+                branch.end(Ending.REACHED)
             special = [replace(s, index=len(branch.points)) for s in special]
             branch.special += special
             branch.points.append(new)
             point = new
             observer.point(branch_id, index, point, special, self._stepping(index, h))
             if any(s.kind == "end" for s in special):
-                branch.reason = self._steps.dead_end
-            branch.reason = branch.reason or asked(b, stop, point, special)
-            if branch.reason:
+                branch.end(Ending.NOT_FOUND, self._steps.dead_end)
+            words = "" if branch.ending else asked(b, stop, point, special)
+            if words:
+                branch.end(Ending.STOPPED, words)
+            if branch.ending is not None:
                 break
         else:
-            branch.reason = f"the budget of {max_steps} steps is exhausted"
-        observer.end(branch_id, branch.reason)
+            branch.end(Ending.BUDGET, f"the budget of {max_steps} steps is exhausted")
+        observer.end(branch_id, branch)
         branch.factorisations = b.solver.factorisations - before[0]
         branch.solves = b.solver.solves - before[1]
         last = branch.points[-1]

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from dolfinx_contact.continuation.branch import BranchPoint, SpecialPoint
+from dolfinx_contact.continuation.ending import Ends
 from dolfinx_contact.continuation.parameters import StepControl
 
 __all__ = ["Observer", "Observers", "Stepping", "Task"]
@@ -80,8 +81,8 @@ class Observer:
             stepping: what is needed to go on from it.
         """
 
-    def end(self, branch: int, reason: str) -> None:
-        """The branch has ended, or its budget is exhausted."""
+    def end(self, branch: int, ended: Ends) -> None:
+        """The branch has ended, how and why is in ``ended``; with its budget it may go on later."""
 
 
 def require_observer(observer: Any) -> None:
@@ -116,6 +117,6 @@ class Observers(Observer):
         for o in self._observers:
             o.point(branch, index, point, special, stepping)
 
-    def end(self, branch: int, reason: str) -> None:
+    def end(self, branch: int, ended: Ends) -> None:
         for o in self._observers:
-            o.end(branch, reason)
+            o.end(branch, ended)

@@ -22,8 +22,6 @@ from dolfinx_contact.continuation.affine import TOLERANCE, AffinePiece, Array, C
 from dolfinx_contact.continuation.arguments import asked, told
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.branch import (
-    AT_END,
-    CLOSED,
     Branch,
     BranchPoint,
     Change,
@@ -31,6 +29,7 @@ from dolfinx_contact.continuation.branch import (
     SpecialPoint,
     Stop,
 )
+from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.continuation.observer import Observer, Stepping, Task
 from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.continuation.rays import (
@@ -127,36 +126,40 @@ class Pivoting:
         for index in range(first + 1, max_steps + 1):
             length = step(self.condensed.system, ray.codes, w, ray.direction)
             if not np.isfinite(length) and ray.rate == 0:
-                branch.reason = f"the branch goes to infinity at gamma = {point.gamma:.10g}"
+                where = f"the branch goes to infinity at gamma = {point.gamma:.10g}"
+                branch.end(Ending.UNBOUNDED, where)
                 break
             ahead = high - point.gamma if ray.rate > 0 else point.gamma - low
             special: list[SpecialPoint] = []
             if self._passes(w, ray, length, w_origin, origin) and point is not start:
                 point = origin
-                branch.reason = CLOSED
+                branch.end(Ending.CLOSED)
             elif ray.rate != 0 and length >= ahead:
                 gamma = high if ray.rate > 0 else low
                 w = self._moved(w, gamma, ahead, ray)
                 point = self._point(w, gamma, ray, ahead)
-                branch.reason = AT_END
+                branch.end(Ending.REACHED)
             else:
                 gamma = point.gamma + length * ray.rate
                 w = self._moved(w, gamma, length, ray)
                 point, vertex, onwards = self._cross(w, gamma, ray, length)
                 special = [replace(vertex, index=len(branch.points))]
                 if onwards is None:
-                    branch.reason = f"no way on was found from gamma = {gamma:.10g}"
+                    where = f"no way on was found from gamma = {gamma:.10g}"
+                    branch.end(Ending.NOT_FOUND, where)
                 else:
                     ray = onwards
             branch.special += special
             branch.points.append(point)
             observer.point(branch_id, index, point, special, self._stepping(index))
-            branch.reason = branch.reason or asked(b, stop, point, special)
-            if branch.reason:
+            words = "" if branch.ending else asked(b, stop, point, special)
+            if words:
+                branch.end(Ending.STOPPED, words)
+            if branch.ending is not None:
                 break
         else:
-            branch.reason = f"the budget of {max_steps} steps is exhausted"
-        observer.end(branch_id, branch.reason)
+            branch.end(Ending.BUDGET, f"the budget of {max_steps} steps is exhausted")
+        observer.end(branch_id, branch)
         last = branch.points[-1]
         self.system.put(*b.split(last.y), last.piece)
         if b.comm.rank == 0:

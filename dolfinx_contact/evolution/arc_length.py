@@ -26,8 +26,8 @@ from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact._frozen import ReadOnly
 from dolfinx_contact.continuation.arguments import check_listeners, checked_range, require_smooth
 from dolfinx_contact.continuation.bordered import Bordered
-from dolfinx_contact.continuation.branch import AT_END
 from dolfinx_contact.continuation.corrector import Corrector
+from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.evolution.arc_steps import ArcSteps
 from dolfinx_contact.evolution.energy import Energies, forces_at
@@ -277,14 +277,14 @@ class ArcLength(ReadOnly):
         history = PathHistory(moment.time, moment.energies, gamma=standing.gamma)
         try:
             self._restore(run.standing)
-            if not run.reason:
+            if run.ending is None:
                 run.leave()
             if record is not None and new:
                 self._restore(run.standing)
                 record.begin(task, standing)
             self._standing = standing
             with self.problem.telling_once():
-                while not run.reason and run.taken < task.max_steps:
+                while run.ending is None and run.taken < task.max_steps:
                     taken = run.step()
                     if taken is None:
                         break
@@ -292,7 +292,7 @@ class ArcLength(ReadOnly):
                     history.steps.append(step)
                     self._standing = run.standing
                     self._restore(run.standing)
-                    run.reason = run.reason or self._asked(stop, step) or run.stuck()
+                    self._end_if_asked(run, stop, step)
                     if record is not None:
                         record.step(step, run.standing)
                     self._tell(whole, step, observer)
@@ -300,8 +300,10 @@ class ArcLength(ReadOnly):
                     self.problem.tell(step.result)
                     said.step(step)
             exhausted = f"the budget of {task.max_steps} steps is exhausted"
-            history.reason = run.reason or exhausted
-            history.complete = run.reason == AT_END
+            if run.ending is None:
+                history.end(Ending.BUDGET, exhausted)
+            else:
+                history.end(run.ending, run.reason)
         finally:
             self._restore(self._standing or standing)
             for thing in (steps, steps.corrector, bordered):
@@ -334,6 +336,15 @@ class ArcLength(ReadOnly):
         with everywhere(comm, "the observer"):
             if observer is not None:
                 observer(step)
+
+    def _end_if_asked(self, run: PathRun, stop: Stop | None, step: PathStep) -> None:
+        """End a run where the user wants it, or where it gets nowhere. Collective."""
+        words = "" if run.ending else self._asked(stop, step)
+        nowhere = "" if run.ending or words else run.stuck()
+        if words:
+            run.end(Ending.STOPPED, words)
+        elif nowhere:
+            run.end(Ending.NOT_FOUND, nowhere)
 
     def _asked(self, stop: Stop | None, step: PathStep) -> str:
         if stop is None:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from dolfinx_contact.continuation.ending import Ending, Ends
 from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.results.result import Result
 
@@ -79,15 +80,15 @@ class EvolutionStep:
 
 
 @dataclass
-class History:
+class History(Ends):
     """An evolution as far as it went.
 
     Attributes:
         start: time at which it began.
         before: energies until then.
         steps: accepted ones.
-        reason: why it ended, in words.
-        complete: whether it reached the last of the times that were asked for.
+        ending: how it ended; None before.
+        reason: why, in words.
         others: evolutions that part from this one where its rate problem has several solutions, if
             they were to be followed; each begins with the step that parts.
     """
@@ -95,9 +96,14 @@ class History:
     start: float
     before: Energies = field(default_factory=Energies)
     steps: list[EvolutionStep] = field(default_factory=list)
+    ending: Ending | None = None
     reason: str = "not ended"
-    complete: bool = False
     others: list[History] = field(default_factory=list)
+
+    @property
+    def complete(self) -> bool:
+        """Whether it reached the last of the times, or the end of the range, that was asked for."""
+        return self.ending is Ending.REACHED
 
     @property
     def time(self) -> float:

@@ -36,6 +36,7 @@ from dolfinx_contact._numbers import is_number
 from dolfinx_contact.body.circumference import check_circumference
 from dolfinx_contact.body.inertia import Mass, mass_matrix, rigid_errors
 from dolfinx_contact.body.moving import MovingBody, Scheme, TimeStep
+from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.given_data import Constancy, Datum, data_in, placed_data
 from dolfinx_contact.evolution.history import EvolutionStep, History
@@ -283,9 +284,10 @@ class NSCD(Evolution):
             else:
                 whole.steps += part.steps
         assert whole is not None
-        whole.complete = quiet >= _QUIET
-        moves = f"not at rest after {whole.time - start:.6g}"
-        whole.reason = "the body is at rest" if whole.complete else moves
+        if quiet >= _QUIET:
+            whole.end(Ending.REACHED, "the body is at rest")
+        else:
+            whole.end(Ending.BUDGET, f"not at rest after {whole.time - start:.6g}")
         return whole
 
     def _stepper(self, progress: bool | None) -> MotionStepper:

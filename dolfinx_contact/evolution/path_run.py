@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from dolfinx_contact.continuation.branch import AT_END, BranchPoint
+from dolfinx_contact.continuation.branch import BranchPoint
+from dolfinx_contact.continuation.ending import Ending, Ends
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.evolution.arc_steps import ArcSteps, Arrival
 from dolfinx_contact.evolution.energy import forces_at
@@ -25,7 +26,7 @@ _NOWHERE = 1e-6  # mean length of steps that lead nowhere
 _PATIENT = 10  # such steps, and two for each contact point, are allowed
 
 
-class PathRun:
+class PathRun(Ends):
     """A run: where it is, and how it goes on.
 
     Args:
@@ -36,7 +37,8 @@ class PathRun:
         standing: where it begins, or stood.
 
     Attributes:
-        reason: why it ends; "" while it goes on.
+        ending: how it ends; None while it goes on.
+        reason: why, in words.
     """
 
     def __init__(
@@ -57,6 +59,7 @@ class PathRun:
         self._number = standing.number
         self._passed = standing.passed
         self._gamma = standing.gamma
+        self.ending = standing.ending
         self.reason = standing.reason
         self._leaves: BranchPoint | None = None
         surfaces = stepper.problem.surfaces
@@ -81,6 +84,7 @@ class PathRun:
             self._steps.known,
             self._number,
             self._passed,
+            self.ending,
             self.reason,
         )
 
@@ -132,9 +136,10 @@ class PathRun:
         if ways.onwards is not None:
             self._leaves = self._steps.go_on(point, ways.onwards)
             return
-        self.reason = (
+        self.end(
+            Ending.NOT_FOUND,
             f"no way on was found from gamma = {point.gamma:.10g}, by {ways.method}; "
-            "whether there is one is not decided"
+            "whether there is one is not decided",
         )
 
     def step(self) -> tuple[PathStep, Taken] | None:
@@ -144,12 +149,13 @@ class PathRun:
         while True:
             found = self._steps.arrive(self._leaves, self._h, self._task.gamma_range)
             if found is None:
-                self.reason = (
+                reason = (
                     f"no step of at least {self._steps.control.minimum:g} succeeds beyond "
                     f"gamma = {self._leaves.gamma:.10g}"
                 )
                 if system.kinks_in_gamma:
-                    self.reason += f"; {system.kinks_in_gamma}"
+                    reason += f"; {system.kinks_in_gamma}"
+                self.end(Ending.NOT_SOLVED, reason)
                 return None
             before = self._moment
             point = found.point
@@ -165,9 +171,8 @@ class PathRun:
             before.forces, forces := forces_at(eq, state), result.energies["friction"]
         )
         if not np.isfinite(energies.residue):
-            self.reason = (
-                f"beyond gamma = {self._gamma:.10g} a law gives a number that is not finite"
-            )
+            where = f"beyond gamma = {self._gamma:.10g} a law gives a number that is not finite"
+            self.end(Ending.NOT_SOLVED, where)
             return None
         self._moment = self._stepper.moment(
             before.time + point.step, state.statuses, eq.advanced(state), forces, energies
@@ -180,7 +185,7 @@ class PathRun:
         ways = Ways(None)
         event: PathEvent = ""
         if found.at == "end":
-            self.reason = AT_END
+            self.end(Ending.REACHED)
         else:
             rates = self._steps.rate_problem(point.y, point.piece)
             ways = rates.onwards(point.piece, point.tangent, every=self._task.rays)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import Literal, TypeAlias
 
 from dolfinx_contact.continuation.branch import BranchPoint
+from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.evolution.moment import AtRest
 from dolfinx_contact.evolution.standing import Keeper
@@ -60,7 +61,8 @@ class PathStanding:
         known: to the steps.
         number: of the last step, over all runs of the path; 0 before the first.
         passed: arc lengths of the start of the run and of the points that it has accepted.
-        reason: why the run ends here; "" if it goes on.
+        ending: how the run ends here; None if it goes on.
+        reason: why, in words.
     """
 
     moment: AtRest
@@ -70,6 +72,7 @@ class PathStanding:
     known: Known = field(default_factory=Known)
     number: int = 0
     passed: Sequence[float] = ()
+    ending: Ending | None = None
     reason: str = ""
 
 
@@ -85,5 +88,6 @@ def begun(task: PathTask, standing: PathStanding) -> PathStanding:
         length=task.control.initial,
         known=Known(before.x_scale, scales=before.scales),
         passed=(standing.moment.time,),
+        ending=None,
         reason="",
     )

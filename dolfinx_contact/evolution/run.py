@@ -25,6 +25,7 @@ from dolfinx import fem
 from dolfinx_contact._errors import everywhere, same_everywhere
 from dolfinx_contact._frozen import ReadOnly
 from dolfinx_contact._numbers import is_number
+from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.equations.given_data import Datum
 from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.evolution.forks import Forked, Forks
@@ -50,6 +51,7 @@ _FURTHER = 4.0  # times as far in time, the next at which a solution is looked f
 _MOST_FURTHER = 20  # such times
 _MOST_FORKS = 16  # evolutions along other rays
 _HALVINGS = 20  # of the whole time, to the least step
+_REACHED = "the last time is reached"
 
 
 class Evolution(ReadOnly):
@@ -221,10 +223,9 @@ class Evolution(ReadOnly):
             with stepper.problem.telling_once():
                 for end in task.times[1:]:
                     run.to(end)
-            history.reason = "the last time is reached"
-            history.complete = True
+            history.end(Ending.REACHED, _REACHED)
         except _Ended as ended:
-            history.reason = str(ended)
+            history.end(ended.ending, str(ended))
             failure = ended
         finally:
             self._moment = run.moment
@@ -243,6 +244,10 @@ class Evolution(ReadOnly):
 
 class _Ended(Exception):
     """A run cannot go on: no solution continues it, none was found, or a step was not solved."""
+
+    def __init__(self, ending: Ending, reason: str):
+        super().__init__(reason)
+        self.ending = ending
 
 
 class _Run:
@@ -356,23 +361,26 @@ class _Run:
         least = self._task.shortest
         there = where_it_changes(self._stepper, a, b)
         if found.proved:
+            ending = Ending.NO_SOLUTION
             said = (
                 f"no solution continues the evolution in the step from {a.time:.10g} to "
                 f"{b.time:.10g}, where {found.why}; at its end another one was found, {there}"
             )
         elif found.failure is not None:
+            ending = Ending.NOT_SOLVED
             said = (
                 f"no step {beyond} was solved, down to {least:.2g}, that leads on from it; in a "
                 f"solution further off, at {b.time:.10g}, {there}. Whether one continues the "
                 f"evolution is not decided: {found.failure}"
             )
         else:
+            ending = Ending.NOT_FOUND
             said = (
                 f"no solution {beyond} was found that continues the evolution, in a step of "
                 f"{b.time - a.time:.2g}; at its end another one was found, {there}. Whether one "
                 f"does is not decided: {found.why}"
             )
-        raise _Ended(said) from found.failure
+        raise _Ended(ending, said) from found.failure
 
     def _shorten(self, aim: float, error: ConvergenceError | None = None) -> None:
         """Try half the step next time, or a quarter if there was an error; end if too short."""
@@ -386,8 +394,9 @@ class _Run:
                     self._accept(Forked(beyond), jump=self._sudden(beyond, times) is not None)
                     return
             raise _Ended(
+                Ending.NOT_SOLVED,
                 f"no solution was found beyond the time {self.moment.time:.10g}, in a step of "
-                f"{length:.2g}, which was not solved: {error}"
+                f"{length:.2g}, which was not solved: {error}",
             ) from error
         self._length = length / part
         self._rejected = self._rejected + 1
@@ -506,13 +515,12 @@ def _followed(forks: list[Taken], stepper: Stepper, task: Task) -> list[History]
             run.begin(first)
             for end in task.times:
                 run.to(end)
-            run.history.reason = "the last time is reached"
-            run.history.complete = True
+            run.history.end(Ending.REACHED, _REACHED)
         except _Ended as ended:
-            run.history.reason = str(ended)
+            run.history.end(ended.ending, str(ended))
         found.append(run.history)
         left += run.forks
     for rest in left:
         found.append(History(rest.before.time, rest.before.energies))
-        found[-1].reason = f"not followed: more than {_MOST_FORKS} evolutions"
+        found[-1].end(Ending.BUDGET, f"not followed: more than {_MOST_FORKS} evolutions")
     return found

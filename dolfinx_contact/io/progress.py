@@ -9,7 +9,7 @@ from typing import TextIO
 from mpi4py import MPI
 
 from dolfinx_contact._progress import Line
-from dolfinx_contact.continuation import BranchPoint, Observer, SpecialPoint, Stepping
+from dolfinx_contact.continuation import BranchPoint, Ends, Observer, SpecialPoint, Stepping
 
 __all__ = ["Progress"]
 
@@ -47,5 +47,5 @@ class Progress(Observer):
             f"special {self._events}"
         )
 
-    def end(self, branch: int, reason: str) -> None:
-        self._line.write(f"branch {branch}: {reason}")
+    def end(self, branch: int, ended: Ends) -> None:
+        self._line.write(f"branch {branch}: {ended.reason}")

@@ -12,26 +12,32 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
-from dolfinx_contact.records.lines import FILE_NAME, Lines, parse
+from dolfinx_contact.continuation.ending import Ending, Ends
+from dolfinx_contact.records.lines import FILE_NAME, Lines, ending_of, parse
 
 __all__ = ["EvolutionJournal", "EvolutionRun", "read_evolution"]
 
 
 @dataclass
-class EvolutionRun:
+class EvolutionRun(Ends):
     """What is known of one run.
 
     Attributes:
         task: times, limits of the step length, and what to do at jumps.
         after: index of the state at which it begins.
-        reason: why it ended; empty if it has not.
-        complete: whether it reached the last of its times.
+        ending: how it ended; None if it has not.
+        reason: why, in words.
     """
 
     task: dict[str, Any]
     after: int
+    ending: Ending | None = None
     reason: str = ""
-    complete: bool = False
+
+    @property
+    def complete(self) -> bool:
+        """Whether it reached the last of its times, or the end of its range."""
+        return self.ending is Ending.REACHED
 
 
 @dataclass
@@ -74,16 +80,14 @@ class EvolutionJournal(Lines):
             for name in (*self.of_states, *(self.of_steps if self.states else ())):
                 entry[name]
             if self.states:
-                self.runs[-1].reason = ""
+                self.runs[-1].go_on()
             self.states.append(entry)
         elif kind == "run":
             if not entry["after"] == len(self.states) - 1 >= 0:
                 raise ValueError(f"a run begins at state {entry['after']}")
             self.runs.append(EvolutionRun(entry["task"], entry["after"]))
         elif kind == "end":
-            run = self.runs[-1]
-            run.reason = entry["reason"]
-            run.complete = entry["complete"]
+            self.runs[-1].end(ending_of(entry), entry["reason"])
         else:
             raise ValueError(f"lines of the kind {kind!r} are not known")
 

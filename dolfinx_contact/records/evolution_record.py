@@ -153,12 +153,11 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, Standing]):
                 problem is not that of the record.
         """
         run = self._last_run()
-        if run.reason:
+        if run.ending is not None:
             standing = replace(self._ended(), length=math.inf)
             self.evolution.put(standing)
             history = History(standing.moment.time, standing.moment.energies)
-            history.reason = run.reason
-            history.complete = run.complete
+            history.end(run.ending, run.reason)
             return history
         task = Task(**run.task | {"times": tuple(run.task["times"])})
         states = self.journal.states

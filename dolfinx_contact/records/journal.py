@@ -16,7 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact._optional import optional
-from dolfinx_contact.records.lines import FILE_NAME, Lines, parse
+from dolfinx_contact.continuation.ending import Ending, Ends
+from dolfinx_contact.records.lines import FILE_NAME, Lines, ending_of, parse
 
 __all__ = ["Journal", "JournalBranch", "read_journal"]
 
@@ -24,7 +25,7 @@ _SPECIAL = ("kind", "smooth", "gamma", "parity", "others", "complete", "bracket"
 
 
 @dataclass
-class JournalBranch:
+class JournalBranch(Ends):
     """What is known of one branch.
 
     Attributes:
@@ -32,11 +33,13 @@ class JournalBranch:
         points: one dictionary a point, in order: ``index``, ``gamma``, ``step``, ``corrections``,
             ``tau``, ``norm``, ``status``, ``counts``, ``functionals``, ``special``, ``next_step``,
             ``x_scale``, ``largest_distance`` and, where fields were kept, ``checkpoint``.
-        reason: why it ended; empty if it has not.
+        ending: how it ended; None if it has not.
+        reason: why, in words.
     """
 
     task: dict[str, Any]
     points: list[dict[str, Any]] = field(default_factory=list)
+    ending: Ending | None = None
     reason: str = ""
 
 
@@ -171,10 +174,10 @@ class Journal(Lines):
                     entry[name] = branch.points[-1][name]  # written when it changes
                 entry[name]
             branch.points.append(entry)
-            branch.reason = ""
+            branch.go_on()
         elif kind == "end":
             branch = self.branches[entry["branch"]]
-            branch.reason = entry["reason"]
+            branch.end(ending_of(entry), entry["reason"])
             branch.points[-1].update({k: entry[k] for k in ("checkpoint", "sum") if k in entry})
         else:
             raise ValueError(f"lines of the kind {kind!r} are not known")

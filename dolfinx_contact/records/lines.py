@@ -21,14 +21,30 @@ from typing import Any, BinaryIO, ClassVar, Generic, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.io.disk import os_error, sync_folder
 from dolfinx_contact.records.lock import Lock
 
-__all__ = ["FILE_NAME", "FORMAT", "JournalFile", "Lines", "parse"]
+__all__ = ["FILE_NAME", "FORMAT", "JournalFile", "Lines", "ending_of", "parse"]
 
 FILE_NAME = "journal.jsonl"
 FORMAT = 1
 _MARK = ', "crc": "'
+
+
+#: How runs ended of which a journal of old has the reason alone, by how that begins.
+_OF_OLD = {
+    Ending.REACHED.value: Ending.REACHED,
+    "the last time is reached": Ending.REACHED,
+    Ending.CLOSED.value: Ending.CLOSED,
+    Ending.UNBOUNDED.value: Ending.UNBOUNDED,
+    "the budget": Ending.BUDGET,
+    "no solution continues": Ending.NO_SOLUTION,
+    "no step": Ending.NOT_SOLVED,
+    "the point at the end": Ending.NOT_SOLVED,
+    "no way": Ending.NOT_FOUND,
+    "no solution": Ending.NOT_FOUND,
+}
 
 
 class _OtherKind(ValueError):
@@ -116,6 +132,18 @@ def parse(data: bytes, kind: type[J]) -> J:
         except (ValueError, KeyError, TypeError, IndexError) as error:
             raise ValueError(f"line {number} of the journal is damaged: {error}") from None
     return journal
+
+
+def ending_of(entry: Mapping[str, Any]) -> Ending:
+    """How something ended, by a line that says so.
+
+    Raises:
+        KeyError: if it has another word for that.
+    """
+    if "ending" in entry:
+        return Ending[entry["ending"]]
+    old = (ending for begins, ending in _OF_OLD.items() if entry["reason"].startswith(begins))
+    return next(old, Ending.STOPPED)
 
 
 def _encode(entry: Mapping[str, Any]) -> bytes:

@@ -23,6 +23,7 @@ from dolfinx_contact.evolution import ArcLength, PathHistory
 from dolfinx_contact.evolution.arc_length import Observer, Stop
 from dolfinx_contact.evolution.path_standing import Known, PathStanding, PathTask, begun
 from dolfinx_contact.records.checkpoints import joined, last_entry
+from dolfinx_contact.records.lines import ending_of
 from dolfinx_contact.records.path_journal import PathJournal
 from dolfinx_contact.records.steps_record import StepsRecord
 
@@ -97,6 +98,7 @@ class PathRecord(StepsRecord[PathJournal, PathStanding]):
             "number": standing.number,
             "length": standing.length,
             "known": asdict(standing.known),
+            "ending": None if standing.ending is None else standing.ending.name,
             "reason": standing.reason,
         }
 
@@ -140,6 +142,7 @@ class PathRecord(StepsRecord[PathJournal, PathStanding]):
             known,
             number,
             (moment.time,),
+            ending_of(state) if state["reason"] else None,
             state["reason"],
         )
 
@@ -151,7 +154,7 @@ class PathRecord(StepsRecord[PathJournal, PathStanding]):
                 that was begun there and killed.
         """
         runs = self.journal.runs
-        if runs and not runs[-1].reason and self._last is None:
+        if runs and runs[-1].ending is None and self._last is None:
             known = asdict(_task(runs[-1].task))
             for name, value in asdict(task).items():
                 message = f"the run in {self.folder} has {name} {known[name]}, not {value}"
@@ -182,13 +185,12 @@ class PathRecord(StepsRecord[PathJournal, PathStanding]):
                 problem is not that of the record.
         """
         run = self._last_run()
-        if run.reason:
+        if run.ending is not None:
             standing = self._ended()
             self.path.put(standing)
             history = PathHistory(standing.moment.time, standing.moment.energies)
             history.gamma = standing.gamma
-            history.reason = run.reason
-            history.complete = run.complete
+            history.end(run.ending, run.reason)
             return history
         task = _task(run.task)
         states = self.journal.states

@@ -24,6 +24,8 @@ from dolfinx_contact._errors import require, same_everywhere
 from dolfinx_contact.continuation import (
     Branch,
     BranchPoint,
+    Ending,
+    Ends,
     Observer,
     Observers,
     Route,
@@ -234,19 +236,20 @@ class BranchRecord(ProblemRecord[Journal], Observer):
             del written["status"]
         self._append({"type": "point", "branch": branch, **written})
         recorded.append(entry)
-        self.journal.branches[branch].reason = ""
+        self.journal.branches[branch].go_on()
 
-    def end(self, branch: int, reason: str) -> None:
+    def end(self, branch: int, ended: Ends) -> None:
         known = self.journal.branches[branch]
-        if known.reason == reason or self._last is None:
+        if known.reason == ended.reason or self._last is None or ended.ending is None:
             return
         entry: dict[str, Any] = {}
         point, stepping = self._last
         if "checkpoint" not in known.points[-1] and stepping.index == len(known.points) - 1:
             entry = self._checkpoint(branch, stepping.index, point)
-        self._append({"type": "end", "branch": branch, "reason": reason, **entry})
+        words = {"ending": ended.ending.name, "reason": ended.reason}
+        self._append({"type": "end", "branch": branch, **words, **entry})
         known.points[-1] |= entry
-        known.reason = reason
+        known.end(ended.ending, ended.reason)
 
     def _checkpoint(self, branch: int, index: int, point: BranchPoint) -> dict[str, str]:
         """Keep unknowns and tangent of a point; what the journal says of it."""
@@ -368,9 +371,9 @@ class BranchRecord(ProblemRecord[Journal], Observer):
         known = self.journal.branches[branch]
         task = known.task
         budget = task["max_steps"] if max_steps is None else max_steps
-        exhausted = known.reason.startswith("the budget") and budget >= len(known.points)
-        if known.reason and not exhausted:
-            return Branch([point], reason=known.reason)
+        exhausted = known.ending is Ending.BUDGET and budget >= len(known.points)
+        if known.ending is not None and not exhausted:
+            return Branch([point], ending=known.ending, reason=known.reason)
         origin = self.state(branch, 0)[0] if stepping.index else None
         self.system.scales = known.points[stepping.index]["scales"]
         control = StepControl(**task["control"])

@@ -233,9 +233,9 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         left = len(self.journal.states) - 1 - self._index
         message = f"the run ends {left} steps before the one that was recorded: {history.reason}"
         require(self.comm, left == 0, message)
-        self._append({"type": "end", "reason": history.reason, "complete": history.complete})
-        run.reason = history.reason
-        run.complete = history.complete
+        if history.ending is not None:
+            self._append({"type": "end", "ending": history.ending.name, "reason": history.reason})
+            run.end(history.ending, history.reason)
 
     def _keep(self, index: int, standing: S, letters: str, more: Mapping[str, Any]) -> None:
         """Put a state on the disk, which stands in the problem. Collective."""

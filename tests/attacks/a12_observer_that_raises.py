@@ -23,7 +23,7 @@ class _Raises(Observer):
         if index == 2:
             raise _Stopped
 
-    def end(self, branch, reason):
+    def end(self, branch, ended):
         self.end_seen = True
 
 

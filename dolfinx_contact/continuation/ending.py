@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""How branches, paths and histories end: one of a few ways, and a sentence that says more."""
+
+from __future__ import annotations
+
+from enum import Enum
+
+__all__ = ["Ending", "Ends"]
+
+
+class Ending(Enum):
+    """How something that was followed ended; its value is the sentence where nothing says more.
+
+    Only `NO_SOLUTION` says that nothing goes on; after `NOT_FOUND` and `NOT_SOLVED` something may.
+    """
+
+    #: The end of the range of gamma, or the last time, or rest where that was looked for.
+    REACHED = "gamma reached the end of its range"
+    CLOSED = "the branch is closed"
+    UNBOUNDED = "the branch goes to infinity"
+    #: Whoever looked on asked for it.
+    STOPPED = "it was stopped"
+    BUDGET = "the budget is exhausted"
+    #: It is proved that no solution continues it.
+    NO_SOLUTION = "no solution continues it"
+    #: No way on was found, by what was tried.
+    NOT_FOUND = "no way on was found"
+    #: A step was not solved.
+    NOT_SOLVED = "the point at the end of the range of gamma was not solved for"
+
+
+class Ends:
+    """Of what can end: `ending`, and `reason` in words.
+
+    Attributes:
+        ending: None while it goes on.
+        reason: why it ended, in words.
+    """
+
+    ending: Ending | None
+    reason: str
+
+    def end(self, ending: Ending, reason: str = "") -> None:
+        """End it, with a sentence of its own if there is one."""
+        self.ending = ending
+        self.reason = reason or ending.value
+
+    def go_on(self) -> None:
+        """Take the end back: what had ended goes on."""
+        self.ending = None
+        self.reason = ""
