@@ -27,8 +27,6 @@ from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, 
 from dolfinx_contact.analysis import SteadySliding
 from dolfinx_contact.materials import LinearElastic
 
-FRAMES = 24
-
 
 def arguments(argv=None):
     pad = dict(dim=2, nx=4, ny=4, young=1.0, poisson=0.3, friction=0.5, cell=None)
@@ -43,6 +41,8 @@ def arguments(argv=None):
     parser.add_argument(
         "--slopes", type=some, nargs="*", default=[0.01, 0.1, 1.0], help="of regularised friction"
     )
+    count = number(int, least=1)
+    parser.add_argument("--frames", type=count, default=24, help="of the animation")
     return parser.parse(argv)
 
 
@@ -108,7 +108,7 @@ def regularised(problem, energy, ds, args, slope):
 # the animation can be repeated.
 
 
-def period(problem, modes, size, frames=FRAMES):
+def period(problem, modes, size, frames):
     """Put state by state into the problem, with the largest component of the given size."""
     mode = modes.real.x.array + 1j * modes.imaginary.x.array
     largest = problem.comm.allreduce(np.abs(mode).max(initial=0.0), op=MPI.MAX)
@@ -153,10 +153,11 @@ def main(argv=None):
     size = 0.1 * args.height
     file = folder / "vibration.pvd"
     with VTKFile(comm, file, "w") as vtk:
-        for frame, _ in enumerate(period(problem, modes, size)):
-            vtk.write_function(problem.u, frame / FRAMES)
+        for frame, _ in enumerate(period(problem, modes, size, args.frames)):
+            vtk.write_function(problem.u, frame / args.frames)
     title = f"F = {args.friction:g}, frequency {modes.frequency:.4g}"
-    gif = plot.film(folder / "mode.gif", problem, period(problem, modes, size), title=title)
+    states = period(problem, modes, size, args.frames)
+    gif = plot.film(folder / "mode.gif", problem, states, title=title)
     say.files([picture, file, gif])
     summary = {
         "converged": True,

@@ -98,7 +98,7 @@ def test_mindlin_converges(folder):
     assert max(fine) < 0.5 * max(coarse)
 
 
-@pytest.mark.chatty
+@pytest.mark.long
 def test_adhesion(folder):
     """A bond opened to 6 u0, without viscosity and with; the folds of its snap-back."""
     words = ["--steps=2", f"--output={folder}"]
@@ -152,7 +152,7 @@ def test_a_fibre_is_pulled_out(folder, no_pictures):
     assert (folder / "curve.png").stat().st_size > 10_000
 
 
-@pytest.mark.chatty
+@pytest.mark.long
 def test_the_energies_of_a_fibre():
     """What the steps leave over, before the jump, falls as fast as they do."""
     args = demo_pull_out.arguments(["--length=5", "--n=4"])
@@ -218,7 +218,7 @@ def test_the_refrigerator(folder):
         demo_refrigerator.main(["--force=300", f"--output={folder}"])
 
 
-@pytest.mark.chatty
+@pytest.mark.long
 def test_an_interface_of_ones_own(folder):
     """A sheet is drawn off a ductile glue with the force of a long bar; errors fall by four."""
     off = []
@@ -233,7 +233,7 @@ def test_an_interface_of_ones_own(folder):
     assert (folder / "120" / "pull.png").exists()
 
 
-@pytest.mark.chatty
+@pytest.mark.long
 def test_steel_in_concrete(folder, no_pictures):
     """The bond breaks and leaves friction; of the work nothing is lost but by the steps."""
     left = []
@@ -274,7 +274,7 @@ def indenter(folder, *words):
     return sticky["pull_off"] / summary["johnson_kendall_roberts"]
 
 
-@pytest.mark.chatty
+@pytest.mark.long
 def test_indenter(folder):
     """Above the force without viscosity, which a coarse mesh adds to (in 96 steps: 1.44)."""
     assert 1.35 < indenter(folder, "--n=12", "--steps=24", "--rest=0.1") < 1.45

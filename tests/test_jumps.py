@@ -25,6 +25,8 @@ C = 100.0
 W = 1.0  # of a bond; it yields at the opening sqrt(W/C)
 U0 = np.sqrt(W / C)
 
+LONG = pytest.mark.long
+
 
 def columns(stiffness, law, degree=1):
     """Columns side by side that do not know of each other, on one floor, and their top.
@@ -106,8 +108,8 @@ def test_what_is_proved_of_a_coarse_step():
     ("stiffness", "law", "pressed", "times"),
     [
         (200.0, (0.6, 0.3, 0.002), 0.01, np.linspace(0.0, 0.018, 21)),
-        (200.0, (0.6, 0.3, 0.002), 0.01, np.linspace(0.0, 0.018, 31)),
-        (1.0, (0.6, 0.2, 0.1), 1.0, [0.0, 0.2, 0.4, 0.55, 0.8, 1.0]),
+        pytest.param(200.0, (0.6, 0.3, 0.002), 0.01, np.linspace(0.0, 0.018, 31), marks=LONG),
+        pytest.param(1.0, (0.6, 0.2, 0.1), 1.0, [0.0, 0.2, 0.4, 0.55, 0.8, 1.0], marks=LONG),
     ],
 )
 def test_a_jump_from_which_no_solution_is_near(stiffness, law, pressed, times):

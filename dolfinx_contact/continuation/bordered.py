@@ -55,6 +55,12 @@ class Bordered(Layout):
         P = self.system.preconditioner
         return Factorised(self, self.prefix) if P is None else Krylov(self, self.prefix, P)
 
+    @property
+    def work(self) -> tuple[int, int]:
+        """Matrices factorised and right-hand sides solved for so far; none without a solver."""
+        solver = vars(self).get("solver")
+        return (0, 0) if solver is None else (solver.factorisations, solver.solves)
+
     def dual(self, y: PETSc.Vec, out: PETSc.Vec) -> None:
         """The row vector of the inner product with ``y`` into ``out``."""
         x, gamma = self.split(y)

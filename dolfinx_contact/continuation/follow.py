@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import logging
 import math
-from dataclasses import replace
 from itertools import pairwise
 from typing import Literal, TypeAlias
 
@@ -18,16 +17,13 @@ from petsc4py import PETSc
 import numpy as np
 
 from dolfinx_contact._errors import everywhere, same_everywhere
-from dolfinx_contact._petsc import staged
 from dolfinx_contact.continuation.arguments import (
-    asked,
     check_listeners,
     check_states,
     check_system,
     checked_gamma,
     checked_range,
     require_smooth,
-    told,
 )
 from dolfinx_contact.continuation.batch import BatchedSteps, Locate
 from dolfinx_contact.continuation.bordered import Bordered
@@ -40,7 +36,7 @@ from dolfinx_contact.continuation.branch import (
 )
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.ending import Ending
-from dolfinx_contact.continuation.observer import Observer, Stepping, Task
+from dolfinx_contact.continuation.observer import Observer, Stepping
 from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.continuation.passage import SteppingSteps
 from dolfinx_contact.continuation.pivoting import Pivoting
@@ -49,6 +45,7 @@ from dolfinx_contact.continuation.system import (
     Piece,
     System,
 )
+from dolfinx_contact.continuation.walk import Next, Walk, Walker
 
 __all__ = ["Follower", "Route", "follow", "follower_for"]
 
@@ -164,7 +161,7 @@ def follower_for(
     return Follower(system, control or StepControl(), gamma_scale=gamma_scale)
 
 
-class Follower:
+class Follower(Walker):
     """Follows branches of one system; holds the bordered matrix and the corrector.
 
     Args:
@@ -248,96 +245,17 @@ class Follower:
         t.destroy()
         return self._steps.rescaled(BranchPoint(y, tangent, ray.piece, b.gamma(y), distance, 0))
 
-    @staged("Continuation")
-    def run(
+    def _walk(
         self,
         start: BranchPoint,
+        origin: BranchPoint,
         gamma_range: tuple[float, float],
-        *,
-        max_steps: int = 1000,
-        observer: Observer | None = None,
-        stop: Stop | None = None,
-        branch_id: int = 0,
-        stepping: Stepping | None = None,
-        origin: BranchPoint | None = None,
-    ) -> Branch:
-        """Follow from ``start`` along its tangent; see `follow`.
+        stepping: Stepping | None,
+    ) -> Walk:
+        length = self.control.initial if stepping is None else stepping.next_step
+        return _Corrected(self, self._steps, origin, gamma_range, length)
 
-        The system is left at the end of the branch.
-
-        Args:
-            start: a point of the branch.
-            gamma_range: the branch ends where gamma reaches either end.
-            max_steps: budget, from the first point of the branch.
-            observer: told of every accepted point, ``start`` included.
-            stop: see `follow`.
-            branch_id: number by which the observer knows the branch.
-            stepping: known at ``start`` if the branch was followed to it before.
-            origin: then its first point, at which it may close.
-
-        Returns:
-            The branch from ``start`` on.
-        """
-        branch = Branch([start])
-        b = self.bordered
-        first = 0
-        before = b.solver.factorisations, b.solver.solves
-        h, low, high = self.control.initial, *gamma_range
-        if stepping is not None:
-            first = stepping.index
-            h = stepping.next_step
-            self.restore(stepping)
-        observer = told(b, observer, start)
-        observer.begin(branch_id, Task((low, high), b.gamma_scale, self.control, max_steps))
-        observer.point(branch_id, first, start, (), self._stepping(first, h))
-        point = start
-        for index in range(first + 1, max_steps + 1):
-            new, special, h = self._steps.step(point, h)
-            if new is None:
-                new = self._beyond_kink(point, (low, high))
-                special = []
-                h = self.control.initial
-            if new is None:
-                reason = f"no step of at least {self.control.minimum:g} succeeds"
-                if self.system.kinks_in_gamma:
-                    reason += f"; {self.system.kinks_in_gamma}"
-                branch.end(Ending.NOT_SOLVED, reason)
-                break
-            node = any(s.kind == "bifurcation" for s in special)
-            if not node and self._is_closed(origin or start, point, new):
-                new = origin or start
-                special = [s for s in special if s.smooth]
-                branch.end(Ending.CLOSED)
-            elif not low <= new.gamma <= high:
-                new, special = self._steps.end_at(point, new, special, (low, high))
-                if not low <= new.gamma <= high:
-                    branch.end(Ending.NOT_SOLVED)
-                    break
-                branch.end(Ending.REACHED)
-            special = [replace(s, index=len(branch.points)) for s in special]
-            branch.special += special
-            branch.points.append(new)
-            point = new
-            observer.point(branch_id, index, point, special, self._stepping(index, h))
-            if any(s.kind == "end" for s in special):
-                branch.end(Ending.NOT_FOUND, self._steps.dead_end)
-            words = "" if branch.ending else asked(b, stop, point, special)
-            if words:
-                branch.end(Ending.STOPPED, words)
-            if branch.ending is not None:
-                break
-        else:
-            branch.end(Ending.BUDGET, f"the budget of {max_steps} steps is exhausted")
-        observer.end(branch_id, branch)
-        branch.factorisations = b.solver.factorisations - before[0]
-        branch.solves = b.solver.solves - before[1]
-        last = branch.points[-1]
-        self.system.put(*b.split(last.y), last.piece)
-        if b.comm.rank == 0:
-            logger.info("branch ended: %s", branch.reason)
-        return branch
-
-    def _beyond_kink(
+    def beyond_kink(
         self, point: BranchPoint, gamma_range: tuple[float, float]
     ) -> BranchPoint | None:
         """The branch just beyond a kink of the data in gamma, at which steps end. Collective.
@@ -378,7 +296,7 @@ class Follower:
         self.bordered.x_scale = stepping.x_scale
         self._steps.largest_distance = stepping.largest_distance
 
-    def _is_closed(self, start: BranchPoint, point: BranchPoint, new: BranchPoint) -> bool:
+    def is_closed(self, start: BranchPoint, point: BranchPoint, new: BranchPoint) -> bool:
         """Whether the step from ``point`` to ``new`` passes the start in the sense of the start."""
         b = self.bordered
         comm = self.bordered.comm
@@ -392,9 +310,6 @@ class Follower:
         beside = max(size - along**2, 0.0)
         forwards = b.inner(point.tangent, start.tangent) > self.control.cosine
         return bool(0 < along <= end and beside <= (0.1 * end) ** 2 and forwards)
-
-    def _stepping(self, index: int, h: float) -> Stepping:
-        return Stepping(index, h, self.bordered.x_scale, self._steps.largest_distance)
 
     def at(self, branch: Branch, gamma: float) -> list[BranchPoint]:
         """The points of ``branch`` at which its parameter is ``gamma``, in order.
@@ -446,6 +361,65 @@ class Follower:
                 if where
                 else "gamma does not appear in H: its derivative by gamma vanishes"
             )
+
+
+class _Corrected(Walk):
+    """A branch by predictor and corrector.
+
+    Args:
+        follower: of the system.
+        steps: its steps.
+        origin: where the branch begins, and may close.
+        gamma_range: in which it is followed.
+        length: of the next step.
+    """
+
+    def __init__(
+        self,
+        follower: Follower,
+        steps: ExactSteps,
+        origin: BranchPoint,
+        gamma_range: tuple[float, float],
+        length: float,
+    ):
+        self._follower = follower
+        self._steps = steps
+        self._origin = origin
+        self._range = gamma_range
+        self._length = length
+
+    def advance(self, branch: Branch, point: BranchPoint) -> Next | None:
+        follower = self._follower
+        low, high = self._range
+        new, special, self._length = self._steps.step(point, self._length)
+        if new is None:
+            new = follower.beyond_kink(point, self._range)
+            special = []
+            self._length = follower.control.initial
+        if new is None:
+            reason = f"no step of at least {follower.control.minimum:g} succeeds"
+            if follower.system.kinks_in_gamma:
+                reason += f"; {follower.system.kinks_in_gamma}"
+            branch.end(Ending.NOT_SOLVED, reason)
+            return None
+        node = any(s.kind == "bifurcation" for s in special)
+        if not node and follower.is_closed(self._origin, point, new):
+            new = self._origin
+            special = [s for s in special if s.smooth]
+            branch.end(Ending.CLOSED)
+        elif not low <= new.gamma <= high:
+            new, special = self._steps.end_at(point, new, special, self._range)
+            if not low <= new.gamma <= high:
+                branch.end(Ending.NOT_SOLVED)
+                return None
+            branch.end(Ending.REACHED)
+        if any(s.kind == "end" for s in special):
+            branch.end(Ending.NOT_FOUND, self._steps.dead_end)
+        return new, special
+
+    def stepping(self, index: int) -> Stepping:
+        scale = self._follower.bordered.x_scale
+        return Stepping(index, self._length, scale, self._steps.largest_distance)
 
 
 def _steps(corrector: Corrector, locate: Locate | None) -> ExactSteps:

@@ -10,7 +10,6 @@ points change at once the tangent cone is solved for all outgoing rays (`rays.py
 from __future__ import annotations
 
 import logging
-from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 
@@ -19,7 +18,6 @@ from petsc4py import PETSc
 import numpy as np
 
 from dolfinx_contact.continuation.affine import TOLERANCE, AffinePiece, Array, Codes
-from dolfinx_contact.continuation.arguments import asked, told
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.branch import (
     Branch,
@@ -27,10 +25,9 @@ from dolfinx_contact.continuation.branch import (
     Change,
     Ray,
     SpecialPoint,
-    Stop,
 )
 from dolfinx_contact.continuation.ending import Ending
-from dolfinx_contact.continuation.observer import Observer, Stepping, Task
+from dolfinx_contact.continuation.observer import Stepping
 from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.continuation.rays import (
     AffineRay,
@@ -40,13 +37,14 @@ from dolfinx_contact.continuation.rays import (
     step,
 )
 from dolfinx_contact.continuation.system import Condensed, System
+from dolfinx_contact.continuation.walk import Next, Walk, Walker
 
 __all__ = ["Pivoting"]
 
 logger = logging.getLogger(__name__)
 
 
-class Pivoting:
+class Pivoting(Walker):
     """Follows branches of a system with affine pieces; the counterpart of `Follower`.
 
     Args:
@@ -58,6 +56,7 @@ class Pivoting:
     def __init__(self, system: System, condensed: Condensed, *, gamma_scale: float):
         self.system = system
         self.condensed = condensed
+        self.control = StepControl()
         self.bordered = Bordered(system, gamma_scale=gamma_scale)
         self._unit = 0.0
         self._recent: list[AffinePiece] = []
@@ -86,95 +85,32 @@ class Pivoting:
             raise ValueError("the start is a singular point: its tangent is not unique")
         sense = 1.0 if increasing else -1.0
         ray = AffineRay(codes, sense * piece.coefficients[1], sense)
-        return self._point(piece.at(gamma), gamma, ray, 0.0)
+        return self.point(piece.at(gamma), gamma, ray, 0.0)
 
     def branch_off(self, special: SpecialPoint, ray: Ray, distance: float = 0.0) -> BranchPoint:
         """The special point itself, with one of its other rays as the tangent."""
         del distance  # there is nothing to correct
         return BranchPoint(special.y, ray.tangent, ray.piece, special.gamma, 0.0, 0)
 
-    def run(
+    def _walk(
         self,
         start: BranchPoint,
+        origin: BranchPoint,
         gamma_range: tuple[float, float],
-        *,
-        max_steps: int = 1000,
-        observer: Observer | None = None,
-        stop: Stop | None = None,
-        branch_id: int = 0,
-        stepping: Stepping | None = None,
-        origin: BranchPoint | None = None,
-    ) -> Branch:
-        """Follow from ``start`` along its tangent; a step is a segment between two vertices.
-
-        The system is left at the end of the branch. Arguments as in `Follower.run`.
-        """
-        b = self.bordered
-        branch = Branch([start])
-        point = start
-        first = 0
-        if stepping is not None:
-            first = stepping.index
-            self.restore(stepping)
-        w, ray = self._state(point)
-        origin = origin or start
-        low, high = gamma_range
-        w_origin = self._state(origin)[0]
-        observer = told(b, observer, start)
-        observer.begin(branch_id, Task((low, high), b.gamma_scale, StepControl(), max_steps))
-        observer.point(branch_id, first, start, (), self._stepping(first))
-        for index in range(first + 1, max_steps + 1):
-            length = step(self.condensed.system, ray.codes, w, ray.direction)
-            if not np.isfinite(length) and ray.rate == 0:
-                where = f"the branch goes to infinity at gamma = {point.gamma:.10g}"
-                branch.end(Ending.UNBOUNDED, where)
-                break
-            ahead = high - point.gamma if ray.rate > 0 else point.gamma - low
-            special: list[SpecialPoint] = []
-            if self._passes(w, ray, length, w_origin, origin) and point is not start:
-                point = origin
-                branch.end(Ending.CLOSED)
-            elif ray.rate != 0 and length >= ahead:
-                gamma = high if ray.rate > 0 else low
-                w = self._moved(w, gamma, ahead, ray)
-                point = self._point(w, gamma, ray, ahead)
-                branch.end(Ending.REACHED)
-            else:
-                gamma = point.gamma + length * ray.rate
-                w = self._moved(w, gamma, length, ray)
-                point, vertex, onwards = self._cross(w, gamma, ray, length)
-                special = [replace(vertex, index=len(branch.points))]
-                if onwards is None:
-                    where = f"no way on was found from gamma = {gamma:.10g}"
-                    branch.end(Ending.NOT_FOUND, where)
-                else:
-                    ray = onwards
-            branch.special += special
-            branch.points.append(point)
-            observer.point(branch_id, index, point, special, self._stepping(index))
-            words = "" if branch.ending else asked(b, stop, point, special)
-            if words:
-                branch.end(Ending.STOPPED, words)
-            if branch.ending is not None:
-                break
-        else:
-            branch.end(Ending.BUDGET, f"the budget of {max_steps} steps is exhausted")
-        observer.end(branch_id, branch)
-        last = branch.points[-1]
-        self.system.put(*b.split(last.y), last.piece)
-        if b.comm.rank == 0:
-            logger.info("branch ended: %s", branch.reason)
-        return branch
+        stepping: Stepping | None,
+    ) -> Walk:
+        return _Segments(self, start, origin, gamma_range)
 
     def restore(self, stepping: Stepping) -> None:
         """Know again what was known at a point that was followed to before."""
         self.bordered.x_scale = stepping.x_scale
         self._unit = stepping.largest_distance
 
-    def _stepping(self, index: int) -> Stepping:
+    def stepping(self, index: int) -> Stepping:
+        """What is needed to go on from the point of this number."""
         return Stepping(index, 0.0, self.bordered.x_scale, self._unit)
 
-    def _passes(
+    def passes(
         self, w: Array, ray: AffineRay, length: float, w_start: Array, start: BranchPoint
     ) -> bool:
         """Whether a segment passes the start of the branch."""
@@ -192,9 +128,9 @@ class Pivoting:
             if a.gamma == gamma:
                 found.append(a)
             elif (a.gamma - gamma) * (c.gamma - gamma) < 0:
-                w, ray = self._state(a)
+                w, ray = self.state(a)
                 length = (gamma - a.gamma) * ray.rate
-                found.append(self._point(w + length * ray.direction, gamma, ray, length))
+                found.append(self.point(w + length * ray.direction, gamma, ray, length))
         if branch.points[-1].gamma == gamma:
             found.append(branch.points[-1])
         return found
@@ -211,7 +147,7 @@ class Pivoting:
             self._recent = [new, *self._recent[:1]]
         return new
 
-    def _moved(self, w: Array, gamma: float, length: float, ray: AffineRay) -> Array:
+    def moved(self, w: Array, gamma: float, length: float, ray: AffineRay) -> Array:
         """The state at ``gamma``: that of the piece, so that nothing adds up over the steps.
 
         A piece that is nearly singular does not know it as well as the segment does.
@@ -222,7 +158,7 @@ class Pivoting:
         off = np.abs(exact - moved).max(initial=0.0)
         return exact if off <= TOLERANCE * self._unit else moved
 
-    def _cross(
+    def cross(
         self, w: Array, gamma: float, ray: AffineRay, length: float
     ) -> tuple[BranchPoint, SpecialPoint, AffineRay | None]:
         """The vertex (w, gamma), what is special about it, and the ray by which to go on."""
@@ -251,7 +187,7 @@ class Pivoting:
                 logger.info("gamma = %.10g: %d rays by %s", gamma, len(ways.rays), ways.method)
         rays.sort(key=lambda r: (r.rate != ray.rate, -_cosine(r, ray)))
         onwards = rays[0] if rays else None
-        point = self._point(w, gamma, onwards or ray, length)
+        point = self.point(w, gamma, onwards or ray, length)
         y = point.y
         parity = 0
         if onwards is None:
@@ -295,7 +231,7 @@ class Pivoting:
 
     # -- points ----------------------------------------------------------------------------------
 
-    def _point(self, w: Array, gamma: float, ray: AffineRay, length: float) -> BranchPoint:
+    def point(self, w: Array, gamma: float, ray: AffineRay, length: float) -> BranchPoint:
         b = self.bordered
         self._unit = max(self._unit, float(np.abs(w).max(initial=0.0)))
         x = self.system.create_vector()
@@ -331,7 +267,7 @@ class Pivoting:
         t.scale(1.0 / np.sqrt(b.inner(t, t)))
         return t
 
-    def _state(self, point: BranchPoint) -> tuple[Array, AffineRay]:
+    def state(self, point: BranchPoint) -> tuple[Array, AffineRay]:
         """The numbers of a point of a branch and the ray along which it goes on."""
         b = self.bordered
         codes: Codes = self.condensed.codes(point.piece)
@@ -354,3 +290,60 @@ class Pivoting:
 def _cosine(a: AffineRay, b: AffineRay) -> float:
     product = float(np.sum(a.direction * b.direction))
     return product / float(np.linalg.norm(a.direction) * np.linalg.norm(b.direction) or 1.0)
+
+
+class _Segments(Walk):
+    """A branch from vertex to vertex, a segment a step.
+
+    Args:
+        pivoting: of the system.
+        start: the point from which it is followed.
+        origin: where the branch begins, and may close.
+        gamma_range: in which it is followed.
+    """
+
+    def __init__(
+        self,
+        pivoting: Pivoting,
+        start: BranchPoint,
+        origin: BranchPoint,
+        gamma_range: tuple[float, float],
+    ):
+        self._pivoting = pivoting
+        self._start = start
+        self._origin = origin
+        self._range = gamma_range
+        self._w, self._ray = pivoting.state(start)
+        self._w_origin = pivoting.state(origin)[0]
+
+    def advance(self, branch: Branch, point: BranchPoint) -> Next | None:
+        pivoting = self._pivoting
+        w = self._w
+        ray = self._ray
+        low, high = self._range
+        length = step(pivoting.condensed.system, ray.codes, w, ray.direction)
+        if not np.isfinite(length) and ray.rate == 0:
+            where = f"the branch goes to infinity at gamma = {point.gamma:.10g}"
+            branch.end(Ending.UNBOUNDED, where)
+            return None
+        ahead = high - point.gamma if ray.rate > 0 else point.gamma - low
+        passes = pivoting.passes(w, ray, length, self._w_origin, self._origin)
+        if passes and point is not self._start:
+            branch.end(Ending.CLOSED)
+            return self._origin, []
+        if ray.rate != 0 and length >= ahead:
+            gamma = high if ray.rate > 0 else low
+            self._w = pivoting.moved(w, gamma, ahead, ray)
+            branch.end(Ending.REACHED)
+            return pivoting.point(self._w, gamma, ray, ahead), []
+        gamma = point.gamma + length * ray.rate
+        self._w = pivoting.moved(w, gamma, length, ray)
+        new, vertex, onwards = pivoting.cross(self._w, gamma, ray, length)
+        if onwards is None:
+            branch.end(Ending.NOT_FOUND, f"no way on was found from gamma = {gamma:.10g}")
+        else:
+            self._ray = onwards
+        return new, [vertex]
+
+    def stepping(self, index: int) -> Stepping:
+        return self._pivoting.stepping(index)

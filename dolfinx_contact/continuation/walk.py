@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Following a branch from point to point: what is the same for every way of finding the next."""
+
+from __future__ import annotations
+
+import logging
+from abc import ABC, abstractmethod
+from dataclasses import replace
+from typing import TypeAlias
+
+from dolfinx_contact._petsc import staged
+from dolfinx_contact.continuation.arguments import asked, told
+from dolfinx_contact.continuation.bordered import Bordered
+from dolfinx_contact.continuation.branch import Branch, BranchPoint, SpecialPoint, Stop
+from dolfinx_contact.continuation.ending import Ending
+from dolfinx_contact.continuation.observer import Observer, Stepping, Task
+from dolfinx_contact.continuation.parameters import StepControl
+from dolfinx_contact.continuation.system import System
+
+__all__ = ["Walk", "Walker"]
+
+logger = logging.getLogger(__name__)
+
+#: A point, and the special points on the way to it.
+Next: TypeAlias = tuple[BranchPoint, list[SpecialPoint]]
+
+
+class Walk(ABC):
+    """A branch that is being followed. Its methods are collective."""
+
+    @abstractmethod
+    def advance(self, branch: Branch, point: BranchPoint) -> Next | None:
+        """The point after ``point``, which is the last of ``branch``; None if there is none.
+
+        The branch ends here, with its reason, where it ends by itself.
+        """
+
+    @abstractmethod
+    def stepping(self, index: int) -> Stepping:
+        """What is needed to go on from the point of this number."""
+
+
+class Walker(ABC):
+    """Follows branches of one system.
+
+    Attributes:
+        system: what is followed.
+        bordered: the bordered system.
+        control: step lengths.
+    """
+
+    system: System
+    bordered: Bordered
+    control: StepControl
+
+    @abstractmethod
+    def _walk(
+        self,
+        start: BranchPoint,
+        origin: BranchPoint,
+        gamma_range: tuple[float, float],
+        stepping: Stepping | None,
+    ) -> Walk:
+        """A walk from ``start`` on, of a branch that begins at ``origin``."""
+
+    @abstractmethod
+    def restore(self, stepping: Stepping) -> None:
+        """Know again what was known at a point that was followed to before."""
+
+    @staged("Continuation")
+    def run(
+        self,
+        start: BranchPoint,
+        gamma_range: tuple[float, float],
+        *,
+        max_steps: int = 1000,
+        observer: Observer | None = None,
+        stop: Stop | None = None,
+        branch_id: int = 0,
+        stepping: Stepping | None = None,
+        origin: BranchPoint | None = None,
+    ) -> Branch:
+        """Follow from ``start`` along its tangent; see `follow`.
+
+        The system is left at the end of the branch.
+
+        Args:
+            start: a point of the branch.
+            gamma_range: the branch ends where gamma reaches either end.
+            max_steps: budget, from the first point of the branch.
+            observer: told of every accepted point, ``start`` included.
+            stop: see `follow`.
+            branch_id: number by which the observer knows the branch.
+            stepping: known at ``start`` if the branch was followed to it before.
+            origin: then its first point, at which it may close.
+
+        Returns:
+            The branch from ``start`` on.
+        """
+        branch = Branch([start])
+        b = self.bordered
+        factorisations, solves = b.work
+        first = 0
+        if stepping is not None:
+            first = stepping.index
+            self.restore(stepping)
+        walk = self._walk(start, origin or start, gamma_range, stepping)
+        observer = told(b, observer, start)
+        low, high = gamma_range
+        observer.begin(branch_id, Task((low, high), b.gamma_scale, self.control, max_steps))
+        observer.point(branch_id, first, start, (), walk.stepping(first))
+        point = start
+        for index in range(first + 1, max_steps + 1):
+            found = walk.advance(branch, point)
+            if found is None:
+                break
+            point, special = found
+            special = [replace(s, index=len(branch.points)) for s in special]
+            branch.special += special
+            branch.points.append(point)
+            observer.point(branch_id, index, point, special, walk.stepping(index))
+            words = "" if branch.ending else asked(b, stop, point, special)
+            if words:
+                branch.end(Ending.STOPPED, words)
+            if branch.ending is not None:
+                break
+        else:
+            branch.end(Ending.BUDGET, f"the budget of {max_steps} steps is exhausted")
+        observer.end(branch_id, branch)
+        branch.factorisations = b.work[0] - factorisations
+        branch.solves = b.work[1] - solves
+        last = branch.points[-1]
+        self.system.put(*b.split(last.y), last.piece)
+        if b.comm.rank == 0:
+            logger.info("branch ended: %s", branch.reason)
+        return branch
