@@ -12,7 +12,7 @@ from __future__ import annotations
 import itertools
 import logging
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -28,7 +28,7 @@ from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.rays import outgoing
 from dolfinx_contact.continuation.system import Events, Piece
 
-__all__ = ["Crossing", "cross", "outgoing_rays", "parity"]
+__all__ = ["Crossing", "as_H_leads", "cross", "outgoing_rays", "parity"]
 
 logger = logging.getLogger(__name__)
 
@@ -140,7 +140,7 @@ def cross(
                     rays += _not_back(corrector, piece, t, more)
     method = "enumeration of the pieces" if complete else ""
     if not rays and not complete:
-        rays = _as_H_leads(corrector, y, piece, t)
+        rays = _ray_of_H(corrector, y, piece, t)
         method = "one step of Newton's method on H"
     if not rays:
         return Crossing(len(kinks), None, (), sign, (), complete)
@@ -149,25 +149,39 @@ def cross(
     return replace(crossing, method=method)
 
 
-def _as_H_leads(corrector: Corrector, y: PETSc.Vec, come_by: Piece, t: PETSc.Vec) -> list[Ray]:
-    """The ray on which the corrector for H itself ends, the status recomputed. Collective.
+def as_H_leads(
+    corrector: Corrector, y: PETSc.Vec, senses: Sequence[float]
+) -> Iterator[tuple[PETSc.Vec, PETSc.Vec, Piece]]:
+    """Solutions of H itself beside a point, the status recomputed. Collective.
 
-    For points at which more pieces meet than can be tried; other rays are not looked for.
+    For points at which more pieces meet than can be tried.
+
+    Args:
+        corrector: on the bordered system.
+        y: the point.
+        senses: in which gamma is changed, in this order.
+
+    Yields:
+        The solution, how far it is from the point, and its piece.
     """
     b = corrector.bordered
     gamma = b.gamma(y)
-    forwards = 1.0 if b.gamma(t) >= 0 else -1.0
-    for length, sense in itertools.product(_LENGTHS, (forwards, -forwards)):
+    for length, sense in itertools.product(_LENGTHS, senses):
         there = y.copy()
         if corrector.natural(there, gamma + sense * length * b.gamma_scale, None):
-            piece = b.system.piece_at(*b.split(there))
-            away = there - y
-            size = np.sqrt(b.inner(away, away))
-            tangent = corrector.tangent(there, away, piece)
-            if tangent is not None and b.inner(tangent, away) > 0.9 * size:
-                rays = _not_back(corrector, come_by, t, [Ray(piece, tangent)])
-                if rays:
-                    return rays
+            yield there, there - y, b.system.piece_at(*b.split(there))
+
+
+def _ray_of_H(corrector: Corrector, y: PETSc.Vec, come_by: Piece, t: PETSc.Vec) -> list[Ray]:
+    """The ray on which the corrector for H itself ends; or none. Others are not looked for."""
+    b = corrector.bordered
+    forwards = 1.0 if b.gamma(t) >= 0 else -1.0
+    for there, away, piece in as_H_leads(corrector, y, (forwards, -forwards)):
+        tangent = corrector.tangent(there, away, piece)
+        if tangent is not None and b.inner(tangent, away) > 0.9 * np.sqrt(b.inner(away, away)):
+            rays = _not_back(corrector, come_by, t, [Ray(piece, tangent)])
+            if rays:
+                return rays
     return []
 
 

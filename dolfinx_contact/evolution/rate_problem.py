@@ -29,7 +29,7 @@ import numpy.typing as npt
 
 from dolfinx_contact.continuation.branch import Ray
 from dolfinx_contact.continuation.corrector import Corrector
-from dolfinx_contact.continuation.crossing import parity
+from dolfinx_contact.continuation.crossing import as_H_leads, parity
 from dolfinx_contact.continuation.system import Events, Piece
 
 __all__ = ["RateProblem", "Ways"]
@@ -41,7 +41,6 @@ _MOST_PIECES = 256
 _SAME = 1e-6  # of unit vectors
 _ALIKE = 1e-6  # of the steepest fall: as steep but for round-off
 _DIGITS = 6  # of cosines that tell directions apart
-_LENGTHS = (1e-3, 1e-2, 1e-4, 1e-5)  # of steps on H itself
 
 
 @dataclass(frozen=True)
@@ -245,19 +244,13 @@ class RateProblem:
 
     def _as_H_leads(self, t: PETSc.Vec) -> list[Ray]:
         """The direction in which H itself, statuses recomputed, has a solution nearby."""
-        b = self._b
-        y = self._y
-        sense = 1.0 if b.gamma(t) >= 0 else -1.0
-        for length in _LENGTHS:
-            there = y.copy()
-            if self._corrector.natural(there, b.gamma(y) + sense * length * b.gamma_scale, None):
-                piece = b.system.piece_at(*b.split(there))
-                away = there - y
-                tangent = self._corrector.tangent(y, away, piece)
-                if tangent is not None:
-                    ray = Ray(piece, tangent)
-                    if not self._any(self._falling(ray)[0]):
-                        return [ray]
+        sense = 1.0 if self._b.gamma(t) >= 0 else -1.0
+        for _, away, piece in as_H_leads(self._corrector, self._y, (sense,)):
+            tangent = self._corrector.tangent(self._y, away, piece)
+            if tangent is not None:
+                ray = Ray(piece, tangent)
+                if not self._any(self._falling(ray)[0]):
+                    return [ray]
         return []
 
     # -- tools -----------------------------------------------------------------------------------
