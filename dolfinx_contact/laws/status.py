@@ -10,6 +10,8 @@ Colours are those of Okabe and Ito, which most colour-blind readers tell apart.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 
@@ -39,69 +41,103 @@ WHERE_OPEN = 3
 DAMAGING = 8
 BROKEN = 16
 
-_LETTERS = {2: "ok+-KPM aqrl QRL bhxyHXY", 3: "oks KS  aqc  QC  bhz HZ  "}
+#: What contact and friction do, in words.
+_CONTACT = {
+    OPEN: "open",
+    STICK: "stick",
+    PLUS: "slip, $u_t > 0$",
+    MINUS: "slip, $u_t < 0$",
+    STICK + WHERE_OPEN: "open, held by friction",
+    PLUS + WHERE_OPEN: "open, rubbing, $u_t > 0$",
+    MINUS + WHERE_OPEN: "open, rubbing, $u_t < 0$",
+}
+#: What a bond does, in words: nothing, or what stands behind those of contact and friction.
+_BOND = {0: "", DAMAGING: ", damaging", BROKEN: ", broken"}
+#: Letters and colours in the plane, by what a bond does and what contact and friction do.
+_IN_PLANE = {
+    0: {
+        OPEN: ("o", "#dfe4ea"),
+        STICK: ("k", "#0072B2"),
+        PLUS: ("+", "#009E73"),
+        MINUS: ("-", "#E69F00"),
+        STICK + WHERE_OPEN: ("K", "#56B4E9"),
+        PLUS + WHERE_OPEN: ("P", "#99d8c7"),
+        MINUS + WHERE_OPEN: ("M", "#f5d999"),
+    },
+    DAMAGING: {
+        OPEN: ("a", "#f0c9dd"),
+        STICK: ("q", "#CC79A7"),
+        PLUS: ("r", "#8f5573"),
+        MINUS: ("l", "#b3688f"),
+        STICK + WHERE_OPEN: ("Q", "#e3b5cf"),
+        PLUS + WHERE_OPEN: ("R", "#e3b5cf"),
+        MINUS + WHERE_OPEN: ("L", "#e3b5cf"),
+    },
+    BROKEN: {
+        OPEN: ("b", "#c3cbd3"),
+        STICK: ("h", "#5b9bc4"),
+        PLUS: ("x", "#58b799"),
+        MINUS: ("y", "#edc15e"),
+        STICK + WHERE_OPEN: ("H", "#a9c6d6"),
+        PLUS + WHERE_OPEN: ("X", "#a9c6d6"),
+        MINUS + WHERE_OPEN: ("Y", "#a9c6d6"),
+    },
+}
+#: Those of slips in space, which have no sense and the numbers of `PLUS`.
+_IN_SPACE = {
+    0: {PLUS: ("s", "#E69F00"), PLUS + WHERE_OPEN: ("S", "#f5d999")},
+    DAMAGING: {PLUS: ("c", "#b3688f"), PLUS + WHERE_OPEN: ("C", "#e3b5cf")},
+    BROKEN: {PLUS: ("z", "#58b799"), PLUS + WHERE_OPEN: ("Z", "#a9c6d6")},
+}
+_CLAMPED = "d"  # held by Dirichlet data, whatever contact would do
 
-#: Human-readable, of every letter; ``d`` is held by Dirichlet data.
-NAMES = {
-    "o": "open",
-    "k": "stick",
-    "+": "slip, $u_t > 0$",
-    "-": "slip, $u_t < 0$",
-    "s": "slip",
-    "K": "open, held by friction",
-    "P": "open, rubbing, $u_t > 0$",
-    "M": "open, rubbing, $u_t < 0$",
-    "S": "open, rubbing",
-    "d": "clamped",
-    "a": "open, damaging",
-    "q": "stick, damaging",
-    "r": "slip, $u_t > 0$, damaging",
-    "l": "slip, $u_t < 0$, damaging",
-    "c": "slip, damaging",
-    "Q": "open, held by friction, damaging",
-    "R": "open, rubbing, $u_t > 0$, damaging",
-    "L": "open, rubbing, $u_t < 0$, damaging",
-    "C": "open, rubbing, damaging",
-    "b": "open, broken",
-    "h": "stick, broken",
-    "x": "slip, $u_t > 0$, broken",
-    "y": "slip, $u_t < 0$, broken",
-    "H": "open, held by friction, broken",
-    "X": "open, rubbing, $u_t > 0$, broken",
-    "Y": "open, rubbing, $u_t < 0$, broken",
-    "z": "slip, broken",
-    "Z": "open, rubbing, broken",
-}
-COLOURS = {
-    "o": "#dfe4ea",
-    "k": "#0072B2",
-    "+": "#009E73",
-    "-": "#E69F00",
-    "s": "#E69F00",
-    "K": "#56B4E9",
-    "P": "#99d8c7",
-    "M": "#f5d999",
-    "S": "#f5d999",
-    "d": "#555555",
-    "a": "#f0c9dd",
-    "q": "#CC79A7",
-    "r": "#8f5573",
-    "l": "#b3688f",
-    "c": "#b3688f",
-    **dict.fromkeys("QRLC", "#e3b5cf"),
-    "b": "#c3cbd3",
-    "h": "#5b9bc4",
-    **dict.fromkeys("xz", "#58b799"),
-    "y": "#edc15e",
-    **dict.fromkeys("HXYZ", "#a9c6d6"),
-}
+
+class _Row(NamedTuple):
+    """A status: its number, letter, name and colour, and what tables count it as."""
+
+    number: int
+    letter: str
+    name: str
+    colour: str
+    kind: str
+
+
+def _rows(dim: int) -> list[_Row]:
+    """All statuses in a plane or in space."""
+    found = []
+    for bond, in_plane in _IN_PLANE.items():
+        for contact, look in in_plane.items():
+            words = _CONTACT[contact]
+            letter, colour = look
+            if dim == 3 and contact in (MINUS, MINUS + WHERE_OPEN):
+                continue
+            if dim == 3 and contact in _IN_SPACE[bond]:
+                letter, colour = _IN_SPACE[bond][contact]
+                words = words.partition(", $")[0]
+            kind = words.partition(",")[0]
+            found.append(_Row(contact + bond, letter, words + _BOND[bond], colour, kind))
+    return found
+
+
+_ROWS = {dim: _rows(dim) for dim in (2, 3)}
+_ALL = {row.letter: row for dim in (2, 3) for row in _ROWS[dim]}
+
+#: Human-readable, of every letter.
+NAMES = {row.letter: row.name for row in _ALL.values()} | {_CLAMPED: "clamped"}
+COLOURS = {row.letter: row.colour for row in _ALL.values()} | {_CLAMPED: "#555555"}
 #: Letters of what tables count.
-KINDS = {"open": "oKPMSaQRLCbHXYZ", "stick": "kqh", "slip": "+-srlcxyz", "clamped": "d"}
+KINDS = {
+    kind: "".join(row.letter for row in _ALL.values() if row.kind == kind)
+    for kind in ("open", "stick", "slip")
+} | {"clamped": _CLAMPED}
 
 
 def letters(dim: int) -> npt.NDArray[np.str_]:
     """The letter of every status by its number; a blank where there is no such status."""
-    return np.array(list(_LETTERS[dim]))
+    found = np.full(1 + max(row.number for row in _ROWS[dim]), " ")
+    for row in _ROWS[dim]:
+        found[row.number] = row.letter
+    return found
 
 
 def count(word: str) -> dict[str, int]:
