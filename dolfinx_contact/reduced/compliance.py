@@ -24,6 +24,7 @@ from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.measures import Scales
 from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.laws import Coulomb, Frictionless, Tresca
+from dolfinx_contact.points.surface import ContactSurface
 from dolfinx_contact.reduced.gathered import GatheredPoints
 
 __all__ = ["Compliance", "check_reducible"]
@@ -151,10 +152,10 @@ class Compliance:
         return found
 
     @staticmethod
-    def _product(s: object, u: Array) -> Array:
-        v = s.points.B.createVecRight()  # type: ignore[attr-defined]
+    def _product(s: ContactSurface, u: Array) -> Array:
+        v = s.points.B.createVecRight()
         v.array[:] = u
-        values = s.points.product(v)  # type: ignore[attr-defined]
+        values = s.points.product(v)
         v.destroy()
         return np.asarray(values)
 
