@@ -63,6 +63,7 @@ def opening(step):
     return t.un[t.letters != "d"] / U0
 
 
+@pytest.mark.chatty
 @pytest.mark.parametrize(
     ("k", "n"),
     [(1.0, 1), pytest.param(0.3, 8, marks=pytest.mark.long), (2.0, 8)],
@@ -361,6 +362,7 @@ def test_bad_input():
         path.run(ENDS)
 
 
+@pytest.mark.chatty
 def test_two_bonds_one_after_the_other():
     """A lid that tilts as it rises breaks two bonds: folds of an independent condensation."""
     domain = mesh.create_unit_square(MPI.COMM_SELF, 1, 1, mesh.CellType.quadrilateral)

@@ -182,6 +182,7 @@ def test_seconds_of_the_surface():
     assert scaling.surface_seconds(args, 3, COMM) > 0
 
 
+@pytest.mark.chatty
 def test_step_of_a_history_is_one_solve(folder):
     """Its parts are those of its seconds; the statuses of the step before cost no second solve."""
     words = ["--n", "8", "--steps", "5", "--skip", "2", "--repeats", "1"]

@@ -337,6 +337,7 @@ def test_what_a_brittle_bond_costs():
         assert spent == pytest.approx(strength * (a + b) / 2, rel=1e-12)
 
 
+@pytest.mark.chatty
 def test_cohesion_with_friction():
     """Dragged under pressure until it is broken: then friction alone is left."""
     law = BilinearCohesive(2.0, 0.002, 0.01, 0.5)
@@ -393,6 +394,7 @@ def test_a_traction_without_opening():
     assert away.un.min() > 0.01
 
 
+@pytest.mark.chatty
 def test_a_broken_bond_sticks_and_slips():
     """Dragged to and fro: letters are those of the friction, stick within its bound, slip at it."""
     law = BilinearCohesive(4.0, 0.004, 0.03, 0.5)

@@ -104,6 +104,7 @@ def test_what_is_proved_of_a_coarse_step():
     assert jumps_of(later) == []
 
 
+@pytest.mark.chatty
 @pytest.mark.parametrize(
     ("stiffness", "law", "pressed", "times"),
     [
@@ -143,6 +144,7 @@ def test_short_steps_after_a_jump_are_none(monkeypatch):
     assert sum(end < step.time < end + 1e-3 for step in history.steps) > 3
 
 
+@pytest.mark.chatty
 def test_a_run_that_goes_on_from_an_older_record():
     """Its rates were others: the first step is looked at as that of a new evolution."""
     evolution = pulled([1.0])

@@ -74,6 +74,7 @@ PATH = (
 )
 
 
+@pytest.mark.chatty
 @pytest.mark.parametrize(
     ("cell", "given"),
     [("quad", {"method": "mixed"}), ("tri", {"pair": True}), ("hex", {}), ("quad", {})],

@@ -249,6 +249,7 @@ def test_bad_input():
         sliding.onset(0.0)
 
 
+@pytest.mark.chatty
 def test_demo(folder):
     """Numbers of the benchmark, what regularised friction hides, and the animation."""
     pad_options = ["--nx=2", "--ny=2", "--width=1", "--height=1", "--friction=0.5"]
