@@ -39,7 +39,10 @@ def arguments(argv=None):
     add("--overlap", type=positive, default=0.02, help="of the radii")
     add("--turn", type=number(least=0), default=0.01, help="of the hub, radians")
     add("--drawn", action="store_true", help="draw the overlap, and take the gap of the geometry")
-    return parser.parse(argv)
+    args = parser.parse(argv)
+    if args.drawn and args.ratio != 1.0:
+        parser.error("--drawn is for matching nodes: its ratio is 1")
+    return args
 
 
 def lame(overlap):

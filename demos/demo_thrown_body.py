@@ -43,7 +43,7 @@ def arguments(argv=None):
     given = dict(n=3, friction=0.3, young=1000.0, poisson=0.3)
     parser = ScriptParser("A thrown body", output="output/thrown_body", **given)
     parser.add_argument("--two", action="store_true", help="throw it at another body")
-    parser.add_argument("--tilt", type=number(), default=-20.0, help="of the cube, degrees")
+    parser.add_argument("--tilt", type=number(), default=-20.0, help="of one cube alone, degrees")
     speed = dict(type=number(), nargs=3, default=[2.0, 0.5, -3.0])
     parser.add_argument("--speed", help="of it; the wall is below", **speed)
     parser.add_argument("--dt", type=number(above=0), default=0.002, help="length of a step")

@@ -1,6 +1,7 @@
 """The rooms of the package: what imports what."""
 
 import ast
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -135,3 +136,13 @@ def test_what_three_ranks_run_is_there():
         text = (Path(__file__).parent / f"{stem}.py").read_text()
         missing = [name for name in names if f"\ndef test_{name}(" not in text]
         assert not missing, f"{stem}: {missing}"
+
+
+def test_the_page_on_the_house_names_what_is_there():
+    text = (ROOT.parent / "docs" / "house.md").read_text()
+    named = re.findall(r"`([a-z_]+(?:/[a-z_]*)*(?:\.py)?)`", text)
+    paths = {name for name in named if "/" in name or name.endswith(".py")}
+    missing = [p for p in paths if not ((ROOT / p).exists() or (ROOT.parent / p).exists())]
+    assert not missing
+    rooms = {p.name for p in ROOT.iterdir() if (p / "__init__.py").exists()} - {"output"}
+    assert not [room for room in rooms if f"`{room}/`" not in text]
