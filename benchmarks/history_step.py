@@ -30,7 +30,7 @@ from timing import REPEATS, clean, median, save
 
 from dolfinx_contact import parse_arguments
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.evolution import QuasiStatic, forks, moment
+from dolfinx_contact.evolution import QuasiStatic, accepted, forks
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.solvers.newton import Newton
 
@@ -40,10 +40,14 @@ PARTS = {
     "newton": [(Newton, "run")],
     "solve": [(ContactProblem, "solve")],
     "result": [(ContactProblem, "collect")],
-    "energies": [(moment, "forces_at")],
+    "energies": [(accepted, "forces_at")],
     "memory": [(ContactEquations, "advanced"), (ContactEquations, "remember")],
     "rate_problem": [(forks.Forks, "_rays")],
-    "moments": [(moment.Stepper, "put"), (moment.Stepper, "moment"), (moment.Stepper, "_set")],
+    "moments": [
+        (accepted.Stepper, "put"),
+        (accepted.Stepper, "accepted"),
+        (accepted.Stepper, "_set"),
+    ],
     "state": [(ContactProblem, "state")],
 }
 

@@ -219,8 +219,8 @@ def test_records_have_what_recovers(folder):
     (memory,) = problem.equations.memory
     names = {".rate", ".length", ".rest", ".closed", ".origin_0", ".origin_1", "beta"}
     assert set(memory.fields) == names
-    moment = record._standing(len(times) - 1).moment
-    for name, values in moment.memory[0].fields.items():
+    accepted = record._run_state(len(times) - 1).accepted
+    for name, values in accepted.memory[0].fields.items():
         np.testing.assert_array_equal(values, memory.fields[name])
 
 

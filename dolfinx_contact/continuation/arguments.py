@@ -25,14 +25,14 @@ from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.continuation.system import System
 
 __all__ = [
-    "asked",
+    "answer_of_stop",
     "check_listeners",
     "check_states",
     "check_system",
     "checked_gamma",
     "checked_range",
+    "guarded",
     "require_smooth",
-    "told",
 ]
 
 _SHORTEST = 1e-150  # ranges of gamma whose squares are numbers
@@ -129,7 +129,7 @@ def check_listeners(
         raise ValueError(f"the budget of steps must be positive, got {max_steps!r}")
 
 
-def asked(
+def answer_of_stop(
     layout: Layout, stop: Stop | None, point: BranchPoint, special: Sequence[SpecialPoint]
 ) -> str:
     """What ``stop`` answers at a point, which stands in the problem then. Collective.
@@ -151,7 +151,7 @@ def asked(
     return answer
 
 
-def told(layout: Layout, observer: Observer | None, start: BranchPoint) -> Observer:
+def guarded(layout: Layout, observer: Observer | None, start: BranchPoint) -> Observer:
     """The observer, whose exceptions on one rank are raised on every rank. Collective.
 
     What it is told of stands in the problem then. Ranks without one, beside others with one, have
@@ -164,7 +164,7 @@ def told(layout: Layout, observer: Observer | None, start: BranchPoint) -> Obser
     """
     anywhere = layout.comm.allreduce(int(observer is not None))
     observer = Observer() if observer is None else observer
-    return _Told(layout, observer, start) if anywhere else observer
+    return _Guarded(layout, observer, start) if anywhere else observer
 
 
 def _show(layout: Layout, point: BranchPoint) -> None:
@@ -172,7 +172,7 @@ def _show(layout: Layout, point: BranchPoint) -> None:
     layout.system.put(*layout.split(point.y), point.piece)
 
 
-class _Told(Observer):
+class _Guarded(Observer):
     def __init__(self, layout: Layout, observer: Observer, start: BranchPoint):
         self._layout = layout
         self._observer = observer

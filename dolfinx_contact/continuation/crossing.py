@@ -172,14 +172,14 @@ def as_H_leads(
             yield there, there - y, b.system.piece_at(*b.split(there))
 
 
-def _ray_of_H(corrector: Corrector, y: PETSc.Vec, come_by: Piece, t: PETSc.Vec) -> list[Ray]:
+def _ray_of_H(corrector: Corrector, y: PETSc.Vec, incoming: Piece, t: PETSc.Vec) -> list[Ray]:
     """The ray on which the corrector for H itself ends; or none. Others are not looked for."""
     b = corrector.bordered
     forwards = 1.0 if b.gamma(t) >= 0 else -1.0
     for there, away, piece in as_H_leads(corrector, y, (forwards, -forwards)):
         tangent = corrector.tangent(there, away, piece)
         if tangent is not None and b.inner(tangent, away) > 0.9 * np.sqrt(b.inner(away, away)):
-            rays = _not_back(corrector, come_by, t, [Ray(piece, tangent)])
+            rays = _not_back(corrector, incoming, t, [Ray(piece, tangent)])
             if rays:
                 return rays
     return []

@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import TypeAlias
 
 from dolfinx_contact._petsc import staged
-from dolfinx_contact.continuation.arguments import asked, told
+from dolfinx_contact.continuation.arguments import answer_of_stop, guarded
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.branch import Branch, BranchPoint, SpecialPoint, Stop
 from dolfinx_contact.continuation.ending import Ending
@@ -105,7 +105,7 @@ class Walker(ABC):
             first = stepping.index
             self.restore(stepping)
         walk = self._walk(start, origin or start, gamma_range, stepping)
-        observer = told(b, observer, start)
+        observer = guarded(b, observer, start)
         low, high = gamma_range
         observer.begin(branch_id, Task((low, high), b.gamma_scale, self.control, max_steps))
         observer.point(branch_id, first, start, (), walk.stepping(first))
@@ -119,7 +119,7 @@ class Walker(ABC):
             branch.special += special
             branch.points.append(point)
             observer.point(branch_id, index, point, special, walk.stepping(index))
-            words = "" if branch.ending else asked(b, stop, point, special)
+            words = "" if branch.ending else answer_of_stop(b, stop, point, special)
             if words:
                 branch.end(Ending.STOPPED, words)
             if branch.ending is not None:

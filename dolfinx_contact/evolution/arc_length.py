@@ -29,20 +29,20 @@ from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.continuation.parameters import StepControl
+from dolfinx_contact.evolution.accepted import AtRest, Stepper, Taken
 from dolfinx_contact.evolution.arc_steps import ArcSteps
 from dolfinx_contact.evolution.energy import Energies, forces_at
-from dolfinx_contact.evolution.moment import AtRest, Stepper, Taken
 from dolfinx_contact.evolution.path import PathHistory, PathStep
 from dolfinx_contact.evolution.path_run import PathRun
-from dolfinx_contact.evolution.path_standing import (
+from dolfinx_contact.evolution.path_state import (
     Direction,
     Known,
     PathRecorder,
-    PathStanding,
+    PathState,
     PathTask,
     begun,
 )
-from dolfinx_contact.evolution.said import SaidOfPath
+from dolfinx_contact.evolution.progress import PathProgress
 from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.points.law_checks import check_times
 from dolfinx_contact.points.memory import Memory
@@ -94,7 +94,7 @@ class ArcLength(ReadOnly):
         require_smooth(parametric)
         self._stepper = Stepper(self.problem, lambda _: None, None)
         self._require_no_time()
-        self._standing: PathStanding | None = None
+        self._run_state: PathState | None = None
 
     def _require_no_time(self) -> None:
         check_times(self.problem.surfaces)
@@ -167,9 +167,9 @@ class ArcLength(ReadOnly):
             OSError: on every rank, if a point cannot be recorded.
         """
         comm = self.problem.comm
-        standing = self._standing
-        first = standing is None or standing.arrived is None
-        gamma = float(self.parametric.constant.value) if standing is None else standing.gamma
+        run_state = self._run_state
+        first = run_state is None or run_state.arrived is None
+        gamma = float(self.parametric.constant.value) if run_state is None else run_state.gamma
         with everywhere(comm, "a path by arc length"):
             limits = checked_range(gamma_range, [gamma])
             check_listeners(control=control, max_steps=max_steps)
@@ -191,15 +191,15 @@ class ArcLength(ReadOnly):
         same_everywhere(comm, a_record=record is not None)
         self._require_no_time()
         self.parametric.check_parameter(limits)
-        standing = standing or self._begin()
+        run_state = run_state or self._begin()
         task = PathTask(limits, direction, control, max_steps, bool(rays))
-        standing = begun(task, standing)
-        return self._follow(task, standing, stop, observer, record, progress, new=True)
+        run_state = begun(task, run_state)
+        return self._follow(task, run_state, stop, observer, record, progress, new=True)
 
     def go_on(
         self,
         task: PathTask,
-        standing: PathStanding,
+        run_state: PathState,
         *,
         stop: Stop | None = None,
         observer: Observer | None = None,
@@ -210,7 +210,7 @@ class ArcLength(ReadOnly):
 
         Args:
             task: what was asked of the run.
-            standing: where it stood.
+            run_state: where it stood.
             stop: as in the run, as for what follows, the errors and the result.
             observer: told of the points from there on.
             record: keeps them.
@@ -219,17 +219,17 @@ class ArcLength(ReadOnly):
         with everywhere(self.problem.comm, "a path by arc length"):
             _check_told(stop, observer)
         same_everywhere(self.problem.comm, stop_condition=stop is not None)
-        return self._follow(task, standing, stop, observer, record, progress)
+        return self._follow(task, run_state, stop, observer, record, progress)
 
-    def put(self, standing: PathStanding) -> None:
+    def put(self, run_state: PathState) -> None:
         """Put the path where a run of it ended, from which the next goes on. Collective."""
-        self._standing = standing
-        self._restore(standing)
+        self._run_state = run_state
+        self._restore(run_state)
 
-    def _restore(self, standing: PathStanding) -> None:
-        """Put the state of a standing into the problem. Collective."""
-        self._stepper.put(standing.moment)
-        self.parametric.set(standing.gamma)
+    def _restore(self, run_state: PathState) -> None:
+        """Put the state of a run into the problem. Collective."""
+        self._stepper.put(run_state.accepted)
+        self.parametric.set(run_state.gamma)
 
     def recalled(
         self,
@@ -251,14 +251,14 @@ class ArcLength(ReadOnly):
         """
         with self.parametric.restored():
             self.parametric.set(gamma)
-            moment = self._stepper.recalled(time, memory, energies, first=first)
-        assert isinstance(moment, AtRest)
-        return moment
+            accepted = self._stepper.recalled(time, memory, energies, first=first)
+        assert isinstance(accepted, AtRest)
+        return accepted
 
     def _follow(
         self,
         task: PathTask,
-        standing: PathStanding,
+        run_state: PathState,
         stop: Stop | None,
         observer: Observer | None,
         record: PathRecorder | None,
@@ -271,18 +271,18 @@ class ArcLength(ReadOnly):
         low, high = task.gamma_range
         bordered = Bordered(self.parametric, gamma_scale=high - low)
         steps = ArcSteps(Corrector(bordered, task.control))
-        run = PathRun(self.parametric, self._stepper, steps, task, standing)
-        said = SaidOfPath(comm, progress, task.gamma_range)
-        moment = standing.moment
-        history = PathHistory(moment.time, moment.energies, gamma=standing.gamma)
+        run = PathRun(self.parametric, self._stepper, steps, task, run_state)
+        said = PathProgress(comm, progress, task.gamma_range)
+        accepted = run_state.accepted
+        history = PathHistory(accepted.time, accepted.energies, gamma=run_state.gamma)
         try:
-            self._restore(run.standing)
+            self._restore(run.run_state)
             if run.ending is None:
                 run.leave()
             if record is not None and new:
-                self._restore(run.standing)
-                record.begin(task, standing)
-            self._standing = standing
+                self._restore(run.run_state)
+                record.begin(task, run_state)
+            self._run_state = run_state
             with self.problem.telling_once():
                 while run.ending is None and run.taken < task.max_steps:
                     taken = run.step()
@@ -290,13 +290,13 @@ class ArcLength(ReadOnly):
                         break
                     step, whole = taken
                     history.steps.append(step)
-                    self._standing = run.standing
-                    self._restore(run.standing)
+                    self._run_state = run.run_state
+                    self._restore(run.run_state)
                     self._end_if_asked(run, stop, step)
                     if record is not None:
-                        record.step(step, run.standing)
+                        record.step(step, run.run_state)
                     self._tell(whole, step, observer)
-                    self._restore(run.standing)
+                    self._restore(run.run_state)
                     self.problem.tell(step.result)
                     said.step(step)
             exhausted = f"the budget of {task.max_steps} steps is exhausted"
@@ -305,7 +305,7 @@ class ArcLength(ReadOnly):
             else:
                 history.end(run.ending, run.reason)
         finally:
-            self._restore(self._standing or standing)
+            self._restore(self._run_state or run_state)
             for thing in (steps, steps.corrector, bordered):
                 thing.destroy()
             said.end(history)
@@ -313,19 +313,19 @@ class ArcLength(ReadOnly):
             record.end(history)
         return history
 
-    def _begin(self) -> PathStanding:
+    def _begin(self) -> PathState:
         """The state in the Functions, from which a path begins. Collective."""
         eq = self.problem.equations
         gamma = float(self.parametric.constant.value)
         self.parametric.set(gamma)
         if all(m is None for m in eq.memory):
-            moment = self._stepper.start(0.0)
-            assert isinstance(moment, AtRest)
+            accepted = self._stepper.start(0.0)
+            assert isinstance(accepted, AtRest)
         else:
             state = self.problem.state()
             forces = forces_at(eq, state)
-            moment = self._stepper.moment(0.0, state.statuses, eq.memory, forces, Energies())
-        return PathStanding(moment, gamma, known=Known(scales=self.parametric.scales))
+            accepted = self._stepper.accepted(0.0, state.statuses, eq.memory, forces, Energies())
+        return PathState(accepted, gamma, known=Known(scales=self.parametric.scales))
 
     def _tell(self, taken: Taken, step: PathStep, observer: Observer | None) -> None:
         comm = self.problem.comm

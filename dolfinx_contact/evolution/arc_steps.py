@@ -25,7 +25,7 @@ from dolfinx_contact.continuation.borders import again
 from dolfinx_contact.continuation.branch import BranchPoint, Ray, SpecialPoint
 from dolfinx_contact.continuation.steps import ExactSteps
 from dolfinx_contact.continuation.system import Events, Piece
-from dolfinx_contact.evolution.path_standing import Known
+from dolfinx_contact.evolution.path_state import Known
 from dolfinx_contact.evolution.rate_problem import RateProblem
 
 __all__ = ["ArcSteps", "Arrival"]

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dolfinx_contact.equations.state import Statuses, differs
-from dolfinx_contact.evolution.moment import Moment, Stepper, Taken, change
+from dolfinx_contact.evolution.accepted import AcceptedState, Stepper, Taken, change
 from dolfinx_contact.evolution.step_rays import StepRays, number_of_points, rays_of_step
 from dolfinx_contact.solvers import ConvergenceError
 
@@ -58,27 +58,27 @@ class Forks:
         self._wanted = wanted
         self._few = number_of_points(stepper.problem) <= _FEW
 
-    def take(self, moment: Moment, time: float) -> Forked:
-        """Step from a moment to a time.
+    def take(self, accepted: AcceptedState, time: float) -> Forked:
+        """Step from an accepted state to a time.
 
         Raises:
-            ConvergenceError: if nothing solves the step; the problem is then at the moment.
+            ConvergenceError: if nothing solves the step; the problem is then at that state.
         """
         try:
-            taken = self._stepper.take(moment, time)
+            taken = self._stepper.take(accepted, time)
         except ConvergenceError:
-            rays = self._rays(moment, time)
+            rays = self._rays(accepted, time)
             for statuses in () if rays is None else rays.statuses:
-                if self._same(moment.statuses, statuses):
+                if self._same(accepted.statuses, statuses):
                     continue  # tried
                 try:
-                    return Forked(self._stepper.take(moment, time, likely=(statuses,)), rays)
+                    return Forked(self._stepper.take(accepted, time, likely=(statuses,)), rays)
                 except ConvergenceError:
                     continue
             raise
-        if not self._wanted and self._same(moment.statuses, taken.after.statuses):
+        if not self._wanted and self._same(accepted.statuses, taken.after.statuses):
             return Forked(taken)
-        return Forked(taken, self._rays(moment, time))
+        return Forked(taken, self._rays(accepted, time))
 
     def others(self, forked: Forked) -> list[Taken]:
         """Steps from the same start to the same time along the other rays, to other ends."""
@@ -103,14 +103,14 @@ class Forks:
                 found.append(other)
         return found[1:]
 
-    def _rays(self, moment: Moment, time: float) -> StepRays | None:
-        if self._wanted is False or not (self._wanted or self._few) or moment.statuses is None:
+    def _rays(self, accepted: AcceptedState, time: float) -> StepRays | None:
+        if self._wanted is False or not (self._wanted or self._few) or accepted.statuses is None:
             return None
-        self._stepper.prepare(moment, time)
+        self._stepper.prepare(accepted, time)
         try:
             return rays_of_step(self._stepper.problem)
         finally:
-            self._stepper.put(moment)
+            self._stepper.put(accepted)
 
     def _same(self, a: Statuses | None, b: Statuses | None) -> bool:
         """Whether two statuses are the same on all ranks; also if none are known."""

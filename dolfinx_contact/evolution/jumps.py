@@ -23,7 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact.equations.given_data import data_of_surface
-from dolfinx_contact.evolution.moment import Moment, Stepper, Taken, changes
+from dolfinx_contact.evolution.accepted import AcceptedState, Stepper, Taken, changes
 from dolfinx_contact.evolution.step_branch import StepBranch, branch_of_step
 from dolfinx_contact.laws.status import letters
 from dolfinx_contact.solvers import ConvergenceError
@@ -169,7 +169,7 @@ class _Search:
         mine = mine and a.data.agrees(b.data, self._kept)
         return bool(self._stepper.problem.comm.allreduce(int(mine), op=MPI.MIN))
 
-    def _first(self, before: Moment, time: float) -> Taken | ConvergenceError:
+    def _first(self, before: AcceptedState, time: float) -> Taken | ConvergenceError:
         """The longest step towards a time that is solved; why none is, down to the least length."""
         while True:
             try:
@@ -218,7 +218,7 @@ class _Search:
         return bool(found[0] <= _SAME * found[1])
 
 
-def where_it_changes(stepper: Stepper, before: Moment, after: Moment) -> str:
+def where_it_changes(stepper: Stepper, before: AcceptedState, after: AcceptedState) -> str:
     """Places whose status differs between two moments, in words. Collective."""
     words: list[str] = []
     for s, old, new in zip(stepper.problem.surfaces, before.shown, after.shown, strict=True):

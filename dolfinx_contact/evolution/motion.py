@@ -32,8 +32,8 @@ from dolfinx_contact._named import Named
 from dolfinx_contact.body.moving import MovingBody, Scheme, TimeStep
 from dolfinx_contact.equations.given_data import Constancy, GivenData, require_obstacles
 from dolfinx_contact.equations.state import State, Statuses
+from dolfinx_contact.evolution.accepted import AcceptedState, Stepper, Taken, extended
 from dolfinx_contact.evolution.energy import Energies
-from dolfinx_contact.evolution.moment import Moment, Stepper, Taken, extended
 from dolfinx_contact.evolution.motion_energy import Motion, MotionEnergies, account, motion_at
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.problem import ContactProblem
@@ -42,7 +42,7 @@ from dolfinx_contact.results.checks import slidings
 from dolfinx_contact.results.result import Result
 from dolfinx_contact.results.tables import contact_table
 
-__all__ = ["Level", "Method", "MotionMoment", "MotionStepper"]
+__all__ = ["Level", "Method", "MotionStepper", "MovingState"]
 
 logger = logging.getLogger(__name__)
 
@@ -86,7 +86,7 @@ class Method:
 
 
 @dataclass(frozen=True, eq=False)
-class MotionMoment(Moment):
+class MovingState(AcceptedState):
     """A state of a body in motion.
 
     Attributes:
@@ -129,7 +129,7 @@ class MotionStepper(Stepper):
         self._constancy = constancy
         self._said = False
 
-    def start(self, time: float) -> Moment:
+    def start(self, time: float) -> AcceptedState:
         """The state in the Functions. Collective.
 
         Raises:
@@ -150,11 +150,11 @@ class MotionStepper(Stepper):
             raise
         motion = self._motion(state)
         energies = MotionEnergies(kinetic=motion.kinetic, at_start=motion.kinetic)
-        return self._moving(self._moment(time, None, eq.advanced(state), energies), motion)
+        return self._moving(self._accepted(time, None, eq.advanced(state), energies), motion)
 
     def recalled(
         self, time: float, memory: Sequence[Memory | None], energies: Energies, *, first: bool
-    ) -> Moment:
+    ) -> AcceptedState:
         eq = self.problem.equations
         data = GivenData(self.problem.equations)
         try:
@@ -165,51 +165,53 @@ class MotionStepper(Stepper):
             data.restore()
             raise
         known = None if first else state.statuses
-        return self._moving(self._moment(time, known, tuple(memory), energies), self._motion(state))
+        return self._moving(
+            self._accepted(time, known, tuple(memory), energies), self._motion(state)
+        )
 
-    def renewed(self, moment: Moment) -> Moment:
-        assert isinstance(moment, MotionMoment)
-        u = moment.motion.u
-        v = moment.motion.v
+    def renewed(self, accepted: AcceptedState) -> AcceptedState:
+        assert isinstance(accepted, MovingState)
+        u = accepted.motion.u
+        v = accepted.motion.v
         rows = self._body.forces(u, v)
         load = self._body.load()
-        motion = replace(moment.motion, rows=rows, load=load)
-        return replace(moment, data=GivenData(self.problem.equations), motion=motion)
+        motion = replace(accepted.motion, rows=rows, load=load)
+        return replace(accepted, data=GivenData(self.problem.equations), motion=motion)
 
-    def put(self, moment: Moment) -> None:
-        super().put(moment)
-        assert isinstance(moment, MotionMoment)
-        self._velocity.x.array[:] = moment.motion.v
+    def put(self, accepted: AcceptedState) -> None:
+        super().put(accepted)
+        assert isinstance(accepted, MovingState)
+        self._velocity.x.array[:] = accepted.motion.v
 
     @mesh_stays()
     def take(
         self,
-        moment: Moment,
+        accepted: AcceptedState,
         time: float,
         *,
         likely: Sequence[Statuses | None] = (),
-        guess: Moment | None = None,
+        guess: AcceptedState | None = None,
     ) -> Taken:
-        """Step from a moment to a time; see `Stepper.take`. Guesses are its own. Collective."""
-        assert isinstance(moment, MotionMoment)
+        """Step from a state to a time; see `Stepper.take`. Guesses are its own. Collective."""
+        assert isinstance(accepted, MovingState)
         problem = self.problem
         eq = self.problem.equations
         body = self._body
-        a = moment.motion
-        length = time - moment.time
+        a = accepted.motion
+        length = time - accepted.time
         if abs(length - body.step.length) <= _ROUND_OFF * length:
             length = body.step.length  # the same steps have the same matrices
         step = TimeStep(length, self._method.theta, self._method.scheme)
-        self.put(moment)
+        self.put(accepted)
         try:
             self._set(time)
             eq.refresh()
-            if moment.statuses is None:
+            if accepted.statuses is None:
                 self._require_speed(a)
             body.begin(step, a.u, a.v, a.rows)
             eq.prescribed.unknowns = lambda values: step.seen(values, body.origin)
             motion = np.where(eq.rigid.fixed, eq.prescribed_motions() - eq.rigid.given, 0.0)
-            eq.remember(self._seen(moment, step, motion))
+            eq.remember(self._seen(accepted, step, motion))
             # Free flight from the start, and the forces of the step before, ask for good statuses.
             problem.u.x.array[:] = body.origin + step.gain * step.length * a.v
             result = problem.solve(progress=self._progress)
@@ -217,23 +219,23 @@ class MotionStepper(Stepper):
             u, v = (f(state.u, body.origin) for f in (step.displacement, step.velocity))
             problem.u.x.array[:] = u
             self._velocity.x.array[:] = v
-            later = [None if m is None else m.later(step.length) for m in moment.memory]
+            later = [None if m is None else m.later(step.length) for m in accepted.memory]
             eq.remember(later)
             shown = self._at(state, u)
             b = motion_at(eq, shown, u, v)
-            assert isinstance(moment.energies, MotionEnergies)
-            energies = account(moment.energies, eq, state, a, b, motion)
-            lost = energies.dissipated - moment.energies.dissipated
+            assert isinstance(accepted.energies, MotionEnergies)
+            energies = account(accepted.energies, eq, state, a, b, motion)
+            lost = energies.dissipated - accepted.energies.dissipated
             result = self._shown(result, shown, lost)
             memory = eq.advanced(shown)
         except BaseException:
-            self.put(moment)
+            self.put(accepted)
             raise
         finally:
             eq.prescribed.unknowns = None
-        after = self._moment(time, state.statuses, memory, energies)
-        turns = self._turns(moment, b, step)
-        return Taken(moment, self._moving(after, b, turns), result)
+        after = self._accepted(time, state.statuses, memory, energies)
+        turns = self._turns(accepted, b, step)
+        return Taken(accepted, self._moving(after, b, turns), result)
 
     def _set(self, time: float) -> None:
         super()._set(time)
@@ -248,16 +250,16 @@ class MotionStepper(Stepper):
 
     # -- what contact sees -----------------------------------------------------------------------
 
-    def _seen(self, moment: MotionMoment, step: TimeStep, motion: Array) -> list[Memory]:
+    def _seen(self, accepted: MovingState, step: TimeStep, motion: Array) -> list[Memory]:
         """What the laws see of the start of a step. Collective.
 
         Args:
-            moment: at the start.
+            accepted: at the start.
             step: of time.
             motion: by which the unknowns of the rigid bodies change in it.
         """
         eq = self.problem.equations
-        a = moment.motion
+        a = accepted.motion
         eq.remember([None] * len(eq.surfaces))
         origin = self._body.origin
         gain = step.gain
@@ -266,7 +268,7 @@ class MotionStepper(Stepper):
             gain = 1.0 / step.share
         q = eq.rigid.given + (1.0 - gain) * motion
         found = []
-        for i, (s, memory) in enumerate(zip(eq.surfaces, moment.memory, strict=True)):
+        for i, (s, memory) in enumerate(zip(eq.surfaces, accepted.memory, strict=True)):
             jump = eq.relative_jump(s, origin, q)
             gap = None
             if self._method.level == "velocity":
@@ -318,9 +320,9 @@ class MotionStepper(Stepper):
         return motion_at(self.problem.equations, state, u, v)
 
     def _moving(
-        self, moment: Moment, motion: Motion, turns: tuple[Array, int] | None = None
-    ) -> MotionMoment:
-        return MotionMoment(**extended(moment), motion=motion, turns=turns)
+        self, accepted: AcceptedState, motion: Motion, turns: tuple[Array, int] | None = None
+    ) -> MovingState:
+        return MovingState(**extended(accepted), motion=motion, turns=turns)
 
     # -- what is held ----------------------------------------------------------------------------
 
@@ -385,21 +387,21 @@ class MotionStepper(Stepper):
             f"{found:.6g}, prescribed is {wanted:.6g}"
         )
 
-    def _turns(self, moment: MotionMoment, b: Motion, step: TimeStep) -> tuple[Array, int]:
+    def _turns(self, accepted: MovingState, b: Motion, step: TimeStep) -> tuple[Array, int]:
         """By how much velocities of held nodes are off their mean, and how often they have turned.
 
         With theta = 1/2 the end of a step has twice the mean velocity less that of the start, so
         that a velocity which was not that of the data once turns about it for ever. Collective.
         """
         held = self._held()
-        a = moment.motion
+        a = accepted.motion
         n = len(held)
         mean: Array = np.asarray((b.u - a.u)[:n] / step.length)
         off = np.where(held, b.v[:n] - mean, 0.0)
         lasts = step.scheme != "theta-euler" and step.theta < _LASTING
-        if not lasts or moment.turns is None or len(moment.turns[0]) != n:
+        if not lasts or accepted.turns is None or len(accepted.turns[0]) != n:
             return off, 0
-        before, times = moment.turns
+        before, times = accepted.turns
         comm = self.problem.equations.comm
         sizes = [float(np.max(np.abs(v), initial=0.0)) for v in (off, off + before, mean, b.v)]
         turned = comm.allreduce(np.array(sizes), op=np.maximum)

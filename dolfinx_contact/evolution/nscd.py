@@ -43,7 +43,7 @@ from dolfinx_contact.evolution.history import EvolutionStep, History
 from dolfinx_contact.evolution.motion import Level, Method, MotionStepper
 from dolfinx_contact.evolution.motion_energy import MotionEnergies
 from dolfinx_contact.evolution.run import Evolution, Observer
-from dolfinx_contact.evolution.standing import Recorder
+from dolfinx_contact.evolution.run_state import Recorder
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.problem import ContactProblem
 
@@ -238,7 +238,7 @@ class NSCD(Evolution):
     @property
     def memory(self) -> tuple[Memory | None, ...]:
         """What the last accepted state leaves to the next step, surface by surface."""
-        return self.problem.equations.memory if self._moment is None else self._moment.memory
+        return self.problem.equations.memory if self._accepted is None else self._accepted.memory
 
     def settle(
         self,
@@ -269,7 +269,7 @@ class NSCD(Evolution):
             if not (is_number(rest) and 0 < rest < 1):
                 raise ValueError(f"rest must be between 0 and 1, got {rest!r}")
         same_everywhere(self.problem.comm, most=most, rest=float(rest))
-        start = 0.0 if self._moment is None else self._moment.time
+        start = 0.0 if self._accepted is None else self._accepted.time
         whole = None
         peak = 0.0
         quiet = 0

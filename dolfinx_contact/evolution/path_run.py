@@ -10,12 +10,12 @@ import numpy as np
 from dolfinx_contact.continuation.branch import BranchPoint
 from dolfinx_contact.continuation.ending import Ending, Ends
 from dolfinx_contact.equations.state import State
+from dolfinx_contact.evolution.accepted import Stepper, Taken
 from dolfinx_contact.evolution.arc_steps import ArcSteps, Arrival
 from dolfinx_contact.evolution.energy import forces_at
-from dolfinx_contact.evolution.moment import Stepper, Taken
 from dolfinx_contact.evolution.path import PathEvent, PathStep
-from dolfinx_contact.evolution.path_standing import PathStanding, PathTask
-from dolfinx_contact.evolution.rate_problem import Ways
+from dolfinx_contact.evolution.path_state import PathState, PathTask
+from dolfinx_contact.evolution.rate_problem import Directions
 from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.results.tables import violation
 
@@ -34,7 +34,7 @@ class PathRun(Ends):
         stepper: of the problem.
         steps: of the run.
         task: what was asked.
-        standing: where it begins, or stood.
+        run_state: where it begins, or stood.
 
     Attributes:
         ending: how it ends; None while it goes on.
@@ -47,26 +47,26 @@ class PathRun(Ends):
         stepper: Stepper,
         steps: ArcSteps,
         task: PathTask,
-        standing: PathStanding,
+        run_state: PathState,
     ):
         self._system = system
         self._stepper = stepper
         self._steps = steps
         self._task = task
-        self._moment = standing.moment
-        self._arrived = standing.arrived
-        self._h = standing.length
-        self._number = standing.number
-        self._passed = standing.passed
-        self._gamma = standing.gamma
-        self.ending = standing.ending
-        self.reason = standing.reason
+        self._accepted = run_state.accepted
+        self._arrived = run_state.arrived
+        self._h = run_state.length
+        self._number = run_state.number
+        self._passed = run_state.passed
+        self._gamma = run_state.gamma
+        self.ending = run_state.ending
+        self.reason = run_state.reason
         self._leaves: BranchPoint | None = None
         surfaces = stepper.problem.surfaces
         self._weak = any(s.points.E is not None for s in surfaces)
         points = system.comm.allreduce(sum(s.points.number for s in surfaces))
         self._patience = 2 * points + _PATIENT
-        steps.know(standing.known)
+        steps.know(run_state.known)
 
     @property
     def taken(self) -> int:
@@ -74,10 +74,10 @@ class PathRun(Ends):
         return len(self._passed) - 1
 
     @property
-    def standing(self) -> PathStanding:
+    def run_state(self) -> PathState:
         """Where it stands."""
-        return PathStanding(
-            self._moment,
+        return PathState(
+            self._accepted,
             self._gamma,
             self._arrived,
             self._h,
@@ -117,7 +117,7 @@ class PathRun(Ends):
         """The point at the state of the start, with the rate of the load as its tangent."""
         b = self._steps.bordered
         problem = self._stepper.problem
-        known = self._moment.statuses
+        known = self._accepted.statuses
         y = b.vector()
         gamma = self._gamma
         x = problem.create_vector()
@@ -131,7 +131,7 @@ class PathRun(Ends):
         t.scale(sense * b.gamma_scale)
         return BranchPoint(y, t, piece, b.gamma(y), 0.0, 0)
 
-    def _take(self, point: BranchPoint, ways: Ways) -> None:
+    def _take(self, point: BranchPoint, ways: Directions) -> None:
         self._leaves = None
         if ways.onwards is not None:
             self._leaves = self._steps.go_on(point, ways.onwards)
@@ -157,7 +157,7 @@ class PathRun(Ends):
                     reason += f"; {system.kinks_in_gamma}"
                 self.end(Ending.NOT_SOLVED, reason)
                 return None
-            before = self._moment
+            before = self._accepted
             point = found.point
             result = system.result_at(point)
             state = self._stepper.problem.state()
@@ -174,15 +174,15 @@ class PathRun(Ends):
             where = f"beyond gamma = {self._gamma:.10g} a law gives a number that is not finite"
             self.end(Ending.NOT_SOLVED, where)
             return None
-        self._moment = self._stepper.moment(
+        self._accepted = self._stepper.accepted(
             before.time + point.step, state.statuses, eq.advanced(state), forces, energies
         )
         self._arrived = point
         self._gamma = point.gamma
         self._number = self._number + 1
-        self._passed = (*self._passed, self._moment.time)
-        eq.remember(self._moment.memory)
-        ways = Ways(None)
+        self._passed = (*self._passed, self._accepted.time)
+        eq.remember(self._accepted.memory)
+        ways = Directions(None)
         event: PathEvent = ""
         if found.at == "end":
             self.end(Ending.REACHED)
@@ -196,7 +196,7 @@ class PathRun(Ends):
         step = PathStep(
             self._number,
             before.time,
-            self._moment.time,
+            self._accepted.time,
             result,
             energies,
             gamma=point.gamma,
@@ -207,7 +207,7 @@ class PathRun(Ends):
             method="a bifurcation of one piece" if found.bifurcations else ways.method,
             corrections=point.corrections,
         )
-        return step, Taken(before, self._moment, result)
+        return step, Taken(before, self._accepted, result)
 
     def _violation(self, state: State) -> float:
         """Of the law, beside the largest forces on the path: one may pass where there are none."""

@@ -21,7 +21,7 @@ from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.evolution.history import EvolutionStep, History, NoContinuation
 from dolfinx_contact.evolution.nscd import NSCD
 from dolfinx_contact.evolution.run import Evolution, Observer
-from dolfinx_contact.evolution.standing import AtJump, Recorder, Standing
+from dolfinx_contact.evolution.run_state import AtJump, Recorder, RunState
 
 __all__ = ["QuasiStatic"]
 
@@ -157,15 +157,15 @@ class QuasiStatic(Evolution):
                 `NSCD.run`.
         """
         comm = self.problem.comm
-        before = self._moment
+        before = self._accepted
         with everywhere(comm, "a jump"):
             if before is None or not time >= before.time:
                 raise ValueError("a jump begins where a run has ended, at its time or later")
             if motion.problem.u is not self.problem.u:
                 raise ValueError("the motion is that of another body")
         assert before is not None
-        standing = Standing(before, math.inf, self._rate, self._number)
-        self.put(standing)
+        run_state = RunState(before, math.inf, self._rate, self._number)
+        self.put(run_state)
         try:
             with everywhere(comm, f"the load at the time {time:g}"):
                 self.load(time)
@@ -181,9 +181,9 @@ class QuasiStatic(Evolution):
                 a.damage + b.damage,
             )
             memory = motion.memory
-            moment = self.recalled(time, memory, energies, first=False)
-            self.put(replace(standing, moment=moment, rate=None))
+            accepted = self.recalled(time, memory, energies, first=False)
+            self.put(replace(run_state, accepted=accepted, rate=None))
         except BaseException:
-            self.put(standing)
+            self.put(run_state)
             raise
         return history

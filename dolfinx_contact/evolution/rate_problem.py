@@ -32,7 +32,7 @@ from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.crossing import as_H_leads, parity
 from dolfinx_contact.continuation.system import Events, Piece
 
-__all__ = ["RateProblem", "Ways"]
+__all__ = ["Directions", "RateProblem"]
 
 _PROBE = 1e-4  # length over which rates of distances are taken, either way
 _IDLE = 1e-10  # of the largest rate: no rate
@@ -44,7 +44,7 @@ _DIGITS = 6  # of cosines that tell directions apart
 
 
 @dataclass(frozen=True)
-class Ways:
+class Directions:
     """Directions that lead on from a state.
 
     Attributes:
@@ -83,7 +83,7 @@ class RateProblem:
         self._b = corrector.bordered
         self._comm = self._b.comm
 
-    def onwards(self, piece: Piece, t: PETSc.Vec, *, every: bool = False) -> Ways:
+    def onwards(self, piece: Piece, t: PETSc.Vec, *, every: bool = False) -> Directions:
         """The ways on for a path that came by ``piece`` along ``t``.
 
         Args:
@@ -94,10 +94,10 @@ class RateProblem:
         """
         ray = Ray(piece, t)
         if not self._any(self._falling(ray)[0]):
-            return Ways(ray, method="the statuses of the last step")
+            return Directions(ray, method="the statuses of the last step")
         found = self._by_newton(piece, t)
         if found is not None and not every:
-            return Ways(found, method="Newton's method for the rate problem")
+            return Directions(found, method="Newton's method for the rate problem")
         rays, complete = self._enumerated(piece, t)
         if found is not None:
             rays.insert(0, found)
@@ -106,23 +106,23 @@ class RateProblem:
         rays = self._distinct([r for r in rays if not self._same(r, back)])
         method = "all statuses that meet" if complete else "some of the statuses that meet"
         if not rays:
-            return Ways(None, (), method, complete)
+            return Directions(None, (), method, complete)
         if found is None:
             # Those that are alike keep their order.
             rays.sort(key=lambda r: -round(self._b.inner(r.tangent, t), _DIGITS))
         first, *others = rays
-        return Ways(first, tuple(others), method, complete)
+        return Directions(first, tuple(others), method, complete)
 
-    def back(self, piece: Piece, t: PETSc.Vec) -> Ways:
+    def back(self, piece: Piece, t: PETSc.Vec) -> Directions:
         """The way that unloads, for a path that came by ``piece`` along ``t``."""
         ray = self._by_newton(piece, self._reversed(t))
-        return Ways(ray, method="Newton's method for the rate problem")
+        return Directions(ray, method="Newton's method for the rate problem")
 
-    def begun(self, piece: Piece, towards: PETSc.Vec) -> Ways:
+    def begun(self, piece: Piece, towards: PETSc.Vec) -> Directions:
         """The ways on from a start, on the side of ``towards``."""
         ray = self._by_newton(piece, towards, oriented=False)
         rays = [ray] if ray is not None else self._as_H_leads(towards)
-        return Ways(rays[0] if rays else None, method="Newton's method for the rate problem")
+        return Directions(rays[0] if rays else None, method="Newton's method for the rate problem")
 
     # -- one piece -------------------------------------------------------------------------------
 

@@ -27,13 +27,19 @@ from dolfinx_contact._frozen import ReadOnly
 from dolfinx_contact._numbers import is_number
 from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.equations.given_data import Datum
+from dolfinx_contact.evolution.accepted import (
+    AcceptedState,
+    Stepper,
+    Taken,
+    changes,
+    largest_at_points,
+)
 from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.evolution.forks import Forked, Forks
 from dolfinx_contact.evolution.history import EvolutionStep, History, NoContinuation
 from dolfinx_contact.evolution.jumps import Found, find_jump, where_it_changes
-from dolfinx_contact.evolution.moment import Moment, Stepper, Taken, changes, largest_at_points
-from dolfinx_contact.evolution.said import Said
-from dolfinx_contact.evolution.standing import AtJump, Recorder, Standing, Task, aim, checked_times
+from dolfinx_contact.evolution.progress import HistoryProgress
+from dolfinx_contact.evolution.run_state import AtJump, Recorder, RunState, Task, aim, checked_times
 from dolfinx_contact.laws.status import closed
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.problem import ContactProblem
@@ -98,7 +104,7 @@ class Evolution(ReadOnly):
                     raise ValueError(f"{s.name}: the law {s.law.name} lacks {lack}")
         self.problem = problem
         self.load = load
-        self._moment: Moment | None = None
+        self._accepted: AcceptedState | None = None
         self._rate: npt.NDArray[np.float64] | None = None
         self._number = 0
 
@@ -121,7 +127,7 @@ class Evolution(ReadOnly):
         """Go through times; see `QuasiStatic.run`. Collective."""
         comm = self.problem.comm
         with everywhere(comm, "the times of an evolution"):
-            given = checked_times(times, self._moment)
+            given = checked_times(times, self._accepted)
             span = given[-1] - given[0]
             for name, value in dict(longest=longest, shortest=shortest, sudden=sudden).items():
                 if not (is_number(value) or (name == "shortest" and value is None)):
@@ -146,22 +152,22 @@ class Evolution(ReadOnly):
         limits = tuple(given), float(longest), least
         task = Task(*limits, at_jump, float(sudden), locate, rays, bool(follow_rays))
         stepper = self._stepper(progress)
-        moment = self._moment
-        if moment is None:
-            moment = stepper.start(given[0])
-        elif not comm.allreduce(int(moment.data.stands()), op=MPI.MIN):
+        accepted = self._accepted
+        if accepted is None:
+            accepted = stepper.start(given[0])
+        elif not comm.allreduce(int(accepted.data.stands()), op=MPI.MIN):
             # Data that were changed between two runs are those of the next.
-            moment = stepper.renewed(moment)
-        standing = Standing(moment, task.longest, self._rate, self._number)
+            accepted = stepper.renewed(accepted)
+        run_state = RunState(accepted, task.longest, self._rate, self._number)
         if record is not None:
-            stepper.put(standing.moment)
-            record.begin(task, standing)
-        return self._go(stepper, task, standing, accept, observer, record, progress)
+            stepper.put(run_state.accepted)
+            record.begin(task, run_state)
+        return self._go(stepper, task, run_state, accept, observer, record, progress)
 
     def go_on(
         self,
         task: Task,
-        standing: Standing,
+        run_state: RunState,
         *,
         accept: Callable[[EvolutionStep], bool] | None = None,
         observer: Observer | None = None,
@@ -172,25 +178,25 @@ class Evolution(ReadOnly):
 
         Args:
             task: what was asked of the run.
-            standing: where it stood.
+            run_state: where it stood.
             accept: as in the run, as for what follows, the errors and the result.
             observer: told of the steps from there on.
             record: keeps them.
             progress: whether to say where it is.
         """
         stepper = self._stepper(progress)
-        return self._go(stepper, task, standing, accept, observer, record, progress)
+        return self._go(stepper, task, run_state, accept, observer, record, progress)
 
-    def put(self, standing: Standing) -> None:
+    def put(self, run_state: RunState) -> None:
         """Put the evolution where a run of it ended, from which the next goes on. Collective."""
-        self._moment = standing.moment
-        self._rate = standing.rate
-        self._number = standing.number
-        self._stepper(None).put(standing.moment)
+        self._accepted = run_state.accepted
+        self._rate = run_state.rate
+        self._number = run_state.number
+        self._stepper(None).put(run_state.accepted)
 
     def recalled(
         self, time: float, memory: Sequence[Memory | None], energies: Energies, *, first: bool
-    ) -> Moment:
+    ) -> AcceptedState:
         """The state that stands in Functions, statuses and rigid bodies, as one of it. Collective.
 
         Args:
@@ -208,15 +214,17 @@ class Evolution(ReadOnly):
         self,
         stepper: Stepper,
         task: Task,
-        standing: Standing,
+        run_state: RunState,
         accept: Callable[[EvolutionStep], bool] | None,
         observer: Observer | None,
         record: Recorder | None,
         progress: bool | None,
     ) -> History:
         """A run from where it stands to its end. Collective."""
-        said = Said(self.problem.comm, progress, (standing.moment.time, task.times[-1]))
-        run = _Run(stepper, task, standing, accept, observer, record, said)
+        said = HistoryProgress(
+            self.problem.comm, progress, (run_state.accepted.time, task.times[-1])
+        )
+        run = _Run(stepper, task, run_state, accept, observer, record, said)
         history = run.history
         failure = None
         try:
@@ -228,15 +236,15 @@ class Evolution(ReadOnly):
             history.end(ended.ending, str(ended))
             failure = ended
         finally:
-            self._moment = run.moment
+            self._accepted = run.accepted
             self._rate = run.rate
             self._number = run.number
-            stepper.put(run.moment)
+            stepper.put(run.accepted)
             said.end(history)
         if record is not None:
             record.end(history)
         history.others = _followed(run.forks, stepper, task)
-        stepper.put(run.moment)
+        stepper.put(run.accepted)
         if failure is not None and task.at_jump != "stop":
             raise NoContinuation(history.reason, history) from failure.__cause__
         return history
@@ -257,27 +265,27 @@ class _Run:
         self,
         stepper: Stepper,
         task: Task,
-        standing: Standing,
+        run_state: RunState,
         accept: Callable[[EvolutionStep], bool] | None,
         observer: Observer | None,
         record: Recorder | None,
-        said: Said,
+        said: HistoryProgress,
     ):
-        self.moment = standing.moment
-        self.history = History(self.moment.time, self.moment.energies)
+        self.accepted = run_state.accepted
+        self.history = History(self.accepted.time, self.accepted.energies)
         self._stepper = stepper
         self._task = task
         self._said = said
         self._accepts = accept
         self._observer = observer
         self._record = record
-        self._length = standing.length
+        self._length = run_state.length
         self._rejected = 0
         self._forks = Forks(stepper, task.rays)
         #: Steps along other rays, which are to be followed.
         self.forks: list[Taken] = []
-        self.rate = standing.rate
-        self._before = standing.number
+        self.rate = run_state.rate
+        self._before = run_state.number
 
     def begin(self, taken: Taken) -> None:
         """Accept a step that was taken."""
@@ -290,10 +298,10 @@ class _Run:
 
     def to(self, end: float) -> None:
         """Go on to a time."""
-        while self.moment.time < end:
-            goal = aim(self.moment.time, end, self._length)
+        while self.accepted.time < end:
+            goal = aim(self.accepted.time, end, self._length)
             try:
-                forked = self._forks.take(self.moment, goal)
+                forked = self._forks.take(self.accepted, goal)
             except ConvergenceError as error:
                 self._shorten(goal, error)
                 continue
@@ -384,7 +392,7 @@ class _Run:
 
     def _shorten(self, aim: float, error: ConvergenceError | None = None) -> None:
         """Try half the step next time, or a quarter if there was an error; end if too short."""
-        length = aim - self.moment.time
+        length = aim - self.accepted.time
         part = 2 if error is None else 4
         if length / part < self._task.shortest:
             if error is not None and self._task.at_jump == "jump":
@@ -395,7 +403,7 @@ class _Run:
                     return
             raise _Ended(
                 Ending.NOT_SOLVED,
-                f"no solution was found beyond the time {self.moment.time:.10g}, in a step of "
+                f"no solution was found beyond the time {self.accepted.time:.10g}, in a step of "
                 f"{length:.2g}, which was not solved: {error}",
             ) from error
         self._length = length / part
@@ -407,7 +415,7 @@ class _Run:
         A solution further off in time is where the solver begins then, or one between. Collective.
         """
         far: Taken | None = None
-        start = self.moment
+        start = self.accepted
         last = self._task.times[-1]
         ahead = [start.time + (goal - start.time) * _FURTHER**k for k in range(1, _MOST_FURTHER)]
         for time in [*(t for t in ahead if t < last), last]:
@@ -468,14 +476,14 @@ class _Run:
         if self._task.follow_rays:
             self.forks += self._forks.others(forked)
         self.history.steps.append(step)
-        self.moment = taken.after
+        self.accepted = taken.after
         if not jump:
             self.rate = _rate(self._stepper.problem.comm, taken)
         self._rejected, self._length = 0, min(2 * self._length, self._task.longest)
         if self._record is not None:
-            standing = Standing(taken.after, self._length, self.rate, step.number, settled)
+            run_state = RunState(taken.after, self._length, self.rate, step.number, settled)
             self._stepper.put(taken.after)
-            self._record.step(step, standing)
+            self._record.step(step, run_state)
         if comm.allreduce(int(self._observer is not None)):
             self._stepper.show(taken)
             with everywhere(comm, "the observer"):
@@ -507,9 +515,15 @@ def _followed(forks: list[Taken], stepper: Stepper, task: Task) -> list[History]
     left = list(forks)
     while left and len(found) < _MOST_FORKS:
         first = left.pop(0)
-        standing = Standing(first.before, task.longest)
+        run_state = RunState(first.before, task.longest)
         run = _Run(
-            stepper, task, standing, None, None, None, Said(stepper.problem.comm, False, task.times)
+            stepper,
+            task,
+            run_state,
+            None,
+            None,
+            None,
+            HistoryProgress(stepper.problem.comm, False, task.times),
         )
         try:
             run.begin(first)

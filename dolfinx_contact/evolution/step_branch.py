@@ -23,7 +23,7 @@ from dolfinx_contact.continuation import Follower, StepControl
 from dolfinx_contact.continuation.branch import BranchPoint, Ray, SpecialPoint
 from dolfinx_contact.continuation.crossing import kinks_at, outgoing_rays
 from dolfinx_contact.equations.state import Statuses
-from dolfinx_contact.evolution.moment import Moment, Stepper
+from dolfinx_contact.evolution.accepted import AcceptedState, Stepper
 from dolfinx_contact.solvers.following import Loaded
 
 __all__ = ["StepBranch", "branch_of_step"]
@@ -43,7 +43,7 @@ class StepBranch:
     Attributes:
         goes_on: whether it leads to the load of the end.
         statuses: then those there, on this rank.
-        unknowns: and the state there, as a `Moment` has it.
+        unknowns: and the state there, as a `AcceptedState` has it.
         ends: whether it is proved that the load turns back on it before, and nothing else leads on.
         why: why it ends where it does, in words.
     """
@@ -55,13 +55,13 @@ class StepBranch:
     why: str = ""
 
 
-def branch_of_step(stepper: Stepper, moment: Moment, time: float) -> StepBranch:
-    """Follow the solutions from a moment under a load that goes on to that of a time. Collective.
+def branch_of_step(stepper: Stepper, accepted: AcceptedState, time: float) -> StepBranch:
+    """Follow the solutions from a state under a load that goes on to that of a time. Collective.
 
-    The problem is left at the moment.
+    The problem is left at that state.
     """
     problem = stepper.problem
-    stepper.prepare(moment, time)
+    stepper.prepare(accepted, time)
     equations = problem.equations
     x = problem.create_vector()
     try:
@@ -79,7 +79,7 @@ def branch_of_step(stepper: Stepper, moment: Moment, time: float) -> StepBranch:
                 system.destroy()
     finally:
         x.destroy()
-        stepper.put(moment)
+        stepper.put(accepted)
 
 
 def _followed(follower: Follower, system: Loaded, start: BranchPoint) -> StepBranch:

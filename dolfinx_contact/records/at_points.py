@@ -17,7 +17,7 @@ from dolfinx_contact.equations.order import by_coordinates
 from dolfinx_contact.points.memory import Memory
 
 if TYPE_CHECKING:
-    from dolfinx_contact.evolution.moment import Moment
+    from dolfinx_contact.evolution.accepted import AcceptedState
     from dolfinx_contact.points.surface import ContactSurface
     from dolfinx_contact.problem import ContactProblem
 
@@ -36,10 +36,10 @@ class AtPoints:
     def __init__(self, problem: ContactProblem):
         self._surfaces = [_Order(s) for s in problem.surfaces]
 
-    def gathered(self, moment: Moment) -> Arrays:
-        """What the points of all ranks have at a moment, by name, on every rank. Collective."""
+    def gathered(self, accepted: AcceptedState) -> Arrays:
+        """What the points of all ranks have at a state, by name, on every rank. Collective."""
         found: Arrays = {}
-        every = zip(self._surfaces, moment.shown, moment.memory, strict=True)
+        every = zip(self._surfaces, accepted.shown, accepted.memory, strict=True)
         for i, (surface, codes, memory) in enumerate(every):
             found[f"{i}.statuses"] = surface.gathered(codes)
             for name, values in _arrays(memory).items():

@@ -20,14 +20,14 @@ import numpy.typing as npt
 
 from dolfinx_contact.evolution import EvolutionStep, History
 from dolfinx_contact.evolution.run import Evolution
-from dolfinx_contact.evolution.standing import Standing, Task
+from dolfinx_contact.evolution.run_state import RunState, Task
 from dolfinx_contact.records.evolution_journal import EvolutionJournal
 from dolfinx_contact.records.steps_record import StepsRecord
 
 __all__ = ["EvolutionRecord"]
 
 
-class EvolutionRecord(StepsRecord[EvolutionJournal, Standing]):
+class EvolutionRecord(StepsRecord[EvolutionJournal, RunState]):
     """Records the runs of an evolution in a folder. Collective.
 
     While it is open no other process can record there. Ranks that ``mpirun`` has started end with
@@ -90,18 +90,18 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, Standing]):
     def _load(self, state: Mapping[str, Any]) -> None:
         self.evolution.load(state["time"])
 
-    def _entry_of(self, standing: Standing) -> dict[str, Any]:
+    def _entry_of(self, run_state: RunState) -> dict[str, Any]:
         return {
-            "number": standing.number,
-            "length": standing.length,
-            "rate": None if standing.rate is None else standing.rate.tolist(),
-            "settled": standing.settled,
+            "number": run_state.number,
+            "length": run_state.length,
+            "rate": None if run_state.rate is None else run_state.rate.tolist(),
+            "settled": run_state.settled,
         }
 
     def _names(self) -> Iterable[str]:
         return self.evolution.kept
 
-    def _fill(self, vectors: Mapping[str, PETSc.Vec], standing: Standing) -> None:
+    def _fill(self, vectors: Mapping[str, PETSc.Vec], run_state: RunState) -> None:
         n = self.problem.equations.owned_sizes[0]
         for name, f in self.evolution.kept.items():
             vectors[name].array[:n] = f.x.array[:n]
@@ -112,21 +112,21 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, Standing]):
         vectors: Mapping[str, PETSc.Vec],
         found: Mapping[str, npt.NDArray[Any]],
         first: bool,
-    ) -> Standing:
+    ) -> RunState:
         n = self.problem.equations.owned_sizes[0]
         for name, f in self.evolution.kept.items():
             f.x.array[:n] = vectors[name].array_r[:n]
             f.x.scatter_forward()
         memory = self._points.memory(found)
         energies = self.evolution.account(**state["energies"])
-        moment = self.evolution.recalled(state["time"], memory, energies, first=first)
+        accepted = self.evolution.recalled(state["time"], memory, energies, first=first)
         # Of the start older journals say no more, and of the rate they have one number.
         length = state.get("length", math.inf)
         number = state.get("number", 0)
         rate = None
         if isinstance(state.get("rate"), list):
             rate = np.array(state["rate"])
-        return Standing(moment, length, rate, number)
+        return RunState(accepted, length, rate, number)
 
     def go_on(
         self,
@@ -154,17 +154,17 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, Standing]):
         """
         run = self._last_run()
         if run.ending is not None:
-            standing = replace(self._ended(), length=math.inf)
-            self.evolution.put(standing)
-            history = History(standing.moment.time, standing.moment.energies)
+            run_state = replace(self._ended(), length=math.inf)
+            self.evolution.put(run_state)
+            history = History(run_state.accepted.time, run_state.accepted.energies)
             history.end(run.ending, run.reason)
             return history
         task = Task(**run.task | {"times": tuple(run.task["times"])})
         states = self.journal.states
         known = [i for i in range(run.after + 1, len(states)) if states[i]["settled"]]
-        standing = self._resumed(run, known)
+        run_state = self._resumed(run, known)
         if self._index == run.after:
-            standing = replace(standing, length=task.longest)
+            run_state = replace(run_state, length=task.longest)
         return self.evolution.go_on(
-            task, standing, accept=accept, observer=observer, record=self, progress=progress
+            task, run_state, accept=accept, observer=observer, record=self, progress=progress
         )

@@ -21,7 +21,7 @@ from dolfinx_contact.continuation.branch import BranchPoint
 from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.evolution import ArcLength, PathHistory
 from dolfinx_contact.evolution.arc_length import Observer, Stop
-from dolfinx_contact.evolution.path_standing import Known, PathStanding, PathTask, begun
+from dolfinx_contact.evolution.path_state import Known, PathState, PathTask, begun
 from dolfinx_contact.records.checkpoints import joined, last_entry
 from dolfinx_contact.records.lines import ending_of
 from dolfinx_contact.records.path_journal import PathJournal
@@ -30,7 +30,7 @@ from dolfinx_contact.records.steps_record import StepsRecord
 __all__ = ["PathRecord"]
 
 
-class PathRecord(StepsRecord[PathJournal, PathStanding]):
+class PathRecord(StepsRecord[PathJournal, PathState]):
     """Records the runs of a path by arc length in a folder. Collective.
 
     While it is open no other process can record there. Ranks that ``mpirun`` has started end with
@@ -81,8 +81,8 @@ class PathRecord(StepsRecord[PathJournal, PathStanding]):
     def _load(self, state: Mapping[str, Any]) -> None:
         self.path.parametric.set(state["gamma"])
 
-    def _entry_of(self, standing: PathStanding) -> dict[str, Any]:
-        point = standing.arrived
+    def _entry_of(self, run_state: PathState) -> dict[str, Any]:
+        point = run_state.arrived
         arrived = None
         if point is not None:
             arrived = {
@@ -93,22 +93,22 @@ class PathRecord(StepsRecord[PathJournal, PathStanding]):
                 "tau": point.tau,
             }
         return {
-            "gamma": standing.gamma,
+            "gamma": run_state.gamma,
             "arrived": arrived,
-            "number": standing.number,
-            "length": standing.length,
-            "known": asdict(standing.known),
-            "ending": None if standing.ending is None else standing.ending.name,
-            "reason": standing.reason,
+            "number": run_state.number,
+            "length": run_state.length,
+            "known": asdict(run_state.known),
+            "ending": None if run_state.ending is None else run_state.ending.name,
+            "reason": run_state.reason,
         }
 
     def _names(self) -> Iterable[str]:
         return ("tangent",)
 
-    def _fill(self, vectors: Mapping[str, PETSc.Vec], standing: PathStanding) -> None:
-        if standing.arrived is not None:
+    def _fill(self, vectors: Mapping[str, PETSc.Vec], run_state: PathState) -> None:
+        if run_state.arrived is not None:
             t = vectors["tangent"]
-            t.array[:] = standing.arrived.tangent.array_r[: t.getLocalSize()]
+            t.array[:] = run_state.arrived.tangent.array_r[: t.getLocalSize()]
 
     def _stood(
         self,
@@ -116,12 +116,12 @@ class PathRecord(StepsRecord[PathJournal, PathStanding]):
         vectors: Mapping[str, PETSc.Vec],
         found: Mapping[str, npt.NDArray[Any]],
         first: bool,
-    ) -> PathStanding:
+    ) -> PathState:
         gamma = state["gamma"]
         arrived = None
         energies = self.path.account(**state["energies"])
         memory = self._points.memory(found)
-        moment = self.path.recalled(state["time"], gamma, memory, energies, first=first)
+        accepted = self.path.recalled(state["time"], gamma, memory, energies, first=first)
         if (at := state["arrived"]) is not None:
             arrived = BranchPoint(
                 joined(vectors["x"], gamma),
@@ -134,20 +134,20 @@ class PathRecord(StepsRecord[PathJournal, PathStanding]):
             )
         known = Known(**state["known"])
         number = state["number"]
-        return PathStanding(
-            moment,
+        return PathState(
+            accepted,
             gamma,
             arrived,
             state["length"],
             known,
             number,
-            (moment.time,),
+            (accepted.time,),
             ending_of(state) if state["reason"] else None,
             state["reason"],
         )
 
-    def begin(self, task: PathTask, standing: PathStanding) -> None:
-        """A run begins; see `evolution.standing.Keeper`. Collective.
+    def begin(self, task: PathTask, run_state: PathState) -> None:
+        """A run begins; see `evolution.run_state.RunRecorder`. Collective.
 
         Raises:
             ValueError: on every rank, if it does not begin where the record ends, or is not the one
@@ -159,7 +159,7 @@ class PathRecord(StepsRecord[PathJournal, PathStanding]):
             for name, value in asdict(task).items():
                 message = f"the run in {self.folder} has {name} {known[name]}, not {value}"
                 require(self.comm, known[name] == value, message)
-        super().begin(task, standing)
+        super().begin(task, run_state)
 
     def go_on(
         self,
@@ -186,21 +186,21 @@ class PathRecord(StepsRecord[PathJournal, PathStanding]):
         """
         run = self._last_run()
         if run.ending is not None:
-            standing = self._ended()
-            self.path.put(standing)
-            history = PathHistory(standing.moment.time, standing.moment.energies)
-            history.gamma = standing.gamma
+            run_state = self._ended()
+            self.path.put(run_state)
+            history = PathHistory(run_state.accepted.time, run_state.accepted.energies)
+            history.gamma = run_state.gamma
             history.end(run.ending, run.reason)
             return history
         task = _task(run.task)
         states = self.journal.states
-        standing = self._resumed(run, range(run.after + 1, len(states)))
+        run_state = self._resumed(run, range(run.after + 1, len(states)))
         passed = tuple(s["time"] for s in states[run.after : self._index + 1])
-        standing = replace(standing, passed=passed)
+        run_state = replace(run_state, passed=passed)
         if self._index == run.after:
-            standing = begun(task, standing)
+            run_state = begun(task, run_state)
         return self.path.go_on(
-            task, standing, stop=stop, observer=observer, record=self, progress=progress
+            task, run_state, stop=stop, observer=observer, record=self, progress=progress
         )
 
 

@@ -28,8 +28,8 @@ from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact.equations.given_data import Datum, GivenData, given_data, numbers_of
 from dolfinx_contact.equations.measures import Scales
 from dolfinx_contact.evolution import EvolutionStep, History
-from dolfinx_contact.evolution.moment import Moment
-from dolfinx_contact.evolution.motion import MotionMoment
+from dolfinx_contact.evolution.accepted import AcceptedState
+from dolfinx_contact.evolution.motion import MovingState
 from dolfinx_contact.io.folder import output_folder
 from dolfinx_contact.io.table import write_contact_table
 from dolfinx_contact.parametric import ParametricContact
@@ -59,7 +59,7 @@ class Stands(Protocol):
     """Where a run stands."""
 
     @property
-    def moment(self) -> Moment:
+    def accepted(self) -> AcceptedState:
         """The last accepted state."""
 
 
@@ -108,7 +108,7 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         super().__init__(folder, problem, kind, resume=resume)
         self._system = system
         self._points = AtPoints(problem)
-        self._last: Moment | None = None  # where the runs stand
+        self._last: AcceptedState | None = None  # where the runs stand
         self._index = -1  # of that state
         self._old = False  # whether the journal lacks values of Functions, and that was said
         try:
@@ -159,7 +159,7 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         """Put the load of a state into the data of the problem. Collective."""
         raise NotImplementedError
 
-    def _entry_of(self, standing: S) -> dict[str, Any]:
+    def _entry_of(self, run_state: S) -> dict[str, Any]:
         """What the journal says of how a run goes on. Collective."""
         raise NotImplementedError
 
@@ -167,7 +167,7 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         """Of what a state has beside the unknowns, as vectors of unknowns."""
         raise NotImplementedError
 
-    def _fill(self, vectors: Mapping[str, PETSc.Vec], standing: S) -> None:
+    def _fill(self, vectors: Mapping[str, PETSc.Vec], run_state: S) -> None:
         """Put what a state has beside the unknowns into vectors, which are 0."""
         raise NotImplementedError
 
@@ -190,8 +190,8 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
 
     # -- what a run tells ------------------------------------------------------------------------
 
-    def begin(self, task: Any, standing: S) -> None:
-        """A run begins; see `evolution.standing.Keeper`. Collective.
+    def begin(self, task: Any, run_state: S) -> None:
+        """A run begins; see `evolution.run_state.RunRecorder`. Collective.
 
         Raises:
             ValueError: on every rank, if this is closed, or it does not begin where the record
@@ -199,16 +199,16 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         """
         self._require_open()
         states = self.journal.states
-        moment = standing.moment
+        accepted = run_state.accepted
         if not states:
-            self._keep(0, standing, self._letters(), {})
+            self._keep(0, run_state, self._letters(), {})
         elif len(states) == 1 and self._last is None:
-            self._compare(0, self._entry(moment, self._letters()))
+            self._compare(0, self._entry(accepted, self._letters()))
             self._index = 0
-            self._last = moment
-        goes_on = self._index == len(states) - 1 and self._last is moment
+            self._last = accepted
+        goes_on = self._index == len(states) - 1 and self._last is accepted
         message = (
-            f"the {self._what} is at {self._along} {moment.time:.10g} and not at the end of the "
+            f"the {self._what} is at {self._along} {accepted.time:.10g} and not at the end of the "
             f"record in {self.folder}, which is at {states[-1]['time']:.10g}: go on with "
             f"{type(self).__name__}(..., resume=True).go_on(), or record to another folder"
         )
@@ -217,18 +217,18 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         self._append({"type": "run", "task": run.task, "after": run.after})
         self.journal.runs.append(run)
 
-    def step(self, step: EvolutionStep, standing: S) -> None:
-        """A step was accepted; see `evolution.standing.Keeper`. Collective."""
+    def step(self, step: EvolutionStep, run_state: S) -> None:
+        """A step was accepted; see `evolution.run_state.RunRecorder`. Collective."""
         index = self._index + 1
         if index < len(self.journal.states):
-            self._compare(index, self._entry(standing.moment, step.status))
+            self._compare(index, self._entry(run_state.accepted, step.status))
             self._index = index
-            self._last = standing.moment
+            self._last = run_state.accepted
             return
-        self._keep(index, standing, step.status, {"row": step.row()})
+        self._keep(index, run_state, step.status, {"row": step.row()})
 
     def end(self, history: History) -> None:
-        """A run has ended; see `evolution.standing.Keeper`. Collective."""
+        """A run has ended; see `evolution.run_state.RunRecorder`. Collective."""
         run = self.journal.runs[-1]
         left = len(self.journal.states) - 1 - self._index
         message = f"the run ends {left} steps before the one that was recorded: {history.reason}"
@@ -237,16 +237,16 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
             self._append({"type": "end", "ending": history.ending.name, "reason": history.reason})
             run.end(history.ending, history.reason)
 
-    def _keep(self, index: int, standing: S, letters: str, more: Mapping[str, Any]) -> None:
+    def _keep(self, index: int, run_state: S, letters: str, more: Mapping[str, Any]) -> None:
         """Put a state on the disk, which stands in the problem. Collective."""
-        entry = {"index": index} | self._entry(standing.moment, letters) | dict(more)
-        entry |= {"forces": self._forces(standing.moment)}
-        entry |= {"first": standing.moment.statuses is None} | self._entry_of(standing)
+        entry = {"index": index} | self._entry(run_state.accepted, letters) | dict(more)
+        entry |= {"forces": self._forces(run_state.accepted)}
+        entry |= {"first": run_state.accepted.statuses is None} | self._entry_of(run_state)
         name = f"state_{index:06d}"
         vectors = self._vectors()
-        self._fill(vectors, standing)
+        self._fill(vectors, run_state)
         self.problem.write(vectors["x"])
-        arrays = self._points.gathered(standing.moment)
+        arrays = self._points.gathered(run_state.accepted)
         functions = self._data.changed()
         check_sum = self._checkpoints.write(name, vectors, arrays, functions)
         for x in vectors.values():
@@ -256,20 +256,20 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         self._append({"type": "state", **entry})
         self.journal.states.append(entry)
         self._index = index
-        self._last = standing.moment
+        self._last = run_state.accepted
 
     def _vectors(self) -> dict[str, PETSc.Vec]:
         """For what a state has, the unknowns last. Collective."""
         return {name: self.problem.create_vector() for name in (*self._names(), "x")}
 
-    def _entry(self, moment: Moment, letters: str) -> dict[str, Any]:
+    def _entry(self, accepted: AcceptedState, letters: str) -> dict[str, Any]:
         """What the journal says of every state. Collective."""
-        square = self.comm.allreduce(float(np.dot(moment.unknowns, moment.unknowns)))
+        square = self.comm.allreduce(float(np.dot(accepted.unknowns, accepted.unknowns)))
         return {
-            "time": moment.time,
+            "time": accepted.time,
             "status": letters,
             "norm": float(np.sqrt(square)),
-            "energies": asdict(moment.energies),
+            "energies": asdict(accepted.energies),
             "data": numbers_of(self.problem.equations),
         }
 
@@ -306,9 +306,9 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
     def _ended(self) -> S:
         """Where a run stood that has ended, which is the last state. Collective."""
         self._index = len(self.journal.states) - 1
-        standing = self._standing(self._index)
-        self._last = standing.moment
-        return standing
+        run_state = self._run_state(self._index)
+        self._last = run_state.accepted
+        return run_state
 
     def _resumed(self, run: EvolutionRun, known: Sequence[int]) -> S:
         """Where a run stood at the last state from which it can go on. Collective.
@@ -321,7 +321,7 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         """
         for index in (*reversed(known), run.after):
             try:
-                standing = self._standing(index)
+                run_state = self._run_state(index)
             except ValueError as error:
                 if "damaged" not in str(error) or index == run.after:
                     raise
@@ -330,10 +330,10 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
                 continue
             break
         self._index = index
-        self._last = standing.moment
-        return standing
+        self._last = run_state.accepted
+        return run_state
 
-    def _standing(self, index: int) -> S:
+    def _run_state(self, index: int) -> S:
         """Where a run stood at a recorded state, which is put into the problem. Collective.
 
         Raises:
@@ -346,19 +346,19 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         found = self._checkpoints.arrays(state["checkpoint"])
         problem.put(vectors["x"], self._points.statuses(found))
         # Journals of old do not say it.
-        standing = self._stood(state, vectors, found, state.get("first", index == 0))
+        run_state = self._stood(state, vectors, found, state.get("first", index == 0))
         for x in vectors.values():
             x.destroy()
         self._require_data(state, numbers_of(problem.equations))
-        self._require_forces(state, standing.moment)
-        return standing
+        self._require_forces(state, run_state.accepted)
+        return run_state
 
-    def _require_forces(self, state: Mapping[str, Any], moment: Moment) -> None:
+    def _require_forces(self, state: Mapping[str, Any], accepted: AcceptedState) -> None:
         """Refuse a problem whose forces at a recorded state are not those of then. Collective."""
         if "forces" not in state:  # in journals of old
             return
         recorded = state["forces"]
-        found = self._forces(moment)
+        found = self._forces(accepted)
         least = found["least"]
         for name, (words, unit) in _FORCES.items():
             if name not in recorded or name not in found:
@@ -375,17 +375,17 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
             )
             require(self.comm, bool(same), message)
 
-    def _forces(self, moment: Moment) -> dict[str, float]:
-        """What forces at a moment, which stands in the problem, are known by. Collective."""
+    def _forces(self, accepted: AcceptedState) -> dict[str, float]:
+        """What forces at a state, which stands in the problem, are known by. Collective."""
         eq = self.problem.equations
-        if isinstance(moment, MotionMoment):
-            rows = moment.motion.rows
-            u = moment.motion.u
+        if isinstance(accepted, MovingState):
+            rows = accepted.motion.rows
+            u = accepted.motion.u
             square = self.comm.allreduce(float(np.dot(rows, rows)))
             largest = self.comm.allreduce(float(np.max(np.abs(u), initial=0.0)), op=max)
             return {
                 "rows": float(np.sqrt(square)),
-                "kinetic": moment.motion.kinetic,
+                "kinetic": accepted.motion.kinetic,
                 "least": _ROUND_OFF * eq.stiffness_scale * largest,
             }
         residual = Scales(eq, settled=True).measure(self.problem.state()).worst
@@ -407,10 +407,10 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         known = isinstance(index, int | np.integer) and 0 <= index <= last
         require(self.comm, known, f"steps 0 to {last} are recorded, not {index}")
         if index == 0:
-            self._standing(0)
+            self._run_state(0)
             return
-        before = self._standing(index - 1).moment
-        step = self._standing(index).moment.time - before.time
+        before = self._run_state(index - 1).accepted
+        step = self._run_state(index).accepted.time - before.time
         later = [None if m is None else m.later(step) for m in before.memory]
         self.problem.equations.remember(later)
 

@@ -42,7 +42,7 @@ from dolfinx_contact.solvers.errors import (
 from dolfinx_contact.solvers.history import Attempt, Step
 from dolfinx_contact.solvers.linear import LinearSolver
 from dolfinx_contact.solvers.on_body import OnBody
-from dolfinx_contact.solvers.states import gone
+from dolfinx_contact.solvers.states import diverged
 
 __all__ = ["algorithm_named", "reduced_contact", "solve_by"]
 
@@ -132,7 +132,7 @@ def solve_by(
         failure = FloatingBodyError if isinstance(error, FloatingBodyError) else failure
     finally:
         body.destroy()
-    if attempt.converged and (reason := gone(equations, x)):
+    if attempt.converged and (reason := diverged(equations, x)):
         attempt.converged = False
         attempt.reason = reason
     if not attempt.converged:

@@ -55,7 +55,7 @@ from dolfinx_contact.solvers.history import Attempt, Step
 from dolfinx_contact.solvers.increments import raise_load
 from dolfinx_contact.solvers.newton import Newton
 from dolfinx_contact.solvers.pivoting import pivot
-from dolfinx_contact.solvers.states import gone, inverted
+from dolfinx_contact.solvers.states import diverged, inverted
 
 __all__ = ["check_data", "solve"]
 
@@ -123,7 +123,7 @@ def solve(
             floated = floating is not None
             attempt.reason = str(error)
             floating = error
-        if attempt.converged and (reason := gone(equations, x)):
+        if attempt.converged and (reason := diverged(equations, x)):
             attempt.converged = False
             attempt.reason = reason
         if attempt.converged:

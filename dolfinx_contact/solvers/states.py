@@ -10,12 +10,12 @@ import numpy as np
 from dolfinx_contact.body.deformation import smallest_jacobian
 from dolfinx_contact.equations.contact import ContactEquations
 
-__all__ = ["gone", "inverted"]
+__all__ = ["diverged", "inverted"]
 
 _FAR = 1e5  # sizes of the body, a displacement that is no equilibrium
 
 
-def gone(equations: ContactEquations, x: PETSc.Vec) -> str:
+def diverged(equations: ContactEquations, x: PETSc.Vec) -> str:
     """Which motion is beyond all measure, in words; "" if none is. Collective.
 
     Where loads have no equilibrium a body slides away, and residuals that are relative to nodal

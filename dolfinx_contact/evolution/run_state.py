@@ -12,10 +12,10 @@ from typing import Literal, Protocol, TypeAlias, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact.evolution.accepted import AcceptedState
 from dolfinx_contact.evolution.history import EvolutionStep, History
-from dolfinx_contact.evolution.moment import Moment
 
-__all__ = ["AtJump", "Keeper", "Recorder", "Standing", "Task", "aim", "checked_times"]
+__all__ = ["AtJump", "Recorder", "RunRecorder", "RunState", "Task", "aim", "checked_times"]
 
 T = TypeVar("T", contravariant=True)
 S = TypeVar("S", contravariant=True)
@@ -40,33 +40,33 @@ class Task:
 
 
 @dataclass(frozen=True, eq=False)
-class Standing:
+class RunState:
     """All that the next step of a run depends on.
 
     Attributes:
-        moment: the last accepted state.
+        accepted: the last accepted state.
         length: no longer is the next step.
-        rate: of the state in the last step, of `moment.changes` and of the farthest way of a point
+        rate: of the state in the last step, of `accepted.changes` and of the largest way of a point
             of each surface; None before the first.
         number: of the last step, over all runs of the evolution; 0 before the first.
         settled: whether it says how the run goes on. It does not in the midst of steps that were
             found together, up to a jump.
     """
 
-    moment: Moment
+    accepted: AcceptedState
     length: float
     rate: npt.NDArray[np.float64] | None = None
     number: int = 0
     settled: bool = True
 
 
-class Keeper(Protocol[T, S]):
+class RunRecorder(Protocol[T, S]):
     """Keeps a run. Its methods are collective; the problem is at the state they are told of."""
 
-    def begin(self, task: T, standing: S) -> None:
+    def begin(self, task: T, run_state: S) -> None:
         """A new run begins."""
 
-    def step(self, step: EvolutionStep, standing: S) -> None:
+    def step(self, step: EvolutionStep, run_state: S) -> None:
         """A step was accepted; the next one is computed when this returns."""
 
     def end(self, history: History) -> None:
@@ -74,7 +74,7 @@ class Keeper(Protocol[T, S]):
 
 
 #: Keeps a run through times.
-Recorder: TypeAlias = Keeper[Task, Standing]
+Recorder: TypeAlias = RunRecorder[Task, RunState]
 
 
 def aim(start: float, end: float, length: float) -> float:
@@ -83,7 +83,7 @@ def aim(start: float, end: float, length: float) -> float:
     return end if steps <= 1 else start + (end - start) / steps
 
 
-def checked_times(times: Sequence[float], moment: Moment | None) -> list[float]:
+def checked_times(times: Sequence[float], accepted: AcceptedState | None) -> list[float]:
     """The times as numbers, or ``ValueError``. Not collective."""
     try:
         found = [float(t) for t in np.asarray(times, dtype=np.float64).reshape(-1)]
@@ -94,9 +94,9 @@ def checked_times(times: Sequence[float], moment: Moment | None) -> list[float]:
     for a, b in itertools.pairwise(found):
         if not b > a:
             raise ValueError(f"times must increase, got {b!r} after {a!r}")
-    if moment is not None:
+    if accepted is not None:
         # Times that are summed up differ from those that are written down.
-        if abs(found[0] - moment.time) > _ROUND_OFF * (found[-1] - found[0]):
-            raise ValueError(f"the evolution is at the time {moment.time!r}, not {found[0]!r}")
-        found[0] = moment.time
+        if abs(found[0] - accepted.time) > _ROUND_OFF * (found[-1] - found[0]):
+            raise ValueError(f"the evolution is at the time {accepted.time!r}, not {found[0]!r}")
+        found[0] = accepted.time
     return found

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Accepted states of an evolution, and one step from one of them.
 
-A `Moment` is all that the next step needs, and it is frozen: steps that are tried and rejected
-leave nothing behind but what `Stepper.put` overwrites, bit by bit.
+An `AcceptedState` is all that the next step needs, and it is frozen: steps that are tried and
+rejected leave nothing behind but what `Stepper.put` overwrites, bit by bit.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.results.result import Result
 
 __all__ = [
+    "AcceptedState",
     "AtRest",
-    "Moment",
     "Stepper",
     "Taken",
     "change",
@@ -46,7 +46,7 @@ _SOLVED = 1e-6  # residual of a start that is a solution
 
 
 @dataclass(frozen=True, eq=False)
-class Moment:
+class AcceptedState:
     """A state of an evolution, with what it remembers.
 
     Attributes:
@@ -75,7 +75,7 @@ class Moment:
 
 
 @dataclass(frozen=True, eq=False)
-class AtRest(Moment):
+class AtRest(AcceptedState):
     """A state of equilibrium.
 
     Attributes:
@@ -89,18 +89,18 @@ class AtRest(Moment):
 class Taken:
     """A step that was taken: where it ended, and the result there."""
 
-    before: Moment
-    after: Moment
+    before: AcceptedState
+    after: AcceptedState
     result: Result
 
 
-def change(comm: MPI.Comm, a: Moment, b: Moment) -> float:
+def change(comm: MPI.Comm, a: AcceptedState, b: AcceptedState) -> float:
     """How much the state changes from one to the other, a length. Collective."""
     d = b.unknowns - a.unknowns
     return float(np.sqrt(comm.allreduce(float(np.dot(d, d)))))
 
 
-def changes(comm: MPI.Comm, a: Moment, b: Moment) -> Array:
+def changes(comm: MPI.Comm, a: AcceptedState, b: AcceptedState) -> Array:
     """How much the body and its surfaces change from one state to the other. Collective.
 
     Returns:
@@ -120,7 +120,7 @@ def changes(comm: MPI.Comm, a: Moment, b: Moment) -> Array:
     return np.array([moved, change(comm, a, b), *means.ravel()])
 
 
-def largest_at_points(comm: MPI.Comm, a: Moment, b: Moment) -> tuple[Array, Array]:
+def largest_at_points(comm: MPI.Comm, a: AcceptedState, b: AcceptedState) -> tuple[Array, Array]:
     """What one point alone may do from one state to the other, surface by surface. Collective.
 
     Returns:
@@ -186,7 +186,7 @@ class Stepper:
         self._load = load
         self._progress = progress
 
-    def start(self, time: float) -> Moment:
+    def start(self, time: float) -> AcceptedState:
         """The state in the Functions, from which everything slips that will. Collective."""
         eq = self.problem.equations
         data = GivenData(self.problem.equations)
@@ -213,12 +213,12 @@ class Stepper:
                 residual,
             )
         forces = forces_at(eq, state)
-        return self.moment(time, None, eq.advanced(state), forces, Energies(), solved=solved)
+        return self.accepted(time, None, eq.advanced(state), forces, Energies(), solved=solved)
 
     def recalled(
         self, time: float, memory: Sequence[Memory | None], energies: Energies, *, first: bool
-    ) -> Moment:
-        """A moment of before, of which the state stands in the problem. Collective.
+    ) -> AcceptedState:
+        """An accepted state of before, of which the state stands in the problem. Collective.
 
         Args:
             time: of it.
@@ -238,43 +238,43 @@ class Stepper:
         known = None if first else state.statuses
         solved = not first or self._is_solved(state)
         forces = forces_at(eq, state)
-        return self.moment(time, known, tuple(memory), forces, energies, solved=solved)
+        return self.accepted(time, known, tuple(memory), forces, energies, solved=solved)
 
-    def renewed(self, moment: Moment) -> Moment:
-        """The moment with the data as they are now, under which it may be no solution.
+    def renewed(self, accepted: AcceptedState) -> AcceptedState:
+        """The accepted state with the data as they are now, under which it may be no solution.
 
-        Collective. The problem is at the moment.
+        Collective. The problem is at that state.
         """
         data = GivenData(self.problem.equations)
         try:
-            self._set(moment.time)
-            self.problem.equations.remember(moment.memory)
+            self._set(accepted.time)
+            self.problem.equations.remember(accepted.memory)
             solved = self._is_solved(self.problem.state())
         finally:
             data.restore()
-        return replace(moment, data=data, solved=solved)
+        return replace(accepted, data=data, solved=solved)
 
     def _is_solved(self, state: State) -> bool:
         """Whether a state is a solution under the load that is there. Collective."""
         return Scales(self.problem.equations, settled=True).measure(state).worst <= _SOLVED
 
-    def put(self, moment: Moment) -> None:
-        """Put a moment into Functions, statuses, rigid bodies, data and memory, bit by bit.
+    def put(self, accepted: AcceptedState) -> None:
+        """Put a state into Functions, statuses, rigid bodies, data and memory, bit by bit.
 
         Collective.
         """
-        self._put_unknowns(moment)
-        self.problem.equations.remember(moment.memory)
-        moment.data.restore()
+        self._put_unknowns(accepted)
+        self.problem.equations.remember(accepted.memory)
+        accepted.data.restore()
 
-    def _put_unknowns(self, moment: Moment) -> None:
-        """Put those and the statuses of a moment into the problem. Not collective."""
+    def _put_unknowns(self, accepted: AcceptedState) -> None:
+        """Put those and the statuses of an accepted state into the problem. Not collective."""
         problem = self.problem
-        for f, values in zip(problem.fields, moment.fields, strict=True):
+        for f, values in zip(problem.fields, accepted.fields, strict=True):
             f.x.array[:] = values
-        for body, motion in zip(problem.rigid_bodies, moment.motions, strict=True):
+        for body, motion in zip(problem.rigid_bodies, accepted.motions, strict=True):
             body.values = motion.copy()
-        for s, codes in zip(problem.surfaces, moment.shown, strict=True):
+        for s, codes in zip(problem.surfaces, accepted.shown, strict=True):
             s.statuses = codes.copy()
 
     def show(self, taken: Taken) -> None:
@@ -282,68 +282,70 @@ class Stepper:
         self.put(taken.after)
         self._remember(taken.before, taken.after.time)
 
-    def prepare(self, moment: Moment, time: float) -> None:
-        """Put a moment into the problem with memory and data of a step to a time. Collective."""
-        self.put(moment)
+    def prepare(self, accepted: AcceptedState, time: float) -> None:
+        """Put a state into the problem with memory and data of a step to a time. Collective."""
+        self.put(accepted)
         try:
-            self._remember(moment, time)
+            self._remember(accepted, time)
             self._set(time)
         except BaseException:
-            self.put(moment)
+            self.put(accepted)
             raise
 
     @mesh_stays()
     def take(
         self,
-        moment: Moment,
+        accepted: AcceptedState,
         time: float,
         *,
         likely: Sequence[Statuses | None] = (),
-        guess: Moment | None = None,
+        guess: AcceptedState | None = None,
     ) -> Taken:
-        """Step from a moment to a time; the problem is left there, with the memory of the step.
+        """Step from a state to a time; the problem is left there, with the memory of the step.
 
         Collective.
 
         Args:
-            moment: where the step begins.
+            accepted: where the step begins.
             time: at its end.
-            likely: statuses of the end, the likeliest first; by default those of the moment.
-            guess: where the solver begins, by default at the moment.
+            likely: statuses of the end, the likeliest first; by default those of that state.
+            guess: where the solver begins, by default at that state.
 
         Raises:
-            ConvergenceError: if nothing solves the step. The problem is then at the moment, as it
+            ConvergenceError: if nothing solves the step. The problem is then at that state, as it
                 is after any other error.
         """
-        assert isinstance(moment, AtRest)
+        assert isinstance(accepted, AtRest)
         problem = self.problem
         eq = self.problem.equations
-        self.prepare(moment, time)
+        self.prepare(accepted, time)
         try:
             if guess is not None:
                 self._put_unknowns(guess)
-            expected = [s for s in likely or (moment.statuses,) if s is not None]
+            expected = [s for s in likely or (accepted.statuses,) if s is not None]
             result = problem.solve(expected=expected, progress=self._progress)
             state = problem.state()
             forces = forces_at(eq, state)
-            energies = moment.energies.advanced(moment.forces, forces, result.energies["friction"])
+            energies = accepted.energies.advanced(
+                accepted.forces, forces, result.energies["friction"]
+            )
         except BaseException:
-            self.put(moment)
+            self.put(accepted)
             raise
-        after = self.moment(time, state.statuses, eq.advanced(state), forces, energies)
-        return Taken(moment, after, result)
+        after = self.accepted(time, state.statuses, eq.advanced(state), forces, energies)
+        return Taken(accepted, after, result)
 
-    def _remember(self, moment: Moment, time: float) -> None:
-        """Let the surfaces remember a moment at a later time. Collective."""
-        step = time - moment.time
-        later = [None if m is None else m.later(step) for m in moment.memory]
+    def _remember(self, accepted: AcceptedState, time: float) -> None:
+        """Let the surfaces remember an accepted state at a later time. Collective."""
+        step = time - accepted.time
+        later = [None if m is None else m.later(step) for m in accepted.memory]
         self.problem.equations.remember(later)
 
     def _set(self, time: float) -> None:
         with everywhere(self.problem.comm, f"the load at the time {time:g}"):
             self._load(time)
 
-    def moment(
+    def accepted(
         self,
         time: float,
         statuses: Statuses | None,
@@ -353,25 +355,25 @@ class Stepper:
         *,
         solved: bool = True,
     ) -> AtRest:
-        """The equilibrium in the problem as a moment. Collective."""
-        plain = self._moment(time, statuses, memory, energies, solved)
+        """The equilibrium in the problem as an accepted state. Collective."""
+        plain = self._accepted(time, statuses, memory, energies, solved)
         return AtRest(**extended(plain), forces=forces)
 
-    def _moment(
+    def _accepted(
         self,
         time: float,
         statuses: Statuses | None,
         memory: tuple[Memory | None, ...],
         energies: Energies,
         solved: bool = True,
-    ) -> Moment:
-        """What stands in the problem, as a moment. Collective."""
+    ) -> AcceptedState:
+        """What stands in the problem, as an accepted state. Collective."""
         problem = self.problem
         x = problem.create_vector()
         problem.write(x)
         unknowns = x.array_r.copy()
         x.destroy()
-        return Moment(
+        return AcceptedState(
             time,
             tuple(f.x.array.copy() for f in problem.fields),
             tuple(body.values.copy() for body in problem.rigid_bodies),
@@ -385,6 +387,6 @@ class Stepper:
         )
 
 
-def extended(moment: Moment) -> dict[str, Any]:
-    """All that a moment has, by name, for one that has more."""
-    return {f.name: getattr(moment, f.name) for f in fields(Moment)}
+def extended(accepted: AcceptedState) -> dict[str, Any]:
+    """All that an accepted state has, by name, for one that has more."""
+    return {f.name: getattr(accepted, f.name) for f in fields(AcceptedState)}

@@ -12,12 +12,12 @@ from dolfinx_contact._progress import Line
 from dolfinx_contact.evolution.history import EvolutionStep, History
 from dolfinx_contact.evolution.path import PathHistory, PathStep
 
-__all__ = ["Said", "SaidOfPath"]
+__all__ = ["HistoryProgress", "PathProgress"]
 
 _PATIENCE = 3.0  # seconds before progress is said by itself
 
 
-class Said:
+class HistoryProgress:
     """The line of progress: time, step, statuses, and the time that is left by the clock."""
 
     def __init__(self, comm: MPI.Comm, wanted: bool | None, times: Sequence[float]):
@@ -49,7 +49,7 @@ class Said:
             self._line.write(f"evolution: {len(history.steps)} steps, {history.reason}")
 
 
-class SaidOfPath:
+class PathProgress:
     """The line of progress: load, number of the point, statuses, time by the clock."""
 
     def __init__(self, comm: MPI.Comm, wanted: bool | None, limits: tuple[float, float]):

@@ -10,10 +10,10 @@ from typing import Literal, TypeAlias
 from dolfinx_contact.continuation.branch import BranchPoint
 from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.continuation.parameters import StepControl
-from dolfinx_contact.evolution.moment import AtRest
-from dolfinx_contact.evolution.standing import Keeper
+from dolfinx_contact.evolution.accepted import AtRest
+from dolfinx_contact.evolution.run_state import RunRecorder
 
-__all__ = ["Direction", "Known", "PathRecorder", "PathStanding", "PathTask", "begun"]
+__all__ = ["Direction", "Known", "PathRecorder", "PathState", "PathTask", "begun"]
 
 #: By which way a path leaves its state: that with more load or less, or, later, on or back.
 Direction: TypeAlias = Literal["increasing", "decreasing", "onwards", "back"]
@@ -49,11 +49,11 @@ class Known:
 
 
 @dataclass(frozen=True, eq=False)
-class PathStanding:
+class PathState:
     """All that the next step of a run depends on.
 
     Attributes:
-        moment: the last accepted state.
+        accepted: the last accepted state.
         gamma: the load there.
         arrived: the point of the path there, with piece and tangent by which it was come to; None
             at the start.
@@ -65,7 +65,7 @@ class PathStanding:
         reason: why, in words.
     """
 
-    moment: AtRest
+    accepted: AtRest
     gamma: float
     arrived: BranchPoint | None = None
     length: float = 0.0
@@ -77,17 +77,17 @@ class PathStanding:
 
 
 #: Keeps a run by arc length.
-PathRecorder: TypeAlias = Keeper[PathTask, PathStanding]
+PathRecorder: TypeAlias = RunRecorder[PathTask, PathState]
 
 
-def begun(task: PathTask, standing: PathStanding) -> PathStanding:
+def begun(task: PathTask, run_state: PathState) -> PathState:
     """A new run, where another one has ended or nothing has been followed yet."""
-    before = standing.known
+    before = run_state.known
     return replace(
-        standing,
+        run_state,
         length=task.control.initial,
         known=Known(before.x_scale, scales=before.scales),
-        passed=(standing.moment.time,),
+        passed=(run_state.accepted.time,),
         ending=None,
         reason="",
     )
