@@ -277,6 +277,13 @@ def test_animation(folder):
     assert largest[2] / largest[0] == pytest.approx(imaginary / real)
 
 
+def one_rank_fails(problem):
+    problem.u.x.array[:] = 1.0
+    if COMM.rank == COMM.size - 1:
+        raise ValueError("on the last rank")
+    yield "rest"
+
+
 def test_animated_picture(folder):
     pytest.importorskip("pyvista")
     pytest.importorskip("imageio")
@@ -301,3 +308,8 @@ def test_animated_picture(folder):
         plot.film(folder / "mode.png", problem, iter(["rest"]))
     with pytest.raises(ValueError, match="no states"):
         plot.film(folder / "mode.gif", problem, iter([]))
+    with pytest.raises(ValueError, match="must be a str, got 1"):
+        plot.film(folder / "mode.gif", problem, iter([1]))
+    with pytest.raises(ValueError, match=r"last rank|what_is_written"):
+        plot.film(folder / "mode.gif", problem, one_rank_fails(problem))
+    assert (problem.u.x.array == 0.25).all()

@@ -13,6 +13,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from mpi4py import MPI
+
 import numpy as np
 
 from dolfinx_contact._errors import everywhere, on_root, require, same_everywhere
@@ -85,7 +87,7 @@ def film(
     before = problem.u.x.array.copy()
     frames = []
     try:
-        for words in states:
+        for words in _in_turn(comm, states):
             beside = ", ".join(part for part in (title, words) if part)
             kind, data = body_seen(problem, stress, scale, beside)
             frames.append(data)
@@ -150,6 +152,20 @@ def animate(
     look = dict(stress=stress, scale=scale, title=title, rate=rate)
     with record.looking():
         return film(file, record.problem, times(), **look)
+
+
+def _in_turn(comm: MPI.Comm, states: Iterable[str]) -> Iterator[str]:
+    """The states, whose errors on one rank are raised on every rank. Collective."""
+    left = iter(states)
+    while True:
+        with everywhere(comm, "the states of a film"):
+            words = next(left, None)
+            if words is not None and not isinstance(words, str):
+                raise ValueError(f"what is written beside the title must be a str, got {words!r}")
+        same_everywhere(comm, what_is_written=words)
+        if words is None:
+            return
+        yield words
 
 
 def _require_writer(suffix: str) -> None:
