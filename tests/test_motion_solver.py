@@ -60,7 +60,7 @@ def test_residual_by_one_product(given):
     body = motion.problem.equations.bulk
     noise = np.random.default_rng(COMM.rank)
     for number, (length, load) in enumerate([(0.02, 3.0), (0.02, 3.0), (0.01, 3.0), (0.01, 9.0)]):
-        time = 0.0 if number == 0 else motion._moment.time
+        time = 0.0 if number == 0 else motion._accepted.time
         weight.value = load
         motion.run([time, time + length], progress=False)
         for scale in (1.0, 1e-3):
