@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
@@ -32,6 +33,7 @@ __all__ = [
     "checked_gamma",
     "checked_range",
     "guarded",
+    "reason_to_stop",
     "require_smooth",
 ]
 
@@ -140,14 +142,29 @@ def answer_of_stop(
     if stop is None:
         return ""
     _show(layout, point)
-    with everywhere(layout.comm, "stop"):
-        answer = stop(point, special)
+    return reason_to_stop(layout.comm, "branch", stop, point, special)
+
+
+def reason_to_stop(comm: MPI.Comm, what: str, stop: Callable[..., str], *seen: Any) -> str:
+    """What ``stop`` answers to what it is shown, "" if it goes on. Collective.
+
+    Args:
+        comm: communicator.
+        what: ends if it answers with a reason.
+        stop: of the user.
+        seen: its arguments.
+
+    Raises:
+        ValueError: on every rank, if that is no reason, or not the same on every rank.
+    """
+    with everywhere(comm, "stop"):
+        answer = stop(*seen)
         if not isinstance(answer, str):
             raise ValueError(
-                "stop must answer with the reason to end the branch, a str, or with '' to go on; "
+                f"stop must answer with the reason to end the {what}, a str, or with '' to go on; "
                 f"it answered {answer!r}"
             )
-    same_everywhere(layout.comm, the_answer_of_stop=answer)
+    same_everywhere(comm, the_answer_of_stop=answer)
     return answer
 
 

@@ -26,7 +26,7 @@ class Ending(Enum):
     #: No way on was found, by what was tried.
     NOT_FOUND = "no way on was found"
     #: A step was not solved.
-    NOT_SOLVED = "the point at the end of the range of gamma was not solved for"
+    NOT_SOLVED = "a step was not solved"
 
 
 class Ends:

@@ -410,7 +410,8 @@ class _Corrected(Walk):
         elif not low <= new.gamma <= high:
             new, special = self._steps.end_at(point, new, special, self._range)
             if not low <= new.gamma <= high:
-                branch.end(Ending.NOT_SOLVED)
+                where = "the point at the end of the range of gamma was not solved for"
+                branch.end(Ending.NOT_SOLVED, where)
                 return None
             branch.end(Ending.REACHED)
         if any(s.kind == "end" for s in special):

@@ -24,7 +24,12 @@ import numpy as np
 
 from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact._frozen import ReadOnly
-from dolfinx_contact.continuation.arguments import check_listeners, checked_range, require_smooth
+from dolfinx_contact.continuation.arguments import (
+    check_listeners,
+    checked_range,
+    reason_to_stop,
+    require_smooth,
+)
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.ending import Ending
@@ -339,25 +344,14 @@ class ArcLength(ReadOnly):
 
     def _end_if_asked(self, run: PathRun, stop: Stop | None, step: PathStep) -> None:
         """End a run where the user wants it, or where it gets nowhere. Collective."""
-        words = "" if run.ending else self._asked(stop, step)
+        words = ""
+        if run.ending is None and stop is not None:
+            words = reason_to_stop(self.problem.comm, "path", stop, step)
         nowhere = "" if run.ending or words else run.stuck()
         if words:
             run.end(Ending.STOPPED, words)
         elif nowhere:
             run.end(Ending.NOT_FOUND, nowhere)
-
-    def _asked(self, stop: Stop | None, step: PathStep) -> str:
-        if stop is None:
-            return ""
-        with everywhere(self.problem.comm, "stop"):
-            answer = stop(step)
-            if not isinstance(answer, str):
-                raise ValueError(
-                    "stop must answer with the reason to end the path, a str, or with '' to go on; "
-                    f"it answered {answer!r}"
-                )
-        same_everywhere(self.problem.comm, the_answer_of_stop=answer)
-        return answer
 
 
 def _check_told(stop: Stop | None, observer: Observer | None) -> None:
