@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 
 from dolfinx import mesh
 
-from dolfinx_contact._errors import everywhere, same_everywhere
+from dolfinx_contact._collective import Arguments, collective
 
 __all__ = ["create_grid", "graded"]
 
@@ -39,6 +39,14 @@ def graded(length: float, size: float, fine: int, coarse: int) -> npt.NDArray[np
     return np.concatenate([inner, inner[-1] + np.cumsum(growth**powers) * size])
 
 
+def _check(a: Arguments) -> None:
+    axes = [np.asarray(c, dtype=float) for c in a.coordinates]
+    if len(axes) not in (2, 3) or not all(len(c) > 1 and (np.diff(c) > 0).all() for c in axes):
+        raise ValueError("coordinates along two or three axes are needed, and they must rise")
+    a.coordinates = axes
+
+
+@collective("create_grid", _check)
 def create_grid(
     comm: MPI.Comm, coordinates: Sequence[npt.ArrayLike], cell: mesh.CellType
 ) -> mesh.Mesh:
@@ -53,11 +61,7 @@ def create_grid(
         ValueError: on every rank, if there are not two or three axes, or coordinates do not rise or
             differ between ranks.
     """
-    with everywhere(comm, "create_grid"):
-        axes = [np.asarray(c, dtype=float) for c in coordinates]
-        if len(axes) not in (2, 3) or not all(len(c) > 1 and (np.diff(c) > 0).all() for c in axes):
-            raise ValueError("coordinates along two or three axes are needed, and they must rise")
-    same_everywhere(comm, coordinates=[c.tolist() for c in axes], cell=cell)
+    axes = [np.asarray(c) for c in coordinates]
     create = mesh.create_unit_square if len(axes) == 2 else mesh.create_unit_cube
     domain = create(comm, *(len(c) - 1 for c in axes), cell)
     x = domain.geometry.x

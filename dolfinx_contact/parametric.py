@@ -22,6 +22,7 @@ import ufl
 from dolfinx import fem
 
 from dolfinx_contact._agreement import described, refuse_other_mesh
+from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._compat import is_mesh_of, is_value_of
 from dolfinx_contact._errors import everywhere, on_root, require, same_everywhere
 from dolfinx_contact._frozen import ReadOnly
@@ -49,6 +50,10 @@ logger = logging.getLogger(__name__)
 
 _RAY_SECONDS = 10.0
 _MOST_PROVED = 128  # contact points up to which all solutions are proved by default
+
+
+def _check_parameter(a: Arguments) -> None:
+    a.gamma = checked_gamma(a.gamma)
 
 
 class ParametricContact(ReadOnly, ParametricEquations):
@@ -107,15 +112,13 @@ class ParametricContact(ReadOnly, ParametricEquations):
         #: Surfaces of which it has been said that the sliding is not small.
         self._told: set[str] = set()
 
+    @collective("set_parameter", _check_parameter)
     def set_parameter(self, gamma: float) -> None:
         """Put gamma into the forms and the Dirichlet data, for a solve at this value. Collective.
 
         Raises:
             ValueError: on every rank, if gamma is no finite number, or differs between ranks.
         """
-        with everywhere(self.comm, "set_parameter"):
-            gamma = checked_gamma(gamma)
-        same_everywhere(self.comm, gamma=gamma)
         self.set(gamma)
 
     def put(self, x: PETSc.Vec, gamma: float, piece: Piece) -> None:

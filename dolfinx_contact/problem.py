@@ -22,6 +22,7 @@ from dolfinx_contact._agreement import (
     described_condition,
     described_number,
 )
+from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact._frozen import ReadOnly, ReadOnlyList, copy_with
 from dolfinx_contact._kept import keep
@@ -72,6 +73,18 @@ def _classical() -> ModuleType:
     from dolfinx_contact.solvers import classical
 
     return classical
+
+
+def _check_solve(a: Arguments) -> None:
+    a.expected = listed(a.expected)
+    if not is_count(a.increments):
+        raise ValueError(f"the number of increments must be 1 or more, got {a.increments!r}")
+    if not (isinstance(a.algorithm, str) and a.algorithm == "newton"):
+        a.algorithm = _classical().algorithm_named(a.algorithm)
+    if a.monitor is not None and not callable(a.monitor):
+        raise ValueError(f"monitor must be a function of a step, got {a.monitor!r}")
+    if a.progress not in (None, True, False):
+        raise ValueError(f"progress must be True, False or None, got {a.progress!r}")
 
 
 class ContactProblem(ReadOnly):
@@ -312,6 +325,7 @@ class ContactProblem(ReadOnly):
 
     # -- solve -----------------------------------------------------------------------------------
 
+    @collective("solve", _check_solve, local=("expected",))
     @mesh_stays()
     def solve(
         self,
@@ -345,43 +359,27 @@ class ContactProblem(ReadOnly):
                 is not finite, a negative friction field, a clamped node inside the obstacle).
             ConvergenceError: if no strategy converges; the Functions are as they were.
         """
-        with everywhere(self.comm, "solve"):
-            expected = listed(expected)
-            if not is_count(increments):
-                raise ValueError(f"the number of increments must be 1 or more, got {increments!r}")
-            chosen: Algorithm | None = None
-            if not (isinstance(algorithm, str) and algorithm == "newton"):
-                chosen = _classical().algorithm_named(algorithm)
-            if monitor is not None and not callable(monitor):
-                raise ValueError(f"monitor must be a function of a step, got {monitor!r}")
-            if progress not in (None, True, False):
-                raise ValueError(f"progress must be True, False or None, got {progress!r}")
-        same_everywhere(
-            self.comm,
-            algorithm=chosen,
-            increments=int(increments),
-            expected_statuses=len(expected),
-        )
+        same_everywhere(self.comm, expected_statuses=len(expected))
         fits = all(fit(self.surfaces, statuses) for statuses in expected)
         require(self.comm, fits, "the expected statuses are not those of these contact points")
         said = SolveProgress(self.comm, progress)
         x0 = self.create_vector()
         self.write(x0)
         try:
-            if chosen is None:
+            if isinstance(algorithm, str):
                 x, attempts = solve(
                     self.equations,
                     self._linear,
                     x0,
                     monitor=monitor,
-                    increments=int(increments),
+                    increments=increments,
                     progress=said,
                     expected=expected,
                 )
             else:
                 check_data(self.equations, x0)
                 x, attempts = _classical().solve_by(
-                    chosen, self.equations, self._linear, x0, monitor=monitor, progress=said
+                    algorithm, self.equations, self._linear, x0, monitor=monitor, progress=said
                 )
             with self.restored():
                 result = self.collect(x, attempts)

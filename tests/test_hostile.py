@@ -841,7 +841,7 @@ DISAGREEMENT = {
     "route": (lambda w: followed(w, route=differs("auto", "steps")), "route differs between ranks"),
     "stop of one rank": (
         lambda w: followed(w, stop=differs(None, lambda *_: "enough")),
-        "stop condition differs between ranks",
+        "stop differs between ranks: None on rank 0, given",
     ),
     "answers of stop": (
         lambda w: followed(w, stop=lambda *_: differs("", "enough")),
@@ -883,7 +883,7 @@ DISAGREEMENT = {
     ),
     "guesses": (
         lambda w: found(w, differs([w.x], [w.x, w.x])),
-        "number of states differs between ranks",
+        "guesses differs between ranks: 1 of them on rank 0, 2",
     ),
     "budget of branches": (
         lambda w: explored(w, [(w.x, 0.0)], max_branches=differs(3, 4)),
@@ -976,7 +976,7 @@ WRITTEN_DIFFERENTLY = {
     ),
     "number of states": (
         lambda w, f: picture_of_states(f / "p.png", w.system, [None] * differs(1, 2)),
-        "number of points differs between ranks: 1 on rank 0, 2",
+        "points differs between ranks",
     ),
     "states of one rank": (
         lambda w, f: picture_of_states(f / "p.png", w.system, [None] * differs(1, 0)),

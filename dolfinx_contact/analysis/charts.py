@@ -18,7 +18,8 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._errors import everywhere, same_everywhere
+from dolfinx_contact._collective import Arguments, collective
+from dolfinx_contact._errors import everywhere
 from dolfinx_contact._progress import Line
 from dolfinx_contact.analysis.event_curves import EventCurves
 from dolfinx_contact.analysis.family import ContactFamily
@@ -92,6 +93,18 @@ class Chart:
         raise ValueError(f"({mu:g}, {gamma:g}) is outside of the chart")
 
 
+def _check(a: Arguments) -> None:
+    a.mu_range = checked_range(a.mu_range, [], "mu")
+    a.gamma_range = checked_range(a.gamma_range, [])
+    a.cells = tuple(a.cells)
+    numbers = (*a.cells, a.depth)
+    if len(numbers) != 3 or not all(isinstance(n, int | np.integer) for n in numbers):
+        raise ValueError("cells must be two whole numbers, and depth must be one")
+    if not (min(a.cells) >= 1 and a.depth >= 0 and a.seconds > 0):
+        raise ValueError("cells and seconds must be positive, and depth must not be negative")
+
+
+@collective("a chart", _check)
 def count_solutions(
     comm: MPI.Comm,
     family: ContactFamily,
@@ -120,16 +133,7 @@ def count_solutions(
     Raises:
         ValueError: on every rank, if an argument does not fit or differs between ranks.
     """
-    with everywhere(comm, "a chart"):
-        mus = checked_range(mu_range, [])
-        gammas = checked_range(gamma_range, [])
-        numbers = (*cells, depth)
-        if len(numbers) != 3 or not all(isinstance(n, int | np.integer) for n in numbers):
-            raise ValueError("cells must be two whole numbers, and depth must be one")
-        if not (min(cells) >= 1 and depth >= 0 and seconds > 0):
-            raise ValueError("cells and seconds must be positive, and depth must not be negative")
-    same_everywhere(comm, mus=mus, gammas=gammas, cells=tuple(cells), depth=depth, seconds=seconds)
-    return _Counting(comm, family, (mus, gammas), (cells[0], cells[1]), depth, seconds).run(curves)
+    return _Counting(comm, family, (mu_range, gamma_range), cells, depth, seconds).run(curves)
 
 
 @dataclass(frozen=True)

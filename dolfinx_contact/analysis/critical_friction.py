@@ -37,7 +37,9 @@ import numpy.typing as npt
 
 from dolfinx import fem
 
-from dolfinx_contact._errors import everywhere, on_root
+from dolfinx_contact._collective import Arguments, collective
+from dolfinx_contact._errors import on_root
+from dolfinx_contact._numbers import is_count
 from dolfinx_contact._petsc import options_in_database, staged
 from dolfinx_contact.analysis.held import HeldBody, columns_of, slepc, with_dirichlet_rows
 from dolfinx_contact.analysis.rows import Problem, static_equations
@@ -97,6 +99,12 @@ class CriticalFriction:
         return sorted(others, key=lambda F: (float(f"{abs(F):.9e}"), -F.real, -F.imag))
 
 
+def _check(a: Arguments) -> None:
+    if not is_count(a.count):
+        raise ValueError(f"the number of eigenvalues must be 1 or more, got {a.count!r}")
+
+
+@collective("critical friction", _check)
 @staged("ContactCriticalFriction")
 def critical_friction(
     problem: Problem,
@@ -128,9 +136,6 @@ def critical_friction(
         RuntimeError: if SLEPc does not converge.
     """
     eq = static_equations(problem)
-    with everywhere(eq.comm, "critical friction"):
-        if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 1:
-            raise ValueError(f"the number of eigenvalues must be 1 or more, got {count!r}")
     state = problem.state()
     slip = Slip(eq, SlipPattern.of(eq, direction, state), hold_across=True)
     slip.require_held()

@@ -23,7 +23,8 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._errors import everywhere, same_everywhere
+from dolfinx_contact._collective import Arguments, collective
+from dolfinx_contact._errors import everywhere
 from dolfinx_contact._progress import Line
 from dolfinx_contact.analysis.event_curves import EventCurve, EventCurves
 from dolfinx_contact.analysis.family import ContactFamily
@@ -153,6 +154,14 @@ def _changes_at(below: Region, above: Region) -> bool:
     return lower ^ upper <= every
 
 
+def _check(a: Arguments) -> None:
+    a.mu_range = checked_range(a.mu_range, [], "mu")
+    a.gamma_range = checked_range(a.gamma_range, [])
+    if not a.seconds > 0:
+        raise ValueError(f"seconds for a proof must be positive, got {a.seconds!r}")
+
+
+@collective("regions", _check)
 def solution_regions(
     comm: MPI.Comm,
     family: ContactFamily,
@@ -175,12 +184,8 @@ def solution_regions(
     Raises:
         ValueError: on every rank, for ranges or seconds that are none.
     """
-    with everywhere(comm, "regions"):
-        mus, gammas = (checked_range(span, []) for span in (mu_range, gamma_range))
-        if not seconds > 0:
-            raise ValueError(f"seconds for a proof must be positive, got {seconds!r}")
-    same_everywhere(comm, mus=mus, gammas=gammas, seconds=float(seconds))
-    bare = [cell for span in _strips(curves, mus) for cell in _between(curves, span, gammas)]
+    strips = _strips(curves, mu_range)
+    bare = [cell for span in strips for cell in _between(curves, span, gamma_range)]
     mine = {}
     line = Line(comm)
     begun = time.monotonic()

@@ -28,8 +28,10 @@ from scipy.optimize import brentq, minimize_scalar
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact._errors import everywhere, require
+from dolfinx_contact._collective import Arguments, collective
+from dolfinx_contact._errors import require
 from dolfinx_contact._frozen import ReadOnly
+from dolfinx_contact._numbers import is_count
 from dolfinx_contact._petsc import staged
 from dolfinx_contact.analysis.rows import Problem, static_equations
 from dolfinx_contact.analysis.slip import Direction, Slip, SlipPattern
@@ -86,6 +88,18 @@ class Onset:
     frequency: float
 
 
+def _check(a: Arguments) -> None:
+    if not isinstance(a.hold_across, bool | np.bool_):
+        raise ValueError(f"hold_across is True or False, got {a.hold_across!r}")
+    if not is_count(a.count):
+        raise ValueError(f"the number of eigenvalues must be 1 or more, got {a.count!r}")
+
+
+def _check_onset(a: Arguments) -> None:
+    require_positive("largest friction", a.most)
+    require_positive("step of friction", a.step)
+
+
 class SteadySliding(ReadOnly):
     """A body that slides steadily over an obstacle, and its vibrations. Collective.
 
@@ -106,6 +120,7 @@ class SteadySliding(ReadOnly):
         ValueError: on every rank, for arguments that do not fit.
     """
 
+    @collective("steady sliding", _check)
     def __init__(
         self,
         problem: Problem,
@@ -119,11 +134,7 @@ class SteadySliding(ReadOnly):
     ):
         eq = static_equations(problem)
         self._eq = eq
-        with everywhere(eq.comm, "steady sliding"):
-            if not isinstance(hold_across, bool | np.bool_):
-                raise ValueError(f"hold_across is True or False, got {hold_across!r}")
-            if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 1:
-                raise ValueError(f"the number of eigenvalues must be 1 or more, got {count!r}")
+        self.comm = eq.comm
         state = problem.state()
         pattern = SlipPattern.of(eq, direction, state)
         self._slip = Slip(eq, pattern, hold_across=hold_across)
@@ -133,6 +144,7 @@ class SteadySliding(ReadOnly):
         slopes = [s.answers.unit_bound for s in state.surfaces]
         self._slope = np.concatenate(slopes)[self._slip.places]
 
+    @collective("vibrations")
     @staged("ContactSliding")
     def modes(self, friction: float | None = None) -> SlidingModes:
         """The vibrations. Collective.
@@ -154,6 +166,7 @@ class SteadySliding(ReadOnly):
             parts.append(f)
         return SlidingModes(found.values, found.known_up_to, *parts)
 
+    @collective("the onset of growth", _check_onset)
     @staged("ContactSliding")
     def onset(self, most: float = 5.0, *, step: float = 0.05) -> Onset | None:
         """The smallest friction at which a vibration grows. Collective.
@@ -170,9 +183,6 @@ class SteadySliding(ReadOnly):
             ValueError: on every rank, for bounds that are not positive.
             RuntimeError: if SLEPc does not converge.
         """
-        with everywhere(self._eq.comm, "the onset of growth"):
-            require_positive("largest friction", most)
-            require_positive("step of friction", step)
         frictions = [0.0]
         growths = [self._growth(0.0)]
         if growths[0] > 0:

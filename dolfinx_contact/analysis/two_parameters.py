@@ -15,7 +15,8 @@ import numpy.typing as npt
 
 from dolfinx import fem
 
-from dolfinx_contact._errors import everywhere, on_root, require, same_everywhere
+from dolfinx_contact._collective import Arguments, collective
+from dolfinx_contact._errors import on_root, require
 from dolfinx_contact.analysis.contact import obstacle_to_proof
 from dolfinx_contact.analysis.curve_search import follow_events
 from dolfinx_contact.analysis.event_curves import EventCurves
@@ -39,6 +40,15 @@ _MUST = (
 _AFFINE = 1e-9  # relative error of what counts as affine
 
 
+def _check_family(a: Arguments) -> None:
+    if not isinstance(a.other, fem.Constant) or a.other.ufl_shape != ():
+        raise ValueError("the second parameter must be a scalar Constant")
+    if a.other is a.system.constant:
+        raise ValueError("the second parameter must be another Constant than gamma")
+    a.values = checked_range(a.values, [], "mu")
+
+
+@collective("two parameters", _check_family)
 def contact_family(
     system: ParametricEquations, other: fem.Constant, values: tuple[float, float]
 ) -> ContactFamily:
@@ -53,13 +63,7 @@ def contact_family(
         ValueError: on every rank, if the problem is not that of a linear body in 2D with Coulomb
             friction and contact at nodes, or its data are not affine in mu, or do not contain it.
     """
-    with everywhere(system.comm, "two parameters"):
-        if not isinstance(other, fem.Constant) or other.ufl_shape != ():
-            raise ValueError("the second parameter must be a scalar Constant")
-        if other is system.constant:
-            raise ValueError("the second parameter must be another Constant than gamma")
-        low, high = checked_range(values, [], "mu")
-    same_everywhere(system.comm, values=(low, high))
+    low, high = values
     curved = system.not_affine_in(other)
     require(system.comm, not curved, f"{_MUST} ({curved})")
     found = [_condensed(system, other, mu) for mu in (low, high, (low + high) / 2)]
@@ -122,6 +126,15 @@ def _condensed(
         nothing.destroy()
 
 
+def _check_curves(a: Arguments) -> None:
+    a.branches = [(float(mu), branch) for mu, branch in a.branches]
+    if not all(isinstance(branch, Branch) for _, branch in a.branches):
+        raise ValueError("branches must be pairs of the second parameter and a Branch there")
+    a.other_range = checked_range(a.other_range, [mu for mu, _ in a.branches], "mu")
+    a.gamma_range = checked_range(a.gamma_range, [])
+
+
+@collective("event curves", _check_curves)
 def event_curves(
     system: ParametricEquations,
     other: fem.Constant,
@@ -148,25 +161,16 @@ def event_curves(
         ValueError: on every rank; see `contact_family`; or if a branch is none, is of another
             problem, or its mu is not in the range.
     """
-    with everywhere(system.comm, "event curves"):
-        pairs = [(float(mu), branch) for mu, branch in branches]
-        if not all(isinstance(branch, Branch) for _, branch in pairs):
-            raise ValueError("branches must be pairs of the second parameter and a Branch there")
-        low, high = checked_range(other_range, [mu for mu, _ in pairs])
-        gammas = checked_range(gamma_range, [])
-    same_everywhere(
-        system.comm, mus=[mu for mu, _ in pairs], gammas=gammas, folds_only=bool(folds_only)
-    )
-    family = contact_family(system, other, (low, high))
+    family = contact_family(system, other, other_range)
     points = GatheredPoints(system)
     starts = [
         (codes, mu)
-        for mu, branch in pairs
+        for mu, branch in branches
         for codes in _borders(points, branch, folds_only=folds_only)
     ]
     return on_root(
         system.comm,
-        lambda: follow_events(family, starts, (low, high), gammas, folds_only=folds_only),
+        lambda: follow_events(family, starts, other_range, gamma_range, folds_only=folds_only),
     )
 
 

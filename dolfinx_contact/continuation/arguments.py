@@ -30,6 +30,7 @@ __all__ = [
     "check_listeners",
     "check_states",
     "check_system",
+    "check_vectors",
     "checked_gamma",
     "checked_range",
     "guarded",
@@ -90,7 +91,17 @@ def checked_range(
     return low, high
 
 
-def check_states(system: System, states: Sequence[Any], what: str) -> None:
+def check_vectors(states: Sequence[Any], what: str) -> None:
+    """Raise ``ValueError`` if a state is no vector. Not collective."""
+    for x in states:
+        if not isinstance(x, PETSc.Vec):
+            raise ValueError(
+                f"{what} must be a PETSc vector of all unknowns, as system.create_vector() "
+                f"makes it and problem.write(x) fills it; got {type(x).__name__}"
+            )
+
+
+def check_states(system: System, states: Sequence[PETSc.Vec], what: str) -> None:
     """Raise ``ValueError`` on every rank if a state does not fit the system. Collective.
 
     Args:
@@ -102,11 +113,6 @@ def check_states(system: System, states: Sequence[Any], what: str) -> None:
     one = system.create_vector()
     with everywhere(system.comm, what):
         for x in states:
-            if not isinstance(x, PETSc.Vec):
-                raise ValueError(
-                    f"{what} must be a PETSc vector of all unknowns, as system.create_vector() "
-                    f"makes it and problem.write(x) fills it; got {type(x).__name__}"
-                )
             if (x.getLocalSize(), x.getSize()) != (one.getLocalSize(), one.getSize()):
                 raise ValueError(
                     f"{what} does not fit the unknowns: {x.getLocalSize()} of {x.getSize()} "

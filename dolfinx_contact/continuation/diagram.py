@@ -17,12 +17,13 @@ from typing import Any
 
 from petsc4py import PETSc
 
-from dolfinx_contact._errors import everywhere, same_everywhere
+from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._numbers import is_count, is_number
 from dolfinx_contact.continuation.arguments import (
     check_listeners,
     check_states,
     check_system,
+    check_vectors,
     checked_gamma,
     checked_range,
 )
@@ -120,6 +121,24 @@ class Diagram(Ends):
         }
 
 
+def _check(a: Arguments) -> None:
+    check_system(a.system)
+    try:
+        a.starts = [(x, checked_gamma(gamma, "gamma of a start")) for x, gamma in a.starts]
+    except TypeError:
+        raise ValueError("the starts must be pairs of a state and its gamma") from None
+    if not a.starts:
+        raise ValueError("at least one start is needed")
+    check_vectors([x for x, _ in a.starts], "a start")
+    a.gamma_range = checked_range(a.gamma_range, [gamma for _, gamma in a.starts])
+    check_listeners(a.observer, None, a.control, a.max_steps)
+    if not is_count(a.max_branches):
+        raise ValueError(f"the budget of branches must be positive, got {a.max_branches!r}")
+    if not (is_number(a.max_seconds) and a.max_seconds > 0):
+        raise ValueError(f"the budget of seconds must be positive, got {a.max_seconds!r}")
+
+
+@collective("explore", _check)
 def explore(
     system: System,
     starts: Iterable[tuple[PETSc.Vec, float]],
@@ -155,30 +174,9 @@ def explore(
         ValueError: on every rank, if an argument does not fit or differs between ranks, the range
             is empty or does not contain a start, or a start is no solution.
     """
-    check_system(system)
-    with everywhere(system.comm, "explore"):
-        try:
-            pairs = [(x, checked_gamma(gamma, "gamma of a start")) for x, gamma in starts]
-        except TypeError:
-            raise ValueError("the starts must be pairs of a state and its gamma") from None
-        if not pairs:
-            raise ValueError("at least one start is needed")
-        low, high = checked_range(gamma_range, [gamma for _, gamma in pairs])
-        check_listeners(observer, None, control, max_steps)
-        if not is_count(max_branches):
-            raise ValueError(f"the budget of branches must be positive, got {max_branches!r}")
-        if not (is_number(max_seconds) and max_seconds > 0):
-            raise ValueError(f"the budget of seconds must be positive, got {max_seconds!r}")
-    same_everywhere(
-        system.comm,
-        gammas_of_the_starts=[gamma for _, gamma in pairs],
-        gamma_range=(low, high),
-        control=control,
-        max_steps=int(max_steps),
-        max_branches=int(max_branches),
-        route=route,
-    )
+    pairs = list(starts)
     check_states(system, [x for x, _ in pairs], "a start")
+    low, high = gamma_range
     system.check_parameter([low, high])
     scale = high - low
     with (

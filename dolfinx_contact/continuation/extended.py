@@ -21,7 +21,8 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._errors import everywhere, require, same_everywhere
+from dolfinx_contact._collective import Arguments, collective
+from dolfinx_contact._errors import require
 from dolfinx_contact.continuation.arguments import (
     check_system,
     checked_gamma,
@@ -266,6 +267,23 @@ class _Extended(System):
             v.destroy()
 
 
+def _is_smooth_fold(special: SpecialPoint) -> bool:
+    return special.smooth and special.kind == "fold"
+
+
+def _check(a: Arguments) -> None:
+    check_system(a.system)
+    require_smooth(a.system)
+    a.mu = checked_gamma(a.mu, "mu")
+    a.mu_range = checked_range(a.mu_range, [a.mu], "mu")
+    one = a.special.located and len(a.special.changes) == 1
+    if not (one or _is_smooth_fold(a.special)):
+        raise ValueError("a smooth fold, or a located change of one point, is needed")
+    if not a.gamma_scale > 0:
+        raise ValueError(f"the scale of gamma must be positive, got {a.gamma_scale}")
+
+
+@collective("follow_special", _check)
 def follow_special(
     system: System,
     other: ParameterSystem,
@@ -298,22 +316,13 @@ def follow_special(
         ValueError: on every rank, if an argument does not fit or differs between ranks, the special
             point is of another kind, or there is no curve through it.
     """
-    check_system(system)
-    require_smooth(system)
-    with everywhere(system.comm, "follow_special"):
-        mu = checked_gamma(mu, "mu")
-        low, high = checked_range(mu_range, [mu], "mu")
-        smooth = special.smooth and special.kind == "fold"
-        if not smooth and not (special.located and len(special.changes) == 1):
-            raise ValueError("a smooth fold, or a located change of one point, is needed")
-        if not gamma_scale > 0:
-            raise ValueError(f"the scale of gamma must be positive, got {gamma_scale}")
-    same_everywhere(system.comm, mu=mu, mu_range=(low, high), gamma_scale=gamma_scale)
     require(
         system.comm,
         system.preconditioner is None,
         "curves in two parameters need assembled matrices: take the direct linear solver",
     )
+    low, high = mu_range
+    smooth = _is_smooth_fold(special)
     layout = Layout(system)
     before = branch.points[special.index - 1]
     x, gamma = layout.split(special.y)

@@ -16,11 +16,12 @@ from petsc4py import PETSc
 
 import numpy as np
 
-from dolfinx_contact._errors import everywhere, same_everywhere
+from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact.continuation.arguments import (
     check_listeners,
     check_states,
     check_system,
+    check_vectors,
     checked_gamma,
     checked_range,
     require_smooth,
@@ -58,6 +59,15 @@ _HOP = 1e-6  # of the scale of gamma, over a kink of the data
 _FURTHER = 4.0  # times the length by the slopes on both sides: no continuous branch
 
 
+def _check(a: Arguments) -> None:
+    check_system(a.system)
+    a.gamma = checked_gamma(a.gamma)
+    a.gamma_range = checked_range(a.gamma_range, [a.gamma])
+    check_vectors([a.x], "x")
+    check_listeners(a.observer, a.stop, a.control, a.max_steps)
+
+
+@collective("follow", _check)
 def follow(
     system: System,
     x: PETSc.Vec,
@@ -96,22 +106,8 @@ def follow(
             is empty or does not contain ``gamma``, gamma does not appear in H, no solution is found
             near the start, or H has kinks within its pieces, as where those of a bulk are.
     """
-    check_system(system)
-    with everywhere(system.comm, "follow"):
-        gamma = checked_gamma(gamma)
-        low, high = checked_range(gamma_range, [gamma])
-        check_listeners(observer, stop, control, max_steps)
-    same_everywhere(
-        system.comm,
-        gamma=gamma,
-        gamma_range=(low, high),
-        increasing=bool(increasing),
-        control=control,
-        max_steps=int(max_steps),
-        route=route,
-        stop_condition=stop is not None,
-    )
     check_states(system, [x], "x")
+    low, high = gamma_range
     system.check_parameter([low, high])
     scale = high - low
     with (

@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from dolfinx_contact._errors import everywhere, same_everywhere
+from dolfinx_contact._collective import Arguments, collective
+from dolfinx_contact._errors import same_everywhere
 from dolfinx_contact.continuation.arguments import (
     check_system,
     checked_gamma,
@@ -17,6 +18,15 @@ from dolfinx_contact.continuation.system import System
 __all__ = ["points_at"]
 
 
+def _check(a: Arguments) -> None:
+    check_system(a.system)
+    a.gamma = checked_gamma(a.gamma)
+    a.gamma_range = checked_range(a.gamma_range, [a.gamma])
+    if not isinstance(a.branch, Branch) or not a.branch.points:
+        raise ValueError(f"a Branch with points is needed, got {type(a.branch).__name__}")
+
+
+@collective("points_at", _check)
 def points_at(
     system: System,
     branch: Branch,
@@ -42,20 +52,8 @@ def points_at(
         ValueError: on every rank, if an argument does not fit or differs between ranks, or the
             branch has no point.
     """
-    check_system(system)
-    with everywhere(system.comm, "points_at"):
-        gamma = checked_gamma(gamma)
-        low, high = checked_range(gamma_range, [gamma])
-        if not isinstance(branch, Branch) or not branch.points:
-            raise ValueError(f"a Branch with points is needed, got {type(branch).__name__}")
-    same_everywhere(
-        system.comm,
-        gamma=gamma,
-        gamma_range=(low, high),
-        control=control,
-        route=route,
-        points=len(branch.points),
-    )
+    same_everywhere(system.comm, points_of_the_branch=len(branch.points))
+    low, high = gamma_range
     first = branch.points[0]
     x = system.create_vector()
     x.array[:] = first.y.array_r[: x.getLocalSize()]

@@ -28,11 +28,12 @@ from petsc4py import PETSc
 
 import numpy as np
 
-from dolfinx_contact._errors import everywhere, same_everywhere
+from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._numbers import is_count, is_number
 from dolfinx_contact.continuation.arguments import (
     check_states,
     check_system,
+    check_vectors,
     checked_gamma,
 )
 from dolfinx_contact.continuation.bordered import Bordered
@@ -118,6 +119,30 @@ class Solutions:
         return points
 
 
+def _check(a: Arguments) -> None:
+    check_system(a.system)
+    a.gamma = checked_gamma(a.gamma)
+    if any(isinstance(states, PETSc.Vec) for states in (a.guesses, a.known)):
+        raise ValueError("guesses and known must be lists of states")
+    for name in ("guesses", "known", "lengths"):
+        values = getattr(a, name)
+        if isinstance(values, str) or not isinstance(values, Iterable):
+            raise ValueError(f"{name} must be a list, got {values!r}")
+        setattr(a, name, list(values))
+    if not a.guesses:
+        raise ValueError("at least one guess is needed")
+    check_vectors(a.guesses, "a guess")
+    check_vectors(a.known, "a known solution")
+    positive = all(is_number(part) and 0 < part < np.inf for part in a.lengths)
+    if not (positive and is_number(a.tolerance) and a.tolerance > 0):
+        raise ValueError("lengths and tolerance must be positive")
+    if not is_count(a.max_iterations):
+        raise ValueError(f"max_iterations must be positive and whole, got {a.max_iterations!r}")
+    if not (is_number(a.proof_seconds) and a.proof_seconds >= 0):
+        raise ValueError(f"proof_seconds must be a number from 0 on, got {a.proof_seconds!r}")
+
+
+@collective("find_solutions", _check)
 def find_solutions(
     system: System,
     guesses: Sequence[PETSc.Vec],
@@ -156,35 +181,6 @@ def find_solutions(
         ValueError: on every rank, if there is no guess, a state does not fit, gamma, the loads or
             the stiffness are not finite, a number is not positive, or ranks differ.
     """
-    check_system(system)
-    with everywhere(system.comm, "find_solutions"):
-        gamma = checked_gamma(gamma)
-        if any(isinstance(states, PETSc.Vec) for states in (guesses, known)):
-            raise ValueError("guesses and known must be lists of states")
-        for name, states in dict(guesses=guesses, known=known, lengths=lengths).items():
-            if isinstance(states, str) or not isinstance(states, Iterable):
-                raise ValueError(f"{name} must be a list, got {states!r}")
-        guesses = list(guesses)
-        known = list(known)
-        lengths = list(lengths)
-        if not guesses:
-            raise ValueError("at least one guess is needed")
-        positive = all(is_number(part) and 0 < part < np.inf for part in lengths)
-        if not (positive and is_number(tolerance) and tolerance > 0):
-            raise ValueError("lengths and tolerance must be positive")
-        if not is_count(max_iterations):
-            raise ValueError(f"max_iterations must be positive and whole, got {max_iterations!r}")
-        if not (is_number(proof_seconds) and proof_seconds >= 0):
-            raise ValueError(f"proof_seconds must be a number from 0 on, got {proof_seconds!r}")
-    same_everywhere(
-        system.comm,
-        gamma=gamma,
-        lengths=lengths,
-        max_iterations=max_iterations,
-        tolerance=tolerance,
-        deflation=bool(deflation),
-        proof_seconds=float(proof_seconds),
-    )
     check_states(system, guesses, "a guess")
     check_states(system, known, "a known solution")
     system.check_parameter([gamma])

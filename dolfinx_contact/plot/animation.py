@@ -17,9 +17,9 @@ from mpi4py import MPI
 
 import numpy as np
 
+from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._errors import everywhere, on_root, require, same_everywhere
-from dolfinx_contact.io.folder import agreed_path
-from dolfinx_contact.plot.pictures import body_seen, draw
+from dolfinx_contact.plot.pictures import body_seen, checked_scale, draw
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.records.steps_record import StepsRecord
 
@@ -33,6 +33,17 @@ _WRITERS = {
 _SKIN = 0.04  # of the size, by which obstacles are thick in a picture
 
 
+def _check_film(a: Arguments) -> None:
+    a.file = Path(a.file)
+    if a.file.suffix not in _WRITERS:
+        raise ValueError(f"animations are .gif or .mp4, not {a.file.name}")
+    a.scale = checked_scale(a.scale)
+    a.rate = float(a.rate)
+    if not (np.isfinite(a.rate) and a.rate > 0):
+        raise ValueError(f"the rate must be a positive number of pictures a second, got {a.rate}")
+
+
+@collective("a film", _check_film)
 def film(
     file: str | os.PathLike[str],
     problem: ContactProblem,
@@ -76,13 +87,7 @@ def film(
             plot.film("output/mode.gif", problem, swinging())
     """
     comm = problem.comm
-    path = agreed_path(comm, file, "file")
-    with everywhere(comm, "film"):
-        if path.suffix not in _WRITERS:
-            raise ValueError(f"animations are .gif or .mp4, not {path.name}")
-        if not (np.isfinite(rate) and rate > 0):
-            raise ValueError(f"the rate must be a positive number of pictures a second, got {rate}")
-    same_everywhere(comm, rate=float(rate), title=title)
+    path = Path(file)
     on_root(comm, lambda: _require_writer(path.suffix))
     before = problem.u.x.array.copy()
     frames = []
@@ -104,6 +109,12 @@ def film(
     return draw(comm, "film", data, path, count=len(frames))
 
 
+def _check_animation(a: Arguments) -> None:
+    if a.steps is not None:
+        a.steps = [int(i) for i in a.steps]
+
+
+@collective("a film of a record", _check_animation)
 def animate(
     file: str | os.PathLike[str],
     record: StepsRecord[Any, Any],
@@ -140,9 +151,7 @@ def animate(
                 plot.animate("output/path.gif", record, stress=steel.full_stress(u))
     """
     states = record.journal.states
-    with everywhere(record.comm, "animate"):
-        shown = list(range(len(states))) if steps is None else [int(i) for i in steps]
-    same_everywhere(record.comm, steps=shown)
+    shown = range(len(states)) if steps is None else steps
 
     def times() -> Iterator[str]:
         for index in shown:

@@ -31,9 +31,10 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem, la, mesh
 
-from dolfinx_contact._errors import everywhere, require, same_everywhere
+from dolfinx_contact._collective import Arguments, collective
+from dolfinx_contact._errors import same_everywhere
+from dolfinx_contact._numbers import is_number
 from dolfinx_contact.io.fields import STATUS_CODES, check_stress, contact_fields, von_mises
-from dolfinx_contact.io.folder import agreed_path
 from dolfinx_contact.io.gathering import Arrays, gather_cells
 from dolfinx_contact.io.master import MasterFace
 from dolfinx_contact.points.trace import facet_closures
@@ -51,6 +52,12 @@ _SECONDS = 120.0  # after which a picture is given up
 _NOTHING = 1e-10  # of a force, what counts as none
 
 
+def _check_body(a: Arguments) -> None:
+    a.file = Path(a.file)
+    a.scale = checked_scale(a.scale)
+
+
+@collective("a picture", _check_body)
 def picture_of_body(
     file: str | os.PathLike[str],
     problem: ContactProblem,
@@ -79,8 +86,7 @@ def picture_of_body(
         ValueError: on every rank, if the stress is not 3 x 3 or of another mesh, the scale is not
             finite, or arguments differ between ranks.
     """
-    path = agreed_path(problem.comm, file, "file")
-    return draw(problem.comm, *body_seen(problem, stress, scale, title), path)
+    return draw(problem.comm, *body_seen(problem, stress, scale, title), Path(file))
 
 
 def body_seen(
@@ -93,7 +99,6 @@ def body_seen(
     u = problem.u
     domain = u.function_space.mesh
     comm = problem.comm
-    check_scale(comm, scale)
     tags = check_stress(problem, stress)
     tdim = domain.topology.dim
     V = fem.functionspace(domain, ("Lagrange", 1))
@@ -120,6 +125,15 @@ def body_seen(
     return f"body_{tdim}d", data
 
 
+def _check_contact(a: Arguments) -> None:
+    a.file = Path(a.file)
+    known = a.surface is None or any(a.surface is s for s in a.problem.surfaces)
+    if not known:
+        name = getattr(a.surface, "name", a.surface)
+        raise ValueError(f"the surface {name!r} is not one of the problem")
+
+
+@collective("a picture", _check_contact)
 def picture_of_contact(
     file: str | os.PathLike[str],
     problem: ContactProblem,
@@ -147,10 +161,6 @@ def picture_of_contact(
             between ranks.
     """
     s = problem.surfaces[0] if surface is None else surface
-    path = agreed_path(problem.comm, file, "file")
-    with everywhere(problem.comm, "a picture"):
-        if not any(s is t for t in problem.surfaces):
-            raise ValueError(f"the surface {getattr(s, 'name', s)!r} is not one of the problem")
     same_everywhere(problem.comm, surface=s.name)
     fields = contact_fields(problem, s)
     pressure = fields["pressure"].x.array
@@ -180,7 +190,7 @@ def picture_of_contact(
         data["shear"] = shear if s.dim == 3 else shear[:, 0]
         codes = np.bincount(seen["status"].astype(int), minlength=len(set(STATUS_CODES.values())))
         data["counts"] = codes
-    return draw(s.comm, f"contact_{s.dim}d", data, path)
+    return draw(s.comm, f"contact_{s.dim}d", data, Path(file))
 
 
 # -- what is seen --------------------------------------------------------------------------------
@@ -198,12 +208,11 @@ def outer_cells(V: fem.FunctionSpace) -> npt.NDArray[np.int32]:
     return facet_closures(V, mesh.exterior_facet_indices(topology))
 
 
-def check_scale(comm: MPI.Comm, scale: float) -> None:
-    """See that the factor of a displacement is a number, the same on every rank. Collective."""
-    number = isinstance(scale, int | float | np.integer | np.floating)
-    ok = number and bool(np.isfinite(scale))
-    require(comm, ok, f"the scale of the displacement must be a finite number, got {scale!r}")
-    same_everywhere(comm, scale=float(scale))
+def checked_scale(scale: Any) -> float:
+    """The factor of a displacement as a number, or ``ValueError``. Not collective."""
+    if not (is_number(scale) and np.isfinite(scale)):
+        raise ValueError(f"the scale of the displacement must be a finite number, got {scale!r}")
+    return float(scale)
 
 
 def _title(u: fem.Function, scale: float) -> str:

@@ -12,20 +12,29 @@ import numpy as np
 
 from dolfinx import fem
 
-from dolfinx_contact._errors import on_root, require, same_everywhere
+from dolfinx_contact._collective import Arguments, collective
+from dolfinx_contact._errors import on_root
 from dolfinx_contact._optional import optional
 from dolfinx_contact.continuation import BranchPoint
 from dolfinx_contact.equations.order import by_coordinates
 from dolfinx_contact.io.disk import part_of
-from dolfinx_contact.io.folder import agreed_path
 from dolfinx_contact.io.gathering import gather_cells
 from dolfinx_contact.laws.status import COLOURS, NAMES
 from dolfinx_contact.parametric import ParametricContact
-from dolfinx_contact.plot.pictures import check_scale, patch
+from dolfinx_contact.plot.pictures import checked_scale, patch
 
 __all__ = ["picture_of_states"]
 
 
+def _check(a: Arguments) -> None:
+    a.file = Path(a.file)
+    a.points = list(a.points)
+    a.scale = checked_scale(a.scale)
+    if a.system.problem.V.mesh.geometry.dim != 2 or not a.points:
+        raise ValueError("states are drawn side by side for 2D bodies, and at least one is needed")
+
+
+@collective("a picture of states", _check)
 def picture_of_states(
     file: str | os.PathLike[str],
     system: ParametricContact,
@@ -52,12 +61,7 @@ def picture_of_states(
             finite, or arguments differ between ranks.
     """
     comm = system.comm
-    path = agreed_path(system.comm, file, "file")
-    ok = system.problem.V.mesh.geometry.dim == 2 and len(points) > 0
-    message = "states are drawn side by side for 2D bodies, and at least one is needed"
-    require(comm, ok, message)
-    same_everywhere(comm, number_of_points=len(points))
-    check_scale(comm, scale)
+    path = Path(file)
     optional("matplotlib", "output")  # on every rank, although one draws
     seen = [_seen(system, point) for point in points]
 
