@@ -32,6 +32,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.linalg import eigh
 
+from dolfinx_contact._collective import collective
 from dolfinx_contact._entries import Entries, matrix_of
 from dolfinx_contact._errors import everywhere, on_root, require
 from dolfinx_contact._petsc import options_in_database, staged
@@ -91,6 +92,7 @@ class Renard:
         return self.definite and self.factor > 1.0 + 1e-9 and not self.doubt
 
 
+@collective("Renard's criterion")
 @staged("ContactUniqueness")
 def renard_criterion(
     problem: Problem,

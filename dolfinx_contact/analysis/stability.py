@@ -40,6 +40,7 @@ from scipy.linalg import eig
 
 import ufl
 
+from dolfinx_contact._collective import collective
 from dolfinx_contact._errors import on_root, require
 from dolfinx_contact._factor import is_symmetric
 from dolfinx_contact._numbers import is_count
@@ -101,6 +102,7 @@ class Stability:
     frequency: float = 0.0
 
 
+@collective("stability at rest")
 @staged("ContactStability")
 def stability_at_rest(
     problem: Problem, *, density: Any, damping: float | ufl.Form = 0.0, most: int = 1024

@@ -36,6 +36,7 @@ from ufl.algorithms import expand_derivatives, extract_coefficients
 from ufl.corealg.traversal import unique_pre_traversal
 
 from dolfinx_contact._agreement import described, refuse_other_mesh
+from dolfinx_contact._collective import collective
 from dolfinx_contact._compat import interpolation_points
 from dolfinx_contact._errors import everywhere, same_everywhere
 from dolfinx_contact._forms import compiled_form
@@ -74,6 +75,7 @@ logger = logging.getLogger(__name__)
 STATUS_CODES = {"o": 0, "k": 1, "+": 2, "-": 2, "s": 2, "d": 3}
 
 
+@collective("write_fields")
 def write_fields(
     folder: str | os.PathLike[str],
     problem: ContactProblem,

@@ -22,6 +22,7 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem, mesh
 
+from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._compat import gmsh_io
 from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact._kept import keep
@@ -57,6 +58,12 @@ class NamedTags(mesh.MeshTags):  # type: ignore[misc]
         return self.names[name]
 
 
+def _check_space(a: Arguments) -> None:
+    space = a.V[0] if isinstance(a.V, list | tuple) else a.V
+    if space.mesh is not a.self.mesh:
+        raise ValueError("the space is not on this mesh")
+
+
 class GmshMesh(NamedTuple):
     """A mesh and its physical groups.
 
@@ -86,13 +93,13 @@ class GmshMesh(NamedTuple):
             raise ValueError(f"no physical group is named {name!r}; names: {sorted(self.names)}")
         return self.names[name][1]
 
+    @collective("facets of a group")
     def facets(self, name: str) -> npt.NDArray[np.int32]:
         """Local indices of the facets of the group ``name``. Collective.
 
         Raises:
             ValueError: on every rank, if there is no such group, or ranks ask for different ones.
         """
-        same_everywhere(self.mesh.comm, name=name)
         tags = self._named_facets
         return np.asarray(tags.find(tags.tag(name)), dtype=np.int32)
 
@@ -113,6 +120,7 @@ class GmshMesh(NamedTuple):
         comm.Allreduce(x.max(axis=0, initial=-np.inf), limits[1], op=MPI.MAX)
         return limits
 
+    @collective("dofs of a group", _check_space)
     def dofs(self, V: Any, name: str) -> Any:
         """Dofs on the facets of the group ``name``, for Dirichlet conditions. Collective.
 
@@ -125,20 +133,16 @@ class GmshMesh(NamedTuple):
             ValueError: on every rank, if there is no such group, ranks ask for different ones, or
                 the space is not on the mesh.
         """
-        with everywhere(self.mesh.comm, "dofs of a group"):
-            space = V[0] if isinstance(V, list | tuple) else V
-            if space.mesh is not self.mesh:
-                raise ValueError("the space is not on this mesh")
         facets = self.facets(name)
         return fem.locate_dofs_topological(V, self.facet_tags.dim, facets)
 
+    @collective("a measure of a group")
     def ds(self, name: str, **metadata: Any) -> ufl.Measure:
         """Measure of the facets of the group ``name``, for loads. Collective.
 
         Raises:
             ValueError: on every rank, if there is no such group, or ranks ask for different ones.
         """
-        same_everywhere(self.mesh.comm, name=name)
         tag = self._named_facets.tag(name)
         return ufl.Measure(
             "ds", self.mesh, subdomain_id=tag, subdomain_data=self.facet_tags, metadata=metadata
@@ -185,6 +189,12 @@ def tagged_facets(
         raise ValueError(f"{what}: {error}") from None
 
 
+def _check_file(a: Arguments) -> None:
+    a.filename = os.fspath(a.filename)
+    a.groups = list(a.groups)
+
+
+@collective("a mesh file", _check_file)
 def read_mesh(
     comm: MPI.Comm,
     filename: str | os.PathLike[str],
@@ -206,15 +216,18 @@ def read_mesh(
             between ranks; see `mesh_from_gmsh`.
     """
     gmsh = optional("gmsh", "gmsh")
-    with everywhere(comm, "a mesh file"):
-        filename = os.fspath(filename)
-    same_everywhere(comm, mesh_file=filename)
+    filename = os.fspath(filename)
     found = comm.bcast(Path(filename).is_file() if comm.rank == 0 else None)
     if not found:
         raise FileNotFoundError(f"there is no mesh file {filename}")
     return mesh_from_gmsh(comm, lambda: gmsh.merge(filename), dim=dim, groups=groups)
 
 
+def _check_groups(a: Arguments) -> None:
+    a.groups = list(a.groups)
+
+
+@collective("a mesh from gmsh", _check_groups, local=("draw",))
 def mesh_from_gmsh(
     comm: MPI.Comm,
     draw: Callable[[], Any],
@@ -238,9 +251,7 @@ def mesh_from_gmsh(
             differ between ranks. KeyboardInterrupt and SystemExit of ``draw`` pass, on every rank.
     """
     gmsh = optional("gmsh", "gmsh")
-    with everywhere(comm, "a mesh from gmsh"):
-        wanted = list(groups)
-    same_everywhere(comm, dim=dim, groups=wanted)
+    wanted = list(groups)
     with ExitStack() as session:
         model = None
         with everywhere(comm, "drawing in gmsh"):  # whatever is raised, the other ranks wait
