@@ -88,7 +88,7 @@ def curves_of(system, friction, span, gammas, coefficients):
         system.problem.write(x)
         branch = follow(system, x, first, gamma_range=gammas)
         branches.append((F, branch))
-    curves = event_curves(system, friction, branches, span, gammas)
+    curves = event_curves(system, friction, branches, mu_range=span, gamma_range=gammas)
     return curves, iterations
 
 
@@ -119,9 +119,9 @@ def main(argv=None):
     report(say, curves, folds_at)
 
     # ## Count between the curves
-    family = contact_family(system, friction, span)
+    family = contact_family(system, friction, mu_range=span)
     grid = dict(cells=(args.cells, args.cells), depth=args.depth, seconds=args.seconds)
-    chart = count_solutions(system.comm, family, span, gammas, curves=curves, **grid)
+    chart = count_solutions(family, mu_range=span, gamma_range=gammas, curves=curves, **grid)
     if comm.rank == 0:
         axes = ("friction coefficient F", r"load $\gamma$")
         plot.draw_chart(folder / "chart.png", chart, curves, labels=axes)

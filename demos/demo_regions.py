@@ -73,7 +73,9 @@ def curves_of(system, other, size):
         system.problem.write(x)
         branch = follow(system, x, -size, gamma_range=span)
         branches.append((value, branch))
-    curves = event_curves(system, other, branches, span, span, folds_only=False)
+    curves = event_curves(
+        system, other, branches, mu_range=span, gamma_range=span, folds_only=False
+    )
     return curves, iterations
 
 
@@ -115,8 +117,10 @@ def main(argv=None):
         F = part * (lmbda + 3 * mu) / (lmbda + mu)
         system, other = loaded(args.n, F, args.lame, args.length)
         curves, iterations = curves_of(system, other, args.size)
-        family = contact_family(system, other, span)
-        regions = solution_regions(comm, family, curves, span, span, seconds=args.seconds)
+        family = contact_family(system, other, mu_range=span)
+        regions = solution_regions(
+            family, curves, mu_range=span, gamma_range=span, seconds=args.seconds
+        )
         sets = {cell.solutions for cell in regions.cells}
         words = [", ".join(solutions) for solutions in sorted(sets, key=len)]
         proved = f"proved {regions.proved}, curves explain all changes {regions.explained}"

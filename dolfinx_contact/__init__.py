@@ -2,6 +2,9 @@
 """Frictional contact mechanics on DOLFINx: the Signorini-Coulomb problem without regularisation."""
 # ruff: noqa: E402
 
+from importlib import import_module
+from typing import TYPE_CHECKING
+
 from dolfinx_contact._name import refuse_mixture, warn_of_namesake
 
 refuse_mixture()  # before anything is imported that may be another's
@@ -29,6 +32,10 @@ from dolfinx_contact.results.result import Result
 from dolfinx_contact.results.tables import ContactTable
 from dolfinx_contact.solvers import ConvergenceError
 
+if TYPE_CHECKING:
+    from dolfinx_contact.nested import solve_nested
+    from dolfinx_contact.parametric import ParametricContact
+
 __version__ = "0.1.0"
 
 __all__ = [
@@ -47,6 +54,7 @@ __all__ = [
     "MaxwellLayer",
     "NonlocalCoulomb",
     "NormalCompliance",
+    "ParametricContact",
     "Regularised",
     "Result",
     "RigidBody",
@@ -55,4 +63,17 @@ __all__ = [
     "materials",
     "obstacles",
     "parse_arguments",
+    "solve_nested",
 ]
+
+#: What a static solve does not need is loaded when it is used.
+_LATER = {
+    "ParametricContact": "dolfinx_contact.parametric",
+    "solve_nested": "dolfinx_contact.nested",
+}
+
+
+def __getattr__(name: str) -> object:
+    if name in _LATER:
+        return getattr(import_module(_LATER[name]), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

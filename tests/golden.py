@@ -513,8 +513,10 @@ def certificate():
 def chart():
     system = triangle(2)
     F = system.problem.surfaces[0].law.friction
-    family = contact_family(system, F, (1.0, 4.0))
-    found = count_solutions(COMM, family, (1.0, 4.0), (-1.0, 1.0), cells=(3, 3), depth=1)
+    family = contact_family(system, F, mu_range=(1.0, 4.0))
+    found = count_solutions(
+        family, mu_range=(1.0, 4.0), gamma_range=(-1.0, 1.0), cells=(3, 3), depth=1
+    )
     return {
         "exact": {
             "cells": [[str(c.mu), str(c.gamma), str(c.count), c.proved] for c in found.cells],
@@ -526,8 +528,8 @@ def regions():
     system, other = demo_regions.loaded(1, 3.0, (1.0, 1.0), 1.0)
     span = (-3.0, 3.0)
     curves, _ = demo_regions.curves_of(system, other, 3.0)
-    family = contact_family(system, other, span)
-    found = solution_regions(COMM, family, curves, span, span)
+    family = contact_family(system, other, mu_range=span)
+    found = solution_regions(family, curves, mu_range=span, gamma_range=span)
     return {
         "solved": {"crossings": np.asarray(curves.crossings).ravel().tolist()},
         "exact": {"counts": [r.count for r in found.cells], "proved": found.proved},
@@ -538,7 +540,9 @@ def folds_with_friction():
     system = demo_hild_triangle.element((1.0, 1.0), 3.0, 1.0, (-2.0, 0.0), (0.0, -2.0))
     followed = follow(system, started(system, 0.0), 0.0, gamma_range=(0.0, 10.0))
     F = system.problem.surfaces[0].law.friction
-    curves = event_curves(system, F, [(3.0, followed)], (1.0, 4.0), (0.1, 10.0), folds_only=False)
+    curves = event_curves(
+        system, F, [(3.0, followed)], mu_range=(1.0, 4.0), gamma_range=(0.1, 10.0), folds_only=False
+    )
     return {
         "solved": {
             "folds": list(curves.folds_at(2.7)),

@@ -255,7 +255,7 @@ SECOND = {
 def test_a_second_parameter_between_samples(name):
     p = SECOND[name]()
     with pytest.raises(ValueError, match="must be affine in the second parameter"):
-        contact_family(p.parametric(), p.other, (0.0, 1.0))
+        contact_family(p.parametric(), p.other, mu_range=(0.0, 1.0))
 
 
 def _motion(damping, **options):

@@ -604,7 +604,7 @@ MISUSE = {
     ),
     "expected numbers": (lambda w: w.problem.solve(expected=[1, 2]), "expected must be a list"),
     "range of mu": (
-        lambda w: contact_family(w.system, fem.Constant(w.V.mesh, 1.0), (2.0, 1.0)),
+        lambda w: contact_family(w.system, fem.Constant(w.V.mesh, 1.0), mu_range=(2.0, 1.0)),
         r"the range .2\.0, 1\.0. of mu is empty",
     ),
     "tolerance of solutions nan": (lambda w: found(w, tolerance=np.nan), "must be positive"),

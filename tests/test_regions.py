@@ -1,6 +1,7 @@
 """Regions of solutions between curves, against closed forms and enumeration."""
 
 import itertools
+from dataclasses import replace
 
 from mpi4py import MPI
 
@@ -20,8 +21,10 @@ SPAN = (-3.0, 3.0)
 def regions_of(n, friction, size=3.0):
     system, other = demo_regions.loaded(n, friction, (1.0, 1.0), 1.0)
     curves, _ = demo_regions.curves_of(system, other, size)
-    family = contact_family(system, other, (-size, size))
-    return curves, solution_regions(COMM, family, curves, (-size, size), (-size, size))
+    family = contact_family(system, other, mu_range=(-size, size))
+    return curves, solution_regions(
+        family, curves, mu_range=(-size, size), gamma_range=(-size, size)
+    )
 
 
 def of_one_node(F, F1, F2, kt=2.0, kn=2.0, k=1.0):
@@ -89,7 +92,7 @@ def test_random_families(seed):
         for key in enumerated(family, mu, gammas)
     ]
     curves = follow_events(family, starts, span, gammas, folds_only=False)
-    regions = solution_regions(COMM, family, curves, span, gammas)
+    regions = solution_regions(family, curves, mu_range=span, gamma_range=gammas)
     assert regions.proved
     assert regions.explained
     random = np.random.default_rng(seed)
@@ -99,7 +102,7 @@ def test_random_families(seed):
         words = tuple(sorted("".join("ok+-"[c] for c in p) for p in inside))
         assert regions.at(mu, gamma).solutions == words
     less = EventCurves(curves.curves[1:], curves.meetings)
-    assert not solution_regions(COMM, family, less, span, gammas).explained
+    assert not solution_regions(family, less, mu_range=span, gamma_range=gammas).explained
 
 
 def test_demo(folder):
@@ -118,15 +121,17 @@ def test_demo(folder):
 
 
 def test_bad_input(tmp_path):
-    family = random_family(0)
+    family = replace(random_family(0), comm=COMM)
     curves = follow_events(family, [], (1.0, 2.0), (-1.0, 1.0))
     ranks = [1.0 + COMM.rank] if COMM.size > 1 else []
     for seconds in (0.0, -1.0, np.nan, *ranks):
         with pytest.raises(ValueError, match="seconds"):
-            solution_regions(COMM, family, curves, (1.0, 2.0), (-1.0, 1.0), seconds=seconds)
+            solution_regions(
+                family, curves, mu_range=(1.0, 2.0), gamma_range=(-1.0, 1.0), seconds=seconds
+            )
     with pytest.raises(ValueError, match="range"):
-        solution_regions(COMM, family, curves, (2.0, 1.0), (-1.0, 1.0))
-    regions = solution_regions(COMM, family, curves, (1.0, 2.0), (-1.0, 1.0))
+        solution_regions(family, curves, mu_range=(2.0, 1.0), gamma_range=(-1.0, 1.0))
+    regions = solution_regions(family, curves, mu_range=(1.0, 2.0), gamma_range=(-1.0, 1.0))
     with pytest.raises(ValueError, match="outside"):
         regions.at(0.0, 0.0)
     with pytest.raises(ValueError, match="no names"):

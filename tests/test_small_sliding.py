@@ -312,7 +312,9 @@ def test_a_chart(slide):
     move(slide)
     system = ParametricContact(problem, gamma, driven=[(above, gamma * above.copy())])
     (pair,) = problem.surfaces
-    family = contact_family(system, pair.law.friction, (0.04, 0.06))
-    chart = count_solutions(COMM, family, (0.04, 0.06), (0.9, 1.1), cells=(1, 1), depth=0)
+    family = contact_family(system, pair.law.friction, mu_range=(0.04, 0.06))
+    chart = count_solutions(
+        family, mu_range=(0.04, 0.06), gamma_range=(0.9, 1.1), cells=(1, 1), depth=0
+    )
     assert [cell.count for cell in chart.cells] == [1]
     assert chart.proved == (slide < 0.1)

@@ -133,7 +133,7 @@ def test_linear_vee():
     (surface,) = system.problem.surfaces
     F = surface.law.friction
     span = (1.3, 1.52)
-    exact = event_curves(system, F, [(1.4, branch)], span, (0.0, 1.0))
+    exact = event_curves(system, F, [(1.4, branch)], mu_range=span, gamma_range=(0.0, 1.0))
     other = ParametricContact(system.problem, F)
     for special in branch.folds:
         way = dict(mu_range=span, gamma_scale=1.0)

@@ -43,7 +43,7 @@ def test_one_element(unit):
     system = element((unit, unit), 3.0, 1.0, (-2.0 * unit, 0.0), (0.0, -2.0 * unit))
     branch = branch_of(system, (0.0, 10.0))
     F = friction_of(system)
-    curves = event_curves(system, F, [(3.0, branch)], (1.0, 4.0), (0.1, 10.0))
+    curves = event_curves(system, F, [(3.0, branch)], mu_range=(1.0, 4.0), gamma_range=(0.1, 10.0))
     assert float(F.value) == 3.0
     opened, stuck = curves.folds
     assert opened.statuses_at(3.0) == ("o", "-")
@@ -56,7 +56,9 @@ def test_one_element(unit):
     np.testing.assert_allclose(cusp, (2.0, 2.0), atol=1e-10)
     assert np.isnan(stuck.at(1.5))
 
-    both = event_curves(system, F, [(3.0, branch)], (1.0, 4.0), (0.1, 10.0), folds_only=False)
+    both = event_curves(
+        system, F, [(3.0, branch)], mu_range=(1.0, 4.0), gamma_range=(0.1, 10.0), folds_only=False
+    )
     events = [c for c in both.curves if c.kind == "event"]
     assert sorted(c.at(1.5) for c in events) == pytest.approx([1.5, 2.0], abs=1e-10)
     assert len(both.folds) == 2
@@ -76,7 +78,7 @@ def test_two_loads():
     problem = ContactProblem(energy, body.u, body.surfaces, bcs=body.bcs)
     system = ParametricContact(problem, gamma)
     branches = [(1.0, branch_of(system, (0.0, 10.0)))]
-    curves = event_curves(system, mu, branches, (0.5, 2.0), (0.1, 10.0))
+    curves = event_curves(system, mu, branches, mu_range=(0.5, 2.0), gamma_range=(0.1, 10.0))
     for at in (0.6, 1.0, 1.9):
         np.testing.assert_allclose(curves.folds_at(at), [3 * at, 2 * at], atol=1e-10)
     assert curves.cusps == ()
@@ -93,7 +95,9 @@ def test_vee(vee):
     """Folds of branches at other coefficients lie on the curves, with the same statuses."""
     F = friction_of(vee)
     F.value = 1.5
-    curves = event_curves(vee, F, [(1.5, branch_of(vee))], (1.0, 1.6), (0.0, 1.0))
+    curves = event_curves(
+        vee, F, [(1.5, branch_of(vee))], mu_range=(1.0, 1.6), gamma_range=(0.0, 1.0)
+    )
     (cusp,) = curves.cusps
     assert 1.1 < cusp[0] < 1.2
     for mu in (cusp[0] + 1e-7, cusp[0] + 1e-3, 1.3, 1.57):
@@ -187,7 +191,7 @@ def test_chart_of_a_random_family(seed):
     family = random_family(seed)
     span = (0.2, 4.0)
     gammas = (-8.0, 8.0)
-    chart = count_solutions(COMM, family, span, gammas, cells=(4, 4), depth=2)
+    chart = count_solutions(family, mu_range=span, gamma_range=gammas, cells=(4, 4), depth=2)
     assert chart.proved
     areas = [np.ptp(c.mu) * np.ptp(c.gamma) for c in chart.cells]
     assert sum(areas) == pytest.approx(np.ptp(span) * np.ptp(gammas))
@@ -235,14 +239,14 @@ def holds(family, codes, mu, gamma):
 def test_what_is_refused(vee):
     F = friction_of(vee)
     with pytest.raises(ValueError, match="another Constant than gamma"):
-        contact_family(vee, vee.constant, (0.0, 1.0))
+        contact_family(vee, vee.constant, mu_range=(0.0, 1.0))
     with pytest.raises(ValueError, match="scalar Constant"):
-        contact_family(vee, 1.5, (0.0, 1.0))
+        contact_family(vee, 1.5, mu_range=(0.0, 1.0))
     with pytest.raises(ValueError, match="does not appear"):
-        contact_family(vee, fem.Constant(vee.problem.V.mesh, 1.0), (0.0, 1.0))
+        contact_family(vee, fem.Constant(vee.problem.V.mesh, 1.0), mu_range=(0.0, 1.0))
     with pytest.raises(ValueError, match="second parameter is -1"):
-        contact_family(vee, F, (-1.0, 1.0))
+        contact_family(vee, F, mu_range=(-1.0, 1.0))
     with pytest.raises(ValueError, match="range"):
-        event_curves(vee, F, [(4.0, branch_of(vee))], (5.0, 6.0), (0.0, 1.0))
+        event_curves(vee, F, [(4.0, branch_of(vee))], mu_range=(5.0, 6.0), gamma_range=(0.0, 1.0))
     with pytest.raises(ValueError, match="pairs"):
-        event_curves(vee, F, [(1.5, None)], (1.0, 2.0), (0.0, 1.0))
+        event_curves(vee, F, [(1.5, None)], mu_range=(1.0, 2.0), gamma_range=(0.0, 1.0))

@@ -13,8 +13,6 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from mpi4py import MPI
-
 import numpy as np
 import numpy.typing as npt
 
@@ -106,11 +104,10 @@ def _check(a: Arguments) -> None:
 
 @collective("a chart", _check)
 def count_solutions(
-    comm: MPI.Comm,
     family: ContactFamily,
+    *,
     mu_range: tuple[float, float],
     gamma_range: tuple[float, float],
-    *,
     cells: tuple[int, int] = (6, 6),
     depth: int = 2,
     curves: EventCurves | None = None,
@@ -121,8 +118,7 @@ def count_solutions(
     Collective; ranks share the cells.
 
     Args:
-        comm: the ranks.
-        family: the problem with two parameters, the same on every rank.
+        family: the problem with two parameters, the same on all ranks of its communicator.
         mu_range: least and largest mu.
         gamma_range: least and largest gamma.
         cells: numbers of cells to begin with, by mu and by gamma.
@@ -133,7 +129,7 @@ def count_solutions(
     Raises:
         ValueError: on every rank, if an argument does not fit or differs between ranks.
     """
-    return _Counting(comm, family, (mu_range, gamma_range), cells, depth, seconds).run(curves)
+    return _Counting(family, (mu_range, gamma_range), cells, depth, seconds).run(curves)
 
 
 @dataclass(frozen=True)
@@ -166,14 +162,13 @@ class _Leaf:
 class _Counting:
     def __init__(
         self,
-        comm: MPI.Comm,
         family: ContactFamily,
         ranges: tuple[tuple[float, float], tuple[float, float]],
         cells: tuple[int, int],
         depth: int,
         seconds: float,
     ):
-        self.comm = comm
+        self.comm = family.comm
         self.family = family
         self.ranges = ranges
         self.seconds = seconds
@@ -182,7 +177,7 @@ class _Counting:
         #: Of the finest cells, the solutions of the cell that they are in, by number.
         self.raster: npt.NDArray[np.int64] = np.zeros([n * 2**depth for n in cells], dtype=int)
         self.found: list[_Leaf] = []
-        self._line = Line(comm)
+        self._line = Line(family.comm)
         self._begun = time.monotonic()
 
     def run(self, curves: EventCurves | None) -> Chart:

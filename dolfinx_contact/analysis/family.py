@@ -25,8 +25,11 @@ a border are found, without steps.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
+
+from mpi4py import MPI
 
 import numpy as np
 import numpy.typing as npt
@@ -89,6 +92,7 @@ class ContactFamily:
         q_error: how that grows with the size of gamma (2 m,).
         reach: slips up to which sliding is small (m,), half a facet where what is opposite moves or
             is curved, infinite on flat obstacles; None: everywhere infinite.
+        comm: ranks that have it alike, and share the work on it.
     """
 
     S: Array
@@ -101,6 +105,14 @@ class ContactFamily:
     p_error: Array | None = None
     q_error: Array | None = None
     reach: Array | None = None
+    comm: MPI.Comm = field(default_factory=lambda: MPI.COMM_SELF)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without the communicator: what is sent to another rank is that rank's alone."""
+        return {name: value for name, value in vars(self).items() if name != "comm"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state, comm=MPI.COMM_SELF)
 
     def are_small(self, slips: Iterable[Array]) -> bool:
         """Whether the slips (m,) of solutions are small, so that a proof is one of the bodies."""

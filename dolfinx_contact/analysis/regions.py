@@ -18,8 +18,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations, pairwise
 
-from mpi4py import MPI
-
 import numpy as np
 import numpy.typing as npt
 
@@ -163,19 +161,17 @@ def _check(a: Arguments) -> None:
 
 @collective("regions", _check)
 def solution_regions(
-    comm: MPI.Comm,
     family: ContactFamily,
     curves: EventCurves,
+    *,
     mu_range: tuple[float, float],
     gamma_range: tuple[float, float],
-    *,
     seconds: float = 20.0,
 ) -> Regions:
     """The cells between curves, and the solutions in each. Collective; ranks share the cells.
 
     Args:
-        comm: the ranks.
-        family: the problem with two parameters, the same on every rank.
+        family: the problem with two parameters, the same on all ranks of its communicator.
         curves: all its curves of folds and events in the ranges, found with the same ranges.
         mu_range: least and largest mu.
         gamma_range: least and largest gamma.
@@ -184,6 +180,7 @@ def solution_regions(
     Raises:
         ValueError: on every rank, for ranges or seconds that are none.
     """
+    comm = family.comm
     strips = _strips(curves, mu_range)
     bare = [cell for span in strips for cell in _between(curves, span, gamma_range)]
     mine = {}

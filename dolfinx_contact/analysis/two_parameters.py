@@ -45,25 +45,25 @@ def _check_family(a: Arguments) -> None:
         raise ValueError("the second parameter must be a scalar Constant")
     if a.other is a.system.constant:
         raise ValueError("the second parameter must be another Constant than gamma")
-    a.values = checked_range(a.values, [], "mu")
+    a.mu_range = checked_range(a.mu_range, [], "mu")
 
 
 @collective("two parameters", _check_family)
 def contact_family(
-    system: ParametricEquations, other: fem.Constant, values: tuple[float, float]
+    system: ParametricEquations, other: fem.Constant, *, mu_range: tuple[float, float]
 ) -> ContactFamily:
     """The problem on its contact points, with gamma and a second parameter. Collective.
 
     Args:
         system: the problem with gamma.
         other: the second parameter mu, a scalar Constant.
-        values: two values of it, for which the friction must not be negative.
+        mu_range: two values of it, for which the friction must not be negative.
 
     Raises:
         ValueError: on every rank, if the problem is not that of a linear body in 2D with Coulomb
             friction and contact at nodes, or its data are not affine in mu, or do not contain it.
     """
-    low, high = values
+    low, high = mu_range
     curved = system.not_affine_in(other)
     require(system.comm, not curved, f"{_MUST} ({curved})")
     found = [_condensed(system, other, mu) for mu in (low, high, (low + high) / 2)]
@@ -92,7 +92,7 @@ def contact_family(
     at_zero = (np.asarray(x - low * slope) for x, slope in ((p, v), (friction, rate)))
     p, friction = at_zero
     of_S, of_p, of_q = errors
-    return ContactFamily(S, p, q, v, friction, rate, of_S, of_p, of_q, found[0][2])
+    return ContactFamily(S, p, q, v, friction, rate, of_S, of_p, of_q, found[0][2], system.comm)
 
 
 def _condensed(
@@ -130,7 +130,7 @@ def _check_curves(a: Arguments) -> None:
     a.branches = [(float(mu), branch) for mu, branch in a.branches]
     if not all(isinstance(branch, Branch) for _, branch in a.branches):
         raise ValueError("branches must be pairs of the second parameter and a Branch there")
-    a.other_range = checked_range(a.other_range, [mu for mu, _ in a.branches], "mu")
+    a.mu_range = checked_range(a.mu_range, [mu for mu, _ in a.branches], "mu")
     a.gamma_range = checked_range(a.gamma_range, [])
 
 
@@ -139,9 +139,9 @@ def event_curves(
     system: ParametricEquations,
     other: fem.Constant,
     branches: Sequence[tuple[float, Branch]],
-    other_range: tuple[float, float],
-    gamma_range: tuple[float, float],
     *,
+    mu_range: tuple[float, float],
+    gamma_range: tuple[float, float],
     folds_only: bool = True,
 ) -> EventCurves:
     """Curves of the folds and events of branches in a second parameter, exact. Collective.
@@ -150,7 +150,7 @@ def event_curves(
         system: the problem with gamma, a `ParametricContact`.
         other: the second parameter mu, a scalar Constant.
         branches: values of mu, and branches that were followed there.
-        other_range: least and largest mu.
+        mu_range: least and largest mu.
         gamma_range: least and largest gamma.
         folds_only: whether curves of folds alone are followed.
 
@@ -161,7 +161,7 @@ def event_curves(
         ValueError: on every rank; see `contact_family`; or if a branch is none, is of another
             problem, or its mu is not in the range.
     """
-    family = contact_family(system, other, other_range)
+    family = contact_family(system, other, mu_range=mu_range)
     points = GatheredPoints(system)
     starts = [
         (codes, mu)
@@ -170,7 +170,7 @@ def event_curves(
     ]
     return on_root(
         system.comm,
-        lambda: follow_events(family, starts, other_range, gamma_range, folds_only=folds_only),
+        lambda: follow_events(family, starts, mu_range, gamma_range, folds_only=folds_only),
     )
 
 

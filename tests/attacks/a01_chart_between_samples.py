@@ -42,14 +42,13 @@ def numbers(load, at):
     floor = HalfSpace(point=(0, 0), normal=(0, 1))
     contact = ContactSurface(u, below, obstacle=floor, law=Coulomb(3.0))
     system = ParametricContact(ContactProblem(energy, u, [contact], bcs=[held]), gamma)
-    family = contact_family(system, m, (0.0, 1.0))
+    family = contact_family(system, m, mu_range=(0.0, 1.0))
     counts = []
     for value in at:
         chart = count_solutions(
-            MPI.COMM_SELF,
             family,
-            (value - 1e-3, value + 1e-3),
-            (1.0 - 1e-3, 1.0 + 1e-3),
+            mu_range=(value - 1e-3, value + 1e-3),
+            gamma_range=(1.0 - 1e-3, 1.0 + 1e-3),
             cells=(1, 1),
             depth=0,
         )

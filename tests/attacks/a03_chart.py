@@ -28,8 +28,8 @@ def chart(case, ways):
     energy = steel.energy(both.u) * ufl.dx + 50.0 * ufl.dot(pull, pull) * ds
     pair = ContactPair(both.u, both.slave, master_facets=both.master, law=Coulomb(friction))
     problem = ContactProblem(energy, both.u, [pair], bcs=both.bcs[1:])
-    family = contact_family(ParametricContact(problem, way), friction, (0.05, 0.3))
-    return count_solutions(case.comm, family, (0.05, 0.3), ways, cells=(2, 2), depth=0)
+    family = contact_family(ParametricContact(problem, way), friction, mu_range=(0.05, 0.3))
+    return count_solutions(family, mu_range=(0.05, 0.3), gamma_range=ways, cells=(2, 2), depth=0)
 
 
 def attack(case):
