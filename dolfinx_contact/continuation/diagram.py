@@ -81,8 +81,9 @@ class Diagram(Ends):
     Attributes:
         edges: branches.
         nodes: bifurcations.
-        complete: whether every ray has been followed and every node knows all of its rays.
-        ending: how the exploration ended.
+        complete: whether every ray has been followed to the end of its branch, and every node
+            knows all of its rays.
+        ending: how the exploration ended; that of a branch which was cut off, if one was.
         reason: why, in words.
     """
 
@@ -238,9 +239,17 @@ class _Explorer:
                 continue
             self._follow(point, i)
         else:
-            diagram.end(Ending.REACHED, _ALL)
+            short = [(k, e.branch) for k, e in enumerate(diagram.edges) if _is_cut_off(e.branch)]
+            if short:
+                number, branch = short[0]
+                assert branch.ending is not None
+                more = f" (and {len(short) - 1} more)" if len(short) > 1 else ""
+                words = f"branch {number} was cut off{more}: {branch.reason}"
+                diagram.end(branch.ending, words)
+            else:
+                diagram.end(Ending.REACHED, _ALL)
             known = all(node.point.complete for node in diagram.nodes)
-            diagram.complete = known and all(edge.branch.points for edge in diagram.edges)
+            diagram.complete = known and not short
         if comm.rank == 0:
             found = len(diagram.edges), len(diagram.nodes), diagram.reason
             logger.info("%d branches, %d bifurcations: %s", *found)
@@ -303,6 +312,11 @@ class _Explorer:
                 if b.inner(away, away) <= _SAME**2 and (same_sense or not leaving):
                     return True
         return False
+
+
+def _is_cut_off(branch: Branch) -> bool:
+    """Whether a branch may go on beyond what was followed of it."""
+    return branch.ending in (Ending.BUDGET, Ending.NOT_SOLVED, Ending.NOT_FOUND)
 
 
 def _at_bifurcation(_point: BranchPoint, special: Sequence[SpecialPoint]) -> str:

@@ -56,6 +56,7 @@ logger = logging.getLogger(__name__)
 
 _HAIR = 1e-9  # of the scale of gamma: beside a gamma at which borders begin
 _HOP = 1e-6  # of the scale of gamma, over a kink of the data
+_BESIDE = 0.1  # of the length of a step, the distance from its start at which a branch closes
 _FURTHER = 4.0  # times the length by the slopes on both sides: no continuous branch
 
 
@@ -299,13 +300,21 @@ class Follower(Walker):
         same = bool(np.array_equal(start.piece.codes, point.piece.codes))
         if point is start or not comm.allreduce(same, op=_all):
             return False
+        chord = new.y - point.y
         back = start.y - point.y
-        along = b.inner(point.tangent, back)
-        size = b.inner(back, back)
-        end = b.inner(point.tangent, new.y) - b.inner(point.tangent, point.y)
-        beside = max(size - along**2, 0.0)
-        forwards = b.inner(point.tangent, start.tangent) > self.control.cosine
-        return bool(0 < along <= end and beside <= (0.1 * end) ** 2 and forwards)
+        square = b.inner(chord, chord)
+        part = b.inner(back, chord) / square
+        if not -_HAIR <= part <= 1:
+            return False
+        # The parabola through both points, with the tangent of the first.
+        onwards = point.tangent.copy()
+        onwards.scale(math.sqrt(square))
+        bend = chord - onwards
+        back.axpy(-part, onwards)
+        back.axpy(-(part**2), bend)
+        onwards.axpy(2 * part, bend)
+        slope = b.inner(onwards, start.tangent) / math.sqrt(b.inner(onwards, onwards))
+        return b.inner(back, back) <= _BESIDE**2 * square and slope > self.control.cosine
 
     def at(self, branch: Branch, gamma: float) -> list[BranchPoint]:
         """The points of ``branch`` at which its parameter is ``gamma``, in order.

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from dolfinx_contact.continuation.branch import BranchPoint, SpecialPoint
-from dolfinx_contact.continuation.ending import Ends
+from dolfinx_contact.continuation.ending import Ending, Ends
 from dolfinx_contact.continuation.parameters import StepControl
 
 __all__ = ["Observer", "Observers", "Stepping", "Task"]
@@ -40,12 +40,16 @@ class Stepping:
         next_step: length of the next step.
         x_scale: square of the length of x that counts as 1; 0 if no tangent has moved x yet.
         largest_distance: of all events so far.
+        ending: how the branch ends at the point; None if it goes on, or ends without another point.
+        reason: why, in words.
     """
 
     index: int
     next_step: float
     x_scale: float
     largest_distance: float
+    ending: Ending | None = None
+    reason: str = ""
 
 
 class Observer:

@@ -310,7 +310,6 @@ class _Segments(Walk):
         gamma_range: tuple[float, float],
     ):
         self._pivoting = pivoting
-        self._start = start
         self._origin = origin
         self._range = gamma_range
         self._w, self._ray = pivoting.state(start)
@@ -328,7 +327,7 @@ class _Segments(Walk):
             return None
         ahead = high - point.gamma if ray.rate > 0 else point.gamma - low
         passes = pivoting.passes(w, ray, length, self._w_origin, self._origin)
-        if passes and point is not self._start:
+        if passes and point is not self._origin:
             branch.end(Ending.CLOSED)
             return self._origin, []
         if ray.rate != 0 and length >= ahead:

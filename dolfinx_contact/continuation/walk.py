@@ -88,7 +88,7 @@ class Walker(ABC):
             start: a point of the branch.
             gamma_range: the branch ends where gamma reaches either end.
             max_steps: budget, from the first point of the branch.
-            observer: told of every accepted point, ``start`` included.
+            observer: called with every accepted point, ``start`` included, after ``stop``.
             stop: see `follow`.
             branch_id: number by which the observer knows the branch.
             stepping: known at ``start`` if the branch was followed to it before.
@@ -118,10 +118,13 @@ class Walker(ABC):
             special = [replace(s, index=len(branch.points)) for s in special]
             branch.special += special
             branch.points.append(point)
-            observer.point(branch_id, index, point, special, walk.stepping(index))
             words = "" if branch.ending else answer_of_stop(b, stop, point, special)
             if words:
                 branch.end(Ending.STOPPED, words)
+            stepping = walk.stepping(index)
+            if branch.ending is not None:  # known with the point, so that no record lacks it
+                stepping = replace(stepping, ending=branch.ending, reason=branch.reason)
+            observer.point(branch_id, index, point, special, stepping)
             if branch.ending is not None:
                 break
         else:
