@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from textbook import Textbook, one_node, smooth
 
-from dolfinx_contact.continuation import Ending, explore, follow
+from dolfinx_contact.continuation import Ending, Observer, StepControl, explore, follow
 
 
 def start(system, values):
@@ -27,6 +27,72 @@ def test_closed_branch():
     assert branch.ending is Ending.CLOSED
     np.testing.assert_allclose([s.gamma for s in branch.folds], [1.0, -1.0], atol=1e-10)
     assert branch.points[-1].y.equal(branch.points[0].y)
+
+
+@pytest.mark.parametrize("longest", [0.01, 0.1, 0.5])
+def test_a_branch_closes_wherever_it_begins(longest):
+    """The circle from all around it, both ways, with steps that turn by up to 26 degrees."""
+    system = smooth(
+        1, lambda x, g: x**2 + g**2 - 1, lambda x, g: [[2 * x[0]]], lambda x, g: [2 * g]
+    )
+    control = StepControl(initial=min(longest, 0.02), maximum=longest)
+    for angle in np.arange(0.2, 6.2, 0.55):
+        for increasing in (True, False):
+            branch = follow(
+                system,
+                start(system, [np.cos(angle)]),
+                np.sin(angle),
+                gamma_range=(-2.0, 2.0),
+                increasing=increasing,
+                control=control,
+            )
+            assert branch.ending is Ending.CLOSED, angle
+            assert len(branch.folds) == 2, angle
+
+
+def test_the_last_point_tells_how_the_branch_ends():
+    """An observer of points knows it, and is not called with a point that was stopped at before."""
+    system = smooth(
+        1, lambda x, g: x**2 + g**2 - 1, lambda x, g: [[2 * x[0]]], lambda x, g: [2 * g]
+    )
+
+    class Looks(Observer):
+        def __init__(self):
+            self.endings = []
+
+        def point(self, branch, index, point, special, stepping):
+            self.endings.append((stepping.ending, stepping.reason))
+
+    def stop(point, special):
+        return "enough" if point.gamma > 0.5 else ""
+
+    for way, ending, reason in (
+        (dict(gamma_range=(-2.0, 2.0)), Ending.CLOSED, "the branch is closed"),
+        (dict(gamma_range=(-0.5, 0.5)), Ending.REACHED, "gamma reached the end of its range"),
+        (dict(gamma_range=(-2.0, 2.0), stop=stop), Ending.STOPPED, "enough"),
+    ):
+        looks = Looks()
+        branch = follow(system, start(system, [1.0]), 0.0, observer=looks, **way)
+        *before, last = looks.endings
+        assert last == (ending, reason) == (branch.ending, branch.reason)
+        assert set(before) == {(None, "")}
+        assert len(looks.endings) == len(branch.points)
+
+
+def test_a_diagram_with_a_branch_that_was_cut_off():
+    """It is not complete, and says which branch, and by what."""
+    system = smooth(
+        1, lambda x, g: x**2 + g**2 - 1, lambda x, g: [[2 * x[0]]], lambda x, g: [2 * g]
+    )
+    span = dict(gamma_range=(-2.0, 2.0))
+    whole = explore(system, [(start(system, [1.0]), 0.0)], **span)
+    assert whole.complete
+    assert whole.ending is Ending.REACHED
+    part = explore(system, [(start(system, [1.0]), 0.0)], max_steps=3, **span)
+    assert not part.complete
+    assert part.ending is Ending.BUDGET
+    assert part.reason.startswith("branch 0 was cut off (and 1 more): the budget of 3 steps")
+    assert not part.summary()["converged"]
 
 
 def test_stop_on_a_functional():
