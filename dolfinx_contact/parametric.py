@@ -30,11 +30,10 @@ from dolfinx_contact.continuation import BranchPoint, Piece
 from dolfinx_contact.continuation.affine import AffineSystem
 from dolfinx_contact.continuation.arguments import checked_gamma
 from dolfinx_contact.continuation.system import Condensed, Proof, RayProof
-from dolfinx_contact.equations.order import by_coordinates
+from dolfinx_contact.equations.order import Gathered
 from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.laws import Coulomb, Frictionless, status
 from dolfinx_contact.laws.status import OPEN
-from dolfinx_contact.points.surface import ContactSurface
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.proofs import obstacle_to_proof, proved, proved_rays
 from dolfinx_contact.reduced.condensed import CondensedContact, can_condense
@@ -262,8 +261,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         words: list[str] = []
         for s, a, b in self.parts():
             letters = np.where(self.clamped[a:b], "d", status.letters(s.dim)[piece.codes[a:b]])
-            word = np.concatenate(self.comm.allgather(letters))
-            words += word[_order(s)].tolist()
+            words += list(Gathered(s.comm, s.positions, s.points.ids)(letters))
         return "".join(words)
 
     def piece_of(self, letters: str) -> Piece:
@@ -277,18 +275,15 @@ class ParametricContact(ReadOnly, ParametricEquations):
         parts = []
         start = 0
         for s, a, b in self.parts():
-            counts = self.comm.allgather(b - a)
-            order = _order(s)
-            word = np.array(list(letters[start : start + len(order)]))
-            start += len(order)
+            gathered = Gathered(s.comm, s.positions, s.points.ids)
+            number = len(gathered)
+            word = np.array(list(letters[start : start + number]))
+            start += number
             every = status.letters(s.dim)
             known = "".join(every[sorted(s.law_at_points.codes)]) + "d"
-            fits = len(word) == len(order) and set(word) <= set(known)
-            require(self.comm, fits, f"{s.name}: {len(order)} statuses of {known} are needed")
-            placed = np.empty(len(order), dtype=word.dtype)
-            placed[order] = word
-            first = sum(counts[: self.comm.rank])
-            mine = placed[first : first + b - a]
+            fits = len(word) == number and set(word) <= set(known)
+            require(self.comm, fits, f"{s.name}: {number} statuses of {known} are needed")
+            mine = word[gathered.mine]
             same = bool(np.array_equal(mine == "d", self.clamped[a:b]))
             require(self.comm, same, f"{s.name}: other points are clamped")
             parts.append([OPEN if c == "d" else "".join(every).index(c) for c in mine])
@@ -301,12 +296,6 @@ class ParametricContact(ReadOnly, ParametricEquations):
         if self._condensed is not None:
             self._condensed.destroy()
             self._condensed = None
-
-
-def _order(s: ContactSurface) -> npt.NDArray[np.intp]:
-    """The order of the points of a surface, rank after rank. Collective."""
-    x, ids = (np.concatenate(s.comm.allgather(v)) for v in (s.positions, s.points.ids))
-    return by_coordinates(x, ids)
 
 
 def _checked(problem: ContactProblem, gamma: Any, driven: Any) -> list[tuple[fem.Function, Any]]:

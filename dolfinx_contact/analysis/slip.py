@@ -30,7 +30,7 @@ from dolfinx_contact.analysis.rows import (
 )
 from dolfinx_contact.body import rigid
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.order import by_coordinates
+from dolfinx_contact.equations.order import Gathered
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.laws.status import MINUS, PLUS, closed, senses
 
@@ -185,9 +185,8 @@ class Slip:
             np.concatenate(parts)[self.places]
             for parts in zip(*((s.positions, s.points.ids) for s in self._eq.surfaces), strict=True)
         )
-        everywhere = [np.concatenate(self.comm.allgather(v)) for v in (x, *values, ids)]
-        order = by_coordinates(everywhere[0], everywhere.pop())
-        return [v[order] for v in everywhere]
+        gathered = Gathered(self.comm, x, ids)
+        return [gathered.positions, *(gathered(v) for v in values)]
 
     def destroy(self) -> None:
         """Free the matrices."""

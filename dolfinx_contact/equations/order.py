@@ -1,12 +1,18 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The order of points, blind to numbering and ranks."""
+"""The points of all ranks in one order, blind to numbering and ranks."""
 
 from __future__ import annotations
+
+from typing import TypeVar
+
+from mpi4py import MPI
 
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["by_coordinates"]
+__all__ = ["Gathered", "by_coordinates"]
+
+T = TypeVar("T", bound=np.generic)
 
 _SAME = 1e-9  # of the size of all, a difference that is round-off
 
@@ -31,3 +37,43 @@ def _grouped(values: npt.NDArray[np.float64], least: float) -> npt.NDArray[np.in
     places: npt.NDArray[np.int64] = np.zeros(len(values), dtype=np.int64)
     places[order[1:]] = np.cumsum(steps)
     return places
+
+
+class Gathered:
+    """The points of all ranks in the order of their coordinates, the same everywhere. Collective.
+
+    Args:
+        comm: communicator.
+        x: positions of the points of this rank (n, dim).
+        ids: what tells points at one place apart; see `by_coordinates` (n, k).
+
+    Attributes:
+        positions: of all points, in order (number, dim).
+        mine: places of the points of this rank among all (n,).
+    """
+
+    def __init__(
+        self, comm: MPI.Comm, x: npt.NDArray[np.float64], ids: npt.NDArray[np.int64]
+    ) -> None:
+        self._comm = comm
+        everywhere = np.concatenate(comm.allgather(x))
+        self._order = by_coordinates(everywhere, np.concatenate(comm.allgather(ids)))
+        self._starts = np.concatenate([[0], np.cumsum(comm.allgather(len(x)))])
+        self.positions = everywhere[self._order]
+        places = np.argsort(self._order)
+        first = self._starts[comm.rank]
+        self.mine: npt.NDArray[np.int64] = places[first : first + len(x)]
+
+    def __len__(self) -> int:
+        """Number of points of all ranks."""
+        return len(self.positions)
+
+    def __call__(self, values: npt.NDArray[T]) -> npt.NDArray[T]:
+        """Values at all points, in order, from those at the points of this rank. Collective."""
+        return np.concatenate(self._comm.allgather(values))[self._order]
+
+    def owner(self, i: int) -> tuple[int, int]:
+        """The rank that owns point ``i``, and its number among the points there."""
+        place = int(self._order[i])
+        rank = int(np.searchsorted(self._starts, place, side="right") - 1)
+        return rank, place - int(self._starts[rank])

@@ -25,7 +25,7 @@ from dolfinx_contact.continuation import Events, Piece, Preconditioner, System
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.given_data import given_data
 from dolfinx_contact.equations.measures import Scales
-from dolfinx_contact.equations.order import by_coordinates
+from dolfinx_contact.equations.order import Gathered
 from dolfinx_contact.equations.rates import (
     Driven,
     Rate,
@@ -406,12 +406,7 @@ class ParametricEquations(System):
         return np.concatenate(parts)
 
     def order(self) -> npt.NDArray[np.intp]:
-        x, ids = (np.concatenate(self.comm.allgather(v)) for v in (self.positions, self.ids))
-        places = np.empty(len(x), dtype=np.intp)
-        places[by_coordinates(x, ids)] = np.arange(len(x))
-        mine = len(self.positions)
-        first = sum(self.comm.allgather(mine)[: self.comm.rank])
-        return places[first : first + mine]
+        return Gathered(self.comm, self.positions, self.ids).mine
 
     def destroy(self) -> None:
         """Free the PETSc objects made here."""

@@ -13,12 +13,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.equations.order import by_coordinates
+from dolfinx_contact.equations.order import Gathered
 from dolfinx_contact.points.memory import Memory
 
 if TYPE_CHECKING:
     from dolfinx_contact.evolution.accepted import AcceptedState
-    from dolfinx_contact.points.surface import ContactSurface
     from dolfinx_contact.problem import ContactProblem
 
 __all__ = ["AtPoints"]
@@ -34,21 +33,21 @@ class AtPoints:
     """
 
     def __init__(self, problem: ContactProblem):
-        self._surfaces = [_Order(s) for s in problem.surfaces]
+        self._surfaces = [Gathered(s.comm, s.positions, s.points.ids) for s in problem.surfaces]
 
     def gathered(self, accepted: AcceptedState) -> Arrays:
         """What the points of all ranks have at a state, by name, on every rank. Collective."""
         found: Arrays = {}
         every = zip(self._surfaces, accepted.shown, accepted.memory, strict=True)
         for i, (surface, codes, memory) in enumerate(every):
-            found[f"{i}.statuses"] = surface.gathered(codes)
+            found[f"{i}.statuses"] = surface(codes)
             for name, values in _arrays(memory).items():
-                found[f"{i}.memory.{name}"] = surface.gathered(values)
+                found[f"{i}.memory.{name}"] = surface(values)
         return found
 
     def statuses(self, found: Mapping[str, npt.NDArray[Any]]) -> list[npt.NDArray[np.int8]]:
         """The statuses of the points of this rank, surface by surface."""
-        return [s.mine(found[f"{i}.statuses"]) for i, s in enumerate(self._surfaces)]
+        return [found[f"{i}.statuses"][s.mine] for i, s in enumerate(self._surfaces)]
 
     def memory(self, found: Mapping[str, npt.NDArray[Any]]) -> tuple[Memory | None, ...]:
         """The memory of the points of this rank, surface by surface."""
@@ -56,31 +55,10 @@ class AtPoints:
         for i, surface in enumerate(self._surfaces):
             start = f"{i}.memory."
             names = [name for name in found if name.startswith(start)]
-            arrays = {name.removeprefix(start): surface.mine(found[name]) for name in names}
+            arrays = {name.removeprefix(start): found[name][surface.mine] for name in names}
             jump = arrays.pop("jump", None)
             memories.append(None if jump is None else Memory(jump, arrays))
         return tuple(memories)
-
-
-class _Order:
-    """Where the points of this rank are among those of all."""
-
-    def __init__(self, s: ContactSurface):
-        self._comm = s.comm
-        x, ids = (np.concatenate(s.comm.allgather(v)) for v in (s.positions, s.points.ids))
-        self._order = by_coordinates(x, ids)
-        first = sum(s.comm.allgather(s.points.number)[: s.comm.rank])
-        self._mine = slice(first, first + s.points.number)
-
-    def gathered(self, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
-        """The values of all points, in order. Collective."""
-        return np.concatenate(self._comm.allgather(values))[self._order]
-
-    def mine(self, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
-        """The values of the points of this rank, of those of all in order. Not collective."""
-        placed = np.empty_like(values)
-        placed[self._order] = values
-        return placed[self._mine].copy()
 
 
 def _arrays(memory: Memory | None) -> Arrays:

@@ -15,7 +15,7 @@ from dolfinx_contact._agreement import described as says
 from dolfinx_contact._compat import merge_entity_maps
 from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact.continuation import Change, SpecialPoint
-from dolfinx_contact.equations.order import by_coordinates
+from dolfinx_contact.equations.order import Gathered, by_coordinates
 from dolfinx_contact.laws import status
 
 if TYPE_CHECKING:
@@ -32,11 +32,10 @@ _SAME = 1e-12  # relative: what sums over the ranks may differ by
 
 def places(problem: ContactProblem) -> dict[str, list[list[float]]]:
     """Coordinates of the contact points by surface, in the order of `letters`. Collective."""
-    found = {}
-    for s in problem.surfaces:
-        x, ids = (np.concatenate(problem.comm.allgather(v)) for v in (s.positions, s.points.ids))
-        found[s.name] = x[by_coordinates(x, ids)].tolist()
-    return found
+    return {
+        s.name: Gathered(s.comm, s.positions, s.points.ids).positions.tolist()
+        for s in problem.surfaces
+    }
 
 
 def described(system: ParametricContact, s: SpecialPoint) -> dict[str, Any]:

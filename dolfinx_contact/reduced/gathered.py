@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.equations.order import by_coordinates
+from dolfinx_contact.equations.order import Gathered
 from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.laws import Frictionless, LawAtPoints, PointData, Tresca
 from dolfinx_contact.laws.cones import cones
@@ -32,6 +32,7 @@ class GatheredPoints:
         number: of points, m.
         local: numbers of this rank's among all its points.
         mine: places of this rank's among all points.
+        positions: (m, dim).
         frames: T of j = T (ut, un) and forces T (rt, rn) on the body (m, dim, dim).
         areas: (m,).
         friction: radii of the friction discs at unit pressure (m,); 0 without friction.
@@ -60,17 +61,12 @@ class GatheredPoints:
             which = np.full(n, number)
             flat = s.obstacle.flat and not s.between_bodies
             reach = np.full(n, np.inf if flat else s.mean_width / 2)
-            columns.append(
-                (which, s.positions, data.n, s.points.areas, data.r, held, slope, bound, reach)
-            )
-        mine = [np.concatenate(c)[self.local] for c in zip(*columns, strict=True)]
-        parts = self.comm.allgather(mine)
-        everywhere: list[Any] = [np.concatenate(c) for c in zip(*parts, strict=True)]
-        # In the order of coordinates, so that neither numbering nor ranks matter.
-        self._sorted = by_coordinates(everywhere[1], np.concatenate(self.comm.allgather(ids)))
-        which, _, normals, areas, r, held, slope, bound, reach = (
-            v[self._sorted] for v in everywhere
-        )
+            columns.append((which, data.n, s.points.areas, data.r, held, slope, bound, reach))
+        self._gathered = Gathered(self.comm, system.positions[self.local], ids)
+        self.mine = self._gathered.mine
+        self.positions = self._gathered.positions
+        ordered: list[Any] = [self.gathered(np.concatenate(c)) for c in zip(*columns, strict=True)]
+        which, normals, areas, r, held, slope, bound, reach = ordered
         self.frames: Array = np.stack([*_tangents(normals), -normals], axis=2)
         self._which = which
         self._r = r
@@ -81,19 +77,15 @@ class GatheredPoints:
         self.reach = reach
         self.friction, self.bound = (np.where(self._held, 0.0, v) for v in (slope, bound))
         self.guided = bool(self._held.any())
-        self._starts = np.concatenate([[0], np.cumsum([len(p[0]) for p in parts])])
-        first = self._starts[self.comm.rank]
-        self.mine: Places = np.argsort(self._sorted)[first : first + len(self.local)]
 
     def gathered(self, values: npt.NDArray[T]) -> npt.NDArray[T]:
         """Values at all points of this rank, from every rank, in order. Collective."""
-        return np.concatenate(self.comm.allgather(values[self.local]))[self._sorted]
+        return self._gathered(values[self.local])
 
     def owner(self, i: int) -> tuple[int, int]:
         """The rank that owns point ``i``, and its local number there. Collective."""
-        place = int(self._sorted[i])
-        rank = int(np.searchsorted(self._starts, place, side="right") - 1)
-        mine = int(self.local[place - self._starts[rank]]) if self.comm.rank == rank else None
+        rank, number = self._gathered.owner(i)
+        mine = int(self.local[number]) if self.comm.rank == rank else None
         return rank, int(self.comm.bcast(mine, root=rank))
 
     def laws(self, stiffness: float) -> PointLaws:

@@ -21,7 +21,7 @@ import numpy.typing as npt
 from dolfinx_contact.body.cells import midpoints
 from dolfinx_contact.body.deformation import smallest_jacobian
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.order import by_coordinates
+from dolfinx_contact.equations.order import Gathered
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.laws.status import closed
 from dolfinx_contact.points.pair_motion import Moved
@@ -230,16 +230,12 @@ def _of_pair(
 
 def _worst(s: ContactSurface, values: Array, others: Array) -> tuple[float, Array, float]:
     """The largest value at the points of all ranks, its place, and another number there."""
-    gather = s.comm.allgather
-    found_there = (s.positions, s.points.ids, values, others)
-    x, ids, values, others = (np.concatenate(gather(v)) for v in found_there)
-    order = by_coordinates(x, ids)
-    x = x[order]
-    values = values[order]
-    others = others[order]
+    gathered = Gathered(s.comm, s.positions, s.points.ids)
+    values = gathered(values)
+    others = gathered(others)
     # Of points with the same value, up to round-off, the first in the table.
     i = int(np.flatnonzero(~(values < (1 - 1e-9) * np.max(values)))[0])
-    return float(values[i]), x[i], float(others[i])
+    return float(values[i]), gathered.positions[i], float(others[i])
 
 
 # -- obstacles -----------------------------------------------------------------------------------

@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.order import by_coordinates
+from dolfinx_contact.equations.order import Gathered
 from dolfinx_contact.equations.state import ContactState, State
 from dolfinx_contact.laws import status
 from dolfinx_contact.laws.status import STICK, closed, without_damage
@@ -208,10 +208,8 @@ def contact_table(
         columns["adhesion"] = np.where((letters == "d")[:, None], 0.0, force)
     if s.law_at_points.compiled.knows_slip:
         columns["slid"] = slid_after(found.data, found.jump, found.statuses)
-    columns["ids"] = s.points.ids
-    gathered = {k: np.concatenate(s.comm.allgather(v)) for k, v in columns.items()}
-    order = by_coordinates(gathered["x"], gathered.pop("ids"))
-    ordered = {k: v[order] for k, v in gathered.items()}
+    gathered = Gathered(s.comm, known["x"], s.points.ids)
+    ordered = {k: gathered(v) for k, v in columns.items()}
     mine = {name: ordered.pop(f"internal.{name}") for name in internal}
     return ContactTable(s.name, s.dim, **ordered, internal=mine, axisymmetric=s.axisymmetric)
 
