@@ -30,7 +30,7 @@ from dolfinx_contact.continuation import StepControl, explore
 from dolfinx_contact.continuation.follow import follower_for
 from dolfinx_contact.continuation.observer import Observer
 from dolfinx_contact.continuation.rays import outgoing
-from dolfinx_contact.reduced.condensed import CondensedContact
+from dolfinx_contact.reduced.reduction import Reduction
 
 LOAD = (26.0, 7.5)
 LAME = (100.0, 82.0)
@@ -214,7 +214,7 @@ def triangle_steps(args):
 
 def condensation(system, x, gamma):
     """The problem condensed onto its contact points, anew."""
-    CondensedContact(system, x, gamma, exact=True).destroy()
+    Reduction(system, x, gamma, exact=True).destroy()
 
 
 def triangle_kinks(args):
@@ -424,7 +424,7 @@ def rays(args, system, start, make, gammas, sense, tolerances):
 
 def bare_search(system, x):
     """Condensation at the undeformed state and the rays of its tangent cone."""
-    condensed = CondensedContact(system, x, 0.0, exact=False)
+    condensed = Reduction(system, x, 0.0, exact=False)
     ways = outgoing(condensed.system.tangent_cone(condensed.contract(x), 1e-12))
     condensed.destroy()
     return ways

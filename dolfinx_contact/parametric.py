@@ -36,7 +36,8 @@ from dolfinx_contact.laws import Coulomb, Frictionless, status
 from dolfinx_contact.laws.status import OPEN
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.proofs import obstacle_to_proof, proved, proved_rays
-from dolfinx_contact.reduced.condensed import CondensedContact, can_condense
+from dolfinx_contact.reduced.reduction import Reduction
+from dolfinx_contact.reduced.scope import can_condense
 from dolfinx_contact.results.checks import sliding_doubt, slidings
 from dolfinx_contact.results.result import Result
 from dolfinx_contact.results.uniqueness import checked_seconds
@@ -106,7 +107,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         self.problem = problem
         self.ray_seconds = _RAY_SECONDS
         super().__init__(problem.equations, gamma, lambda: problem.linear_solver, driven=driven)
-        self._condensed: CondensedContact | None = None
+        self._condensed: Reduction | None = None
         self._condensed_from = 0  # mark of the data
         #: Surfaces of which it has been said that the sliding is not small.
         self._told: set[str] = set()
@@ -189,9 +190,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
 
     # -- affine pieces ---------------------------------------------------------------------------
 
-    def condensed(
-        self, x: PETSc.Vec, gamma: float, *, conic: bool = True
-    ) -> CondensedContact | None:
+    def condensed(self, x: PETSc.Vec, gamma: float, *, conic: bool = True) -> Reduction | None:
         """The problem condensed onto its contact points, or its linearisation at (x, gamma).
 
         None where the statuses of the points are no polyhedral cones (3D friction, integral
@@ -209,13 +208,13 @@ class ParametricContact(ReadOnly, ParametricEquations):
         if not (cones or (not conic and self.is_linear and can_condense(self, bounded=True))):
             return None
         if not self.is_linear:
-            return CondensedContact(self, x, gamma, exact=False)
+            return Reduction(self, x, gamma, exact=False)
         mark = self.data_mark()
         if self._condensed is None or self.comm.allreduce(int(mark != self._condensed_from)):
             # From nothing: no state leaves its round-off in what is degenerate without load.
             nothing = self.create_vector()
             with super().restored(always=True):
-                self._condensed = CondensedContact(self, nothing, 0.0, exact=True, conic=cones)
+                self._condensed = Reduction(self, nothing, 0.0, exact=True, conic=cones)
             nothing.destroy()
             self._condensed_from = mark
         return self._condensed
@@ -231,7 +230,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         None where no certificate applies (`analysis.contact.obstacle_to_proof`) and beyond 128
         contact points.
         """
-        assert isinstance(condensed, CondensedContact)
+        assert isinstance(condensed, Reduction)
         if condensed.system.points > _MOST_PROVED or obstacle_to_proof(self.equations, condensed):
             return None
         return on_root(self.comm, lambda: proved(condensed, gamma, seconds))
@@ -247,7 +246,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         None for other laws than Coulomb's and none of friction, beyond 128 contact points, and
         where `ray_seconds` is 0.
         """
-        assert isinstance(condensed, CondensedContact)
+        assert isinstance(condensed, Reduction)
         known_laws = all(type(s.law) in (Coulomb, Frictionless) for s in self.equations.surfaces)
         seconds = checked_seconds(self.comm, self.ray_seconds)
         if seconds == 0 or not known_laws or condensed.system.points > _MOST_PROVED:

@@ -54,7 +54,7 @@ from dolfinx_contact.solvers.ladder import check_data, solve
 from dolfinx_contact.solvers.linear import LinearSolver
 
 if TYPE_CHECKING:
-    from dolfinx_contact.algorithms import Algorithm, ReducedContact
+    from dolfinx_contact.algorithms import Algorithm, PointProblem
 
 __all__ = ["ContactProblem"]
 
@@ -426,7 +426,7 @@ class ContactProblem(ReadOnly):
 
         return prove, lambda: as_solved(lambda _: theory_of(eq))
 
-    def reduced(self) -> ReducedContact:
+    def reduced(self) -> PointProblem:
         """The problem on its contact points alone, the same on every rank. Collective.
 
         `algorithms` solve it: ``algorithms.GaussSeidel().run(problem.reduced())``.
@@ -439,7 +439,7 @@ class ContactProblem(ReadOnly):
         self.write(x)
         try:
             check_data(self.equations, x)
-            contact: ReducedContact = _classical().reduced_contact(self.equations, self._linear, x)
+            contact: PointProblem = _classical().reduced_contact(self.equations, x)
             return contact
         finally:
             x.destroy()

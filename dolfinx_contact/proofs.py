@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from dolfinx_contact.continuation.affine import AffineSystem
     from dolfinx_contact.continuation.system import Proof, RayProof
     from dolfinx_contact.equations.contact import ContactEquations
-    from dolfinx_contact.reduced.condensed import CondensedContact
+    from dolfinx_contact.reduced.reduction import Reduction
     from dolfinx_contact.results.theory import Theory
     from dolfinx_contact.results.uniqueness import Uniqueness
     from dolfinx_contact.solvers.linear import LinearSolver
@@ -32,19 +32,19 @@ def _analysis() -> Any:
     return contact
 
 
-def obstacle_to_proof(equations: ContactEquations, condensed: CondensedContact | None) -> str:
+def obstacle_to_proof(equations: ContactEquations, condensed: Reduction | None) -> str:
     """See `analysis.contact`."""
     return str(_analysis().obstacle_to_proof(equations, condensed))
 
 
-def proved(condensed: CondensedContact, gamma: float, seconds: float) -> Proof | None:
+def proved(condensed: Reduction, gamma: float, seconds: float) -> Proof | None:
     """See `analysis.contact`."""
     found: Proof | None = _analysis().proved(condensed, gamma, seconds)
     return found
 
 
 def proved_rays(
-    condensed: CondensedContact,
+    condensed: Reduction,
     cone: AffineSystem,
     known: Sequence[tuple[npt.NDArray[np.int8], float]],
     seconds: float,

@@ -11,8 +11,8 @@ from dolfinx_contact.algorithms import (
     InteriorPoint,
     Lemke,
     Penalty,
+    PointProblem,
     ProjectedGradient,
-    ReducedContact,
     Trend,
     TrescaFixedPoint,
     Uzawa,
@@ -45,7 +45,7 @@ def random_contact(rng, dim, m=None, *, friction=0.4, bound=0.0):
     G = rng.standard_normal((dim * m, dim * m))
     S = G @ G.T / (dim * m) + np.eye(dim * m)
     F = rng.uniform(0, friction, m) * (rng.random(m) < 0.9)
-    return ReducedContact(S, rng.standard_normal(dim * m), F, rng.uniform(0, bound, m))
+    return PointProblem(S, rng.standard_normal(dim * m), F, rng.uniform(0, bound, m))
 
 
 def violation(contact, a, r):
@@ -85,7 +85,7 @@ def test_random_problems(algorithm, dim):
 def test_units_do_not_matter(algorithm):
     rng = np.random.default_rng(5)
     contact = random_contact(rng, 2, 3)
-    other = ReducedContact(1e9 * contact.S, 1e6 * contact.p, contact.friction)
+    other = PointProblem(1e9 * contact.S, 1e6 * contact.p, contact.friction)
     one = algorithm.run(contact)
     two = algorithm.run(other)
     assert abs(one.iterations - two.iterations) <= 1
@@ -151,7 +151,7 @@ NODE = np.array([[2.0, 1.0], [1.0, 2.0]])
 @pytest.mark.parametrize("algorithm", [*EVERY, Lemke()], ids=lambda a: a.described())
 def test_one_node_with_one_solution(algorithm):
     for pt, pn in ((-0.4, -1.0), (-1.5, -1.0), (0.8, -1.0), (0.3, 0.5)):
-        contact = ReducedContact(NODE, np.array([pt, pn]), np.array([0.5]))
+        contact = PointProblem(NODE, np.array([pt, pn]), np.array([0.5]))
         ((ut, un, rt, rn),) = solutions_of_one_node(2.0, 1.0, 2.0, pt, pn, 0.5)
         outcome = algorithm.run(contact)
         np.testing.assert_allclose(outcome.a[0], [ut, un], atol=1e-9)
@@ -162,7 +162,7 @@ def test_one_node_with_one_solution(algorithm):
 def test_beyond_the_critical_friction_nothing_is_hidden(algorithm):
     """F = 3: three solutions. What is called converged is one of them, else there is a reason."""
     for g in (2.2, 2.5, 2.9, 4.0):
-        contact = ReducedContact(NODE, np.array([-g, -1.0]), np.array([3.0]))
+        contact = PointProblem(NODE, np.array([-g, -1.0]), np.array([3.0]))
         known = solutions_of_one_node(2.0, 1.0, 2.0, -g, -1.0, 3.0)
         outcome = algorithm.run(contact)
         assert outcome.reason
@@ -175,7 +175,7 @@ def test_beyond_the_critical_friction_nothing_is_hidden(algorithm):
 
 def test_tresca_beyond_the_critical_friction():
     """S(g) = F (g - 1 + ...) has a slope beyond 1 at the slip: the fixed point leaves it."""
-    contact = ReducedContact(NODE, np.array([-2.5, -1.0]), np.array([3.0]))
+    contact = PointProblem(NODE, np.array([-2.5, -1.0]), np.array([3.0]))
     assert TrescaFixedPoint().run(contact).converged
     slip = solutions_of_one_node(2.0, 1.0, 2.0, -2.5, -1.0, 3.0)[-1]
     near = np.array([[slip[2], slip[3] * (1 + 1e-6)]])
@@ -213,7 +213,7 @@ def complementary(M, q, cover):
 )
 def test_the_path_on_one_node(form, F, load):
     """Corners of Lemke's path are solutions of the shifted problem, and its end the node's."""
-    contact = ReducedContact(NODE, np.array(load), np.array([F]))
+    contact = PointProblem(NODE, np.array(load), np.array([F]))
     given = (contact, tangents(2, 2)) if form is copositive_form else (contact,)
     M, q = form(*given)
     path = []
@@ -251,7 +251,7 @@ def test_both_forms_of_lemke():
         G = rng.standard_normal((12, 12))
         S = G @ G.T + 0.05 * np.eye(12)
         F = rng.uniform(0, 5, 6)
-        contact = ReducedContact(S, rng.standard_normal(12), F)
+        contact = PointProblem(S, rng.standard_normal(12), F)
         assert Lemke().run(contact).converged
         ends.append(Lemke(form="klarbring").run(contact).reason)
     assert set(ends) > {"converged"}
@@ -316,7 +316,7 @@ def half_plane(n, friction):
     p = np.zeros((n, 2))
     p[:, 0] = -0.6 * np.sin(np.pi * x)
     p[:, 1] = np.where(np.abs(x - 0.5) < 0.4, -2.0, 2.0) + np.cos(3 * np.pi * x)
-    return ReducedContact(S, p.reshape(-1), np.full(n, friction), positions=x[:, None])
+    return PointProblem(S, p.reshape(-1), np.full(n, friction), positions=x[:, None])
 
 
 def test_derivative_of_the_projection():
@@ -382,4 +382,4 @@ def test_data_that_are_refused():
         (np.eye(3), good[1], good[2]),
     ):
         with pytest.raises(ValueError, match=r"definite|finite|negative|fit"):
-            ReducedContact(S, p, F)
+            PointProblem(S, p, F)

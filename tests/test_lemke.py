@@ -14,8 +14,8 @@ from dolfinx import fem, mesh
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, Frictionless, HalfSpace
 from dolfinx_contact.algorithms import (
     Lemke,
+    PointProblem,
     RayTermination,
-    ReducedContact,
     coulomb_by_lemke,
     lemke,
 )
@@ -310,7 +310,7 @@ def off(a, r, S, p, friction):
 
 def check_hard_problem(seed):
     S, p, friction = hard_problem(seed)
-    outcome = Lemke().run(ReducedContact(S, p, friction))
+    outcome = Lemke().run(PointProblem(S, p, friction))
     assert outcome.converged, (seed, outcome.reason)
     assert off(outcome.a, outcome.r, S, p, friction) < 1e-9, seed
     w, _ = coulomb_by_lemke(S, p, friction)

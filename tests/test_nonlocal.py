@@ -34,7 +34,7 @@ from dolfinx_contact.continuation import explore, follow
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.records.identity import identity
-from dolfinx_contact.reduced.condensed import can_condense
+from dolfinx_contact.reduced.scope import can_condense
 
 COMM = MPI.COMM_WORLD
 KERNELS = {

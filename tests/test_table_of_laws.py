@@ -12,7 +12,7 @@ import dolfinx_contact.laws
 from dolfinx_contact import ConvergenceError, Coulomb, Frictionless, Regularised, Tresca
 from dolfinx_contact.laws import FrictionLaw, Interface, Law
 from dolfinx_contact.parametric import ParametricContact
-from dolfinx_contact.reduced.condensed import can_condense
+from dolfinx_contact.reduced.scope import can_condense
 
 COMM = MPI.COMM_WORLD
 NUMBERS = {"F": 0.3, "g": 3.0, "rho": 0.5, "C": 3e4, "m": 1.5, "eps": 1e-3, "K": 300.0, "w": 0.03}

@@ -10,8 +10,8 @@ from dolfinx_contact.algorithms.interior_point import InteriorPoint
 from dolfinx_contact.algorithms.iteration import Algorithm, Outcome, Trend
 from dolfinx_contact.algorithms.lemke import RayTermination, coulomb_by_lemke, lemke
 from dolfinx_contact.algorithms.penalty import Penalty
+from dolfinx_contact.algorithms.point_problem import PointProblem
 from dolfinx_contact.algorithms.projected_cg import ProjectedGradient
-from dolfinx_contact.algorithms.reduced_contact import ReducedContact
 from dolfinx_contact.algorithms.semismooth import SemismoothNewton
 from dolfinx_contact.algorithms.tresca import TrescaFixedPoint
 from dolfinx_contact.algorithms.uzawa import Uzawa
@@ -24,9 +24,9 @@ __all__ = [
     "Lemke",
     "Outcome",
     "Penalty",
+    "PointProblem",
     "ProjectedGradient",
     "RayTermination",
-    "ReducedContact",
     "SemismoothNewton",
     "Trend",
     "TrescaFixedPoint",

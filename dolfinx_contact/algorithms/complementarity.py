@@ -33,7 +33,7 @@ import numpy.typing as npt
 
 from dolfinx_contact.algorithms.iteration import Algorithm, Iteration, check
 from dolfinx_contact.algorithms.lemke import RayTermination, lemke
-from dolfinx_contact.algorithms.reduced_contact import ReducedContact
+from dolfinx_contact.algorithms.point_problem import PointProblem
 from dolfinx_contact.algorithms.semismooth import newton_step
 
 __all__ = ["Lemke", "copositive_form", "klarbring_form"]
@@ -62,7 +62,7 @@ class Lemke(Algorithm):
         super().__post_init__()
         check(self, form=self.form in ("copositive", "klarbring"), facets=self.facets >= 3)
 
-    def _iterate(self, contact: ReducedContact, r: Array, iteration: Iteration) -> None:
+    def _iterate(self, contact: PointProblem, r: Array, iteration: Iteration) -> None:
         problem, stiffness, length = contact.scaled()
         iteration.stops(contact.displacements(r), r, pivots=0)
         if self.form == "klarbring" and contact.dim == 3:
@@ -105,7 +105,7 @@ class Lemke(Algorithm):
             )
 
 
-def _polished(contact: ReducedContact, r: Array, iteration: Iteration) -> tuple[Array, Array]:
+def _polished(contact: PointProblem, r: Array, iteration: Iteration) -> tuple[Array, Array]:
     """The state under forces (m, 2) without the round-off of their way, (m, 2) each.
 
     The compliance and the table know lengths and forces to their condition times round-off. What
@@ -136,7 +136,7 @@ def tangents(dim: int, facets: int) -> Array:
     return np.stack([np.cos(angles), np.sin(angles)], axis=1)
 
 
-def _parts(contact: ReducedContact) -> tuple[Array, Array, Array, Array]:
+def _parts(contact: PointProblem) -> tuple[Array, Array, Array, Array]:
     """A (m, dim, m, dim), and c in its normal and tangential parts; F as a diagonal matrix."""
     m = contact.number
     d = contact.dim
@@ -144,7 +144,7 @@ def _parts(contact: ReducedContact) -> tuple[Array, Array, Array, Array]:
     return contact.A.reshape(m, d, m, d), free[:, -1], free[:, :-1], np.diag(contact.friction)
 
 
-def copositive_form(contact: ReducedContact, directions: Array) -> tuple[Array, Array]:
+def copositive_form(contact: PointProblem, directions: Array) -> tuple[Array, Array]:
     """M and q with z = (rn, b of point 1, b of point 2, ..., l); see the module."""
     m = contact.number
     k = len(directions)
@@ -163,7 +163,7 @@ def copositive_form(contact: ReducedContact, directions: Array) -> tuple[Array, 
     return M, np.concatenate([cn, (ct @ directions.T).reshape(-1), contact.bound])
 
 
-def klarbring_form(contact: ReducedContact) -> tuple[Array, Array]:
+def klarbring_form(contact: PointProblem) -> tuple[Array, Array]:
     """M and q with z = (rn, u+, f-), in 2D; see the module."""
     A, cn, ct, F = _parts(contact)
     ann = A[:, 1, :, 1]

@@ -23,7 +23,7 @@ import numpy.typing as npt
 
 from dolfinx_contact.algorithms.iteration import Algorithm, Iteration, check
 from dolfinx_contact.algorithms.one_point import one_point
-from dolfinx_contact.algorithms.reduced_contact import ReducedContact
+from dolfinx_contact.algorithms.point_problem import PointProblem
 from dolfinx_contact.algorithms.two_level import CoarseProblem
 
 __all__ = ["GaussSeidel", "Sweeps"]
@@ -60,7 +60,7 @@ class GaussSeidel(Algorithm):
             coarsening=self.coarsening > 1,
         )
 
-    def _iterate(self, contact: ReducedContact, r: Array, iteration: Iteration) -> None:
+    def _iterate(self, contact: PointProblem, r: Array, iteration: Iteration) -> None:
         coarse = CoarseProblem(contact, self.coarsening) if self.two_level else None
         sweeps = Sweeps(contact, self.relaxation, coarse.order if coarse else None)
         a = contact.displacements(r)
@@ -106,7 +106,7 @@ class Sweeps:
 
     def __init__(
         self,
-        contact: ReducedContact,
+        contact: PointProblem,
         relaxation: float,
         order: npt.NDArray[np.int_] | None = None,
     ):

@@ -23,7 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact.algorithms.iteration import Algorithm, Iteration, check
-from dolfinx_contact.algorithms.reduced_contact import ReducedContact
+from dolfinx_contact.algorithms.point_problem import PointProblem
 
 __all__ = ["InteriorPoint", "follow_centre"]
 
@@ -54,7 +54,7 @@ class InteriorPoint(Algorithm):
         super().__post_init__()
         check(self, boundary=0 < self.boundary < 1)
 
-    def _iterate(self, contact: ReducedContact, r: Array, iteration: Iteration) -> None:
+    def _iterate(self, contact: PointProblem, r: Array, iteration: Iteration) -> None:
         nothing = np.zeros_like(r)
         free = iteration.measure(contact.free, nothing).worst <= iteration.trend.tolerance
         if free and not np.any(contact.p):
@@ -72,7 +72,7 @@ class InteriorPoint(Algorithm):
                 return
 
 
-def follow_centre(given: ReducedContact, tolerance: float) -> tuple[Array, int, bool]:
+def follow_centre(given: PointProblem, tolerance: float) -> tuple[Array, int, bool]:
     """Displacements of a convex problem, the number of steps, and whether they suffice."""
     state = _Interior(given, np.zeros((given.number, given.dim)))
     force = given.force
@@ -102,7 +102,7 @@ def follow_centre(given: ReducedContact, tolerance: float) -> tuple[Array, int, 
 class _Interior:
     """An interior point and the steps from it, in units in which stiffness and load are near 1."""
 
-    def __init__(self, contact: ReducedContact, r: Array):
+    def __init__(self, contact: PointProblem, r: Array):
         problem, stiffness, self._length = contact.scaled()
         self._force = stiffness * self._length
         self._A = problem.A

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact._numbers import is_count, is_number
-from dolfinx_contact.algorithms.reduced_contact import ReducedContact
+from dolfinx_contact.algorithms.point_problem import PointProblem
 from dolfinx_contact.equations.measures import Measures
 
 __all__ = ["Algorithm", "Iteration", "Outcome", "Trend"]
@@ -141,7 +141,7 @@ class Iteration:
 
     def __init__(
         self,
-        contact: ReducedContact,
+        contact: PointProblem,
         limit: int,
         tolerance: float,
         monitor: Monitor | None = None,
@@ -227,7 +227,7 @@ class Algorithm:
 
     def run(
         self,
-        contact: ReducedContact,
+        contact: PointProblem,
         *,
         tolerance: float = 1e-10,
         start: Array | None = None,
@@ -250,7 +250,7 @@ class Algorithm:
                 iteration.fails(f"a linear system that cannot be solved: {error}")
         return iteration.outcome
 
-    def _iterate(self, contact: ReducedContact, r: Array, iteration: Iteration) -> None:
+    def _iterate(self, contact: PointProblem, r: Array, iteration: Iteration) -> None:
         """Show iterates to ``iteration`` until it stops, from the forces ``r``."""
         raise NotImplementedError
 

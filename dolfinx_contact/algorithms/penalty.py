@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact.algorithms.iteration import Algorithm, Iteration, check
-from dolfinx_contact.algorithms.reduced_contact import ReducedContact
+from dolfinx_contact.algorithms.point_problem import PointProblem
 from dolfinx_contact.algorithms.semismooth import solve_yielding
 
 __all__ = ["Extrapolation", "Penalty"]
@@ -57,7 +57,7 @@ class Penalty(Algorithm):
             on=self.on in ("points", "body"),
         )
 
-    def _iterate(self, contact: ReducedContact, r: Array, iteration: Iteration) -> None:
+    def _iterate(self, contact: PointProblem, r: Array, iteration: Iteration) -> None:
         iteration.trend.tolerance = max(self.accuracy, iteration.trend.tolerance)
         none = np.zeros_like(r)
         k = self.stiffness * contact.augmentation

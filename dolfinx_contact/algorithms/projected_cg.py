@@ -23,7 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact.algorithms.iteration import Algorithm, Iteration, check
-from dolfinx_contact.algorithms.reduced_contact import ReducedContact, project
+from dolfinx_contact.algorithms.point_problem import PointProblem, project
 
 __all__ = ["GivenBound", "ProjectedGradient"]
 
@@ -51,7 +51,7 @@ class ProjectedGradient(Algorithm):
         super().__post_init__()
         check(self, reduction=0 < self.reduction < 1, regularisation=self.regularisation >= 0)
 
-    def _iterate(self, contact: ReducedContact, r: Array, iteration: Iteration) -> None:
+    def _iterate(self, contact: PointProblem, r: Array, iteration: Iteration) -> None:
         softness = self.regularisation * contact.length
         r = contact.allowed(r)
         energy = 0.0
@@ -86,7 +86,7 @@ class GivenBound:
         products: with the compliance so far.
     """
 
-    def __init__(self, contact: ReducedContact, bound: Array, r: Array, softness: float = 0.0):
+    def __init__(self, contact: PointProblem, bound: Array, r: Array, softness: float = 0.0):
         self._contact = contact
         self._bound = bound
         self._longest = contact.longest

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Semismooth Newton on a reduced problem: with its laws, or with laws that yield.
 
-With Pi the projection of `ReducedContact.allowed`, the laws are r = Pi(r - k a), and with a force
+With Pi the projection of `PointProblem.allowed`, the laws are r = Pi(r - k a), and with a force
 l that is held (zero: a penalty k; an estimate of the contact force: Uzawa's augmented method) they
 become r = Pi(l - k a), a contact that yields. Steps are shortened where the norm of the residual is
 larger than all of the last ones (Grippo, Lampariello and Lucidi, SIAM J. Numer. Anal. 23, 1986).
@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact.algorithms.iteration import Algorithm, Iteration
-from dolfinx_contact.algorithms.reduced_contact import ReducedContact
+from dolfinx_contact.algorithms.point_problem import PointProblem
 
 __all__ = ["SemismoothNewton", "solve_semismooth", "solve_yielding"]
 
@@ -34,13 +34,13 @@ class SemismoothNewton(Algorithm):
     name: ClassVar[str] = "semismooth-newton"
     max_iterations: int = 40
 
-    def _iterate(self, contact: ReducedContact, r: Array, iteration: Iteration) -> None:
+    def _iterate(self, contact: PointProblem, r: Array, iteration: Iteration) -> None:
         a = contact.displacements(r)
         while not iteration.stops(a, r):
             a, r = newton_step(contact, a, r)
 
 
-def newton_step(contact: ReducedContact, a: Array, r: Array) -> tuple[Array, Array]:
+def newton_step(contact: PointProblem, a: Array, r: Array) -> tuple[Array, Array]:
     """A full step of Newton's method from displacements and forces (m, dim).
 
     In 2D it ends in the state that has the statuses of the one before, where a and r balance to the
@@ -67,7 +67,7 @@ def newton_step(contact: ReducedContact, a: Array, r: Array) -> tuple[Array, Arr
 
 
 def solve_semismooth(
-    contact: ReducedContact,
+    contact: PointProblem,
     a: Array,
     *,
     held: Array | None = None,
@@ -113,7 +113,7 @@ def solve_semismooth(
 
 
 def solve_yielding(
-    contact: ReducedContact, a: Array, held: Array, stiffness: Array, *, cold: bool
+    contact: PointProblem, a: Array, held: Array, stiffness: Array, *, cold: bool
 ) -> tuple[Array, int, bool]:
     """As `solve_semismooth` with a held force; from a cold start the stiffness rises to its value.
 
@@ -137,16 +137,14 @@ def solve_yielding(
     return found, total, False
 
 
-def _residual(
-    contact: ReducedContact, a: Array, held: Array | None, k: Array
-) -> tuple[Array, Array]:
+def _residual(contact: PointProblem, a: Array, held: Array | None, k: Array) -> tuple[Array, Array]:
     """What is left, r - Pi(s), and s; r = S a - p."""
     r = contact.forces(a)
     s = (r if held is None else held) - k[:, None] * a
     return r - contact.allowed(s), s
 
 
-def _jacobian(contact: ReducedContact, s: Array, held: Array | None, k: Array) -> Array:
+def _jacobian(contact: PointProblem, s: Array, held: Array | None, k: Array) -> Array:
     m, d = s.shape
     D = derivative(contact, s)
     S = contact.S.reshape(m, d, m * d)
@@ -157,7 +155,7 @@ def _jacobian(contact: ReducedContact, s: Array, held: Array | None, k: Array) -
     return J.reshape(m * d, m * d)
 
 
-def derivative(contact: ReducedContact, s: Array) -> Array:
+def derivative(contact: PointProblem, s: Array) -> Array:
     """The derivative of Pi at s, one of a kink where it has several, (m, dim, dim)."""
     m, d = s.shape
     D = np.zeros((m, d, d))

@@ -25,8 +25,8 @@ import numpy.typing as npt
 
 from dolfinx_contact.algorithms.interior_point import follow_centre
 from dolfinx_contact.algorithms.iteration import Algorithm, Iteration, check
+from dolfinx_contact.algorithms.point_problem import PointProblem
 from dolfinx_contact.algorithms.projected_cg import GivenBound
-from dolfinx_contact.algorithms.reduced_contact import ReducedContact
 from dolfinx_contact.algorithms.semismooth import solve_semismooth
 
 __all__ = ["Relaxation", "TrescaFixedPoint", "minimise"]
@@ -66,7 +66,7 @@ class TrescaFixedPoint(Algorithm):
             on=self.on in ("points", "body"),
         )
 
-    def _iterate(self, contact: ReducedContact, r: Array, iteration: Iteration) -> None:
+    def _iterate(self, contact: PointProblem, r: Array, iteration: Iteration) -> None:
         relaxed = Relaxation(self.relaxation, aitken=self.aitken)
         g = contact.radius(r[:, -1])
         a = contact.displacements(r)
@@ -122,7 +122,7 @@ class Relaxation:
         return np.maximum(g + self._omega * off, 0.0)
 
 
-def _by_gradients(given: ReducedContact, r: Array, tolerance: float) -> tuple[Array, int, bool]:
+def _by_gradients(given: PointProblem, r: Array, tolerance: float) -> tuple[Array, int, bool]:
     """Displacements by projected conjugate gradients, steps, and whether they suffice."""
     inner = GivenBound(given, given.bound, r)
     least = tolerance * given.length
@@ -132,7 +132,7 @@ def _by_gradients(given: ReducedContact, r: Array, tolerance: float) -> tuple[Ar
 
 
 def minimise(
-    given: ReducedContact, a: Array, tolerance: float, energies: list[float]
+    given: PointProblem, a: Array, tolerance: float, energies: list[float]
 ) -> tuple[Array, int, bool]:
     """Displacements at which the energy of Tresca's problem is least, from ``a`` (m, dim).
 

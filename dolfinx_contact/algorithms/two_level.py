@@ -23,7 +23,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.algorithms.reduced_contact import ReducedContact
+from dolfinx_contact.algorithms.point_problem import PointProblem
 
 __all__ = ["CoarseProblem", "hats", "linearised"]
 
@@ -53,7 +53,7 @@ def hats(x: Array, coarsening: float) -> Array:
     return np.asarray(weights / weights.sum(axis=1, keepdims=True))
 
 
-def linearised(contact: ReducedContact, a: Array, r: Array) -> tuple[Array, Array, Array]:
+def linearised(contact: PointProblem, a: Array, r: Array) -> tuple[Array, Array, Array]:
     """Residual G (n,), its derivative by the displacements (n, n), and what is free (n,).
 
     Args:
@@ -96,7 +96,7 @@ class CoarseProblem:
         coarsening: points to one coarse point, along one direction.
     """
 
-    def __init__(self, contact: ReducedContact, coarsening: float):
+    def __init__(self, contact: PointProblem, coarsening: float):
         self._contact = contact
         x = contact.positions
         x = np.arange(contact.number, dtype=float)[:, None] if x is None else x
@@ -111,12 +111,12 @@ class CoarseProblem:
         return np.concatenate([first, np.setdiff1d(np.arange(len(self._hats)), first)])
 
     @property
-    def contact(self) -> ReducedContact:
+    def contact(self) -> PointProblem:
         """The contact problem of the coarse points."""
         fine = self._contact
         P = self._P
         weight = self._hats.sum(axis=0)
-        return ReducedContact(
+        return PointProblem(
             P.T @ fine.S @ P,
             P.T @ fine.p,
             self._hats.T @ fine.friction / weight,

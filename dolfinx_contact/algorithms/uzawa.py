@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact.algorithms.iteration import Algorithm, Iteration, check
-from dolfinx_contact.algorithms.reduced_contact import ReducedContact
+from dolfinx_contact.algorithms.point_problem import PointProblem
 from dolfinx_contact.algorithms.semismooth import solve_yielding
 
 __all__ = ["Uzawa"]
@@ -52,7 +52,7 @@ class Uzawa(Algorithm):
         super().__post_init__()
         check(self, step=self.step > 0, on=self.on in ("points", "body"))
 
-    def _iterate(self, contact: ReducedContact, r: Array, iteration: Iteration) -> None:
+    def _iterate(self, contact: PointProblem, r: Array, iteration: Iteration) -> None:
         k = contact.augmentation
         if self.augmented:
             rho = self.step * STIFF * k

@@ -28,7 +28,8 @@ from dolfinx_contact.equations.measures import Scales
 from dolfinx_contact.equations.parametric import LinearSolver, ParametricEquations
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.laws import Coulomb, Frictionless, Tresca
-from dolfinx_contact.reduced.condensed import CondensedContact, can_condense
+from dolfinx_contact.reduced.reduction import Reduction
+from dolfinx_contact.reduced.scope import can_condense
 from dolfinx_contact.results.uniqueness import OTHER_DATA, Uniqueness
 
 __all__ = [
@@ -50,7 +51,7 @@ _EFFORT = 60  # of a search for weights in 3D
 _ENOUGH = 1.0 + 1e-6  # the factor it is to reach
 
 
-def obstacle_to_proof(equations: ContactEquations, condensed: CondensedContact | None) -> str:
+def obstacle_to_proof(equations: ContactEquations, condensed: Reduction | None) -> str:
     """Why nothing can be proved of a problem; "" if something can.
 
     Args:
@@ -66,7 +67,7 @@ def obstacle_to_proof(equations: ContactEquations, condensed: CondensedContact |
     return ""
 
 
-def reduced_problem(condensed: CondensedContact, gamma: float) -> ReducedProblem:
+def reduced_problem(condensed: Reduction, gamma: float) -> ReducedProblem:
     """S, p and friction at ``gamma``, with what the factorisation may be off. Not collective.
 
     Args:
@@ -76,14 +77,12 @@ def reduced_problem(condensed: CondensedContact, gamma: float) -> ReducedProblem
     Raises:
         ValueError: if S is not positive definite beyond its error, or a number is not finite.
     """
-    system = condensed.system
-    S = system.matrix[:, :, :2].reshape(len(system.load), -1)
-    of_S, of_load = condensed.errors(gamma)
-    p = np.asarray(system.load + gamma * system.rate)
-    return ReducedProblem(S, p, condensed.friction, condensed.bound, of_S, of_load)
+    known = condensed.problem(gamma, unit=condensed.force_unit)
+    errors = known.S_error, known.p_error
+    return ReducedProblem(known.S, known.p, known.friction, known.bound, *errors)
 
 
-def proved(condensed: CondensedContact, gamma: float, seconds: float) -> ProvedSolutions | None:
+def proved(condensed: Reduction, gamma: float, seconds: float) -> ProvedSolutions | None:
     """All solutions with a proof; where it takes its time there is a line of progress.
 
     None if the errors of the factorisation are too large for any. States are in the units of the
@@ -106,7 +105,7 @@ def proved(condensed: CondensedContact, gamma: float, seconds: float) -> ProvedS
 
 
 def proved_rays(
-    condensed: CondensedContact,
+    condensed: Reduction,
     cone: AffineSystem,
     known: Sequence[tuple[Codes, float]],
     seconds: float,
@@ -119,13 +118,12 @@ def proved_rays(
         known: statuses (m,) and dgamma of rays.
         seconds: for each sense of gamma.
     """
-    system = condensed.system
     of_S, _ = condensed.errors(0.0)
-    S = system.matrix[:, :, :2].reshape(len(system.rate), -1)
-    off = condensed.rate_errors
+    of_rate = condensed.rate_errors
+    friction = condensed.points.friction
     try:
-        whole = ReducedProblem(S, system.rate, condensed.friction, None, of_S, off)
-        apex = apex_problem(whole, system, cone)
+        whole = ReducedProblem(condensed.S, condensed.rate, friction, None, of_S, of_rate)
+        apex = apex_problem(whole, condensed.system, cone)
     except ValueError as error:
         return ProvedRays("open", (), f"not proved: {error}")
     if isinstance(apex, str):
@@ -133,7 +131,7 @@ def proved_rays(
     return prove_rays(apex, known, seconds=seconds)
 
 
-def _within_errors(condensed: CondensedContact, gamma: float) -> ReducedProblem | None:
+def _within_errors(condensed: Reduction, gamma: float) -> ReducedProblem | None:
     """The reduced problem; None if it is spoilt by errors."""
     try:
         return reduced_problem(condensed, gamma)
@@ -176,10 +174,10 @@ def uniqueness(
 def _in_plane(system: ParametricEquations, x: PETSc.Vec, seconds: float) -> Uniqueness:
     """By the certificate of one point. Collective."""
     equations: ContactEquations = system.equations
-    condensed: CondensedContact | None = None
+    condensed: Reduction | None = None
     try:
         if can_condense(system, bounded=True):
-            condensed = CondensedContact(system, x, 0.0, exact=True, conic=False)
+            condensed = Reduction(system, x, 0.0, exact=True, conic=False)
         obstacle = obstacle_to_proof(equations, condensed)
         if obstacle or condensed is None:
             return _by_theory(equations, obstacle)

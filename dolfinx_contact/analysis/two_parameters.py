@@ -26,8 +26,9 @@ from dolfinx_contact.continuation.arguments import checked_range
 from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.laws import Tresca
 from dolfinx_contact.points.law_checks import check_law
-from dolfinx_contact.reduced.condensed import CondensedContact, can_condense
 from dolfinx_contact.reduced.gathered import GatheredPoints
+from dolfinx_contact.reduced.reduction import Reduction
+from dolfinx_contact.reduced.scope import can_condense
 
 __all__ = ["contact_family", "event_curves"]
 
@@ -110,13 +111,11 @@ def _condensed(
                 check_law(s, f" where the second parameter is {mu:g}")
             fits = system.is_linear and can_condense(system)
             fits = fits and not any(isinstance(s.law, Tresca) for s in system.equations.surfaces)
-            condensed = CondensedContact(system, nothing, 0.0, exact=True) if fits else None
+            condensed = Reduction(system, nothing, 0.0, exact=True) if fits else None
             obstacle = obstacle_to_proof(system.equations, condensed)
             if condensed is not None:
-                affine = condensed.system
-                S = affine.matrix[:, :, :2].reshape(len(affine.load), -1).copy()
-                data = S, affine.rate.copy(), affine.load.copy(), condensed.friction.copy()
-                reach = condensed.reach
+                data = condensed.S, condensed.rate, condensed.load, condensed.points.friction
+                reach = condensed.points.reach
                 (of_S, of_load), (_, at_one) = (condensed.errors(gamma) for gamma in (0.0, 1.0))
                 condensed.destroy()
             require(system.comm, not obstacle, f"two parameters: {obstacle}")

@@ -17,7 +17,8 @@ import numpy as np
 from dolfinx_contact.continuation.rays import outgoing
 from dolfinx_contact.equations.state import Statuses
 from dolfinx_contact.problem import ContactProblem
-from dolfinx_contact.reduced.condensed import CondensedContact, can_condense
+from dolfinx_contact.reduced.reduction import Reduction
+from dolfinx_contact.reduced.scope import can_condense
 from dolfinx_contact.solvers.following import Loaded
 
 __all__ = ["StepRays", "number_of_points", "rays_of_step"]
@@ -53,7 +54,7 @@ def rays_of_step(problem: ContactProblem) -> StepRays | None:
             data of the end of the step.
 
     Returns:
-        None where statuses are no polyhedral cones (`reduced.condensed`), data of the surfaces
+        None where statuses are no polyhedral cones (`reduced.scope`), data of the surfaces
         change in the step, or the body is singular although its contact points are held.
     """
     eq = problem.equations
@@ -67,7 +68,7 @@ def rays_of_step(problem: ContactProblem) -> StepRays | None:
                 if not can_condense(system) or not system.surfaces_stand():
                     return None
                 try:
-                    condensed = CondensedContact(system, x, 0.0, exact=False)
+                    condensed = Reduction(system, x, 0.0, exact=False)
                 except RuntimeError:
                     return None
                 try:

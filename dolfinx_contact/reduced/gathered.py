@@ -37,6 +37,8 @@ class GatheredPoints:
         areas: (m,).
         friction: radii of the friction discs at unit pressure (m,); 0 without friction.
         bound: shear forces up to which Tresca's law holds points (m,); 0 for other laws.
+        augmentation: stiffness with which Newton's method augments forces, force by length (m,).
+        gap: distances to the obstacle where nothing moves, un there (m,).
         reach: slips up to which sliding is small (m,): half a facet where what is opposite is
             another body or curved, infinite on flat obstacles.
         guided: whether Dirichlet data prescribe tangential displacements of some.
@@ -61,12 +63,14 @@ class GatheredPoints:
             which = np.full(n, number)
             flat = s.obstacle.flat and not s.between_bodies
             reach = np.full(n, np.inf if flat else s.mean_width / 2)
-            columns.append((which, data.n, s.points.areas, data.r, held, slope, bound, reach))
+            columns.append(
+                (which, data.n, s.points.areas, data.r, data.gap, held, slope, bound, reach)
+            )
         self._gathered = Gathered(self.comm, system.positions[self.local], ids)
         self.mine = self._gathered.mine
         self.positions = self._gathered.positions
         ordered: list[Any] = [self.gathered(np.concatenate(c)) for c in zip(*columns, strict=True)]
-        which, normals, areas, r, held, slope, bound, reach = ordered
+        which, normals, areas, r, gap, held, slope, bound, reach = ordered
         self.frames: Array = np.stack([*_tangents(normals), -normals], axis=2)
         self._which = which
         self._r = r
@@ -74,6 +78,8 @@ class GatheredPoints:
         self.number = len(normals)
         self.normals = normals
         self.areas = areas
+        self.augmentation = r * areas
+        self.gap = gap
         self.reach = reach
         self.friction, self.bound = (np.where(self._held, 0.0, v) for v in (slope, bound))
         self.guided = bool(self._held.any())

@@ -99,24 +99,6 @@ class BodySolver:
         b.destroy(), x.destroy()
         return found
 
-    def columns(self, loads: Array) -> Array:
-        """K^-1 of columns (owned, k)."""
-        if not self.direct or loads.shape[1] == 1:
-            return np.stack([self(load) for load in loads.T], axis=1)
-        assert self._ksp is not None
-        width = loads.shape[1]
-        rhs, out = (
-            PETSc.Mat().createDense(((self._n, None), (None, width)), comm=self.comm) for _ in "bx"
-        )
-        rhs.setUp(), out.setUp()
-        rhs.getDenseArray()[:] = loads
-        rhs.assemble(), out.assemble()
-        self._ksp.getPC().getFactorMatrix().matSolve(rhs, out)
-        found = out.getDenseArray(readonly=True).copy()
-        rhs.destroy(), out.destroy()
-        self.solves += width
-        return np.asarray(found)
-
     def destroy(self) -> None:
         """Free the PETSc objects."""
         if self._hierarchy is not None:

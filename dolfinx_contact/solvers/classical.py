@@ -2,7 +2,7 @@
 """Contact problems by the classical algorithms: by name, with Newton's measure and history.
 
 Where an algorithm works on the contact points the body is condensed onto them once
-(`reduced.compliance`) and rank 0 runs it; Tresca's fixed point, Uzawa's method and penalisation
+(`reduced.Reduction`) and rank 0 runs it; Tresca's fixed point, Uzawa's method and penalisation
 work on the whole problem (`on_body`), unless told otherwise. Each begins with the tractions of the
 caller's Functions, and nothing of Newton's method is in what it finds.
 """
@@ -15,7 +15,7 @@ from dataclasses import replace
 
 from petsc4py import PETSc
 
-from dolfinx import fem
+import numpy as np
 
 from dolfinx_contact._errors import on_root
 from dolfinx_contact._petsc import staged
@@ -24,15 +24,14 @@ from dolfinx_contact.algorithms import (
     ALGORITHMS,
     Algorithm,
     Penalty,
-    ReducedContact,
+    PointProblem,
     TrescaFixedPoint,
     Uzawa,
 )
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.measures import Scales
-from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.laws import FrictionLaw, NormalCompliance, Regularised
-from dolfinx_contact.reduced.compliance import Compliance, check_reducible
+from dolfinx_contact.reduced.reduction import Reduction
 from dolfinx_contact.solvers.body_solver import BodySolver
 from dolfinx_contact.solvers.errors import (
     ConvergenceError,
@@ -117,13 +116,14 @@ def solve_by(
         _require_nodes(equations)
     if isinstance(algorithm, TrescaFixedPoint):
         _require_bounds(equations)
-    body = BodySolver(equations, direct=whole is None or linear().name == "direct")
+    body: BodySolver | None = None
     try:
         if whole is not None:
+            body = BodySolver(equations, direct=linear().name == "direct")
             on_body = OnBody(equations, linear(), body, tolerance, tell, attempt)
             attempt.converged = on_body.run(whole, x)
         else:
-            _on_points(algorithm, equations, linear, body, x, attempt, tolerance)
+            _on_points(algorithm, equations, x, attempt, tolerance)
             for step in attempt.steps:
                 tell(step)
     except (FloatingBodyError, LinearSolverError) as error:
@@ -131,7 +131,8 @@ def solve_by(
         attempt.reason = str(error)
         failure = FloatingBodyError if isinstance(error, FloatingBodyError) else failure
     finally:
-        body.destroy()
+        if body is not None:
+            body.destroy()
     if attempt.converged and (reason := diverged(equations, x)):
         attempt.converged = False
         attempt.reason = reason
@@ -147,25 +148,30 @@ def solve_by(
     return x, [attempt]
 
 
-def reduced_contact(
-    equations: ContactEquations, linear: Callable[[], LinearSolver], x: PETSc.Vec
-) -> ReducedContact:
-    """The reduced problem, the same on every rank. Collective.
+def reduced_contact(equations: ContactEquations, x: PETSc.Vec) -> PointProblem:
+    """The reduced problem, the same on every rank, with the scales of a state. Collective.
 
     Raises:
         ValueError: on every rank, for a problem that has none.
     """
-    check_reducible(equations)
-    body = BodySolver(equations, direct=True)
-    system = ParametricEquations(equations, fem.Constant(equations.V.mesh, 0.0), linear)
-    try:
-        body.update()
-        compliance = Compliance(system, x, body.columns)
-        compliance.destroy()
-    finally:
-        body.destroy()
-        system.destroy()
-    return compliance.contact
+    with Reduction.of(equations) as reduction:
+        return _scaled(reduction.problem(), _scales_at(equations, x))
+
+
+def _scales_at(equations: ContactEquations, x: PETSc.Vec) -> Scales:
+    """Scales of measures at a state. Collective."""
+    scales = Scales(equations)
+    b = x.duplicate()
+    scales.measure(equations.residual(x, b))
+    b.destroy()
+    return scales
+
+
+def _scaled(contact: PointProblem, scales: Scales) -> PointProblem:
+    """The reduced problem with the scales of a state of the body."""
+    # A body that contact holds everywhere does not move: then the load tells.
+    length = max(scales.length, float(np.abs(contact.free).max()))
+    return replace(contact, force=scales.force, length=length)
 
 
 def _require_held(eq: ContactEquations) -> None:
@@ -202,44 +208,40 @@ def _require_bounds(eq: ContactEquations) -> None:
 def _on_points(
     algorithm: Algorithm,
     equations: ContactEquations,
-    linear: Callable[[], LinearSolver],
-    body: BodySolver,
     x: PETSc.Vec,
     attempt: Attempt,
     tolerance: float,
 ) -> None:
     """Condense the body, solve on rank 0, and put what was found into ``x``."""
-    check_reducible(equations)
-    body.update()
-    system = ParametricEquations(equations, fem.Constant(equations.V.mesh, 0.0), linear)
-    compliance = Compliance(system, x, body.columns)
-    b = x.duplicate()
     try:
-        start = compliance.forces(x)
-        scales = Scales(equations)
-        scales.measure(equations.residual(x, b))
+        reduction = Reduction.of(equations)
+    except RuntimeError as error:
+        raise LinearSolverError(str(error)) from error
+    with reduction:
+        scales = _scales_at(equations, x)
+        contact = _scaled(reduction.problem(), scales)
+        dim = contact.dim
+        start = reduction.contract(x)[:, dim:] * reduction.force_unit
         # The body is judged as the points are.
-        scales.force = max(scales.force, compliance.contact.force)
-        scales.length = max(scales.length, compliance.contact.length)
+        scales.force = max(scales.force, contact.force)
+        scales.length = max(scales.length, contact.length)
         outcome = on_root(
-            equations.comm,
-            lambda: algorithm.run(compliance.contact, tolerance=tolerance, start=start),
+            equations.comm, lambda: algorithm.run(contact, tolerance=tolerance, start=start)
         )
         attempt.steps += [Step(i, m, 0, 1.0) for i, m in enumerate(outcome.measures)]
         attempt.series = outcome.series
         attempt.converged = outcome.converged
         attempt.reason = outcome.reason
-        compliance.expand(outcome.r, x)
-        if outcome.converged:
-            measures = scales.measure(equations.residual(x, b))
-            last = attempt.steps[-1]
-            accuracy = algorithm.accuracy if isinstance(algorithm, Penalty) else tolerance
-            if not measures.worst <= _GATHERED * accuracy:
-                attempt.converged = False
-                attempt.reason = (
-                    f"the points are in equilibrium, the body is not: {measures.worst:.1e}"
-                )
-            attempt.steps[-1] = replace(last, measures=measures)
-    finally:
-        for thing in (compliance, system, b):
-            thing.destroy()
+        a = contact.displacements(outcome.r)
+        reduction.expand(np.hstack([a, outcome.r / reduction.force_unit]), 0.0, x)
+    if not outcome.converged:
+        return
+    b = x.duplicate()
+    measures = scales.measure(equations.residual(x, b))
+    b.destroy()
+    last = attempt.steps[-1]
+    accuracy = algorithm.accuracy if isinstance(algorithm, Penalty) else tolerance
+    if not measures.worst <= _GATHERED * accuracy:
+        attempt.converged = False
+        attempt.reason = f"the points are in equilibrium, the body is not: {measures.worst:.1e}"
+    attempt.steps[-1] = replace(last, measures=measures)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """A solution of a plane problem by Lemke's method on its contact points.
 
-The body is condensed onto its contact points (`condensed.py`), where Lemke's method ends in a
+The body is condensed onto its contact points (`reduced.Reduction`), where Lemke's method ends in a
 solution for every friction if the reduced stiffness is positive definite (`algorithms.lemke`).
 """
 
@@ -18,7 +18,8 @@ from dolfinx_contact.algorithms import RayTermination, coulomb_by_lemke
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.laws import Coulomb, Frictionless
-from dolfinx_contact.reduced.condensed import CondensedContact, can_condense
+from dolfinx_contact.reduced.reduction import Reduction
+from dolfinx_contact.reduced.scope import can_condense
 from dolfinx_contact.solvers.history import Attempt
 from dolfinx_contact.solvers.linear import LinearSolver
 
@@ -36,23 +37,23 @@ def solve_reduced(
     Where the problem is not one that it solves the attempt says why.
     """
     system = ParametricEquations(equations, fem.Constant(equations.V.mesh, 0.0), linear)
-    condensed: CondensedContact | None = None
+    reduction: Reduction | None = None
     known = all(isinstance(s.law, Coulomb | Frictionless) for s in equations.surfaces)
     try:
         if not known or not can_condense(system, partly=True):
             attempt.reason = "needs contact at the nodes with Coulomb's law or without friction"
             return False
-        condensed = CondensedContact(system, x, 0.0, exact=True)
-        affine = condensed.system
-        friction = condensed.friction
-        S = affine.matrix[:, :, :2].reshape(len(affine.load), -1)
-        w, _ = on_root(equations.comm, lambda: coulomb_by_lemke(S, affine.load, friction))
-        condensed.expand(w, 0.0, x)
+        reduction = Reduction(system, x, 0.0, exact=True)
+        problem = reduction.problem(unit=reduction.force_unit)
+        w, _ = on_root(
+            equations.comm, lambda: coulomb_by_lemke(problem.S, problem.p, problem.friction)
+        )
+        reduction.expand(w, 0.0, x)
     except (RayTermination, ValueError, RuntimeError) as error:
         attempt.reason = str(error)
         return False
     finally:
-        if condensed is not None:
-            condensed.destroy()
+        if reduction is not None:
+            reduction.destroy()
         system.destroy()
     return True

@@ -5,7 +5,7 @@ What it finds must satisfy the law; the law is written out here, in numpy.
 
 import numpy as np
 
-from dolfinx_contact.algorithms import Lemke, ReducedContact
+from dolfinx_contact.algorithms import Lemke, PointProblem
 
 
 def violation(S, p, F, a):
@@ -36,7 +36,7 @@ def attack(case):
         S = (S + S.T) / 2 * unit / length
         p = rng.standard_normal(2 * n) * unit
         F = rng.choice([0.0, 0.3, 2.0, 20.0], n)
-        outcome = Lemke().run(ReducedContact(S, p, F))
+        outcome = Lemke().run(PointProblem(S, p, F))
         if not outcome.converged:
             unsolved += 1
             continue

@@ -1,15 +1,18 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""The reduced problem: equilibrium of the contact points alone, and the laws that hold there.
+r"""The contact points alone: equilibrium of a body condensed onto them, and the laws there.
 
 With the stiffness S of a body condensed onto its m contact points, a point's displacement
-(ut, un) (one or two tangents, then the gap) and force (rt, rn) on the body,
+a = (ut, un) (one or two tangents, then the gap) and force r = (rt, rn) on the body,
 
     S a = r + p,    0 <= un  against  rn >= 0,    |rt| <= F rn + g,    rt = -(F rn + g) ut/|ut|.
 
-F is Coulomb's coefficient, g a friction bound that is given in advance (Tresca). With augmentation
-k (stiffness of a point) the laws are rn = max(rn - k un, 0), rt = P(rt - k ut) with the projection
-P on the disc of radius F max(rn - k un, 0) + g (Alart and Curnier, CMAME 92, 1991); what is left of
-these equations is measured as Newton's method measures it (`equations.measures`).
+F is Coulomb's coefficient, g a friction bound that is given in advance (Tresca). un is 0 where a
+point touches: the gap of the body where nothing moves is in p. With augmentation k (stiffness of a
+point) the laws are rn = max(rn - k un, 0), rt = P(rt - k ut) with the projection P on the disc of
+radius F max(rn - k un, 0) + g (Alart and Curnier, CMAME 92, 1991); what is left of these equations
+is measured as Newton's method measures it (`equations.measures`).
+
+`reduced.Reduction` makes it of a body; algorithms solve it, and certificates are about it.
 """
 
 from __future__ import annotations
@@ -23,10 +26,11 @@ import numpy.typing as npt
 from dolfinx_contact.equations.measures import Measures
 from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK, WHERE_OPEN
 
-__all__ = ["ReducedContact", "project"]
+__all__ = ["PointProblem", "project"]
 
 Array = npt.NDArray[np.float64]
 _TINY = 1e-300
+_HALVED = 5 * 2.0**-53 / (1 - 5 * 2.0**-53)  # of the round-off of a mean
 _ROUND_OFF = 1e-4  # of stiffness times displacement, forces beside which none is looked at
 
 
@@ -37,7 +41,7 @@ def project(s: Array, radius: Array) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class ReducedContact:
+class PointProblem:
     """S a = r + p with Signorini's conditions and friction at m points, in 2D or 3D.
 
     Args:
@@ -50,6 +54,12 @@ class ReducedContact:
         force: that counts as 1 in measures, if no contact force is larger.
         length: the same; by default the largest displacement that the load causes.
         positions: of the points (m, any), for the two-level scheme.
+        gap: un where nothing moves (m,), lengths; known of a body, whose p has it in it.
+        frames: T of Cartesian displacements T a and forces T r on the body, the tangents, then
+            minus the outward normal (m, dim, dim); known of a body.
+        S_error: by which entries of S may be off (dim m, dim m); None: not known. What S is off
+            from its transpose is added.
+        p_error: the same of p (dim m,).
 
     Raises:
         ValueError: for shapes that do not fit, numbers that are not finite, negative friction, or a
@@ -64,6 +74,10 @@ class ReducedContact:
     force: float = 0.0
     length: float = 0.0
     positions: Array | None = None
+    gap: Array | None = None
+    frames: Array | None = None
+    S_error: Array | None = None
+    p_error: Array | None = None
 
     def __post_init__(self) -> None:
         m = len(self.friction)
@@ -76,6 +90,9 @@ class ReducedContact:
             raise ValueError("stiffness, load or friction is not finite")
         if (self.friction < 0).any() or (self.bound < 0).any():
             raise ValueError("the friction must not be negative")
+        if self.S_error is not None:
+            away = np.abs(self.S - self.S.T) + _HALVED * np.abs(self.S) * (self.S != self.S.T)
+            put(self, "S_error", np.maximum(self.S_error, self.S_error.T) + away)
         put(self, "S", 0.5 * (self.S + self.S.T))
         try:
             np.linalg.cholesky(self.S)
@@ -129,9 +146,9 @@ class ReducedContact:
         """The displacements S^-1 (r + p) under forces (m, dim)."""
         return np.asarray((self.A @ r.reshape(-1)).reshape(r.shape) + self.free)
 
-    def given(self, bound: Array) -> ReducedContact:
+    def given(self, bound: Array) -> PointProblem:
         """Tresca's problem: friction bounds given in advance (m,) and no others."""
-        found = object.__new__(ReducedContact)
+        found = object.__new__(PointProblem)
         found.__dict__.update(self.__dict__)
         found.__dict__.update(friction=np.zeros(self.number), bound=bound)
         return found
@@ -197,7 +214,7 @@ class ReducedContact:
         rubbing = float(self.bound @ np.linalg.norm(a[:, :-1], axis=1))
         return float(0.5 * flat @ (self.S @ flat) - self.p @ flat) + rubbing
 
-    def scaled(self) -> tuple[ReducedContact, float, float]:
+    def scaled(self) -> tuple[PointProblem, float, float]:
         """The problem with stiffnesses and loads near 1, and its units of stiffness and length."""
         stiffness = float(np.diag(self.S).mean())
         length = float(np.abs(self.free).max()) or 1.0
@@ -210,5 +227,8 @@ class ReducedContact:
             augmentation=np.asarray(self.augmentation / stiffness, np.float64),
             force=self.force / force,
             length=self.length / length,
+            gap=None,
+            S_error=None,
+            p_error=None,
         )
         return changed, stiffness, length

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Contact condensed onto its points: the body is eliminated once.
+r"""The body condensed onto its contact points: it is eliminated once, in 2D and 3D.
 
 For jumps j at the contact points and the forces r = W t on the body there, equilibrium reads
 
@@ -8,9 +8,15 @@ For jumps j at the contact points and the forces r = W t on the body there, equi
 
 (with rigid bodies u has their unknowns as well, of no stiffness, and B is [B, -Phi])
 with the residual b_u and the rate c_u of the body's rows. Unit jumps give dr = S dj + ... with a
-dense and small S: the same on every rank. With w = (ut, un, rt, rn) at every point S a - r =
-p + gamma q. Where the body is linear and gamma enters the data linearly this is the whole problem;
-else it is its linearisation, which decides how branches leave a point.
+dense and small S: the same on every rank. In the frames of the points, with a = (ut, un) and the
+forces r = (rt, rn) on the body at every point,
+
+    S a - r = p + gamma q.
+
+That is the `PointProblem` of algorithms and certificates, and with the statuses of the points as
+cones of w = (a, r) the `AffineSystem` of pivoting. Where the body is linear and gamma enters the
+data linearly this is the whole problem; else it is its linearisation, which decides how branches
+leave a point.
 
 What the factorisation leaves of the right-hand sides bounds the errors of S, p and q. The transpose
 of the matrix is D A D for the signs D of displacements and forces, so that its solution for a unit
@@ -18,14 +24,14 @@ force is that for a unit jump but for signs, dS_ij = X_i.R_j for the solutions X
 R, and |dS_ij| <= |X_i| |R_j|, up to products of two residuals; the round-off of R is in |R|. The
 matrices are taken as they are assembled.
 
-It holds where a multiplier node is a point, in 2D, for laws whose statuses are polyhedral cones
-(`laws.cones`).
+It holds where a multiplier node is a point. The cones are those of laws in 2D whose statuses are
+polyhedral (`laws.cones`).
 """
 
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 from petsc4py import PETSc
 
@@ -33,81 +39,53 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csc_matrix as Columns
 
+from dolfinx import fem
+
+from dolfinx_contact._errors import require
 from dolfinx_contact._factor import BATCH, Factor, marked_symmetric
 from dolfinx_contact._petsc import staged
+from dolfinx_contact.algorithms.point_problem import PointProblem
 from dolfinx_contact.continuation import Piece
 from dolfinx_contact.continuation.affine import AffineSystem
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.parametric import ParametricEquations
-from dolfinx_contact.laws import Tresca
-from dolfinx_contact.laws.cones import is_polyhedral, no_cones
+from dolfinx_contact.laws.cones import no_cones
 from dolfinx_contact.reduced.gathered import GatheredPoints
+from dolfinx_contact.reduced.scope import check_reducible
 
-__all__ = ["CondensedContact", "can_condense"]
+__all__ = ["Reduction"]
 
 Array = npt.NDArray[np.float64]
-_MOST_POINTS = 1024
 _DEFINITE = 1e-10  # least eigenvalue of the condensed stiffness, whose mean diagonal entry is 1
 _ROUND_OFF = 2.0**-53
 _TERMS = 256  # of a row of the matrix, at most, or nearly so
+_SYMMETRIC = 1e-8  # of the largest entry of the condensed stiffness
 
 
-def can_condense(
-    system: ParametricEquations, *, partly: bool = False, bounded: bool = False
-) -> bool:
-    """Whether a problem has affine pieces at its contact points. Collective.
-
-    Args:
-        system: the problem.
-        partly: whether tangential displacements of contact points may be prescribed: the statuses
-            of such points are not those of the problem.
-        bounded: whether Tresca's law will do, whose pieces are not cones.
-    """
-    eq = system.equations
-    points = eq.comm.allreduce(int((~system.clamped).sum()))
-    if eq.dim != 2 or not 0 < points <= _MOST_POINTS or not system.held_laws:
-        return False
-    nodes = []
-    mixed = False
-    polyhedral = True
-    known = eq.constraints.clamped, eq.constraints.held
-    for s, clamped, held in zip(eq.surfaces, *known, strict=True):
-        if s.points.E is not None or s.displaced is not None or (partly and s.method != "nodal"):
-            return False
-        conic = is_polyhedral(s.law_at_points, s.data)
-        polyhedral = polyhedral and (conic or (bounded and isinstance(s.law, Tresca)))
-        trace = s.points.vertex_trace_dofs
-        nodes.append(trace)
-        fixed = held[trace]
-        some = fixed.any(axis=1) & ~fixed.all(axis=1)
-        if partly:
-            # Of a normal that is not along an axis a part would be prescribed.
-            normal = np.where(fixed, s.points.vertex_normals, 0.0)
-            some &= ~clamped & (np.abs(normal).max(axis=1, initial=0.0) > 1e-6)
-        mixed = mixed or bool(some.any())
-    flat = np.concatenate(nodes)
-    shared = len(np.unique(flat)) < len(flat)
-    return not eq.comm.allreduce(int(mixed or shared or not polyhedral))
-
-
-class CondensedContact:
-    """A contact problem with a parameter, condensed at a state. Collective.
+class Reduction:
+    """A contact problem with a parameter, condensed onto its points at a state. Collective.
 
     Args:
-        parametric: the problem; `can_condense` must hold.
+        parametric: the problem, of which `scope` must hold.
         x: state at which H is linearised.
         gamma: parameter there.
         exact: whether the pieces are affine, so that the linearisation is the problem.
-        conic: whether the pieces are cones; else the system has only its matrix and its loads.
+        conic: whether the pieces are cones (`can_condense`); else `system` has only its matrix and
+            its loads.
 
     Attributes:
-        system: the affine system of the contact points, in the order of their coordinates.
+        points: the contact points, m, in the order of their coordinates.
+        system: with the statuses of the points as cones, in 2D alone.
+        S: stiffness (dim m, dim m), over ``force_unit``, point by point, tangents before the
+            normal; symmetric where the body is, up to round-off.
+        load: p (dim m,), over ``force_unit``.
+        rate: q (dim m,), over ``force_unit``.
         exact: as given.
-        friction: radii of the friction discs at unit pressure (m,); 0 without friction.
-        reach: slips up to which sliding is small (m,); see `GatheredPoints`.
-        bound: shear up to which Tresca's law holds points, in units of w (m,); 0 for other laws.
-        force_unit: what forces in w and in the system are divided by.
+        force_unit: what forces in w, `S` and loads are divided by, so that the diagonal of S is 1
+            on the average and all numbers of w are lengths.
     """
+
+    system: AffineSystem
 
     @staged("ContactCondensation")
     def __init__(
@@ -124,6 +102,7 @@ class CondensedContact:
         eq: ContactEquations = parametric.equations
         self.comm = eq.comm
         self._equations = eq
+        self._dim = eq.dim
         self._gamma = gamma
         self._x = x.copy()
         self._scale = eq.stiffness_scale
@@ -136,30 +115,95 @@ class CondensedContact:
         parametric.parameter_derivative(x, gamma, c, piece)
         self._rest, self._rate = (self._displacements(v) for v in (b, c))
         b.destroy(), c.destroy()
-        self._points = points = GatheredPoints(parametric)
-        self._m = points.number
+        self.points = GatheredPoints(parametric)
+        self._m = self.points.number
         self._factorise(parametric.contact(x, gamma, piece).u)
-        T = points.frames
+        T = self.points.frames
         m = self._m
+        d = self._dim
         schur, self._sizes_of_jumps, self._residuals_of_jumps = self._reactions_to_jumps()
         k = float(np.abs(np.diag(schur)).mean())
-        S = np.einsum("iap,iajb,jbq->ipjq", T, schur.reshape(m, 2, m, 2), T) / k
+        S = np.einsum("iap,iajb,jbq->ipjq", T, schur.reshape(m, d, m, d), T) / k
+        self.S: Array = S.reshape(d * m, d * m)
         self.force_unit = k
-        M = np.zeros((2 * m, m, 4))
-        M[:, :, :2] = S.reshape(2 * m, m, 2)
-        M.reshape(m, 2, m, 4)[np.arange(m), :, np.arange(m), 2:] = -np.eye(2)
-        none = np.zeros((m, 2))
+        none = np.zeros((m, d))
         loads = [self._solve(-load, none) for load in (self._rest, self._rate)]
         rest, rate = (np.einsum("iap,ia->ip", T, f).reshape(-1) / k for _, f, _ in loads)
         self._residuals_of_loads = [residual for _, _, residual in loads]
         self._w = self.contract(x)
-        load = np.einsum("nmk,mk->n", M, self._w) - rest + gamma * rate
-        self.friction = points.friction
-        self.bound = points.bound / k
-        self.reach = points.reach
-        laws = points.laws(k)
-        bases, inequalities, exists = laws.cones() if conic else no_cones(m)
-        self.system = AffineSystem(M, load, -rate, bases, inequalities, laws.classify, exists)
+        M = np.zeros((d * m, m, 2 * d))
+        M[:, :, :d] = self.S.reshape(d * m, m, d)
+        M.reshape(m, d, m, 2 * d)[np.arange(m), :, np.arange(m), d:] = -np.eye(d)
+        self.load: Array = np.einsum("nmk,mk->n", M, self._w) - rest + gamma * rate
+        self.rate: Array = -rate
+        if d == 2:
+            laws = self.points.laws(k)
+            bases, inequalities, exists = laws.cones() if conic else no_cones(m)
+            cones = bases, inequalities
+            self.system = AffineSystem(M, self.load, self.rate, *cones, laws.classify, exists)
+
+    @classmethod
+    def of(cls, equations: ContactEquations) -> Self:
+        """The reduction of a problem of a linear body, with its data as they are. Collective.
+
+        Args:
+            equations: of the problem (`ContactProblem.equations`), which is left as it is.
+
+        Raises:
+            ValueError: on every rank, for a problem that has none (`scope.check_reducible`), or a
+                stiffness that is not symmetric.
+        """
+        check_reducible(equations)
+        system = ParametricEquations(equations, fem.Constant(equations.V.mesh, 0.0), _no_solver)
+        nothing = system.create_vector()
+        try:
+            reduction = cls(system, nothing, 0.0, exact=True, conic=False)
+        finally:
+            nothing.destroy()
+        S = reduction.S
+        symmetric = bool(np.abs(S - S.T).max() <= _SYMMETRIC * np.abs(S).max())
+        if not symmetric:
+            reduction.destroy()
+        require(
+            equations.comm,
+            symmetric,
+            "the reduced problem needs a symmetric stiffness; take Newton's method",
+        )
+        return reduction
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.destroy()
+
+    # -- what is found ---------------------------------------------------------------------------
+
+    def problem(self, gamma: float = 0.0, *, unit: float = 1.0) -> PointProblem:
+        """The points at ``gamma``, under the laws of Coulomb and Tresca. Not collective.
+
+        Args:
+            gamma: parameter.
+            unit: of forces; by default that of the input.
+
+        Raises:
+            ValueError: if S is not positive definite, or a number is not finite.
+        """
+        of_S, of_load = self.errors(gamma)
+        points = self.points
+        factor = self.force_unit / unit
+        return PointProblem(
+            self.S * factor,
+            (self.load + gamma * self.rate) * factor,
+            points.friction,
+            points.bound / unit,
+            points.augmentation / unit,
+            positions=points.positions,
+            gap=points.gap,
+            frames=points.frames,
+            S_error=of_S * factor,
+            p_error=of_load * factor,
+        )
 
     @cached_property
     def always_solvable(self) -> bool:
@@ -169,9 +213,7 @@ class CondensedContact:
         continuously on the bound, and Brouwer's theorem gives a bound that is F times its pressure
         (Haslinger, Math. Methods Appl. Sci. 5, 1983).
         """
-        n = 2 * self._m
-        S = self.system.matrix[:, :, :2].reshape(n, n)
-        return self.exact and bool(np.linalg.eigvalsh(S + S.T)[0] > _DEFINITE)
+        return self.exact and bool(np.linalg.eigvalsh(self.S + self.S.T)[0] > _DEFINITE)
 
     def _displacements(self, x: PETSc.Vec) -> Array:
         """Entries of the body and of rigid bodies on this rank."""
@@ -179,50 +221,47 @@ class CondensedContact:
         return np.concatenate([x.array_r[: self._nodal], x.array_r[rigid:]])
 
     def errors(self, gamma: float) -> tuple[Array, Array]:
-        """By how much S and p + gamma q may be off (2 m, 2 m), (2 m,); see the module."""
-        points = 2 * self._m
-        system = self.system
-        S = np.abs(system.matrix[:, :, :2].reshape(points, points))
+        """By how much S and p + gamma q may be off (dim m, dim m), (dim m,); see the module."""
+        S = np.abs(self.S)
         of_S, rest, rate = self._errors
-        w = np.abs(self._w[:, :2]).reshape(-1)
-        length = points * _ROUND_OFF
+        w = np.abs(self._w[:, : self._dim]).reshape(-1)
+        length = len(S) * _ROUND_OFF
         of_load = of_S @ w + length * (S @ w) + rest + abs(gamma - self._gamma) * rate
-        sums = np.abs(system.load) + abs(gamma) * np.abs(system.rate)
+        sums = np.abs(self.load) + abs(gamma) * np.abs(self.rate)
         return of_S, of_load + 64 * _ROUND_OFF * sums
 
     @property
     def rate_errors(self) -> Array:
-        """By how much q may be off (2 m,)."""
-        return self._errors[2] + 64 * _ROUND_OFF * np.abs(self.system.rate)
+        """By how much q may be off (dim m,)."""
+        return self._errors[2] + 64 * _ROUND_OFF * np.abs(self.rate)
 
     @cached_property
     def _errors(self) -> tuple[Array, Array, Array]:
         """Of S, and what the factorisation leaves of the load at the state, and of its rate."""
-        points = 2 * self._m
         k = self.force_unit
-        S = np.abs(self.system.matrix[:, :, :2].reshape(points, points))
+        d = self._dim
         # Frames mix the components of a point, and are orthonormal to round-off.
         X, R = (
-            np.repeat(np.linalg.norm(v.reshape(-1, 2), axis=1), 2)
+            np.repeat(np.linalg.norm(v.reshape(-1, d), axis=1), d)
             for v in (self._sizes_of_jumps, self._residuals_of_jumps)
         )
         rest, rate = (np.asarray(X * r / k) for r in self._residuals_of_loads)
-        return (np.outer(X, R) + np.outer(R, X)) / k + 64 * _ROUND_OFF * S, rest, rate
+        return (np.outer(X, R) + np.outer(R, X)) / k + 64 * _ROUND_OFF * np.abs(self.S), rest, rate
 
     # -- points ----------------------------------------------------------------------------------
 
     def point(self, i: int) -> tuple[int, int]:
         """The rank that owns point ``i``, and its local number there. Collective."""
-        return self._points.owner(i)
+        return self.points.owner(i)
 
     def codes(self, piece: Piece) -> npt.NDArray[np.int8]:
         """Statuses of all points. Collective."""
-        return self._points.gathered(piece.codes)
+        return self.points.gathered(piece.codes)
 
     def piece(self, codes: npt.NDArray[np.int8]) -> Piece:
         """The piece in which the points have these statuses."""
         new = np.zeros(len(self._parametric.clamped), dtype=np.int8)
-        new[self._points.local] = codes[self._points.mine]
+        new[self.points.local] = codes[self.points.mine]
         return Piece(new)
 
     # -- the body --------------------------------------------------------------------------------
@@ -234,12 +273,12 @@ class CondensedContact:
         K = eq.bulk.stiffness(u).copy()
         fixed = np.flatnonzero(eq.fixed[: self._nodal]) + K.getOwnershipRange()[0]
         K.zeroRowsColumns(fixed.astype(PETSc.IntType), diag=self._scale)
-        wanted = self._points.local
+        wanted = self.points.local
         blocks = []
         motions = []
         for s in eq.surfaces:
             inside = wanted[(wanted >= first) & (wanted < first + s.points.number)] - first
-            rows = (2 * inside[:, None] + np.arange(2)).reshape(-1)
+            rows = (self._dim * inside[:, None] + np.arange(self._dim)).reshape(-1)
             here = PETSc.IS().createGeneral(
                 (rows + s.points.B.getOwnershipRange()[0]).astype(PETSc.IntType), comm=self.comm
             )
@@ -278,7 +317,7 @@ class CondensedContact:
         rows: list[list[PETSc.Mat | None]] = []
         for i, (K, fixed, _) in enumerate(fields):
             for B in transposed[i]:
-                if not self._points.guided:
+                if not self.points.guided:
                     B.zeroRows(fixed.astype(PETSc.IntType), diag=0.0)
             rows.append([K if i == k else None for k in range(number)] + transposed[i])
         for parts in zip(*scaled, strict=True):
@@ -290,13 +329,14 @@ class CondensedContact:
         return matrix
 
     def _reactions_to_jumps(self) -> tuple[Array, Array, Array]:
-        """Forces at the points by jumps there, (2 m, 2 m). Collective.
+        """Forces at the points by jumps there, (dim m, dim m). Collective.
 
-        With the sizes of the solutions and of their residuals (2 m,).
+        With the sizes of the solutions and of their residuals (dim m,).
         """
         local = self._matrix.getLocalSize()[0]
-        columns = 2 * self._m
-        rows = (2 * self._points.mine[:, None] + np.arange(2)).reshape(-1)
+        d = self._dim
+        columns = d * self._m
+        rows = (d * self.points.mine[:, None] + np.arange(d)).reshape(-1)
         mine = np.empty((len(rows), columns))
         squares = np.empty((2, columns))
         scale = self._scale
@@ -327,19 +367,19 @@ class CondensedContact:
         return _TERMS * _ROUND_OFF * (size * x + b)
 
     def _solve(self, load: Array, jumps: Array) -> tuple[Array, Array, float]:
-        """Displacements (owned) and forces at all points for a load and jumps (m, 2). Collective.
+        """Displacements (owned) and forces at all points for a load and jumps (m, dim). Collective.
 
         With the size of the residual.
         """
         b, x = self._matrix.createVecs()
         scale = self._scale
         b.array[: self._n] = load
-        b.array[self._n :] = -scale * jumps[self._points.mine].reshape(-1)
+        b.array[self._n :] = -scale * jumps[self.points.mine].reshape(-1)
         self._factor.solve(b, x)
         u = x.array_r[: self._n].copy()
-        forces = np.zeros((self._m, 2))
-        mine = scale * x.array_r[self._n :].reshape(-1, 2)
-        for places, part in self.comm.allgather((self._points.mine, mine)):
+        forces = np.zeros((self._m, self._dim))
+        mine = scale * x.array_r[self._n :].reshape(-1, self._dim)
+        for places, part in self.comm.allgather((self.points.mine, mine)):
             forces[places] = part
         off = self._round_off(x.norm(), b.norm())
         b.scale(-1.0)
@@ -352,7 +392,7 @@ class CondensedContact:
     # -- states ----------------------------------------------------------------------------------
 
     def contract(self, x: PETSc.Vec) -> Array:
-        """The state w of all points, (m, 4). Collective."""
+        """The state w = (a, r over ``force_unit``) of all points, (m, 2 dim). Collective."""
         state = self._equations.contact(x)
         jump = np.concatenate(
             [
@@ -366,34 +406,39 @@ class CondensedContact:
                 for s, found in zip(self._equations.surfaces, state.surfaces, strict=True)
             ]
         )
-        parts = [self._points.gathered(v) for v in (jump, force / self.force_unit)]
-        T = self._points.frames
+        parts = [self.points.gathered(v) for v in (jump, force / self.force_unit)]
+        T = self.points.frames
         return np.concatenate([np.einsum("iap,ia->ip", T, v) for v in parts], axis=1)
 
     def expand(self, w: Array, gamma: float, x: PETSc.Vec) -> None:
         """Put the unknowns of the state ``w`` at ``gamma`` into ``x``. Collective."""
         dw = w - self._w
-        T = self._points.frames
-        jumps = np.einsum("iap,ip->ia", T, dw[:, :2])
-        forces = np.einsum("iap,ip->ia", T, dw[:, 2:]) * self.force_unit
+        T = self.points.frames
+        d = self._dim
+        jumps = np.einsum("iap,ip->ia", T, dw[:, :d])
+        forces = np.einsum("iap,ip->ia", T, dw[:, d:]) * self.force_unit
         load = -self._rest - (gamma - self._gamma) * self._rate
         du, _, _ = self._solve(load, jumps)
         self._x.copy(x)
         x.array[: self._nodal] += du[: self._nodal]
         x.array[x.getLocalSize() - self._equations.rigid.owned :] += du[self._nodal :]
-        tractions = np.zeros((len(self._parametric.clamped), 2))
-        mine = forces[self._points.mine] / self._points.areas[self._points.mine][:, None]
-        tractions[self._points.local] = mine
+        tractions = np.zeros((len(self._parametric.clamped), d))
+        mine = forces[self.points.mine] / self.points.areas[self.points.mine][:, None]
+        tractions[self.points.local] = mine
         eq = self._equations
         first = 0
         row = self._nodal
         for s, unit in zip(eq.surfaces, eq.units[1:-1], strict=True):
             n = s.points.number
-            x.array[row : row + 2 * n] += tractions[first : first + n].reshape(-1) / unit
+            x.array[row : row + d * n] += tractions[first : first + n].reshape(-1) / unit
             first = first + n
-            row = row + 2 * n
+            row = row + d * n
 
     def destroy(self) -> None:
         """Free the PETSc objects."""
         for thing in (self._factor, self._matrix, self._x):
             thing.destroy()
+
+
+def _no_solver() -> Any:
+    raise AssertionError("a reduction solves by its own factorisation")

@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Which problems are reduced to their contact points."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dolfinx_contact._errors import require
+from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.parametric import ParametricEquations
+from dolfinx_contact.laws import Coulomb, Frictionless, Tresca
+from dolfinx_contact.laws.cones import is_polyhedral
+
+__all__ = ["can_condense", "check_reducible"]
+
+_MOST_POINTS = 1024
+
+
+def check_reducible(eq: ContactEquations) -> None:
+    """Raise ``ValueError`` if a problem is no `PointProblem` of a body at rest. Collective."""
+    laws = [s.law for s in eq.surfaces]
+    known = all(isinstance(law, Coulomb | Tresca | Frictionless) for law in laws)
+    alone = all(s.points.E is None for s in eq.surfaces)
+    parts = [
+        (r[: s.points.number].any(axis=1) & ~c[: s.points.number])
+        for s, r, c in zip(eq.surfaces, eq.constraints.removed, eq.constraints.clamped, strict=True)
+    ]
+    guided = eq.comm.allreduce(int(any(part.any() for part in parts)))
+    along = eq.dim == 2 and all(s.method == "nodal" for s in eq.surfaces)
+    trace = np.concatenate([s.points.vertex_trace_dofs for s in eq.surfaces])
+    shared = eq.comm.allreduce(int(len(np.unique(trace)) < len(trace)))
+    for ok, what in (
+        (known, "the law of Coulomb or Tresca, or none of friction"),
+        (alone, "contact at the nodes (nodal or mixed)"),
+        (eq.bulk.linear, "a body that is linear"),
+        (eq.linear or not eq.bulk.linear, "small sliding on curved obstacles"),
+        (len(eq.scaling.loose.of_body) == 0, "a body that Dirichlet data hold"),
+        (along or not guided, "contact nodes that Dirichlet data do not hold in part"),
+        (not shared, "surfaces without common nodes"),
+        (eq.rigid.size == 0, "obstacles without unknowns of their own"),
+    ):
+        require(eq.comm, ok, f"the reduced problem needs {what}; take Newton's method")
+
+
+def can_condense(
+    system: ParametricEquations, *, partly: bool = False, bounded: bool = False
+) -> bool:
+    """Whether a problem has affine pieces at its contact points. Collective.
+
+    Args:
+        system: the problem.
+        partly: whether tangential displacements of contact points may be prescribed: the statuses
+            of such points are not those of the problem.
+        bounded: whether Tresca's law will do, whose pieces are not cones.
+    """
+    eq = system.equations
+    points = eq.comm.allreduce(int((~system.clamped).sum()))
+    if eq.dim != 2 or not 0 < points <= _MOST_POINTS or not system.held_laws:
+        return False
+    nodes = []
+    mixed = False
+    polyhedral = True
+    known = eq.constraints.clamped, eq.constraints.held
+    for s, clamped, held in zip(eq.surfaces, *known, strict=True):
+        if s.points.E is not None or s.displaced is not None or (partly and s.method != "nodal"):
+            return False
+        conic = is_polyhedral(s.law_at_points, s.data)
+        polyhedral = polyhedral and (conic or (bounded and isinstance(s.law, Tresca)))
+        trace = s.points.vertex_trace_dofs
+        nodes.append(trace)
+        fixed = held[trace]
+        some = fixed.any(axis=1) & ~fixed.all(axis=1)
+        if partly:
+            # Of a normal that is not along an axis a part would be prescribed.
+            normal = np.where(fixed, s.points.vertex_normals, 0.0)
+            some &= ~clamped & (np.abs(normal).max(axis=1, initial=0.0) > 1e-6)
+        mixed = mixed or bool(some.any())
+    flat = np.concatenate(nodes)
+    shared = len(np.unique(flat)) < len(flat)
+    return not eq.comm.allreduce(int(mixed or shared or not polyhedral))
