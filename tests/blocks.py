@@ -82,7 +82,7 @@ def block(
     )
 
 
-def half_block(comm=MPI.COMM_WORLD, n=4):
+def half_block(comm=MPI.COMM_WORLD, n=4, method=None):
     """A square pressed on a floor, one side a symmetry plane: a contact node moves up alone."""
     domain = mesh.create_unit_square(comm, n, n)
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
@@ -94,7 +94,8 @@ def half_block(comm=MPI.COMM_WORLD, n=4):
         fem.dirichletbc(0.0, side, V.sub(0)),
     ]
     floor = HalfSpace((0.0, 0.0), (0.0, 1.0))
-    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.1))
+    law = Coulomb(0.1)
+    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=law, method=method)
     energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
     return ContactProblem(energy, u, [surface], bcs=bcs)
 

@@ -5,6 +5,7 @@ By name they solve contact problems: `ContactProblem.solve(algorithm=...)`.
 """
 
 from dolfinx_contact.algorithms.complementarity import Lemke
+from dolfinx_contact.algorithms.exchange import load_points, save_points
 from dolfinx_contact.algorithms.gauss_seidel import GaussSeidel
 from dolfinx_contact.algorithms.interior_point import InteriorPoint
 from dolfinx_contact.algorithms.iteration import Algorithm, Outcome, Trend
@@ -33,6 +34,8 @@ __all__ = [
     "Uzawa",
     "coulomb_by_lemke",
     "lemke",
+    "load_points",
+    "save_points",
 ]
 
 #: What stands for a name in `ContactProblem.solve`.

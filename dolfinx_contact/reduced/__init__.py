@@ -1,2 +1,6 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """The contact problem reduced to its contact points."""
+
+from dolfinx_contact.reduced.reduction import Reduction
+
+__all__ = ["Reduction"]

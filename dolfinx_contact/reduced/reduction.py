@@ -30,6 +30,7 @@ polyhedral (`laws.cones`).
 
 from __future__ import annotations
 
+import os
 from functools import cached_property
 from typing import Any, Self
 
@@ -41,9 +42,10 @@ from scipy.sparse import csc_matrix as Columns
 
 from dolfinx import fem
 
-from dolfinx_contact._errors import require
+from dolfinx_contact._errors import on_root, require, same_everywhere
 from dolfinx_contact._factor import BATCH, Factor, marked_symmetric
 from dolfinx_contact._petsc import staged
+from dolfinx_contact.algorithms.exchange import save_points
 from dolfinx_contact.algorithms.point_problem import PointProblem
 from dolfinx_contact.continuation import Piece
 from dolfinx_contact.continuation.affine import AffineSystem
@@ -204,6 +206,23 @@ class Reduction:
             S_error=of_S * factor,
             p_error=of_load * factor,
         )
+
+    def save(self, file: str | os.PathLike[str], gamma: float = 0.0) -> None:
+        """Write the `problem` at ``gamma``, in units of the input; rank 0 writes. Collective.
+
+        Args:
+            file: ``.npz`` (`algorithms.load_points` reads it), or ``.hdf5`` or ``.h5`` for FCLib;
+                see `algorithms.exchange`.
+            gamma: parameter.
+
+        Raises:
+            ValueError: on every rank, for another suffix, where S is not positive definite, or
+                where FCLib has no such problem.
+            ModuleNotFoundError: on every rank, for HDF5 without h5py.
+            OSError: on every rank, where the file cannot be written.
+        """
+        same_everywhere(self.comm, file=str(file), gamma=float(gamma))
+        on_root(self.comm, lambda: save_points(file, self.problem(gamma)))
 
     @cached_property
     def always_solvable(self) -> bool:
