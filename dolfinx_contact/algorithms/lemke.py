@@ -27,6 +27,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.linalg.blas import dger
 
+from dolfinx_contact.laws.coulomb import radius, violation
+
 __all__ = ["RayTermination", "coulomb_by_lemke", "lemke"]
 
 Array = npt.NDArray[np.float64]
@@ -99,7 +101,7 @@ def coulomb_by_lemke(
     r[t] = plus - minus
     r[n] = rn
     a: Array = np.asarray(A @ r + c, dtype=np.float64)
-    worst = _violation(a[t], a[n], r[t], r[n], friction, given)
+    worst = violation(a[t], a[n], r[t], r[n], friction, given)
     scaled = np.asarray(S / stiffness)
     load = np.asarray(p / (stiffness * length))
     near: tuple[Array, Array] | None = (a, r)
@@ -108,7 +110,7 @@ def coulomb_by_lemke(
             break
         near = _with_statuses(scaled, load, friction, given, *near)
         if near is not None:
-            off = _violation(near[0][t], near[0][n], near[1][t], near[1][n], friction, given)
+            off = violation(near[0][t], near[0][n], near[1][t], near[1][n], friction, given)
             if off < worst:
                 worst = off
                 a, r = near
@@ -138,8 +140,8 @@ def _with_statuses(
     t = np.arange(0, size, 2)
     n = np.arange(1, size, 2)
     closed = r[n] > a[n]
-    radius = np.where(closed, friction * r[n], 0.0) + bound
-    stuck = (closed | (bound > 0)) & (radius - np.abs(r[t]) > np.abs(a[t]))
+    most = radius(np.where(closed, r[n], 0.0), friction, bound)
+    stuck = (closed | (bound > 0)) & (most - np.abs(r[t]) > np.abs(a[t]))
     sense = np.where(a[t] == 0, -np.sign(r[t]), np.sign(a[t]))
     # Rows of a, then of r: S a - r = p, and at every point two that the status tells.
     rows = np.zeros((2 * size, 2 * size))
@@ -158,20 +160,6 @@ def _with_statuses(
     except np.linalg.LinAlgError:
         return None
     return np.asarray(x[:size], np.float64), np.asarray(x[size:], np.float64)
-
-
-def _violation(ut: Array, un: Array, rt: Array, rn: Array, friction: Array, bound: Array) -> float:
-    """The largest violation of Signorini's and Coulomb's law, in units in which the load is 1."""
-    size = max(1.0, float(np.abs(rn).max()), float(np.abs(rt).max()))
-    radius = friction * rn + bound
-    parts = [
-        -un,
-        -rn / size,
-        np.minimum(np.abs(un), np.abs(rn) / size),
-        (np.abs(rt) - radius) / size,
-        np.minimum(np.abs(ut), np.abs(rt + np.sign(ut) * radius) / size),
-    ]
-    return float(max(v.max(initial=0.0) for v in parts))
 
 
 def lemke(

@@ -8,9 +8,8 @@ a = (ut, un) (one or two tangents, then the gap) and force r = (rt, rn) on the b
 
 F is Coulomb's coefficient, g a friction bound that is given in advance (Tresca). un is 0 where a
 point touches: the gap of the body where nothing moves is in p. With augmentation k (stiffness of a
-point) the laws are rn = max(rn - k un, 0), rt = P(rt - k ut) with the projection P on the disc of
-radius F max(rn - k un, 0) + g (Alart and Curnier, CMAME 92, 1991); what is left of these equations
-is measured as Newton's method measures it (`equations.measures`).
+point) the laws are the equations of `laws.coulomb`; what is left of these is measured as Newton's
+method measures it (`equations.measures`).
 
 `reduced.Reduction` makes it of a body; algorithms solve it, and certificates are about it.
 """
@@ -24,20 +23,13 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact.equations.measures import Measures
-from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK, WHERE_OPEN
+from dolfinx_contact.laws import coulomb
 
-__all__ = ["PointProblem", "project"]
+__all__ = ["PointProblem"]
 
 Array = npt.NDArray[np.float64]
-_TINY = 1e-300
 _HALVED = 5 * 2.0**-53 / (1 - 5 * 2.0**-53)  # of the round-off of a mean
 _ROUND_OFF = 1e-4  # of stiffness times displacement, forces beside which none is looked at
-
-
-def project(s: Array, radius: Array) -> Array:
-    """Vectors (m, d) projected on discs (in 1D: intervals) of these radii (m,)."""
-    size = np.linalg.norm(s, axis=1)
-    return np.asarray(s * np.minimum(1.0, radius / np.maximum(size, _TINY))[:, None])
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,12 +149,15 @@ class PointProblem:
 
     def radius(self, rn: Array) -> Array:
         """Radii of the friction discs at normal forces (m,)."""
-        return self.friction * np.maximum(rn, 0.0) + self.bound
+        return coulomb.radius(rn, self.friction, self.bound)
 
     def allowed(self, r: Array) -> Array:
         """Forces (m, dim) projected: rn >= 0, and rt on the disc of that rn."""
-        rn = np.maximum(r[:, -1], 0.0)
-        return np.column_stack([project(r[:, :-1], self.radius(rn)), rn])
+        return coulomb.allowed(r, self.friction, self.bound)
+
+    def augmented(self, a: Array, r: Array) -> Array:
+        """The forces r - k a of which the laws are asked, (m, dim)."""
+        return r - self.augmentation[:, None] * a
 
     def answer(self, a: Array, r: Array, k: Array | None = None) -> Array:
         """The forces that the laws answer to r - k a, (m, dim)."""
@@ -171,24 +166,15 @@ class PointProblem:
 
     def closed(self, a: Array, r: Array) -> npt.NDArray[np.bool_]:
         """Which points are closed (m,)."""
-        return np.asarray(r[:, -1] - self.augmentation * a[:, -1] >= 0)
+        return coulomb.closed(self.augmented(a, r))
 
     def stuck(self, a: Array, r: Array) -> npt.NDArray[np.bool_]:
         """Which points friction holds (m,)."""
-        s = np.linalg.norm(r[:, :-1] - self.augmentation[:, None] * a[:, :-1], axis=1)
-        pressure = r[:, -1] - self.augmentation * a[:, -1]
-        grips = (self.bound > 0) | ((self.friction > 0) & (pressure >= 0))
-        return np.asarray(grips & (s <= self.radius(pressure)))
+        return coulomb.stuck(self.augmented(a, r), self.friction, self.bound)
 
     def statuses(self, a: Array, r: Array) -> npt.NDArray[np.int8]:
         """Numbers of the statuses (`laws.status`) of a state (m,)."""
-        closed = self.closed(a, r)
-        stuck = self.stuck(a, r)
-        shear = r[:, 0] - self.augmentation * a[:, 0]
-        back = (shear > 0) & (self.dim == 2)
-        codes = np.where(stuck, STICK, np.where(back, MINUS, PLUS))
-        rubbing = np.where(self.bound > 0, codes + WHERE_OPEN, OPEN)
-        return np.where(closed, codes, rubbing).astype(np.int8)
+        return coulomb.statuses(self.augmented(a, r), self.friction, self.bound)
 
     def measure(self, a: Array, r: Array, force: float, length: float) -> Measures:
         """What is left of the equations, over a force and a length."""

@@ -23,7 +23,8 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact.algorithms.iteration import Algorithm, Iteration, check
-from dolfinx_contact.algorithms.point_problem import PointProblem, project
+from dolfinx_contact.algorithms.point_problem import PointProblem
+from dolfinx_contact.laws.coulomb import project
 
 __all__ = ["GivenBound", "ProjectedGradient"]
 

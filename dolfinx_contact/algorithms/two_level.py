@@ -70,7 +70,7 @@ def linearised(contact: PointProblem, a: Array, r: Array) -> tuple[Array, Array,
     slips = ~stuck & (contact.radius(np.where(closed, r[:, -1], 0.0)) > 0)
     G = r.copy()
     J = contact.S.reshape(m, d, m * d).copy()
-    shear = r[:, :-1] - contact.augmentation[:, None] * a[:, :-1]
+    shear = contact.augmented(a, r)[:, :-1]
     size = np.linalg.norm(shear, axis=1)
     for i in np.flatnonzero(slips):
         e = -shear[i] / size[i]

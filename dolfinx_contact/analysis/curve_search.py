@@ -19,7 +19,8 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact.analysis.event_curves import EventCurve, EventCurves, Meeting, Segment
-from dolfinx_contact.analysis.family import BORDERS, FIRST_BORDER, ContactFamily, Frame
+from dolfinx_contact.analysis.family import ContactFamily, Frame
+from dolfinx_contact.laws.coulomb import BORDERS, FIRST_BORDER
 
 __all__ = ["follow_events"]
 

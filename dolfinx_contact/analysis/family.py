@@ -5,10 +5,9 @@ At m contact points live w = (ut, un, rt, rn), with
 
     S a - r = p + gamma q + mu v,        F = F_0 + mu F_1 >= 0
 
-and Coulomb's law at every point (`reduced_problem`). mu is the friction coefficient, or a second
-load. In a piece every point has a status; on a *border* one point is between two of them (open and
-slipping, with nothing but ut, or stuck and slipping, with nothing but rn) and loses one unknown.
-So for every mu the unknowns z of the points and gamma solve
+and Coulomb's law at every point. mu is the friction coefficient, or a second load. In a piece every
+point has a status; on a *border* one point is between two of them (`laws.coulomb`). So for every mu
+the unknowns z of the points and gamma solve
 
     [M B(mu), -q] (z, gamma) = p + mu v,
 
@@ -35,45 +34,18 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact.analysis.check_proof import ReducedProblem
+from dolfinx_contact.laws.coulomb import BASES, BORDERS, FIRST_BORDER, INSIDE, WITHOUT_FRICTION
 
-__all__ = ["BORDERS", "FIRST_BORDER", "ContactFamily", "Frame"]
+__all__ = ["ContactFamily", "Frame"]
 
 Array = npt.NDArray[np.float64]
 Codes = npt.NDArray[np.int8]
 
-#: Between which two statuses a border is, by its code less `FIRST_BORDER`.
-BORDERS = ((0, 2), (0, 3), (1, 2), (1, 3))
-FIRST_BORDER = 4
 _REAL = 1e-6  # imaginary parts, relative, of what may be a real eigenvalue
 _ROUND_OFF = 2.0**-50  # of the sum of three products, more than enough
 _SINGULAR = 1e13  # condition number from which on a matrix counts as singular
 _PARTS = (0.6180339887, 0.3819660113, 0.7320508076, 0.2679491924)  # of an interval
 _POLISH = 6  # steps of Newton's method
-
-_UT, _UN, _RT, _RN = np.eye(4)
-_NO = np.zeros(4)
-#: Of every status and border, the unknowns of its point: w = (B_0 + F B_1) z.
-_BASES: list[tuple[list[Array], list[Array]]] = [
-    ([_UT, _UN], [_NO, _NO]),
-    ([_RT, _RN], [_NO, _NO]),
-    ([_UT, _RN], [_NO, -_RT]),
-    ([_UT, _RN], [_NO, _RT]),
-    ([_UT], [_NO]),
-    ([_UT], [_NO]),
-    ([_RN], [-_RT]),
-    ([_RN], [_RT]),
-]
-#: Inequalities (C_0 + F C_1) w >= 0, each with the status beyond.
-_INSIDE: list[list[tuple[Array, Array, int]]] = [
-    [(_UN, _NO, 2)],
-    [(_RT, _RN, 2), (-_RT, _RN, 3)],
-    [(_UT, _NO, 1), (_RN, _NO, 0)],
-    [(-_UT, _NO, 1), (_RN, _NO, 0)],
-    [(_UT, _NO, 5)],
-    [(-_UT, _NO, 4)],
-    [(_RN, _NO, 0)],
-    [(_RN, _NO, 0)],
-]
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,16 +123,16 @@ class ContactFamily:
     def basis(self, i: int, code: int, mu: float) -> Array:
         """B of a status or border at a point (4, unknowns)."""
         F = self.friction[i] + mu * self.friction_rate[i]
-        constant, slope = _BASES[code]
+        constant, slope = BASES[code]
         return np.array(constant).T + F * np.array(slope).T
 
     def inequalities(self, i: int, code: int) -> list[tuple[Array, Array, int]]:
         """Of a status or border at a point: C_0, C_1 in C_0 + mu C_1, and the status beyond."""
         if self.frictionless[i]:
-            return [(c, _NO, target) for c, _, target in _INSIDE[code] if c is _UN or c is _RN]
+            return WITHOUT_FRICTION[code]
         F = self.friction[i]
         rate = self.friction_rate[i]
-        return [(c + F * slope, rate * slope, target) for c, slope, target in _INSIDE[code]]
+        return [(c + F * slope, rate * slope, target) for c, slope, target in INSIDE[code]]
 
     def columns(self, codes: Codes) -> tuple[Array, Array]:
         """M B_0 and M B_1 of M (B_0 + mu B_1), (2 m, unknowns) each."""

@@ -20,11 +20,12 @@ from dolfinx_contact._errors import on_root, require
 from dolfinx_contact.analysis.contact import obstacle_to_proof
 from dolfinx_contact.analysis.curve_search import follow_events
 from dolfinx_contact.analysis.event_curves import EventCurves
-from dolfinx_contact.analysis.family import BORDERS, FIRST_BORDER, ContactFamily
+from dolfinx_contact.analysis.family import ContactFamily
 from dolfinx_contact.continuation import Branch
 from dolfinx_contact.continuation.arguments import checked_range
 from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.laws import Tresca
+from dolfinx_contact.laws.coulomb import BORDERS, FIRST_BORDER
 from dolfinx_contact.points.law_checks import check_law
 from dolfinx_contact.reduced.gathered import GatheredPoints
 from dolfinx_contact.reduced.reduction import Reduction

@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""The laws of Coulomb and Tresca at points of a reduced problem, on numpy arrays alone.
+
+With a point's displacement a = (ut, un), tangents first, and its force r = (rt, rn) on the body,
+
+    0 <= un  against  rn >= 0,    |rt| <= F rn + g,    rt = -(F rn + g) ut/|ut|.
+
+F is Coulomb's coefficient, g a bound that is given in advance (Tresca). With an augmentation k,
+force by length, this is r = P(r - k a), with the projection P on rn >= 0 and then on the disc of
+radius F rn + g (Alart and Curnier, CMAME 92, 1991). `friction` has the same laws in UFL, for any
+coefficient and status by status; the checker of proofs (`analysis.check_proof`) has its own, to be
+read by itself.
+
+In the plane and without g the statuses are cones of w = (ut, un, rt, rn), affine in F: a point is
+at w = (B_0 + F B_1) z with (C_0 + F C_1) w >= 0. On a *border* it is between two of them, and loses
+one unknown: open and slipping, with nothing but ut, or stuck and slipping, with nothing but rn.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK, WHERE_OPEN
+
+__all__ = [
+    "BASES",
+    "BORDERS",
+    "FIRST_BORDER",
+    "INSIDE",
+    "WITHOUT_FRICTION",
+    "allowed",
+    "closed",
+    "project",
+    "radius",
+    "statuses",
+    "stuck",
+    "violation",
+]
+
+Array = npt.NDArray[np.float64]
+_TINY = 1e-300
+
+
+def radius(rn: Array, friction: Array, bound: Array) -> Array:
+    """Radii F rn + g of the friction discs at normal forces (m,); g where rn is negative."""
+    return np.asarray(friction * np.maximum(rn, 0.0) + bound)
+
+
+def project(s: Array, radius: Array) -> Array:
+    """Vectors (m, d) projected on discs (in 1D: intervals) of these radii (m,)."""
+    size = np.linalg.norm(s, axis=1)
+    return np.asarray(s * np.minimum(1.0, radius / np.maximum(size, _TINY))[:, None])
+
+
+def allowed(r: Array, friction: Array, bound: Array) -> Array:
+    """Forces (m, dim) projected: rn >= 0, and rt on the disc of that rn."""
+    rn = np.maximum(r[:, -1], 0.0)
+    return np.column_stack([project(r[:, :-1], radius(rn, friction, bound)), rn])
+
+
+def closed(s: Array) -> npt.NDArray[np.bool_]:
+    """Which points are closed (m,), by s = r - k a (m, dim)."""
+    return np.asarray(s[:, -1] >= 0)
+
+
+def stuck(s: Array, friction: Array, bound: Array) -> npt.NDArray[np.bool_]:
+    """Which points friction holds (m,), by s = r - k a (m, dim)."""
+    pressure = s[:, -1]
+    grips = (bound > 0) | ((friction > 0) & (pressure >= 0))
+    size = np.linalg.norm(s[:, :-1], axis=1)
+    return np.asarray(grips & (size <= radius(pressure, friction, bound)))
+
+
+def statuses(s: Array, friction: Array, bound: Array) -> npt.NDArray[np.int8]:
+    """Numbers of the statuses (`laws.status`) of points (m,), by s = r - k a (m, dim)."""
+    back = (s[:, 0] > 0) & (s.shape[1] == 2)
+    codes = np.where(stuck(s, friction, bound), STICK, np.where(back, MINUS, PLUS))
+    rubbing = np.where(bound > 0, codes + WHERE_OPEN, OPEN)
+    return np.where(closed(s), codes, rubbing).astype(np.int8)
+
+
+def violation(ut: Array, un: Array, rt: Array, rn: Array, friction: Array, bound: Array) -> float:
+    """The largest violation in the plane, of numbers (m,) in units in which the load is 1."""
+    size = max(1.0, float(np.abs(rn).max()), float(np.abs(rt).max()))
+    most = friction * rn + bound
+    parts = [
+        -un,
+        -rn / size,
+        np.minimum(np.abs(un), np.abs(rn) / size),
+        (np.abs(rt) - most) / size,
+        np.minimum(np.abs(ut), np.abs(rt + np.sign(ut) * most) / size),
+    ]
+    return float(max(v.max(initial=0.0) for v in parts))
+
+
+# -- cones in the plane ----------------------------------------------------------------------------
+
+#: Between which two statuses a border is, by its code less `FIRST_BORDER`.
+BORDERS = ((OPEN, PLUS), (OPEN, MINUS), (STICK, PLUS), (STICK, MINUS))
+FIRST_BORDER = 4
+
+_UT, _UN, _RT, _RN = np.eye(4)
+_NO = np.zeros(4)
+#: Of every status and border the columns of B_0 and B_1.
+BASES: list[tuple[list[Array], list[Array]]] = [
+    ([_UT, _UN], [_NO, _NO]),
+    ([_RT, _RN], [_NO, _NO]),
+    ([_UT, _RN], [_NO, -_RT]),
+    ([_UT, _RN], [_NO, _RT]),
+    ([_UT], [_NO]),
+    ([_UT], [_NO]),
+    ([_RN], [-_RT]),
+    ([_RN], [_RT]),
+]
+#: Of every status and border the rows of C_0 and C_1, each with the code beyond.
+INSIDE: list[list[tuple[Array, Array, int]]] = [
+    [(_UN, _NO, PLUS)],
+    [(_RT, _RN, PLUS), (-_RT, _RN, MINUS)],
+    [(_UT, _NO, STICK), (_RN, _NO, OPEN)],
+    [(-_UT, _NO, STICK), (_RN, _NO, OPEN)],
+    [(_UT, _NO, FIRST_BORDER + 1)],
+    [(-_UT, _NO, FIRST_BORDER)],
+    [(_RN, _NO, OPEN)],
+    [(_RN, _NO, OPEN)],
+]
+#: Of `INSIDE` the inequalities of a point without friction, whose slip has no sense.
+WITHOUT_FRICTION: list[list[tuple[Array, Array, int]]] = [
+    [(C_0, _NO, code) for C_0, _, code in rows if C_0 is _UN or C_0 is _RN] for rows in INSIDE
+]
