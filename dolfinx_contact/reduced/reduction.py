@@ -453,6 +453,24 @@ class Reduction:
             first = first + n
             row = row + d * n
 
+    def relax(self, x: PETSc.Vec) -> None:
+        """Bring a linear body to rest under the forces in ``x``, which stay. Collective.
+
+        By `expand` the points are where they should be, and the round-off of S a - p is left as
+        forces on them, large where the points are stiff; here it goes into displacements.
+        """
+        b = x.duplicate()
+        self._equations.residual(x, b)
+        load = -self._displacements(b)
+        b.destroy()
+        T = self.points.frames
+        _, forces, _ = self._solve(load, np.zeros((self._m, self._dim)))
+        held = np.einsum("iap,ia->ip", T, forces) / self.force_unit
+        a = -np.linalg.solve(self.S, held.reshape(-1)).reshape(held.shape)
+        du, _, _ = self._solve(load, np.einsum("iap,ip->ia", T, a))
+        x.array[: self._nodal] += du[: self._nodal]
+        x.array[x.getLocalSize() - self._equations.rigid.owned :] += du[self._nodal :]
+
     def destroy(self) -> None:
         """Free the PETSc objects."""
         for thing in (self._factor, self._matrix, self._x):

@@ -234,6 +234,7 @@ def _on_points(
         attempt.reason = outcome.reason
         a = contact.displacements(outcome.r)
         reduction.expand(np.hstack([a, outcome.r / reduction.force_unit]), 0.0, x)
+        reduction.relax(x)
     if not outcome.converged:
         return
     b = x.duplicate()
