@@ -82,9 +82,7 @@ from dolfinx_contact.records import (
     BranchRecord,
     EvolutionRecord,
     journal_of,
-    read_evolution,
     read_journal,
-    read_path,
 )
 
 COMM = MPI.COMM_WORLD
@@ -378,14 +376,14 @@ def cycle(case):
     with new_folder() as folder:
         with EvolutionRecord(folder, evolution) as kept:
             history = evolution.run(times, record=kept, progress=False, **steps_of)
-        return with_journal(steps(history), read_evolution(folder).rows())
+        return with_journal(steps(history), read_journal(folder).rows())
 
 
 def path():
     """A path by arc length there and back, with its record."""
     with new_folder() as folder:
         recorded_path.record("bonds", folder, COMM)
-        journal = read_path(folder)
+        journal = read_journal(folder)
     found = {
         "solved": {"gammas": journal.gammas},
         "exact": {"folds": len(journal.folds), "kinks": len(journal.kinks)},

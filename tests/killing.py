@@ -8,6 +8,8 @@ import tempfile
 import time
 from pathlib import Path
 
+from dolfinx_contact.records import read_journal
+
 TREE = Path(__file__).resolve().parents[1]
 
 
@@ -58,7 +60,7 @@ def alive(pid):
         return False
 
 
-def killed_and_resumed(script, arguments, first, folder, known, kills, read):
+def killed_and_resumed(script, arguments, first, folder, known, kills):
     """Sessions of a script with a record that are killed at random moments, and one that ends.
 
     Every one is on another number of ranks, records something, and loses or changes nothing of
@@ -71,7 +73,6 @@ def killed_and_resumed(script, arguments, first, folder, known, kills, read):
         folder: of the record.
         known: folder of a record of the same, of which nothing was killed.
         kills: number of them.
-        read: of a folder, the journal.
     """
     random.seed(5)
     path = folder / "journal.jsonl"
@@ -86,7 +87,7 @@ def killed_and_resumed(script, arguments, first, folder, known, kills, read):
         before = len(recorded[-1]) if recorded else 0
         while (
             (path.stat().st_size if path.exists() else 0) < moment * total
-            or len(read(folder).rows()) == before  # every session records something
+            or len(read_journal(folder).rows()) == before  # every session records something
         ):
             if process.poll() is not None:  # the last steps may be written between two looks
                 assert process.returncode == 0, (folder / "said.0").read_text()
@@ -94,10 +95,10 @@ def killed_and_resumed(script, arguments, first, folder, known, kills, read):
             time.sleep(0.002)
         time.sleep(delay)
         kill(process)
-        recorded.append(read(folder).rows())
+        recorded.append(read_journal(folder).rows())
     process = launch(2, script, folder, *arguments, "--resume")
     assert process.wait(timeout=300) == 0, (folder / "said.0").read_text()
-    journal = read(folder)
+    journal = read_journal(folder)
     assert [s["ranks"] for s in journal.sessions] == [*(1 + i % 3 for i in range(kills)), 2]
     for rows in recorded:
         assert rows == journal.rows()[: len(rows)]

@@ -112,7 +112,7 @@ def test_numbers_in_a_record(folder):
         record.go_on()
         history = other.run(TIMES[1:], record=record)
     assert [s.number for s in history.steps] == [2, 3]
-    assert [row["step"] for row in records.read_evolution(folder).rows()] == [1, 2, 3]
+    assert [row["step"] for row in records.read_journal(folder).rows()] == [1, 2, 3]
     assert np.all(np.diff([s.time for s in history.steps]) > 0)
 
 

@@ -19,7 +19,7 @@ from dolfinx_contact.continuation import Ending
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.parametric import ParametricContact
-from dolfinx_contact.records import BranchRecord, EvolutionRecord, read_evolution
+from dolfinx_contact.records import BranchRecord, EvolutionRecord, read_journal
 from dolfinx_contact.records.lines import FILE_NAME
 
 COMM = MPI.COMM_WORLD
@@ -28,9 +28,9 @@ ENERGIES = ("external", "stored", "dissipated", "residue", "kinetic", "contact")
 NUMBERS = ("time", "length", "external", "stored", "dissipated")
 
 
-def require_same(folder, other, tolerance=1e-10, read=read_evolution):
+def require_same(folder, other, tolerance=1e-10):
     """The same states, in the journals and in what was kept of the points."""
-    a, b = (read(path) for path in (folder, other))
+    a, b = (read_journal(path) for path in (folder, other))
     assert [s["status"] for s in a.states] == [s["status"] for s in b.states]
     rows = a.rows(), b.rows()
     for name in rows[0][0]:
@@ -92,7 +92,7 @@ def stopping(number):
 def test_the_journal_says_what_was_run(folder):
     evolution = pair(COMM)
     history = record(evolution, folder)
-    journal = read_evolution(folder)
+    journal = read_journal(folder)
     assert journal.rows() == [s.row() | {"status": s.status} for s in history.steps]
     assert [s["time"] for s in journal.states] == [0.0, *(s.time for s in history.steps)]
     assert (journal.runs[0].reason, journal.runs[0].complete) == ("the last time is reached", True)
@@ -116,7 +116,7 @@ def test_the_journal_says_what_was_run(folder):
         # A second run of the same record.
         evolution.load = lambda time: None
         evolution.run([7.0, 8.0], record=kept)
-    assert [r.after for r in read_evolution(folder).runs] == [0, len(history.steps)]
+    assert [r.after for r in read_journal(folder).runs] == [0, len(history.steps)]
 
 
 @pytest.mark.parametrize("case", ["crack", "pair", "motion"])
@@ -124,7 +124,7 @@ def test_an_interrupted_run_resumes(case, whole, folder):
     """By an observer; then between the files of a step and its line, and in a line."""
     with pytest.raises(Stop):
         record(CASES[case](COMM), folder, observer=stopping(5))
-    assert len(read_evolution(folder).states) == 6
+    assert len(read_journal(folder).states) == 6
     seen = []
     with EvolutionRecord(folder, CASES[case](COMM), resume=True) as kept, pytest.raises(Stop):
         kept.go_on(observer=lambda step: (seen.append(step.number), stopping(8)(step)))
@@ -135,7 +135,7 @@ def test_an_interrupted_run_resumes(case, whole, folder):
         path.write_bytes(data[: data.rindex(b'{"type": "state"') + 50])
         (folder / "checkpoints/.state_000008.part").mkdir()
     COMM.barrier()
-    assert read_evolution(folder).torn
+    assert read_journal(folder).torn
     with EvolutionRecord(folder, CASES[case](COMM), resume=True) as kept:
         assert kept.go_on().complete
     require_same(folder, whole(case))
@@ -151,7 +151,7 @@ def test_a_damaged_checkpoint_is_passed_over(whole, folder):
     with EvolutionRecord(folder, pair(COMM), resume=True) as kept, pytest.raises(Stop):
         kept.go_on(observer=lambda step: (seen.append(step.number), stopping(8)(step)))
     assert seen == [6, 7, 8]
-    found, wanted = (read_evolution(path).rows() for path in (folder, whole("pair")))
+    found, wanted = (read_journal(path).rows() for path in (folder, whole("pair")))
     for name in NUMBERS:
         values = ([row[name] for row in rows[:8]] for rows in (found, wanted))
         np.testing.assert_allclose(*values, rtol=1e-10, atol=1e-12)
@@ -251,14 +251,14 @@ def test_steps_up_to_a_jump(at_jump, folder):
     given = {"at_jump": at_jump, "shortest": 0.01}
     with EvolutionRecord(folder / "whole", klarbring()) as kept:
         history = kept.evolution.run(times, record=kept, **given)
-    journal = read_evolution(folder / "whole")
+    journal = read_journal(folder / "whole")
     between = [i for i, s in enumerate(journal.states[1:], 1) if not s["settled"]]
     assert len(between) > 2
     assert history.steps[between[-1] - 1].time == pytest.approx(3.0, abs=0.02)
     stop = stopping(between[1])
     with EvolutionRecord(folder / "parts", klarbring()) as kept, pytest.raises(Stop):
         kept.evolution.run(times, record=kept, observer=stop, **given)
-    assert len(read_evolution(folder / "parts").states) == between[1] + 1
+    assert len(read_journal(folder / "parts").states) == between[1] + 1
     seen = []
     with EvolutionRecord(folder / "parts", klarbring(), resume=True) as kept:
         again = kept.go_on(observer=lambda step: seen.append(step.number))
@@ -291,7 +291,7 @@ def test_a_rigid_body_and_three_dimensions(folder):
     path = evolution()
     with EvolutionRecord(folder / "parts", path, resume=True) as kept:
         assert kept.go_on().complete
-    assert "s" in read_evolution(folder / "whole").states[-1]["status"]
+    assert "s" in read_journal(folder / "whole").states[-1]["status"]
     require_same(folder / "parts", folder / "whole")
 
 
@@ -316,7 +316,7 @@ def test_killed_at_random_moments(case, kills, whole, folder):
     words = ("--case", case)
     script = "recorded_evolution.py"
     first = ("--longest", longest)
-    killed_and_resumed(script, words, first, folder, known, kills, read_evolution)
+    killed_and_resumed(script, words, first, folder, known, kills)
     require_same(folder, known)
 
 

@@ -24,7 +24,7 @@ from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace
 from dolfinx_contact.continuation import follow
 from dolfinx_contact.evolution import NSCD, QuasiStatic
 from dolfinx_contact.parametric import ParametricContact
-from dolfinx_contact.records import BranchRecord, EvolutionRecord, read_evolution
+from dolfinx_contact.records import BranchRecord, EvolutionRecord, read_journal
 
 COMM = MPI.COMM_WORLD
 RULE = {"quadrature_degree": 2}
@@ -234,7 +234,7 @@ def test_an_honest_resume_on_other_ranks(make, folder):
             assert kept.go_on().complete
     with EvolutionRecord(folder / "all", make(**warp), resume=True) as kept:
         assert kept.go_on().complete
-    assert len(read_evolution(folder / "all").states) == 5
+    assert len(read_journal(folder / "all").states) == 5
     few.Free()
 
 

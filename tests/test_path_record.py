@@ -12,8 +12,8 @@ from recorded_path import CASES, LONGEST, made, record, resume
 from test_evolution_record import Stop, require_same, stopping
 
 from dolfinx_contact.continuation import StepControl
-from dolfinx_contact.records import EvolutionRecord, PathRecord, read_evolution, read_path
-from dolfinx_contact.records.lines import FILE_NAME
+from dolfinx_contact.records import EvolutionJournal, EvolutionRecord, PathRecord, read_journal
+from dolfinx_contact.records.lines import FILE_NAME, parse
 
 COMM = MPI.COMM_WORLD
 serial = pytest.mark.skipif(COMM.size > 1, reason="starts processes of its own")
@@ -21,8 +21,8 @@ serial = pytest.mark.skipif(COMM.size > 1, reason="starts processes of its own")
 
 def require_same_path(folder, other):
     """The same points to 1e-10: journals, memory, and unknowns and tangents where they end."""
-    require_same(folder, other, read=read_path)
-    a, b = (read_path(path) for path in (folder, other))
+    require_same(folder, other)
+    a, b = (read_journal(path) for path in (folder, other))
     np.testing.assert_allclose(a.gammas, b.gammas, rtol=0, atol=1e-10 * np.ptp(b.gammas))
     for s, t in zip(a.states, b.states, strict=True):
         assert s["reason"] == t["reason"]
@@ -62,7 +62,7 @@ def test_the_journal_says_what_was_followed(folder):
     ends = CASES["bonds"][1]
     with PathRecord(folder, path) as kept:
         history = path.run(ends, control=control, record=kept, max_steps=16)
-        journal = read_path(folder)
+        journal = read_journal(folder)
         assert journal.rows() == [s.row() | {"status": s.status} for s in history.steps]
         np.testing.assert_array_equal(journal.gammas, [0.0, *(s.gamma for s in history.steps)])
         assert [r["gamma"] for r in journal.folds] == [s.gamma for s in history.folds]
@@ -89,7 +89,7 @@ def test_the_journal_says_what_was_followed(folder):
         assert again.energies == history.energies
         stop = {"stop": lambda step: "far enough" if step.number == 18 else ""}
         assert path.run(ends, control=control, record=kept, **stop).reason == "far enough"
-    assert [r.after for r in read_path(folder).runs] == [0, 16]
+    assert [r.after for r in read_journal(folder).runs] == [0, 16]
 
 
 @pytest.mark.parametrize("case", ["bonds", "crack", "pair"])
@@ -97,8 +97,8 @@ def test_an_interrupted_path_resumes(case, whole, folder):
     """On the way there, by an observer; in the midst of a line; and on the way back."""
     with pytest.raises(Stop):
         record(case, folder, observer=stopping(5))
-    assert len(read_path(folder).states) == 6
-    known = read_path(whole(case))
+    assert len(read_journal(folder).states) == 6
+    known = read_journal(whole(case))
     seen = []
     # A point that shows other statuses than those by which it was come to, if there is one.
     shows = [s["index"] for s in known.states[7:] if s["status"] != s["arrived"]["piece"]]
@@ -115,14 +115,14 @@ def test_an_interrupted_path_resumes(case, whole, folder):
         file.write_bytes(data[: data.rindex(b'{"type": "state"') + 50])
         (folder / f"checkpoints/.state_{later + 1:06d}.part").mkdir()
     COMM.barrier()
-    assert read_path(folder).torn
+    assert read_journal(folder).torn
     turn = known.runs[1].after
     with pytest.raises(Stop):
         resume(case, folder, observer=stopping(turn + 2))
-    assert len(read_path(folder).runs) == 2
+    assert len(read_journal(folder).runs) == 2
     resume(case, folder)
     require_same_path(folder, whole(case))
-    last = len(read_path(folder).states) - 1
+    last = len(read_journal(folder).states) - 1
     fields = (fields_at(path, case, last) for path in (folder, whole(case)))
     for found, wanted in zip(*fields, strict=True):
         scale = COMM.allreduce(np.abs(wanted).max(initial=0), op=MPI.MAX)
@@ -159,7 +159,7 @@ def test_a_damaged_checkpoint_is_passed_over(whole, folder, caplog):
         resume("pair", folder, observer=lambda s: (seen.append(s.number), stopping(9)(s)))
     assert seen == [6, 7, 8, 9]
     assert COMM.rank or "going back to one before" in caplog.text
-    found, wanted = (read_path(path).gammas for path in (folder, whole("pair")))
+    found, wanted = (read_journal(path).gammas for path in (folder, whole("pair")))
     np.testing.assert_allclose(found, wanted[:10], rtol=0, atol=1e-10)
 
 
@@ -182,7 +182,7 @@ def test_what_is_refused(whole, folder):
     with pytest.raises(ValueError, match="an ArcLength is needed, got ParametricContact"):
         PathRecord(folder, path.parametric)
     with pytest.raises(ValueError, match="the journal of a path, not of an evolution"):
-        read_evolution(known)
+        parse(before, EvolutionJournal)
     with pytest.raises(ValueError, match="a QuasiStatic or NSCD is needed, got ArcLength"):
         EvolutionRecord(folder, path)
     assert (known / FILE_NAME).read_bytes() == before
@@ -220,7 +220,7 @@ def test_killed_at_random_moments(case, kills, whole, folder):
     longest = LONGEST if kills == 1 else LONGEST / 8
     known = whole(case, longest)
     words = ("--case", case, "--longest", longest)
-    killed_and_resumed("recorded_path.py", words, (), folder, known, kills, read_path)
+    killed_and_resumed("recorded_path.py", words, (), folder, known, kills)
     require_same_path(folder, known)
 
 

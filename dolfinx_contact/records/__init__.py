@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Records of branches, histories and paths: journals and checkpoints, which are resumed."""
 
-from dolfinx_contact.records.evolution_journal import EvolutionJournal, read_evolution
 from dolfinx_contact.records.evolution_record import EvolutionRecord
 from dolfinx_contact.records.functionals import leftmost, rightmost, total
-from dolfinx_contact.records.journal import Journal, read_journal
-from dolfinx_contact.records.path_journal import PathJournal, read_path
+from dolfinx_contact.records.journal import (
+    EvolutionJournal,
+    Journal,
+    PathJournal,
+    read_journal,
+)
 from dolfinx_contact.records.path_record import PathRecord
 from dolfinx_contact.records.record import BranchRecord
 from dolfinx_contact.records.recording import follow_with_journal
@@ -23,9 +26,7 @@ __all__ = [
     "follow_with_journal",
     "journal_of",
     "leftmost",
-    "read_evolution",
     "read_journal",
-    "read_path",
     "resume",
     "rightmost",
     "total",

@@ -21,7 +21,7 @@ import numpy.typing as npt
 from dolfinx_contact.evolution import EvolutionStep, History
 from dolfinx_contact.evolution.run import Evolution
 from dolfinx_contact.evolution.run_state import RunState, Task
-from dolfinx_contact.records.evolution_journal import EvolutionJournal
+from dolfinx_contact.records.journal import EvolutionJournal
 from dolfinx_contact.records.steps_record import StepsRecord
 
 __all__ = ["EvolutionRecord"]
@@ -60,7 +60,7 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, RunState]):
 
             with EvolutionRecord("output/path", evolution) as record:
                 history = evolution.run(times, record=record)
-            rows = read_evolution("output/path").rows()
+            rows = read_journal("output/path").rows()
 
         If it is killed, a script that has made the same evolution goes on::
 

@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The journal of a continuation.
+"""Journals of branches, of evolutions and of paths, and their reader.
 
-Every branch has a line where it begins, a line for every point and a line where it ends.
+All have one form on the disk (`lines.py`); a kind says which lines there are and what is in them.
+Of branches every one has a line where it begins, a line for every point and a line where it ends.
+Of evolutions and paths there are a line for the start, one where a run begins, one for every
+accepted step, and one where a run ends.
 """
 
 from __future__ import annotations
@@ -16,44 +19,63 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact._optional import optional
-from dolfinx_contact.continuation.ending import Ending, Ends
-from dolfinx_contact.records.lines import FILE_NAME, Lines, ending_of, parse
+from dolfinx_contact.continuation.ending import Ending
+from dolfinx_contact.records.lines import (
+    FILE_NAME,
+    Followed,
+    Lines,
+    ending_of,
+    kind_of,
+    parse,
+)
 
-__all__ = ["Journal", "JournalBranch", "read_journal"]
+__all__ = [
+    "EvolutionJournal",
+    "EvolutionRun",
+    "Journal",
+    "JournalBranch",
+    "PathJournal",
+    "read_journal",
+]
 
 _SPECIAL = ("kind", "smooth", "gamma", "parity", "others", "complete", "bracket")
 
 
 @dataclass
-class JournalBranch(Ends):
-    """What is known of one branch.
+class JournalBranch(Followed):
+    """What is known of one branch; its ``task`` is range and scale of gamma, control and budget.
 
     Attributes:
-        task: range and scale of gamma, step control, budget.
         points: one dictionary a point, in order: ``index``, ``gamma``, ``step``, ``corrections``,
             ``tau``, ``norm``, ``status``, ``counts``, ``functionals``, ``special``, ``next_step``,
             ``x_scale``, ``largest_distance`` and, where fields were kept, ``checkpoint``.
-        ending: how it ended; None if it has not.
-        reason: why, in words.
     """
 
-    task: dict[str, Any]
     points: list[dict[str, Any]] = field(default_factory=list)
-    ending: Ending | None = None
-    reason: str = ""
+
+
+@dataclass
+class EvolutionRun(Followed):
+    """What is known of one run; its ``task`` is what was asked of it, as times or a range of gamma.
+
+    Attributes:
+        after: index of the state at which it begins.
+    """
+
+    after: int = 0
+
+    @property
+    def complete(self) -> bool:
+        """Whether it reached the last of its times, or the end of its range."""
+        return self.ending is Ending.REACHED
 
 
 @dataclass
 class Journal(Lines):
-    """What was recorded.
+    """What was recorded of branches; the ``header`` has the names of the functionals.
 
     Attributes:
-        header: what identifies the problem, the names of the functionals, and (not in journals of
-            old) the places of the contact points.
         branches: by number.
-        sessions: one dictionary for every run that recorded: ranks, versions, time of its start.
-        length: of the file in bytes, without a last line that was not finished.
-        torn: whether there is such a line.
     """
 
     kind: ClassVar[str] = "branches"
@@ -188,11 +210,99 @@ class Journal(Lines):
         return sorted(self.branches) if branch is None else [branch]
 
 
-def read_journal(folder: str | os.PathLike[str]) -> Journal:
+@dataclass
+class EvolutionJournal(Lines):
+    """What was recorded of the runs of an evolution.
+
+    Attributes:
+        states: one dictionary for the start and for every accepted step, in order: ``time``,
+            ``status`` (letters of all contact points, surface by surface, in the order of their
+            tables), ``norm`` of all unknowns, ``energies``, and how the run goes on from there; of
+            steps ``row``, that of the table of steps.
+        runs: in order.
+    """
+
+    kind: ClassVar[str] = "an evolution"
+    #: What lines must have.
+    of_states: ClassVar[tuple[str, ...]] = (
+        *("time", "status", "norm", "energies", "data", "checkpoint", "sum"),
+    )
+    of_steps: ClassVar[tuple[str, ...]] = ("row", "number", "length", "rate", "settled")
+    states: list[dict[str, Any]] = field(default_factory=list)
+    runs: list[EvolutionRun] = field(default_factory=list)
+
+    def rows(self) -> list[dict[str, Any]]:
+        """The table of all steps, with their ``status``, for `write_rows`."""
+        return [s["row"] | {"status": s["status"]} for s in self.states[1:]]
+
+    @property
+    def is_empty(self) -> bool:
+        return not self.states
+
+    def _take(self, kind: str, entry: dict[str, Any]) -> None:
+        if kind == "state":
+            if entry["index"] != len(self.states):
+                raise ValueError(f"state {entry['index']} follows after {len(self.states)} states")
+            for name in (*self.of_states, *(self.of_steps if self.states else ())):
+                entry[name]
+            if self.states:
+                self.runs[-1].go_on()
+            self.states.append(entry)
+        elif kind == "run":
+            if not entry["after"] == len(self.states) - 1 >= 0:
+                raise ValueError(f"a run begins at state {entry['after']}")
+            self.runs.append(EvolutionRun(entry["task"], after=entry["after"]))
+        elif kind == "end":
+            self.runs[-1].end(ending_of(entry), entry["reason"])
+        else:
+            raise ValueError(f"lines of the kind {kind!r} are not known")
+
+
+@dataclass
+class PathJournal(EvolutionJournal):
+    """What was recorded of a path by arc length, as an `EvolutionJournal`; times are lengths."""
+
+    kind: ClassVar[str] = "a path"
+    of_states: ClassVar[tuple[str, ...]] = (
+        *EvolutionJournal.of_states,
+        *("gamma", "arrived", "number", "length", "known", "reason"),
+    )
+    of_steps: ClassVar[tuple[str, ...]] = ("row",)
+
+    @property
+    def gammas(self) -> npt.NDArray[np.float64]:
+        """The load at the start and at all accepted points."""
+        return np.array([s["gamma"] for s in self.states])
+
+    @property
+    def folds(self) -> list[dict[str, Any]]:
+        """The rows of points at which the load turns back."""
+        return [row for row in self.rows() if row["event"].endswith("fold")]
+
+    @property
+    def kinks(self) -> list[dict[str, Any]]:
+        """The rows of points at which statuses change and the load goes on."""
+        return [row for row in self.rows() if row["event"] == "kink"]
+
+
+_KINDS: dict[str, type[Journal | EvolutionJournal | PathJournal]] = {
+    kind.kind: kind for kind in (Journal, EvolutionJournal, PathJournal)
+}
+
+
+def read_journal(folder: str | os.PathLike[str]) -> Journal | EvolutionJournal | PathJournal:
     """Read the journal of a folder, on this rank alone; it may be that of a run that goes on.
+
+    Returns:
+        The journal of the kind that it is.
 
     Raises:
         OSError: if there is none.
-        ValueError: if it is damaged, or no journal.
+        ValueError: if it is damaged, no journal, or one of something that is not known.
     """
-    return parse((Path(folder) / FILE_NAME).read_bytes(), Journal)
+    data = (Path(folder) / FILE_NAME).read_bytes()
+    name = kind_of(data)
+    if name not in _KINDS:
+        known = ", ".join(_KINDS)
+        raise ValueError(f"{folder} has the journal of {name}; known are those of {known}")
+    return parse(data, _KINDS[name])

@@ -21,16 +21,26 @@ from typing import Any, BinaryIO, ClassVar, Generic, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.continuation.ending import Ending
+from dolfinx_contact.continuation.ending import Ending, Ends
 from dolfinx_contact.io.disk import os_error, sync_folder
 from dolfinx_contact.records.lock import Lock
 
-__all__ = ["FILE_NAME", "FORMAT", "JournalFile", "Lines", "ending_of", "parse"]
+__all__ = [
+    "FILE_NAME",
+    "FORMAT",
+    "Followed",
+    "JournalFile",
+    "Lines",
+    "ending_of",
+    "kind_of",
+    "parse",
+]
 
 FILE_NAME = "journal.jsonl"
 FORMAT = 1
 _MARK = ', "crc": "'
-
+#: Of what a journal is that does not have it in words.
+_BRANCHES = "branches"
 
 #: How runs ended of which a journal of old has the reason alone, by how that begins.
 _OF_OLD = {
@@ -49,6 +59,21 @@ _OF_OLD = {
 
 class _OtherKind(ValueError):
     """A journal of something else."""
+
+
+@dataclass
+class Followed(Ends):
+    """What is known of one branch or run.
+
+    Attributes:
+        task: what was asked of it.
+        ending: how it ended; None if it has not.
+        reason: why, in words.
+    """
+
+    task: dict[str, Any]
+    ending: Ending | None = None
+    reason: str = ""
 
 
 @dataclass
@@ -90,7 +115,7 @@ class Lines:
         if (kind == "header") != (not self.header):
             raise ValueError("a journal has one header, as its first line")
         if kind == "header":
-            found = entry.get("of", "branches")
+            found = entry.get("of", _BRANCHES)
             if found != self.kind:
                 raise _OtherKind(f"it is the journal of {found}, not of {self.kind}")
             if entry["format"] != FORMAT:
@@ -132,6 +157,15 @@ def parse(data: bytes, kind: type[J]) -> J:
         except (ValueError, KeyError, TypeError, IndexError) as error:
             raise ValueError(f"line {number} of the journal is damaged: {error}") from None
     return journal
+
+
+def kind_of(data: bytes) -> str:
+    """Of what the journal in ``data`` is, by its first line; branches if that does not have it."""
+    first, end, _ = data.partition(b"\n")
+    try:
+        return str(_decode(first).get("of", _BRANCHES)) if end else _BRANCHES
+    except ValueError:  # damaged, as who reads it finds
+        return _BRANCHES
 
 
 def ending_of(entry: Mapping[str, Any]) -> Ending:

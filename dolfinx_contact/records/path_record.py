@@ -23,8 +23,8 @@ from dolfinx_contact.evolution import ArcLength, PathHistory
 from dolfinx_contact.evolution.arc_length import Observer, Stop
 from dolfinx_contact.evolution.path_state import Known, PathState, PathTask, begun
 from dolfinx_contact.records.checkpoints import joined, last_entry
+from dolfinx_contact.records.journal import PathJournal
 from dolfinx_contact.records.lines import ending_of
-from dolfinx_contact.records.path_journal import PathJournal
 from dolfinx_contact.records.steps_record import StepsRecord
 
 __all__ = ["PathRecord"]
@@ -57,7 +57,7 @@ class PathRecord(StepsRecord[PathJournal, PathState]):
 
             with PathRecord("output/path", path) as record:
                 history = path.run((0.0, 1.0), record=record)
-            folds = read_path("output/path").folds
+            folds = read_journal("output/path").folds
 
         If it is killed, a script that has made the same `ArcLength` goes on::
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """What records of histories and of paths share: states step by step, on the disk and from there.
 
-A record is a folder with the journal (`evolution_journal.py`: energies and statuses of every
+A record is a folder with the journal (`journal.py`: energies and statuses of every
 accepted step) and a checkpoint of every step: displacement, multipliers, rigid bodies, statuses and
 memory. All of a step is on the disk before the next one is computed. Resumed, on any number of
 ranks, a run goes on from the last step that says how. Those recorded beyond it are computed once
@@ -35,8 +35,8 @@ from dolfinx_contact.io.table import write_contact_table
 from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.records.at_points import AtPoints
-from dolfinx_contact.records.evolution_journal import EvolutionJournal, EvolutionRun
 from dolfinx_contact.records.identity import driven_words, identity, other_data
+from dolfinx_contact.records.journal import EvolutionJournal, EvolutionRun
 from dolfinx_contact.records.kept_data import KeptData
 from dolfinx_contact.records.problem_record import ProblemRecord
 
@@ -213,7 +213,7 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
             f"{type(self).__name__}(..., resume=True).go_on(), or record to another folder"
         )
         require(self.comm, goes_on, message)
-        run = EvolutionRun(asdict(task), self._index)
+        run = EvolutionRun(asdict(task), after=self._index)
         self._append({"type": "run", "task": run.task, "after": run.after})
         self.journal.runs.append(run)
 

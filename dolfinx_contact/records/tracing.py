@@ -81,7 +81,7 @@ def journal_of(
                         "functionals": {name: f() for name, f in values.items()},
                     }
                 )
-            journal.branches[number] = JournalBranch({}, entries, branch.ending, branch.reason)
+            journal.branches[number] = JournalBranch({}, branch.ending, branch.reason, entries)
     x.destroy()
     mx.destroy()
     return journal

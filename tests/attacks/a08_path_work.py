@@ -16,7 +16,7 @@ from dolfinx_contact import RCCM, ContactProblem, ContactSurface, HalfSpace, mat
 from dolfinx_contact.continuation import StepControl
 from dolfinx_contact.evolution import ArcLength
 from dolfinx_contact.parametric import ParametricContact
-from dolfinx_contact.records import PathRecord, read_path
+from dolfinx_contact.records import PathRecord, read_journal
 
 RANGE = (0.0, 0.03)
 CONTROL = StepControl(initial=0.02, maximum=0.1)
@@ -49,7 +49,7 @@ def history(case, first, second):
     with PathRecord(where, make(case.comm, *second), resume=True) as record:
         record.go_on()
     recorded(case.comm, whole, 1000, *second)
-    found, expected = (read_path(w).rows() for w in (where, whole))
+    found, expected = (read_journal(w).rows() for w in (where, whole))
     case.true("as many points", len(found) == len(expected))
     case.equal("loads", [r["gamma"] for r in found], [r["gamma"] for r in expected])
     case.equal("damage", found[-1]["damage"], expected[-1]["damage"], 1e-4)
