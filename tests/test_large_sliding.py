@@ -33,10 +33,10 @@ from dolfinx_contact.continuation import follow
 from dolfinx_contact.equations.jacobian import Jacobian
 from dolfinx_contact.io import write_contact_table
 from dolfinx_contact.io.fields import contact_fields
+from dolfinx_contact.io.outside import patch
 from dolfinx_contact.laws.status import closed
 from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.plot import picture_of_body, picture_of_contact
-from dolfinx_contact.plot.pictures import patch
 from dolfinx_contact.points.vertex_state import vertex_state
 
 COMM = MPI.COMM_WORLD

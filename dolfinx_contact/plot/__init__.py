@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Pictures: curves, diagrams, bodies, contact faces, films."""
 
-from dolfinx_contact.plot.animation import animate, film
+from dolfinx_contact.plot.animation import animate, draw_record, film
 from dolfinx_contact.plot.curves import draw_chart, draw_curves
 from dolfinx_contact.plot.diagrams import draw_diagram
 from dolfinx_contact.plot.pictures import picture_of_body, picture_of_contact
@@ -12,6 +12,7 @@ __all__ = [
     "draw_chart",
     "draw_curves",
     "draw_diagram",
+    "draw_record",
     "film",
     "picture_of_body",
     "picture_of_contact",

@@ -19,28 +19,48 @@ import numpy as np
 
 from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._errors import everywhere, on_root, require, same_everywhere
-from dolfinx_contact.plot.pictures import body_seen, checked_scale, draw
+from dolfinx_contact._numbers import is_number
+from dolfinx_contact.plot.pictures import body_seen, checked_scale, draw, surface_seen
 from dolfinx_contact.problem import ContactProblem
+from dolfinx_contact.records.lines import Lines
 from dolfinx_contact.records.steps_record import StepsRecord
 
-__all__ = ["animate", "film"]
+__all__ = ["animate", "draw_record", "film"]
 
 #: What writes files of a kind: module, and how it is installed.
 _WRITERS = {
     ".gif": ("imageio", "imageio, or python3-imageio of Debian"),
     ".mp4": ("imageio_ffmpeg", "imageio-ffmpeg; .gif does not need it"),
 }
+_SLOWEST = 0.01  # pictures a second, which the format of .gif can say
+_FASTEST = 1000.0
 _SKIN = 0.04  # of the size, by which obstacles are thick in a picture
 
 
 def _check_film(a: Arguments) -> None:
-    a.file = Path(a.file)
-    if a.file.suffix not in _WRITERS:
-        raise ValueError(f"animations are .gif or .mp4, not {a.file.name}")
+    a.file = _film_path(a.file)
     a.scale = checked_scale(a.scale)
-    a.rate = float(a.rate)
-    if not (np.isfinite(a.rate) and a.rate > 0):
-        raise ValueError(f"the rate must be a positive number of pictures a second, got {a.rate}")
+    a.rate = _checked_rate(a.rate)
+    if not isinstance(a.title, str):
+        raise ValueError(f"the title must be a str, got {a.title!r}")
+
+
+def _film_path(file: str | os.PathLike[str]) -> Path:
+    """The path of a film, or ``ValueError``. Not collective."""
+    path = Path(file)
+    if path.suffix not in _WRITERS:
+        raise ValueError(f"animations are .gif or .mp4, not {path.name}")
+    return path
+
+
+def _checked_rate(rate: Any) -> float:
+    """Pictures a second as a number that films can have, or ``ValueError``. Not collective."""
+    if not (is_number(rate) and _SLOWEST <= rate <= _FASTEST):
+        raise ValueError(
+            f"the rate must be a number of pictures a second from {_SLOWEST} to {_FASTEST}, "
+            f"got {rate!r}"
+        )
+    return float(rate)
 
 
 @collective("a film", _check_film)
@@ -99,14 +119,7 @@ def film(
     finally:
         problem.u.x.array[:] = before
     require(comm, bool(frames), "there are no states to show")
-    if comm.rank == 0:
-        common: dict[str, Any] = {"reach": _reach(frames)}
-        if stress is not None:
-            values = [frame["von_mises"] for frame in frames]
-            common["colours"] = min(map(np.min, values)), max(map(np.max, values))
-        frames = [frame | common for frame in frames]
-    data = {"kind": kind, "frames": frames, "rate": float(rate)}
-    return draw(comm, "film", data, path, count=len(frames))
+    return _draw_film(comm, path, kind, frames, rate)
 
 
 def _check_animation(a: Arguments) -> None:
@@ -161,6 +174,92 @@ def animate(
     look = dict(stress=stress, scale=scale, title=title, rate=rate)
     with record.looking():
         return film(file, record.problem, times(), **look)
+
+
+def draw_record(
+    file: str | os.PathLike[str],
+    journal: Lines,
+    *,
+    points: Sequence[int] | None = None,
+    branch: int = 0,
+    scale: float = 1.0,
+    title: str = "",
+    rate: float = 10.0,
+) -> Path | None:
+    """Draw recorded bodies at a point, or as an animation; on this rank alone.
+
+    Nothing but the folder of the record is needed: neither the mesh nor the problem. Displacements
+    must have been recorded (``surface_displacement=True``). Facets are linear.
+
+    Args:
+        file: ``.png``, the picture of one point, or an animation as for `film`.
+        journal: what `records.read_journal` returned.
+        points: which are shown, in this order; of a history or path steps, 0 the start. By default
+            those with a displacement: the last one in a picture, all in an animation.
+        branch: its number; histories and paths have branch 0 alone.
+        scale: factor of the displacement.
+        title: above the pictures, before gamma or the time.
+        rate: pictures a second.
+
+    Returns:
+        The file; None where it could not be drawn, as for `picture_of_body`.
+
+    Raises:
+        ModuleNotFoundError: if what writes such a file is not installed.
+        ValueError: for another suffix, a rate that is not positive, a scale that is not finite,
+            points that are not recorded or without a displacement, more than one for a picture, or
+            a record that is damaged.
+
+    Example:
+        ::
+
+            journal = records.read_journal("output/branch")
+            plot.draw_record("output/last.png", journal)
+            plot.draw_record("output/branch.gif", journal, scale=10.0)
+    """
+    path = Path(file)
+    is_picture = path.suffix == ".png"
+    scale = checked_scale(scale)
+    if not is_picture:
+        path = _film_path(file)
+        rate = _checked_rate(rate)
+        _require_writer(path.suffix)
+    entries = journal.entries(branch)
+    if points is None:
+        known = [i for i, entry in enumerate(entries) if "surface" in entry]
+        points = known[-1:] if is_picture else known
+    if not points:
+        raise ValueError("no displacement was recorded: record with surface_displacement=True")
+    if is_picture and len(points) > 1:
+        raise ValueError(
+            f"a picture shows one point, not {len(points)}: .gif and .mp4 show several"
+        )
+    surface = journal.surface()
+    frames = []
+    for index in points:
+        state = journal.surface_at(index, branch)
+        entry = entries[index]
+        words = f"time {entry['time']:.4g}" if "time" in entry else f"gamma {entry['gamma']:.4g}"
+        beside = ", ".join(part for part in (title, words) if part)
+        frames.append({"title": beside} | surface_seen(surface, state, scale))
+    kind = f"body_{state.u.shape[1]}d"
+    if is_picture:
+        return draw(MPI.COMM_SELF, kind, frames[0], path)
+    return _draw_film(MPI.COMM_SELF, path, kind, frames, rate)
+
+
+def _draw_film(
+    comm: MPI.Comm, path: Path, kind: str, frames: Sequence[dict[str, Any]], rate: float
+) -> Path | None:
+    """Draw frames of one kind, in which the same is seen in the same colours. Collective."""
+    common: dict[str, Any] = {}
+    if comm.rank == 0:
+        common["reach"] = _reach(frames)
+        if "von_mises" in frames[0]:
+            values = [frame["von_mises"] for frame in frames]
+            common["colours"] = min(map(np.min, values)), max(map(np.max, values))
+    data = {"kind": kind, "frames": [frame | common for frame in frames], "rate": float(rate)}
+    return draw(comm, "film", data, path, count=len(frames))
 
 
 def _in_turn(comm: MPI.Comm, states: Iterable[str]) -> Iterator[str]:

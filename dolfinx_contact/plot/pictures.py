@@ -36,15 +36,14 @@ from dolfinx_contact._errors import same_everywhere
 from dolfinx_contact._numbers import is_number
 from dolfinx_contact.io.fields import STATUS_CODES, check_stress, contact_fields, von_mises
 from dolfinx_contact.io.gathering import Arrays, gather_cells
-from dolfinx_contact.io.master import MasterFace
-from dolfinx_contact.points.trace import facet_closures
+from dolfinx_contact.io.outside import OuterSurface, Outside, SurfaceState
 from dolfinx_contact.points.vertex_state import vertex_state
 
 if TYPE_CHECKING:
     from dolfinx_contact.points.surface import ContactSurface
     from dolfinx_contact.problem import ContactProblem
 
-__all__ = ["body_seen", "draw", "picture_of_body", "picture_of_contact"]
+__all__ = ["body_seen", "draw", "picture_of_body", "picture_of_contact", "surface_seen"]
 
 logger = logging.getLogger(__name__)
 
@@ -96,33 +95,51 @@ def body_seen(
 
     Arguments and errors are those of `picture_of_body`.
     """
-    u = problem.u
-    domain = u.function_space.mesh
-    comm = problem.comm
     tags = check_stress(problem, stress)
-    tdim = domain.topology.dim
-    V = fem.functionspace(domain, ("Lagrange", 1))
-    moved = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (tdim,))))
-    moved.interpolate(u)
-    values = {"u": moved.x.array.reshape(-1, tdim)}
+    outside = Outside(problem)
+    surface = outside.surface()
+    state = outside.state()
+    colours: Arrays = {}
     if stress is not None:
-        values["von_mises"] = _averaged(V, stress, tags)
-    cells = outer_cells(V)
-    data: dict[str, Any] = {"title": title or _title(u, scale)}
-    seen = gather_cells(comm, V, cells, values)
-    patches = [patch(s) for s in problem.surfaces]
-    masters = [_master(problem, s) for s in problem.surfaces if s.between_bodies]
-    rigid = [p for p, s in zip(patches, problem.surfaces, strict=True) if not s.between_bodies]
-    if comm.rank == 0:
-        data |= {**seen, "x": _in_space(seen["x"] + scale * _in_space(seen["u"]))}
-        data["contact_x"] = [_in_space(p["x"] + scale * _in_space(p["u"])) for p in patches]
-        data["contact_cells"] = [p["cells"] for p in patches]
-        data["master_x"] = [_in_space(p["x"] + scale * _in_space(p["u"])) for p in masters]
-        data["master_cells"] = [p["cells"] for p in masters]
-        data["obstacle_cells"] = [p["cells"] for p in rigid]
-        data["obstacle_x"] = [_in_space(p["floor"] + scale * p["moved"]) for p in rigid]
-        data["obstacle_normals"] = [_in_space(p["n"]) for p in rigid]
-    return f"body_{tdim}d", data
+        averaged = outside.gather({"von_mises": _averaged(outside.V, stress, tags)})
+        colours = {"von_mises": averaged["von_mises"]} if averaged else {}
+    kind = f"body_{problem.V.mesh.topology.dim}d"
+    if surface is None or state is None:
+        return kind, {}
+    words = title or _title(scale)
+    return kind, {"title": words, **colours, **surface_seen(surface, state, scale)}
+
+
+def surface_seen(surface: OuterSurface, state: SurfaceState, scale: float) -> dict[str, Any]:
+    """What a picture shows of an outer surface at a state. Not collective.
+
+    Args:
+        surface: of the bodies.
+        state: where they are.
+        scale: factor of the displacement.
+    """
+    x = _in_space(surface.x + scale * _in_space(state.u))
+    obstacles = [state.obstacles[name] for name in surface.obstacles]
+    data: dict[str, Any] = {"x": x, "cells": surface.cells}
+    data["contact_x"], data["contact_cells"] = _faces(x, surface.contact)
+    data["master_x"], data["master_cells"] = _faces(x, surface.opposite)
+    data["obstacle_x"] = [_in_space(floor + scale * moved) for floor, moved, _ in obstacles]
+    data["obstacle_cells"] = list(surface.obstacles.values())
+    data["obstacle_normals"] = [_in_space(n) for _, _, n in obstacles]
+    return data
+
+
+def _faces(
+    x: npt.NDArray[np.float64], faces: Mapping[str, npt.NDArray[np.int64]]
+) -> tuple[list[npt.NDArray[np.float64]], list[npt.NDArray[np.int64]]]:
+    """Vertices of each of some faces, and its facets by these."""
+    vertices = []
+    facets = []
+    for cells in faces.values():
+        nodes, places = np.unique(cells, return_inverse=True)
+        vertices.append(x[nodes])
+        facets.append(places.reshape(cells.shape))
+    return vertices, facets
 
 
 def _check_contact(a: Arguments) -> None:
@@ -196,18 +213,6 @@ def picture_of_contact(
 # -- what is seen --------------------------------------------------------------------------------
 
 
-def outer_cells(V: fem.FunctionSpace) -> npt.NDArray[np.int32]:
-    """Vertices, numbers of dofs of a linear space, of what is seen of a body. Collective.
-
-    In 2D its cells, in 3D the facets of its boundary, of this rank.
-    """
-    topology = V.mesh.topology
-    if topology.dim == 2:
-        return np.asarray(V.dofmap.list[: topology.index_map(2).size_local])
-    topology.create_connectivity(2, 3)
-    return facet_closures(V, mesh.exterior_facet_indices(topology))
-
-
 def checked_scale(scale: Any) -> float:
     """The factor of a displacement as a number, or ``ValueError``. Not collective."""
     if not (is_number(scale) and np.isfinite(scale)):
@@ -215,7 +220,7 @@ def checked_scale(scale: Any) -> float:
     return float(scale)
 
 
-def _title(u: fem.Function, scale: float) -> str:
+def _title(scale: float) -> str:
     return "Deformed body" if scale == 1 else f"Deformed body, displacement x {scale:g}"
 
 
@@ -249,31 +254,6 @@ def _averaged(
         b.scatter_forward()
         sums.append(b.array.copy())
     return np.asarray(sums[0] / sums[1])
-
-
-def patch(s: ContactSurface) -> Arrays:
-    """A contact surface and its obstacle, which may move as well."""
-    points = s.points
-    u, x = (v[points.vertex_trace_dofs] for v in (s.u.x.array.reshape(-1, s.dim), s.node_positions))
-    body = s.rigid_body
-    gap = points.vertex_gaps
-    n = points.vertex_normals
-    if s.displaced is not None:
-        x = x + (u if body is None else u - body.field(x, body.values))
-        gap, n = s.displaced.at_vertices(x - s.node_positions[points.vertex_trace_dofs])
-    floor = x + gap[:, None] * n
-    moved = np.zeros_like(floor) if body is None else body.field(floor, body.values)
-    values = {"u": u, "n": n, "floor": floor, "moved": moved, "ids": points.vertex_ids}
-    cells = s.points.vertices.dofmap.list[: s.submesh.mesh.topology.index_map(s.dim - 1).size_local]
-    return gather_cells(s.comm, s.points.vertices, cells, values)
-
-
-def _master(problem: ContactProblem, s: ContactSurface) -> Arrays:
-    """The face opposite to a pair's."""
-    face = MasterFace(problem, s)
-    u = s.u.x.array.reshape(-1, s.dim)[face.trace]
-    owned = face.submesh.mesh.topology.index_map(s.dim - 1).size_local
-    return gather_cells(s.comm, face.vertices, face.vertices.dofmap.list[:owned], {"u": u})
 
 
 def _is_seen(

@@ -19,9 +19,10 @@ from dolfinx_contact.continuation import BranchPoint
 from dolfinx_contact.equations.order import by_coordinates
 from dolfinx_contact.io.disk import part_of
 from dolfinx_contact.io.gathering import gather_cells
+from dolfinx_contact.io.outside import patch
 from dolfinx_contact.laws.status import COLOURS, NAMES
 from dolfinx_contact.parametric import ParametricContact
-from dolfinx_contact.plot.pictures import checked_scale, patch
+from dolfinx_contact.plot.pictures import checked_scale
 
 __all__ = ["picture_of_states"]
 

@@ -15,9 +15,24 @@ from dolfinx import fem
 from dolfinx_contact._compat import geometry_dofmap
 from dolfinx_contact.points.gauss import GaussPoints
 
-__all__ = ["point_ids"]
+__all__ = ["point_ids", "vertex_numbers"]
 
 Ids = npt.NDArray[np.int64]
+
+
+def vertex_numbers(vertices: fem.FunctionSpace) -> Ids:
+    """The input nodes of all local vertices (n,). Not collective.
+
+    Args:
+        vertices: scalar P1 space on a mesh, or on a facet submesh.
+    """
+    corners = vertices.dofmap.list
+    domain = vertices.mesh
+    nodes = np.asarray(domain.geometry.input_global_indices, dtype=np.int64)
+    index_map = vertices.dofmap.index_map
+    numbers: Ids = np.zeros(index_map.size_local + index_map.num_ghosts, dtype=np.int64)
+    numbers[corners] = nodes[geometry_dofmap(domain)[:, : corners.shape[1]]]
+    return numbers
 
 
 def point_ids(vertices: fem.FunctionSpace, gauss: GaussPoints | None) -> tuple[Ids, Ids]:
@@ -31,16 +46,13 @@ def point_ids(vertices: fem.FunctionSpace, gauss: GaussPoints | None) -> tuple[I
         Of the points of this rank: the node of a vertex and zeros, or the sorted nodes of the facet
         of a Gauss point. Of all local vertices, likewise.
     """
-    domain = vertices.mesh
     corners = vertices.dofmap.list
-    nodes = np.asarray(domain.geometry.input_global_indices, dtype=np.int64)
-    of_facets = nodes[geometry_dofmap(domain)[:, : corners.shape[1]]]
-    index_map = vertices.dofmap.index_map
-    size = index_map.size_local + index_map.num_ghosts
-    of_vertices: Ids = np.zeros((size, corners.shape[1]), dtype=np.int64)
-    of_vertices[corners, 0] = of_facets
+    numbers = vertex_numbers(vertices)
+    of_facets = numbers[corners]
+    of_vertices: Ids = np.zeros((len(numbers), corners.shape[1]), dtype=np.int64)
+    of_vertices[:, 0] = numbers
     if gauss is None:
-        return of_vertices[: index_map.size_local], of_vertices
+        return of_vertices[: vertices.dofmap.index_map.size_local], of_vertices
     of_points: Ids = np.zeros((gauss.numbers.size, corners.shape[1]), dtype=np.int64)
     of_points[gauss.numbers] = np.sort(of_facets[gauss.cells], axis=1)[:, None]
     return of_points, of_vertices

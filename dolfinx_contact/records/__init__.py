@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Records of branches, histories and paths: journals and checkpoints, which are resumed."""
 
+from dolfinx_contact.records.branch_record import BranchRecord, resume
 from dolfinx_contact.records.evolution_record import EvolutionRecord
 from dolfinx_contact.records.functionals import leftmost, rightmost, total
 from dolfinx_contact.records.journal import (
@@ -10,9 +11,7 @@ from dolfinx_contact.records.journal import (
     read_journal,
 )
 from dolfinx_contact.records.path_record import PathRecord
-from dolfinx_contact.records.record import BranchRecord
 from dolfinx_contact.records.recording import follow_with_journal
-from dolfinx_contact.records.resuming import resume
 from dolfinx_contact.records.series import write_series
 from dolfinx_contact.records.tracing import journal_of
 

@@ -42,6 +42,9 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, RunState]):
     Args:
         folder: of the record, made if need be.
         evolution: whose runs are recorded.
+        surface_displacement: whether that of the outer surface of the bodies is kept at every step,
+            in single precision, for `plot.draw_record`. A record that is resumed goes on as it
+            began.
         resume: whether to go on with a record that exists. Else there must be none.
 
     Attributes:
@@ -72,7 +75,12 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, RunState]):
     _along = "the time"
 
     def __init__(
-        self, folder: str | os.PathLike[str], evolution: Evolution, *, resume: bool = False
+        self,
+        folder: str | os.PathLike[str],
+        evolution: Evolution,
+        *,
+        surface_displacement: bool = False,
+        resume: bool = False,
     ):
         if not isinstance(evolution, Evolution):
             raise ValueError(f"a QuasiStatic or NSCD is needed, got {type(evolution).__name__}")
@@ -82,6 +90,7 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, RunState]):
             evolution.problem,
             EvolutionJournal,
             method=evolution.method,
+            surface_displacement=surface_displacement,
             resume=resume,
             data=evolution.data,
             forms=evolution.forms,

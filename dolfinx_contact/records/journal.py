@@ -180,6 +180,10 @@ class Journal(Lines):
     def is_empty(self) -> bool:
         return not self.branches
 
+    def entries(self, branch: int = 0) -> list[dict[str, Any]]:
+        self._chosen(branch)
+        return self.branches[branch].points
+
     def _take(self, kind: str, entry: dict[str, Any]) -> None:
         if kind == "branch":
             if entry["branch"] in self.branches:
@@ -238,6 +242,11 @@ class EvolutionJournal(Lines):
     @property
     def is_empty(self) -> bool:
         return not self.states
+
+    def entries(self, branch: int = 0) -> list[dict[str, Any]]:
+        if branch != 0:
+            raise ValueError(f"{self.kind} has no branches, so no branch {branch}")
+        return self.states
 
     def _take(self, kind: str, entry: dict[str, Any]) -> None:
         if kind == "state":
@@ -305,4 +314,4 @@ def read_journal(folder: str | os.PathLike[str]) -> Journal | EvolutionJournal |
     if name not in _KINDS:
         known = ", ".join(_KINDS)
         raise ValueError(f"{folder} has the journal of {name}; known are those of {known}")
-    return parse(data, _KINDS[name])
+    return parse(data, _KINDS[name], Path(folder))

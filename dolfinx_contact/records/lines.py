@@ -23,7 +23,9 @@ import numpy.typing as npt
 
 from dolfinx_contact.continuation.ending import Ending, Ends
 from dolfinx_contact.io.disk import os_error, sync_folder
+from dolfinx_contact.io.outside import OuterSurface, SurfaceState
 from dolfinx_contact.records.lock import Lock
+from dolfinx_contact.records.surfaces import read_state, read_surface
 
 __all__ = [
     "FILE_NAME",
@@ -88,6 +90,7 @@ class Lines:
         sessions: one dictionary for every run that recorded: ranks, versions, time of its start.
         length: of the file in bytes, without a last line that was not finished.
         torn: whether there is such a line.
+        folder: of the record; None of what is in memory only.
     """
 
     kind: ClassVar[str]
@@ -96,6 +99,7 @@ class Lines:
     sessions: list[dict[str, Any]] = field(default_factory=list)
     length: int = 0
     torn: bool = False
+    folder: Path | None = None
 
     @property
     def places(self) -> dict[str, npt.NDArray[np.float64]]:
@@ -104,6 +108,47 @@ class Lines:
         Empty for a journal that does not have them.
         """
         return {k: np.array(x, float) for k, x in self.header.get("points", {}).items()}
+
+    def surface(self) -> OuterSurface:
+        """The outer surface of the bodies before they move, on this rank alone.
+
+        Raises:
+            ValueError: if the record has none, or it is damaged.
+        """
+        return read_surface(self._on_disk())
+
+    def surface_at(self, index: int, branch: int = 0) -> SurfaceState:
+        """Where the outer surface is at a recorded point, on this rank alone.
+
+        Args:
+            index: of the point; of a history or a path that of the step, 0 the start.
+            branch: its number; histories and paths have branch 0 alone.
+
+        Raises:
+            ValueError: if there is no such point, its displacement was not recorded, or is damaged.
+        """
+        entries = self.entries(branch)
+        if not 0 <= index < len(entries):
+            raise ValueError(f"points 0 to {len(entries) - 1} are recorded, not {index}")
+        if "surface" not in entries[index]:
+            raise ValueError(
+                f"no displacement was recorded at point {index}: record with "
+                "surface_displacement=True"
+            )
+        return read_state(self._on_disk(), entries[index]["surface"])
+
+    def _on_disk(self) -> Path:
+        if self.folder is None:
+            raise ValueError("the journal is in memory only, and has no surface")
+        return self.folder
+
+    def entries(self, branch: int = 0) -> list[dict[str, Any]]:
+        """What is known of every point of a branch, or every state of a history or path.
+
+        Raises:
+            ValueError: if there is no such branch.
+        """
+        raise NotImplementedError
 
     def take(self, entry: dict[str, Any]) -> None:
         """Add one line to what was read before.
@@ -140,15 +185,20 @@ class Lines:
 J = TypeVar("J", bound=Lines)
 
 
-def parse(data: bytes, kind: type[J]) -> J:
+def parse(data: bytes, kind: type[J], folder: Path | None = None) -> J:
     """The journal in ``data``; a last line that was not finished is left out.
+
+    Args:
+        data: of the file.
+        kind: of the journal.
+        folder: of the record.
 
     Raises:
         ValueError: if a line is damaged or does not follow from those before it, or it is a journal
             of something else.
     """
     *lines, rest = data.split(b"\n")
-    journal = kind(length=len(data) - len(rest), torn=bool(rest))
+    journal = kind(length=len(data) - len(rest), torn=bool(rest), folder=folder)
     for number, line in enumerate(lines, 1):
         try:
             journal.take(_decode(line))
@@ -255,7 +305,8 @@ class JournalFile(Generic[J]):
             self._lock: Lock | None = None
             self._lock = Lock(self._file, path, holders)
             self._file.seek(0)
-            self.journal = parse(self._file.readall(), kind)  # type: ignore[attr-defined]
+            content = self._file.readall()  # type: ignore[attr-defined]
+            self.journal = parse(content, kind, folder)
             if new and self.journal.length:  # written since
                 raise FileExistsError(message)
             if not new and not self.journal.length:

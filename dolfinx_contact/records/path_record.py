@@ -39,6 +39,9 @@ class PathRecord(StepsRecord[PathJournal, PathState]):
     Args:
         folder: of the record, made if need be.
         path: whose runs are recorded.
+        surface_displacement: whether that of the outer surface of the bodies is kept at every step,
+            in single precision, for `plot.draw_record`. A record that is resumed goes on as it
+            began.
         resume: whether to go on with a record that exists. Else there must be none.
 
     Attributes:
@@ -69,13 +72,26 @@ class PathRecord(StepsRecord[PathJournal, PathState]):
     _what = "path"
     _along = "the arc length"
 
-    def __init__(self, folder: str | os.PathLike[str], path: ArcLength, *, resume: bool = False):
+    def __init__(
+        self,
+        folder: str | os.PathLike[str],
+        path: ArcLength,
+        *,
+        surface_displacement: bool = False,
+        resume: bool = False,
+    ):
         if not isinstance(path, ArcLength):
             raise ValueError(f"an ArcLength is needed, got {type(path).__name__}")
         self.path = path
         driven = path.parametric.driven_expressions
         super().__init__(
-            folder, path.parametric, PathJournal, method=(), resume=resume, driven=driven
+            folder,
+            path.parametric,
+            PathJournal,
+            method=(),
+            surface_displacement=surface_displacement,
+            resume=resume,
+            driven=driven,
         )
 
     def _load(self, state: Mapping[str, Any]) -> None:

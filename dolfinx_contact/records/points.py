@@ -11,10 +11,10 @@ import numpy as np
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact._agreement import described as says
+from dolfinx_contact._agreement import described
 from dolfinx_contact._compat import merge_entity_maps
 from dolfinx_contact._errors import everywhere, require, same_everywhere
-from dolfinx_contact.continuation import Change, SpecialPoint
+from dolfinx_contact.continuation import BranchPoint, Change, SpecialPoint
 from dolfinx_contact.equations.order import Gathered, by_coordinates
 from dolfinx_contact.laws import status
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from dolfinx_contact.parametric import ParametricContact
     from dolfinx_contact.problem import ContactProblem
 
-__all__ = ["Functional", "compiled", "described", "places"]
+__all__ = ["Functional", "columns_of", "compiled", "places"]
 
 #: A scalar UFL form in the problem's Functions, or a function of the problem.
 Functional: TypeAlias = "ufl.Form | Callable[[ContactProblem], float]"
@@ -38,7 +38,31 @@ def places(problem: ContactProblem) -> dict[str, list[list[float]]]:
     }
 
 
-def described(system: ParametricContact, s: SpecialPoint) -> dict[str, Any]:
+def columns_of(
+    system: ParametricContact, index: int, point: BranchPoint, special: Sequence[SpecialPoint]
+) -> dict[str, Any]:
+    """What the journal says of every point, but for its norm and functionals. Collective.
+
+    Args:
+        system: the problem.
+        index: of the point on its branch.
+        point: the point.
+        special: points on the way to it.
+    """
+    letters = system.letters(point.piece)
+    return {
+        "index": index,
+        "gamma": point.gamma,
+        "step": point.step,
+        "corrections": point.corrections,
+        "tau": point.tau,
+        "status": letters,
+        "counts": status.count(letters),
+        "special": [_described(system, s) for s in special],
+    }
+
+
+def _described(system: ParametricContact, s: SpecialPoint) -> dict[str, Any]:
     """What the journal says of a special point. Collective."""
     return {
         "kind": s.kind,
@@ -102,7 +126,7 @@ def _kind(problem: ContactProblem, name: str, f: Functional) -> str:
     if isinstance(f, ufl.Form):
         if f.arguments():
             raise ValueError(f"the functional {name!r} must be a scalar form")
-        return says(f, problem.V.mesh)
+        return described(f, problem.V.mesh)
     if not callable(f):
         raise ValueError(f"the functional {name!r} is neither a UFL form nor a function")
     return "a function"

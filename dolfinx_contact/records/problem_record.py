@@ -6,12 +6,12 @@ from __future__ import annotations
 import logging
 import os
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from dolfinx import fem
 
-from dolfinx_contact._errors import on_root, require
+from dolfinx_contact._errors import on_root, require, same_everywhere
 from dolfinx_contact.io.folder import agreed_path, output_folder
 from dolfinx_contact.records.checkpoints import Checkpoints
 from dolfinx_contact.records.identity import difference, same_words
@@ -19,18 +19,30 @@ from dolfinx_contact.records.kept_data import KeptData, nodes_of, other_values, 
 from dolfinx_contact.records.lines import FORMAT, JournalFile, Lines
 from dolfinx_contact.records.lock import processes
 from dolfinx_contact.records.points import places
+from dolfinx_contact.records.surfaces import SurfaceFiles
 
 if TYPE_CHECKING:
     from dolfinx_contact.problem import ContactProblem
 
-__all__ = ["ProblemRecord"]
+__all__ = ["ProblemRecord", "coincide"]
 
 logger = logging.getLogger(__name__)
 
+_COINCIDE = 1e-8  # of sizes that numbers have which are computed once more
 _DATA = "data"  # the checkpoint of what is known from the beginning
 
 J = TypeVar("J", bound=Lines)
+T = TypeVar("T")
 R = TypeVar("R", bound="ProblemRecord[Any]")
+
+
+def coincide(numbers: Iterable[tuple[float, float, float]]) -> bool:
+    """Whether numbers are those that were recorded.
+
+    Args:
+        numbers: what was recorded, what is found, and of which size they are.
+    """
+    return all(abs(a - b) <= _COINCIDE * size for a, b, size in numbers)
 
 
 class ProblemRecord(Generic[J]):
@@ -43,6 +55,8 @@ class ProblemRecord(Generic[J]):
         folder: of the record, made if need be.
         problem: what it is of.
         kind: of the journal.
+        surface_displacement: whether that of the outer surface is kept at every point; not looked
+            at where a record is resumed, which goes on as it began.
         resume: whether to go on with a record that exists. Else there must be none.
 
     Attributes:
@@ -60,14 +74,18 @@ class ProblemRecord(Generic[J]):
         problem: ContactProblem,
         kind: type[J],
         *,
+        surface_displacement: bool,
         resume: bool,
     ):
         self.problem = problem
         self.comm = problem.comm
+        same_everywhere(self.comm, surface_displacement=bool(surface_displacement))
         known = agreed_path(self.comm, folder, "folder")
         self.folder = known if resume else output_folder(self.comm, known)
         self._file: JournalFile[J] | None = None
         self._made: Checkpoints | None = None
+        self._made_surfaces: SurfaceFiles | None = None
+        self._shows = bool(surface_displacement)
         holders = processes(self.comm)
 
         def opened() -> J:
@@ -124,6 +142,13 @@ class ProblemRecord(Generic[J]):
             self._made = Checkpoints(self.folder / "checkpoints", self.problem)
         return self._made
 
+    @property
+    def _surfaces(self) -> SurfaceFiles:
+        """What is kept of the outer surface. Collective."""
+        if self._made_surfaces is None:
+            self._made_surfaces = SurfaceFiles(self.folder, self.problem)
+        return self._made_surfaces
+
     def _begin(self, problem: Mapping[str, Any], data: KeptData | None = None, **more: Any) -> None:
         """Write the header, if there is none, and begin a session. Collective.
 
@@ -142,12 +167,15 @@ class ProblemRecord(Generic[J]):
         if not recorded:
             header = {"package": __version__, "of": self.journal.kind, **more, "problem": problem}
             header["points"] = places(self.problem)
+            header["surface_displacement"] = self._shows
             self._append({"type": "header", "format": FORMAT, **header})
             self.journal.header = header
+        self._shows = self.journal.header.get("surface_displacement", False)
         session = {"time": time.time(), "ranks": self.comm.size, "package": __version__}
         more_of_it = {}
         if not self.journal.data and self.journal.is_empty:
             more_of_it["data"] = self.journal.data = self._keep_data(data)
+            self._surfaces.write_surface()
         self._append({"type": "session", **session, **more_of_it})
         self.journal.sessions.append(session)
 
@@ -162,13 +190,21 @@ class ProblemRecord(Generic[J]):
         return entry
 
     def _append(self, entry: Mapping[str, Any]) -> None:
-        """Write a line of the journal; a checkpoint that it cannot name is removed. Collective."""
+        """Write a line of the journal. Collective.
+
+        What it names is removed if it cannot be written: a checkpoint, and where the outer surface
+        is, which is written here.
+        """
         self._require_open()
         try:
+            if "surface" in entry:
+                self._surfaces.write_state(entry["surface"])
             on_root(self.comm, lambda: self._file.append(entry) if self._file else None)
         except OSError:
             if "checkpoint" in entry:
                 self._checkpoints.remove(entry["checkpoint"])
+            if "surface" in entry:
+                self._surfaces.remove(entry["surface"])
             raise
 
     def _require_open(self) -> None:
@@ -176,6 +212,28 @@ class ProblemRecord(Generic[J]):
         closed = self.comm.rank == 0 and self._file is None
         message = f"the record in {self.folder} is closed: open it with resume=True"
         require(self.comm, not closed, message)
+
+    def _last_whole(self, indices: Sequence[int], read: Callable[[int], T]) -> T:
+        """The first of some states that can be read. Collective.
+
+        A damaged checkpoint is passed over, with a warning in the log.
+
+        Args:
+            indices: of the states, from the last one back.
+            read: reads one.
+
+        Raises:
+            ValueError: on every rank, if all are damaged, or one is that of another problem.
+        """
+        for index in indices[:-1]:
+            try:
+                return read(index)
+            except ValueError as error:
+                if "damaged" not in str(error):
+                    raise
+                if self.comm.rank == 0:
+                    logger.warning("%s; going back to one before", error)
+        return read(indices[-1])
 
     def close(self) -> None:
         """Close the journal; the record can then be resumed."""

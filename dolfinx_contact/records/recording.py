@@ -11,9 +11,9 @@ from petsc4py import PETSc
 
 from dolfinx_contact._errors import same_everywhere
 from dolfinx_contact.continuation import Branch, Observer, Observers, Route, StepControl, follow
+from dolfinx_contact.records.branch_record import BranchRecord
 from dolfinx_contact.records.journal import Journal
 from dolfinx_contact.records.points import Functional
-from dolfinx_contact.records.record import BranchRecord
 from dolfinx_contact.records.series import write_series
 from dolfinx_contact.records.tracing import journal_of
 
@@ -31,6 +31,7 @@ def follow_with_journal(
     *,
     gamma_range: tuple[float, float],
     record: str | os.PathLike[str] | None = None,
+    surface_displacement: bool = False,
     resume: bool = False,
     series: str | os.PathLike[str] | None = None,
     control: StepControl | None = None,
@@ -50,6 +51,7 @@ def follow_with_journal(
         functionals: by name, as for `BranchRecord`.
         gamma_range: the branch ends where gamma reaches either end.
         record: folder of the record, if there is to be one.
+        surface_displacement: see `BranchRecord`.
         resume: whether to go on with it; if nothing was recorded in it, from the start.
         series: folder for the recorded fields, for ParaView.
         control: step lengths.
@@ -65,11 +67,13 @@ def follow_with_journal(
         OSError: as `BranchRecord`.
         ValueError: as `follow` and `BranchRecord`.
     """
-    asked = [record is not None, bool(resume), series is not None]
-    same_everywhere(system.comm, record_resume_and_series=asked)
+    of_record = [bool(resume), series is not None, bool(surface_displacement)]
+    same_everywhere(system.comm, record=record is not None, resume_series_and_surface=of_record)
     if record is None:
-        if resume or series is not None:
-            raise ValueError("to resume a branch, or to write its fields, a record is needed")
+        if any(of_record):
+            raise ValueError(
+                "to resume a branch, or to keep or write its fields, a record is needed"
+            )
         branch = follow(
             *(system, x, gamma),
             gamma_range=gamma_range,
@@ -79,7 +83,10 @@ def follow_with_journal(
             route=route,
         )
         return branch, journal_of(system, [branch], functionals)
-    with BranchRecord(record, system, functionals, every=1, resume=resume) as kept:
+    shows = surface_displacement
+    with BranchRecord(
+        record, system, functionals, every=1, surface_displacement=shows, resume=resume
+    ) as kept:
         if kept.journal.branches:
             branch = kept.go_on(max_steps=max_steps, observer=observer)
         else:

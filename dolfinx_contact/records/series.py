@@ -18,7 +18,7 @@ from dolfinx_contact.io.fields import Face, faces
 from dolfinx_contact.io.folder import output_folder
 from dolfinx_contact.io.script import write_script
 from dolfinx_contact.io.writers import Format, Series, checked_format, see_room, series
-from dolfinx_contact.records.record import BranchRecord
+from dolfinx_contact.records.branch_record import BranchRecord
 
 __all__ = ["write_series"]
 

@@ -38,13 +38,12 @@ from dolfinx_contact.records.at_points import AtPoints
 from dolfinx_contact.records.identity import driven_words, identity, other_data
 from dolfinx_contact.records.journal import EvolutionJournal, EvolutionRun
 from dolfinx_contact.records.kept_data import KeptData
-from dolfinx_contact.records.problem_record import ProblemRecord
+from dolfinx_contact.records.problem_record import ProblemRecord, coincide
 
 __all__ = ["StepsRecord"]
 
 logger = logging.getLogger(__name__)
 
-_COINCIDE = 1e-8  # of the values that are compared
 _BALANCED = 1e-6  # of forces that are evaluated once more
 _ROUND_OFF = 1e-9  # of a stiffness times a displacement
 #: What forces are known by: in words, and the size of one that is none.
@@ -75,10 +74,11 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         system: the contact problem, or it and its load, which are put back after a look.
         kind: of the journal.
         method: what the runs are known by beside the problem, in words.
+        surface_displacement: see `EvolutionRecord`, as for the following.
+        resume: whether to go on with a record that exists. Else there must be none.
         data: Functions and Constants beside those of the problem, with their places.
         forms: beside those of the problem.
         driven: expressions by which a load drives Dirichlet data.
-        resume: whether to go on with a record that exists. Else there must be none.
 
     Attributes:
         journal: what has been recorded, on every rank.
@@ -98,6 +98,7 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         kind: type[J],
         *,
         method: Sequence[str],
+        surface_displacement: bool,
         resume: bool,
         data: Sequence[Datum] = (),
         forms: Sequence[ufl.Form] = (),
@@ -105,7 +106,9 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
     ):
         problem = system if isinstance(system, ContactProblem) else system.problem
         same_everywhere(problem.comm, resume=bool(resume))
-        super().__init__(folder, problem, kind, resume=resume)
+        super().__init__(
+            folder, problem, kind, surface_displacement=surface_displacement, resume=resume
+        )
         self._system = system
         self._points = AtPoints(problem)
         self._last: AcceptedState | None = None  # where the runs stand
@@ -253,6 +256,8 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
             x.destroy()
         entry |= {"checkpoint": name, "sum": check_sum}
         entry |= {"values": self._data.are_kept(name, functions)}
+        if self._shows:
+            entry["surface"] = name
         self._append({"type": "state", **entry})
         self.journal.states.append(entry)
         self._index = index
@@ -283,9 +288,7 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         self._require_data(recorded, found["data"])
         a, b = ([s["time"], s["norm"], *s["energies"].values()] for s in (recorded, found))
         scales = [abs(a[0]), a[1], *[max(map(abs, a[2:]))] * len(a[2:])]
-        same = recorded["status"] == found["status"] and all(
-            abs(p - q) <= _COINCIDE * scale for p, q, scale in zip(a, b, scales, strict=True)
-        )
+        same = recorded["status"] == found["status"] and coincide(zip(a, b, scales, strict=True))
         message = (
             f"step {index} was recorded at {self._along} {recorded['time']:.12g}, status "
             f"{recorded['status']}, and is now found at {found['time']:.12g}, status "
@@ -319,16 +322,8 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
             run: that has not ended.
             known: indices of the states that say how it goes on, beside that where it begins.
         """
-        for index in (*reversed(known), run.after):
-            try:
-                run_state = self._run_state(index)
-            except ValueError as error:
-                if "damaged" not in str(error) or index == run.after:
-                    raise
-                if self.comm.rank == 0:
-                    logger.warning("%s; going back to one before", error)
-                continue
-            break
+        indices = (*reversed(known), run.after)
+        index, run_state = self._last_whole(indices, lambda i: (i, self._run_state(i)))
         self._index = index
         self._last = run_state.accepted
         return run_state

@@ -10,10 +10,9 @@ import numpy as np
 
 from dolfinx_contact._errors import everywhere, same_everywhere
 from dolfinx_contact.continuation import Branch, SpecialPoint
-from dolfinx_contact.laws import status
 from dolfinx_contact.records.journal import Journal, JournalBranch
 from dolfinx_contact.records.lines import FORMAT
-from dolfinx_contact.records.points import Functional, compiled, described, places
+from dolfinx_contact.records.points import Functional, columns_of, compiled, places
 
 if TYPE_CHECKING:
     from dolfinx_contact.parametric import ParametricContact
@@ -63,24 +62,13 @@ def journal_of(
         for number, branch in enumerate(branches):
             entries: list[dict[str, Any]] = []
             for index, point in enumerate(branch.points):
-                letters = system.letters(point.piece)
+                entry = columns_of(system, index, point, _before(branch, index))
                 x.array[:] = point.y.array_r[: x.getLocalSize()]
                 system.put(x, point.gamma, point.piece)
                 system.metric(x, mx)
-                entries.append(
-                    {
-                        "index": index,
-                        "gamma": point.gamma,
-                        "norm": float(np.sqrt(max(float(x.dot(mx)), 0.0))),
-                        "step": point.step,
-                        "corrections": point.corrections,
-                        "tau": point.tau,
-                        "status": letters,
-                        "counts": status.count(letters),
-                        "special": [described(system, s) for s in _before(branch, index)],
-                        "functionals": {name: f() for name, f in values.items()},
-                    }
-                )
+                entry["norm"] = float(np.sqrt(max(float(x.dot(mx)), 0.0)))
+                entry["functionals"] = {name: f() for name, f in values.items()}
+                entries.append(entry)
             journal.branches[number] = JournalBranch({}, branch.ending, branch.reason, entries)
     x.destroy()
     mx.destroy()

@@ -37,22 +37,19 @@ from dolfinx_contact.continuation import (
 )
 from dolfinx_contact.continuation.branch import Stop
 from dolfinx_contact.equations.given_data import data_within
-from dolfinx_contact.laws import status
 from dolfinx_contact.records.checkpoints import joined, last_entry
 from dolfinx_contact.records.identity import driven_words, identity
 from dolfinx_contact.records.journal import Journal, JournalBranch
 from dolfinx_contact.records.kept_data import KeptData
-from dolfinx_contact.records.points import Functional, compiled, described
-from dolfinx_contact.records.problem_record import ProblemRecord
+from dolfinx_contact.records.points import Functional, columns_of, compiled
+from dolfinx_contact.records.problem_record import ProblemRecord, coincide
 
 if TYPE_CHECKING:
     from dolfinx_contact.parametric import ParametricContact
 
-__all__ = ["BranchRecord"]
+__all__ = ["BranchRecord", "resume"]
 
 logger = logging.getLogger(__name__)
-
-_COINCIDE = 1e-8  # of the range of gamma, and of the length of x that counts as 1
 
 
 class BranchRecord(ProblemRecord[Journal], Observer):
@@ -72,6 +69,9 @@ class BranchRecord(ProblemRecord[Journal], Observer):
         functionals: by name, scalar UFL forms in the problem's Functions, or functions of the
             problem that return a number; these are called on every rank.
         every: fields are kept at every so many points, at special points, and at both ends.
+        surface_displacement: whether that of the outer surface of the bodies is kept at every
+            point, in single precision, for `plot.draw_record`. A record that is resumed goes on as
+            it began.
         resume: whether to go on with a record that exists. Else there must be none.
 
     Attributes:
@@ -105,6 +105,7 @@ class BranchRecord(ProblemRecord[Journal], Observer):
         functionals: Mapping[str, Functional] | None = None,
         *,
         every: int = 10,
+        surface_displacement: bool = False,
         resume: bool = False,
     ):
         if not (functionals is None or isinstance(functionals, Mapping)):
@@ -116,7 +117,13 @@ class BranchRecord(ProblemRecord[Journal], Observer):
         self.system = system
         self.every = every
         self._functionals = compiled(system.problem, functionals or {})
-        super().__init__(folder, system.problem, Journal, resume=resume)
+        super().__init__(
+            folder,
+            system.problem,
+            Journal,
+            surface_displacement=surface_displacement,
+            resume=resume,
+        )
         self._x = system.create_vector()
         self._mx = system.create_vector()
         self._last: tuple[BranchPoint, Stepping] | None = None
@@ -199,17 +206,8 @@ class BranchRecord(ProblemRecord[Journal], Observer):
         self._last = point, stepping
         starts = self._starts
         self._starts = False
-        letters = self.system.letters(point.piece)
-        entry = {
-            "index": index,
-            "gamma": point.gamma,
-            "norm": self._norm(point.y, stepping),
-            "step": point.step,
-            "corrections": point.corrections,
-            "tau": point.tau,
-            "status": letters,
-            "special": [described(self.system, s) for s in special],
-        }
+        entry = columns_of(self.system, index, point, special)
+        entry["norm"] = self._norm(point.y, stepping)
         if index < len(recorded):
             if starts:  # what lies before it is not looked at again
                 entry["special"] = recorded[index]["special"]
@@ -224,15 +222,16 @@ class BranchRecord(ProblemRecord[Journal], Observer):
         self.system.put(self._x, point.gamma, point.piece)
         entry |= {
             "functionals": {name: f() for name, f in self._functionals.items()},
-            "counts": status.count(letters),
             "next_step": stepping.next_step,
             "x_scale": stepping.x_scale,
             "largest_distance": stepping.largest_distance,
             "scales": list(self.system.scales),
             "tangent_gamma": last_entry(point.tangent),
         }
+        if self._shows:
+            entry["surface"] = f"branch_{branch:04d}_point_{index:06d}"
         written = dict(entry)
-        if recorded and recorded[-1]["status"] == letters:
+        if recorded and recorded[-1]["status"] == entry["status"]:
             del written["status"]
         self._append({"type": "point", "branch": branch, **written})
         recorded.append(entry)
@@ -271,7 +270,8 @@ class BranchRecord(ProblemRecord[Journal], Observer):
         if same:
             gammas = [[s["gamma"] / scale for s in p["special"]] for p in (recorded, found)]
             pairs += zip(*gammas, strict=True)
-        same = same and all(abs(a - b) <= _COINCIDE * (1 + abs(a)) for a, b in pairs)
+        # Beside the range of gamma, and the length of x that counts as 1.
+        same = same and coincide((a, b, 1 + abs(a)) for a, b in pairs)
         message = (
             f"point {found['index']} of branch {branch} was recorded at gamma = "
             f"{recorded['gamma']:.12g}, status {recorded['status']}, and is now found at gamma = "
@@ -291,15 +291,9 @@ class BranchRecord(ProblemRecord[Journal], Observer):
         """
         known = self.journal.branches.get(branch)
         kept = [p["index"] for p in known.points if "checkpoint" in p] if known else []
-        for index in reversed(kept):
-            try:
-                return self.state(branch, index)
-            except ValueError as error:
-                if "damaged" not in str(error) or index == kept[0]:
-                    raise
-                if self.comm.rank == 0:
-                    logger.warning("%s; going back to one before", error)
-        return None
+        if not kept:
+            return None
+        return self._last_whole(kept[::-1], lambda index: self.state(branch, index))
 
     def state(self, branch: int, index: int) -> tuple[BranchPoint, Stepping]:
         """A point whose fields were kept, and what is needed to go on from it. Collective.
@@ -411,3 +405,30 @@ class BranchRecord(ProblemRecord[Journal], Observer):
         self._unknowns(y)
         self.system.metric(self._x, self._mx)
         return float(np.sqrt(max(float(self._x.dot(self._mx)), 0.0) / stepping.x_scale))
+
+
+def resume(
+    folder: str | os.PathLike[str],
+    system: ParametricContact,
+    functionals: Mapping[str, Functional] | None = None,
+    *,
+    branch: int = 0,
+    every: int = 10,
+    max_steps: int | None = None,
+    observer: Observer | None = None,
+    stop: Stop | None = None,
+) -> Branch:
+    """Go on with a recorded branch as if the run had never been killed. Collective.
+
+    Args:
+        folder: of the record.
+        system: the same problem, on any number of ranks.
+        functionals: the same as recorded.
+        branch: see `BranchRecord.go_on`, as for the budget, the observer, errors and the result.
+        every: fields are kept at every so many points.
+        max_steps: another budget.
+        observer: told of every point beside the record.
+        stop: the same stop condition as at the beginning.
+    """
+    with BranchRecord(folder, system, functionals, every=every, resume=True) as record:
+        return record.go_on(branch, max_steps=max_steps, observer=observer, stop=stop)

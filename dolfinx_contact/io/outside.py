@@ -1,0 +1,221 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""What is seen of the bodies of a problem: their outer surface, contact faces, and obstacles.
+
+All of it is on rank 0, at vertices in the order of their numbers in the mesh as it was given to
+DOLFINx: the same on any number of ranks. A displacement of higher degree is that of the vertices,
+so that facets are linear.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx import fem, mesh
+
+from dolfinx_contact.io.gathering import Arrays, gather_cells
+from dolfinx_contact.points.ids import vertex_numbers
+from dolfinx_contact.points.trace import facet_closures
+
+if TYPE_CHECKING:
+    from dolfinx_contact.points.surface import ContactSurface
+    from dolfinx_contact.problem import ContactProblem
+
+__all__ = ["OuterSurface", "Outside", "SurfaceState", "patch"]
+
+Cells = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class OuterSurface:
+    """The outer surface of bodies before they move.
+
+    Attributes:
+        x: coordinates of its vertices (n, 3).
+        nodes: their numbers in the mesh as it was given to DOLFINx (n,), rising.
+        cells: vertices of the facets of the boundary, one row each; of bodies in 2D those of their
+            cells.
+        contact: by the name of a contact surface, vertices of its facets.
+        opposite: the same of the masters of pairs.
+        obstacles: by the name of a surface without a master, facets of its obstacle, by vertices of
+            their own (`SurfaceState.obstacles`).
+    """
+
+    x: npt.NDArray[np.float64]
+    nodes: npt.NDArray[np.int64]
+    cells: Cells
+    contact: dict[str, Cells]
+    opposite: dict[str, Cells]
+    obstacles: dict[str, Cells]
+
+    def arrays(self) -> Arrays:
+        """All of it as arrays by name, for a file."""
+        found: Arrays = {"x": self.x, "nodes": self.nodes, "cells": self.cells}
+        found["surfaces"] = np.array(list(self.contact), dtype=np.str_)
+        for i, name in enumerate(self.contact):
+            found[f"contact_{i}"] = self.contact[name]
+            if name in self.opposite:
+                found[f"opposite_{i}"] = self.opposite[name]
+            else:
+                found[f"obstacle_{i}"] = self.obstacles[name]
+        return found
+
+    @staticmethod
+    def of_arrays(found: Mapping[str, npt.NDArray[Any]]) -> OuterSurface:
+        """What `arrays` made arrays of.
+
+        Raises:
+            KeyError: if one is missing.
+        """
+        names = [str(name) for name in found["surfaces"]]
+        pairs = {name for i, name in enumerate(names) if f"opposite_{i}" in found}
+        return OuterSurface(
+            found["x"],
+            found["nodes"],
+            found["cells"],
+            {name: found[f"contact_{i}"] for i, name in enumerate(names)},
+            {name: found[f"opposite_{i}"] for i, name in enumerate(names) if name in pairs},
+            {name: found[f"obstacle_{i}"] for i, name in enumerate(names) if name not in pairs},
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceState:
+    """Where an outer surface and obstacles are at a state.
+
+    Attributes:
+        u: displacement of the vertices (n, dim).
+        obstacles: by the name of a surface without a master, the vertices of its obstacle at the
+            contact points, their motion, and the normals there (3, m, dim).
+    """
+
+    u: npt.NDArray[Any]
+    obstacles: dict[str, npt.NDArray[Any]]
+
+    def arrays(self) -> Arrays:
+        """All of it as arrays of single precision by name, for a file."""
+        found: Arrays = {"u": self.u.astype(np.float32)}
+        found["obstacles"] = np.array(list(self.obstacles), dtype=np.str_)
+        for i, values in enumerate(self.obstacles.values()):
+            found[f"obstacle_{i}"] = values.astype(np.float32)
+        return found
+
+    @staticmethod
+    def of_arrays(found: Mapping[str, npt.NDArray[Any]]) -> SurfaceState:
+        """What `arrays` made arrays of.
+
+        Raises:
+            KeyError: if one is missing.
+        """
+        names = [str(name) for name in found["obstacles"]]
+        obstacles = {name: found[f"obstacle_{i}"] for i, name in enumerate(names)}
+        return SurfaceState(found["u"], obstacles)
+
+
+class Outside:
+    """Looks at the bodies of a problem from outside. Collective.
+
+    Args:
+        problem: whose displacement is shown.
+
+    Attributes:
+        V: linear space of the vertices of the bodies.
+        numbers: of its local nodes, in the mesh as it was given to DOLFINx.
+        cells: local vertices of what is seen: in 2D cells, in 3D facets of the boundary.
+    """
+
+    def __init__(self, problem: ContactProblem):
+        domain = problem.V.mesh
+        self.problem = problem
+        self.V = fem.functionspace(domain, ("Lagrange", 1))
+        self.numbers = vertex_numbers(self.V)
+        self.cells = _outer_cells(self.V)
+        vectors = fem.functionspace(domain, ("Lagrange", 1, (domain.topology.dim,)))
+        self._moved = fem.Function(vectors)
+
+    def gather(self, values: Mapping[str, npt.NDArray[Any]]) -> Arrays:
+        """Values at the local vertices, on rank 0 as `gather_cells` has them. Collective."""
+        return gather_cells(self.problem.comm, self.V, self.cells, values, self.numbers)
+
+    def surface(self) -> OuterSurface | None:
+        """The outer surface, on rank 0. Collective."""
+        problem = self.problem
+        body = self.gather({})
+        contact: dict[str, Arrays] = {}
+        opposite: dict[str, Arrays] = {}
+        obstacles: dict[str, Arrays] = {}
+        for s in problem.surfaces:
+            contact[s.name] = self._face(s.submesh.parent_facets)
+            if s.between_bodies:
+                opposite[s.name] = self._face(s.obstacle.opposite.master_facets)
+            else:
+                obstacles[s.name] = patch(s)
+        if not body:
+            return None
+        nodes = body["nodes"]
+
+        def on_surface(faces: Mapping[str, Arrays]) -> dict[str, Cells]:
+            places = {k: np.searchsorted(nodes, face["nodes"]) for k, face in faces.items()}
+            return {k: places[k][face["cells"]] for k, face in faces.items()}
+
+        return OuterSurface(
+            body["x"],
+            nodes,
+            body["cells"],
+            on_surface(contact),
+            on_surface(opposite),
+            {k: face["cells"] for k, face in obstacles.items()},
+        )
+
+    def state(self) -> SurfaceState | None:
+        """Where all is at the displacement of the problem, on rank 0. Collective."""
+        problem = self.problem
+        self._moved.interpolate(problem.u)
+        dim = problem.V.mesh.topology.dim
+        seen = self.gather({"u": self._moved.x.array.reshape(-1, dim)})
+        patches = {s.name: patch(s) for s in problem.surfaces if not s.between_bodies}
+        if not seen:
+            return None
+        obstacles = {k: np.array([p["floor"], p["moved"], p["n"]]) for k, p in patches.items()}
+        return SurfaceState(seen["u"], obstacles)
+
+    def _face(self, facets: npt.NDArray[np.int32]) -> Arrays:
+        """Facets of the body that this rank owns, of all ranks on rank 0. Collective."""
+        topology = self.V.mesh.topology
+        owned = facets[facets < topology.index_map(topology.dim - 1).size_local]
+        closures = facet_closures(self.V, owned)
+        return gather_cells(self.problem.comm, self.V, closures, {}, self.numbers)
+
+
+def patch(s: ContactSurface) -> Arrays:
+    """A contact surface and its obstacle, which may move as well, on rank 0. Collective."""
+    points = s.points
+    u, x = (v[points.vertex_trace_dofs] for v in (s.u.x.array.reshape(-1, s.dim), s.node_positions))
+    body = s.rigid_body
+    gap = points.vertex_gaps
+    n = points.vertex_normals
+    if s.displaced is not None:
+        x = x + (u if body is None else u - body.field(x, body.values))
+        gap, n = s.displaced.at_vertices(x - s.node_positions[points.vertex_trace_dofs])
+    floor = x + gap[:, None] * n
+    moved = np.zeros_like(floor) if body is None else body.field(floor, body.values)
+    values = {"u": u, "n": n, "floor": floor, "moved": moved, "ids": points.vertex_ids}
+    V = points.vertices
+    cells = V.dofmap.list[: s.submesh.mesh.topology.index_map(s.dim - 1).size_local]
+    return gather_cells(s.comm, V, cells, values, vertex_numbers(V))
+
+
+def _outer_cells(V: fem.FunctionSpace) -> npt.NDArray[np.int32]:
+    """Local nodes of a linear space at what is seen of a body. Collective.
+
+    In 2D its cells, in 3D the facets of its boundary, of this rank.
+    """
+    topology = V.mesh.topology
+    if topology.dim == 2:
+        return np.asarray(V.dofmap.list[: topology.index_map(2).size_local])
+    topology.create_connectivity(2, 3)
+    return facet_closures(V, mesh.exterior_facet_indices(topology))
