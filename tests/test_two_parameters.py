@@ -1,6 +1,8 @@
 """Curves of folds and events in two parameters, against closed forms, branches and enumeration."""
 
 import itertools
+import json
+from dataclasses import replace
 
 from mpi4py import MPI
 
@@ -14,7 +16,7 @@ import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact import ContactProblem, materials
-from dolfinx_contact.analysis import count_solutions, event_curves
+from dolfinx_contact.analysis import Chart, ChartCell, count_solutions, event_curves
 from dolfinx_contact.analysis.curve_search import follow_events
 from dolfinx_contact.analysis.family import ContactFamily, Frame
 from dolfinx_contact.analysis.two_parameters import contact_family
@@ -250,3 +252,68 @@ def test_what_is_refused(vee):
         event_curves(vee, F, [(4.0, branch_of(vee))], mu_range=(5.0, 6.0), gamma_range=(0.0, 1.0))
     with pytest.raises(ValueError, match="pairs"):
         event_curves(vee, F, [(1.5, None)], mu_range=(1.0, 2.0), gamma_range=(0.0, 1.0))
+
+
+# -- charts in files -------------------------------------------------------------------------------
+
+
+def chart_of_few():
+    """A chart whose numbers have no short decimals, some of which nothing is known to be all."""
+    cells = [
+        ChartCell((i / 3, (i + 1) / 3), (-np.pi, np.nextafter(1 / 7, 1)), solutions, i != 1)
+        for i, solutions in enumerate([("ok",), ("k+", "o-", "oo"), ()])
+    ]
+    return Chart(tuple(cells))
+
+
+def test_a_chart_in_a_file(folder):
+    """It comes back to the last bit, on every rank."""
+    family = replace(random_family(1), comm=COMM)
+    counted = count_solutions(
+        family, mu_range=(0.2, 4.0), gamma_range=(-8.0, 8.0), cells=(2, 3), depth=1
+    )
+    for number, chart in enumerate([counted, chart_of_few()]):
+        file = folder / f"{number}.json"
+        if COMM.rank == COMM.size - 1:
+            assert chart.save(file) == file
+        COMM.barrier()
+        again = Chart.load(file)
+        assert again.cells == chart.cells
+        assert [type(c.proved) for c in again.cells] == [bool] * len(chart.cells)
+        assert again.proved == chart.proved
+        COMM.barrier()
+
+
+def test_charts_that_cannot_be_read_or_written(folder):
+    if COMM.rank == 0:
+        file = folder / "chart.json"
+        chart = chart_of_few()
+        chart.save(file)
+        whole = file.read_text()
+        other = chart.cells[:1]
+        with pytest.raises(FileExistsError, match="save with overwrite=True"):
+            Chart(other).save(file)
+        assert file.read_text() == whole
+        Chart(other).save(file, overwrite=True)
+        assert Chart.load(file).cells == other
+        with pytest.raises(OSError, match="nowhere"):
+            chart.save(folder / "nowhere" / "chart.json")
+        with pytest.raises(FileNotFoundError):
+            Chart.load(folder / "none.json")
+        words = json.loads(whole)
+        cells = words["cells"]
+        damaged = [cells[0] | {"gamma": [-np.pi, 0.5]}, *cells[1:]]
+        for content, message in [
+            (whole[:-20], "is no chart, or is damaged"),
+            (b"\xff\xfe\x00", "is no chart, or is damaged"),
+            ("[1, 2]", "is no chart$"),
+            (json.dumps(words | {"of": "something"}), "is no chart$"),
+            (json.dumps(words | {"format": 2}), "has the format 2, known is 1"),
+            (json.dumps(words | {"cells": damaged}), "its check sum is wrong"),
+            (json.dumps({k: v for k, v in words.items() if k != "cells"}), "check sum is wrong"),
+        ]:
+            file.write_bytes(content if isinstance(content, bytes) else content.encode())
+            with pytest.raises(ValueError, match=message):
+                Chart.load(file)
+        assert [p.name for p in folder.iterdir()] == ["chart.json"]
+    COMM.barrier()

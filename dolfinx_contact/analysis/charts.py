@@ -9,9 +9,14 @@ within a cell is not.
 
 from __future__ import annotations
 
+import json
+import os
 import time
+import zlib
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -29,6 +34,8 @@ __all__ = ["Chart", "ChartCell", "count_solutions"]
 Array = npt.NDArray[np.float64]
 
 _PATIENCE = 3.0  # seconds before something is said
+_KIND = "a chart of solutions"
+_FORMAT = 1
 
 
 @dataclass(frozen=True)
@@ -89,6 +96,68 @@ class Chart:
             if c.mu[0] <= mu <= c.mu[1] and c.gamma[0] <= gamma <= c.gamma[1]:
                 return c
         raise ValueError(f"({mu:g}, {gamma:g}) is outside of the chart")
+
+    def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
+        """Write it to a file, from which `load` reads it to the last bit; on this rank alone.
+
+        Every rank has the same chart: one of several writes it. The file is JSON, with a check sum.
+
+        Args:
+            path: of the file, in a folder that exists.
+            overwrite: whether a file that exists is replaced, whatever it is.
+
+        Returns:
+            The path.
+
+        Raises:
+            FileExistsError: if there is such a file, and it is not to be replaced.
+            OSError: if it cannot be written; a file of before is then as it was.
+        """
+        file = Path(path)
+        if file.exists() and not overwrite:
+            raise FileExistsError(f"{file} exists: save with overwrite=True, or to another file")
+        content = {"cells": [asdict(cell) for cell in self.cells]}
+        words = {"of": _KIND, "format": _FORMAT, "crc": _check_sum(content), **content}
+        part = file.with_name(f".{file.name}.part")
+        try:
+            part.write_text(json.dumps(words))
+            part.replace(file)
+        finally:
+            part.unlink(missing_ok=True)
+        return file
+
+    @staticmethod
+    def load(path: str | os.PathLike[str]) -> Chart:
+        """Read a chart that `save` wrote; on this rank alone.
+
+        Raises:
+            OSError: if the file cannot be read.
+            ValueError: if it is no chart, one of another version, or damaged.
+        """
+        try:
+            words = json.loads(Path(path).read_bytes())
+        except ValueError as error:
+            raise ValueError(f"{path} is no chart, or is damaged: {error}") from None
+        if not isinstance(words, dict) or words.get("of") != _KIND:
+            raise ValueError(f"{path} is no chart")
+        if words.get("format") != _FORMAT:
+            raise ValueError(f"{path} has the format {words.get('format')}, known is {_FORMAT}")
+        cells = words.get("cells", [])
+        if words.get("crc") != _check_sum({"cells": cells}):
+            raise ValueError(f"{path} is damaged: its check sum is wrong")
+        return Chart(tuple(_cell_of(cell) for cell in cells))
+
+
+def _check_sum(content: dict[str, Any]) -> str:
+    """CRC-32 of what a file says of the cells."""
+    return f"{zlib.crc32(json.dumps(content, sort_keys=True).encode()):08x}"
+
+
+def _cell_of(words: dict[str, Any]) -> ChartCell:
+    """A cell, as a file has it."""
+    low, high = words["mu"]
+    least, most = words["gamma"]
+    return ChartCell((low, high), (least, most), tuple(words["solutions"]), words["proved"])
 
 
 def _check(a: Arguments) -> None:
