@@ -46,14 +46,14 @@ class Point:
         data = PointData(self._n, np.zeros(1), np.full(1, self._r), self._fields)
         seen = jump if memory is None else jump - memory.reference(self._n)
         self.answers = self.at(seen, traction, with_memory(self.at.compiled, memory, data))
-        names = (*self.law.remembers, *self.law.keeps(self._n.shape[1]))
+        names = self.law.memory(self._n.shape[1])
         fields = {name: self.answers.bond(f"after.{name}") for name in names}
         self.time = time
         self.memory = Memory(jump, fields)
         before = self.values
         self.values = np.array([values[0] for values in fields.values()])
         self.lost = 0.0 if before is None else float(before[0] - self.values[0])
-        return float(self.values[0]) if self.law.remembers else self.values
+        return float(self.values[0]) if names[0] in self.law.given else self.values
 
 
 def opened(law, times, speed=U0):

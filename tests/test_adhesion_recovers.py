@@ -197,7 +197,7 @@ def test_jacobian_by_taylor(cell, given):
     fields |= {".length": np.full(n, 0.08), ".rest": rng.uniform(0.1, 0.3, n)}
     fields |= {".closed": np.round(rng.uniform(0, 1, n))}
     fields |= {f".origin_{i}": rng.normal(0, 0.002, n) for i in range(surface.dim)}
-    kept = {"beta", *law.keeps(surface.dim)}
+    kept = {*law.memory(surface.dim)}
     known = {k: v for k, v in fields.items() if k in kept}
     problem.equations.remember([Memory(rng.normal(0, 0.002, (n, surface.dim)), known, 0.1)])
     sizes = remainders(problem, x, 2)

@@ -50,7 +50,6 @@ from dolfinx_contact.analysis.rows import (
 from dolfinx_contact.analysis.weighted import WeightedForm
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.state import State
-from dolfinx_contact.laws import Coulomb, Frictionless, Tresca
 from dolfinx_contact.results.checks import sliding_doubt
 
 __all__ = ["Renard", "criterion_at", "renard_criterion"]
@@ -178,10 +177,10 @@ def _slope(eq: ContactEquations, number: int, state: State) -> Array:
     """Coefficients of friction at the points of a surface. Collective."""
     s = eq.surfaces[number]
     known = state.surfaces[number]
-    fits = isinstance(s.law, Coulomb | Frictionless | Tresca)
+    fits = s.law.bound_kind in ("proportional", "given")
     require(eq.comm, fits, f"{s.name}: the criterion is about Coulomb's law, not {s.law}")
     slope = known.answers.unit_bound
-    return slope if isinstance(s.law, Coulomb) else np.zeros_like(slope)
+    return slope if s.law.bound_kind == "proportional" else np.zeros_like(slope)
 
 
 def _of_solution(eq: ContactEquations, state: State, slope: Array) -> Array:

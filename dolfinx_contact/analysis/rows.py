@@ -124,9 +124,9 @@ def require_nodes(eq: ContactEquations) -> None:
         require(eq.comm, s.displaced is None, f"{s.name}: this needs small sliding")
         fits = s.points.E is None
         require(eq.comm, fits, f"{s.name}: this needs nodal or mixed contact, not {s.method}")
-        local = s.law.spread is None
+        local = s.law.averaging is None
         require(eq.comm, local, f"{s.name}: this needs a local law, not {s.law.name}")
-        free = not s.law.bonded
+        free = not s.law_at_points.compiled.bonded
         require(eq.comm, free, f"{s.name}: this needs a law without adhesion, not {s.law.name}")
 
 

@@ -20,7 +20,6 @@ from __future__ import annotations
 from dolfinx_contact._factor import Factor, marked_symmetric
 from dolfinx_contact.analysis.held import with_dirichlet_rows
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.laws import Coulomb, Frictionless, Tresca
 from dolfinx_contact.results.theory import Theory
 
 __all__ = ["is_positive_definite", "theory_of"]
@@ -50,14 +49,14 @@ def theory_of(eq: ContactEquations) -> Theory:
 
 def _coefficients(eq: ContactEquations) -> bool | None:
     """Whether a coefficient of friction is positive; None for other laws. Collective."""
-    if not all(type(s.law) in (Coulomb, Frictionless, Tresca) for s in eq.surfaces):
+    if not all(s.law.bound_kind in ("proportional", "given") for s in eq.surfaces):
         return None
     x = eq.create_vector()
     b = eq.create_vector()
     state = eq.residual(x, b)
     x.destroy(), b.destroy()
     mine = any(
-        isinstance(s.law, Coulomb) and bool((known.answers.unit_bound > 0).any())
+        s.law.bound_kind == "proportional" and bool((known.answers.unit_bound > 0).any())
         for s, known in zip(eq.surfaces, state.surfaces, strict=True)
     )
     return eq.comm.allreduce(int(mine)) > 0

@@ -24,7 +24,6 @@ from dolfinx_contact.analysis.family import ContactFamily
 from dolfinx_contact.continuation import Branch
 from dolfinx_contact.continuation.arguments import checked_range
 from dolfinx_contact.equations.parametric import ParametricEquations
-from dolfinx_contact.laws import Tresca
 from dolfinx_contact.laws.coulomb import BORDERS, FIRST_BORDER
 from dolfinx_contact.points.law_checks import check_law
 from dolfinx_contact.reduced.gathered import GatheredPoints
@@ -111,7 +110,7 @@ def _condensed(
                 s.update_geometry()
                 check_law(s, f" where the second parameter is {mu:g}")
             fits = system.is_linear and can_condense(system)
-            fits = fits and not any(isinstance(s.law, Tresca) for s in system.equations.surfaces)
+            fits = fits and not any(s.law.bound_kind == "given" for s in system.equations.surfaces)
             condensed = Reduction(system, nothing, 0.0, exact=True) if fits else None
             obstacle = obstacle_to_proof(system.equations, condensed)
             if condensed is not None:

@@ -405,8 +405,7 @@ class ContactEquations:
 
 def remembered(s: ContactSurface, at: ContactState) -> dict[str, Array]:
     """The fields of the memory that a state of ``s`` leaves."""
-    names = (*s.law.remembers, *s.law.keeps(s.dim))
-    fields = {name: at.answers.bond(f"after.{name}") for name in names}
+    fields = {name: at.answers.bond(f"after.{name}") for name in s.law.memory(s.dim)}
     if s.law_at_points.compiled.knows_slip:
         fields[SLID] = slid_after(at.data, at.jump, at.statuses)
     return fields

@@ -129,7 +129,7 @@ class ContactTerms:
                 places = np.where(eq.rigid.fixed, -1, rigid)[eq.rigid.slice_of(s.rigid_body)]
                 at_points = eq.rigid.at_points(s)
                 blocks.append(RigidTerms(s, eq.units[i + 1], places, multipliers, at_points))
-            if s.law.spread is not None:
+            if s.law.averaging is not None:
                 n = sum(eq.owned_sizes)
                 blocks.append(SpreadTerms(s, eq.units[i + 1], bodies, multipliers, n))
             for block in blocks:

@@ -86,8 +86,8 @@ class HeldBonds(_Substitute):
 
     Args:
         equations: the contact problem.
-        strengths: what memory has of the bonds (n,), surface by surface (`Law.weakens`); None where
-            a law has none.
+        strengths: what memory has of the bonds (n,), surface by surface (`Law.weakening`); None
+            where a law has none.
     """
 
     def __init__(self, equations: ContactEquations, strengths: list[Array | None]):
@@ -96,8 +96,8 @@ class HeldBonds(_Substitute):
             strength = strengths[i]
             if strength is None:
                 return state.answers
-            assert s.law.weakens is not None
-            fields = {**state.data.fields, s.law.weakens[0]: strength}
+            assert s.law.weakening is not None
+            fields = {**state.data.fields, s.law.weakening.name: strength}
             data = replace(state.data, fields=fields)
             return HeldAnswers(s.law_at_points(state.jump, state.traction, data))
 

@@ -160,11 +160,13 @@ def _at_points(a: AtRest, b: AtRest) -> list[_AtPoints]:
         left = np.zeros_like(ways)
         before = a.memory[k]
         after = b.memory[k]
-        if s.law.weakens is not None and before is not None and after is not None:
-            name, sense = s.law.weakens
-            _, end = s.law.ends.get(name, (sense, 0.0 if sense < 0 else math.nan))
-            weakened = np.abs(after.fields[name] - before.fields[name])
-            left = np.nan_to_num(np.abs(end - before.fields[name]))
+        bond = s.law.weakening
+        if bond is not None and before is not None and after is not None:
+            weakened = np.abs(after.fields[bond.name] - before.fields[bond.name])
+            end = bond.end
+            if end is None:
+                end = 0.0 if bond.sense < 0 else math.nan
+            left = np.nan_to_num(np.abs(end - before.fields[bond.name]))
         free = slice(None) if s.method == "integral" else ~eq.constraints.clamped[k][: len(ways)]
         found.append(_AtPoints(ways[free], weakened[free], left[free]))
     return found

@@ -161,11 +161,11 @@ def forces_at(eq: ContactEquations, state: State) -> Forces:
         force = s.points.areas * pressure
         none = np.zeros_like(force), np.zeros_like(force)
         springs = force if s.law.compliant else none[0]
-        if s.law.compliant and s.law.bonded:
+        if s.law.compliant and s.law_at_points.compiled.bonded:
             springs = force + s.points.areas * np.sum(
                 found.answers.bond("traction") * normal, axis=1
             )
-        names = ("stored", "spent") if s.law.bonded else ()
+        names = ("stored", "spent") if s.law_at_points.compiled.bonded else ()
         bonds = [s.points.areas * found.answers.bond(name) for name in names] or none
         jump = found.jump + s.reference
         surfaces.append(SurfaceForces(force, un, normal, jump, springs, *bonds))

@@ -117,11 +117,13 @@ def motion_at(eq: ContactEquations, state: State, u: Array, v: Array) -> Motion:
         gaps.append(s.points.data.gap.copy())
         un.append(data.gap - np.sum(found.jump * normal, axis=1))
         force = found.traction
-        if s.law.bonded:
+        if s.law_at_points.compiled.bonded:
             force = force - found.answers.bond("traction")
         pressed.append(-areas * np.sum(force * normal, axis=1))
         none = np.zeros_like(areas)
-        bonds.append(areas * found.answers.bond("stored") if s.law.bonded else none)
+        bonds.append(
+            areas * found.answers.bond("stored") if s.law_at_points.compiled.bonded else none
+        )
     return Motion(
         u,
         v,
@@ -178,7 +180,7 @@ def account(
         external += float(np.sum(force * dragged))
         closing = np.sum(force * normal, axis=1)
         external += float(np.dot(closing, b.gaps[i] - a.gaps[i]))
-        if s.law.bonded:
+        if s.law_at_points.compiled.bonded:
             force = force - W[:, None] * found.answers.bond("traction")
             spent += float(np.sum(W * found.answers.bond("spent")))
             stored += float(np.sum(b.bonds[i] - a.bonds[i]))

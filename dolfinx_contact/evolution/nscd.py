@@ -347,7 +347,7 @@ def _check_problem(problem: ContactProblem, level: Level) -> None:
     for s in problem.surfaces:
         for what, wrong in (
             ("a compliant law", s.law.compliant),
-            ("adhesion", s.law.bonded),
+            ("adhesion", s.law_at_points.compiled.bonded),
             ("large sliding on a curved obstacle", s.displaced is not None),
         ):
             if wrong:

@@ -39,8 +39,16 @@ from dolfinx_contact.laws.cohesive import BilinearCohesive, MaxwellLayer
 from dolfinx_contact.laws.compiled import LawAtPoints
 from dolfinx_contact.laws.compliant import NormalCompliance, Regularised
 from dolfinx_contact.laws.friction import Coulomb, FrictionLaw, Frictionless, Tresca
-from dolfinx_contact.laws.interface import Interface, InterfaceState, Internal, Rates
-from dolfinx_contact.laws.law import Bond, Border, ContactPoint, Kernel, Law, StatusPiece
+from dolfinx_contact.laws.interface import Interface, InterfaceState, Rates
+from dolfinx_contact.laws.law import (
+    Bond,
+    Border,
+    ContactPoint,
+    Internal,
+    Kernel,
+    Law,
+    StatusPiece,
+)
 from dolfinx_contact.laws.spreading import NonlocalCoulomb
 from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK
 

@@ -25,13 +25,19 @@ The friction bound has two forms in print: mu (1 - beta) |R_n^-|, of the whole n
 mu (1 - beta) |R_n - C_N [u_n] beta^2|, of the contact pressure alone (`threshold`). Under
 Signorini's conditions they are one, for adhesion pulls open points alone; with compliance the first
 has beta^2 C_N [u_n] more.
+
+It is no `Interface`, though its first order could be written as one: here the intensity is a
+formula, smooth beyond the borders of its statuses, where equations that are solved point by point
+end at them, so that a state with statuses that are held has other answers. Formulas also compile
+and evaluate several times faster; and growing bonds, the step before and the pressure of a surface
+that gives way have no place in an energy and a dissipation of one step.
 """
 
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Literal, Self, TypeAlias, get_args
+from typing import Any, ClassVar, Literal, Self, TypeAlias, get_args
 
 import numpy as np
 
@@ -40,17 +46,23 @@ import ufl
 from dolfinx_contact.laws.compliant import NormalCompliance
 from dolfinx_contact.laws.damage import DamageStep, least_energy
 from dolfinx_contact.laws.friction import Coulomb, Frictionless
-from dolfinx_contact.laws.law import Bond, Border, ContactPoint, Law, Scalar, Sign, StatusPiece
+from dolfinx_contact.laws.law import (
+    Bond,
+    Border,
+    ContactPoint,
+    Internal,
+    Law,
+    Scalar,
+    Sign,
+    StatusPiece,
+)
 from dolfinx_contact.laws.status import DAMAGING, OPEN, PLUS
 
 __all__ = ["RCCM"]
 
-_RATE = ".rate"
-_LENGTH = ".length"
-_REST = ".rest"
-_CLOSED = ".closed"
-_ORIGIN = ".origin_"
-_FIELDS = "normal", "tangential", "work", "friction", "viscosity", "beta", "broken"
+_STEP = "rate", "length", "rest"  # what the second order remembers of the step before
+_CLOSED = Internal("closed", hidden=True)
+_ORIGIN = Internal("origin", vector=True, hidden=True)
 _STIFFNESS = "stiffness"  # of a surface that gives way
 
 Threshold: TypeAlias = Literal["pressure", "reaction"]
@@ -96,9 +108,17 @@ class RCCM(Law):
     recovers: bool = False
     contact: NormalCompliance | None = None
     threshold: Threshold = "pressure"
-    remembers = ("beta",)
-    weakens = "beta", -1
     needs_time = ("viscosity",)
+    signs: ClassVar[Mapping[str, Sign]] = {
+        "normal": "nonnegative",
+        "tangential": "nonnegative",
+        "work": "positive",
+        "friction": "nonnegative",
+        "viscosity": "nonnegative",
+        "beta": "fraction",
+        "broken": "fraction",
+        _STIFFNESS: "positive",
+    }
 
     def __post_init__(self) -> None:
         p = self.exponent
@@ -139,7 +159,7 @@ class RCCM(Law):
 
     @property
     def given(self) -> dict[str, Scalar]:
-        mine = {name: getattr(self, name) for name in _FIELDS}
+        mine = {name: getattr(self, name) for name in self.signs if name != _STIFFNESS}
         return mine if self.contact is None else mine | {_STIFFNESS: self.contact.stiffness}
 
     def having(self, symbols: Mapping[str, Any]) -> Self:
@@ -150,23 +170,17 @@ class RCCM(Law):
             contact = replace(contact, stiffness=stiffness)
         return replace(self, contact=contact, **own)
 
-    def sign(self, field: str) -> Sign:
-        known: dict[str, Sign] = {
-            **dict.fromkeys(("work", _STIFFNESS), "positive"),
-            **dict.fromkeys(("beta", "broken"), "fraction"),
-        }
-        return known.get(field, "nonnegative")
-
-    def keeps(self, dim: int) -> tuple[str, ...]:
-        steps = (_RATE, _LENGTH, _REST) if self.order == 2 else ()
-        bonds = (_CLOSED, *(f"{_ORIGIN}{i}" for i in range(dim))) if self.recovers else ()
-        return steps + bonds
+    @property
+    def internal(self) -> tuple[Internal, ...]:  # type: ignore[override]
+        steps = [Internal(name, hidden=True) for name in _STEP] if self.order == 2 else []
+        bonds = [_CLOSED, _ORIGIN] if self.recovers else []
+        return (Internal("beta", "falls"), *steps, *bonds)
 
     def bound(self, a: ContactPoint, p: Any) -> Any:
         beta = self._now(a)
         return self._friction(beta, ufl.conditional(ufl.gt(a.u_n, 0.0), a.u_n, 0.0)).bound(a, p)
 
-    def soft(self, a: ContactPoint) -> ContactPoint:
+    def with_pressure(self, a: ContactPoint) -> ContactPoint:
         return self._soft(a, self._now(a), self._opening(a))
 
     def bond(self, a: ContactPoint) -> Bond:
@@ -184,9 +198,9 @@ class RCCM(Law):
         if self.order == 2:
             held = ufl.lt(beta * energy, self.work)
             after |= {
-                _RATE: ufl.conditional(moves, lost / time, 0.0),
-                _LENGTH: ufl.conditional(moves, a.step, 0.0),
-                _REST: ufl.conditional(held, beta, self.work / least_energy(energy, self.work)),
+                ".rate": ufl.conditional(moves, lost / time, 0.0),
+                ".length": ufl.conditional(moves, a.step, 0.0),
+                ".rest": ufl.conditional(held, beta, self.work / least_energy(energy, self.work)),
             }
         spent = self.work * lost + resisted
         if self.recovers:
@@ -194,10 +208,10 @@ class RCCM(Law):
             springs = 0.5 * energy * (self.beta + beta) * lost
             spent = ufl.conditional(ufl.lt(lost, 0.0), springs, spent)
             touch = self._soft(a, beta, opening).touch
-            after[_CLOSED] = ufl.conditional(ufl.gt(touch, 0.0), 1.0, 0.0)
-            for i in range(a.dim):
+            after[".closed"] = ufl.conditional(ufl.gt(touch, 0.0), 1.0, 0.0)
+            for i, name in enumerate(_ORIGIN.components(a.dim)):
                 jump = a.jump[i] + a.before[i] - ufl.dot(a.before, a.n) * a.n[i]
-                after[f"{_ORIGIN}{i}"] = ufl.conditional(self._is_new, jump, self._origin(a)[i])
+                after[name] = ufl.conditional(self._is_new, jump, self._origin(a)[i])
             given_up = _along(a.before - self._origin(a), a.n)
             spent += ufl.conditional(
                 self._is_new,
@@ -268,20 +282,16 @@ class RCCM(Law):
         if self.contact is None:
             return a
         pull = beta**2 * self.normal * opening
-        return self.contact.soft(replace(a, traction=a.traction - pull * a.n))
+        return self.contact.with_pressure(replace(a, traction=a.traction - pull * a.n))
 
     def _step(self, a: ContactPoint) -> DamageStep:
         """How the intensity goes on from memory."""
         b = self.viscosity
         p = float(self.exponent)
-        before = (
-            {k.removeprefix("."): a.kept[k] for k in (_RATE, _LENGTH, _REST)}
-            if self.order == 2
-            else None
-        )
+        before = {name: a.kept[f".{name}"] for name in _STEP} if self.order == 2 else None
         grows = None
         if self.recovers:
-            grows = ufl.And(ufl.gt(a.kept[_CLOSED], 0.5), ufl.gt(a.step, 0.0))
+            grows = ufl.And(ufl.gt(a.kept[".closed"], 0.5), ufl.gt(a.step, 0.0))
         return DamageStep(self.beta, self.work, b, p, a.step, before, grows)
 
     def _now(self, a: ContactPoint) -> Any:
@@ -297,7 +307,7 @@ class RCCM(Law):
         """The jump at which springs are at rest along the surface."""
         if not self.recovers:
             return 0.0 * a.n
-        return ufl.as_vector([a.kept[f"{_ORIGIN}{i}"] for i in range(a.dim)])
+        return ufl.as_vector([a.kept[name] for name in _ORIGIN.components(a.dim)])
 
     def _opening(self, a: ContactPoint) -> Any:
         """By which springs are drawn; of a surface that gives way they may be pressed."""

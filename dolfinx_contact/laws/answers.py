@@ -201,9 +201,9 @@ class Answers:
         return self._of(codes, "by_around", (self._law.dim,))
 
     @property
-    def spreads(self) -> tuple[Array, Array, Array]:
-        """What closed points spread (n,), and its derivatives by jump and traction (n, dim)."""
-        q, by_jump, by_traction = (self._values[:, k] for k in self._law.places["spreads"])
+    def pressure(self) -> tuple[Array, Array, Array]:
+        """Of a law that is not local (n,), with its derivatives by jump and traction (n, dim)."""
+        q, by_jump, by_traction = (self._values[:, k] for k in self._law.places["pressure"])
         return q[:, 0], by_jump, by_traction
 
     def bond(self, name: str) -> Array:

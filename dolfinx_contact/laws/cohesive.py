@@ -3,13 +3,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import ufl
 
-from dolfinx_contact.laws.interface import Interface, InterfaceState, Internal, Rates
-from dolfinx_contact.laws.law import Scalar, Sign
+from dolfinx_contact.laws.interface import Interface, InterfaceState, Rates
+from dolfinx_contact.laws.law import Internal, Scalar, Sign
 
 __all__ = ["BilinearCohesive", "MaxwellLayer"]
 
@@ -44,10 +45,13 @@ class BilinearCohesive(Interface):
     damage: Scalar = 0.0
     internal = (Internal("damage", "grows", end=1.0),)
 
-    def sign(self, field: str) -> Sign:
-        positive: dict[str, Sign] = dict.fromkeys(("strength", "elastic", "softening"), "positive")
-        known: dict[str, Sign] = {"damage": "fraction", **positive}
-        return known.get(field, "nonnegative")
+    signs: ClassVar[Mapping[str, Sign]] = {
+        "strength": "positive",
+        "elastic": "positive",
+        "softening": "positive",
+        "friction": "nonnegative",
+        "damage": "fraction",
+    }
 
     def energy(self, state: InterfaceState) -> Any:
         size = state.opening**2 + ufl.dot(state.moved, state.moved)
@@ -95,8 +99,12 @@ class MaxwellLayer(Interface):
     internal = (Internal("flow", vector=True),)
     needs_time = ("viscosity",)
 
-    def sign(self, field: str) -> Sign:
-        return "positive" if field in ("stiffness", "viscosity") else "nonnegative"
+    signs: ClassVar[Mapping[str, Sign]] = {
+        "stiffness": "positive",
+        "viscosity": "positive",
+        "lasting": "nonnegative",
+        "friction": "nonnegative",
+    }
 
     def energy(self, state: InterfaceState) -> Any:
         elastic = state.jump - state["flow"]

@@ -44,8 +44,8 @@ class _Written:
         equations: for numbers that are functions of the rest.
         pieces: status by status.
         bounds: radii of the friction disc, at the pressure of the law and at unit pressure.
-        bond: parts of `Law.bond` by name.
-        spreads: of a law that is not local; else None.
+        bond: parts of `Law.bond` by name; empty if it has none.
+        pressure: of a law that is not local, which others see; else None.
     """
 
     def __init__(self, law: Law, symbols: Symbols):
@@ -53,12 +53,12 @@ class _Written:
         mine = law.having(symbols.of_the_law)
         self.equations = dict(mine.equations(point))
         point = replace(point, solved=symbols.exact(self.equations))
-        local = law.spread is None
+        local = law.averaging is None
         unit = point if local else replace(point, around=ufl.as_ufl(1.0))
         self.pieces = checked_pieces(mine.pieces(point), point.dim)
-        soft = mine.soft(point)
+        pressed = mine.with_pressure(point)
         self.bounds = {
-            "bound": mine.bound(soft, soft.p),
+            "bound": mine.bound(pressed, pressed.p),
             "unit_bound": mine.bound(unit, ufl.as_ufl(1.0)),
         }
         bond = mine.bond(point)
@@ -67,7 +67,7 @@ class _Written:
             known = "traction", "stored", "spent", "broken"
             self.bond = {name: getattr(bond, name) for name in known}
             self.bond |= {f"after.{name}": e for name, e in bond.after.items()}
-        self.spreads = None if local else ufl.as_ufl(mine.spreads(point))
+        self.pressure = None if local else ufl.as_ufl(pressed.p)
 
     @property
     def scalars(self) -> list[Any]:
@@ -78,7 +78,7 @@ class _Written:
             _columns(flat, piece)
             if piece.exists is not None:
                 flat.add(_number(piece.exists))
-        for e in (*self.bounds.values(), *self.bond.values(), self.spreads):
+        for e in (*self.bounds.values(), *self.bond.values(), self.pressure):
             if e is not None:
                 flat.add(e)
         return flat.components
@@ -100,18 +100,20 @@ class CompiledLaw:
         places: columns of values, status by status.
         borders: columns of distance and condition, and target, of every border of every status.
         exists: column of the condition of every status.
-        keeps: what memory keeps for the law alone, and it looks at.
+        kept: what memory has beside fields of the law, and it looks at.
+        bonded: whether it has a `Law.bond`.
         knows_slip: whether anything depends on the distance slipped.
     """
 
     def __init__(self, law: Law, dim: int, comm: MPI.Comm):
-        local = law.spread is None
+        local = law.averaging is None
         self.dim = dim
         self._comm = comm
         # What the user wrote comes first: compiling is collective.
         with everywhere(comm, f"the law {type(law).__name__}"):
-            given = dim, law.given, law.keeps(dim), law.solves(dim)
-            every = Symbols(*given, from_memory(dim, law.keeps(dim)), local=local)
+            kept = [name for name in law.memory(dim) if name not in law.given]
+            given = dim, law.given, kept, law.unknowns(dim)
+            every = Symbols(*given, from_memory(dim, kept), local=local)
             memory = every.used(_Written(law, every).scalars)
             symbols = Symbols(*given, memory, local=local)
             written = _Written(law, symbols)
@@ -122,9 +124,10 @@ class CompiledLaw:
         self._traction = symbols.traction
         self._n = symbols.n
         self._pieces = written.pieces
-        self._spreads = written.spreads
+        self._pressure = written.pressure
         bond = written.bond
-        self.keeps = [name for name in law.keeps(dim) if name in self.names]
+        self.kept = [name for name in kept if name in self.names]
+        self.bonded: bool = bool(bond)
         self.knows_slip: bool = SLID in self.names
         self.codes = tuple(self._pieces)
         self.rows: npt.NDArray[np.int64] = np.zeros(max(self.codes) + 1, dtype=np.int64)
@@ -146,10 +149,10 @@ class CompiledLaw:
         for name, bound in written.bounds.items():
             self.places[name] = [] if bound is None else [flat.add(bound)]
         self.places |= {f"bond.{name}": [flat.add(e)] for name, e in bond.items()}
-        q = self._spreads
+        q = self._pressure
         if q is not None:
             slopes = (ufl.diff(q, by) for by in (self._jump, self._traction))
-            self.places["spreads"] = [flat.add(e) for e in (q, *slopes)]
+            self.places["pressure"] = [flat.add(e) for e in (q, *slopes)]
         self.values = Values(flat.components, self._w, comm)
         roots = written.equations
         self._needs: dict[float, bool] = {}
@@ -222,11 +225,11 @@ class CompiledLaw:
         return Values(flat.components, self._w, self._comm), by_normal, by_field
 
     @cached_property
-    def spread_sensitivities(self) -> Values:
-        """Derivatives of what is spread by the normal, then by the fields of the law."""
+    def pressure_sensitivities(self) -> Values:
+        """Derivatives of the pressure that others see: by the normal, by the fields of the law."""
         flat = Flat()
         for by in (self._n, *self._fields[:-1]):
-            flat.add(ufl.diff(self._spreads, by))
+            flat.add(ufl.diff(self._pressure, by))
         return Values(flat.components, self._w, self._comm)
 
     def evaluate(self, values: Values, columns: Array) -> Array:

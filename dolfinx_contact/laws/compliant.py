@@ -46,6 +46,7 @@ class _AroundFriction(FrictionLaw):
     """A law with another one inside, `friction`, whose fields are its own as well."""
 
     friction: FrictionLaw
+    bound_kind = None
     #: Fields that are no law, no number of the kind, and not left out.
     own: ClassVar[tuple[str, ...]]
     #: Those by which the shear answers to the slip of one step alone.
@@ -84,16 +85,13 @@ class _AroundFriction(FrictionLaw):
         return self.friction.lacks(history=history)
 
     @property
-    def spread(self) -> Kernel | None:
-        return self.friction.spread
+    def averaging(self) -> Kernel | None:
+        return self.friction.averaging
 
-    def spreads(self, a: ContactPoint) -> Any | None:
-        return self.friction.spreads(a)
-
-    def sign(self, field: str) -> Sign:
-        if field.startswith(_INSIDE):
-            return self.friction.sign(field.removeprefix(_INSIDE))
-        return "positive"
+    @property
+    def signs(self) -> Mapping[str, Sign]:  # type: ignore[override]
+        mine: dict[str, Sign] = dict.fromkeys(self.own, "positive")
+        return mine | {_INSIDE + k: sign for k, sign in self.friction.signs.items()}
 
     @property
     def given(self) -> dict[str, Scalar]:
@@ -156,9 +154,7 @@ class NormalCompliance(_AroundFriction):
         number = is_number(m)
         if not (number and np.isfinite(m) and m >= 1):
             raise ValueError(f"the exponent of NormalCompliance must be at least 1, got {m!r}")
-        if not isinstance(self.friction, FrictionLaw) or isinstance(
-            self.friction, NormalCompliance
-        ):
+        if not isinstance(self.friction, FrictionLaw) or self.friction.compliant:
             raise ValueError(
                 "friction of NormalCompliance must be a law of friction such as Coulomb(0.3), got "
                 f"{self.friction!r}"
@@ -173,13 +169,10 @@ class NormalCompliance(_AroundFriction):
             return "a memory of how its tangential springs are stretched: leave them out"
         return super().lacks(history=history)
 
-    def spreads(self, a: ContactPoint) -> Any | None:
-        return super().spreads(self.soft(a))
-
     def pieces(self, a: ContactPoint) -> Mapping[int, StatusPiece]:
-        return super().pieces(self.soft(a))
+        return super().pieces(self.with_pressure(a))
 
-    def soft(self, a: ContactPoint) -> ContactPoint:
+    def with_pressure(self, a: ContactPoint) -> ContactPoint:
         """The point with the pressure and the shear of springs."""
         C = self.stiffness
         C_t = self.tangential
@@ -231,7 +224,7 @@ class Regularised(_AroundFriction):
             )
         if self.width is None and self.speed is None:
             raise ValueError("Regularised needs a width, or a speed, or both")
-        if not isinstance(self.friction, FrictionLaw) or isinstance(self.friction, _AroundFriction):
+        if not isinstance(self.friction, FrictionLaw) or self.friction.bound_kind is None:
             raise ValueError(
                 "Regularised takes a law of friction such as Coulomb(0.3), got "
                 f"{self.friction!r}; a compliant surface goes around it"

@@ -27,7 +27,7 @@ _STATUSES = 4
 
 def is_polyhedral(law: LawAtPoints, data: PointData) -> bool:
     """Whether answers and borders are linear in jump, gap and traction at the points here."""
-    local = law.law.spread is None
+    local = law.law.averaging is None
     if not local or max(law.codes) >= _STATUSES or not law.compiled.is_piecewise_linear:
         return False
     at_rest = np.zeros((law.number, law.dim))

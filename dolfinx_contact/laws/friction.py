@@ -11,11 +11,19 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, TypeAlias
+from typing import Any, ClassVar, TypeAlias
 
 import ufl
 
-from dolfinx_contact.laws.law import Border, ContactPoint, Law, Scalar, StatusPiece
+from dolfinx_contact.laws.law import (
+    Border,
+    BoundKind,
+    ContactPoint,
+    Law,
+    Scalar,
+    Sign,
+    StatusPiece,
+)
 from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK, WHERE_OPEN
 
 __all__ = ["Coulomb", "FrictionLaw", "Frictionless", "Tresca"]
@@ -28,6 +36,8 @@ Radius: TypeAlias = Callable[[Any], Any]
 
 class FrictionLaw(Law):
     """Unilateral contact with isotropic friction: define `bound`."""
+
+    bound_kind: BoundKind | None = "other"
 
     def bound(self, a: ContactPoint, p: Any) -> Any:
         """UFL radius of the friction disc where the pressure is ``p``. Units of traction.
@@ -148,6 +158,8 @@ def _in_space(a: ContactPoint, radius: Radius, grips: Any, holds: Any) -> dict[i
 class Frictionless(FrictionLaw):
     """Signorini contact: no tangential traction."""
 
+    bound_kind = "proportional"
+
     def bound(self, a: ContactPoint, p: Any) -> Any:
         return 0.0 * p
 
@@ -161,7 +173,8 @@ class Coulomb(FrictionLaw):
     """
 
     friction: Scalar
-    nonnegative = True
+    signs: ClassVar[Mapping[str, Sign]] = {"friction": "nonnegative"}
+    bound_kind = "proportional"
 
     def bound(self, a: ContactPoint, p: Any) -> Any:
         return self.friction * p
@@ -183,7 +196,8 @@ class Tresca(FrictionLaw):
 
     threshold: Scalar
     needs_pressure = False
-    nonnegative = True
+    signs: ClassVar[Mapping[str, Sign]] = {"threshold": "nonnegative"}
+    bound_kind = "given"
 
     def bound(self, a: ContactPoint, p: Any) -> Any:
         return self.threshold

@@ -33,8 +33,16 @@ from typing import TYPE_CHECKING, Any
 import ufl
 
 from dolfinx_contact.laws.interface_point import InterfacePoint
-from dolfinx_contact.laws.interface_state import InterfaceState, Internal, Rates
-from dolfinx_contact.laws.law import Bond, Border, ContactPoint, Equations, Law, StatusPiece
+from dolfinx_contact.laws.interface_state import InterfaceState, Rates
+from dolfinx_contact.laws.law import (
+    Bond,
+    Border,
+    ContactPoint,
+    Equations,
+    Internal,
+    Law,
+    StatusPiece,
+)
 from dolfinx_contact.laws.status import BROKEN, DAMAGING, OPEN, PLUS, WHERE_OPEN
 
 if TYPE_CHECKING:
@@ -42,7 +50,7 @@ if TYPE_CHECKING:
 
     from dolfinx import mesh
 
-__all__ = ["Interface", "InterfaceState", "Internal", "Rates"]
+__all__ = ["Interface", "InterfaceState", "Rates"]
 
 _WORDS = {OPEN: "rests", DAMAGING: "changes", BROKEN: "ends"}
 
@@ -78,9 +86,6 @@ class Interface(Law):
                     return self.stiffness / 2 * reached**2 * rates["damage"]
     """
 
-    #: Its internal variables.
-    internal: tuple[Internal, ...] = ()
-
     def energy(self, state: InterfaceState) -> Any:
         """Psi, UFL energy per area."""
         return 0.0
@@ -100,53 +105,26 @@ class Interface(Law):
 
     def broken(self, state: InterfaceState) -> Any:
         """UFL condition under which the interface counts as broken, by default at its end."""
-        x = self._monotone
+        x = self.weakening
         if x is None or x.end is None:
             return None
         return ufl.le(x.sense * (x.end - state[x.name]), 0.0)
-
-    @property
-    def remembers(self) -> tuple[str, ...]:  # type: ignore[override]
-        return tuple(x.name for x in self.internal if not x.vector)
-
-    @property
-    def weakens(self) -> tuple[str, int] | None:  # type: ignore[override]
-        x = self._monotone
-        return None if x is None else (x.name, x.sense)
-
-    def variables(self, dim: int) -> Mapping[str, str]:
-        return {
-            name.removeprefix("."): name
-            for x in self.internal
-            for name in (x.components(dim) if x.vector else [x.name])
-        }
-
-    @property
-    def bonded(self) -> bool:
-        return bool(self.internal) or type(self).energy is not Interface.energy
-
-    def keeps(self, dim: int) -> tuple[str, ...]:
-        return tuple(name for x in self.internal if x.vector for name in x.components(dim))
 
     def bind(self, domain: mesh.Mesh) -> Self:
         self._check()
         return super().bind(domain)
 
-    @property
-    def ends(self) -> Mapping[str, tuple[int, float]]:
-        return {x.name: (x.sense, x.end) for x in self.internal if x.end is not None}
-
-    def solves(self, dim: int) -> Mapping[str, int]:
+    def unknowns(self, dim: int) -> Mapping[str, int]:
         self._check()
-        smooth = sum(dim if x.vector else 1 for x in self.internal if x is not self._monotone)
+        smooth = sum(dim if x.vector else 1 for x in self.internal if x is not self.weakening)
         sizes = {f: smooth + (f == DAMAGING) for f in self._families}
         return {_name(o, f): n for o in (True, False) for f, n in sizes.items() if n}
 
     def equations(self, a: ContactPoint) -> Mapping[str, Equations]:
         self._check_time(a)
         found = {}
-        x = self._monotone
-        for name in self.solves(a.dim):
+        x = self.weakening
+        for name in self.unknowns(a.dim):
             side = self._side(a, *_which(name), level=0)
             start = [s for v in side.unknown for s in _scalars(side.start[v.name])]
             residual = [f for v in side.unknown for f in _scalars(side.driven(v.name))]
@@ -181,17 +159,16 @@ class Interface(Law):
         now = self._now(a)
         return now.resistance(p, now.speed)
 
-    def soft(self, a: ContactPoint) -> ContactPoint:
+    def with_pressure(self, a: ContactPoint) -> ContactPoint:
         return replace(a, pressure=self._now(a).pressure)
 
     def bond(self, a: ContactPoint) -> Bond | None:
-        if not self.bonded:
+        if not self.internal and type(self).energy is Interface.energy:
             return None
         now = self._now(a)
         after = dict[str, Any]()
         for x in self.internal:
-            names = x.components(a.dim) if x.vector else [x.name]
-            after |= dict(zip(names, _scalars(now.values[x.name]), strict=True))
+            after |= dict(zip(x.components(a.dim), _scalars(now.values[x.name]), strict=True))
         broken = self.broken(now.state)
         counts = 0.0 if broken is None else ufl.conditional(broken, 1.0, 0.0)
         return Bond(after, now.traction, now.energy, now.spent, counts)
@@ -199,13 +176,8 @@ class Interface(Law):
     # -- its variables ---------------------------------------------------------------------------
 
     @property
-    def _monotone(self) -> Internal | None:
-        """The variable that only falls or grows."""
-        return next((x for x in self.internal if x.change != "any"), None)
-
-    @property
     def _families(self) -> list[int]:
-        x = self._monotone
+        x = self.weakening
         if x is None:
             return [OPEN]
         return [OPEN, DAMAGING] if x.end is None else [OPEN, DAMAGING, BROKEN]
@@ -251,7 +223,7 @@ class Interface(Law):
         start = self._starts(a)
         unknown = []
         values = dict[str, Any]()
-        x = self._monotone
+        x = self.weakening
         for v in (*([] if x is None else [x]), *(v for v in self.internal if v is not x)):
             if v is x and family != DAMAGING:
                 # No constant: what is made of it could be one that is divided by, and 0.
@@ -290,7 +262,7 @@ class Interface(Law):
     def _values(self, a: ContactPoint, is_open: bool) -> dict[str, Any]:
         """Values of the variables at a point that is open or closed."""
         sides = {f: self._side(a, is_open, f) for f in self._families}
-        x = self._monotone
+        x = self.weakening
         if x is None:
             return sides[OPEN].values
         moves = _both(ufl.lt(self._slack(sides[OPEN]), 0.0), self._has_way)
@@ -306,20 +278,20 @@ class Interface(Law):
     @property
     def _has_way(self) -> Any:
         """Condition under which the monotone variable is not at its end; None if that is known."""
-        x = self._monotone
+        x = self.weakening
         if x is None or x.end is None:
             return None
         return ufl.gt(x.sense * (x.end - getattr(self, x.name)), 0.0)
 
     def _slack(self, side: InterfacePoint) -> Any:
         """By what the force on the monotone variable is less than what keeps it from changing."""
-        x = self._monotone
+        x = self.weakening
         assert x is not None
         return x.sense * side.driven(x.name)
 
     def _ways(self, sides: Mapping[int, InterfacePoint], family: int, code: int) -> list[Border]:
         """Borders to other families."""
-        x = self._monotone
+        x = self.weakening
         found = list[Border]()
         if x is None:
             return found

@@ -18,8 +18,8 @@ from ufl.corealg.multifunction import MultiFunction
 
 from dolfinx_contact._affine import Kind, dependence
 from dolfinx_contact.laws.friction import FrictionLaw
-from dolfinx_contact.laws.interface_state import InterfaceState, Internal, Rates
-from dolfinx_contact.laws.law import ContactPoint, StatusPiece
+from dolfinx_contact.laws.interface_state import InterfaceState, Rates
+from dolfinx_contact.laws.law import ContactPoint, Internal, StatusPiece
 from dolfinx_contact.laws.symbols import variable
 
 __all__ = ["InterfacePoint"]

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass, replace
-from typing import Any, ClassVar, Literal, NamedTuple, Self, TypeAlias
+from typing import Any, ClassVar, Literal, NamedTuple, Self, TypeAlias, get_args
 
 import numpy as np
 
@@ -33,8 +33,10 @@ from dolfinx_contact.laws.status import BROKEN, DAMAGING, MINUS, WHERE_OPEN
 __all__ = [
     "Bond",
     "Border",
+    "BoundKind",
     "ContactPoint",
     "Equations",
+    "Internal",
     "Kernel",
     "Law",
     "Scalar",
@@ -48,6 +50,10 @@ __all__ = [
 Sign: TypeAlias = Literal["any", "nonnegative", "positive", "fraction"]
 #: A number, a `dolfinx.fem.Constant`, a `dolfinx.fem.Function` or any scalar UFL expression.
 Scalar: TypeAlias = Any
+#: How a friction bound depends on the pressure: as a coefficient times it, or not at all.
+BoundKind: TypeAlias = Literal["proportional", "given", "other"]
+#: How an internal variable may change.
+Change: TypeAlias = Literal["any", "falls", "grows"]
 
 
 class Kernel(NamedTuple):
@@ -80,7 +86,7 @@ class ContactPoint:
         pressure: of a compliant surface; None where contact is unilateral.
         shear: of a compliant surface before it slips, a vector; None where nothing moves then.
         touches: distance to the border of open points, a traction; None where that is p.
-        around: mean of what the points around spread (`Law.spreads`); None if the law is local.
+        around: mean of the pressures of the points around (`Law.averaging`); None of a local law.
         before: jump of the last accepted state of an evolution, a vector, of which ``jump`` has the
             normal part alone; zero under the static law.
         step: time since that state. The static law has none, and a negative number here: say what
@@ -89,7 +95,8 @@ class ContactPoint:
             none is known is refused without a history.
         slid_before: of ``slid`` what was slipped up to that state; 0 under the static law, whose
             ``slid`` is the whole slip.
-        kept: what memory has of that state for the law alone (`Law.keeps`), by name.
+        kept: internal variables of that state that are no fields of the law, by name
+            (`Internal.components`).
         solved: numbers that equations of the law give (`Law.equations`), by the names of these.
     """
 
@@ -145,12 +152,69 @@ class ContactPoint:
         return self.traction - ufl.dot(self.traction, self.n) * self.n - self.r * self.u_t
 
 
+@dataclass(frozen=True)
+class Internal:
+    """An internal variable of a law, which memory has from the last accepted state.
+
+    Attributes:
+        name: of a scalar that of the field of the law that has its value at the start.
+        change: ``"any"``; or ``"falls"``, ``"grows"``, of one scalar at most, by which the law
+            weakens.
+        end: number beyond which it does not fall or grow; None for no end.
+        vector: whether it is one, of as many components as the jump; 0 at the start.
+        hidden: whether it is of no interest to others: it is 0 at the start, as no field has its
+            value, and in no table.
+
+    Raises:
+        ValueError: if something of this does not fit the rest.
+    """
+
+    name: str
+    change: Change = "any"
+    end: float | None = None
+    vector: bool = False
+    hidden: bool = False
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str) or not self.name.isidentifier():
+            raise ValueError(f"an internal variable needs a name, got {self.name!r}")
+        if self.change not in get_args(Change):
+            known = ", ".join(map(repr, get_args(Change)))
+            raise ValueError(f"{self.name} may change by one of {known}, not {self.change!r}")
+        one_way = self.change != "any"
+        if one_way and self.vector:
+            raise ValueError(f"{self.name} is a vector: it neither falls nor grows")
+        end: Any = self.end
+        number = isinstance(end, int | float | np.number) and not isinstance(end, bool)
+        good = one_way and number and bool(np.isfinite(end))
+        if end is not None and not good:
+            raise ValueError(
+                f"the end of {self.name} must be a number, of a variable that falls or grows; "
+                f"got {end!r}"
+            )
+
+    @property
+    def sense(self) -> int:
+        """1 if it only grows, -1 if it only falls, else 0."""
+        return {"any": 0, "falls": -1, "grows": 1}[self.change]
+
+    @property
+    def is_field(self) -> bool:
+        """Whether a field of the law has its value."""
+        return not (self.vector or self.hidden)
+
+    def components(self, dim: int) -> list[str]:
+        """Names of its components in memory; those of no field of the law begin with a dot."""
+        if self.vector:
+            return [f".{self.name}_{i}" for i in range(dim)]
+        return [self.name if self.is_field else f".{self.name}"]
+
+
 class Bond(NamedTuple):
     """What a law with a memory makes of a state beside its answer.
 
     Attributes:
-        after: UFL by the names in `Law.remembers` and `Law.keeps`: their values once the state is
-            accepted.
+        after: UFL by the names in `Law.memory`: their values once the state is accepted.
         traction: UFL, the part of the answer that is adhesion, a vector.
         stored: UFL energy per area.
         spent: UFL energy per area that damage has dissipated since the last accepted state;
@@ -231,16 +295,17 @@ class Law(ReadOnly):
     }
     #: Whether all that the law knows of a body that touches nothing is that it is free.
     needs_pressure: bool = True
-    #: Whether its fields must not be negative.
-    nonnegative: bool = False
+    #: What fields must be, by name; any number will do for those that are not named.
+    signs: ClassVar[Mapping[str, Sign]] = {}
+    #: Of unilateral contact with isotropic friction, how `bound` depends on the pressure (one that
+    #: is zero is proportional to it); None for any other law.
+    bound_kind: BoundKind | None = None
     #: Whether what is touched gives way, so that points penetrate.
     compliant: bool = False
     #: Whether points that slip resist more slip, so that friction alone holds a body.
     creeps: bool = False
-    #: Fields that are those of the start of an evolution; then memory has them (`bond`).
-    remembers: tuple[str, ...] = ()
-    #: The one of these by which a bond weakens, and 1 if it does where that grows, -1 if it falls.
-    weakens: tuple[str, int] | None = None
+    #: Variables of which an evolution has a memory; `bond` has their values after a step.
+    internal: tuple[Internal, ...] = ()
     #: Fields by which an evolution depends on the lengths of its steps, unless they vanish.
     needs_time: tuple[str, ...] = ()
 
@@ -257,12 +322,12 @@ class Law(ReadOnly):
         """UFL radius of the disc that holds the shear at pressure ``p``; None if there is none."""
         return None
 
-    def soft(self, a: ContactPoint) -> ContactPoint:
+    def with_pressure(self, a: ContactPoint) -> ContactPoint:
         """The point with the pressure that the law answers, by default the augmented one."""
         return a
 
     def bond(self, a: ContactPoint) -> Bond | None:
-        """What becomes of the fields that the law `remembers`; None if it remembers nothing."""
+        """What becomes of `internal` variables, and adhesion; None if there is neither."""
         return None
 
     def lacks(self, *, history: bool) -> str:
@@ -270,12 +335,8 @@ class Law(ReadOnly):
         return ""
 
     @property
-    def spread(self) -> Kernel | None:
-        """Over which points `spreads` is averaged; None, the default: the law is local."""
-        return None
-
-    def spreads(self, a: ContactPoint) -> Any | None:
-        """UFL pressure of a closed point that others see as ``around``; None if none do."""
+    def averaging(self) -> Kernel | None:
+        """Over which points the pressure of closed ones is averaged; None: the law is local."""
         return None
 
     @property
@@ -290,11 +351,7 @@ class Law(ReadOnly):
             return None
         return type(self), _settings(type(self))
 
-    def keeps(self, dim: int) -> tuple[str, ...]:
-        """Names of what memory has for a law that `remembers`, beside its fields; 0 before."""
-        return ()
-
-    def solves(self, dim: int) -> Mapping[str, int]:
+    def unknowns(self, dim: int) -> Mapping[str, int]:
         """How many numbers each of its `equations` gives, by name."""
         return {}
 
@@ -302,23 +359,24 @@ class Law(ReadOnly):
         """Equations for numbers that the law then finds in ``a.solved``, point by point."""
         return {}
 
-    @property
-    def bonded(self) -> bool:
-        """Whether there is a `bond`."""
-        return bool(self.remembers)
+    def memory(self, dim: int) -> list[str]:
+        """Names of what memory has of the `internal` variables, fields of the law first."""
+        ordered = sorted(self.internal, key=lambda x: not x.is_field)
+        return [name for x in ordered for name in x.components(dim)]
 
     def variables(self, dim: int) -> Mapping[str, str]:
-        """What memory has of the law that tables show, by the name that it has there."""
-        return {name: name for name in self.remembers}
+        """What tables show of that, by the name that it has there."""
+        return {
+            name.removeprefix("."): name
+            for x in self.internal
+            if not x.hidden
+            for name in x.components(dim)
+        }
 
     @property
-    def ends(self) -> Mapping[str, tuple[int, float]]:
-        """Fields that do not go beyond an end: 1 if they grow to it, -1 if they fall; and it."""
-        return {}
-
-    def sign(self, field: str) -> Sign:
-        """What a field must be."""
-        return "nonnegative" if self.nonnegative else "any"
+    def weakening(self) -> Internal | None:
+        """The variable by which a bond weakens: the one that falls or grows."""
+        return next((x for x in self.internal if x.change != "any"), None)
 
     @property
     def given(self) -> dict[str, Scalar]:
@@ -345,7 +403,7 @@ class Law(ReadOnly):
             raise ValueError(f"fields of {kind} must not have the names of methods: {hiding}")
         return self.having(
             {
-                k: _as_coefficient(domain, v, f"{k} of {kind}", self.sign(k))
+                k: _as_coefficient(domain, v, f"{k} of {kind}", self.signs.get(k, "any"))
                 for k, v in self.given.items()
             }
         )

@@ -15,10 +15,10 @@ open too: next to what touches friction holds a point that does not.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -27,7 +27,7 @@ import ufl
 
 from dolfinx_contact._numbers import is_number
 from dolfinx_contact.laws.friction import FrictionLaw
-from dolfinx_contact.laws.law import ContactPoint, Kernel, Scalar
+from dolfinx_contact.laws.law import ContactPoint, Kernel, Scalar, Sign
 
 __all__ = ["KERNELS", "NonlocalCoulomb", "whole"]
 
@@ -82,7 +82,7 @@ class NonlocalCoulomb(FrictionLaw):
     kernel: str = "mollifier"
     normalised: bool = True
     needs_pressure = False
-    nonnegative = True
+    signs: ClassVar[Mapping[str, Sign]] = {"friction": "nonnegative"}
 
     def __post_init__(self) -> None:
         rho = self.radius
@@ -110,11 +110,8 @@ class NonlocalCoulomb(FrictionLaw):
         return {"friction": self.friction}
 
     @property
-    def spread(self) -> Kernel:
+    def averaging(self) -> Kernel:
         return Kernel(self.kernel, float(self.radius), self.normalised)
-
-    def spreads(self, a: ContactPoint) -> Any:
-        return a.p
 
     def bound(self, a: ContactPoint, p: Any) -> Any:
         return self.friction * a.around

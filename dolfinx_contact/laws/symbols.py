@@ -60,14 +60,14 @@ def before(dim: int) -> list[str]:
     return [f".before_{i}" for i in range(dim)]
 
 
-def from_memory(dim: int, keeps: Iterable[str] = ()) -> list[str]:
+def from_memory(dim: int, kept: Iterable[str] = ()) -> list[str]:
     """Names of what memory may give a law beside the fields that it remembers.
 
     Args:
         dim: 2 or 3.
-        keeps: what the law keeps for itself (`Law.keeps`).
+        kept: what it has for the law beside its fields (`Law.memory`).
     """
-    return [*before(dim), STEP, SLID, *keeps]
+    return [*before(dim), STEP, SLID, *kept]
 
 
 def variable(e: Any, number: int) -> Any:
@@ -85,8 +85,8 @@ class Symbols:
     Args:
         dim: 2 or 3.
         given: names of the fields of the law itself.
-        keeps: of what memory may keep for it.
-        solves: how many numbers each of its equations gives, by name (`Law.solves`).
+        kept: of what memory may have for it beside these.
+        unknowns: how many numbers each of its equations gives, by name (`Law.unknowns`).
         memory: those that memory gives beside them (`from_memory`).
         local: whether the law sees its point alone; else the last field is `AROUND`.
 
@@ -103,19 +103,19 @@ class Symbols:
         self,
         dim: int,
         given: Iterable[str],
-        keeps: Iterable[str],
-        solves: Mapping[str, int],
+        kept: Iterable[str],
+        unknowns: Mapping[str, int],
         memory: Iterable[str],
         *,
         local: bool,
     ):
         self._dim = dim
         self._given = list(given)
-        self._keeps = list(keeps)
+        self._kept = list(kept)
         self.names = [*self._given, *memory, *([] if local else [AROUND])]
         points = mesh.create_interval(MPI.COMM_SELF, CHUNK, (0.0, 1.0))
         first = 3 * dim + 2 + len(self.names)
-        width = first + sum(n + n * n for n in solves.values())
+        width = first + sum(n + n * n for n in unknowns.values())
         element = basix.ufl.element("DG", "interval", 0, shape=(width,))
         self.w = w = fem.Function(fem.functionspace(points, element))
         self.jump, self.traction, self.n = (
@@ -125,7 +125,7 @@ class Symbols:
         self.fields = [variable(w[column], 3 + i) for i, column in enumerate(columns)]
         self._known = dict(zip(self.names, self.fields, strict=True))
         self.solved: dict[str, Solved] = {}
-        for name, n in solves.items():
+        for name, n in unknowns.items():
             numbers = tuple(variable(w[first + i], _FIRST_SOLVED + first + i) for i in range(n))
             inverse = [[w[first + n + n * i + k] for k in range(n)] for i in range(n)]
             self.solved[name] = Solved(first, numbers, inverse)
@@ -151,7 +151,7 @@ class Symbols:
             before=ufl.as_vector([self._known.get(name, 0.0) for name in before(self._dim)]),
             step=ufl.as_ufl(step),
             slid_before=slid,
-            kept={name: self._known.get(name, ufl.as_ufl(0.0)) for name in self._keeps},
+            kept={name: self._known.get(name, ufl.as_ufl(0.0)) for name in self._kept},
             solved={name: of.numbers for name, of in self.solved.items()},
         )
 
@@ -182,4 +182,4 @@ class Symbols:
         found = {name for name, symbol in self._known.items() if symbol in nodes}
         jump = before(self._dim)
         found |= set(jump) if found & set(jump) else set()
-        return [name for name in from_memory(self._dim, self._keeps) if name in found]
+        return [name for name in from_memory(self._dim, self._kept) if name in found]

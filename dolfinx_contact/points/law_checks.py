@@ -25,13 +25,17 @@ def check_law(s: ContactSurface, where: str = "") -> None:
     for name, values in fields.items():
         what = f"{name} of {s.law.name}{where}"
         require(s.comm, bool(np.isfinite(values).all()), f"{s.name}: NaN in the {what}")
-        sign = s.law.sign(name)
+        sign = s.law.signs.get(name, "any")
         words = {"positive": "not positive:", "fraction": "not between 0 and 1:"}
         good = bool(obeys(sign, values).all())
         require(s.comm, good, f"{s.name}: {words.get(sign, 'negative')} {what}")
-    for name, (sense, end) in s.law.ends.items():
-        good = bool(np.all(sense * (end - fields[name]) >= -1e-14 * (1.0 + abs(end))))
-        require(s.comm, good, f"{s.name}: {name} of {s.law.name}{where} is beyond its end {end:g}")
+    for x in s.law.internal:
+        if x.end is None:
+            continue
+        left = x.sense * (x.end - fields[x.name])
+        good = bool(np.all(left >= -1e-14 * (1.0 + abs(x.end))))
+        what = f"{x.name} of {s.law.name}{where}"
+        require(s.comm, good, f"{s.name}: {what} is beyond its end {x.end:g}")
     at_rest = np.zeros_like(s.points.data.n)
     radius = s.law_at_points(at_rest, at_rest, s.data).unit_bound
     message = f"{s.name}: the law {s.law.name} has a negative radius{where}"

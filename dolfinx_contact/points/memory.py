@@ -85,12 +85,12 @@ def with_memory(law: CompiledLaw, memory: Memory | None, data: PointData) -> Poi
         data = replace(data, gap=memory.gap)
     n, dim = data.n.shape
     held = {} if memory is None else memory.fields
-    if not set(law.names) & {*from_memory(dim, law.keeps), *held}:
+    if not set(law.names) & {*from_memory(dim, law.kept), *held}:
         return data
     known = Memory(np.zeros((n, dim)), step=-1.0) if memory is None else memory
     added: dict[str, Array] = dict(zip(before(dim), list(known.jump.T), strict=True))
     added |= {STEP: np.full(n, known.step), SLID: np.zeros(n)}
-    added |= {name: np.zeros(n) for name in law.keeps}
+    added |= {name: np.zeros(n) for name in law.kept}
     return replace(data, fields={**data.fields, **added, **known.fields})
 
 

@@ -149,14 +149,14 @@ class LawAmongPoints(LawAtPoints):
     are.
 
     Args:
-        law: with a `spread`.
+        law: with an `averaging`.
         points: of the surface.
         name: of the surface.
     """
 
     def __init__(self, law: Law, points: ContactPoints, name: str):
         super().__init__(law, points.dim, points.number, points.comm)
-        kernel = law.spread
+        kernel = law.averaging
         assert kernel is not None
         self.neighbours = Neighbours(points, kernel, name)
 
@@ -164,7 +164,7 @@ class LawAmongPoints(LawAtPoints):
         self, jump: Array, traction: Array, data: PointData, codes: Codes | None = None
     ) -> Answers:
         alone = super().__call__(jump, traction, _with(data, np.zeros(self.number)))
-        q, by_jump, by_traction = alone.spreads
+        q, by_jump, by_traction = alone.pressure
         acts = closed(alone.asked if codes is None else codes)
         around = self.neighbours(np.where(acts, q, 0.0))
         slopes = (np.where(acts[:, None], d, 0.0) for d in (by_jump, by_traction))
@@ -177,7 +177,7 @@ class LawAmongPoints(LawAtPoints):
         spread = self(jump, traction, data, codes).spreading
         assert isinstance(spread, _Spread)
         around = _with(data, spread.around)
-        changes = self._evaluate(self.compiled.spread_sensitivities, jump, traction, around)
+        changes = self._evaluate(self.compiled.pressure_sensitivities, jump, traction, around)
         # What memory has does not change.
         still = np.zeros(self.number)
         fields = [rates.fields.get(name, still) for name in self.compiled.names[:-1]]

@@ -70,7 +70,7 @@ def check_revolution(name: str, axisymmetric: Any, obstacle: Obstacle, law: Law)
         raise ValueError(f"{name}: axisymmetric is True or False, got {axisymmetric!r}")
     if not axisymmetric:
         return
-    if law.spread is not None:
+    if law.averaging is not None:
         raise ValueError(f"{name}: there is no nonlocal friction of bodies of revolution")
     if isinstance(obstacle, RigidBody):
         given = zip(obstacle.components, obstacle.expressions, obstacle.fixed, strict=True)

@@ -214,7 +214,7 @@ class ContactSurface(ReadOnly):
         number = self.points.number
         self.law_at_points = (
             LawAtPoints(self.law, self.dim, number, self.comm)
-            if law.spread is None
+            if law.averaging is None
             else LawAmongPoints(self.law, self.points, name)
         )
         self.multiplier = fem.Function(self.points.Q, name=f"{name}_traction")

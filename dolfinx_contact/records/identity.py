@@ -181,7 +181,7 @@ def identity(
     for s in problem.surfaces:
         words += [_signature(e, domain) for e in s.given.all]
         words.append(s.law_at_points.compiled.signature)
-        words += [] if s.law.spread is None else [repr(s.law.spread)]
+        words += [] if s.law.averaging is None else [repr(s.law.averaging)]
         words += ["axisymmetric"] if s.axisymmetric else []
     for body in problem.rigid_bodies:
         words.append(f"{body.about.tolist()} {body.fixed.tolist()}")

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from dolfinx_contact.equations.order import Gathered
 from dolfinx_contact.equations.parametric import ParametricEquations
-from dolfinx_contact.laws import Frictionless, LawAtPoints, PointData, Tresca
+from dolfinx_contact.laws import Frictionless, LawAtPoints, PointData
 from dolfinx_contact.laws.cones import cones
 from dolfinx_contact.laws.status import OPEN
 
@@ -56,7 +56,7 @@ class GatheredPoints:
             held = eq.constraints.held[number][s.points.vertex_trace_dofs[:n]].any(axis=1)
             at_rest = np.zeros((n, eq.dim))
             answers = s.law_at_points(at_rest, at_rest, s.data)
-            given = isinstance(s.law, Tresca)
+            given = s.law.bound_kind == "given"
             slope = np.zeros(n) if given else answers.unit_bound
             bound = answers.bound * s.points.areas if given else np.zeros(n)
             data = s.points.data

@@ -8,7 +8,6 @@ import numpy as np
 from dolfinx_contact._errors import require
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.parametric import ParametricEquations
-from dolfinx_contact.laws import Coulomb, Frictionless, Tresca
 from dolfinx_contact.laws.cones import is_polyhedral
 
 __all__ = ["can_condense", "check_reducible"]
@@ -19,7 +18,7 @@ _MOST_POINTS = 1024
 def check_reducible(eq: ContactEquations) -> None:
     """Raise ``ValueError`` if a problem is no `PointProblem` of a body at rest. Collective."""
     laws = [s.law for s in eq.surfaces]
-    known = all(isinstance(law, Coulomb | Tresca | Frictionless) for law in laws)
+    known = all(law.bound_kind in ("proportional", "given") for law in laws)
     alone = all(s.points.E is None for s in eq.surfaces)
     parts = [
         (r[: s.points.number].any(axis=1) & ~c[: s.points.number])
@@ -65,7 +64,7 @@ def can_condense(
         if s.points.E is not None or s.displaced is not None or (partly and s.method != "nodal"):
             return False
         conic = is_polyhedral(s.law_at_points, s.data)
-        polyhedral = polyhedral and (conic or (bounded and isinstance(s.law, Tresca)))
+        polyhedral = polyhedral and (conic or (bounded and s.law.bound_kind == "given"))
         trace = s.points.vertex_trace_dofs
         nodes.append(trace)
         fixed = held[trace]

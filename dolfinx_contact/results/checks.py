@@ -249,7 +249,7 @@ def warn_of_obstacles(eq: ContactEquations) -> None:
         nearest = s.comm.allreduce(float(np.min(gaps, initial=np.inf)), op=min)
         if not np.isfinite(nearest):
             continue  # a solve refuses it
-        given = not s.law.needs_pressure and s.law.spread is None
+        given = not s.law.needs_pressure and s.law.averaging is None
         if given and nearest > _FAR * eq.body_size:
             bound = float(np.nanmax(s.friction_slope(), initial=0.0))
             if s.comm.allreduce(bound, op=max) > 0 and s.comm.rank == 0:

@@ -197,11 +197,11 @@ def contact_table(
         name: found.answers.bond(f"after.{inner}") for name, inner in s.law.variables(s.dim).items()
     }
     columns |= {f"internal.{name}": values for name, values in internal.items()}
-    if s.law.bonded:
+    if s.law_at_points.compiled.bonded:
         bond: npt.NDArray[np.str_] = np.full(len(area), "i")
-        if s.law.weakens is not None:
-            name, sense = s.law.weakens
-            lost = sense * (internal[name] - found.data.fields[name])
+        x = s.law.weakening
+        if x is not None:
+            lost = x.sense * (internal[x.name] - found.data.fields[x.name])
             bond = np.where(lost > 0, "d", np.where(lost < 0, "r", "i"))
         columns["bond"] = np.where(found.answers.bond("broken") > 0, "b", bond)
         force = found.answers.bond("traction") * area[:, None]

@@ -21,6 +21,7 @@ import numpy.typing as npt
 
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.substitute import HeldBonds
+from dolfinx_contact.laws import Law
 from dolfinx_contact.solvers.history import Attempt
 from dolfinx_contact.solvers.linear import LinearSolver
 from dolfinx_contact.solvers.newton import Newton
@@ -37,17 +38,17 @@ _ROUNDS = 2000  # at most
 
 def have_bonds(eq: ContactEquations) -> bool:
     """Whether bonds of a surface weaken, and none of them can grow again."""
-    weaken = [s.law.weakens is not None and not s.law.keeps(s.dim) for s in eq.surfaces]
-    return any(weaken)
+    return any(_strength(s.law) is not None for s in eq.surfaces)
 
 
 def let_go(
     eq: ContactEquations, linear: Callable[[], LinearSolver], x: PETSc.Vec, attempt: Attempt
 ) -> bool:
     """Solve from ``x``, which is overwritten, by strengths that only fall. Collective."""
+    names = [_strength(s.law) for s in eq.surfaces]
     strengths = [
-        data.fields[s.law.weakens[0]].copy() if s.law.weakens and not s.law.keeps(s.dim) else None
-        for s, data in zip(eq.surfaces, (c.data for c in eq.contact(x).surfaces), strict=True)
+        None if name is None else c.data.fields[name].copy()
+        for name, c in zip(names, eq.contact(x).surfaces, strict=True)
     ]
     near = list(_NEAR)
     for rounds in range(1, _ROUNDS + 1):
@@ -71,6 +72,13 @@ def let_go(
             return False
     attempt.reason = f"bonds go on to weaken after {_ROUNDS} rounds"
     return False
+
+
+def _strength(law: Law) -> str | None:
+    """The field by which bonds weaken; None where there is none, or more is remembered."""
+    if law.weakening is None or not all(x.is_field for x in law.internal):
+        return None
+    return law.weakening.name
 
 
 def _solve(
@@ -101,10 +109,10 @@ def _weaken(eq: ContactEquations, x: PETSc.Vec, strengths: list[Array | None]) -
         before = strengths[i]
         if before is None:
             continue
-        assert s.law.weakens is not None
-        name, sense = s.law.weakens
-        now = found.answers.bond(f"after.{name}")
-        after = np.maximum(before, now) if sense > 0 else np.minimum(before, now)
+        bond = s.law.weakening
+        assert bond is not None
+        now = found.answers.bond(f"after.{bond.name}")
+        after = np.maximum(before, now) if bond.sense > 0 else np.minimum(before, now)
         change = max(change, float(np.max(np.abs(after - before), initial=0.0)))
         strengths[i] = after
     return float(eq.comm.allreduce(change, op=np.maximum))

@@ -30,7 +30,6 @@ from dolfinx_contact.algorithms import (
 )
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.measures import Scales
-from dolfinx_contact.laws import FrictionLaw, NormalCompliance, Regularised
 from dolfinx_contact.reduced.reduction import Reduction
 from dolfinx_contact.solvers.body_solver import BodySolver
 from dolfinx_contact.solvers.errors import (
@@ -197,8 +196,7 @@ def _require_nodes(eq: ContactEquations) -> None:
 def _require_bounds(eq: ContactEquations) -> None:
     """Raise ``ValueError`` if a law is none of unilateral contact with a bound of the shear."""
     for s in eq.surfaces:
-        soft = isinstance(s.law, NormalCompliance | Regularised)
-        if soft or not isinstance(s.law, FrictionLaw):
+        if s.law.bound_kind is None:
             raise ValueError(
                 f"{s.name}: Tresca's fixed point needs unilateral contact and a bound of the shear "
                 f"as Coulomb's, not {s.law.name}; take Newton's method"

@@ -129,7 +129,7 @@ class OnBody:
             pressure = np.maximum(-np.sum(state.traction * state.data.n, axis=1), 0.0)
             slope = state.answers.unit_bound
             bound = slope * pressure if s.law.needs_pressure else slope
-            found.append(bound if s.law.spread is None else state.answers.bound)
+            found.append(bound if s.law.averaging is None else state.answers.bound)
         return np.concatenate(found)
 
     @property

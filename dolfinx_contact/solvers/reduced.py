@@ -17,7 +17,6 @@ from dolfinx_contact._errors import on_root
 from dolfinx_contact.algorithms import RayTermination, coulomb_by_lemke
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.parametric import ParametricEquations
-from dolfinx_contact.laws import Coulomb, Frictionless
 from dolfinx_contact.reduced.reduction import Reduction
 from dolfinx_contact.reduced.scope import can_condense
 from dolfinx_contact.solvers.history import Attempt
@@ -38,7 +37,7 @@ def solve_reduced(
     """
     system = ParametricEquations(equations, fem.Constant(equations.V.mesh, 0.0), linear)
     reduction: Reduction | None = None
-    known = all(isinstance(s.law, Coulomb | Frictionless) for s in equations.surfaces)
+    known = all(s.law.bound_kind == "proportional" for s in equations.surfaces)
     try:
         if not known or not can_condense(system, partly=True):
             attempt.reason = "needs contact at the nodes with Coulomb's law or without friction"
