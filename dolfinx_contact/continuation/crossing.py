@@ -9,10 +9,8 @@ the determinants says that more branches meet. For k points at once all their st
 
 from __future__ import annotations
 
-import itertools
 import logging
-import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -25,27 +23,16 @@ import numpy.typing as npt
 from dolfinx_contact.continuation.borders import again
 from dolfinx_contact.continuation.branch import Change, Ray
 from dolfinx_contact.continuation.corrector import Corrector
+from dolfinx_contact.continuation.ray_finder import Kink, RayFinder, number_of_pieces
 from dolfinx_contact.continuation.rays import outgoing
 from dolfinx_contact.continuation.system import Events, Piece
 
-__all__ = ["Crossing", "as_H_leads", "cross", "outgoing_rays", "parity"]
+__all__ = ["Crossing", "cross", "finder_at", "kinks_at", "parity"]
 
 logger = logging.getLogger(__name__)
 
 _MOST_PIECES = 1024
-_LENGTHS = (1e-3, 1e-2, 1e-4, 1e-5)  # of steps on H itself
 _PROBE = 1e-6  # length at which one-sided derivatives of events are taken
-
-
-@dataclass(frozen=True)
-class Kink:
-    """A point at a kink: where it lives, its status, and the statuses it may take."""
-
-    rank: int
-    point: int
-    code: int
-    target: int
-    statuses: tuple[int, ...]
 
 
 @dataclass(frozen=True)
@@ -91,30 +78,10 @@ def kinks_at(
     return tuple(k for part in b.comm.allgather(mine) for k in part)
 
 
-def outgoing_rays(
-    corrector: Corrector,
-    y: PETSc.Vec,
-    piece: Piece,
-    kinks: tuple[Kink, ...],
-    codes: tuple[int, ...],
-    towards: PETSc.Vec,
-) -> list[Ray]:
-    """Rays of the piece in which ``kinks`` have ``codes``: none, one, or two. Collective."""
-    b = corrector.bordered
-    new = _with_codes(b.comm.rank, piece, kinks, codes)
-    tangent = corrector.tangent(y, towards, new)
-    if tangent is None:
-        return []
-    rays = []
-    for sense in (1.0, -1.0):
-        t = tangent.copy()
-        t.scale(sense)
-        if _stays_inside(corrector, y, new, kinks, t):
-            rays.append(Ray(new, t))
-        else:
-            t.destroy()
-    tangent.destroy()
-    return rays
+def finder_at(corrector: Corrector, y: PETSc.Vec, kinks: tuple[Kink, ...]) -> RayFinder:
+    """Looks for rays of a nonsmooth point, along which events of the kinks there grow."""
+    inside = partial(_stays_inside, corrector, y, kinks)
+    return RayFinder(corrector, y, inside, PETSc.Vec.norm)
 
 
 def cross(
@@ -122,70 +89,47 @@ def cross(
 ) -> Crossing:
     """Pass the nonsmooth point ``y``, come to by ``piece`` along ``t``. Collective."""
     kinks = kinks_at(corrector, y, piece, tolerance)
+    finder = finder_at(corrector, y, kinks)
     if len(kinks) > 1:
-        crossing = _by_tangent_cone(corrector, y, t, kinks, tolerance)
+        crossing = _by_tangent_cone(finder, corrector, y, t, kinks, tolerance)
         if crossing is not None:
             return crossing
     natural = tuple(k.target for k in kinks)
-    rays = _not_back(corrector, piece, t, outgoing_rays(corrector, y, piece, kinks, natural, t))
+    rays = _not_back(corrector, piece, t, finder.of_statuses(piece, kinks, natural, t))
     sign = parity(corrector, y, piece, t, rays[0]) if len(rays) == 1 else 0
     complete = False
-    if len(kinks) > 1 or len(rays) != 1 or sign <= 0:
-        statuses = [k.statuses for k in kinks]
-        if math.prod(len(s) for s in statuses) <= _MOST_PIECES:
-            complete = True
-            for codes in itertools.product(*statuses):
-                if codes != natural:
-                    more = outgoing_rays(corrector, y, piece, kinks, codes, t)
-                    rays += _not_back(corrector, piece, t, more)
+    meet = len(kinks) > 1 or len(rays) != 1 or sign <= 0
+    if meet and number_of_pieces(kinks) <= _MOST_PIECES:
+        complete = True
+        more = finder.enumerated(piece, kinks, t, tried=natural)
+        rays += _not_back(corrector, piece, t, more)
     method = "enumeration of the pieces" if complete else ""
     if not rays and not complete:
-        rays = _ray_of_H(corrector, y, piece, t)
+        rays = _ray_of_H(finder, corrector, y, piece, t)
         method = "one step of Newton's method on H"
     if not rays:
         return Crossing(len(kinks), None, (), sign, (), complete)
-    onwards, *others = _distinct(corrector, rays)
+    onwards, *others = finder.distinct(rays)
     crossing = _crossing(corrector, kinks, onwards, others, sign, complete)
     return replace(crossing, method=method)
 
 
-def as_H_leads(
-    corrector: Corrector, y: PETSc.Vec, senses: Sequence[float]
-) -> Iterator[tuple[PETSc.Vec, PETSc.Vec, Piece]]:
-    """Solutions of H itself beside a point, the status recomputed. Collective.
-
-    For points at which more pieces meet than can be tried.
-
-    Args:
-        corrector: on the bordered system.
-        y: the point.
-        senses: in which gamma is changed, in this order.
-
-    Yields:
-        The solution, how far it is from the point, and its piece.
-    """
-    b = corrector.bordered
-    gamma = b.gamma(y)
-    for length, sense in itertools.product(_LENGTHS, senses):
-        there = y.copy()
-        if corrector.natural(there, gamma + sense * length * b.gamma_scale, None):
-            yield there, there - y, b.system.piece_at(*b.split(there))
-
-
-def _ray_of_H(corrector: Corrector, y: PETSc.Vec, incoming: Piece, t: PETSc.Vec) -> list[Ray]:
+def _ray_of_H(
+    finder: RayFinder, corrector: Corrector, y: PETSc.Vec, incoming: Piece, t: PETSc.Vec
+) -> list[Ray]:
     """The ray on which the corrector for H itself ends; or none. Others are not looked for."""
     b = corrector.bordered
     forwards = 1.0 if b.gamma(t) >= 0 else -1.0
-    for there, away, piece in as_H_leads(corrector, y, (forwards, -forwards)):
-        tangent = corrector.tangent(there, away, piece)
-        if tangent is not None and b.inner(tangent, away) > 0.9 * np.sqrt(b.inner(away, away)):
-            rays = _not_back(corrector, incoming, t, [Ray(piece, tangent)])
-            if rays:
-                return rays
-    return []
+
+    def leads(ray: Ray, away: PETSc.Vec) -> bool:
+        along = b.inner(ray.tangent, away) > 0.9 * np.sqrt(b.inner(away, away))
+        return along and bool(_not_back(corrector, incoming, t, [ray]))
+
+    return finder.led_by_H((forwards, -forwards), leads, tangent_at_point=False)
 
 
 def _by_tangent_cone(
+    finder: RayFinder,
     corrector: Corrector,
     y: PETSc.Vec,
     t: PETSc.Vec,
@@ -219,7 +163,7 @@ def _by_tangent_cone(
         condensed.destroy()
     if b.comm.rank == 0:
         logger.info("gamma = %.10g: %d rays by %s", gamma, len(rays), found.method)
-    rays = [r for r in _distinct(corrector, rays) if b.inner(r.tangent, t) > -1 + 1e-6]
+    rays = [r for r in finder.distinct(rays) if b.inner(r.tangent, t) > -1 + 1e-6]
     if not rays:
         return Crossing(len(kinks), None, (), 0, (), found.complete, found.method)
     onwards, *others = sorted(rays, key=lambda r: -b.inner(r.tangent, t))
@@ -252,30 +196,22 @@ def parity(corrector: Corrector, y: PETSc.Vec, piece: Piece, t: PETSc.Vec, ray: 
     return sign
 
 
-def _with_codes(rank: int, piece: Piece, kinks: tuple[Kink, ...], codes: tuple[int, ...]) -> Piece:
-    mine = [(k.point, c) for k, c in zip(kinks, codes, strict=True) if k.rank == rank]
-    points = np.array([p for p, _ in mine], dtype=np.int32)
-    return piece.with_codes(points, [c for _, c in mine])
-
-
 def _code(corrector: Corrector, piece: Piece, kink: Kink) -> int:
     comm = corrector.bordered.comm
     mine = int(piece.codes[kink.point]) if comm.rank == kink.rank else None
     return int(comm.bcast(mine, root=kink.rank))
 
 
-def _stays_inside(
-    corrector: Corrector, y: PETSc.Vec, piece: Piece, kinks: tuple[Kink, ...], t: PETSc.Vec
-) -> bool:
-    """Whether the events of the kinked points that vanish at ``y`` grow along ``t``. Collective."""
+def _stays_inside(corrector: Corrector, y: PETSc.Vec, kinks: tuple[Kink, ...], ray: Ray) -> bool:
+    """Whether the events of the kinked points that vanish at ``y`` grow along a ray. Collective."""
     b = corrector.bordered
     points = np.array([k.point for k in kinks if k.rank == b.comm.rank], dtype=np.int32)
     x, gamma = b.split(y)
-    here = b.system.events(x, gamma, piece)
+    here = b.system.events(x, gamma, ray.piece)
     probe = y.copy()
-    probe.axpy(_PROBE, t)
+    probe.axpy(_PROBE, ray.tangent)
     x, gamma = b.split(probe)
-    there = b.system.events(x, gamma, piece)
+    there = b.system.events(x, gamma, ray.piece)
     probe.destroy()
     chosen = np.isin(here.point, points)
     slope = (again(here, there) - here.distance) / _PROBE
@@ -304,21 +240,6 @@ def _not_back(corrector: Corrector, piece: Piece, t: PETSc.Vec, rays: list[Ray])
         )
         if not (same_piece and corrector.bordered.inner(ray.tangent, t) < 0):
             kept.append(ray)
-    return kept
-
-
-def _distinct(corrector: Corrector, rays: list[Ray]) -> list[Ray]:
-    """Rays whose tangents differ: two pieces share a ray that runs along their border."""
-    kept: list[Ray] = []
-    for ray in rays:
-        away = ray.tangent.duplicate()
-        distances = []
-        for other in kept:
-            away.waxpy(-1.0, other.tangent, ray.tangent)
-            distances.append(away.norm() / max(ray.tangent.norm(), 1e-300))
-        if all(d > 1e-6 for d in distances):
-            kept.append(ray)
-        away.destroy()
     return kept
 
 

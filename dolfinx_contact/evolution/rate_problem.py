@@ -18,8 +18,6 @@ on it. It answers to the reverse of the direction that was come by, and is no wa
 
 from __future__ import annotations
 
-import itertools
-import math
 from dataclasses import dataclass
 
 from petsc4py import PETSc
@@ -29,7 +27,8 @@ import numpy.typing as npt
 
 from dolfinx_contact.continuation.branch import Ray
 from dolfinx_contact.continuation.corrector import Corrector
-from dolfinx_contact.continuation.crossing import as_H_leads, parity
+from dolfinx_contact.continuation.crossing import parity
+from dolfinx_contact.continuation.ray_finder import Kink, RayFinder, number_of_pieces
 from dolfinx_contact.continuation.system import Events, Piece
 
 __all__ = ["Directions", "RateProblem"]
@@ -38,7 +37,6 @@ _PROBE = 1e-4  # length over which rates of distances are taken, either way
 _IDLE = 1e-10  # of the largest rate: no rate
 _ROUNDS = 40  # of Newton's method
 _MOST_PIECES = 256
-_SAME = 1e-6  # of unit vectors
 _ALIKE = 1e-6  # of the steepest fall: as steep but for round-off
 _DIGITS = 6  # of cosines that tell directions apart
 
@@ -82,6 +80,7 @@ class RateProblem:
         self._outside = outside
         self._b = corrector.bordered
         self._comm = self._b.comm
+        self._finder = RayFinder(corrector, y, self._leads_out, self._size)
 
     def onwards(self, piece: Piece, t: PETSc.Vec, *, every: bool = False) -> Directions:
         """The ways on for a path that came by ``piece`` along ``t``.
@@ -93,7 +92,7 @@ class RateProblem:
                 if a way was found.
         """
         ray = Ray(piece, t)
-        if not self._any(self._falling(ray)[0]):
+        if self._leads_out(ray):
             return Directions(ray, method="the statuses of the last step")
         found = self._by_newton(piece, t)
         if found is not None and not every:
@@ -103,7 +102,9 @@ class RateProblem:
             rays.insert(0, found)
         rays = rays or self._as_H_leads(t)
         back = self._by_newton(piece, self._reversed(t))
-        rays = self._distinct([r for r in rays if not self._same(r, back)])
+        if back is not None:
+            rays = [r for r in rays if not self._finder.same(r, back)]
+        rays = self._finder.distinct(rays)
         method = "all statuses that meet" if complete else "some of the statuses that meet"
         if not rays:
             return Directions(None, (), method, complete)
@@ -125,6 +126,10 @@ class RateProblem:
         return Directions(rays[0] if rays else None, method="Newton's method for the rate problem")
 
     # -- one piece -------------------------------------------------------------------------------
+
+    def _leads_out(self, ray: Ray) -> bool:
+        """Whether a direction leads no point over a border."""
+        return not self._any(self._falling(ray)[0])
 
     def _falling(
         self, ray: Ray
@@ -218,40 +223,28 @@ class RateProblem:
     def _enumerated(self, piece: Piece, t: PETSc.Vec) -> tuple[list[Ray], bool]:
         """Directions by all statuses of the points at a border, and whether all were tried."""
         rank = self._comm.rank
-        choices = []
+        mine = []
         order = self._b.system.order()
         x, gamma = self._b.split(self._y)
         events = self._b.system.events(x, gamma, piece)
         at_border = np.abs(events.distance) <= self._tolerance
         for i in np.unique(events.point[at_border]):
-            targets = events.target[at_border & (events.point == i)]
-            every = sorted({int(piece.codes[i]), *map(int, targets)})
-            choices.append((int(order[i]), rank, int(i), every))
-        kinks = sorted(k for part in self._comm.allgather(choices) for k in part)
-        if math.prod(len(codes) for *_, codes in kinks) > _MOST_PIECES:
+            targets = [int(c) for c in events.target[at_border & (events.point == i)]]
+            code = int(piece.codes[i])
+            every = tuple(sorted({code, *targets}))
+            mine.append((int(order[i]), Kink(rank, int(i), code, targets[0], every)))
+        placed = [pair for part in self._comm.allgather(mine) for pair in part]
+        kinks = [kink for _, kink in sorted(placed, key=lambda pair: pair[0])]
+        if number_of_pieces(kinks) > _MOST_PIECES:
             return [], False
-        rays = []
-        for codes in itertools.product(*(codes for *_, codes in kinks)):
-            mine = [(i, c) for (_, r, i, _), c in zip(kinks, codes, strict=True) if r == rank]
-            points = np.array([i for i, _ in mine], dtype=np.int32)
-            new = piece.with_codes(points, [c for _, c in mine])
-            tangent = self._corrector.tangent(self._y, t, new)
-            for direction in () if tangent is None else (tangent, self._reversed(tangent)):
-                ray = Ray(new, direction)
-                if not self._any(self._falling(ray)[0]):
-                    rays.append(ray)
-        return rays, True
+        return self._finder.enumerated(piece, kinks, t), True
 
     def _as_H_leads(self, t: PETSc.Vec) -> list[Ray]:
         """The direction in which H itself, statuses recomputed, has a solution nearby."""
         sense = 1.0 if self._b.gamma(t) >= 0 else -1.0
-        for _, away, piece in as_H_leads(self._corrector, self._y, (sense,)):
-            tangent = self._corrector.tangent(self._y, away, piece)
-            if tangent is not None:
-                ray = Ray(piece, tangent)
-                if not self._any(self._falling(ray)[0]):
-                    return [ray]
-        return []
+        return self._finder.led_by_H(
+            (sense,), lambda ray, _away: self._leads_out(ray), tangent_at_point=True
+        )
 
     # -- tools -----------------------------------------------------------------------------------
 
@@ -263,16 +256,6 @@ class RateProblem:
         back.scale(-1.0)
         return back
 
-    def _same(self, a: Ray, other: Ray | None) -> bool:
-        """Whether two directions are one."""
-        if other is None:
-            return False
-        d = a.tangent - other.tangent
-        return bool(self._b.inner(d, d) <= _SAME**2 * self._b.inner(a.tangent, a.tangent))
-
-    def _distinct(self, rays: list[Ray]) -> list[Ray]:
-        kept: list[Ray] = []
-        for ray in rays:
-            if not any(self._same(ray, other) for other in kept):
-                kept.append(ray)
-        return kept
+    def _size(self, t: PETSc.Vec) -> float:
+        """In the measure of a path."""
+        return float(np.sqrt(self._b.inner(t, t)))

@@ -11,8 +11,6 @@ Where a branch ends otherwise nothing is proved, and it is said why.
 
 from __future__ import annotations
 
-import itertools
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -21,7 +19,8 @@ import numpy.typing as npt
 
 from dolfinx_contact.continuation import Follower, StepControl
 from dolfinx_contact.continuation.branch import BranchPoint, Ray, SpecialPoint
-from dolfinx_contact.continuation.crossing import kinks_at, outgoing_rays
+from dolfinx_contact.continuation.crossing import finder_at, kinks_at
+from dolfinx_contact.continuation.ray_finder import number_of_pieces
 from dolfinx_contact.equations.state import Statuses
 from dolfinx_contact.evolution.accepted import AcceptedState, Stepper
 from dolfinx_contact.solvers.following import Loaded
@@ -151,15 +150,11 @@ def _at_turn(follower: Follower, special: SpecialPoint) -> _Turn:
         largest = float(np.max(np.abs(events.distance), initial=0.0))
         tolerance = _AT_BORDER * b.comm.allreduce(largest, op=max)
         kinks = kinks_at(follower.corrector, special.y, incoming.piece, tolerance)
-        number = math.prod(len(k.statuses) for k in kinks)
+        number = number_of_pieces(kinks)
         if number > _MOST_PIECES:
             return _Turn(f"{number} pieces meet there, too many to be tried")
-        given = follower.corrector, special.y, incoming.piece, kinks
-        rays = [
-            ray
-            for codes in itertools.product(*(k.statuses for k in kinks))
-            for ray in outgoing_rays(*given, codes, incoming.tangent)
-        ]
+        finder = finder_at(follower.corrector, special.y, kinks)
+        rays = finder.enumerated(incoming.piece, kinks, incoming.tangent)
         method = f"enumeration of {number} pieces"
     more = [ray for ray in rays if b.gamma(ray.tangent) > _NO_MORE]
     return _Turn(f"the load turns back, by {method}", True, more, f"by {method}")

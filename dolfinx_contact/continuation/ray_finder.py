@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""Rays that lead out of a point at which pieces of H meet.
+
+Where the system is condensed onto few points its cones have all the answers (`rays`). Here H itself
+is asked, of which nothing is known but its pieces, in two ways:
+
+- *enumerated*: every point at a border takes each of its statuses. A piece has an outgoing ray if
+  its tangent, in one of its two senses, stays inside its borders.
+- *led by H*: near the point H = 0 is solved with the statuses recomputed, at a gamma a little
+  larger or smaller. That finds one ray, also where more pieces meet than can be tried.
+
+When a ray counts as inside, and in what norm two rays are one, is for those to say who look.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+from petsc4py import PETSc
+
+import numpy as np
+
+from dolfinx_contact.continuation.branch import Ray
+from dolfinx_contact.continuation.corrector import Corrector
+from dolfinx_contact.continuation.system import Piece
+
+__all__ = ["Kink", "RayFinder", "number_of_pieces"]
+
+_LENGTHS = (1e-3, 1e-2, 1e-4, 1e-5)  # of steps on H itself
+_SAME = 1e-6  # of the size of a tangent
+
+
+@dataclass(frozen=True)
+class Kink:
+    """A point at a kink: where it lives, its status, and the statuses it may take."""
+
+    rank: int
+    point: int
+    code: int
+    target: int
+    statuses: tuple[int, ...]
+
+
+def number_of_pieces(kinks: Sequence[Kink]) -> int:
+    """How many pieces meet where points are at a kink."""
+    return math.prod(len(k.statuses) for k in kinks)
+
+
+class RayFinder:
+    """Looks for the rays that lead out of a point. Collective, as its methods are.
+
+    Args:
+        corrector: on the bordered system.
+        y: the point.
+        inside: whether a ray stays inside the borders of its piece.
+        norm: in which rays are one whose tangents differ by round-off.
+    """
+
+    def __init__(
+        self,
+        corrector: Corrector,
+        y: PETSc.Vec,
+        inside: Callable[[Ray], bool],
+        norm: Callable[[PETSc.Vec], float],
+    ):
+        self._corrector = corrector
+        self._y = y
+        self._inside = inside
+        self._norm = norm
+
+    def of_statuses(
+        self, piece: Piece, kinks: Sequence[Kink], codes: Sequence[int], towards: PETSc.Vec
+    ) -> list[Ray]:
+        """Rays of the piece in which ``kinks`` have ``codes``: none, one, or two."""
+        rank = self._corrector.bordered.comm.rank
+        mine = [(k.point, c) for k, c in zip(kinks, codes, strict=True) if k.rank == rank]
+        points = np.array([p for p, _ in mine], dtype=np.int32)
+        new = piece.with_codes(points, [c for _, c in mine])
+        tangent = self._corrector.tangent(self._y, towards, new)
+        if tangent is None:
+            return []
+        rays = []
+        for sense in (1.0, -1.0):
+            t = tangent.copy()
+            t.scale(sense)
+            ray = Ray(new, t)
+            if self._inside(ray):
+                rays.append(ray)
+            else:
+                t.destroy()
+        tangent.destroy()
+        return rays
+
+    def enumerated(
+        self,
+        piece: Piece,
+        kinks: Sequence[Kink],
+        towards: PETSc.Vec,
+        tried: tuple[int, ...] | None = None,
+    ) -> list[Ray]:
+        """Rays of all statuses of ``kinks``, without those that have been ``tried``."""
+        return [
+            ray
+            for codes in itertools.product(*(k.statuses for k in kinks))
+            if codes != tried
+            for ray in self.of_statuses(piece, kinks, codes, towards)
+        ]
+
+    def led_by_H(
+        self,
+        senses: Sequence[float],
+        leads: Callable[[Ray, PETSc.Vec], bool],
+        *,
+        tangent_at_point: bool,
+    ) -> list[Ray]:
+        """The ray on which H itself has a solution beside the point; none if there is none.
+
+        Args:
+            senses: in which gamma is changed, in this order.
+            leads: whether a ray leads out, towards a solution whose difference to the point is
+                given with it.
+            tangent_at_point: whether tangents are those at the point; else at the solution.
+        """
+        for there, away, piece in self._solutions_beside(senses):
+            at = self._y if tangent_at_point else there
+            tangent = self._corrector.tangent(at, away, piece)
+            if tangent is not None and leads(ray := Ray(piece, tangent), away):
+                return [ray]
+        return []
+
+    def _solutions_beside(
+        self, senses: Sequence[float]
+    ) -> Iterator[tuple[PETSc.Vec, PETSc.Vec, Piece]]:
+        """Solutions of H itself, their differences to the point, and their pieces."""
+        b = self._corrector.bordered
+        gamma = b.gamma(self._y)
+        for length, sense in itertools.product(_LENGTHS, senses):
+            there = self._y.copy()
+            if self._corrector.natural(there, gamma + sense * length * b.gamma_scale, None):
+                yield there, there - self._y, b.system.piece_at(*b.split(there))
+
+    def same(self, a: Ray, other: Ray) -> bool:
+        """Whether two rays are one, as are those of two pieces that run along their border."""
+        away = a.tangent - other.tangent
+        distance = self._norm(away)
+        away.destroy()
+        return distance <= _SAME * self._norm(a.tangent)
+
+    def distinct(self, rays: Sequence[Ray]) -> list[Ray]:
+        """Rays without those that stand before."""
+        kept: list[Ray] = []
+        for ray in rays:
+            if not any(self.same(ray, other) for other in kept):
+                kept.append(ray)
+        return kept
