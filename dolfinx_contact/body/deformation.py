@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx import fem
+from dolfinx import fem, mesh
 
 from dolfinx_contact._compat import geometry_dofmap
 from dolfinx_contact.body.cells import (
@@ -78,6 +78,11 @@ def smallest_jacobian(
             r, moved = (f[nodes[part]][:, :, 0] @ table for nodes, f, table in radial)
             ratio *= 1 + moved / r
         values[part] = ratio.min(axis=1)
+    return _least(domain, values)
+
+
+def _least(domain: mesh.Mesh, values: Array) -> tuple[float, Array]:
+    """The least of the values of all cells, and the midpoint of its cell. Collective."""
     smallest = domain.comm.allreduce(float(values.min(initial=np.inf)), op=np.minimum)
     # Of cells with the same value, up to round-off, the first in the order of the input.
     tolerance = 1e-9 * abs(smallest) if np.isfinite(smallest) else 0.0

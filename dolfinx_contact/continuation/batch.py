@@ -72,6 +72,15 @@ class FreeSteps(ExactSteps):
         #: A point of the branch, and the sign of det [grad H; t^T] there.
         self._oriented: tuple[PETSc.Vec, float] | None = None
 
+    def special_in_piece(self, point: BranchPoint, new: BranchPoint) -> list[SpecialPoint] | None:
+        """What is special on a step in one piece; None if it misses a fold. Collective."""
+        special = self.smooth_points(point, new)
+        if self.lacks_fold(point, new, special):
+            return None
+        if not any(s.kind == "bifurcation" for s in special):
+            self.keep_orientation(point, new)
+        return special
+
     def try_step(self, point: BranchPoint, h: float) -> Crossed:
         """Go a step ``h`` on H itself. Collective."""
         b = self.bordered
@@ -212,10 +221,8 @@ class BatchedSteps(FreeSteps):
             step = self.try_step(point, h)
             new = step.new
             if new is not None and not step.changes:
-                special = self.smooth_points(point, new)
-                if not self.lacks_fold(point, new, special):
-                    if not any(s.kind == "bifurcation" for s in special):
-                        self.keep_orientation(point, new)
+                special = self.special_in_piece(point, new)
+                if special is not None:
                     return self.rescaled(new), special, self.longer(h, new)
             monotone = new is not None and not step.turned and step.parity > 0
             asked = self._first_asked(step) if monotone else 1.0

@@ -29,7 +29,7 @@ from dolfinx_contact.continuation.arguments import (
     checked_range,
     require_smooth,
 )
-from dolfinx_contact.continuation.branch import Branch, Change, SpecialPoint
+from dolfinx_contact.continuation.branch import Branch, BranchPoint, Change, SpecialPoint
 from dolfinx_contact.continuation.conditions import (
     Condition,
     Derivative,
@@ -328,13 +328,8 @@ def follow_special(
     x, gamma = layout.split(special.y)
     x = x.copy()
     other.set(mu)
-    condition: Condition
     border = None if smooth else special.changes[0]
-    if border is None:
-        condition = SmoothFold(system, x, gamma, before.piece)
-    else:
-        away, there = layout.split(before.y)
-        condition = StatusChange(system, border, away.copy(), there, before.piece)
+    condition = _condition(system, layout, before, border, x, gamma)
     weight = system.create_vector()
     system.metric(x, weight)
     x_size = float(weight.dot(x)) or 1.0
@@ -356,6 +351,24 @@ def follow_special(
         extended.destroy()
         for v in (x, X, weight, layout.x):
             v.destroy()
+
+
+def _condition(
+    system: System,
+    layout: Layout,
+    before: BranchPoint,
+    border: Change | None,
+    x: PETSc.Vec,
+    gamma: float,
+) -> Condition:
+    """What holds at (x, gamma): that a point changes its status there, or else a smooth fold.
+
+    ``before`` is the point before it on the branch, in whose piece it lies.
+    """
+    if border is None:
+        return SmoothFold(system, x, gamma, before.piece)
+    away, there = layout.split(before.y)
+    return StatusChange(system, border, away.copy(), there, before.piece)
 
 
 def _curve(extended: _Extended, down: Branch, up: Branch) -> SpecialCurve:

@@ -44,10 +44,8 @@ class SteppingSteps(FreeSteps):
             step = self.try_step(point, h)
             new = step.new
             if new is not None and not step.changes:
-                special = self.smooth_points(point, new)
-                if not self.lacks_fold(point, new, special):
-                    if not any(s.kind == "bifurcation" for s in special):
-                        self.keep_orientation(point, new)
+                special = self.special_in_piece(point, new)
+                if special is not None:
                     return self.rescaled(new), special, self.longer(h, new)
             if new is not None and not step.turned and step.parity > 0:
                 return self.rescaled(new), self.events(point, new, step), self.longer(h, new)

@@ -10,6 +10,7 @@ points change at once the tangent cone is solved for all outgoing rays (`rays.py
 from __future__ import annotations
 
 import logging
+from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 
@@ -31,6 +32,7 @@ from dolfinx_contact.continuation.observer import Stepping
 from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.continuation.rays import (
     AffineRay,
+    Rays,
     neighbours,
     outgoing,
     same_direction,
@@ -162,36 +164,17 @@ class Pivoting(Walker):
         self, w: Array, gamma: float, ray: AffineRay, length: float
     ) -> tuple[BranchPoint, SpecialPoint, AffineRay | None]:
         """The vertex (w, gamma), what is special about it, and the ray by which to go on."""
-        affine = self.condensed.system
-        tolerance = TOLERANCE * self._unit
-        held = affine.statuses_at(w, tolerance)
-        kinked = np.flatnonzero(held.sum(axis=1) > 1)
         before = self._piece(ray.codes) if ray.rate != 0 else None
-        rays = []
-        complete = False
-        found = []
-        method = ""
-        self._unit = max(self._unit, float(np.abs(w).max(initial=0.0)))
-        if len(kinked) == 1 and before is not None:
-            i = int(kinked[0])
-            found = neighbours(before, w, i, held[i], tolerance)
-            rays = [AffineRay(p.codes, s * p.coefficients[1], s) for p, s in found]
-        if len(found) != 1 or self._parity(before, ray, found[0][0], found[0][1]) <= 0:
-            back = AffineRay(ray.codes, -ray.direction, -ray.rate)
-            prove = partial(self.system.prove_rays, self.condensed)
-            ways = outgoing(affine.tangent_cone(w, tolerance), [back], prove=prove)
-            rays = [r for r in ways.rays if not same_direction(r, back)]
-            complete = ways.complete
-            method = ways.method
-            if self.bordered.comm.rank == 0:
-                logger.info("gamma = %.10g: %d rays by %s", gamma, len(ways.rays), ways.method)
-        rays.sort(key=lambda r: (r.rate != ray.rate, -_cosine(r, ray)))
+        found = self._rays_onwards(w, gamma, ray, before)
+        rays = sorted(found.rays, key=lambda r: (r.rate != ray.rate, -_cosine(r, ray)))
         onwards = rays[0] if rays else None
         point = self.point(w, gamma, onwards or ray, length)
         y = point.y
         parity = 0
         if onwards is None:
-            end = SpecialPoint("end", False, gamma, y, 0, complete=complete, method=method)
+            end = SpecialPoint(
+                "end", False, gamma, y, 0, complete=found.complete, method=found.method
+            )
             return point, end, None
         after = self._piece(onwards.codes)
         if before is not None and after is not None:
@@ -217,12 +200,40 @@ class Pivoting(Walker):
             changes,
             parity,
             others,
-            complete,
+            found.complete,
             incoming,
             Ray(point.piece, point.tangent) if others else None,
-            method,
+            found.method,
         )
         return point, special, onwards
+
+    def _rays_onwards(
+        self, w: Array, gamma: float, ray: AffineRay, before: AffinePiece | None
+    ) -> Rays:
+        """The rays that lead out of a vertex, without that which leads back.
+
+        Where one point changes its status and the parity says that no other branch meets, the piece
+        beyond has the only one; else all rays of the tangent cone are looked for.
+        """
+        affine = self.condensed.system
+        tolerance = TOLERANCE * self._unit
+        held = affine.statuses_at(w, tolerance)
+        kinked = np.flatnonzero(held.sum(axis=1) > 1)
+        self._unit = max(self._unit, float(np.abs(w).max(initial=0.0)))
+        if len(kinked) == 1 and before is not None:
+            i = int(kinked[0])
+            beyond = neighbours(before, w, i, held[i], tolerance)
+            if len(beyond) == 1 and self._parity(before, ray, *beyond[0]) > 0:
+                piece, sense = beyond[0]
+                only = AffineRay(piece.codes, sense * piece.coefficients[1], sense)
+                return Rays((only,), False, "")
+        back = AffineRay(ray.codes, -ray.direction, -ray.rate)
+        prove = partial(self.system.prove_rays, self.condensed)
+        found = outgoing(affine.tangent_cone(w, tolerance), [back], prove=prove)
+        if self.bordered.comm.rank == 0:
+            logger.info("gamma = %.10g: %d rays by %s", gamma, len(found.rays), found.method)
+        others = tuple(r for r in found.rays if not same_direction(r, back))
+        return replace(found, rays=others)
 
     @staticmethod
     def _parity(before: AffinePiece | None, ray: AffineRay, after: AffinePiece, rate: float) -> int:

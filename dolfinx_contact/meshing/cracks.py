@@ -81,12 +81,7 @@ def crack(
     comm = domain.comm
     tdim = domain.topology.dim
     with everywhere(comm, "a crack"):
-        if isinstance(groups, str | int) or not isinstance(groups, Iterable):
-            raise ValueError(f"groups must be a list of names or tags, got {groups!r}")
-        chosen = list(groups)
-        kinds = str | int | np.integer
-        if not chosen or not all(isinstance(g, kinds) and g is not True for g in chosen):
-            raise ValueError(f"a crack needs names or tags of groups, got {chosen!r}")
+        chosen = _listed(groups)
         if facet_tags is None:
             raise ValueError("a crack needs MeshTags of facets")
         check_tags(domain, facet_tags, tdim - 1, "the facet_tags of a crack")
@@ -115,6 +110,17 @@ def crack(
     names = {**names, **{f"{g}_opposite": (tdim - 1, others[t]) for g, t in tags.items()}}
     of_facets = {name: tag for name, (d, tag) in names.items() if d == tdim - 1}
     return GmshMesh(new, cells, NamedTags(facets, of_facets), names)
+
+
+def _listed(groups: Iterable[int | str]) -> list[int | str]:
+    """Names and tags of groups, or ``ValueError`` if they are none."""
+    if isinstance(groups, str | int) or not isinstance(groups, Iterable):
+        raise ValueError(f"groups must be a list of names or tags, got {groups!r}")
+    chosen = list(groups)
+    kinds = str | int | np.integer
+    if not chosen or not all(isinstance(g, kinds) and g is not True for g in chosen):
+        raise ValueError(f"a crack needs names or tags of groups, got {chosen!r}")
+    return chosen
 
 
 class _Around:
@@ -185,6 +191,26 @@ class _Around:
         return node[copies], several
 
 
+def _check_opening(
+    opens: npt.NDArray[np.bool_], values: npt.NDArray[np.int32], tags: list[int]
+) -> None:
+    """Raise ``ValueError`` if no facet of a group opens; warn of facets that do not."""
+    for tag in tags:
+        here = values == tag
+        if not opens[here].any():
+            raise ValueError(
+                f"no node can be doubled along the {int(here.sum())} facets with the tag {tag}: at "
+                "all of them the crack ends inside the body; refine the mesh"
+            )
+    closed = np.isin(values, tags) & ~opens
+    if closed.any():
+        logger.warning(
+            "%d facets of the crack have all their nodes on its front and cannot open; they lose "
+            "their tag",
+            int(closed.sum()),
+        )
+
+
 def _split(
     whole: WholeMesh, cell: basix.CellType, tags: list[int]
 ) -> tuple[WholeMesh, dict[int, int]]:
@@ -208,19 +234,7 @@ def _split(
     for tag in tags:
         _refuse_branches(whole.facets[whole.facet_values == tag], tag)
     opens: npt.NDArray[np.bool_] = np.any(several[whole.facets], axis=1)
-    for tag in tags:
-        here = whole.facet_values == tag
-        if not opens[here].any():
-            raise ValueError(
-                f"no node can be doubled along the {int(here.sum())} facets with the tag {tag}: at "
-                "all of them the crack ends inside the body; refine the mesh"
-            )
-    if not opens[chosen].all():
-        logger.warning(
-            "%d facets of the crack have all their nodes on its front and cannot open; they lose "
-            "their tag",
-            int((chosen & ~opens).sum()),
-        )
+    _check_opening(opens, whole.facet_values, tags)
     cells = whole.cells.copy()
     cells[around.near] = around.cells
     x = np.concatenate([whole.x, whole.x[copied]])

@@ -15,14 +15,14 @@ from dolfinx_contact._optional import optional
 from dolfinx_contact.analysis import Chart, EventCurves, Regions
 from dolfinx_contact.io.disk import part_of
 
-__all__ = ["draw_chart", "draw_curves"]
+__all__ = ["LINES", "draw_chart", "draw_curves", "figure_of", "written"]
 
 _FEW = 20  # points of a curve that are marked
 #: Abscissae and ordinates.
 Curve: TypeAlias = "tuple[npt.ArrayLike, npt.ArrayLike]"
 
 #: Those of Okabe and Ito, and light ones for what fills a map.
-_LINES = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")
+LINES = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")
 _FILLS = (
     *("#dfe7ef", "#f2d9a6", "#b7d7b0", "#c9b8dc", "#c0392b", "#3b6ea8", "#e07b39", "#111111"),
     *("#8fc1c9", "#9a8f5a"),
@@ -63,11 +63,11 @@ def draw_curves(
     for name, (x, y), _ in drawn:
         if np.ndim(x) != 1 or np.shape(x) != np.shape(y):
             raise ValueError(f"{name!r} has {np.shape(x)} abscissae and {np.shape(y)} ordinates")
-    figure = _figure((6.4, 4.4))
+    figure = figure_of((6.4, 4.4))
     axes = figure.subplots()
     for i, (name, (x, y), style) in enumerate(drawn):
         style += "o" if style == "-" and np.size(x) <= _FEW else ""
-        colour = "black" if style == ":" else _LINES[i % len(_LINES)]
+        colour = "black" if style == ":" else LINES[i % len(LINES)]
         axes.plot(x, y, style, color=colour, lw=1.6, ms=3.5, label=name)
     if loglog:
         axes.set(xscale="log", yscale="log")
@@ -77,7 +77,7 @@ def draw_curves(
     axes.set_axisbelow(True)
     if any(not name.startswith("_") for name, *_ in drawn):
         axes.legend(frameon=False, fontsize=9)
-    return _written(figure, file)
+    return written(figure, file)
 
 
 def draw_chart(
@@ -117,7 +117,7 @@ def draw_chart(
     else:
         kinds = dict(names)
         colours = {word: _FILLS[i % len(_FILLS)] for i, word in enumerate(names.values())}
-    figure = _figure((6.4, 6.0))
+    figure = figure_of((6.4, 6.0))
     from matplotlib.patches import Patch
 
     axes = figure.subplots()
@@ -144,10 +144,15 @@ def draw_chart(
         handles.append(Patch(facecolor="white", edgecolor="0.4", hatch="///", label="at least"))
     columns = 4 if names is None else 2
     figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False)
-    return _written(figure, file)
+    return written(figure, file)
 
 
-def _figure(size: tuple[float, float]) -> Any:
+def figure_of(size: tuple[float, float]) -> Any:
+    """An empty figure of a size in inches, without a window.
+
+    Raises:
+        ModuleNotFoundError: if matplotlib is not installed.
+    """
     optional("matplotlib", "output")
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -157,7 +162,12 @@ def _figure(size: tuple[float, float]) -> Any:
     return figure
 
 
-def _written(figure: Any, file: str | os.PathLike[str]) -> Path:
+def written(figure: Any, file: str | os.PathLike[str]) -> Path:
+    """Write a figure; the path.
+
+    Raises:
+        OSError: with the path, if it cannot be written; it is then as it was.
+    """
     path = Path(file)
     with part_of(path) as part:
         figure.savefig(part, dpi=130)

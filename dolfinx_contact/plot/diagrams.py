@@ -16,14 +16,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._optional import optional
-from dolfinx_contact.io.disk import part_of
 from dolfinx_contact.laws import status
+from dolfinx_contact.plot.curves import LINES, figure_of, written
 from dolfinx_contact.records.journal import Journal
 
 __all__ = ["draw_diagram"]
 
-_BRANCHES = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")
 _DASHES = ("-", "--", "-.", ":")
 #: Special points with the marker, its filling and their name, by kind and smoothness.
 _MARKS = {
@@ -75,10 +73,6 @@ def draw_diagram(
         ValueError: if no point was recorded, a branch or a functional is not known, or there are
             not as many names as branches.
     """
-    optional("matplotlib", "output")
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     chosen = sorted(journal.branches) if branches is None else list(branches)
     chosen = [b for b in chosen if len(journal.columns(b)["gamma"])]
     if not chosen:
@@ -98,8 +92,7 @@ def draw_diagram(
         4.8 if rows == columns == 1 else 3.4 * rows,
         (2.8 if counts else 1.7) * len(shown) + 0.4,
     ]
-    figure = Figure(figsize=(max(9.0, 4.2 * columns), sum(heights)), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = figure_of((max(9.0, 4.2 * columns), sum(heights)))
     parts = figure.subfigures(2, 1, height_ratios=heights) if shown else [figure]
     panels = parts[0].subplots(rows, columns, squeeze=False).ravel()
     for axes, (name, text) in zip(panels, labels.items(), strict=False):
@@ -114,18 +107,22 @@ def draw_diagram(
     panels[0].set_title(title or "Solutions", loc="left")
     panels[0].legend(frameon=False, fontsize=9)
     if shown:
-        below = parts[1].subplots(len(shown), 1, squeeze=False)[:, 0]
-        for axes, b in zip(below, shown, strict=True):
-            (_counts if counts else _strip)(axes, journal, b, parameter)
-        if counts:
-            below[0].legend(loc="upper left", fontsize=9)
-        else:
-            below[-1].set_xlabel("distance along the branch")
-            _status_legend(parts[1], journal, shown)
-    path = Path(file)
-    with part_of(path) as part:
-        figure.savefig(part, dpi=130)
-    return path
+        _strips(parts[1], journal, shown, parameter, counts)
+    return written(figure, file)
+
+
+def _strips(
+    figure: Any, journal: Journal, branches: Sequence[int], parameter: str, counts: bool
+) -> None:
+    """The statuses along branches, one below the other, with a legend."""
+    every = figure.subplots(len(branches), 1, squeeze=False)[:, 0]
+    for axes, b in zip(every, branches, strict=True):
+        (_counts if counts else _strip)(axes, journal, b, parameter)
+    if counts:
+        every[0].legend(loc="upper left", fontsize=9)
+    else:
+        every[-1].set_xlabel("distance along the branch")
+        _status_legend(figure, journal, branches)
 
 
 def _labels(names: str | Sequence[str] | Mapping[str, str], first: str | None) -> dict[str, str]:
@@ -140,8 +137,8 @@ def _labels(names: str | Sequence[str] | Mapping[str, str], first: str | None) -
 def _curve(axes: Any, journal: Journal, branch: int, name: str, i: int, word: str) -> None:
     """One branch over gamma, with arrows in the sense in which it was followed."""
     c = journal.columns(branch)
-    colour = _BRANCHES[i % len(_BRANCHES)]
-    style = _DASHES[(i // len(_BRANCHES)) % len(_DASHES)]
+    colour = LINES[i % len(LINES)]
+    style = _DASHES[(i // len(LINES)) % len(_DASHES)]
     axes.plot(c["gamma"], c[name], style, color=colour, lw=1.8, label=word)
     axes.plot(c["gamma"][0], c[name][0], ">", color=colour, ms=7, mec="black", mew=0.6)
     axes.plot(c["gamma"][-1], c[name][-1], "s", color=colour, ms=6, mec="black", mew=0.6)

@@ -98,12 +98,8 @@ def contact_3d(data: Data, file: str) -> None:
     is stretched across if it would be too thin to be seen.
     """
     plt = _pyplot()
-    from matplotlib.collections import PolyCollection
-    from matplotlib.colors import LinearSegmentedColormap
-
     x = data["x"]
     cells = data["cells"]
-    status = data["status"].astype(int)
     shear = data["shear"]
     labels = [str(label) for label in data["labels"]]
     extent = np.ptp(x, axis=0)
@@ -133,25 +129,10 @@ def contact_3d(data: Data, file: str) -> None:
         cells_of_grid = [grid[i, j] for i in (0, 1) for j in (0, 1)]
     figure.suptitle(str(data["title"]), fontsize=14, fontweight="bold")
     left, right, below, legend = (figure.add_subplot(c) for c in cells_of_grid)
-
-    top = max(data["pressure"].max(), 0.0) or 1.0
-    hot = plt.get_cmap("magma_r")(np.linspace(0.12, 0.95, 12))
-    shades = left.tripcolor(
-        *x.T,
-        _triangles(cells),
-        np.maximum(data["pressure"], 0.0),
-        shading="gouraud",
-        cmap=LinearSegmentedColormap.from_list("pressure", [STATUS[0][1], *hot]),
-        vmin=0.0,
-        vmax=top,
-    )
+    shades = _pressures(left, x, cells, data["pressure"])
     bar = figure.colorbar(shades, cax=below, orientation="horizontal")
     bar.outline.set_linewidth(0.5)
-    left.set_title("Normal pressure")
-
-    quads, vertex = _shares(x, cells)
-    colours = np.array([colour for _, colour in STATUS])[status[vertex]]
-    right.add_collection(PolyCollection(quads, facecolors=colours, edgecolors=colours, lw=0.3))
+    _statuses(right, x, cells, data["status"].astype(int))
     right.set_title(f"Status, and shear traction on the {data['body']}")
     _arrows(right, x, shear, stretch)
     legend.axis("off")
@@ -175,6 +156,32 @@ def contact_3d(data: Data, file: str) -> None:
         left.set_xlabel(labels[0])
         right.set_xlabel(labels[0])
     figure.savefig(file)
+
+
+def _pressures(axes: Any, x: Any, cells: Any, pressure: Any) -> Any:
+    """Shades of the pressure on a map of the surface."""
+    from matplotlib.colors import LinearSegmentedColormap
+
+    hot = _pyplot().get_cmap("magma_r")(np.linspace(0.12, 0.95, 12))
+    axes.set_title("Normal pressure")
+    return axes.tripcolor(
+        *x.T,
+        _triangles(cells),
+        np.maximum(pressure, 0.0),
+        shading="gouraud",
+        cmap=LinearSegmentedColormap.from_list("pressure", [STATUS[0][1], *hot]),
+        vmin=0.0,
+        vmax=max(pressure.max(), 0.0) or 1.0,
+    )
+
+
+def _statuses(axes: Any, x: Any, cells: Any, status: Any) -> None:
+    """The part of the surface around every vertex in the colour of its status."""
+    from matplotlib.collections import PolyCollection
+
+    quads, vertex = _shares(x, cells)
+    colours = np.array([colour for _, colour in STATUS])[status[vertex]]
+    axes.add_collection(PolyCollection(quads, facecolors=colours, edgecolors=colours, lw=0.3))
 
 
 def _arrows(

@@ -104,7 +104,6 @@ def _draw(file: Path, seen: Sequence[dict[str, Any]], titles: Sequence[str], sca
 
     mpl.use("Agg")
     import matplotlib.pyplot as plt
-    from matplotlib.collections import PolyCollection
 
     count = len(seen)
     every = np.concatenate([s["x"][:, :2] + scale * s["u"] for s in seen])
@@ -122,27 +121,7 @@ def _draw(file: Path, seen: Sequence[dict[str, Any]], titles: Sequence[str], sca
     for axis in axes.flat[count:]:
         axis.set_axis_off()
     for axis, state, values, title in zip(axes.flat, seen, sizes, titles, strict=False):
-        x = state["x"][:, :2]
-        cells = _around(state["cells"])
-        edges = {"facecolor": "none", "edgecolor": "#d5d9de", "linewidth": 0.3}
-        axis.add_collection(PolyCollection(x[cells], **edges))
-        deformed = PolyCollection(
-            (x + scale * state["u"])[cells],
-            array=values[cells].mean(axis=1),
-            norm=norm,
-            cmap="GnBu",
-            edgecolor="#5b6b7b",
-            lw=0.25,
-        )
-        axis.add_collection(deformed)
-        for place, u, letters, floor, moved in state["contact"]:
-            marked = letters != ""
-            colours = [COLOURS[k] for k in letters[marked]]
-            where = (place + scale * u)[marked]
-            area = float(np.clip(14 * 40 / max(len(where), 1), 3, 14))
-            rim = 0.3 if len(where) <= 60 else 0.1
-            axis.scatter(*where.T, c=colours, s=area, zorder=3, edgecolors="0.2", linewidths=rim)
-            axis.plot(*(floor + scale * moved).T, color="0.15", lw=1.0, zorder=1)
+        deformed = _draw_state(axis, state, values, norm, scale)
         axis.set_xlim(low[0] - margin, high[0] + margin)
         axis.set_ylim(low[1] - margin, high[1] + margin)
         axis.set(aspect="equal", xticks=[], yticks=[])
@@ -167,6 +146,34 @@ def _draw(file: Path, seen: Sequence[dict[str, Any]], titles: Sequence[str], sca
     )
     figure.savefig(file, dpi=130)
     plt.close(figure)
+
+
+def _draw_state(axis: Any, state: dict[str, Any], values: Any, norm: Any, scale: float) -> Any:
+    """The body before and after, contact points and floors; the cells that values colour."""
+    from matplotlib.collections import PolyCollection
+
+    x = state["x"][:, :2]
+    cells = _around(state["cells"])
+    edges = {"facecolor": "none", "edgecolor": "#d5d9de", "linewidth": 0.3}
+    axis.add_collection(PolyCollection(x[cells], **edges))
+    deformed = PolyCollection(
+        (x + scale * state["u"])[cells],
+        array=values[cells].mean(axis=1),
+        norm=norm,
+        cmap="GnBu",
+        edgecolor="#5b6b7b",
+        lw=0.25,
+    )
+    axis.add_collection(deformed)
+    for place, u, letters, floor, moved in state["contact"]:
+        marked = letters != ""
+        colours = [COLOURS[k] for k in letters[marked]]
+        where = (place + scale * u)[marked]
+        area = float(np.clip(14 * 40 / max(len(where), 1), 3, 14))
+        rim = 0.3 if len(where) <= 60 else 0.1
+        axis.scatter(*where.T, c=colours, s=area, zorder=3, edgecolors="0.2", linewidths=rim)
+        axis.plot(*(floor + scale * moved).T, color="0.15", lw=1.0, zorder=1)
+    return deformed
 
 
 def _layout(count: int, ratio: float) -> tuple[int, float]:
