@@ -608,6 +608,7 @@ def test_jacobian_by_taylor(cell):
     ("internal", "more", "message"),
     [
         ((Internal("x"),), {}, "needs a field x"),
+        ((Internal("d", hidden=True),), {}, "d of Own may not be hidden"),
         ((Internal("d", "grows"), Internal("e", "falls")), {}, "one variable at most"),
         ((Internal("d"), Internal("d")), {}, "of different names"),
         ((Internal("d", vector=True),), {}, "is a vector, and so no field"),

@@ -199,6 +199,8 @@ class Interface(Law):
         if len(set(names)) < len(names):
             raise ValueError(f"internal of {kind} must be Internals of different names")
         for x in self.internal:
+            if x.hidden:
+                raise ValueError(f"{x.name} of {kind} may not be hidden: tables show all variables")
             if not x.vector and x.name not in self.given:
                 raise ValueError(f"{kind} needs a field {x.name}, which has its value at the start")
             if x.vector and x.name in self.given:
