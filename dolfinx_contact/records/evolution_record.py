@@ -30,8 +30,8 @@ __all__ = ["EvolutionRecord"]
 class EvolutionRecord(StepsRecord[EvolutionJournal, RunState]):
     """Records the runs of an evolution in a folder. Collective.
 
-    While it is open no other process can record there. Ranks that ``mpirun`` has started end with
-    it from then on, also when it is killed.
+    While it is open no other process can record there; ranks that outlive a killed ``mpirun`` hold
+    it until they are ended.
 
     A record is resumed with the same problem only: mesh, forms and the cells and facets of their
     integrals, Dirichlet conditions, surfaces and laws, the values of Constants, and those of

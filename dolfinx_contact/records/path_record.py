@@ -33,27 +33,20 @@ __all__ = ["PathRecord"]
 class PathRecord(StepsRecord[PathJournal, PathState]):
     """Records the runs of a path by arc length in a folder. Collective.
 
-    While it is open no other process can record there. Ranks that ``mpirun`` has started end with
-    it from then on, also when it is killed.
+    While it is open no other process can record there; ranks that outlive a killed ``mpirun`` hold
+    it until they are ended.
 
     Args:
         folder: of the record, made if need be.
         path: whose runs are recorded.
-        surface_displacement: whether that of the outer surface of the bodies is kept at every step,
-            in single precision, for `plot.draw_record`. A record that is resumed goes on as it
-            began.
+        surface_displacement: as for `EvolutionRecord`.
         resume: whether to go on with a record that exists. Else there must be none.
 
     Attributes:
         journal: what has been recorded, on every rank.
 
     Raises:
-        OSError: on every rank, if the folder cannot be written to, another run records there,
-            there is a record and it is not to be resumed, or the other way round. Later, from
-            `ArcLength.run`, if a point cannot be written: the record then ends with the point
-            before, and can be resumed.
-        ValueError: on every rank, if the journal is damaged or that of another problem or load, or
-            arguments differ between ranks. Nothing has been written then.
+        OSError, ValueError: on every rank, as `EvolutionRecord`.
 
     Example:
         Record a path, and look at it::

@@ -48,8 +48,8 @@ def coincide(numbers: Iterable[tuple[float, float, float]]) -> bool:
 class ProblemRecord(Generic[J]):
     """A folder with a journal, locked, and checkpoints of one contact problem. Collective.
 
-    While it is open no other process can record there. Ranks that ``mpirun`` has started end with
-    it from then on, also when it is killed.
+    While it is open no other process can record there; ranks that outlive a killed ``mpirun`` hold
+    it until they are ended.
 
     Args:
         folder: of the record, made if need be.
