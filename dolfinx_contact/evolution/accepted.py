@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple, TypeVar
 
 from mpi4py import MPI
 
@@ -35,7 +36,6 @@ __all__ = [
     "Taken",
     "change",
     "changes",
-    "extended",
     "largest_at_points",
 ]
 
@@ -72,6 +72,9 @@ class AcceptedState:
     unknowns: Array
     energies: Energies
     solved: bool
+
+
+A = TypeVar("A", bound=AcceptedState)
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,14 +194,9 @@ class Stepper:
     def start(self, time: float) -> AcceptedState:
         """The state in the Functions, from which everything slips that will. Collective."""
         eq = self.problem.equations
-        data = GivenData(self.problem.equations)
-        try:
-            self._set(time)
+        with self._loaded(time):
             eq.remember([None] * len(eq.surfaces))
             state = self.problem.state()
-        except BaseException:
-            data.restore()
-            raise
         residual = Scales(eq, settled=True).measure(state).worst
         if residual > _SOLVED:  # before any solve the surfaces do not know their statuses
             asked = self.problem.state([s.answers.asked for s in state.surfaces])
@@ -229,14 +227,9 @@ class Stepper:
             first: whether it is the start, whose statuses are not known.
         """
         eq = self.problem.equations
-        data = GivenData(self.problem.equations)
-        try:
-            self._set(time)
+        with self._loaded(time):
             eq.remember(memory)
             state = self.problem.state()
-        except BaseException:
-            data.restore()
-            raise
         known = None if first else state.statuses
         solved = not first or self._is_solved(state)
         forces = forces_at(eq, state)
@@ -317,23 +310,32 @@ class Stepper:
             ConvergenceError: if nothing solves the step. The problem is then at that state, as it
                 is after any other error.
         """
-        assert isinstance(accepted, AtRest)
-        problem = self.problem
-        eq = self.problem.equations
-        self.prepare(accepted, time)
+        self.put(accepted)
         try:
-            if guess is not None:
-                self._put_unknowns(guess)
-            expected = [s for s in likely or (accepted.statuses,) if s is not None]
-            result = problem.solve(expected=expected, progress=self._progress)
-            state = problem.state()
-            forces = forces_at(eq, state)
-            energies = accepted.energies.advanced(
-                accepted.forces, forces, result.energies["friction"]
-            )
+            return self._taken(accepted, time, likely, guess)
         except BaseException:
             self.put(accepted)
             raise
+
+    def _taken(
+        self,
+        accepted: AcceptedState,
+        time: float,
+        likely: Sequence[Statuses | None],
+        guess: AcceptedState | None,
+    ) -> Taken:
+        """The step from a state, which stands in the problem; see `take`. Collective."""
+        assert isinstance(accepted, AtRest)
+        eq = self.problem.equations
+        self._remember(accepted, time)
+        self._set(time)
+        if guess is not None:
+            self._put_unknowns(guess)
+        expected = [s for s in likely or (accepted.statuses,) if s is not None]
+        result = self.problem.solve(expected=expected, progress=self._progress)
+        state = self.problem.state()
+        forces = forces_at(eq, state)
+        energies = accepted.energies.advanced(accepted.forces, forces, result.energies["friction"])
         after = self.accepted(time, state.statuses, eq.advanced(state), forces, energies)
         return Taken(accepted, after, result)
 
@@ -342,6 +344,17 @@ class Stepper:
         step = time - accepted.time
         later = [None if m is None else m.later(step) for m in accepted.memory]
         self.problem.equations.remember(later)
+
+    @contextmanager
+    def _loaded(self, time: float) -> Iterator[None]:
+        """Set the load of a time; take it back if the context raises. Collective."""
+        data = GivenData(self.problem.equations)
+        try:
+            self._set(time)
+            yield
+        except BaseException:
+            data.restore()
+            raise
 
     def _set(self, time: float) -> None:
         with everywhere(self.problem.comm, f"the load at the time {time:g}"):
@@ -358,24 +371,28 @@ class Stepper:
         solved: bool = True,
     ) -> AtRest:
         """The equilibrium in the problem as an accepted state. Collective."""
-        plain = self._accepted(time, statuses, memory, energies, solved)
-        return AtRest(**extended(plain), forces=forces)
+        return self._accepted(
+            AtRest, time, statuses, memory, energies, solved=solved, forces=forces
+        )
 
     def _accepted(
         self,
+        kind: type[A],
         time: float,
         statuses: Statuses | None,
         memory: tuple[Memory | None, ...],
         energies: Energies,
+        *,
         solved: bool = True,
-    ) -> AcceptedState:
-        """What stands in the problem, as an accepted state. Collective."""
+        **more: Any,
+    ) -> A:
+        """What stands in the problem, as an accepted state, which may have more. Collective."""
         problem = self.problem
         x = problem.create_vector()
         problem.write(x)
         unknowns = x.array_r.copy()
         x.destroy()
-        return AcceptedState(
+        return kind(
             time,
             tuple(f.x.array.copy() for f in problem.fields),
             tuple(body.values.copy() for body in problem.rigid_bodies),
@@ -386,9 +403,5 @@ class Stepper:
             unknowns,
             energies,
             solved,
+            **more,
         )
-
-
-def extended(accepted: AcceptedState) -> dict[str, Any]:
-    """All that an accepted state has, by name, for one that has more."""
-    return {f.name: getattr(accepted, f.name) for f in fields(AcceptedState)}

@@ -27,12 +27,11 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from dolfinx_contact._errors import require
-from dolfinx_contact._mesh_mark import mesh_stays
 from dolfinx_contact._named import Named
 from dolfinx_contact.body.moving import MovingBody, Scheme, TimeStep
 from dolfinx_contact.equations.given_data import Constancy, GivenData, require_obstacles
 from dolfinx_contact.equations.state import State, Statuses
-from dolfinx_contact.evolution.accepted import AcceptedState, Stepper, Taken, extended
+from dolfinx_contact.evolution.accepted import AcceptedState, Stepper, Taken
 from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.evolution.motion_energy import Motion, MotionEnergies, account, motion_at
 from dolfinx_contact.points.memory import Memory
@@ -136,38 +135,25 @@ class MotionStepper(Stepper):
             ValueError: on every rank, if a point is within an obstacle, or the state not finite.
         """
         eq = self.problem.equations
-        data = GivenData(self.problem.equations)
-        try:
-            self._set(time)
+        with self._loaded(time):
             eq.refresh()
             self._require_finite()
             self._require_held()
             eq.remember([None] * len(eq.surfaces))
             state = self._contact()
             self._require_no_penetration(state)
-        except BaseException:
-            data.restore()
-            raise
         motion = self._motion(state)
         energies = MotionEnergies(kinetic=motion.kinetic, at_start=motion.kinetic)
-        return self._moving(self._accepted(time, None, eq.advanced(state), energies), motion)
+        return self._moving(time, None, eq.advanced(state), energies, motion)
 
     def recalled(
         self, time: float, memory: Sequence[Memory | None], energies: Energies, *, first: bool
     ) -> AcceptedState:
-        eq = self.problem.equations
-        data = GivenData(self.problem.equations)
-        try:
-            self._set(time)
-            eq.remember(memory)
+        with self._loaded(time):
+            self.problem.equations.remember(memory)
             state = self._contact()
-        except BaseException:
-            data.restore()
-            raise
         known = None if first else state.statuses
-        return self._moving(
-            self._accepted(time, known, tuple(memory), energies), self._motion(state)
-        )
+        return self._moving(time, known, tuple(memory), energies, self._motion(state))
 
     def renewed(self, accepted: AcceptedState) -> AcceptedState:
         assert isinstance(accepted, MovingState)
@@ -183,17 +169,16 @@ class MotionStepper(Stepper):
         assert isinstance(accepted, MovingState)
         self._velocity.x.array[:] = accepted.motion.v
 
-    @mesh_stays()
-    def take(
+    def _taken(
         self,
         accepted: AcceptedState,
         time: float,
-        *,
-        likely: Sequence[Statuses | None] = (),
-        guess: AcceptedState | None = None,
+        likely: Sequence[Statuses | None],
+        guess: AcceptedState | None,
     ) -> Taken:
-        """Step from a state to a time; see `Stepper.take`. Guesses are its own. Collective."""
+        """The step from a state; guesses are its own, and no statuses are likelier. Collective."""
         assert isinstance(accepted, MovingState)
+        assert isinstance(accepted.energies, MotionEnergies)
         problem = self.problem
         eq = self.problem.equations
         body = self._body
@@ -202,7 +187,6 @@ class MotionStepper(Stepper):
         if abs(length - body.step.length) <= _ROUND_OFF * length:
             length = body.step.length  # the same steps have the same matrices
         step = TimeStep(length, self._method.theta, self._method.scheme)
-        self.put(accepted)
         try:
             self._set(time)
             eq.refresh()
@@ -223,19 +207,15 @@ class MotionStepper(Stepper):
             eq.remember(later)
             shown = self._at(state, u)
             b = motion_at(eq, shown, u, v)
-            assert isinstance(accepted.energies, MotionEnergies)
             energies = account(accepted.energies, eq, state, a, b, motion)
             lost = energies.dissipated - accepted.energies.dissipated
             result = self._shown(result, shown, lost)
             memory = eq.advanced(shown)
-        except BaseException:
-            self.put(accepted)
-            raise
         finally:
             eq.prescribed.unknowns = None
-        after = self._accepted(time, state.statuses, memory, energies)
         turns = self._turns(accepted, b, step)
-        return Taken(accepted, self._moving(after, b, turns), result)
+        after = self._moving(time, state.statuses, memory, energies, b, turns)
+        return Taken(accepted, after, result)
 
     def _set(self, time: float) -> None:
         super()._set(time)
@@ -320,9 +300,18 @@ class MotionStepper(Stepper):
         return motion_at(self.problem.equations, state, u, v)
 
     def _moving(
-        self, accepted: AcceptedState, motion: Motion, turns: tuple[Array, int] | None = None
+        self,
+        time: float,
+        statuses: Statuses | None,
+        memory: tuple[Memory | None, ...],
+        energies: Energies,
+        motion: Motion,
+        turns: tuple[Array, int] | None = None,
     ) -> MovingState:
-        return MovingState(**extended(accepted), motion=motion, turns=turns)
+        """The state of motion in the problem as an accepted state. Collective."""
+        return self._accepted(
+            MovingState, time, statuses, memory, energies, motion=motion, turns=turns
+        )
 
     # -- what is held ----------------------------------------------------------------------------
 
