@@ -17,9 +17,9 @@ from mpi4py import MPI
 if TYPE_CHECKING:
     from dolfinx_contact.solvers.history import Step
 
-__all__ = ["Line", "SolveProgress"]
+__all__ = ["Line", "Progress", "SolveProgress"]
 
-_PATIENCE = 3.0  # seconds of a solve before it says anything by itself
+_PATIENCE = 3.0  # seconds before anything is said by itself
 _SECONDS = 10.0  # between lines where there is no terminal
 
 
@@ -68,7 +68,55 @@ class Line:
         self._open = stay
 
 
-class SolveProgress:
+class Progress:
+    """The line of something that takes its time.
+
+    Args:
+        comm: only rank 0 writes.
+        wanted: True from the beginning, False never, None once it takes some seconds.
+        stream: as in `Line`.
+    """
+
+    def __init__(self, comm: MPI.Comm, wanted: bool | None = None, *, stream: TextIO | None = None):
+        self._line = Line(comm, stream=stream)
+        self._start = time.monotonic()
+        self._silent = wanted is False or comm.rank > 0
+        self._after = 0.0 if wanted else _PATIENCE
+        self._shown = False
+
+    @property
+    def seconds(self) -> float:
+        """Since the start."""
+        return time.monotonic() - self._start
+
+    @property
+    def due(self) -> bool:
+        """Whether something is to be said by now."""
+        return not self._silent and self.seconds >= self._after
+
+    def update(self, text: str) -> None:
+        """As `Line.update`."""
+        self._shown = True
+        self._line.update(text)
+
+    def write(self, text: str) -> None:
+        """As `Line.write`."""
+        self._shown = True
+        self._line.write(text)
+
+    def clear(self) -> None:
+        """As `Line.clear`."""
+        self._line.clear()
+
+    def close(self, text: str = "") -> None:
+        """End the line, with a last one that stays if there was any."""
+        self.clear()
+        if self._shown and text:
+            self._line.write(text)
+        self._shown = False
+
+
+class SolveProgress(Progress):
     """The line of a solve: strategy, iteration, residual, Krylov iterations, elapsed time.
 
     Args:
@@ -82,24 +130,14 @@ class SolveProgress:
     """
 
     def __init__(self, comm: MPI.Comm, wanted: bool | None = None, *, stream: TextIO | None = None):
-        self._line = Line(comm, stream=stream)
-        self._start = time.monotonic()
         heard = wanted is None and logging.getLogger(__package__).isEnabledFor(logging.INFO)
-        self._silent = wanted is False or heard or comm.rank > 0
-        self._after = 0.0 if wanted else _PATIENCE
-        self._shown = False
+        super().__init__(comm, False if heard else wanted, stream=stream)
         self.strategy = ""
-
-    @property
-    def seconds(self) -> float:
-        """Since the start of the solve."""
-        return time.monotonic() - self._start
 
     def step(self, step: Step) -> None:
         """Say where the solve is."""
-        if self._silent or self.seconds < self._after:
+        if not self.due:
             return
-        self._shown = True
         parts = [
             f"contact solve: {self.strategy}",
             f"iteration {step.iteration}",
@@ -108,20 +146,9 @@ class SolveProgress:
             f"Krylov {step.krylov}",
             f"{self.seconds:.0f} s",
         ]
-        self._line.update("  ".join(parts))
-
-    def clear(self) -> None:
-        """As `Line.clear`."""
-        self._line.clear()
+        self.update("  ".join(parts))
 
     def end(self, iterations: int | None = None) -> None:
         """End the line, with how a solve went that converged; None for one that did not."""
-        if not self._shown:
-            return
-        self.clear()
-        if iterations is not None:
-            self._line.write(
-                f"contact solve: solved by {self.strategy}, {iterations} iterations, "
-                f"{self.seconds:.1f} s"
-            )
-        self._shown = False
+        text = f"solved by {self.strategy}, {iterations} iterations, {self.seconds:.1f} s"
+        self.close("" if iterations is None else f"contact solve: {text}")

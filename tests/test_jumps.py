@@ -1,6 +1,7 @@
 """Jumps of histories that no mean over a body shows, and what is stated of them."""
 
 import importlib
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -149,7 +150,8 @@ def test_a_run_that_goes_on_from_an_older_record():
     """Its rates were others: the first step is looked at as that of a new evolution."""
     evolution = pulled([1.0])
     evolution.run([0.0, 1.0])
-    evolution._rate = evolution._rate[:3]
+    state = evolution._run_state
+    evolution._run_state = replace(state, rate=state.rate[:3])
     history = evolution.run([1.0, 1.5, 2.5], at_jump="jump")
     ((start, end),) = jumps_of(history)
     assert start - 1e-4 < 2.0 < end + 1e-4

@@ -27,8 +27,11 @@ from dolfinx_contact.continuation.system import System
 
 __all__ = [
     "answer_of_stop",
+    "check_functions",
     "check_listeners",
+    "check_progress",
     "check_states",
+    "check_steps",
     "check_system",
     "check_vectors",
     "checked_gamma",
@@ -129,8 +132,30 @@ def check_listeners(
     """Raise ``ValueError`` for what is no observer, stop condition, control or budget."""
     if observer is not None:
         require_observer(observer)
-    if stop is not None and not callable(stop):
-        raise ValueError(f"stop must be a function of a point and its special points, got {stop!r}")
+    check_functions("a point and its special points", stop=stop)
+    check_steps(control, max_steps)
+
+
+def check_functions(of: str, **functions: Any) -> None:
+    """Raise ``ValueError`` for what is neither a function nor None. Not collective.
+
+    Args:
+        of: what they are called with, for the message.
+        functions: by the names of the arguments.
+    """
+    for name, function in functions.items():
+        if function is not None and not callable(function):
+            raise ValueError(f"{name} must be a function of {of}, got {function!r}")
+
+
+def check_progress(progress: Any) -> None:
+    """Raise ``ValueError`` for what does not say whether progress is shown. Not collective."""
+    if progress not in (True, False, None):
+        raise ValueError(f"progress must be True, False or None, got {progress!r}")
+
+
+def check_steps(control: Any, max_steps: Any) -> None:
+    """Raise ``ValueError`` for what is no control of step lengths, or no budget. Not collective."""
     if control is not None and not isinstance(control, StepControl):
         raise ValueError(f"control must be a StepControl, got {control!r}")
     if not is_count(max_steps):

@@ -24,21 +24,15 @@ import numpy as np
 
 from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact._frozen import ReadOnly
-from dolfinx_contact.continuation.arguments import (
-    check_listeners,
-    checked_range,
-    reason_to_stop,
-    require_smooth,
-)
+from dolfinx_contact.continuation.arguments import check_steps, checked_range, require_smooth
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.corrector import Corrector
-from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.continuation.parameters import StepControl
-from dolfinx_contact.evolution.accepted import AtRest, Stepper, Taken
 from dolfinx_contact.evolution.arc_steps import ArcSteps
-from dolfinx_contact.evolution.energy import Energies, forces_at
+from dolfinx_contact.evolution.by_arc_length import ByArcLength
+from dolfinx_contact.evolution.energy import Energies
+from dolfinx_contact.evolution.listeners import Listeners
 from dolfinx_contact.evolution.path import PathHistory, PathStep
-from dolfinx_contact.evolution.path_run import PathRun
 from dolfinx_contact.evolution.path_state import (
     Direction,
     Known,
@@ -47,7 +41,8 @@ from dolfinx_contact.evolution.path_state import (
     PathTask,
     begun,
 )
-from dolfinx_contact.evolution.progress import PathProgress
+from dolfinx_contact.evolution.path_stepper import OnPath, PathStepper
+from dolfinx_contact.evolution.run import Run
 from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.points.law_checks import check_times
 from dolfinx_contact.points.memory import Memory
@@ -56,7 +51,7 @@ __all__ = ["ArcLength", "Direction"]
 
 #: Told of every accepted point.
 Observer: TypeAlias = Callable[[PathStep], object]
-#: Asked at every accepted point; answers with the reason to end the path there, or "".
+#: Asked of every accepted point; answers with the reason to end the path there, or "".
 Stop: TypeAlias = Callable[[PathStep], str]
 
 _LONGEST = 0.005  # of the range of gamma and the first tangent
@@ -97,7 +92,7 @@ class ArcLength(ReadOnly):
         self.parametric = parametric
         self.problem = parametric.problem
         require_smooth(parametric)
-        self._stepper = Stepper(self.problem, lambda _: None, None)
+        self._stepper = PathStepper(parametric)
         self._require_no_time()
         self._run_state: PathState | None = None
 
@@ -175,16 +170,15 @@ class ArcLength(ReadOnly):
         run_state = self._run_state
         first = run_state is None or run_state.arrived is None
         gamma = float(self.parametric.constant.value) if run_state is None else run_state.gamma
+        listeners = Listeners(None, stop, observer, record, progress)
         with everywhere(comm, "a path by arc length"):
             limits = checked_range(gamma_range, [gamma])
-            check_listeners(control=control, max_steps=max_steps)
-            _check_told(stop, observer)
+            check_steps(control, max_steps)
+            listeners.check("a point", "a records.PathRecord")
             control = control or StepControl(kinks="exact", initial=_LONGEST, maximum=_LONGEST)
             if control.kinks not in (None, "exact"):
                 raise ValueError(f"a path with memory passes kinks exactly, not {control.kinks!r}")
             direction = direction or ("increasing" if first else "onwards")
-            if record is not None and not hasattr(record, "begin"):
-                raise ValueError(f"record must be an records.PathRecord, got {record!r}")
             known = get_args(Direction)[:2] if first else get_args(Direction)[2:]
             if direction not in known:
                 run = "the first run" if first else "a later run"
@@ -192,14 +186,15 @@ class ArcLength(ReadOnly):
         same_everywhere(
             comm, gamma_range=limits, direction=direction, control=control, max_steps=max_steps
         )
-        same_everywhere(comm, stop_condition=stop is not None, rays=bool(rays))
-        same_everywhere(comm, a_record=record is not None)
+        same_everywhere(comm, rays=bool(rays))
+        listeners.require_same(comm)
         self._require_no_time()
         self.parametric.check_parameter(limits)
-        run_state = run_state or self._begin()
+        if run_state is None:
+            start = self._stepper.start(0.0)
+            run_state = PathState(start, 0.0, known=Known(scales=self.parametric.scales))
         task = PathTask(limits, direction, control, max_steps, bool(rays))
-        run_state = begun(task, run_state)
-        return self._follow(task, run_state, stop, observer, record, progress, new=True)
+        return self._run(task, begun(task, run_state), listeners, new=True)
 
     def go_on(
         self,
@@ -211,30 +206,26 @@ class ArcLength(ReadOnly):
         record: PathRecorder | None = None,
         progress: bool | None = None,
     ) -> PathHistory:
-        """Go on with a run from where it stood, as a record does. Collective.
+        """Go on with a run from where it was, as a record does. Collective.
 
         Args:
             task: what was asked of the run.
-            run_state: where it stood.
+            run_state: where it was.
             stop: as in the run, as for what follows, the errors and the result.
             observer: told of the points from there on.
             record: keeps them.
             progress: whether to say where it is.
         """
+        listeners = Listeners(None, stop, observer, record, progress)
         with everywhere(self.problem.comm, "a path by arc length"):
-            _check_told(stop, observer)
-        same_everywhere(self.problem.comm, stop_condition=stop is not None)
-        return self._follow(task, run_state, stop, observer, record, progress)
+            listeners.check("a point", "a records.PathRecord")
+        listeners.require_same(self.problem.comm)
+        return self._run(task, run_state, listeners, new=False)
 
     def put(self, run_state: PathState) -> None:
         """Put the path where a run of it ended, from which the next goes on. Collective."""
         self._run_state = run_state
-        self._restore(run_state)
-
-    def _restore(self, run_state: PathState) -> None:
-        """Put the state of a run into the problem. Collective."""
         self._stepper.put(run_state.accepted)
-        self.parametric.set(run_state.gamma)
 
     def recalled(
         self,
@@ -244,7 +235,7 @@ class ArcLength(ReadOnly):
         energies: Energies,
         *,
         first: bool,
-    ) -> AtRest:
+    ) -> OnPath:
         """The state that stands in Functions, statuses and rigid bodies, as one of it. Collective.
 
         Args:
@@ -254,108 +245,22 @@ class ArcLength(ReadOnly):
             energies: since the start.
             first: whether it is a start whose statuses are not known.
         """
-        with self.parametric.restored():
-            self.parametric.set(gamma)
-            accepted = self._stepper.recalled(time, memory, energies, first=first)
-        assert isinstance(accepted, AtRest)
-        return accepted
+        return self._stepper.recalled_under(gamma, time, memory, energies, first=first)
 
-    def _follow(
-        self,
-        task: PathTask,
-        run_state: PathState,
-        stop: Stop | None,
-        observer: Observer | None,
-        record: PathRecorder | None,
-        progress: bool | None,
-        *,
-        new: bool = False,
+    def _run(
+        self, task: PathTask, run_state: PathState, listeners: Listeners, *, new: bool
     ) -> PathHistory:
-        """A run from where it stands to its end. Collective."""
-        comm = self.problem.comm
+        """A run from where it is to its end. Collective."""
         low, high = task.gamma_range
+        accepted = run_state.accepted
         bordered = Bordered(self.parametric, gamma_scale=high - low)
         steps = ArcSteps(Corrector(bordered, task.control))
-        run = PathRun(self.parametric, self._stepper, steps, task, run_state)
-        said = PathProgress(comm, progress, task.gamma_range)
-        accepted = run_state.accepted
-        history = PathHistory(accepted.time, accepted.energies, gamma=run_state.gamma)
+        rule = ByArcLength(self.parametric, self._stepper, steps, task, run_state)
+        history = PathHistory(accepted.time, accepted.energies, gamma=accepted.gamma)
+        run = Run(self._stepper, rule, listeners, history)
         try:
-            self._restore(run.run_state)
-            if run.ending is None:
-                run.leave()
-            if record is not None and new:
-                self._restore(run.run_state)
-                record.begin(task, run_state)
-            self._run_state = run_state
-            with self.problem.telling_once():
-                while run.ending is None and run.taken < task.max_steps:
-                    taken = run.step()
-                    if taken is None:
-                        break
-                    step, whole = taken
-                    history.steps.append(step)
-                    self._run_state = run.run_state
-                    self._restore(run.run_state)
-                    self._end_if_asked(run, stop, step)
-                    if record is not None:
-                        record.step(step, run.run_state)
-                    self._tell(whole, step, observer)
-                    self._restore(run.run_state)
-                    self.problem.tell(step.result)
-                    said.step(step)
-            exhausted = f"the budget of {task.max_steps} steps is exhausted"
-            if run.ending is None:
-                history.end(Ending.BUDGET, exhausted)
-            else:
-                history.end(run.ending, run.reason)
+            return run.go(new=new)
         finally:
-            self._restore(self._run_state or run_state)
+            self._run_state = run.run_state or self._run_state
             for thing in (steps, steps.corrector, bordered):
                 thing.destroy()
-            said.end(history)
-        if record is not None:
-            record.end(history)
-        return history
-
-    def _begin(self) -> PathState:
-        """The state in the Functions, from which a path begins. Collective."""
-        eq = self.problem.equations
-        gamma = float(self.parametric.constant.value)
-        self.parametric.set(gamma)
-        if all(m is None for m in eq.memory):
-            accepted = self._stepper.start(0.0)
-            assert isinstance(accepted, AtRest)
-        else:
-            state = self.problem.state()
-            forces = forces_at(eq, state)
-            accepted = self._stepper.accepted(0.0, state.statuses, eq.memory, forces, Energies())
-        return PathState(accepted, gamma, known=Known(scales=self.parametric.scales))
-
-    def _tell(self, taken: Taken, step: PathStep, observer: Observer | None) -> None:
-        comm = self.problem.comm
-        if not comm.allreduce(int(observer is not None)):
-            return
-        self._stepper.show(taken)
-        self.parametric.set(step.gamma)
-        with everywhere(comm, "the observer"):
-            if observer is not None:
-                observer(step)
-
-    def _end_if_asked(self, run: PathRun, stop: Stop | None, step: PathStep) -> None:
-        """End a run where the user wants it, or where it gets nowhere. Collective."""
-        words = ""
-        if run.ending is None and stop is not None:
-            words = reason_to_stop(self.problem.comm, "path", stop, step)
-        nowhere = "" if run.ending or words else run.stuck()
-        if words:
-            run.end(Ending.STOPPED, words)
-        elif nowhere:
-            run.end(Ending.NOT_FOUND, nowhere)
-
-
-def _check_told(stop: Stop | None, observer: Observer | None) -> None:
-    """Raise ``ValueError`` for what is no stop condition or observer. Not collective."""
-    check_listeners(None, stop)
-    if observer is not None and not callable(observer):
-        raise ValueError(f"observer must be a function of a point, got {observer!r}")

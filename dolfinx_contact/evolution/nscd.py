@@ -39,11 +39,12 @@ from dolfinx_contact.body.moving import MovingBody, Scheme, TimeStep
 from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.given_data import Constancy, Datum, data_in, placed_data
-from dolfinx_contact.evolution.history import EvolutionStep, History
+from dolfinx_contact.evolution.evolution import Evolution, Observer, Stop
+from dolfinx_contact.evolution.history import History
+from dolfinx_contact.evolution.listeners import Listeners
 from dolfinx_contact.evolution.motion import Level, Method, MotionStepper
 from dolfinx_contact.evolution.motion_energy import MotionEnergies
-from dolfinx_contact.evolution.run import Evolution, Observer
-from dolfinx_contact.evolution.run_state import Recorder
+from dolfinx_contact.evolution.through_times import Accept, Recorder, Task, checked_times
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.problem import ContactProblem
 
@@ -183,7 +184,8 @@ class NSCD(Evolution):
         times: Sequence[float],
         *,
         locate: float | None = None,
-        accept: Callable[[EvolutionStep], bool] | None = None,
+        accept: Accept | None = None,
+        stop: Stop | None = None,
         observer: Observer | None = None,
         record: Recorder | None = None,
         progress: bool | None = None,
@@ -198,6 +200,9 @@ class NSCD(Evolution):
                 are tried again with half the length as long as that is no shorter.
             accept: asked of every step, on every rank; one that is not accepted is tried again with
                 half the length, down to ``locate`` or dt halved twenty times, where it is accepted.
+            stop: asked of every accepted step, on every rank, while its end stands in the problem,
+                whether the run ends there: with the reason, or "" to go on. A later run goes on
+                from there.
             observer: told of every accepted step while its end stands in the problem.
             record: keeps every accepted step before the observer is told of it, as
                 `records.EvolutionRecord` does.
@@ -205,35 +210,30 @@ class NSCD(Evolution):
                 it takes more than some seconds.
 
         Returns:
-            The accepted steps of this run. The forces of their tables are means over the step,
-            gaps and displacements those of its end.
+            The accepted steps of this run, and in words why it ended. The forces of their tables
+            are means over the step, gaps and displacements those of its end.
 
         Raises:
             NoContinuation: if a step is not solved, however short; the problem is at the last
                 accepted state.
             ValueError: on every rank, for arguments that do not fit, a point that is within an
                 obstacle at the start, or data of which none can be solved with; what ``load``,
-                ``accept`` or ``observer`` raises on any rank.
+                ``accept``, ``stop`` or ``observer`` raises on any rank.
             OSError: on every rank, if a step cannot be recorded.
         """
         comm = self.problem.comm
         least = self._dt / 2**_HALVINGS
+        listeners = Listeners(accept, stop, observer, record, progress)
         with everywhere(comm, "the times of a motion"):
             if locate is not None:
                 least = _positive("locate", locate)
                 if least > self._dt:
                     raise ValueError(f"locate must be no longer than dt, got {locate!r}")
+            given = checked_times(times, self._accepted)
+            task = Task(given, self._dt, least, locate=locate is not None)
+            listeners.check("a step", "a records.EvolutionRecord")
         same_everywhere(comm, locate=least)
-        return self._through(
-            times,
-            longest=self._dt,
-            shortest=least,
-            locate=locate is not None,
-            accept=accept,
-            observer=observer,
-            record=record,
-            progress=progress,
-        )
+        return self._begin(task, listeners)
 
     @property
     def memory(self) -> tuple[Memory | None, ...]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Where a run by arc length stands between two points, and who keeps it."""
+"""Where a run by arc length is between two points, and who keeps it."""
 
 from __future__ import annotations
 
@@ -8,10 +8,9 @@ from dataclasses import dataclass, field, replace
 from typing import Literal, TypeAlias
 
 from dolfinx_contact.continuation.branch import BranchPoint
-from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.continuation.parameters import StepControl
-from dolfinx_contact.evolution.accepted import AtRest
-from dolfinx_contact.evolution.run_state import RunRecorder
+from dolfinx_contact.evolution.path_stepper import OnPath
+from dolfinx_contact.evolution.run_state import RunRecorder, RunState
 
 __all__ = ["Direction", "Known", "PathRecorder", "PathState", "PathTask", "begun"]
 
@@ -49,31 +48,25 @@ class Known:
 
 
 @dataclass(frozen=True, eq=False)
-class PathState:
+class PathState(RunState):
     """All that the next step of a run depends on.
 
     Attributes:
-        accepted: the last accepted state.
-        gamma: the load there.
-        arrived: the point of the path there, with piece and tangent by which it was come to; None
-            at the start.
-        length: of the next step.
+        arrived: the point of the path at the accepted state, with piece and tangent by which it was
+            come to; None at the start.
         known: to the steps.
-        number: of the last step, over all runs of the path; 0 before the first.
         passed: arc lengths of the start of the run and of the points that it has accepted.
-        ending: how the run ends here; None if it goes on.
-        reason: why, in words.
     """
 
-    accepted: AtRest
-    gamma: float
+    accepted: OnPath
     arrived: BranchPoint | None = None
-    length: float = 0.0
     known: Known = field(default_factory=Known)
-    number: int = 0
     passed: Sequence[float] = ()
-    ending: Ending | None = None
-    reason: str = ""
+
+    @property
+    def gamma(self) -> float:
+        """The load at the accepted state."""
+        return self.accepted.gamma
 
 
 #: Keeps a run by arc length.

@@ -1,78 +1,49 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What an evolution says while it runs, on rank 0."""
+"""What a run says on rank 0 while it goes."""
 
 from __future__ import annotations
 
-import time as clock
-from collections.abc import Sequence
+from typing import Any
 
 from mpi4py import MPI
 
-from dolfinx_contact._progress import Line
+from dolfinx_contact._progress import Progress
 from dolfinx_contact.evolution.history import EvolutionStep, History
-from dolfinx_contact.evolution.path import PathHistory, PathStep
+from dolfinx_contact.evolution.rule import Rule
 
-__all__ = ["HistoryProgress", "PathProgress"]
-
-_PATIENCE = 3.0  # seconds before progress is said by itself
+__all__ = ["RunProgress"]
 
 
-class HistoryProgress:
-    """The line of progress: time, step, statuses, and the time that is left by the clock."""
+class RunProgress:
+    """The line of progress: where the run is, statuses, time by the clock and what is left of it.
 
-    def __init__(self, comm: MPI.Comm, wanted: bool | None, times: Sequence[float]):
-        self._line = Line(comm)
-        self._start = clock.monotonic()
-        self._span = (times[0], times[-1])
-        self._silent = wanted is False or comm.rank > 0
-        self._after = 0.0 if wanted else _PATIENCE
-        self._shown = False
+    Args:
+        comm: only rank 0 writes.
+        wanted: see `QuasiStatic.run`.
+        rule: of the run.
+    """
+
+    def __init__(self, comm: MPI.Comm, wanted: bool | None, rule: Rule[Any, Any]):
+        self._progress = Progress(comm, wanted)
+        self._rule = rule
 
     def step(self, step: EvolutionStep) -> None:
-        passed = clock.monotonic() - self._start
-        a, b = self._span
-        if self._silent or passed < self._after:
+        """Say where the run is after a step."""
+        if not self._progress.due:
             return
-        self._shown = True
+        rule = self._rule
+        passed = self._progress.seconds
         counts = ", ".join(f"{n} {k}" for k, n in step.result.counts.items() if n)
-        left = passed * (b - step.time) / (step.time - a)
+        time = f"{passed:.0f} s"
+        done = rule.part(step)
+        if done:
+            time += f", about {passed * (1 - done) / done:.0f} s left"
         if step.jump:
-            self._line.write(f"evolution: the state jumps at the time {step.start:.10g}")
-        self._line.update(
-            f"evolution: time {step.time:.6g} of {b:.6g}  step {step.number}, of "
-            f"{step.time - step.start:.2g}  {counts}  {passed:.0f} s, about {left:.0f} s left"
-        )
+            self._progress.write(f"{rule.what}: the state jumps at the time {step.start:.10g}")
+        self._progress.update(f"{rule.what}: {rule.where(step)}  {counts}  {time}")
 
     def end(self, history: History) -> None:
-        self._line.clear()
-        if self._shown:
-            self._line.write(f"evolution: {len(history.steps)} steps, {history.reason}")
-
-
-class PathProgress:
-    """The line of progress: load, number of the point, statuses, time by the clock."""
-
-    def __init__(self, comm: MPI.Comm, wanted: bool | None, limits: tuple[float, float]):
-        self._line = Line(comm)
-        self._start = clock.monotonic()
-        self._limits = limits
-        self._silent = wanted is False or comm.rank > 0
-        self._after = 0.0 if wanted else _PATIENCE
-        self._shown = False
-
-    def step(self, step: PathStep) -> None:
-        passed = clock.monotonic() - self._start
-        low, high = self._limits
-        if self._silent or passed < self._after:
-            return
-        self._shown = True
-        counts = ", ".join(f"{n} {k}" for k, n in step.result.counts.items() if n)
-        self._line.update(
-            f"path: gamma {step.gamma:.6g} in [{low:.6g}, {high:.6g}]  point {step.number}  "
-            f"{step.event}  {counts}  {passed:.0f} s"
+        """Say how the run ended, if anything was said before."""
+        self._progress.close(
+            f"{self._rule.what}: {len(history.steps)} {self._rule.units}, {history.reason}"
         )
-
-    def end(self, history: PathHistory) -> None:
-        self._line.clear()
-        if self._shown:
-            self._line.write(f"path: {len(history.steps)} points, {history.reason}")

@@ -13,17 +13,20 @@ friction resists the velocity, the slip over t_n+1 - t_n.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 from dolfinx_contact._errors import everywhere
 from dolfinx_contact.evolution.energy import Energies
-from dolfinx_contact.evolution.history import EvolutionStep, History, NoContinuation
+from dolfinx_contact.evolution.evolution import Evolution, Observer, Stop
+from dolfinx_contact.evolution.history import History, NoContinuation
+from dolfinx_contact.evolution.listeners import Listeners
 from dolfinx_contact.evolution.nscd import NSCD
-from dolfinx_contact.evolution.run import Evolution, Observer
-from dolfinx_contact.evolution.run_state import AtJump, Recorder, RunState
+from dolfinx_contact.evolution.through_times import Accept, AtJump, Recorder, Task, checked_times
 
 __all__ = ["QuasiStatic"]
+
+_HALVINGS = 20  # of the whole time, to the least step
 
 
 class QuasiStatic(Evolution):
@@ -67,7 +70,8 @@ class QuasiStatic(Evolution):
         sudden: float = 2.0,
         rays: bool | None = None,
         follow_rays: bool = False,
-        accept: Callable[[EvolutionStep], bool] | None = None,
+        accept: Accept | None = None,
+        stop: Stop | None = None,
         observer: Observer | None = None,
         record: Recorder | None = None,
         progress: bool | None = None,
@@ -105,6 +109,9 @@ class QuasiStatic(Evolution):
                 (`History.others`), up to sixteen. Nobody is told of these, nor asked.
             accept: asked of every step, on every rank; one that is not accepted is tried again with
                 half the length, and is accepted at the shortest length.
+            stop: asked of every accepted step, on every rank, while its end stands in the problem,
+                whether the run ends there: with the reason, or "" to go on. A later run goes on
+                from there.
             observer: told of every accepted step while its end stands in the problem.
             record: keeps every accepted step before the observer is told of it, as
                 `records.EvolutionRecord` does.
@@ -112,27 +119,30 @@ class QuasiStatic(Evolution):
                 it takes more than some seconds.
 
         Returns:
-            The accepted steps of this run.
+            The accepted steps of this run, and in words why it ended.
 
         Raises:
             NoContinuation: see ``at_jump``; the problem is at the last accepted state.
             ValueError: on every rank, for arguments that do not fit, or data of which none can be
-                solved with; what ``load``, ``accept`` or ``observer`` raises on any rank.
+                solved with; what ``load``, ``accept``, ``stop`` or ``observer`` raises on any rank.
             OSError: on every rank, if a step cannot be recorded.
         """
-        return self._through(
-            times,
-            longest=longest,
-            shortest=shortest,
-            at_jump=at_jump,
-            sudden=sudden,
-            rays=rays,
-            follow_rays=follow_rays,
-            accept=accept,
-            observer=observer,
-            record=record,
-            progress=progress,
-        )
+        listeners = Listeners(accept, stop, observer, record, progress)
+        with everywhere(self.problem.comm, "the times of an evolution"):
+            given = checked_times(times, self._accepted)
+            if shortest is None:
+                shortest = (given[-1] - given[0]) / 2**_HALVINGS
+            task = Task(
+                given,
+                longest,
+                shortest,
+                at_jump,
+                sudden,
+                rays=rays,
+                follow_rays=bool(follow_rays),
+            )
+            listeners.check("a step", "a records.EvolutionRecord")
+        return self._begin(task, listeners)
 
     def jump(self, motion: NSCD, time: float, most: float, *, rest: float = 1e-6) -> History:
         """Go on by dynamics where an evolution has come to its end. Collective.
@@ -157,22 +167,21 @@ class QuasiStatic(Evolution):
                 `NSCD.run`.
         """
         comm = self.problem.comm
-        before = self._accepted
+        before = self._run_state
         with everywhere(comm, "a jump"):
-            if before is None or not time >= before.time:
+            if before is None or not time >= before.accepted.time:
                 raise ValueError("a jump begins where a run has ended, at its time or later")
             if motion.problem.u is not self.problem.u:
                 raise ValueError("the motion is that of another body")
         assert before is not None
-        run_state = RunState(before, math.inf, self._rate, self._number)
-        self.put(run_state)
+        self.put(before)
         try:
             with everywhere(comm, f"the load at the time {time:g}"):
                 self.load(time)
             history = motion.settle(most, rest=rest, progress=False)
             if not history.complete:
                 raise NoContinuation(f"the body moves on: {history.reason}", history)
-            a = before.energies
+            a = before.accepted.energies
             b = history.energies
             energies = Energies(
                 a.external + b.external,
@@ -182,8 +191,8 @@ class QuasiStatic(Evolution):
             )
             memory = motion.memory
             accepted = self.recalled(time, memory, energies, first=False)
-            self.put(replace(run_state, accepted=accepted, rate=None))
+            self.put(replace(before, accepted=accepted, rate=None))
         except BaseException:
-            self.put(run_state)
+            self.put(before)
             raise
         return history

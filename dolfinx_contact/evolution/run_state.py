@@ -1,42 +1,22 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Where the run of an evolution stands between two steps, and who keeps it."""
+"""Where a run is between two steps, and who keeps it."""
 
 from __future__ import annotations
 
-import itertools
-import math
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, Protocol, TypeAlias, TypeVar
+from typing import Protocol, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.evolution.accepted import AcceptedState
 from dolfinx_contact.evolution.history import EvolutionStep, History
 
-__all__ = ["AtJump", "Recorder", "RunRecorder", "RunState", "Task", "aim", "checked_times"]
+__all__ = ["RunRecorder", "RunState"]
 
 T = TypeVar("T", contravariant=True)
 S = TypeVar("S", contravariant=True)
-
-_ROUND_OFF = 1e-9  # of the whole time
-#: What to do where no solution continues the evolution, or none is found that does.
-AtJump: TypeAlias = Literal["raise", "stop", "jump"]
-
-
-@dataclass(frozen=True)
-class Task:
-    """What was asked of a run; see `QuasiStatic.run`, and `NSCD.run` for ``locate``."""
-
-    times: tuple[float, ...]
-    longest: float
-    shortest: float
-    at_jump: AtJump
-    sudden: float
-    locate: bool = False
-    rays: bool | None = None
-    follow_rays: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,12 +25,14 @@ class RunState:
 
     Attributes:
         accepted: the last accepted state.
-        length: no longer is the next step.
-        rate: of the state in the last step, of `accepted.changes` and of the largest way of a point
-            of each surface; None before the first.
-        number: of the last step, over all runs of the evolution; 0 before the first.
+        length: of the next step, or what it is no longer than.
+        rate: through times that of the state in the last step, of `accepted.changes` and of the
+            largest way of a point of each surface; None before the first, and by arc length.
+        number: of the last step, over all runs; 0 before the first.
         settled: whether it says how the run goes on. It does not in the midst of steps that were
             found together, up to a jump.
+        ending: how the run ends here; None if it goes on.
+        reason: why, in words.
     """
 
     accepted: AcceptedState
@@ -58,6 +40,8 @@ class RunState:
     rate: npt.NDArray[np.float64] | None = None
     number: int = 0
     settled: bool = True
+    ending: Ending | None = None
+    reason: str = ""
 
 
 class RunRecorder(Protocol[T, S]):
@@ -71,32 +55,3 @@ class RunRecorder(Protocol[T, S]):
 
     def end(self, history: History) -> None:
         """A run has ended otherwise than by an error of somebody else."""
-
-
-#: Keeps a run through times.
-Recorder: TypeAlias = RunRecorder[Task, RunState]
-
-
-def aim(start: float, end: float, length: float) -> float:
-    """The end of the next of equal steps to a time that are no longer than a length."""
-    steps = math.ceil((end - start) / length * (1 - 1e-12))
-    return end if steps <= 1 else start + (end - start) / steps
-
-
-def checked_times(times: Sequence[float], accepted: AcceptedState | None) -> list[float]:
-    """The times as numbers, or ``ValueError``. Not collective."""
-    try:
-        found = [float(t) for t in np.asarray(times, dtype=np.float64).reshape(-1)]
-    except (TypeError, ValueError):
-        raise ValueError(f"two or more times are needed, as numbers, got {times!r}") from None
-    if len(found) < 2 or not all(math.isfinite(t) for t in found):
-        raise ValueError(f"two or more finite times are needed, the first of them now: {times!r}")
-    for a, b in itertools.pairwise(found):
-        if not b > a:
-            raise ValueError(f"times must increase, got {b!r} after {a!r}")
-    if accepted is not None:
-        # Times that are summed up differ from those that are written down.
-        if abs(found[0] - accepted.time) > _ROUND_OFF * (found[-1] - found[0]):
-            raise ValueError(f"the evolution is at the time {accepted.time!r}, not {found[0]!r}")
-        found[0] = accepted.time
-    return found

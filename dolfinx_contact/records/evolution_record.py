@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -18,10 +18,12 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.evolution import EvolutionStep, History
-from dolfinx_contact.evolution.run import Evolution
-from dolfinx_contact.evolution.run_state import RunState, Task
+from dolfinx_contact.evolution import History
+from dolfinx_contact.evolution.evolution import Evolution, Observer, Stop
+from dolfinx_contact.evolution.run_state import RunState
+from dolfinx_contact.evolution.through_times import Accept, Task
 from dolfinx_contact.records.journal import EvolutionJournal
+from dolfinx_contact.records.lines import ending_of
 from dolfinx_contact.records.steps_record import StepsRecord
 
 __all__ = ["EvolutionRecord"]
@@ -105,6 +107,8 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, RunState]):
             "length": run_state.length,
             "rate": None if run_state.rate is None else run_state.rate.tolist(),
             "settled": run_state.settled,
+            "ending": None if run_state.ending is None else run_state.ending.name,
+            "reason": run_state.reason,
         }
 
     def _names(self) -> Iterable[str]:
@@ -135,13 +139,17 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, RunState]):
         rate = None
         if isinstance(state.get("rate"), list):
             rate = np.array(state["rate"])
-        return RunState(accepted, length, rate, number)
+        ending = ending_of(state) if state.get("reason") else None
+        return RunState(
+            accepted, length, rate, number, ending=ending, reason=state.get("reason", "")
+        )
 
     def go_on(
         self,
         *,
-        accept: Callable[[EvolutionStep], bool] | None = None,
-        observer: Callable[[EvolutionStep], object] | None = None,
+        accept: Accept | None = None,
+        stop: Stop | None = None,
+        observer: Observer | None = None,
         progress: bool | None = None,
     ) -> History:
         """Go on with the last run as it was begun; one that has ended stays as it is. Collective.
@@ -150,6 +158,7 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, RunState]):
 
         Args:
             accept: the same as at the beginning, if there was one.
+            stop: likewise.
             observer: told of the steps that are computed, beside the record.
             progress: see `QuasiStatic.run`.
 
@@ -173,7 +182,13 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, RunState]):
         known = [i for i in range(run.after + 1, len(states)) if states[i]["settled"]]
         run_state = self._resumed(run, known)
         if self._index == run.after:
-            run_state = replace(run_state, length=task.longest)
+            run_state = replace(run_state, length=task.longest, ending=None, reason="")
         return self.evolution.go_on(
-            task, run_state, accept=accept, observer=observer, record=self, progress=progress
+            task,
+            run_state,
+            accept=accept,
+            stop=stop,
+            observer=observer,
+            record=self,
+            progress=progress,
         )

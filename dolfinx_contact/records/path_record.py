@@ -145,14 +145,13 @@ class PathRecord(StepsRecord[PathJournal, PathState]):
         number = state["number"]
         return PathState(
             accepted,
-            gamma,
-            arrived,
             state["length"],
-            known,
-            number,
-            (accepted.time,),
-            ending_of(state) if state["reason"] else None,
-            state["reason"],
+            number=number,
+            ending=ending_of(state) if state["reason"] else None,
+            reason=state["reason"],
+            arrived=arrived,
+            known=known,
+            passed=(accepted.time,),
         )
 
     def begin(self, task: PathTask, run_state: PathState) -> None:

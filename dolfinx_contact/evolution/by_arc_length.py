@@ -1,66 +1,78 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""A run by arc length: from a point of the path, or from its midst, point by point."""
+"""How a path by arc length goes on: from a point, or from its midst, point by point."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dolfinx_contact.continuation.branch import BranchPoint
-from dolfinx_contact.continuation.ending import Ending, Ends
+from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.equations.state import State
-from dolfinx_contact.evolution.accepted import Stepper, Taken
+from dolfinx_contact.evolution.accepted import Taken
 from dolfinx_contact.evolution.arc_steps import ArcSteps, Arrival
-from dolfinx_contact.evolution.energy import forces_at
+from dolfinx_contact.evolution.energy import Energies, Forces, forces_at
+from dolfinx_contact.evolution.history import EvolutionStep
 from dolfinx_contact.evolution.path import PathEvent, PathStep
 from dolfinx_contact.evolution.path_state import PathState, PathTask
+from dolfinx_contact.evolution.path_stepper import PathStepper
 from dolfinx_contact.evolution.rate_problem import Directions
+from dolfinx_contact.evolution.rule import Advance, Rule
 from dolfinx_contact.parametric import ParametricContact
+from dolfinx_contact.results.result import Result
 from dolfinx_contact.results.tables import violation
 
-__all__ = ["PathRun"]
+__all__ = ["ByArcLength"]
 
 _VIOLATION = 1e-6  # of the law, beyond which a point was come to in the wrong statuses
 _NOWHERE = 1e-6  # mean length of steps that lead nowhere
 _PATIENT = 10  # such steps, and two for each contact point, are allowed
 
 
-class PathRun(Ends):
-    """A run: where it is, and how it goes on.
+@dataclass(frozen=True, eq=False)
+class _Solved:
+    """A point that was solved for, and what goes with it."""
+
+    arrival: Arrival
+    result: Result
+    state: State
+    forces: Forces
+    energies: Energies
+
+
+class ByArcLength(Rule[PathTask, PathState]):
+    """A path: the next point is at a given arc length from the last, under a load that is found.
 
     Args:
         system: the contact problem and its load.
         stepper: of the problem.
         steps: of the run.
-        task: what was asked.
-        run_state: where it begins, or stood.
-
-    Attributes:
-        ending: how it ends; None while it goes on.
-        reason: why, in words.
+        task: of the run.
+        run_state: where it begins, or goes on.
     """
+
+    what = "path"
+    units = "points"
 
     def __init__(
         self,
         system: ParametricContact,
-        stepper: Stepper,
+        stepper: PathStepper,
         steps: ArcSteps,
         task: PathTask,
         run_state: PathState,
     ):
+        super().__init__(task, run_state)
         self._system = system
         self._stepper = stepper
         self._steps = steps
-        self._task = task
         self._accepted = run_state.accepted
         self._arrived = run_state.arrived
-        self._h = run_state.length
+        self._length = run_state.length
         self._number = run_state.number
         self._passed = run_state.passed
-        self._gamma = run_state.gamma
-        self.ending = run_state.ending
-        self.reason = run_state.reason
         self._leaves: BranchPoint | None = None
         surfaces = stepper.problem.surfaces
         self._weak = any(s.points.E is not None for s in surfaces)
@@ -69,35 +81,50 @@ class PathRun(Ends):
         steps.know(run_state.known)
 
     @property
+    def run_state(self) -> PathState:
+        return PathState(
+            self._accepted,
+            self._length,
+            number=self._number,
+            ending=self.ending,
+            reason=self.reason,
+            arrived=self._arrived,
+            known=self._steps.known,
+            passed=self._passed,
+        )
+
+    def advances(self) -> Iterator[Advance]:
+        while self.taken < self.task.max_steps:
+            solved = self._next()
+            if solved is None:
+                return
+            yield self._accept(solved)
+        self.end(Ending.BUDGET, f"the budget of {self.task.max_steps} steps is exhausted")
+
+    @property
     def taken(self) -> int:
         """Number of the points that it has accepted."""
         return len(self._passed) - 1
 
-    @property
-    def run_state(self) -> PathState:
-        """Where it stands."""
-        return PathState(
-            self._accepted,
-            self._gamma,
-            self._arrived,
-            self._h,
-            self._steps.known,
-            self._number,
-            self._passed,
-            self.ending,
-            self.reason,
+    def where(self, step: EvolutionStep) -> str:
+        assert isinstance(step, PathStep)
+        low, high = self.task.gamma_range
+        return (
+            f"gamma {step.gamma:.6g} in [{low:.6g}, {high:.6g}]  point {step.number}  {step.event}"
         )
 
-    def leave(self) -> None:
-        """Find the way by which the path leaves the state that stands in the problem. Collective.
+    def begin(self) -> None:
+        """Find the way by which the path leaves the state that is in the problem. Collective.
 
         Raises:
             ValueError: on every rank, if it is the start, and no solution.
         """
+        if self.ending is not None:
+            return
         steps = self._steps
-        direction = self._task.direction
+        direction = self.task.direction
         if self._arrived is None:
-            point = self._start(1.0 if direction == "increasing" else -1.0)
+            point = self._first(1.0 if direction == "increasing" else -1.0)
             ways = steps.rate_problem(point.y, point.piece).begun(point.piece, point.tangent)
             self._take(point, ways)
             return
@@ -110,16 +137,16 @@ class PathRun(Ends):
         if direction == "back" and not self.taken:
             ways = rates.back(point.piece, point.tangent)
         else:
-            ways = rates.onwards(point.piece, point.tangent, every=self._task.rays)
+            ways = rates.onwards(point.piece, point.tangent, every=self.task.rays)
         self._take(point, ways)
 
-    def _start(self, sense: float) -> BranchPoint:
+    def _first(self, sense: float) -> BranchPoint:
         """The point at the state of the start, with the rate of the load as its tangent."""
         b = self._steps.bordered
         problem = self._stepper.problem
         known = self._accepted.statuses
         y = b.vector()
-        gamma = self._gamma
+        gamma = self._accepted.gamma
         x = problem.create_vector()
         problem.write(x)
         b.join(x, gamma, y)
@@ -142,12 +169,12 @@ class PathRun(Ends):
             "whether there is one is not decided",
         )
 
-    def step(self) -> tuple[PathStep, Taken] | None:
-        """The next accepted point; None, with a reason, where there is none. Collective."""
+    def _next(self) -> _Solved | None:
+        """The next point, in the statuses of its state; None, with a reason, if there is none."""
         assert self._leaves is not None
         system = self._system
         while True:
-            found = self._steps.arrive(self._leaves, self._h, self._task.gamma_range)
+            found = self._steps.arrive(self._leaves, self._length, self.task.gamma_range)
             if found is None:
                 reason = (
                     f"no step of at least {self._steps.control.minimum:g} succeeds beyond "
@@ -157,57 +184,67 @@ class PathRun(Ends):
                     reason += f"; {system.kinks_in_gamma}"
                 self.end(Ending.NOT_SOLVED, reason)
                 return None
-            before = self._accepted
-            point = found.point
-            result = system.result_at(point)
+            result = system.result_at(found.point)
             state = self._stepper.problem.state()
             if self._weak or self._violation(state) <= _VIOLATION:
                 break
             # Bonds were taken for damaging that are not, or the other way round, within the step.
-            self._h = 0.5 * min(self._h, point.step)
-        self._h = found.next_h
-        eq = system.equations
-        energies = before.energies.advanced(
-            before.forces, forces := forces_at(eq, state), result.energies["friction"]
-        )
+            self._length = 0.5 * min(self._length, found.point.step)
+        forces = forces_at(system.equations, state)
+        before = self._accepted
+        energies = before.energies.advanced(before.forces, forces, result.energies["friction"])
         if not np.isfinite(energies.residue):
-            where = f"beyond gamma = {self._gamma:.10g} a law gives a number that is not finite"
+            where = f"beyond gamma = {before.gamma:.10g} a law gives a number that is not finite"
             self.end(Ending.NOT_SOLVED, where)
             return None
-        self._accepted = self._stepper.accepted(
-            before.time + point.step, state.statuses, eq.advanced(state), forces, energies
+        return _Solved(found, result, state, forces, energies)
+
+    def _accept(self, solved: _Solved) -> Advance:
+        """Accept a point, with the memory of which the path goes on. Collective."""
+        system = self._system
+        eq = system.equations
+        before = self._accepted
+        found = solved.arrival
+        point = found.point
+        after = self._stepper.accepted(
+            before.time + point.step,
+            solved.state.statuses,
+            eq.advanced(solved.state),
+            solved.forces,
+            solved.energies,
         )
+        self._accepted = after
+        self._length = found.next_h
         self._arrived = point
-        self._gamma = point.gamma
         self._number = self._number + 1
-        self._passed = (*self._passed, self._accepted.time)
-        eq.remember(self._accepted.memory)
+        self._passed = (*self._passed, after.time)
+        eq.remember(after.memory)
         ways = Directions(None)
         event: PathEvent = ""
         if found.at == "end":
             self.end(Ending.REACHED)
         else:
             rates = self._steps.rate_problem(point.y, point.piece)
-            ways = rates.onwards(point.piece, point.tangent, every=self._task.rays)
+            ways = rates.onwards(point.piece, point.tangent, every=self.task.rays)
             self._take(point, ways)
             event = self._event(found)
+        self._end_if_stuck()
         letters = system.letters(point.piece)
-        after = letters if self._leaves is None else system.letters(self._leaves.piece)
         step = PathStep(
             self._number,
             before.time,
-            self._accepted.time,
-            result,
-            energies,
+            after.time,
+            solved.result,
+            solved.energies,
             gamma=point.gamma,
             event=event,
             before=letters,
-            after=after,
+            after=letters if self._leaves is None else system.letters(self._leaves.piece),
             ways=1 + 2 * len(found.bifurcations) if found.bifurcations else ways.number,
             method="a bifurcation of one piece" if found.bifurcations else ways.method,
             corrections=point.corrections,
         )
-        return step, Taken(before, self._accepted, result)
+        return Advance(step, Taken(before, after, solved.result))
 
     def _violation(self, state: State) -> float:
         """Of the law, beside the largest forces on the path: one may pass where there are none."""
@@ -228,13 +265,14 @@ class PathRun(Ends):
             return ""
         return "nonsmooth fold" if self._steps.turned(a.tangent, b.tangent) else "kink"
 
-    def stuck(self) -> str:
-        """Why the path gets nowhere; "" if it does."""
+    def _end_if_stuck(self) -> None:
+        """End the path if it gets nowhere."""
         number = self._patience
         last = self._passed[-self._patience - 1 :]
-        if len(last) <= number or last[-1] - last[0] > number * _NOWHERE:
-            return ""
-        return (
-            f"statuses change without end at gamma = {self._gamma:.10g}, where no step of more "
-            f"than {_NOWHERE:g} succeeds"
+        if self.ending or len(last) <= number or last[-1] - last[0] > number * _NOWHERE:
+            return
+        self.end(
+            Ending.NOT_FOUND,
+            f"statuses change without end at gamma = {self._accepted.gamma:.10g}, where no step of "
+            f"more than {_NOWHERE:g} succeeds",
         )

@@ -1,0 +1,196 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Contact problems in time: what quasi-static evolutions and motions have in common."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
+from typing import ClassVar, TypeAlias
+
+from mpi4py import MPI
+
+import ufl
+from dolfinx import fem
+
+from dolfinx_contact._errors import everywhere, same_everywhere
+from dolfinx_contact._frozen import ReadOnly
+from dolfinx_contact.continuation.ending import Ending
+from dolfinx_contact.equations.given_data import Datum
+from dolfinx_contact.evolution.accepted import AcceptedState, Stepper, Taken
+from dolfinx_contact.evolution.energy import Energies
+from dolfinx_contact.evolution.history import EvolutionStep, History, NoContinuation
+from dolfinx_contact.evolution.listeners import Listeners
+from dolfinx_contact.evolution.run import Run
+from dolfinx_contact.evolution.run_state import RunState
+from dolfinx_contact.evolution.through_times import Accept, Recorder, Task, ThroughTimes
+from dolfinx_contact.points.memory import Memory
+from dolfinx_contact.problem import ContactProblem
+
+__all__ = ["Evolution", "Observer", "Stop"]
+
+#: Told of every accepted step, on every rank.
+Observer: TypeAlias = Callable[[EvolutionStep], object]
+#: Asked of every accepted step; answers with the reason to end the run there, or "".
+Stop: TypeAlias = Callable[[EvolutionStep], str]
+
+_MOST_FORKS = 16  # evolutions along other rays
+
+
+class Evolution(ReadOnly):
+    """A contact problem in time: runs through times, step by step, which a `Stepper` takes.
+
+    Args:
+        problem: the contact problem.
+        load: called with a time, on every rank, sets Constants and Functions of the problem's data
+            to what they are then.
+
+    Attributes:
+        problem: as given.
+        load: as given; it may be set between two runs, all else is read-only.
+        account: what its energies are.
+        method: what it is known by beside the problem, in words.
+        kept: Functions that a state has beside those of the problem, by name.
+        data: Functions and Constants beside those of the problem, as in a density.
+        forms: beside those of the problem, as one of damping.
+
+    Raises:
+        ValueError: on every rank, if arguments do not fit.
+    """
+
+    _may_be_set = ("load",)
+    _instead: ClassVar[Mapping[str, str]] = {
+        "": "what changes in time are values of Constants and Functions, which the load sets; else "
+        "make another evolution"
+    }
+    account: type[Energies] = Energies
+    method: Sequence[str] = ()
+    kept: Mapping[str, fem.Function] = {}
+    data: Sequence[Datum] = ()
+    forms: Sequence[ufl.Form] = ()
+
+    def __init__(self, problem: ContactProblem, load: Callable[[float], object]):
+        if not isinstance(problem, ContactProblem):
+            raise ValueError(f"a ContactProblem is needed, got {type(problem).__name__}")
+        with everywhere(problem.comm, "an evolution"):
+            if not callable(load):
+                raise ValueError(f"the load must be a function of the time, got {load!r}")
+            for s in problem.surfaces:
+                lack = s.law.lacks(history=True)
+                if lack:
+                    raise ValueError(f"{s.name}: the law {s.law.name} lacks {lack}")
+        self.problem = problem
+        self.load = load
+        self._run_state: RunState | None = None
+
+    def go_on(
+        self,
+        task: Task,
+        run_state: RunState,
+        *,
+        accept: Accept | None = None,
+        stop: Stop | None = None,
+        observer: Observer | None = None,
+        record: Recorder | None = None,
+        progress: bool | None = None,
+    ) -> History:
+        """Go on with a run from where it was, as a record does. Collective.
+
+        Args:
+            task: what was asked of the run.
+            run_state: where it was.
+            accept: as in the run, as for what follows, the errors and the result.
+            stop: likewise.
+            observer: told of the steps from there on.
+            record: keeps them.
+            progress: whether to say where it is.
+        """
+        listeners = Listeners(accept, stop, observer, record, progress)
+        with everywhere(self.problem.comm, "an evolution"):
+            listeners.check("a step", "a records.EvolutionRecord")
+        listeners.require_same(self.problem.comm)
+        return self._run(task, run_state, listeners, new=False)
+
+    def put(self, run_state: RunState) -> None:
+        """Put the evolution where a run of it ended, from which the next goes on. Collective."""
+        self._run_state = run_state
+        self._stepper(None).put(run_state.accepted)
+
+    def recalled(
+        self, time: float, memory: Sequence[Memory | None], energies: Energies, *, first: bool
+    ) -> AcceptedState:
+        """The state that stands in Functions, statuses and rigid bodies, as one of it. Collective.
+
+        Args:
+            time: of the state.
+            memory: that it left.
+            energies: since the start.
+            first: whether it is the start of the evolution, whose statuses are not known.
+        """
+        return self._stepper(None).recalled(time, memory, energies, first=first)
+
+    @property
+    def _accepted(self) -> AcceptedState | None:
+        """The last accepted state; None before the first run."""
+        return None if self._run_state is None else self._run_state.accepted
+
+    def _stepper(self, progress: bool | None) -> Stepper:
+        return Stepper(self.problem, self.load, False if progress is False else None)
+
+    def _begin(self, task: Task, listeners: Listeners) -> History:
+        """A new run, from the last accepted state if there is one. Collective.
+
+        Args:
+            task: of the run, whose times begin at that state.
+            listeners: checked.
+        """
+        comm = self.problem.comm
+        same_everywhere(comm, **asdict(task))
+        listeners.require_same(comm)
+        stepper = self._stepper(listeners.progress)
+        before = self._run_state
+        if before is None:
+            accepted = stepper.start(task.times[0])
+            return self._run(task, RunState(accepted, task.longest), listeners, new=True)
+        accepted = before.accepted
+        if not comm.allreduce(int(accepted.data.stands()), op=MPI.MIN):
+            # Data that were changed between two runs are those of the next.
+            accepted = stepper.renewed(accepted)
+        run_state = RunState(accepted, task.longest, before.rate, before.number)
+        return self._run(task, run_state, listeners, new=True)
+
+    def _run(self, task: Task, run_state: RunState, listeners: Listeners, *, new: bool) -> History:
+        """A run from where it is to its end. Collective."""
+        stepper = self._stepper(listeners.progress)
+        rule = ThroughTimes(stepper, task, run_state, listeners.accept)
+        history = _history_from(run_state.accepted)
+        run = Run(stepper, rule, listeners, history)
+        try:
+            run.go(new=new)
+        finally:
+            self._run_state = run.run_state or self._run_state
+        history.others = _followed(rule.forks, stepper, task)
+        stepper.put(rule.run_state.accepted)
+        if rule.failed and task.at_jump != "stop":
+            raise NoContinuation(history.reason, history) from rule.failure
+        return history
+
+
+def _history_from(accepted: AcceptedState) -> History:
+    """A history that begins at a state."""
+    return History(accepted.time, accepted.energies)
+
+
+def _followed(forks: Sequence[Taken], stepper: Stepper, task: Task) -> list[History]:
+    """Evolutions along the rays that a run did not take, and along theirs. Collective."""
+    found: list[History] = []
+    left = list(forks)
+    while left and len(found) < _MOST_FORKS:
+        first = left.pop(0)
+        rule = ThroughTimes(stepper, task, RunState(first.before, task.longest), first=first)
+        run = Run(stepper, rule, Listeners(progress=False), _history_from(first.before))
+        found.append(run.go(new=False))
+        left += rule.forks
+    for rest in left:
+        found.append(_history_from(rest.before))
+        found[-1].end(Ending.BUDGET, f"not followed: more than {_MOST_FORKS} evolutions")
+    return found

@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""What users give to a run beside its task: who looks on, and who decides."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from mpi4py import MPI
+
+from dolfinx_contact._errors import same_everywhere
+from dolfinx_contact.continuation.arguments import check_functions, check_progress
+from dolfinx_contact.evolution.run_state import RunRecorder
+
+__all__ = ["Listeners"]
+
+
+@dataclass(frozen=True)
+class Listeners:
+    """Who looks on in a run, and who decides; see `QuasiStatic.run`.
+
+    Attributes:
+        accept: asked of every step whether it is accepted.
+        stop: asked of every accepted step whether the run ends with it.
+        observer: told of every accepted step.
+        record: keeps every accepted step.
+        progress: whether rank 0 shows where the run is.
+    """
+
+    accept: Callable[[Any], bool] | None = None
+    stop: Callable[[Any], str] | None = None
+    observer: Callable[[Any], object] | None = None
+    record: RunRecorder[Any, Any] | None = None
+    progress: bool | None = None
+
+    def check(self, of: str, record: str) -> None:
+        """Raise ``ValueError`` for what is none. Not collective.
+
+        Args:
+            of: what functions are called with.
+            record: the class that a record has to be of, in words.
+        """
+        check_functions(of, accept=self.accept, stop=self.stop, observer=self.observer)
+        if self.record is not None and not hasattr(self.record, "begin"):
+            raise ValueError(f"record must be {record}, got {self.record!r}")
+        check_progress(self.progress)
+
+    def require_same(self, comm: MPI.Comm) -> None:
+        """Raise ``ValueError`` on every rank where some ranks have what others lack. Collective."""
+        same_everywhere(
+            comm, stop_condition=self.stop is not None, a_record=self.record is not None
+        )

@@ -1,0 +1,417 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""How a run goes on through times.
+
+A step that no strategy solves is tried with a quarter of the length, down to a least one. A step in
+which the state changes much faster than in the one before is looked at more closely, by halves
+(`jumps`): where the change does not shrink with the step what was found is beyond a jump, if it is
+proved that no solution continues the evolution; else none was found that does, and that is said.
+Times that the user asks for are hit exactly.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal, TypeAlias, get_args
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact._errors import everywhere
+from dolfinx_contact._numbers import is_number
+from dolfinx_contact.continuation.ending import Ending
+from dolfinx_contact.evolution.accepted import (
+    AcceptedState,
+    Stepper,
+    Taken,
+    changes,
+    largest_at_points,
+)
+from dolfinx_contact.evolution.forks import Forked, Forks
+from dolfinx_contact.evolution.history import EvolutionStep
+from dolfinx_contact.evolution.jumps import Found, find_jump, where_it_changes
+from dolfinx_contact.evolution.rule import Advance, Rule
+from dolfinx_contact.evolution.run_state import RunRecorder, RunState
+from dolfinx_contact.laws.status import closed
+from dolfinx_contact.solvers import ConvergenceError
+
+__all__ = ["Accept", "AtJump", "Recorder", "Task", "ThroughTimes", "checked_times"]
+
+#: What to do where no solution continues the evolution, or none is found that does.
+AtJump: TypeAlias = Literal["raise", "stop", "jump"]
+#: Asked of every step whether it is accepted.
+Accept: TypeAlias = Callable[[EvolutionStep], bool]
+
+_ROUND_OFF = 1e-9  # of the whole time
+_SUDDEN = 2.0  # times the rate before: a step that was found from beyond is a jump
+_SLIPS = 0.5  # of the rate of the body, at most, that of points that begin to
+_BREAKS = 0.25  # of a bond, lost in a step: it may have snapped
+_FURTHER = 4.0  # times as far in time, the next at which a solution is looked for
+_MOST_FURTHER = 20  # such times
+_REACHED = "the last time is reached"
+
+
+@dataclass(frozen=True)
+class Task:
+    """What was asked of a run; see `QuasiStatic.run`, and `NSCD.run` for ``locate``.
+
+    Raises:
+        ValueError: if it does not fit.
+    """
+
+    times: tuple[float, ...]
+    longest: float
+    shortest: float
+    at_jump: AtJump = "raise"
+    sudden: float = math.inf
+    locate: bool = False
+    rays: bool | None = False
+    follow_rays: bool = False
+
+    def __post_init__(self) -> None:
+        for name in ("longest", "shortest", "sudden"):
+            value = getattr(self, name)
+            if not is_number(value):
+                raise ValueError(f"{name} must be a number, got {value!r}")
+            object.__setattr__(self, name, float(value))
+        least = self.shortest
+        if not (math.isfinite(least) and least > 0 and self.longest >= least):
+            raise ValueError(
+                f"steps must have 0 < shortest <= longest, got {least}, {self.longest}"
+            )
+        if self.at_jump not in get_args(AtJump):
+            raise ValueError(f"at_jump is {self.at_jump!r}: known are {get_args(AtJump)}")
+        if self.rays not in (True, False, None) or (self.follow_rays and self.rays is False):
+            raise ValueError(f"rays must be True, False or None, to follow some too: {self.rays!r}")
+        if not self.sudden >= 1:
+            raise ValueError(f"sudden must be 1 or more, got {self.sudden}")
+
+
+#: Keeps a run through times.
+Recorder: TypeAlias = RunRecorder[Task, RunState]
+
+
+def checked_times(times: Sequence[float], accepted: AcceptedState | None) -> tuple[float, ...]:
+    """The times as numbers, or ``ValueError``. Not collective."""
+    try:
+        found = [float(t) for t in np.asarray(times, dtype=np.float64).reshape(-1)]
+    except (TypeError, ValueError):
+        raise ValueError(f"two or more times are needed, as numbers, got {times!r}") from None
+    if len(found) < 2 or not all(math.isfinite(t) for t in found):
+        raise ValueError(f"two or more finite times are needed, the first of them now: {times!r}")
+    for a, b in itertools.pairwise(found):
+        if not b > a:
+            raise ValueError(f"times must increase, got {b!r} after {a!r}")
+    if accepted is not None:
+        # Times that are summed up differ from those that are written down.
+        if abs(found[0] - accepted.time) > _ROUND_OFF * (found[-1] - found[0]):
+            raise ValueError(f"the evolution is at the time {accepted.time!r}, not {found[0]!r}")
+        found[0] = accepted.time
+    return tuple(found)
+
+
+class _Ended(Exception):
+    """A run cannot go on: no solution continues it, none was found, or a step was not solved."""
+
+    def __init__(self, ending: Ending, reason: str):
+        super().__init__(reason)
+        self.ending = ending
+
+
+class ThroughTimes(Rule[Task, RunState]):
+    """Goes from time to time, in steps that may be shorter.
+
+    Args:
+        stepper: takes the steps.
+        task: of the run.
+        run_state: where it begins, or goes on.
+        accept: asked of every step that could be shorter, whether it is accepted.
+        first: a step that is accepted before any other.
+
+    Attributes:
+        failed: whether the run ended since nothing leads on from its last state.
+        failure: why a step was not solved, then; None if that is not why.
+        forks: steps along other rays, which are to be followed.
+    """
+
+    what = "evolution"
+    units = "steps"
+
+    def __init__(
+        self,
+        stepper: Stepper,
+        task: Task,
+        run_state: RunState,
+        accept: Accept | None = None,
+        *,
+        first: Taken | None = None,
+    ):
+        super().__init__(task, run_state)
+        self.failed = False
+        self.failure: BaseException | None = None
+        self.forks: list[Taken] = []
+        self._stepper = stepper
+        self._accepts = accept
+        self._first = first
+        self._accepted = run_state.accepted
+        self._length = run_state.length
+        self._rate = run_state.rate
+        self._number = run_state.number
+        self._settled = True
+        self._rejected = 0
+        self._forks = Forks(stepper, task.rays)
+
+    @property
+    def run_state(self) -> RunState:
+        return RunState(
+            self._accepted,
+            self._length,
+            self._rate,
+            self._number,
+            self._settled,
+            self.ending,
+            self.reason,
+        )
+
+    def advances(self) -> Iterator[Advance]:
+        try:
+            if self._first is not None:
+                yield self._accept(Forked(self._first))
+            for end in self.task.times:
+                yield from self._to(end)
+        except _Ended as ended:
+            self.end(ended.ending, str(ended))
+            self.failed = True
+            self.failure = ended.__cause__
+        if self.ending is None:
+            self.end(Ending.REACHED, _REACHED)
+
+    def where(self, step: EvolutionStep) -> str:
+        return (
+            f"time {step.time:.6g} of {self.task.times[-1]:.6g}  step {step.number}, of "
+            f"{step.time - step.start:.2g}"
+        )
+
+    def part(self, step: EvolutionStep) -> float:
+        start = self.start.accepted.time
+        return (step.time - start) / (self.task.times[-1] - start)
+
+    def _to(self, end: float) -> Iterator[Advance]:
+        """The steps to a time."""
+        while self._accepted.time < end:
+            goal = _aim(self._accepted.time, end, self._length)
+            try:
+                forked = self._forks.take(self._accepted, goal)
+            except ConvergenceError as error:
+                beyond = self._shorten(goal, error)
+                if beyond is not None:
+                    yield beyond
+                continue
+            taken = forked.taken
+            found = self._jump(taken)
+            if found is not None:
+                for before in found.steps:
+                    settled = found.far is None and before is found.steps[-1]
+                    yield self._accept(Forked(before), settled=settled)
+                if found.far is not None:
+                    yield self._jump_over(found, found.far)
+            elif self._wanted(taken):
+                yield self._accept(forked)
+            else:
+                self._shorten(goal)
+
+    def _accept(self, forked: Forked, *, jump: bool = False, settled: bool = True) -> Advance:
+        """Go to the end of a step."""
+        taken = forked.taken
+        step = self._step(taken, jump, forked.ways)
+        if self.task.follow_rays:
+            self.forks += self._forks.others(forked)
+        if not jump:
+            self._rate = _rate(self._stepper.problem.comm, taken)
+        self._accepted = taken.after
+        self._number = step.number
+        self._settled = settled
+        self._rejected = 0
+        self._length = min(2 * self._length, self.task.longest)
+        if taken.after.time >= self.task.times[-1]:
+            self.end(Ending.REACHED, _REACHED)
+        return Advance(step, taken)
+
+    def _step(self, taken: Taken, jump: bool, ways: int | None = None) -> EvolutionStep:
+        return EvolutionStep(
+            self._number + 1,
+            taken.before.time,
+            taken.after.time,
+            taken.result,
+            taken.after.energies,
+            self._rejected,
+            jump,
+            ways,
+        )
+
+    def _jump(self, taken: Taken) -> Found | None:
+        """What is found in a step that changes the state suddenly; None if it is no jump."""
+        if math.isinf(self.task.sudden) or not taken.before.solved:
+            return None
+        slow = self._sudden(taken, self.task.sudden)
+        if slow is None:
+            return None
+        return find_jump(self._stepper, taken, slow, self.task.shortest)
+
+    def _sudden(self, taken: Taken, times: float) -> npt.NDArray[np.float64] | None:
+        """Rates up to which nothing jumps in a step that is sudden; None if it is not. Collective.
+
+        Args:
+            taken: the step.
+            times: the rate of the step before that are sudden.
+        """
+        before = self._rate
+        comm = self._stepper.problem.comm
+        rate = _rate(comm, taken)
+        n = len(self._stepper.problem.surfaces)
+        means = slice(2, 2 + n)
+        bonds = slice(2 + n, 2 + 2 * n)
+        one = slice(2 + 2 * n, None)
+        if before is not None and before.shape != rate.shape:
+            before = None  # that of an older record, which had other rates
+        slow = np.zeros_like(rate) if before is None else times * before
+        if before is not None:  # points that begin to slip come to be as fast as the body
+            for part in (means, one):
+                slow[part] = np.maximum(slow[part], _SLIPS * before[0])
+        slow[0] = math.inf
+        fast = rate > slow
+        fast[bonds] = largest_at_points(comm, taken.before, taken.after)[1] > _BREAKS
+        if not fast.any():
+            return None
+        # In a mean what one point does is small, and a bond that breaks is no rate.
+        known = np.where(fast[: 2 + n].any(), slow, 0.0)[: one.start]
+        known[0] = math.inf
+        known[bonds] = 0.0
+        return np.asarray(known)
+
+    def _jump_over(self, found: Found, far: Taken) -> Advance:
+        """Accept a step whose end is far as a jump, or end the run there and say why."""
+        a = far.before
+        b = far.after
+        if self.task.at_jump == "jump":
+            return self._accept(Forked(far), jump=True)
+        beyond = f"beyond the time {a.time:.10g}"
+        least = self.task.shortest
+        there = where_it_changes(self._stepper, a, b)
+        if found.proved:
+            ending = Ending.NO_SOLUTION
+            words = (
+                f"no solution continues the evolution in the step from {a.time:.10g} to "
+                f"{b.time:.10g}, where {found.why}; at its end another one was found, {there}"
+            )
+        elif found.failure is not None:
+            ending = Ending.NOT_SOLVED
+            words = (
+                f"no step {beyond} was solved, down to {least:.2g}, that leads on from it; in a "
+                f"solution further off, at {b.time:.10g}, {there}. Whether one continues the "
+                f"evolution is not decided: {found.failure}"
+            )
+        else:
+            ending = Ending.NOT_FOUND
+            words = (
+                f"no solution {beyond} was found that continues the evolution, in a step of "
+                f"{b.time - a.time:.2g}; at its end another one was found, {there}. Whether one "
+                f"does is not decided: {found.why}"
+            )
+        raise _Ended(ending, words) from found.failure
+
+    def _shorten(self, goal: float, error: ConvergenceError | None = None) -> Advance | None:
+        """Try half the step next time, or a quarter if there was an error; end if too short.
+
+        The step that jumps then, if it may; else None.
+        """
+        length = goal - self._accepted.time
+        part = 2 if error is None else 4
+        if length / part < self.task.shortest:
+            if error is not None and self.task.at_jump == "jump":
+                beyond = self._beyond(goal)
+                if beyond is not None:
+                    times = min(self.task.sudden, _SUDDEN)
+                    jump = self._sudden(beyond, times) is not None
+                    return self._accept(Forked(beyond), jump=jump)
+            raise _Ended(
+                Ending.NOT_SOLVED,
+                f"no solution was found beyond the time {self._accepted.time:.10g}, in a step of "
+                f"{length:.2g}, which was not solved: {error}",
+            ) from error
+        self._length = length / part
+        self._rejected = self._rejected + 1
+        return None
+
+    def _beyond(self, goal: float) -> Taken | None:
+        """A step to a time at which no solution was found near; None if there is none either.
+
+        A solution further off in time is where the solver begins then, or one between. Collective.
+        """
+        far: Taken | None = None
+        start = self._accepted
+        last = self.task.times[-1]
+        ahead = [start.time + (goal - start.time) * _FURTHER**k for k in range(1, _MOST_FURTHER)]
+        for time in [*(t for t in ahead if t < last), last]:
+            try:
+                far = self._stepper.take(start, time)
+                break
+            except ConvergenceError:
+                continue
+        while far is not None:
+            likely = (far.after.statuses,)
+            try:
+                return self._stepper.take(start, goal, likely=likely, guess=far.after)
+            except ConvergenceError:
+                between = start.time + (far.after.time - start.time) / _FURTHER
+            if not goal < between < far.after.time:
+                return None
+            try:
+                far = self._stepper.take(start, between, likely=likely, guess=far.after)
+            except ConvergenceError:
+                return None
+        return None
+
+    def _wanted(self, taken: Taken) -> bool:
+        """Whether the user accepts a step that could be shorter. Collective."""
+        comm = self._stepper.problem.comm
+        shorter = (taken.after.time - taken.before.time) / 2 >= self.task.shortest
+        if shorter and self.task.locate and _closes(comm, taken):
+            return False
+        if not (shorter and comm.allreduce(int(self._accepts is not None))):
+            return True
+        self._stepper.show(taken)
+        wanted = True
+        with everywhere(comm, "accept"):
+            if self._accepts is not None:
+                answer = self._accepts(self._step(taken, False))
+                if not isinstance(answer, bool | np.bool_):
+                    raise ValueError(f"accept must answer True or False, got {answer!r}")
+                wanted = bool(answer)
+        # All that were asked must want it.
+        return not comm.allreduce(int(not wanted))
+
+
+def _aim(start: float, end: float, length: float) -> float:
+    """The end of the next of equal steps to a time that are no longer than a length."""
+    steps = math.ceil((end - start) / length * (1 - 1e-12))
+    return end if steps <= 1 else start + (end - start) / steps
+
+
+def _closes(comm: MPI.Comm, taken: Taken) -> bool:
+    """Whether a point closes in a step. Collective."""
+    a = taken.before.shown
+    b = taken.after.shown
+    mine = any(bool((closed(y) & ~closed(x)).any()) for x, y in zip(a, b, strict=True))
+    return bool(comm.allreduce(int(mine)))
+
+
+def _rate(comm: MPI.Comm, taken: Taken) -> npt.NDArray[np.float64]:
+    """Of the state in a step: of `changes`, then of the farthest ways of a point. Collective."""
+    ways, _ = largest_at_points(comm, taken.before, taken.after)
+    found = np.concatenate([changes(comm, taken.before, taken.after), ways])
+    return np.asarray(found / (taken.after.time - taken.before.time))
