@@ -115,10 +115,9 @@ def main(argv=None):
     x = system.create_vector()  # zero: in its place, nothing touches
     locate = first_contact(system) if args.kinks == "batched" else None
     control = StepControl(kinks=args.kinks)
-    progress = io.Progress(comm)
     with Follower(system, control, gamma_scale=1.0, locate=locate) as follower:
         start = follower.start(x, 0.0)
-        branch = follower.run(start, (0.0, 1.0), max_steps=args.max_steps, observer=progress)
+        branch = follower.run(start, (0.0, 1.0), max_steps=args.max_steps, progress=True)
     forces = {"sum_rn": records.total("rn"), "sum_rt": records.total("rt")}
     journal = records.journal_of(system, [branch], forces)
     draw(folder, comm, system, material, branch, journal)

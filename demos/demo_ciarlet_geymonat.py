@@ -97,9 +97,8 @@ def main(argv=None):
     result = system.problem.solve()
     x = system.create_vector()
     system.problem.write(x)
-    progress = io.Progress(comm)
     begun = time.perf_counter()
-    diagram = explore(system, [(x, 1.0)], gamma_range=(-1.0, 1.0), observer=progress)
+    diagram = explore(system, [(x, 1.0)], gamma_range=(-1.0, 1.0), progress=True)
     seconds = time.perf_counter() - begun
 
     # The first branch was followed from its far end, the others from the degenerate point.

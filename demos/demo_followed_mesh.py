@@ -129,12 +129,11 @@ def main(argv=None):
     body.problem.solve()
     body.problem.write(x)
     way = dict(gamma_range=(0.0, 1.0), route=args.route)
-    progress = io.Progress(comm)
     kept = dict(record=args.record, resume=args.resume)
     if args.record:
         kept["series"] = folder
     branch, journal = records.follow_with_journal(
-        body, x, first, SEEN, max_steps=args.max_steps, observer=progress, **way, **kept
+        body, x, first, SEEN, max_steps=args.max_steps, progress=True, **way, **kept
     )
     summary = branch.summary() | journal.summary()
     summary["dofs"] = x.getSize()

@@ -453,7 +453,7 @@ def recorded_branch():
     x = started(system, 0.0)
     with new_folder() as folder:
         with BranchRecord(folder, system) as kept:
-            followed = follow(system, x, 0.0, gamma_range=(0.0, 1.0), observer=kept)
+            followed = follow(system, x, 0.0, gamma_range=(0.0, 1.0), record=kept)
         return with_journal(branch(system, followed), read_journal(folder).rows())
 
 

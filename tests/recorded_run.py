@@ -75,7 +75,7 @@ def record(system, functionals, folder, *, every=7, max_steps=1000, **options):
             gamma_range=(-0.1, 1.0),
             control=CONTROL,
             max_steps=max_steps,
-            observer=r,
+            record=r,
         )
 
 

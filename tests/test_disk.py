@@ -19,7 +19,7 @@ import recorded_run
 from blocks import block
 from recorded_run import moved_block, record
 
-from dolfinx_contact.continuation import Observer, Observers, follow
+from dolfinx_contact.continuation import Observer, follow
 from dolfinx_contact.io import fields, write_contact_table, write_fields, write_summary
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.plot import draw_diagram, picture_of_contact, picture_of_states
@@ -234,7 +234,8 @@ def run_until_full(folder, every, size):
             gamma_range=(-0.1, 1.0),
             control=recorded_run.CONTROL,
             max_steps=9,
-            observer=Observers(r, fills),
+            observer=fills,
+            record=r,
         )
 
 

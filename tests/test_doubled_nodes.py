@@ -77,7 +77,7 @@ def record(system, folder, *, max_steps=1000, route="steps"):
             gamma_range=(-0.1, 1.0),
             control=CONTROL,
             max_steps=max_steps,
-            observer=r,
+            record=r,
             route=route,
         )
 

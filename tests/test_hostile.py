@@ -546,8 +546,10 @@ MISUSE = {
         "enough",
         KeyboardInterrupt,
     ),
-    "observer function": (lambda w: followed(w, observer=print), "must be an Observer"),
-    "observers function": (lambda w: Observers(Observer(), print), "must be an Observer"),
+    "observer word": (lambda w: followed(w, observer="me"), "must be an Observer"),
+    "observers word": (lambda w: Observers(Observer(), "me"), "must be an Observer"),
+    "record function": (lambda w: followed(w, record=print), "must be a records.BranchRecord"),
+    "progress word": (lambda w: followed(w, progress="yes"), "progress must be True, False or"),
     "observer raises": (
         lambda w: followed(w, observer=Telling(raising(UsersError("in the observer")))),
         "in the observer",
@@ -1043,7 +1045,7 @@ def test_ranks_that_write_different_things(w, folder, name):
 @several
 def test_ranks_that_write_different_series(w, folder):
     with BranchRecord(folder / "record", w.system) as record:
-        follow(w.system, w.x, 0.0, gamma_range=(0.0, 1.0), max_steps=2, observer=record)
+        follow(w.system, w.x, 0.0, gamma_range=(0.0, 1.0), max_steps=2, record=record)
         for said, options in {
             "branch": {"branch": differs(0, 1)},
             "format": {"format": differs("vtx", "vtk")},

@@ -318,7 +318,7 @@ def test_a_branch_knows_its_functions(folder):
     x = parametric.create_vector()
     problem.write(x)
     with BranchRecord(folder / "branch", parametric) as kept:
-        follow(parametric, x, 0.0, gamma_range=(0.0, 0.5), max_steps=2, observer=kept)
+        follow(parametric, x, 0.0, gamma_range=(0.0, 0.5), max_steps=2, record=kept)
     with BranchRecord(folder / "branch", system()[1], resume=True) as kept:
         assert kept.last_state() is not None
     with pytest.raises(ValueError, match="the friction of Coulomb of 'contact': "):

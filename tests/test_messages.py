@@ -346,7 +346,7 @@ def test_loads_that_are_not_finite_have_no_solutions(monkeypatch):
 def recorded(folder, functional):
     system, x = loaded(n=2)
     with BranchRecord(folder / "record", system, {"mine": functional}) as record:
-        follow(system, x, 0.0, gamma_range=(0.0, 1.0), observer=record)
+        follow(system, x, 0.0, gamma_range=(0.0, 1.0), record=record)
 
 
 @pytest.mark.parametrize(

@@ -196,3 +196,56 @@ def test_after_a_kill(folder):
         np.testing.assert_allclose(a[2], b[2], atol=1e-8)
         np.testing.assert_allclose(a[3], b[3], atol=1e-5)
     check(again, looks)
+
+
+@pytest.mark.parametrize("route", ["steps", "pivoting"])
+def test_a_function_looks_on(route):
+    """It is called as `stop` is, and with both ends; on one rank alone, too, and beside a class."""
+    system = demo_linear_triangle.linear_triangle(8, 2.0)
+    system.set_parameter(-1.0)
+    x = start_of(system)
+    found = []
+    asked = []
+
+    def look(point, special):
+        found.append((point.gamma, len(special), float(system.constant.value)))
+
+    def stop(point, special):
+        asked.append((point.gamma, len(special), float(system.constant.value)))
+        return "enough" if len(asked) == 2 else ""
+
+    mine = look if COMM.rank == COMM.size - 1 else None
+    branch = follow(system, x, -1.0, gamma_range=(-1.0, 1.0), route=route, observer=mine, stop=stop)
+    assert branch.reason == "enough" or route == "pivoting"  # which has few points
+    gammas = [p.gamma for p in branch.points]
+    assert [g for g, _, _ in asked] == gammas[1 : 1 + len(asked)]
+    if mine is not None:
+        assert [g for g, _, _ in found] == [g for _, _, g in found] == gammas
+        assert found[1 : 1 + len(asked)] == asked
+    system.set_parameter(-1.0)
+    looks = Looks(system)
+    diagram = explore(
+        system, [(x, -1.0)], gamma_range=(-1.0, 1.0), route=route, record=looks, observer=look
+    )
+    assert len(looks.points) == sum(len(b.points) for b in diagram.branches)
+    assert len(found) == len(looks.points) + (len(gammas) if mine is not None else 0)
+
+
+def test_a_record_comes_first(folder):
+    """What is observed has been recorded, also where the observer raises."""
+    system, functionals = moved_block(COMM, n=3)
+    x = start(system)
+
+    def observer(point, _special):
+        assert record.journal.branches[0].points[-1]["gamma"] == pytest.approx(point.gamma)
+        if len(record.journal.branches[0].points) == 4:
+            raise Killed
+
+    task = dict(gamma_range=(-0.1, 1.0), control=CONTROL, max_steps=12)
+    with BranchRecord(folder, system, functionals) as record, pytest.raises(Killed):
+        follow(system, x, 0.0, record=record, observer=observer, **task)
+    assert len(record.journal.branches[0].points) == 4
+    again, functionals = moved_block(COMM, n=3)
+    gammas = []
+    resume(folder, again, functionals, max_steps=5, observer=lambda p, _: gammas.append(p.gamma))
+    assert len(gammas) > 1

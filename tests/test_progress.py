@@ -9,6 +9,7 @@ import sys
 from mpi4py import MPI
 
 import pytest
+import recorded_evolution
 from blocks import block
 from test_diagram import smooth, start
 
@@ -109,6 +110,44 @@ def test_a_monitor_finds_a_line_of_its_own(capsys, monkeypatch):
         assert COMM.rank > 0 or part.startswith("contact solve")
     for part in stream.getvalue().split("mine\n")[1:-1]:
         assert COMM.rank > 0 or part.endswith("\r\x1b[K")
+
+
+def test_progress_of_branches(capsys, monkeypatch):
+    """From the beginning, never, or once a branch takes some seconds; the end is said as well."""
+    system = smooth(
+        1,
+        lambda x, g: x * (g - x**2),
+        lambda x, g: [[g - 3 * x[0] ** 2]],
+        lambda x, g: [x[0]],
+    )
+    x = start(system, [0.0])
+
+    def said_with(progress):
+        follow(system, x, -1.0, gamma_range=(-1.0, -0.5), progress=progress)
+        return on_root(capsys.readouterr().err.splitlines())
+
+    assert not said_with(None)
+    first, *_, last = said_with(True)
+    assert first.startswith("branch 0  point 0  gamma -1.0")
+    assert last == "branch 0: gamma reached the end of its range"
+    explore(system, [(x, -1.0)], gamma_range=(-1.0, 1.0), progress=True)
+    found = on_root(capsys.readouterr().err.splitlines())
+    assert sum("smooth bifurcation at gamma" in x for x in found) == 1
+    monkeypatch.setattr(_progress, "_PATIENCE", 0.0)
+    assert said_with(None)
+    assert not said_with(False)
+
+
+def test_progress_of_a_history(capsys):
+    """Where it is, and how it ended, of a run that is stopped."""
+    evolution = recorded_evolution.pair(COMM, n=2)
+    evolution.run([0.0, 1.0, 2.0], stop=lambda _: "enough", progress=True)
+    found = [x for x in capsys.readouterr().err.splitlines() if x.startswith("evolution")]
+    if COMM.rank == 0:
+        line = r"evolution: time 1 of 2  step 1, of 1  .*\d+ \w+  \d+ s, about \d+ s left"
+        assert re.fullmatch(line, found[0])
+        assert found[-1] == "evolution: 1 steps, enough"
+    assert not (COMM.rank and found)
 
 
 # -- log -----------------------------------------------------------------------------------------

@@ -23,7 +23,7 @@ from dolfinx_contact.continuation import (
     Task,
     follow,
 )
-from dolfinx_contact.io import Progress
+from dolfinx_contact.continuation.progress import BranchProgress
 from dolfinx_contact.plot import diagrams, draw_diagram
 from dolfinx_contact.records import BranchRecord, Journal, read_journal, resume, write_series
 from dolfinx_contact.records.identity import mesh_hash
@@ -316,7 +316,8 @@ def test_an_interrupted_run_resumes(whole, folder):
             0.0,
             gamma_range=(-0.1, 1.0),
             control=recorded_run.CONTROL,
-            observer=Observers(r, Interrupt()),
+            observer=Interrupt(),
+            record=r,
         )
     path = folder / FILE_NAME
     if COMM.rank == 0:
@@ -380,7 +381,7 @@ def test_several_branches_in_one_record(folder):
     ):
         for branch, steps, increasing in ((0, 12, True), (3, 4, False)):
             start = follower.start(x, 0.0, increasing=increasing)
-            follower.run(start, (-0.2, 0.2), max_steps=steps, observer=r, branch_id=branch)
+            follower.run(start, (-0.2, 0.2), max_steps=steps, record=r, branch_id=branch)
     journal = read_journal(folder)
     assert sorted(journal.branches) == [0, 3]
     assert len(journal.table()) == 13 + 5
@@ -431,8 +432,8 @@ def test_progress(folder):
     plain = io.StringIO()
     live = Terminal()
     record(system, functionals, folder, max_steps=6)
-    observer = Observers(Progress(COMM, stream=plain), Progress(COMM, stream=live))
-    resume(folder, system, functionals, max_steps=9, observer=observer)
+    lines = (BranchProgress(COMM, True, stream=stream) for stream in (plain, live))
+    resume(folder, system, functionals, max_steps=9, observer=Observers(*lines), progress=False)
     if COMM.rank == 0:
         first, last = plain.getvalue().splitlines()
         assert first.startswith("branch 0  point 6  gamma +0.0")

@@ -664,7 +664,7 @@ def test_a_record_goes_on(folder):
     x = problem.create_vector()
     problem.write(x)
     with BranchRecord(folder / "run", system, every=1) as record:
-        follow(system, x, 0.0, gamma_range=(0.0, 2.0), max_steps=2, observer=record)
+        follow(system, x, 0.0, gamma_range=(0.0, 2.0), max_steps=2, record=record)
     whole = follow(system, x, 0.0, gamma_range=(0.0, 2.0))
     values = body.values
     problem, body, system = parametric("integral")

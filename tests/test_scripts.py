@@ -111,7 +111,7 @@ def test_journal_in_memory_is_that_of_a_record(followed, folder):
     system, x, branch = followed
     journal = records.journal_of(system, [branch], SEEN)
     with BranchRecord(folder / "record", system, SEEN) as record:
-        follow(system, x, 0.0, gamma_range=(0.0, 1.0), route="steps", observer=record)
+        follow(system, x, 0.0, gamma_range=(0.0, 1.0), route="steps", record=record)
         mine = journal.columns()
         other = record.journal.columns()
         for name in other:

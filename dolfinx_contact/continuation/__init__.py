@@ -7,7 +7,7 @@ from dolfinx_contact.continuation.diagram import Diagram, Edge, Node, explore
 from dolfinx_contact.continuation.ending import Ending, Ends
 from dolfinx_contact.continuation.extended import SpecialCurve, follow_special
 from dolfinx_contact.continuation.follow import Follower, Route, follow, follower_for
-from dolfinx_contact.continuation.observer import Observer, Observers, Stepping, Task
+from dolfinx_contact.continuation.observer import Observer, Observers, Seen, Stepping, Task
 from dolfinx_contact.continuation.parameters import Kinks, StepControl
 from dolfinx_contact.continuation.pivoting import Pivoting
 from dolfinx_contact.continuation.points import points_at
@@ -42,6 +42,7 @@ __all__ = [
     "Preconditioner",
     "Ray",
     "Route",
+    "Seen",
     "Solution",
     "Solutions",
     "SpecialCurve",

@@ -18,9 +18,12 @@ from dolfinx_contact.continuation.ending import Ends
 from dolfinx_contact.continuation.layout import Layout
 from dolfinx_contact.continuation.observer import (
     Observer,
+    Observers,
+    Seen,
     Stepping,
     Task,
-    require_observer,
+    as_observer,
+    is_observer,
 )
 from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.continuation.system import System
@@ -127,13 +130,15 @@ def check_states(system: System, states: Sequence[PETSc.Vec], what: str) -> None
 
 
 def check_listeners(
-    observer: Any = None, stop: Any = None, control: Any = None, max_steps: int = 1
+    *, observer: Any = None, record: Any = None, progress: Any = None, stop: Any = None
 ) -> None:
-    """Raise ``ValueError`` for what is no observer, stop condition, control or budget."""
+    """Raise ``ValueError`` for what cannot look on while branches are followed. Not collective."""
     if observer is not None:
-        require_observer(observer)
+        as_observer(observer)
+    if record is not None and not is_observer(record):
+        raise ValueError(f"record must be a records.BranchRecord, got {record!r}")
     check_functions("a point and its special points", stop=stop)
-    check_steps(control, max_steps)
+    check_progress(progress)
 
 
 def check_functions(of: str, **functions: Any) -> None:
@@ -199,20 +204,23 @@ def reason_to_stop(comm: MPI.Comm, what: str, stop: Callable[..., str], *seen: A
     return answer
 
 
-def guarded(layout: Layout, observer: Observer | None, start: BranchPoint) -> Observer:
-    """The observer, whose exceptions on one rank are raised on every rank. Collective.
+def guarded(
+    layout: Layout, record: Observer | None, observer: Seen | None, start: BranchPoint
+) -> Observer:
+    """Record and observer, in this order, whose errors on one rank are raised on all. Collective.
 
-    What it is told of stands in the problem then. Ranks without one, beside others with one, have
-    one that does nothing.
+    What they are told of stands in the problem then. Ranks without an observer, beside others with
+    one, have one that does nothing.
 
     Args:
         layout: of the points, which knows their system.
+        record: on every rank or on none.
         observer: of the user.
         start: where the branch begins.
     """
-    anywhere = layout.comm.allreduce(int(observer is not None))
-    observer = Observer() if observer is None else observer
-    return _Guarded(layout, observer, start) if anywhere else observer
+    all_of_them = Observers(*(o for o in (record, observer) if o is not None))
+    anywhere = layout.comm.allreduce(int(record is not None or observer is not None))
+    return _Guarded(layout, all_of_them, start) if anywhere else all_of_them
 
 
 def _show(layout: Layout, point: BranchPoint) -> None:
@@ -228,7 +236,7 @@ class _Guarded(Observer):
 
     def _tell(self, do: Callable[..., None], *what: Any) -> None:
         _show(self._layout, self._last)
-        with everywhere(self._layout.comm, f"the observer {type(self._observer).__name__}"):
+        with everywhere(self._layout.comm, "an observer"):
             do(*what)
 
     def begin(self, branch: int, task: Task) -> None:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -22,6 +22,7 @@ from dolfinx_contact._numbers import is_count, is_number
 from dolfinx_contact.continuation.arguments import (
     check_listeners,
     check_states,
+    check_steps,
     check_system,
     check_vectors,
     checked_gamma,
@@ -30,7 +31,7 @@ from dolfinx_contact.continuation.arguments import (
 from dolfinx_contact.continuation.branch import Branch, BranchPoint, Ray, SpecialPoint
 from dolfinx_contact.continuation.ending import Ending, Ends
 from dolfinx_contact.continuation.follow import Follower, Route, follower_for
-from dolfinx_contact.continuation.observer import Observer
+from dolfinx_contact.continuation.observer import Observer, Seen
 from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.continuation.pivoting import Pivoting
 from dolfinx_contact.continuation.system import System
@@ -132,7 +133,8 @@ def _check(a: Arguments) -> None:
         raise ValueError("at least one start is needed")
     check_vectors([x for x, _ in a.starts], "a start")
     a.gamma_range = checked_range(a.gamma_range, [gamma for _, gamma in a.starts])
-    check_listeners(a.observer, None, a.control, a.max_steps)
+    check_steps(a.control, a.max_steps)
+    check_listeners(observer=a.observer, record=a.record, progress=a.progress)
     if not is_count(a.max_branches):
         raise ValueError(f"the budget of branches must be positive, got {a.max_branches!r}")
     if not (is_number(a.max_seconds) and a.max_seconds > 0):
@@ -149,8 +151,10 @@ def explore(
     max_steps: int = 1000,
     max_branches: int = 100,
     max_seconds: float = float("inf"),
-    observer: Observer | None = None,
     route: Route = "auto",
+    observer: Seen | None = None,
+    record: Observer | None = None,
+    progress: bool | None = None,
 ) -> Diagram:
     """Find all branches that are connected with some solutions. Collective.
 
@@ -164,9 +168,11 @@ def explore(
         max_steps: budget of every branch.
         max_branches: budget of branches.
         max_seconds: no branch is begun later than this.
-        observer: told of the points of all branches, which it knows by their numbers; each stands
-            in the problem then.
         route: see `follower_for`.
+        observer: told of the points of all branches, as that of `follow`; an `Observer` knows the
+            branches by their numbers.
+        record: see `follow`.
+        progress: see `follow`.
 
     Returns:
         The diagram, which is partial if a budget is exhausted; `Diagram.reason` says so.
@@ -184,7 +190,8 @@ def explore(
         system.restored(always=True),
         follower_for(system, *pairs[0], control, gamma_scale=scale, route=route) as follower,
     ):
-        explorer = _Explorer(follower, (low, high), max_steps, observer)
+        told = dict(observer=observer, record=record, progress=progress)
+        explorer = _Explorer(follower, (low, high), max_steps, told)
         explorer.run(pairs, max_branches, max_seconds)
         return explorer.diagram
 
@@ -195,12 +202,12 @@ class _Explorer:
         follower: Follower | Pivoting,
         gamma_range: tuple[float, float],
         max_steps: int,
-        observer: Observer | None,
+        told: Mapping[str, Any],
     ):
         self.follower = follower
         self.range = gamma_range
         self.max_steps = max_steps
-        self.observer = observer
+        self.told = told
         self.diagram = Diagram()
 
     def run(
@@ -260,9 +267,9 @@ class _Explorer:
             point,
             self.range,
             max_steps=self.max_steps,
-            observer=self.observer,
             stop=_at_bifurcation,
             branch_id=number,
+            **self.told,
         )
         end = None
         if branch.reason == _AT_NODE:

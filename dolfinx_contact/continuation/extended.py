@@ -342,7 +342,7 @@ def follow_special(
     try:
         with system.restored(always=True):
             down, up = (
-                follow(extended, X, mu, increasing=sense, route="steps", **way)
+                follow(extended, X, mu, increasing=sense, route="steps", progress=False, **way)
                 for sense in (False, True)
             )
         return _curve(extended, down, up)

@@ -20,6 +20,7 @@ from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact.continuation.arguments import (
     check_listeners,
     check_states,
+    check_steps,
     check_system,
     check_vectors,
     checked_gamma,
@@ -37,7 +38,7 @@ from dolfinx_contact.continuation.branch import (
 )
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.ending import Ending
-from dolfinx_contact.continuation.observer import Observer, Stepping
+from dolfinx_contact.continuation.observer import Observer, Seen, Stepping
 from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.continuation.passage import SteppingSteps
 from dolfinx_contact.continuation.pivoting import Pivoting
@@ -65,7 +66,8 @@ def _check(a: Arguments) -> None:
     a.gamma = checked_gamma(a.gamma)
     a.gamma_range = checked_range(a.gamma_range, [a.gamma])
     check_vectors([a.x], "x")
-    check_listeners(a.observer, a.stop, a.control, a.max_steps)
+    check_steps(a.control, a.max_steps)
+    check_listeners(observer=a.observer, record=a.record, progress=a.progress, stop=a.stop)
 
 
 @collective("follow", _check)
@@ -78,9 +80,11 @@ def follow(
     increasing: bool = True,
     control: StepControl | None = None,
     max_steps: int = 1000,
-    observer: Observer | None = None,
-    stop: Stop | None = None,
     route: Route = "auto",
+    stop: Stop | None = None,
+    observer: Seen | None = None,
+    record: Observer | None = None,
+    progress: bool | None = None,
 ) -> Branch:
     """Follow the branch through (x, gamma) until gamma leaves its range.
 
@@ -92,12 +96,16 @@ def follow(
         increasing: whether gamma is to grow at the start.
         control: step lengths.
         max_steps: budget; when it is exhausted what was found is returned, and said.
-        observer: told of every accepted point, which stands in the problem then: its Functions,
-            statuses, gamma and what gamma drives are those of the point (`System.put`).
-        stop: asked likewise at every accepted point, with the special points on the way to it,
-            whether the branch ends there: it answers with the reason, or "" to go on. A branch that
-            comes back to its start ends in any case.
         route: see `follower_for`.
+        stop: asked at every accepted point, with the special points on the way to it, whether the
+            branch ends there: it answers with the reason, or "" to go on. The point stands in the
+            problem then: its Functions, statuses, gamma and what gamma drives are those of the
+            point (`System.put`). A branch that comes back to its start ends in any case.
+        observer: a function that is called likewise at every point, start and end included, or an
+            `Observer`, which is told more.
+        record: keeps every point before the observer is told of it, as `records.BranchRecord` does.
+        progress: whether rank 0 says on the standard error stream where it is; by default once it
+            takes more than some seconds.
 
     Returns:
         Points and special points, and why the branch ended.
@@ -116,7 +124,15 @@ def follow(
         follower_for(system, x, gamma, control, gamma_scale=scale, route=route) as follower,
     ):
         start = follower.start(x, gamma, increasing=increasing)
-        return follower.run(start, (low, high), max_steps=max_steps, observer=observer, stop=stop)
+        return follower.run(
+            start,
+            (low, high),
+            max_steps=max_steps,
+            stop=stop,
+            observer=observer,
+            record=record,
+            progress=progress,
+        )
 
 
 def follower_for(

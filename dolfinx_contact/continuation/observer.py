@@ -3,15 +3,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 from dolfinx_contact.continuation.branch import BranchPoint, SpecialPoint
 from dolfinx_contact.continuation.ending import Ending, Ends
 from dolfinx_contact.continuation.parameters import StepControl
 
-__all__ = ["Observer", "Observers", "Stepping", "Task"]
+__all__ = ["Observer", "Observers", "Seen", "Stepping", "Task", "as_observer"]
 
 
 @dataclass(frozen=True)
@@ -89,22 +89,55 @@ class Observer:
         """The branch has ended, how and why is in ``ended``; with its budget it may go on later."""
 
 
-def require_observer(observer: Any) -> None:
-    """Raise ``ValueError`` if ``observer`` has not the methods of one."""
-    if not all(callable(getattr(observer, name, None)) for name in ("begin", "point", "end")):
-        raise ValueError(
-            "the observer must be an Observer, whose methods begin, point and end are called; got "
-            f"{observer!r} (a function that ends the branch is the argument `stop`)"
-        )
+#: An observer, or a function that is called with every accepted point, start and end of the branch
+#: included, and the special points on the way to it: with what `Stop` is called with.
+Seen: TypeAlias = Observer | Callable[[BranchPoint, Sequence[SpecialPoint]], object]
+
+
+def is_observer(given: Any) -> bool:
+    """Whether something has the methods of an observer."""
+    return all(callable(getattr(given, name, None)) for name in ("begin", "point", "end"))
+
+
+def as_observer(given: Any) -> Observer:
+    """An observer as it is, or one that calls a function at every point.
+
+    Raises:
+        ValueError: if it is neither.
+    """
+    if is_observer(given):
+        found: Observer = given
+        return found
+    if callable(given):
+        return _Calls(given)
+    raise ValueError(
+        "the observer must be an Observer, whose methods begin, point and end are called, or a "
+        f"function of a point and its special points; got {given!r}"
+    )
+
+
+class _Calls(Observer):
+    """Calls a function at every point."""
+
+    def __init__(self, function: Callable[[BranchPoint, Sequence[SpecialPoint]], object]):
+        self._function = function
+
+    def point(
+        self,
+        branch: int,
+        index: int,
+        point: BranchPoint,
+        special: Sequence[SpecialPoint],
+        stepping: Stepping,
+    ) -> None:
+        self._function(point, special)
 
 
 class Observers(Observer):
     """Several observers as one, told in this order."""
 
-    def __init__(self, *observers: Observer):
-        for o in observers:
-            require_observer(o)
-        self._observers = observers
+    def __init__(self, *observers: Seen):
+        self._observers = [as_observer(o) for o in observers]
 
     def begin(self, branch: int, task: Task) -> None:
         for o in self._observers:

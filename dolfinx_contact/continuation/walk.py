@@ -13,8 +13,9 @@ from dolfinx_contact.continuation.arguments import answer_of_stop, guarded
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.branch import Branch, BranchPoint, SpecialPoint, Stop
 from dolfinx_contact.continuation.ending import Ending
-from dolfinx_contact.continuation.observer import Observer, Stepping, Task
+from dolfinx_contact.continuation.observer import Observer, Seen, Stepping, Task
 from dolfinx_contact.continuation.parameters import StepControl
+from dolfinx_contact.continuation.progress import BranchProgress
 from dolfinx_contact.continuation.system import System
 
 __all__ = ["Walk", "Walker"]
@@ -74,8 +75,10 @@ class Walker(ABC):
         gamma_range: tuple[float, float],
         *,
         max_steps: int = 1000,
-        observer: Observer | None = None,
         stop: Stop | None = None,
+        observer: Seen | None = None,
+        record: Observer | None = None,
+        progress: bool | None = False,
         branch_id: int = 0,
         stepping: Stepping | None = None,
         origin: BranchPoint | None = None,
@@ -88,8 +91,10 @@ class Walker(ABC):
             start: a point of the branch.
             gamma_range: the branch ends where gamma reaches either end.
             max_steps: budget, from the first point of the branch.
-            observer: called with every accepted point, ``start`` included, after ``stop``.
             stop: see `follow`.
+            observer: called with every accepted point, ``start`` included, after ``stop``.
+            record: see `follow`.
+            progress: see `follow`; by default nothing is said.
             branch_id: number by which the observer knows the branch.
             stepping: known at ``start`` if the branch was followed to it before.
             origin: then its first point, at which it may close.
@@ -105,10 +110,13 @@ class Walker(ABC):
             first = stepping.index
             self.restore(stepping)
         walk = self._walk(start, origin or start, gamma_range, stepping)
-        observer = guarded(b, observer, start)
+        line = BranchProgress(b.comm, progress)
+        looks_on = guarded(b, record, observer, start)
         low, high = gamma_range
-        observer.begin(branch_id, Task((low, high), b.gamma_scale, self.control, max_steps))
-        observer.point(branch_id, first, start, (), walk.stepping(first))
+        looks_on.begin(branch_id, Task((low, high), b.gamma_scale, self.control, max_steps))
+        known = walk.stepping(first)
+        looks_on.point(branch_id, first, start, (), known)
+        line.point(branch_id, first, start, (), known)
         point = start
         for index in range(first + 1, max_steps + 1):
             found = walk.advance(branch, point)
@@ -121,15 +129,17 @@ class Walker(ABC):
             words = "" if branch.ending else answer_of_stop(b, stop, point, special)
             if words:
                 branch.end(Ending.STOPPED, words)
-            stepping = walk.stepping(index)
+            known = walk.stepping(index)
             if branch.ending is not None:  # known with the point, so that no record lacks it
-                stepping = replace(stepping, ending=branch.ending, reason=branch.reason)
-            observer.point(branch_id, index, point, special, stepping)
+                known = replace(known, ending=branch.ending, reason=branch.reason)
+            looks_on.point(branch_id, index, point, special, known)
+            line.point(branch_id, index, point, special, known)
             if branch.ending is not None:
                 break
         else:
             branch.end(Ending.BUDGET, f"the budget of {max_steps} steps is exhausted")
-        observer.end(branch_id, branch)
+        looks_on.end(branch_id, branch)
+        line.end(branch_id, branch)
         branch.factorisations = b.work[0] - factorisations
         branch.solves = b.work[1] - solves
         last = branch.points[-1]

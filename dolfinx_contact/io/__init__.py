@@ -4,14 +4,12 @@
 from dolfinx_contact.io.evolution import EvolutionSeries
 from dolfinx_contact.io.fields import STATUS_CODES, write_fields
 from dolfinx_contact.io.folder import output_folder, write_summary
-from dolfinx_contact.io.progress import Progress
 from dolfinx_contact.io.report import Report
 from dolfinx_contact.io.table import write_contact_table, write_rows
 
 __all__ = [
     "STATUS_CODES",
     "EvolutionSeries",
-    "Progress",
     "Report",
     "output_folder",
     "write_contact_table",

@@ -27,8 +27,8 @@ from dolfinx_contact.continuation import (
     Ending,
     Ends,
     Observer,
-    Observers,
     Route,
+    Seen,
     SpecialPoint,
     StepControl,
     Stepping,
@@ -37,6 +37,7 @@ from dolfinx_contact.continuation import (
 )
 from dolfinx_contact.continuation.branch import Stop
 from dolfinx_contact.equations.given_data import data_within
+from dolfinx_contact.equations.measures import Scales
 from dolfinx_contact.records.checkpoints import joined, last_entry
 from dolfinx_contact.records.identity import driven_words, identity
 from dolfinx_contact.records.journal import Journal, JournalBranch
@@ -90,7 +91,7 @@ class BranchRecord(ProblemRecord[Journal], Observer):
 
             push = {"push": ufl.dot(traction, u) * ds}
             with BranchRecord("output/branch", system, push) as record:
-                branch = follow(system, x, 0.0, gamma_range=(0.0, 1.0), observer=record)
+                branch = follow(system, x, 0.0, gamma_range=(0.0, 1.0), record=record)
             table = read_journal("output/branch").table()  # pandas, a row a point
 
         If the run is killed, the same script goes on with ``resume``::
@@ -216,7 +217,8 @@ class BranchRecord(ProblemRecord[Journal], Observer):
         follows = index == len(recorded)
         message = f"point {index} cannot follow the {len(recorded)} recorded of branch {branch}"
         require(self.comm, follows, message)
-        if index % self.every == 0 or special:
+        ends = stepping.ending is not None
+        if index % self.every == 0 or special or ends:
             entry |= self._checkpoint(branch, index, point)
         self._unknowns(point.y)
         self.system.put(self._x, point.gamma, point.piece)
@@ -230,12 +232,17 @@ class BranchRecord(ProblemRecord[Journal], Observer):
         }
         if self._shows:
             entry["surface"] = f"branch_{branch:04d}_point_{index:06d}"
+        if stepping.ending is not None:
+            entry |= {"ending": stepping.ending.name, "reason": stepping.reason}
         written = dict(entry)
         if recorded and recorded[-1]["status"] == entry["status"]:
             del written["status"]
         self._append({"type": "point", "branch": branch, **written})
         recorded.append(entry)
-        self.journal.branches[branch].go_on()
+        known = self.journal.branches[branch]
+        known.go_on()
+        if stepping.ending is not None:
+            known.end(stepping.ending, stepping.reason)
 
     def end(self, branch: int, ended: Ends) -> None:
         known = self.journal.branches[branch]
@@ -310,8 +317,10 @@ class BranchRecord(ProblemRecord[Journal], Observer):
         y = joined(x, p["gamma"])
         tangent = joined(t, p["tangent_gamma"])
         piece = system.piece_of(p["status"])
-        system.scales = p["scales"]
-        error = system.residual(x, p["gamma"], b, piece)
+        # Where nothing is loaded the state is round-off, which is not compared with itself.
+        scales = Scales(system.equations, settled=True)
+        scales.force, scales.length = p["scales"]
+        error = scales.measure(system.evaluate(x, p["gamma"], b, piece)).worst
         for v in (x, t, b):
             v.destroy()
         tolerance = self.journal.branches[branch].task["control"]["tolerance"]
@@ -336,16 +345,18 @@ class BranchRecord(ProblemRecord[Journal], Observer):
         branch: int = 0,
         *,
         max_steps: int | None = None,
-        observer: Observer | None = None,
         stop: Stop | None = None,
+        observer: Seen | None = None,
+        progress: bool | None = None,
     ) -> Branch:
         """Go on with a branch as it was begun; one that has ended stays as it is. Collective.
 
         Args:
             branch: number of the branch.
             max_steps: another budget, counted from the start of the branch.
-            observer: told of every point after the last checkpoint, beside the record.
             stop: the same stop condition as at the beginning, if there was one.
+            observer: told of every point after the last checkpoint, beside the record.
+            progress: see `follow`.
 
         Returns:
             The branch from the last checkpoint on; the journal has all of it.
@@ -385,8 +396,10 @@ class BranchRecord(ProblemRecord[Journal], Observer):
                 point,
                 (task["gamma_range"][0], task["gamma_range"][1]),
                 max_steps=budget,
-                observer=Observers(self, observer or Observer()),
                 stop=stop,
+                observer=observer,
+                record=self,
+                progress=progress,
                 branch_id=branch,
                 stepping=stepping,
                 origin=origin,
@@ -415,8 +428,9 @@ def resume(
     branch: int = 0,
     every: int = 10,
     max_steps: int | None = None,
-    observer: Observer | None = None,
     stop: Stop | None = None,
+    observer: Seen | None = None,
+    progress: bool | None = None,
 ) -> Branch:
     """Go on with a recorded branch as if the run had never been killed. Collective.
 
@@ -427,8 +441,11 @@ def resume(
         branch: see `BranchRecord.go_on`, as for the budget, the observer, errors and the result.
         every: fields are kept at every so many points.
         max_steps: another budget.
-        observer: told of every point beside the record.
         stop: the same stop condition as at the beginning.
+        observer: called with every point, beside the record.
+        progress: see `follow`.
     """
     with BranchRecord(folder, system, functionals, every=every, resume=True) as record:
-        return record.go_on(branch, max_steps=max_steps, observer=observer, stop=stop)
+        return record.go_on(
+            branch, max_steps=max_steps, stop=stop, observer=observer, progress=progress
+        )

@@ -201,6 +201,8 @@ class Journal(Lines):
                 entry[name]
             branch.points.append(entry)
             branch.go_on()
+            if "ending" in entry:
+                branch.end(ending_of(entry), entry["reason"])
         elif kind == "end":
             branch = self.branches[entry["branch"]]
             branch.end(ending_of(entry), entry["reason"])

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from petsc4py import PETSc
 
 from dolfinx_contact._errors import same_everywhere
-from dolfinx_contact.continuation import Branch, Observer, Observers, Route, StepControl, follow
+from dolfinx_contact.continuation import Branch, Route, Seen, StepControl, follow
 from dolfinx_contact.records.branch_record import BranchRecord
 from dolfinx_contact.records.journal import Journal
 from dolfinx_contact.records.points import Functional
@@ -36,8 +36,9 @@ def follow_with_journal(
     series: str | os.PathLike[str] | None = None,
     control: StepControl | None = None,
     max_steps: int = 1000,
-    observer: Observer | None = None,
     route: Route = "auto",
+    observer: Seen | None = None,
+    progress: bool | None = None,
 ) -> tuple[Branch, Journal]:
     """Follow a branch and look at it: `follow`, then `journal_of`. Collective.
 
@@ -56,8 +57,9 @@ def follow_with_journal(
         series: folder for the recorded fields, for ParaView.
         control: step lengths.
         max_steps: budget from the start of the branch.
-        observer: told of every point, beside the record.
         route: see `follower_for`.
+        observer: told of every point, beside the record; see `follow`, as for the progress.
+        progress: whether rank 0 says where it is.
 
     Returns:
         All points of the branch, with special points and the work of this run only, and its
@@ -79,8 +81,9 @@ def follow_with_journal(
             gamma_range=gamma_range,
             control=control,
             max_steps=max_steps,
-            observer=observer,
             route=route,
+            observer=observer,
+            progress=progress,
         )
         return branch, journal_of(system, [branch], functionals)
     shows = surface_displacement
@@ -88,15 +91,17 @@ def follow_with_journal(
         record, system, functionals, every=1, surface_displacement=shows, resume=resume
     ) as kept:
         if kept.journal.branches:
-            branch = kept.go_on(max_steps=max_steps, observer=observer)
+            branch = kept.go_on(max_steps=max_steps, observer=observer, progress=progress)
         else:
             branch = follow(
                 *(system, x, gamma),
                 gamma_range=gamma_range,
                 control=control,
                 max_steps=max_steps,
-                observer=Observers(kept, observer or Observer()),
                 route=route,
+                observer=observer,
+                record=kept,
+                progress=progress,
             )
         branch.points = kept.points()
         if series is not None:

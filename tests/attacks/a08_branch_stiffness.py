@@ -15,7 +15,7 @@ import ufl
 from dolfinx import fem
 
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, materials
-from dolfinx_contact.continuation import Observers, StepControl, follow
+from dolfinx_contact.continuation import StepControl, follow
 from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.records import BranchRecord, read_journal, resume
 
@@ -49,9 +49,9 @@ def make(comm, mirrored):
 def recorded(comm, where, mirrored, after):
     system, x, work = make(comm, mirrored)
     with BranchRecord(where, system, work, every=1) as record:
-        observer = Observers(record, _Killer(after))
+        told = dict(record=record, observer=_Killer(after))
         with contextlib.suppress(Killed):
-            follow(system, x, 0.0, gamma_range=RANGE, observer=observer, control=CONTROL)
+            follow(system, x, 0.0, gamma_range=RANGE, control=CONTROL, **told)
 
 
 class _Killer:

@@ -11,7 +11,7 @@ import numpy as np
 from a12_point_stands import Reader, compared, lowered
 
 from dolfinx_contact import Coulomb
-from dolfinx_contact.continuation import Observers, StepControl, follow
+from dolfinx_contact.continuation import StepControl, follow
 from dolfinx_contact.records import BranchRecord, read_journal, resume
 
 
@@ -31,7 +31,8 @@ def _recorded(case, folder):
             gamma_range=(0.0, 1.0),
             max_steps=14,
             control=control,
-            observer=Observers(record, Reader(body, problem, contact, gamma)),
+            observer=Reader(body, problem, contact, gamma),
+            record=record,
             route="steps",
         )
     body, problem, contact, gamma, system = lowered(case, Coulomb(0.3))
