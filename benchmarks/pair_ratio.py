@@ -80,7 +80,7 @@ def tie(args, u, tags):
     index_map = u.function_space.dofmap.index_map
     bs = 3
     nodes = index_map.local_to_global(points.trace_dofs[: points.number]).astype(np.int64)
-    first = points.B.getOwnershipRange()[0]
+    first = points.operator.B.getOwnershipRange()[0]
     n = bs * index_map.size_local
     along = np.arange(bs)
     rows = (bs * nodes[:, None] + along).reshape(-1)
@@ -88,7 +88,7 @@ def tie(args, u, tags):
     entries = Entries(rows, columns)
     T = matrix_of(comm, (n, bs * points.number), entries)
     entries.add(np.ones(len(rows)), T)
-    P = T.matMult(points.B)
+    P = T.matMult(points.operator.B)
     P.scale(-1.0)
     P.shift(1.0)
     marks = T.createVecLeft()

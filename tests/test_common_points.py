@@ -49,9 +49,9 @@ def integrals(points, a, b, degree):
 
 def largest_sum(pair):
     """Of the weights of a contact point, all of which are to be zero."""
-    ones, sums = pair.points.B.createVecs()
+    ones, sums = pair.points.operator.B.createVecs()
     ones.set(1.0)
-    pair.points.B.mult(ones, sums)
+    pair.points.operator.B.mult(ones, sums)
     return largest(sums.array_r)
 
 
@@ -76,7 +76,7 @@ def test_uniform_tractions(case, sides, degrees):
     assert not pair.obstacle.opposite.matching
     assert largest_sum(pair) < 1e-14
     n = V.dofmap.index_map.size_local
-    force = pair.points.forces(np.tile(t, (pair.points.number, 1))).reshape(-1, 2)[:n]
+    force = pair.points.operator.transpose(np.tile(t, (pair.points.number, 1))).reshape(-1, 2)[:n]
     common = max(case[2][0], case[3][0]), min(case[2][1], case[3][1])
     assert COMM.allreduce(pair.points.areas.sum()) == pytest.approx(np.ptp(common), rel=1e-14)
     along = V.tabulate_dof_coordinates()[:n, :2] @ [np.cos(angle), np.sin(angle)]

@@ -233,7 +233,7 @@ def test_a_linear_system_that_cannot_be_set_up_is_one_failed_strategy(monkeypatc
 
 def test_an_exception_in_a_residual_comes_out_as_itself():
     problem = block()
-    problem.surfaces[0].data_at = lambda *_: 1 / 0
+    problem.surfaces[0].kinematics = lambda *_: 1 / 0
     with pytest.raises(ZeroDivisionError):
         problem.solve()
     system, x = loaded()

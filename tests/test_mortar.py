@@ -74,15 +74,16 @@ def test_uniform_tractions(case, slave, master, angle):
     u = displacement(both.mesh)
     pair = ContactPair(u, both, slave=slave, master=master, law=Frictionless())
     assert not pair.obstacle.opposite.matching
-    ones, sums = pair.points.B.createVecs()
+    ones, sums = pair.points.operator.B.createVecs()
     ones.set(1.0)
-    pair.points.B.mult(ones, sums)
+    pair.points.operator.B.mult(ones, sums)
     assert largest(sums.array_r) < 1e-14
     V = u.function_space
     n = V.dofmap.index_map.size_local
-    force = pair.points.forces(np.tile([1.0, -2.0], (pair.points.number, 1))).reshape(-1, 2)[:n]
+    uniform = np.tile([1.0, -2.0], (pair.points.number, 1))
+    force = pair.points.operator.transpose(uniform).reshape(-1, 2)[:n]
     covered = ~pair.obstacle.opposite.none[pair.points.trace_dofs[: pair.points.number]]
-    force -= pair.points.forces(
+    force -= pair.points.operator.transpose(
         np.where(covered[:, None], 0.0, np.tile([1.0, -2.0], (pair.points.number, 1)))
     ).reshape(-1, 2)[:n]
     common = max(case[2][0], case[3][0]), min(case[2][1], case[3][1])
@@ -247,14 +248,14 @@ def test_uniform_tractions_in_space(case, slave, master, cells):
     u = displacement(both.mesh)
     V = u.function_space
     pair = ContactPair(u, both, slave=slave, master=master, law=Frictionless())
-    ones, sums = pair.points.B.createVecs()
+    ones, sums = pair.points.operator.B.createVecs()
     ones.set(1.0)
-    pair.points.B.mult(ones, sums)
+    pair.points.operator.B.mult(ones, sums)
     assert largest(sums.array_r) < 1e-14
     n = V.dofmap.index_map.size_local
     t = np.array([1.0, -2.0, 3.0])
     covered = ~pair.obstacle.opposite.none[pair.points.trace_dofs[: pair.points.number]]
-    force = pair.points.forces(np.where(covered[:, None], t, 0.0)).reshape(-1, 3)[:n]
+    force = pair.points.operator.transpose(np.where(covered[:, None], t, 0.0)).reshape(-1, 3)[:n]
     x = V.tabulate_dof_coordinates()[:n]
     assert np.abs(COMM.allreduce(force.sum(axis=0))).max() < 1e-14
     assert np.abs(COMM.allreduce(np.cross(x, force).sum(axis=0))).max() < 1e-13

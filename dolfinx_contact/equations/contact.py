@@ -40,6 +40,7 @@ from dolfinx_contact.equations.scaling import Scaling
 from dolfinx_contact.equations.state import ContactState, State, Statuses
 from dolfinx_contact.laws.status import closed
 from dolfinx_contact.laws.symbols import SLID
+from dolfinx_contact.points.kinematics import Kinematics
 from dolfinx_contact.points.memory import Memory, slid_after
 from dolfinx_contact.points.surface import ContactSurface
 
@@ -90,7 +91,7 @@ class ContactEquations:
         for s in self.surfaces:
             s.slide(linear=bulk.linear)
         #: Whether H is linear in the displacement as long as no status changes.
-        self.linear = bulk.linear and all(s.displaced is None for s in self.surfaces)
+        self.linear = bulk.linear and all(s.linear for s in self.surfaces)
         self.constraints = Constraints(V, self.surfaces, bcs)
         self.prescribed = PrescribedDisplacement(V, self.constraints)
         spaces = [V, *(s.Q for s in self.surfaces)]
@@ -179,25 +180,26 @@ class ContactEquations:
         for i, (s, codes) in enumerate(zip(self.surfaces, held, strict=True)):
             removed = self.constraints.removed[i].reshape(-1)[: self.owned_sizes[i + 1]]
             multipliers = np.where(removed, 0.0, self.units[i + 1] * parts[i + 1])
-            jump = self.relative_jump(s, u, q)
+            at = self.kinematics(s, u, q)
             traction = s.points.traction(multipliers)
-            data = s.data_at(jump)
-            answers = s.law_at_points(jump, traction, data, codes)
+            answers = s.law_at_points(at.jump, traction, at.data, codes)
             codes = answers.asked if codes is None else codes
-            found.append(ContactState(jump, traction, codes, answers, data))
+            found.append(ContactState(at, traction, codes, answers))
         return found
 
-    def relative_jump(self, s: ContactSurface, u: Array, q: Array, *, rate: bool = False) -> Array:
-        """B u at the points of ``s``, seen from what they touch: j, or its rate. Collective.
+    def kinematics(self, s: ContactSurface, u: Array, q: Array) -> Kinematics:
+        """Gap, slip and B of ``s`` at a displacement and unknowns of the rigid bodies."""
+        return s.kinematics(u.reshape(-1, self.dim), self.rigid.of_body(q, s.rigid_body))
 
-        Of j that part is left out which the memory of the surface has (`points.memory`).
+    def relative(self, s: ContactSurface, u: Array, q: Array) -> Array:
+        """Displacements of the owned nodes (n, dim), seen from what ``s`` touches.
+
+        Args:
+            s: the surface.
+            u: values at the first local dofs, at least the owned ones.
+            q: unknowns of the rigid bodies.
         """
-        v = s.points.B.createVecRight()
-        nodes = u[: self.owned_sizes[0]].reshape(-1, self.dim)
-        v.array[:] = self.rigid.relative(s, nodes, q).reshape(-1)
-        values = s.points.product(v) if rate else s.points.jump(v) - s.reference
-        v.destroy()
-        return values
+        return self.rigid.relative(s, u[: self.owned_sizes[0]].reshape(-1, self.dim), q)
 
     def as_possible(self, statuses: Statuses) -> Statuses:
         """Guessed statuses, by others where what answers here does not have them."""
@@ -228,7 +230,7 @@ class ContactEquations:
         body = self.bulk.residual_at(u) if affine is None else affine
         pushed = np.zeros(self.rigid.size)
         for s, state in zip(self.surfaces, contact, strict=True):
-            forces = s.points.forces(state.traction)
+            forces = state.kinematics.operator.transpose(state.traction)
             body = body - forces
             pushed += self.rigid.reactions(s, forces)
         reactions = body.copy()
@@ -240,8 +242,8 @@ class ContactEquations:
         for i, (s, state) in enumerate(zip(self.surfaces, contact, strict=True)):
             off = state.traction - state.answer
             if any_missing:
-                step = self.relative_jump(s, missing, missing_q, rate=True)
-                off -= state.along(step)
+                step = self.relative(s, missing, missing_q)
+                off -= state.along(state.kinematics.operator.rate(step))
             rows.append(self._with_removed(i, s.points.rows(off), x))
         if self.rigid.size:
             pushed = self.comm.allreduce(pushed)
@@ -304,8 +306,8 @@ class ContactEquations:
         ):
             change = np.zeros_like(found.jump) if rate is None else -rate
             if moving:
-                step = self.relative_jump(s, dirichlet, motions, rate=True)
-                change -= found.along(step)
+                step = self.relative(s, dirichlet, motions)
+                change -= found.along(found.kinematics.operator.rate(step))
             parts.append(self._with_removed(i, s.points.rows(change), None))
         parts.append(self.rigid.here(-loads - self.stiffness_scale * motions))
         return np.concatenate(parts)
@@ -318,9 +320,7 @@ class ContactEquations:
         u = state.u
         q = state.q
         if s.method != "mixed":
-            jump = self.relative_jump(s, u, q)
-            data = s.data_at(jump)
-            return np.asarray(data.gap - np.sum(jump * data.n, axis=1))
+            return self.kinematics(s, u, q).gap
         nodes = self.rigid.relative(s, u.reshape(-1, self.dim), q)
         at = (nodes - s.opposite(nodes))[points.trace_dofs[: points.number]]
         return np.asarray(points.gaps - np.sum(at * points.data.n, axis=1))
@@ -379,7 +379,9 @@ class ContactEquations:
     def advanced(self, state: State) -> tuple[Memory, ...]:
         """The memory that a step leaves whose end this state is. Not collective."""
         found = zip(self.surfaces, state.surfaces, strict=True)
-        return tuple(Memory(at.jump + s.reference, remembered(s, at)) for s, at in found)
+        return tuple(
+            Memory(at.jump + at.kinematics.reference, remembered(s, at)) for s, at in found
+        )
 
     def resultant(self, forces: Array) -> Array:
         """The sum of forces (n, dim) of all ranks; of a body of revolution its axial part."""

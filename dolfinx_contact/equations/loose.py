@@ -63,13 +63,12 @@ class LooseMotions:
         ]
 
     def _by_body(self, s: ContactSurface) -> Array:
-        u = s.points.B.createVecRight()
-        n = self._V.dofmap.index_map.size_local
         jumps = np.zeros((len(self.of_body), s.points.number, s.dim))
+        if not len(self.of_body):
+            return jumps
+        operator = s.constant_operator("a body that Dirichlet data do not hold")
         for i in range(len(self.of_body)):
-            u.array[:] = self.of_body[i, :n].reshape(-1)
-            jumps[i] = s.points.product(u)
-        u.destroy()
+            jumps[i] = operator.apply(self.of_body[i, : s.owned_nodes])
         return jumps
 
     def _by_rigid_bodies(self, s: ContactSurface) -> Array:

@@ -20,10 +20,9 @@ def without_normal(eq: ContactEquations, state: State) -> str:
     """Where a displaced point has no normal, in words; "" if all have one. Collective."""
     for s, found in zip(eq.surfaces, state.surfaces, strict=True):
         data = found.data
-        if data.turn is None or data.slope is None:
+        if data.turn is None:
             continue
-        by_gap = data.slope - data.n - np.einsum("nij,ni->nj", data.turn, found.jump)
-        fall = np.sum(by_gap * data.n, axis=1)
+        fall = np.sum(found.kinematics.gap_slope * data.n, axis=1)
         lost = ~np.isfinite(fall + data.gap) | (closed(found.statuses) & (fall > _STEEPEST))
         mine = sorted(np.round((s.positions + found.jump)[lost] / eq.body_size, 9).tolist())
         places = sorted(place for part in eq.comm.allgather(mine) for place in part)

@@ -55,7 +55,6 @@ class RigidBodies:
     def __init__(self, V: fem.FunctionSpace, surfaces: Sequence[ContactSurface], body_size: float):
         self.comm = V.mesh.comm
         self.surfaces = list(surfaces)
-        self._owned_nodes = V.dofmap.index_map.size_local
         self.bodies: list[RigidBody] = []
         for s in surfaces:
             if s.rigid_body is not None and not any(s.rigid_body is b for b in self.bodies):
@@ -114,8 +113,8 @@ class RigidBodies:
         """Those of this rank."""
         return values[: self.owned]
 
-    def of_body(self, q: Array, body: RigidBody) -> Array:
-        """Displacement and rotation of a body."""
+    def of_body(self, q: Array, body: RigidBody | None) -> Array:
+        """Displacement and rotation of a body; nothing for None."""
         return np.asarray((q / self._units)[self.slice_of(body)])
 
     def forces_of_body(self, rows: Array, body: RigidBody) -> Array:
@@ -134,7 +133,7 @@ class RigidBodies:
         rows = np.zeros(self.size)
         body = s.rigid_body
         if body is not None:
-            x = s.node_positions[: self._owned_nodes]
+            x = s.node_positions[: s.owned_nodes]
             part = self.slice_of(body)
             rows[part] = body.resultant(x, forces.reshape(-1, s.dim)) / self._units[part]
             if s.axisymmetric:  # around the axis all else cancels
@@ -149,12 +148,10 @@ class RigidBodies:
         moved = np.zeros((s.points.number, s.dim, width))
         if body is None:
             return moved
-        u = s.points.B.createVecRight()
-        x = s.node_positions[: self._owned_nodes]
+        operator = s.constant_operator("a rigid body that moves")
+        x = s.node_positions[: s.owned_nodes]
         for k, unit in enumerate(np.diag(1.0 / self._units[part])):
-            u.array[:] = body.field(x, unit).reshape(-1)
-            moved[:, :, k] = s.points.product(u)
-        u.destroy()
+            moved[:, :, k] = operator.apply(body.field(x, unit))
         return moved
 
     def nearest(self, gaps: Sequence[Array]) -> list[float]:
@@ -211,7 +208,7 @@ class RigidBodies:
         moved = self.at_points(s)
         part = self.slice_of(s.rigid_body)
         n = s.points.number * s.dim
-        first = s.points.B.getOwnershipRange()[0]
+        first = s.constant_operator("the condensed problem").B.getOwnershipRange()[0]
         columns = np.arange(part.start, part.stop)
         rows = np.broadcast_to(first + np.arange(n)[:, None], (n, len(columns)))
         places = np.broadcast_to(columns, rows.shape)

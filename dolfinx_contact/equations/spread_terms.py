@@ -25,6 +25,7 @@ __all__ = ["SpreadTerms"]
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
+_WANTED_BY = "a law that sees the points around its own"
 
 
 class SpreadTerms:
@@ -49,7 +50,7 @@ class SpreadTerms:
         self._surface = surface
         self._unit = unit
         comm = surface.comm
-        stencils = surface.points.stencils
+        stencils = surface.constant_operator(_WANTED_BY).stencils
         n = surface.points.number
         law = surface.law_at_points
         assert isinstance(law, LawAmongPoints)
@@ -90,7 +91,7 @@ class SpreadTerms:
         """The entries at a state; none where another law, that is local, stands in."""
         if state.answers.spreading is None:
             return np.zeros(self._number)
-        stencils = self._surface.points.stencils
+        stencils = self._surface.constant_operator(_WANTED_BY).stencils
         areas = self._surface.points.areas
         at = stencils.points
         e = stencils.multiplier_weights

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact.laws import Answers, PointData
+from dolfinx_contact.points.kinematics import Kinematics
 
 __all__ = ["ContactState", "State", "Statuses", "differs"]
 
@@ -24,18 +25,26 @@ class ContactState:
     """A surface at a state: its contact points of this rank.
 
     Attributes:
-        jump: j (n, dim).
+        kinematics: gap, slip and B.
         traction: t on the body (n, dim).
         statuses: by which the law was taken (n,).
         answers: of the law to jump and traction.
-        data: what the law was given, normals and gaps there.
     """
 
-    jump: Array
+    kinematics: Kinematics
     traction: Array
     statuses: npt.NDArray[np.int8]
     answers: Answers
-    data: PointData
+
+    @property
+    def jump(self) -> Array:
+        """The jump j as the law sees it (n, dim)."""
+        return self.kinematics.jump
+
+    @property
+    def data(self) -> PointData:
+        """What the law was given, normals and gaps there."""
+        return self.kinematics.data
 
     @cached_property
     def answer(self) -> Array:

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.state import State, Statuses
+from dolfinx_contact.equations.state import ContactState, State, Statuses
 from dolfinx_contact.laws.status import PLUS, STICK
 from dolfinx_contact.points.surface import ContactSurface
 
@@ -41,8 +41,11 @@ def touching(eq: ContactEquations, load: float, state: State) -> Statuses:
     """
     gaps = [eq.gaps(s, state) for s in eq.surfaces]
     reaches = [
-        max(load * (eq.reach(s, state.u) + _rigid_reach(eq, s, state)), _TOUCHES * eq.body_size)
-        for s in eq.surfaces
+        max(
+            load * (eq.reach(s, state.u) + _rigid_reach(eq, s, found, state.q)),
+            _TOUCHES * eq.body_size,
+        )
+        for s, found in zip(eq.surfaces, state.surfaces, strict=True)
     ]
     found = eq.as_possible(_within(eq, gaps, reaches))
     if not eq.rigid.size or not eq.loose_motions(found):
@@ -66,16 +69,17 @@ def _within(eq: ContactEquations, gaps: Sequence[Array], limits: Sequence[float]
     return found
 
 
-def _rigid_reach(eq: ContactEquations, s: ContactSurface, state: State) -> float:
+def _rigid_reach(eq: ContactEquations, s: ContactSurface, found: ContactState, q: Array) -> float:
     """Half of how far prescribed motions will bring a rigid body nearer to points of ``s``."""
-    step = np.where(eq.rigid.fixed, eq.prescribed_motions() - state.q, 0.0)
-    nearer = float(np.max(_closing(eq, s, step), initial=0.0))
+    step = np.where(eq.rigid.fixed, eq.prescribed_motions() - q, 0.0)
+    nearer = float(np.max(_closing(eq, s, found, step), initial=0.0))
     return 0.5 * float(eq.comm.allreduce(nearer, op=max))
 
 
-def _closing(eq: ContactEquations, s: ContactSurface, q: Array) -> Array:
+def _closing(eq: ContactEquations, s: ContactSurface, found: ContactState, q: Array) -> Array:
     """By how much a motion of rigid bodies closes the points of ``s`` (n,). Collective."""
-    jump = eq.relative_jump(s, np.zeros(eq.owned_sizes[0]), q, rate=True)
+    step = eq.relative(s, np.zeros(eq.owned_sizes[0]), q)
+    jump = found.kinematics.operator.rate(step)
     return np.asarray(np.sum(jump * s.points.data.n, axis=1))
 
 
@@ -89,6 +93,8 @@ def bring_together(eq: ContactEquations, x: PETSc.Vec) -> None:
     state = eq.contact(x)
     along = eq.rigid.directions()
     gaps = [eq.gaps(s, state) for s in eq.surfaces]
-    closing = [_closing(eq, s, along) for s in eq.surfaces]
+    closing = [
+        _closing(eq, s, found, along) for s, found in zip(eq.surfaces, state.surfaces, strict=True)
+    ]
     moved = state.q + eq.rigid.free_ways(gaps, closing) * along
     x.array[x.getLocalSize() - eq.rigid.owned :] = eq.rigid.here(moved)

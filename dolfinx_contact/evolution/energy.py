@@ -157,7 +157,7 @@ def forces_at(eq: ContactEquations, state: State) -> Forces:
     for s, found in zip(eq.surfaces, state.surfaces, strict=True):
         normal = found.data.n.copy()
         pressure = -np.sum(found.traction * normal, axis=1)
-        un = found.data.gap - np.sum(found.jump * normal, axis=1)
+        un = found.kinematics.gap
         force = s.points.areas * pressure
         none = np.zeros_like(force), np.zeros_like(force)
         springs = force if s.law.compliant else none[0]
@@ -167,7 +167,7 @@ def forces_at(eq: ContactEquations, state: State) -> Forces:
             )
         names = ("stored", "spent") if s.law_at_points.compiled.bonded else ()
         bonds = [s.points.areas * found.answers.bond(name) for name in names] or none
-        jump = found.jump + s.reference
+        jump = found.jump + found.kinematics.reference
         surfaces.append(SurfaceForces(force, un, normal, jump, springs, *bonds))
     return Forces(
         eq,

@@ -249,21 +249,21 @@ class MotionStepper(Stepper):
         q = eq.rigid.given + (1.0 - gain) * motion
         found = []
         for i, (s, memory) in enumerate(zip(eq.surfaces, accepted.memory, strict=True)):
-            jump = eq.relative_jump(s, origin, q)
+            at = eq.kinematics(s, origin, q)
             gap = None
             if self._method.level == "velocity":
-                moved = eq.relative_jump(s, step.length * a.v, motion, rate=True)
+                moved = at.operator.rate(eq.relative(s, step.length * a.v, motion))
                 n = s.points.data.n
                 risen = s.points.data.gap - a.gaps[i]
                 opening = risen - np.sum(moved * n, axis=1)  # h un'_0
                 back = self._method.restitution * step.gain * opening
-                closes = np.sum(jump * n, axis=1) + step.gain * risen + back
+                closes = np.sum(at.jump * n, axis=1) + step.gain * risen + back
                 active = a.un[i] + 0.5 * opening <= 0
                 gap = np.where(active, closes, closes + _FAR * eq.body_size)
             fields = {} if memory is None else memory.fields
             # Of a velocity friction is told the motion along the surface, which is h a v_1.
             passed = step.length * (gain if s.law.creeps else 1.0)
-            found.append(Memory(jump, fields, passed, gap))
+            found.append(Memory(at.jump, fields, passed, gap))
         return found
 
     def _at(self, state: State, u: Array) -> State:
@@ -271,8 +271,7 @@ class MotionStepper(Stepper):
         eq = self.problem.equations
         surfaces = []
         for s, found in zip(eq.surfaces, state.surfaces, strict=True):
-            jump = eq.relative_jump(s, u, state.q)
-            surfaces.append(replace(found, jump=jump, data=s.data_at(jump)))
+            surfaces.append(replace(found, kinematics=eq.kinematics(s, u, state.q)))
         return replace(state, u=u, surfaces=surfaces)
 
     def _shown(self, result: Result, shown: State, lost: float) -> Result:
@@ -422,8 +421,8 @@ class MotionStepper(Stepper):
         for s, found in zip(eq.surfaces, state.surfaces, strict=True):
             if s.law.compliant:
                 continue
-            un = found.data.gap - np.sum(found.jump * found.data.n, axis=1)
-            least = eq.comm.allreduce(float(np.min(un, initial=np.inf)), op=min)
+            gap = found.kinematics.gap
+            least = eq.comm.allreduce(float(np.min(gap, initial=np.inf)), op=min)
             require(
                 eq.comm,
                 least >= -_PENETRATION * eq.body_size,

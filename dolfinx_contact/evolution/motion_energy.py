@@ -111,11 +111,10 @@ def motion_at(eq: ContactEquations, state: State, u: Array, v: Array) -> Motion:
     pressed = []
     bonds = []
     for s, found in zip(eq.surfaces, state.surfaces, strict=True):
-        data = s.data_at(found.jump)
         normal = found.data.n
         areas = s.points.areas
         gaps.append(s.points.data.gap.copy())
-        un.append(data.gap - np.sum(found.jump * normal, axis=1))
+        un.append(found.kinematics.gap)
         force = found.traction
         if s.law_at_points.compiled.bonded:
             force = force - found.answers.bond("traction")
@@ -175,8 +174,9 @@ def account(
         W = s.points.areas
         normal = found.data.n
         force = W[:, None] * found.traction
-        relative = eq.relative_jump(s, h * v, turned, rate=True)
-        dragged = -eq.relative_jump(s, np.zeros_like(v), turned, rate=True)
+        operator = found.kinematics.operator
+        relative = operator.apply(eq.relative(s, h * v, turned))
+        dragged = -operator.apply(eq.relative(s, np.zeros_like(v), turned))
         external += float(np.sum(force * dragged))
         closing = np.sum(force * normal, axis=1)
         external += float(np.dot(closing, b.gaps[i] - a.gaps[i]))

@@ -358,7 +358,7 @@ def _touching(eq: ContactEquations) -> npt.NDArray[np.bool_]:
     """Owned dofs of nodes that may touch, of either body. Collective."""
     marks = np.zeros(eq.owned_sizes[0])
     for s in eq.surfaces:
-        B = s.points.B
+        B = s.constant_operator("a motion").B
         weights = B.copy()
         indptr, indices, values = weights.getValuesCSR()
         weights.setValuesCSR(indptr, indices, np.abs(values))

@@ -2,31 +2,31 @@
 """Contact points of a surface: three discretisations of one and the same law.
 
 - ``"nodal"``: the points are the mesh nodes of the surface (vertex rule, P1 displacement). The
-  conditions hold node by node.
+  conditions hold node by node (`node_points`).
 - ``"integral"``: the points are Gauss points, of facets or of what two faces that do not match have
-  in common; P1 or P2 displacement. The conditions hold weakly.
+  in common; P1 or P2 displacement. The conditions hold weakly (`integral_points`).
 - ``"mixed"``: a P1 multiplier in the cone at the nodes with consistent integrals, so that the gap
   and the slip are nodal averages of the displacement (Hild, Int. J. Appl. Math. Comput. Sci. 12,
-  2002, section 2; P1 displacement): B is the inverse of the lumped times the consistent mass.
+  2002, section 2; P1 displacement): B is the inverse of the lumped times the consistent mass
+  (`node_points`).
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 from petsc4py import PETSc
 
 import numpy as np
 import numpy.typing as npt
 
-import dolfinx.fem.petsc
 import ufl
 from dolfinx import fem, la
 
 from dolfinx_contact._compat import FacetSubmesh, merge_entity_maps
-from dolfinx_contact._forms import compiled_form
 from dolfinx_contact.laws import PointData
 from dolfinx_contact.materials import circumference
 from dolfinx_contact.points.evaluation import (
@@ -35,16 +35,14 @@ from dolfinx_contact.points.evaluation import (
     measure_of,
     point_space,
 )
-from dolfinx_contact.points.gauss import CommonPoints, GaussPoints
 from dolfinx_contact.points.given import Given, fields_of
-from dolfinx_contact.points.held_ends import shared, takers
-from dolfinx_contact.points.ids import point_ids
+from dolfinx_contact.points.operators import ConstantOperator, Operator
 from dolfinx_contact.points.opposite import Opposite
 from dolfinx_contact.points.scattered import ScatteredEvaluator
-from dolfinx_contact.points.stencils import Stencils, multiplied, multiplied_transposed, rows_of
+from dolfinx_contact.points.stencils import Stencils, multiplied, multiplied_transposed
 from dolfinx_contact.points.trace import trace_dofs
 
-__all__ = ["ContactPoints", "Evaluator", "Given", "Method"]
+__all__ = ["ContactPoints", "Evaluator", "Given", "Method", "Trace"]
 
 Array = npt.NDArray[np.float64]
 Nodes = npt.NDArray[np.int64]
@@ -54,7 +52,7 @@ Evaluator = PointEvaluator | ScatteredEvaluator
 Method = Literal["nodal", "integral", "mixed"]
 
 
-class ContactPoints:
+class ContactPoints(ABC):
     """The contact points of a surface, what is given there, and the operators B and E.
 
     Points are those of this rank; where they are vertices, in the order of these.
@@ -62,7 +60,6 @@ class ContactPoints:
     Args:
         V: displacement space.
         submesh: of the facets.
-        method: ``"nodal"``, ``"integral"`` or ``"mixed"``.
         degrees: of displacement and multiplier.
         rule_degree: of the Gauss points of the integral method.
         given: what is given on the surface.
@@ -70,6 +67,7 @@ class ContactPoints:
         axisymmetric: whether areas are those of a body of revolution.
 
     Attributes:
+        method: ``"nodal"``, ``"integral"`` or ``"mixed"``.
         number: of points; `number_everywhere` of those of all ranks.
         areas: W, area (length in 2D) of each point (n,).
         positions: (n, dim).
@@ -88,21 +86,31 @@ class ContactPoints:
             included.
         circumferences: by which areas of vertices are larger than their sections, 1 of a body that
             is none of revolution.
-        B, E: from displacements and multipliers to points; E is None where it is the identity.
+        operator: B, from displacements to jumps at the points.
+        E: from multipliers to tractions at the points; None where it is the identity.
     """
 
-    data: PointData
+    method: ClassVar[Method]
+
+    number: int
+    areas: Array
     positions: Array
+    ids: npt.NDArray[np.int64]
+    data: PointData
     gaps: Array
     aside: Array
+    space: fem.FunctionSpace
+    circumferences: Array
+    vertex_areas: Array
     vertex_gaps: Array
     vertex_normals: Array
+    vertex_ids: npt.NDArray[np.int64]
+    operator: Operator
 
     def __init__(
         self,
         V: fem.FunctionSpace,
         submesh: FacetSubmesh,
-        method: Method,
         degrees: tuple[int, int],
         rule_degree: int,
         given: Given,
@@ -112,7 +120,6 @@ class ContactPoints:
     ):
         self._V = V
         self.submesh = submesh
-        self.method = method
         self.given = given
         self._weight: Any = circumference(V.mesh) if axisymmetric else None
         domain = V.mesh
@@ -125,69 +132,71 @@ class ContactPoints:
             self.Q = blocked_space(self.vertices, self.dim)
         else:
             self.Q = fem.functionspace(sub, ("Lagrange", degrees[1], (self.dim,)))
-        self._common: CommonPoints | None = None
-        self.space = self.vertices
-        if method == "integral":
-            if opposite is not None and opposite.common is not None:
-                self._common = CommonPoints(
-                    V, submesh, opposite.common, rule_degree, axisymmetric=axisymmetric
-                )
-                self._gauss = self._common.gauss
-            else:
-                self.space = point_space(sub, rule_degree)
-                self._gauss = GaussPoints.of_facets(self.space, self._owned_cells)
-            self._hats = self._gauss.table(self.vertices)
-            self.number = int(self._gauss.numbers.size)
-        else:
-            self.number = int(self.vertices.dofmap.index_map.size_local)
-        self.number_everywhere: int = self.comm.allreduce(self.number)
         self.trace_dofs = trace_dofs(V, self.Q, facets)
         self.vertex_trace_dofs = (
             self.trace_dofs if degrees[1] == 1 else trace_dofs(V, self.vertices, facets)
         )
-        gauss = self._gauss if method == "integral" else None
-        self.ids, self.vertex_ids = point_ids(self.vertices, gauss)
-        at_vertices = measure_of(domain, facets, 1, "vertex")
-        at_gauss = measure_of(domain, facets, rule_degree)
-        exact = measure_of(domain, facets, 2 * max(degrees) + axisymmetric)
-        self._measure = at_gauss if method == "integral" else at_vertices
-        self._exact = exact if method == "mixed" else None
-        self._evaluate, self._average = self.evaluators(given, given.gap * given.normal)
-        self._at_vertices = (
-            PointEvaluator(self.vertices, at_vertices, given.at_points, self._maps)
-            if method == "integral"
-            else self._evaluate
-        )
-        areas = self._evaluate if self._average is None else self._average
-        self.areas = areas.areas[: self.number].copy()
-        self.vertex_areas = self._at_vertices.areas if method == "integral" else areas.areas
-        self.circumferences: Array = np.ones(len(self.vertex_areas))
-        if axisymmetric:
-            sections = self._at_vertices.areas
-            around = PointEvaluator(self.vertices, exact, {}, self._maps, self._weight)
-            self.vertex_areas = around.areas
-            self.circumferences = around.areas / sections
-            if method == "nodal":
-                self.areas = self.vertex_areas[: self.number].copy()
-        if opposite is not None and opposite.areas is not None:
-            self.vertex_areas = opposite.areas[self.vertex_trace_dofs]
-            if method == "nodal":
-                self.areas = self.vertex_areas[: self.number].copy()
-        stencils = {"nodal": self._nodal, "integral": self._integral, "mixed": self._mixed}[method]
-        self.stencils: Stencils = stencils(self._here)
-        if self._common is not None:
-            self.stencils = self.stencils.minus(self._common.opposite(self.stencils))
-        elif opposite is not None:
-            self.stencils = self.stencils.minus(stencils(opposite.at))
-        self._apart = self.stencils, self.vertex_areas
-        self._shared: PETSc.Mat | None = None
-        self.B = self.stencils.jump_matrix(self.comm, V.dofmap.index_map.size_local, self.dim)
-        nodes = self.Q.dofmap.index_map.size_local
+        self._at_nodes = measure_of(domain, facets, 1, "vertex")
+        self._exact = measure_of(domain, facets, 2 * max(degrees) + axisymmetric)
         self.E: PETSc.Mat | None = None
-        if not self.stencils.identity:
-            self.E = self.stencils.traction_matrix(self.comm, nodes, self.dim)
+        self._shared: PETSc.Mat | None = None
+        self._place(rule_degree, opposite)
+        self.number_everywhere: int = self.comm.allreduce(self.number)
+        self._evaluate, self._average = self.evaluators(given, given.gap * given.normal)
+        self._measure(opposite)
+        stencils = self._stencils(self._here)
+        if opposite is not None:
+            stencils = stencils.minus(self._opposite_to(stencils, opposite))
+        self._apart = stencils, self.vertex_areas
+        self._connect(stencils)
         self.r: Array = np.ones(len(self.vertex_areas))
         self.update()
+
+    # -- what subclasses say ---------------------------------------------------------------------
+
+    @abstractmethod
+    def _place(self, rule_degree: int, opposite: Opposite | None) -> None:
+        """Set `space`, `number`, `ids` and `vertex_ids`. Collective."""
+
+    @abstractmethod
+    def _measure(self, opposite: Opposite | None) -> None:
+        """Set `areas`, `vertex_areas` and `circumferences`. Collective."""
+
+    @abstractmethod
+    def _stencils(self, trace: Trace) -> Stencils:
+        """Of the displacement that a trace has. Collective."""
+
+    def _opposite_to(self, stencils: Stencils, opposite: Opposite) -> Stencils:
+        """Of what is opposite to the points of these stencils. Collective."""
+        return self._stencils(opposite.at)
+
+    @abstractmethod
+    def from_vertices(self, values: Array) -> Array:
+        """Values at the points (n,) from those at the local vertices."""
+
+    @abstractmethod
+    def at_vertices(self, values: Array) -> Array:
+        """Means of point values (n, ...) around the local vertices, ghosts included. Collective.
+
+        Where the vertices are the points they are the values.
+        """
+
+    @property
+    @abstractmethod
+    def cells(self) -> npt.NDArray[np.int32]:
+        """Cells of the submesh that this rank owns and that have points."""
+
+    @abstractmethod
+    def _given_at_vertices(self, values: Mapping[str, Array]) -> Mapping[str, Array]:
+        """What is given at the local vertices, of that at the local points. Collective."""
+
+    @abstractmethod
+    def _give(
+        self, alone: Stencils, given: npt.NDArray[np.bool_], idle: npt.NDArray[np.bool_]
+    ) -> npt.NDArray[np.bool_]:
+        """As `give`, of the stencils in which nothing is given away. Collective."""
+
+    # -- what is given ---------------------------------------------------------------------------
 
     @property
     def _maps(self) -> Any:
@@ -195,35 +204,20 @@ class ContactPoints:
 
     def evaluators(self, given: Given, offset: Any) -> tuple[Evaluator, PointEvaluator | None]:
         """What evaluates ``given`` at the points, and averages ``offset`` in the mixed method."""
-        here = self.evaluator({"x": ufl.SpatialCoordinate(self._V.mesh), **given.at_points})
-        if self._exact is None:
-            return here, None
-        average = {"offset": offset}
-        return here, PointEvaluator(self.space, self._exact, average, self._maps, self._weight)
+        expressions = {"x": ufl.SpatialCoordinate(self._V.mesh), **given.at_points}
+        return self.evaluator(expressions), None
 
+    @abstractmethod
     def evaluator(self, expressions: Mapping[str, Any]) -> Evaluator:
         """What evaluates UFL on the body at the points."""
-        if self._common is None:
-            # At nodes values are those of the vertex rule, on the axis too.
-            weight = self._weight if self.method == "integral" else None
-            return PointEvaluator(self.space, self._measure, expressions, self._maps, weight)
-        at = self._common
-        return ScatteredEvaluator(self._V.mesh, at.cells, at.positions, at.areas, expressions)
-
-    # -- what is given ---------------------------------------------------------------------------
 
     def update(self) -> None:
         """Evaluate what is given anew. Collective."""
         values = self._evaluate()
-        if self._at_vertices is self._evaluate:
-            self.vertex_gaps = values["gap"]
-            self.vertex_normals = values["normal"]
-        else:
-            at_vertices = self._at_vertices()
-            self.vertex_gaps = at_vertices["gap"]
-            self.vertex_normals = at_vertices["normal"]
-        n = self.number
-        mine = {name: v[:n] for name, v in values.items()}
+        at_vertices = self._given_at_vertices(values)
+        self.vertex_gaps = at_vertices["gap"]
+        self.vertex_normals = at_vertices["normal"]
+        mine = {name: v[: self.number] for name, v in values.items()}
         normal = mine["normal"]
         gap = mine["gap"]
         self.positions = mine["x"]
@@ -263,19 +257,9 @@ class ContactPoints:
         self.r = np.asarray(r, dtype=np.float64).copy()
         self.data = replace(self.data, r=self.from_vertices(self.r))
 
-    def from_vertices(self, values: Array) -> Array:
-        """Values at the points (n,) from those at the local vertices."""
-        if self.method != "integral":
-            return values[: self.number]
-        found: Array = np.zeros(self.number)
-        corners = values[self.vertices.dofmap.list[self._gauss.cells]]
-        found[self._gauss.numbers] = np.einsum("gpv,gv->gp", self._hats, corners)
-        return found
-
-    @property
-    def cells(self) -> npt.NDArray[np.int32]:
-        """Cells of the submesh that this rank owns and that have Gauss points."""
-        return np.unique(self._gauss.cells)
+    def _swept(self) -> Array:
+        """Areas of the local vertices of a body of revolution. Collective."""
+        return PointEvaluator(self.vertices, self._exact, {}, self._maps, self._weight).areas
 
     @property
     def _owned_cells(self) -> int:
@@ -283,18 +267,6 @@ class ContactPoints:
         return int(topology.index_map(topology.dim).size_local)
 
     # -- operators -------------------------------------------------------------------------------
-
-    def jump(self, u: PETSc.Vec) -> Array:
-        """Jumps j at the points (n, dim): B u, less `aside`. Collective."""
-        return self.product(u) - self.aside
-
-    def product(self, u: PETSc.Vec) -> Array:
-        """B u at the points (n, dim). Collective."""
-        out = self.B.createVecLeft()
-        self.B.mult(u, out)
-        values = out.array_r.reshape(-1, self.dim).copy()
-        out.destroy()
-        return np.asarray(values)
 
     def traction(self, multipliers: Array) -> Array:
         """T = E l at the points (n, dim) of the owned multipliers. Collective."""
@@ -306,10 +278,6 @@ class ContactPoints:
         values = y.array_r.reshape(-1, self.dim).copy()
         x.destroy(), y.destroy()
         return np.asarray(values)
-
-    def forces(self, tractions: Array) -> Array:
-        """B^T W t, owned entries, of tractions at the points (n, dim). Collective."""
-        return multiplied_transposed(self.B, self.areas[:, None] * tractions)
 
     def rows(self, values: Array) -> Array:
         """E^T W of values at the points (n, dim): owned contact rows. Collective."""
@@ -324,31 +292,6 @@ class ContactPoints:
         v.scatter_forward()
         return v.array.reshape(-1, *values.shape[1:]).copy()
 
-    def at_vertices(self, values: Array) -> Array:
-        """Means of point values (n, ...) around the local vertices, ghosts included. Collective.
-
-        Where the vertices are the points they are the values.
-        """
-        if self.method != "integral":
-            return self.with_ghosts(values)
-        width = int(np.prod(values.shape[1:], dtype=int)) + 1
-        columns = [np.ones(self.number), values.reshape(self.number, width - 1)]
-        weighted = np.column_stack(columns)
-        weighted *= self.areas[:, None]
-        v = la.vector(self.vertices.dofmap.index_map, width)
-        v.array[:] = 0.0
-        corners = self.vertices.dofmap.list[self._gauss.cells]
-        parts = np.einsum("gpv,gpw->gvw", self._hats, weighted[self._gauss.numbers])
-        np.add.at(v.array.reshape(-1, width), corners, parts)
-        v.scatter_reverse(la.InsertMode.add)
-        v.scatter_forward()
-        sums = v.array.reshape(-1, width)
-        # Of faces in part opposite to nothing some vertices have no point.
-        means = np.divide(
-            sums[:, 1:], sums[:, :1], out=np.zeros_like(sums[:, 1:]), where=sums[:, :1] > 0
-        )
-        return means.reshape(-1, *values.shape[1:])
-
     def give(
         self, given: npt.NDArray[np.bool_], idle: npt.NDArray[np.bool_]
     ) -> npt.NDArray[np.bool_]:
@@ -361,45 +304,24 @@ class ContactPoints:
         Returns:
             Those that are given away: none whose function nobody takes.
         """
-        alone, areas = self._apart
-        if self.stencils is alone and not self.comm.allreduce(int(given.any())):
-            return given
-        if self.method == "integral":
-            return self._give_hats(given, idle)
-        D, self.areas, given = shared(self.vertices, given, idle, areas[: self.number])
-        self.vertex_areas = self.with_ghosts(self.areas)
-        owned = self._V.dofmap.index_map.size_local
-        plain = alone.scalar_matrix(self.comm, owned)
-        self.stencils = self._each_alone(*rows_of(D.matMult(plain), np.ones(self.number)))
-        plain.destroy()
-        self.destroy()
-        self._shared = D
-        self.B = self.stencils.jump_matrix(self.comm, owned, self.dim)
-        self.update()
-        return given
-
-    def _give_hats(
-        self, given: npt.NDArray[np.bool_], idle: npt.NDArray[np.bool_]
-    ) -> npt.NDArray[np.bool_]:
-        """As `give`, of the functions of degree 1 whose sum the tractions at Gauss points are."""
         alone, _ = self._apart
-        nodes, shares, given = takers(self.vertices, given, idle)
-        corners = self.Q.dofmap.list[self._gauss.cells]
-        groups, p, k = alone.multiplier_weights.shape
-        width = k * shares.shape[1]
-        weights = alone.multiplier_weights[..., None] * shares[corners][:, None]
-        self.stencils = replace(
-            alone,
-            multiplier_nodes=nodes[corners].reshape(groups, width),
-            multiplier_weights=weights.reshape(groups, p, width),
-        )
-        assert self.E is not None
-        self.E.destroy()
-        owned = self.Q.dofmap.index_map.size_local
-        self.E = self.stencils.traction_matrix(self.comm, owned, self.dim)
-        return given
+        if self._weights is alone and not self.comm.allreduce(int(given.any())):
+            return given
+        return self._give(alone, given, idle)
 
-    # -- stencils --------------------------------------------------------------------------------
+    def _connect(self, stencils: Stencils) -> None:
+        """Set B and E, of which no others are left. Collective."""
+        self._weights = stencils
+        B = stencils.jump_matrix(self.comm, self._owned_nodes, self.dim)
+        self.operator = ConstantOperator(stencils, self.areas, B)
+        if not stencils.identity:
+            nodes = self.Q.dofmap.index_map.size_local
+            self.E = stencils.traction_matrix(self.comm, nodes, self.dim)
+
+    @property
+    def _owned_nodes(self) -> int:
+        """Nodes of the displacement that this rank owns."""
+        return int(self._V.dofmap.index_map.size_local)
 
     def _here(self, nodes: npt.NDArray[np.int32]) -> tuple[Nodes, Array]:
         """The trace of the body."""
@@ -407,58 +329,9 @@ class ContactPoints:
         known = np.asarray(flat, dtype=np.int64).reshape(*nodes.shape, 1)
         return known, np.ones(known.shape)
 
-    def _each_alone(self, nodes: Nodes, weights: Array) -> Stencils:
-        """Points that are multiplier nodes."""
-        n = self.number
-        mine = np.arange(n, dtype=np.int64)[:, None]
-        first = self.Q.dofmap.index_map.local_range[0]
-        return Stencils(mine, nodes, weights[:, None, :], first + mine, np.ones((n, 1, 1)), True)
-
-    def _nodal(self, trace: Trace) -> Stencils:
-        return self._each_alone(*trace(self.trace_dofs[: self.number]))
-
-    def _mixed(self, trace: Trace) -> Stencils:
-        W = self.vertices
-        owned = self._V.dofmap.index_map.size_local
-        p = ufl.TrialFunction(W)
-        q = ufl.TestFunction(W)
-        dx = ufl.dx(domain=self.submesh.mesh, metadata={"quadrature_degree": 2})
-        product = p * q * dx
-        if self._weight is not None:
-            exact = {"quadrature_degree": 3}
-            product = circumference(self.submesh.mesh) * p * q * dx(metadata=exact)
-        consistent = dolfinx.fem.petsc.assemble_matrix(compiled_form(product))
-        consistent.assemble()
-        at_nodes = self._nodal(trace).scalar_matrix(self.comm, owned)
-        means = consistent.matMult(at_nodes)
-        consistent.destroy(), at_nodes.destroy()
-        return self._each_alone(*rows_of(means, self.areas))
-
-    def _integral(self, trace: Trace) -> Stencils:
-        sub = self.submesh.mesh
-        cells = self._gauss.cells
-        u_element = self._V.ufl_element()
-        U = point_space(sub, None)
-        if u_element.degree > 1:
-            U = fem.functionspace(sub, ("Lagrange", u_element.degree))
-        at = trace_dofs(self._V, U, self.submesh.parent_facets)[U.dofmap.list[cells]]
-        nodes, shares = trace(at)  # (groups, basis functions, nodes of each)
-        mine = self.Q.dofmap.list[cells]
-        known = self.Q.dofmap.index_map.local_to_global(mine.reshape(-1)).reshape(mine.shape)
-        b = self._gauss.table(U)
-        groups, p, k = b.shape
-        weights = b[..., None] * shares[:, None]
-        return Stencils(
-            self._gauss.numbers,
-            nodes.reshape(groups, k * shares.shape[2]),
-            weights.reshape(groups, p, k * shares.shape[2]),
-            known.astype(np.int64),
-            self._gauss.table(self.Q),
-            False,
-        )
-
     def destroy(self) -> None:
         """Free the matrices."""
-        for A in (self.B, self.E, self._shared):
+        self.operator.destroy()
+        for A in (self.E, self._shared):
             if A is not None:
                 A.destroy()

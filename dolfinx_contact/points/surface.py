@@ -33,8 +33,12 @@ from dolfinx_contact.points.displaced import (
     displaced_points,
 )
 from dolfinx_contact.points.elements import check_elements, check_quadrature, displacement_degree
+from dolfinx_contact.points.integral_points import CommonFacetPoints, FacetPoints
+from dolfinx_contact.points.kinematics import Kinematics
 from dolfinx_contact.points.memory import Memory, with_memory
 from dolfinx_contact.points.neighbours import LawAmongPoints
+from dolfinx_contact.points.node_points import AveragedPoints, NodePoints
+from dolfinx_contact.points.operators import ConstantOperator
 from dolfinx_contact.points.opposite import Opposite
 from dolfinx_contact.points.pair_motion import PairMotion
 from dolfinx_contact.points.revolution import check_revolution, check_section
@@ -201,10 +205,10 @@ class ContactSurface(ReadOnly):
         keep(self.submesh.mesh)
         self.given = Given(self.gap, self.normal, given)
         self._scatter()
-        self.points = ContactPoints(
+        points_class = _points_class(self.method, obstacle.opposite)
+        self.points: ContactPoints = points_class(
             u.function_space,
             self.submesh,
-            self.method,
             self.degrees,
             rule_degree,
             self.given,
@@ -266,6 +270,49 @@ class ContactSurface(ReadOnly):
             crossing: local vertices at which pairs cross.
         """
 
+    # -- gap, slip and B -------------------------------------------------------------------------
+
+    def kinematics(self, u: Array, motion: Array | None = None) -> Kinematics:
+        """Gap, slip and B at the contact points of this rank at a state. Collective.
+
+        Args:
+            u: displacement at the first local nodes, at least the owned ones (n, dim).
+            motion: of the rigid body; None where there is none.
+        """
+        operator = self.points.operator
+        reference = self.reference
+        jump = operator.apply(self.relative(u[: self.owned_nodes], motion))
+        jump = jump - self.points.aside - reference
+        return Kinematics(operator, jump, reference, self._data_at(jump))
+
+    def kinematics_now(self) -> Kinematics:
+        """Those of the displacement that stands in the Function, and of the rigid body."""
+        body = self.rigid_body
+        u = self.u.x.array.reshape(-1, self.dim)
+        return self.kinematics(u, None if body is None else body.values)
+
+    def constant_operator(self, wanted_by: str) -> ConstantOperator:
+        """B, for what needs it to be the same at every state.
+
+        Args:
+            wanted_by: what needs it, for the message.
+
+        Raises:
+            ValueError: on every rank, if B changes with the displacement.
+        """
+        operator = self.points.operator
+        if not isinstance(operator, ConstantOperator):
+            raise ValueError(
+                f"{self.name}: {wanted_by} needs contact points that keep what is opposite to "
+                "them; here that changes with the displacement"
+            )
+        return operator
+
+    @property
+    def linear(self) -> bool:
+        """Whether gap and slip are linear in the displacement."""
+        return self.displaced is None and isinstance(self.points.operator, ConstantOperator)
+
     def slide(self, *, linear: bool) -> None:
         """Take notice of whether the body is linear, by which sliding is small. Collective.
 
@@ -296,15 +343,14 @@ class ContactSurface(ReadOnly):
         opposite: Opposite | None = self.obstacle.opposite
         if opposite is None:
             return np.zeros_like(values)
-        owned = self.u.function_space.dofmap.index_map.size_local
-        return opposite.values(self.comm, values[:owned], len(values))
+        return opposite.values(self.comm, values[: self.owned_nodes], len(values))
 
     @property
     def rigid_body(self) -> RigidBody | None:
         """What may be touched, if it is a rigid body that moves."""
         return self.obstacle if isinstance(self.obstacle, RigidBody) else None
 
-    def relative(self, u: Array, motion: Array) -> Array:
+    def relative(self, u: Array, motion: Array | None) -> Array:
         """Displacements seen from the rigid body; as they are where there is none.
 
         Args:
@@ -314,12 +360,18 @@ class ContactSurface(ReadOnly):
         body = self.rigid_body
         if body is None:
             return u
+        assert motion is not None
         return np.asarray(u - body.field(self.node_positions[: len(u)], motion))
 
     @cached_property
     def node_positions(self) -> Array:
         """Positions of the local nodes of the displacement (n, dim)."""
         return self.u.function_space.tabulate_dof_coordinates()[:, : self.dim].copy()
+
+    @property
+    def owned_nodes(self) -> int:
+        """Nodes of the displacement that this rank owns."""
+        return int(self.u.function_space.dofmap.index_map.size_local)
 
     @property
     def Q(self) -> fem.FunctionSpace:
@@ -365,7 +417,7 @@ class ContactSurface(ReadOnly):
 
     # -- what was found --------------------------------------------------------------------------
 
-    def data_at(self, jump: Array) -> PointData:
+    def _data_at(self, jump: Array) -> PointData:
         """What the law is given at the points of this rank where jumps lead them. Collective."""
         if self.displaced is None:
             return self.data
@@ -385,12 +437,8 @@ class ContactSurface(ReadOnly):
 
     def jump(self) -> Array:
         """Jump of the displacement at the contact points of this rank (n, dim). Collective."""
-        u = self.points.B.createVecRight()
-        nodes = self.u.x.array[: u.getLocalSize()].reshape(-1, self.dim)
-        u.array[:] = self.relative_now(nodes).reshape(-1)
-        jump = self.points.jump(u)
-        u.destroy()
-        return jump
+        now = self.kinematics_now()
+        return now.jump + now.reference
 
     def relative_now(self, u: Array) -> Array:
         """Displacements (n, dim) seen from the rigid body where it is, if there is one."""
@@ -405,42 +453,40 @@ class ContactSurface(ReadOnly):
         ``traction`` on the body (n, dim), ``pressure``, ``shear`` (n, dim), ``bound`` radius of the
         friction disc at the pressure of the law.
         """
-        jump = self.jump() - self.reference
-        return self.state_of(jump, self._traction(), self.data_at(jump))
+        return self.state_of(self.kinematics_now(), self._traction())
 
     def _traction(self) -> Array:
         owned = self.Q.dofmap.index_map.size_local * self.dim
         return self.points.traction(self.multiplier.x.array[:owned])
 
-    def state_of(self, jump: Array, traction: Array, data: PointData) -> dict[str, Array]:
-        """What `state` says, at jumps as laws see them, tractions and `data_at`. Collective."""
+    def state_of(self, at: Kinematics, traction: Array) -> dict[str, Array]:
+        """What `state` says, at a state of the displacement and tractions (n, dim). Collective."""
         points = self.points
-        n = data.n
-        along = np.sum(jump * n, axis=1)
+        n = at.data.n
         pressure = -np.sum(traction * n, axis=1)
         return {
             "x": points.positions,
             "area": points.areas,
-            "un": data.gap - along,
-            "ut": jump - along[:, None] * n + self.reference,
-            "increment": jump - along[:, None] * n,
+            "un": at.gap,
+            "ut": at.slip,
+            "increment": at.increment,
             "n": n,
             "traction": traction,
             "pressure": pressure,
             "shear": traction + pressure[:, None] * n,
-            "bound": self._bound(jump, traction, data),
+            "bound": self._bound(at, traction),
         }
 
-    def _bound(self, jump: Array, traction: Array, data: PointData) -> Array:
+    def _bound(self, at: Kinematics, traction: Array) -> Array:
         """Radius of the friction disc (n,); 0 where nothing grips."""
-        answers = self.law_at_points(jump, traction, data)
+        answers = self.law_at_points(at.jump, traction, at.data)
         acts = closed(answers.asked) | (not self.law.needs_pressure)
         return np.where(acts, np.maximum(answers.bound, 0.0), 0.0)
 
     def bond(self, name: str) -> Array:
         """What `Answers.bond` has at the points, of a law that remembers. Collective."""
-        jump = self.jump() - self.reference
-        return self.law_at_points(jump, self._traction(), self.data_at(jump)).bond(name)
+        now = self.kinematics_now()
+        return self.law_at_points(now.jump, self._traction(), now.data).bond(name)
 
     def at_vertices(self, jump: Array) -> tuple[Array, Array]:
         """Gaps (n,) and normals (n, dim) at the local vertices where jumps lead them. Collective.
@@ -455,5 +501,15 @@ class ContactSurface(ReadOnly):
 
     def friction_slope(self) -> Array:
         """Radius of the friction disc at unit pressure at the contact points. Collective."""
-        jump = self.jump() - self.reference
-        return self.law_at_points(jump, self._traction(), self.data_at(jump)).unit_bound
+        now = self.kinematics_now()
+        return self.law_at_points(now.jump, self._traction(), now.data).unit_bound
+
+
+def _points_class(method: Method, opposite: Opposite | None) -> type[ContactPoints]:
+    """What contact points of a method are."""
+    if method == "nodal":
+        return NodePoints
+    if method == "mixed":
+        return AveragedPoints
+    matches = opposite is None or opposite.matching
+    return FacetPoints if matches else CommonFacetPoints

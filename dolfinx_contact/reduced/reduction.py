@@ -298,10 +298,11 @@ class Reduction:
         for s in eq.surfaces:
             inside = wanted[(wanted >= first) & (wanted < first + s.points.number)] - first
             rows = (self._dim * inside[:, None] + np.arange(self._dim)).reshape(-1)
+            B = s.constant_operator("the condensed problem").B
             here = PETSc.IS().createGeneral(
-                (rows + s.points.B.getOwnershipRange()[0]).astype(PETSc.IntType), comm=self.comm
+                (rows + B.getOwnershipRange()[0]).astype(PETSc.IntType), comm=self.comm
             )
-            blocks.append(s.points.B.createSubMatrix(here))
+            blocks.append(B.createSubMatrix(here))
             if eq.rigid.size:
                 whole = eq.rigid.jump_matrix(s)
                 motions.append(whole.createSubMatrix(here))

@@ -54,8 +54,8 @@ class PairBalance:
 
 def pair_forces(eq: ContactEquations, number: int, state: State) -> npt.NDArray[np.float64]:
     """Contact forces of a surface at the owned nodes of the displacement (n, dim). Collective."""
-    points = eq.surfaces[number].points
-    return points.forces(state.surfaces[number].traction).reshape(-1, eq.dim)
+    found = state.surfaces[number]
+    return found.kinematics.operator.transpose(found.traction).reshape(-1, eq.dim)
 
 
 def pair_balance(eq: ContactEquations, number: int, state: State) -> PairBalance:

@@ -156,7 +156,7 @@ def contact_table(
     found = state.surfaces[number]
     clamped = eq.constraints.clamped[number]
     removed = eq.constraints.removed[number]
-    known = s.state_of(found.jump, found.traction, found.data)
+    known = s.state_of(found.kinematics, found.traction)
     n = s.points.number
     area = known["area"]
     normal = known["n"]

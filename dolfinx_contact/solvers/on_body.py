@@ -268,20 +268,15 @@ class OnBody:
     def _largest(self) -> float:
         """The largest eigenvalue of the compliance, jumps by tractions, by the power method."""
         eq = self.equations
-        n = self.equations.owned_sizes[0]
         # Pressure and shear in every direction, uneven.
         t = [s.points.data.n + np.cos(s.positions / eq.body_size) for s in eq.surfaces]
+        operators = [s.constant_operator("a step of an algorithm") for s in eq.surfaces]
         value = 0.0
-        nothing = np.zeros(eq.rigid.size)
         for _ in range(_POWER):
-            load = np.sum([s.points.forces(v) for s, v in zip(eq.surfaces, t, strict=True)], axis=0)
+            load = np.sum([B.transpose(v) for B, v in zip(operators, t, strict=True)], axis=0)
             load[self.body.fixed] = 0.0
-            u = self.body(load, tolerance=_ROUGH)
-            v = eq.bulk.displacement
-            v.x.array[:n] = u
-            v.x.scatter_forward()
-            full = v.x.array.copy()
-            jumps = [eq.relative_jump(s, full, nothing, rate=True) for s in eq.surfaces]
+            u = self.body(load, tolerance=_ROUGH).reshape(-1, eq.dim)
+            jumps = [B.apply(u) for B in operators]
             weights = [s.points.areas[:, None] for s in eq.surfaces]
             parts = zip(jumps, t, weights, strict=True)
             products = np.array(
