@@ -10,7 +10,14 @@ import pytest
 
 COMM = MPI.COMM_WORLD
 #: Tests of what ranks do to each other, on two of them in all cases.
-EVERY_CASE = ("test_bad_input", "test_disk", "test_hostile", "test_messages", "test_results")
+EVERY_CASE = (
+    "test_bad_input",
+    "test_disk",
+    "test_hostile",
+    "test_kinematics",
+    "test_messages",
+    "test_results",
+)
 #: Tests of which every case runs on any number of ranks.
 ON_ANY = ("test_golden",)
 #: Tests on three ranks, of what depends on who owns what; the rest is seen on two.
