@@ -27,10 +27,16 @@ from timing import REPEATS, Timer, clean, median, save
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, parse_arguments
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    HalfSpace,
+    ParametricContact,
+    parse_arguments,
+)
 from dolfinx_contact.continuation import Follower, Observer, StepControl
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.parametric import ParametricContact
 
 CELLS = {
     (2, "simplex"): mesh.CellType.triangle,

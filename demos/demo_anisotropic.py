@@ -24,9 +24,16 @@ from _case import ScriptParser, number
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, io, plot
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    HalfSpace,
+    ParametricContact,
+    io,
+    plot,
+)
 from dolfinx_contact.continuation import find_solutions
-from dolfinx_contact.parametric import ParametricContact
 
 
 def elasticity(fibres, degrees):

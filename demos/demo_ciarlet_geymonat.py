@@ -24,10 +24,18 @@ from _case import ScriptParser
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, io, plot, records
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    HalfSpace,
+    ParametricContact,
+    io,
+    plot,
+    records,
+)
 from dolfinx_contact.continuation import Branch, explore
 from dolfinx_contact.materials import CiarletGeymonat
-from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.records import leftmost, rightmost, total
 
 #: What is looked at: both corners, and the forces of the floor.

@@ -27,6 +27,7 @@ from dolfinx_contact import (
     ContactSurface,
     Coulomb,
     HalfSpace,
+    ParametricContact,
     io,
     materials,
     plot,
@@ -34,7 +35,6 @@ from dolfinx_contact import (
 )
 from dolfinx_contact.continuation import Branch, points_at
 from dolfinx_contact.meshing import draw_polygon, mesh_from_gmsh, read_mesh
-from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.records import leftmost, total
 
 

@@ -20,9 +20,8 @@ import numpy as np
 from _case import ScriptParser, number
 from demo_hild_triangle import element
 
-from dolfinx_contact import io, plot, records
+from dolfinx_contact import ParametricContact, io, plot, records
 from dolfinx_contact.continuation import find_solutions, follow
-from dolfinx_contact.parametric import ParametricContact
 
 
 def arguments(argv=None):

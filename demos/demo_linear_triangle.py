@@ -24,10 +24,18 @@ from _case import ScriptParser
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, io, plot, records
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    HalfSpace,
+    ParametricContact,
+    io,
+    plot,
+    records,
+)
 from dolfinx_contact.continuation import Branch, explore, find_solutions
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.records import leftmost, total
 
 #: What is looked at; A is the leftmost contact point.

@@ -24,10 +24,18 @@ import basix.ufl
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, io, plot, records
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    HalfSpace,
+    ParametricContact,
+    io,
+    plot,
+    records,
+)
 from dolfinx_contact.continuation import find_solutions, follow
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.records import leftmost, rightmost
 
 MOVED = {(0.5, 0.5): (-0.02, 0.0), (1.5, 1.5): (0.01, -0.01)}

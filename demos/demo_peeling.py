@@ -27,11 +27,18 @@ from _case import ScriptParser, number
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import RCCM, ContactProblem, ContactSurface, HalfSpace, io, plot
+from dolfinx_contact import (
+    RCCM,
+    ContactProblem,
+    ContactSurface,
+    HalfSpace,
+    ParametricContact,
+    io,
+    plot,
+)
 from dolfinx_contact.continuation import StepControl
 from dolfinx_contact.evolution import ArcLength
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.parametric import ParametricContact
 
 E = 1.0
 INERTIA = 1 / 12

@@ -19,9 +19,8 @@ from demo_linear_triangle import SEEN, linear_triangle
 
 from dolfinx import fem
 
-from dolfinx_contact import Coulomb, Regularised, io, plot, records
+from dolfinx_contact import Coulomb, ParametricContact, Regularised, io, plot, records
 from dolfinx_contact.continuation import Branch, explore, follow
-from dolfinx_contact.parametric import ParametricContact
 
 
 def arguments(argv=None):

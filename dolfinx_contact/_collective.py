@@ -67,14 +67,12 @@ def collective(
                     check(named)
                     given.update(vars(named))
 
-            if comm is None:
+            if comm is None:  # of something else than what is meant, which is refused alike
                 look()
-                comm = _communicator(bound)
-                assert comm is not None, f"{function.__qualname__} has no communicator"
             else:
                 with everywhere(comm, what):
                     look()
-            if comm.size > 1:
+            if comm is not None and comm.size > 1:
                 compared = {n: v for n, v in given.items() if n not in (*_MAY_DIFFER, *local)}
                 same_everywhere(comm, **{n: _comparable(v) for n, v in compared.items()})
             return function(*bound.args, **bound.kwargs)

@@ -54,6 +54,7 @@ from dolfinx_contact import (
     MaxwellLayer,
     NonlocalCoulomb,
     NormalCompliance,
+    ParametricContact,
     Regularised,
     RigidBody,
     Sphere,
@@ -77,7 +78,6 @@ from dolfinx_contact.continuation import StepControl, explore, find_solutions, f
 from dolfinx_contact.equations.jacobian import Jacobian
 from dolfinx_contact.evolution import NSCD, QuasiStatic
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.records import (
     BranchRecord,
     EvolutionRecord,

@@ -13,11 +13,18 @@ from recorded_evolution import cracked_block
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact import RCCM, ContactPair, ContactProblem, ContactSurface, Coulomb, HalfSpace
+from dolfinx_contact import (
+    RCCM,
+    ContactPair,
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    HalfSpace,
+    ParametricContact,
+)
 from dolfinx_contact.continuation import StepControl
 from dolfinx_contact.evolution import ArcLength, QuasiStatic
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.records import PathRecord
 
 #: Longest steps.

@@ -12,10 +12,9 @@ from blocks import box, facets
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, ParametricContact
 from dolfinx_contact.continuation import StepControl, follow
 from dolfinx_contact.materials import NeoHookean
-from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.records import BranchRecord, resume
 
 CONTROL = StepControl(initial=0.01, maximum=0.01)

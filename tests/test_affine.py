@@ -15,13 +15,13 @@ from dolfinx_contact import (
     Coulomb,
     Frictionless,
     HalfSpace,
+    ParametricContact,
     RigidBody,
 )
 from dolfinx_contact.analysis import contact_family
 from dolfinx_contact.continuation import find_solutions, follow
 from dolfinx_contact.evolution import NSCD, ArcLength
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.parametric import ParametricContact
 
 COMM = MPI.COMM_WORLD
 

@@ -22,6 +22,7 @@ from dolfinx_contact import (
     Frictionless,
     HalfSpace,
     NonlocalCoulomb,
+    ParametricContact,
     RigidBody,
     Sphere,
     io,
@@ -40,7 +41,6 @@ from dolfinx_contact.materials import (
     circumference,
 )
 from dolfinx_contact.meshing import join, mesh_from_gmsh
-from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.solvers.errors import FloatingBodyError
 
 COMM = MPI.COMM_WORLD

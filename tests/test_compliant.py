@@ -27,13 +27,13 @@ from dolfinx_contact import (
     Coulomb,
     HalfSpace,
     NormalCompliance,
+    ParametricContact,
     Regularised,
     Sphere,
     Tresca,
 )
 from dolfinx_contact.continuation import follow
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.points.vertex_state import vertex_state
 
 COMM = MPI.COMM_WORLD

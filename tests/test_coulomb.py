@@ -8,10 +8,9 @@ from blocks import block
 
 from dolfinx import fem
 
-from dolfinx_contact import Coulomb, Frictionless, Tresca
+from dolfinx_contact import Coulomb, Frictionless, ParametricContact, Tresca
 from dolfinx_contact.laws import coulomb
 from dolfinx_contact.laws.status import MINUS
-from dolfinx_contact.parametric import ParametricContact
 
 COMM = MPI.COMM_WORLD
 LAWS = [Coulomb(0.7), Frictionless(), Tresca(2.0)]

@@ -16,12 +16,12 @@ from dolfinx_contact import (
     Coulomb,
     HalfSpace,
     NormalCompliance,
+    ParametricContact,
     Regularised,
 )
 from dolfinx_contact.continuation import follow
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.points.memory import Memory
 
 COMM = MPI.COMM_WORLD

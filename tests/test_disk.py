@@ -372,6 +372,29 @@ def test_what_is_known_of_a_holder(here):
     opened().close()  # flock is the truth: whatever a note says
 
 
+def test_a_note_that_is_a_link(here):
+    """What it leads to is somebody's file, which stays as it is."""
+    folder, opened = here
+    theirs = folder / "theirs.txt"
+    theirs.write_text("mine")
+    (folder / lock.NOTE_NAME).symlink_to(theirs)
+    with pytest.raises(OSError, match=lock.NOTE_NAME):
+        opened()
+    assert theirs.read_text() == "mine"
+
+
+def test_a_process_that_has_the_journal_open_does_not_hold_it(here):
+    """As one that was forked while it was recorded to."""
+    _, opened = here
+    file = opened()
+    with subprocess.Popen(["sleep", "60"], pass_fds=[file._file.fileno()]) as child:
+        try:
+            file.close()
+            opened().close()
+        finally:
+            child.kill()
+
+
 def test_a_file_system_without_flock(here, monkeypatch):
     """The note is the lock then, until it is removed by hand."""
     folder, opened = here

@@ -11,13 +11,12 @@ from blocks import box, facets
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactPair, ContactProblem, Coulomb
+from dolfinx_contact import ContactPair, ContactProblem, Coulomb, ParametricContact
 from dolfinx_contact.continuation import StepControl, follow
 from dolfinx_contact.equations.order import by_coordinates
 from dolfinx_contact.io import write_contact_table
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.meshing import crack
-from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.records import BranchRecord, read_journal
 
 COMM = MPI.COMM_WORLD

@@ -26,6 +26,7 @@ from dolfinx_contact import (
     HalfSpace,
     LevelSet,
     NormalCompliance,
+    ParametricContact,
     RigidBody,
     Sphere,
     io,
@@ -34,7 +35,6 @@ from dolfinx_contact.continuation import follow
 from dolfinx_contact.evolution import NoContinuation, QuasiStatic
 from dolfinx_contact.evolution.step_rays import rays_of_step
 from dolfinx_contact.materials import LinearElastic, NeoHookean, lame
-from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.points.memory import Memory
 
 COMM = MPI.COMM_WORLD

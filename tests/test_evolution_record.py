@@ -14,11 +14,17 @@ from test_evolution import dragged, put
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, RigidBody
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    HalfSpace,
+    ParametricContact,
+    RigidBody,
+)
 from dolfinx_contact.continuation import Ending
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.records import BranchRecord, EvolutionRecord, read_journal
 from dolfinx_contact.records.lines import FILE_NAME
 

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 from blocks import block
 
-from dolfinx_contact import RCCM, Coulomb, NormalCompliance, records
+from dolfinx_contact import RCCM, Coulomb, NormalCompliance, ParametricContact, records
 from dolfinx_contact.continuation import Events, StepControl, follow
 from dolfinx_contact.continuation.borders import reached
-from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.points.memory import Memory
 
 COMM = MPI.COMM_WORLD

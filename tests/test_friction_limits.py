@@ -9,9 +9,8 @@ import numpy as np
 from demo_block import arguments
 from demo_block import problem as block
 
-from dolfinx_contact import records
+from dolfinx_contact import ParametricContact, records
 from dolfinx_contact.continuation import follow
-from dolfinx_contact.parametric import ParametricContact
 
 COMM = MPI.COMM_WORLD
 

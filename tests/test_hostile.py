@@ -21,6 +21,7 @@ from dolfinx_contact import (
     Frictionless,
     HalfSpace,
     LevelSet,
+    ParametricContact,
     Sphere,
     Tresca,
 )
@@ -43,7 +44,6 @@ from dolfinx_contact.materials import (
     NeoHookean,
     StVenantKirchhoff,
 )
-from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.plot import picture_of_body, picture_of_contact, picture_of_states
 from dolfinx_contact.records import BranchRecord, resume, write_series
 

@@ -20,10 +20,9 @@ import dolfinx.fem.petsc
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, ParametricContact
 from dolfinx_contact.continuation import follow
 from dolfinx_contact.evolution import NSCD, QuasiStatic
-from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.records import BranchRecord, EvolutionRecord, read_journal
 
 COMM = MPI.COMM_WORLD

@@ -28,7 +28,7 @@ from dolfinx_contact.equations.jacobian import Jacobian
 from dolfinx_contact.evolution.nscd import NSCD
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.points.operators import Operator
-from dolfinx_contact.reduced.compliance import check_reducible
+from dolfinx_contact.reduced.scope import check_reducible
 from dolfinx_contact.solvers.springs import springs
 
 COMM = MPI.COMM_WORLD

@@ -14,11 +14,11 @@ from dolfinx_contact import (
     ContactSurface,
     Frictionless,
     HalfSpace,
+    ParametricContact,
     RigidBody,
     materials,
 )
 from dolfinx_contact.continuation import find_solutions, follow
-from dolfinx_contact.parametric import ParametricContact
 
 COMM = MPI.COMM_WORLD
 FLOOR = HalfSpace((0.0, 0.0), (0.0, 1.0))

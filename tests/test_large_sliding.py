@@ -22,6 +22,7 @@ from dolfinx_contact import (
     HalfSpace,
     LevelSet,
     NormalCompliance,
+    ParametricContact,
     RigidBody,
     Sphere,
     materials,
@@ -35,7 +36,6 @@ from dolfinx_contact.io import write_contact_table
 from dolfinx_contact.io.fields import contact_fields
 from dolfinx_contact.io.outside import patch
 from dolfinx_contact.laws.status import closed
-from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.plot import picture_of_body, picture_of_contact
 from dolfinx_contact.points.vertex_state import vertex_state
 

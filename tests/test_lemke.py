@@ -11,7 +11,14 @@ from blocks import block, facets, half_block
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, Frictionless, HalfSpace
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    Frictionless,
+    HalfSpace,
+    ParametricContact,
+)
 from dolfinx_contact.algorithms import (
     Lemke,
     PointProblem,
@@ -21,7 +28,6 @@ from dolfinx_contact.algorithms import (
 )
 from dolfinx_contact.continuation import find_solutions
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.solvers import ladder
 
 COMM = MPI.COMM_WORLD

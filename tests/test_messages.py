@@ -14,12 +14,11 @@ from textbook import coulomb_system
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, ParametricContact
 from dolfinx_contact._errors import everywhere, same_everywhere
 from dolfinx_contact.continuation import Observer, find_solutions, follow, solutions
 from dolfinx_contact.continuation.rays import Rays, outgoing
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.records import BranchRecord
 from dolfinx_contact.solvers.errors import LinearSolverError
 from dolfinx_contact.solvers.history import Attempt

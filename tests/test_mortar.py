@@ -15,12 +15,18 @@ from test_pair import MATERIAL, displacement, held, largest, tagged
 import ufl
 from dolfinx import fem, la
 
-from dolfinx_contact import ContactPair, ContactProblem, Coulomb, Frictionless, records
+from dolfinx_contact import (
+    ContactPair,
+    ContactProblem,
+    Coulomb,
+    Frictionless,
+    ParametricContact,
+    records,
+)
 from dolfinx_contact.continuation import StepControl, follow
 from dolfinx_contact.grids import create_grid
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.meshing import join
-from dolfinx_contact.parametric import ParametricContact
 
 COMM = MPI.COMM_WORLD
 #: Cells along the lower and the upper face, and from where to where these reach.

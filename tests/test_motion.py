@@ -22,6 +22,7 @@ from dolfinx_contact import (
     RigidBody,
 )
 from dolfinx_contact.body.inertia import mass_matrix
+from dolfinx_contact.continuation import Ending
 from dolfinx_contact.evolution import NSCD
 from dolfinx_contact.materials import LinearElastic, NeoHookean
 
@@ -213,6 +214,17 @@ def block(
         held = fem.Function(V)
         bcs = [fem.dirichletbc(held, top)]
     return ContactProblem(material.energy(u) * ufl.dx + pull, u, [surface], bcs=bcs), held
+
+
+def test_what_turns_back_is_not_at_rest():
+    """A block that is thrown up is slow for a while, high up, where nothing holds it."""
+    problem, _ = block(weight=10.0)
+    motion = NSCD(problem, 1.0, dt=1e-3, velocity=at_speed(problem, 0.0, 1.0))
+    history = motion.settle(0.15, rest=1e-2)
+    assert history.ending is Ending.BUDGET
+    assert not history.complete
+    slow = [s.energies.kinetic <= 1e-2 * 0.5 for s in history.steps]
+    assert sum(slow) > 12
 
 
 def shaken(problem, size=1.0):

@@ -21,13 +21,13 @@ from dolfinx_contact import (
     HalfSpace,
     Sphere,
     Tresca,
+    solve_nested,
 )
 from dolfinx_contact.body.bulk import Bulk
 from dolfinx_contact.equations.augmentation import softness
 from dolfinx_contact.equations.jacobian import Jacobian
 from dolfinx_contact.laws.status import OPEN
 from dolfinx_contact.materials import LinearElastic, NeoHookean
-from dolfinx_contact.nested import solve_nested
 from dolfinx_contact.solvers import choice
 from dolfinx_contact.solvers.forcing import Forcing
 from dolfinx_contact.solvers.multigrid import Multigrid

@@ -25,6 +25,7 @@ from dolfinx_contact import (
     HalfSpace,
     NonlocalCoulomb,
     NormalCompliance,
+    ParametricContact,
     Regularised,
     RigidBody,
     Sphere,
@@ -32,7 +33,6 @@ from dolfinx_contact import (
 from dolfinx_contact.analysis import critical_friction
 from dolfinx_contact.continuation import explore, follow
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.records.identity import identity
 from dolfinx_contact.reduced.scope import can_condense
 

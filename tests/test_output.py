@@ -20,12 +20,19 @@ from blocks import block, box, facets
 import ufl
 from dolfinx import fem, io, mesh
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, Sphere, materials
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    HalfSpace,
+    ParametricContact,
+    Sphere,
+    materials,
+)
 from dolfinx_contact.continuation import BranchPoint
 from dolfinx_contact.io import STATUS_CODES, output_folder, write_contact_table, write_fields
 from dolfinx_contact.io.fields import body_fields, contact_fields
 from dolfinx_contact.materials import CiarletGeymonat, LinearElastic, NeoHookean, StVenantKirchhoff
-from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.plot import picture_of_body, picture_of_contact, picture_of_states, pictures
 from dolfinx_contact.records.checkpoints import joined
 

@@ -25,6 +25,7 @@ from dolfinx_contact import (
     Coulomb,
     Frictionless,
     HalfSpace,
+    ParametricContact,
     Tresca,
     io,
     plot,
@@ -35,7 +36,6 @@ from dolfinx_contact.continuation import explore
 from dolfinx_contact.continuation.ray_finder import RayFinder
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.meshing import crack, join, mesh_from_gmsh
-from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.solvers.errors import FloatingBodyError
 
 COMM = MPI.COMM_WORLD

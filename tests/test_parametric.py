@@ -18,12 +18,12 @@ from dolfinx_contact import (
     ContactSurface,
     Coulomb,
     HalfSpace,
+    ParametricContact,
     Sphere,
     Tresca,
 )
 from dolfinx_contact.continuation import Piece, StepControl, explore, find_solutions, follow
 from dolfinx_contact.materials import LinearElastic, NeoHookean
-from dolfinx_contact.parametric import ParametricContact
 
 COMM = MPI.COMM_WORLD
 

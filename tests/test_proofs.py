@@ -21,6 +21,7 @@ from dolfinx_contact import (
     Coulomb,
     Frictionless,
     HalfSpace,
+    ParametricContact,
     Tresca,
     _factor,
 )
@@ -28,7 +29,6 @@ from dolfinx_contact.analysis import check
 from dolfinx_contact.analysis.contact import reduced_problem
 from dolfinx_contact.continuation import find_solutions
 from dolfinx_contact.materials import LinearElastic, NeoHookean, lame
-from dolfinx_contact.parametric import ParametricContact
 
 COMM = MPI.COMM_WORLD
 serial = pytest.mark.skipif(COMM.size > 1, reason="long, and the same on every rank")

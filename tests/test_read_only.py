@@ -21,6 +21,7 @@ from dolfinx_contact import (
     Cylinder,
     HalfSpace,
     NormalCompliance,
+    ParametricContact,
     RigidBody,
     Sphere,
     Tresca,
@@ -29,7 +30,6 @@ from dolfinx_contact.evolution import NSCD, ArcLength, QuasiStatic
 from dolfinx_contact.laws import FrictionLaw
 from dolfinx_contact.materials import LinearElastic, NeoHookean
 from dolfinx_contact.obstacles import Obstacle
-from dolfinx_contact.parametric import ParametricContact
 
 COMM = MPI.COMM_WORLD
 

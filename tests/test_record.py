@@ -10,10 +10,14 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 import recorded_run
-from blocks import box
+from blocks import box, facets
 from killing import kill, launch
 from recorded_run import moved_block, record
 
+import ufl
+from dolfinx import fem
+
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, ParametricContact
 from dolfinx_contact.continuation import (
     Ending,
     Follower,
@@ -24,6 +28,7 @@ from dolfinx_contact.continuation import (
     follow,
 )
 from dolfinx_contact.continuation.progress import BranchProgress
+from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.plot import diagrams, draw_diagram
 from dolfinx_contact.records import BranchRecord, Journal, read_journal, resume, write_series
 from dolfinx_contact.records.identity import mesh_hash
@@ -298,6 +303,61 @@ def test_a_finished_branch_stays_as_it_is(whole):
     (point,) = again.points
     assert point.gamma == branch.points[-1].gamma
     require_same(read_journal(folder), journal, tolerance=0)
+
+
+def test_a_branch_that_was_killed_at_its_last_point(folder):
+    """Its end is in the line of the point: whether stopped or at the range's end, nothing is added."""
+    system, functionals = moved_block(COMM)
+
+    def stop(point, special):
+        return "pressed" if point.gamma > 0.12 else ""
+
+    for number, way in enumerate([dict(stop=stop), dict(gamma_range=(-0.1, 0.15))]):
+        way = dict(gamma_range=(-0.1, 1.0), control=recorded_run.CONTROL) | way
+        expected = follow(system, recorded_run.start(system), 0.0, **way)
+        last = len(expected.points) - 1
+
+        class Interrupt(Observer):
+            def point(self, branch, index, *_, last=last):
+                if index == last:
+                    raise KeyboardInterrupt
+
+        where = folder / f"{number}"
+        with BranchRecord(where, system, functionals) as r, pytest.raises(KeyboardInterrupt):
+            follow(system, recorded_run.start(system), 0.0, observer=Interrupt(), record=r, **way)
+        again = resume(where, system, functionals, stop=way.get("stop"))
+        assert (again.ending, again.reason) == (expected.ending, expected.reason)
+        found = read_journal(where).columns()["gamma"]
+        np.testing.assert_allclose(found, [p.gamma for p in expected.points], atol=1e-10)
+
+
+def test_a_record_from_rest_by_pivoting(folder):
+    """Unknowns that are round-off under no load are a solution."""
+    domain = box(COMM, 4, "tri")
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    top = fem.Function(V)
+    gamma = fem.Constant(domain, 0.0)
+    held = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
+    floor = HalfSpace((0.0, -0.002), (0.01, 1.0))
+    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.3))
+    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
+    problem = ContactProblem(energy, u, [surface], bcs=[fem.dirichletbc(top, held)])
+    move = ufl.as_vector([0.03 * gamma, -0.03 * gamma])
+    system = ParametricContact(problem, gamma, driven=[(top, move)])
+    span = dict(gamma_range=(0.0, 1.0))
+    whole = follow(system, recorded_run.start(system), 0.0, route="pivoting", **span)
+    with BranchRecord(folder / "r", system) as r:
+        follow(
+            system, recorded_run.start(system), 0.0, route="pivoting", max_steps=2, record=r, **span
+        )
+    again = resume(folder / "r", system, max_steps=1000)
+    assert again.ending is whole.ending is Ending.REACHED
+    np.testing.assert_allclose(
+        read_journal(folder / "r").columns()["gamma"],
+        [p.gamma for p in whole.points],
+        atol=1e-12,
+    )
 
 
 def test_an_interrupted_run_resumes(whole, folder):

@@ -23,14 +23,14 @@ from dolfinx_contact import (
     Frictionless,
     HalfSpace,
     LevelSet,
+    ParametricContact,
     RigidBody,
     Sphere,
     materials,
+    solve_nested,
 )
 from dolfinx_contact.continuation import find_solutions, follow
-from dolfinx_contact.nested import solve_nested
 from dolfinx_contact.obstacles import Obstacle
-from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.points.vertex_state import vertex_state
 from dolfinx_contact.records import BranchRecord, resume
 from dolfinx_contact.solvers.errors import FloatingBodyError

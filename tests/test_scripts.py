@@ -15,12 +15,20 @@ from blocks import block, box, facets
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, io, plot, records
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    HalfSpace,
+    ParametricContact,
+    io,
+    plot,
+    records,
+)
 from dolfinx_contact.continuation import Branch, find_solutions, follow, follower_for, points_at
 from dolfinx_contact.grids import create_grid, graded
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.meshing import draw_polygon, mesh_from_gmsh
-from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.records import BranchRecord, leftmost, rightmost, total
 
 COMM = MPI.COMM_WORLD

@@ -16,6 +16,7 @@ from dolfinx_contact import (
     ContactSurface,
     Coulomb,
     Frictionless,
+    ParametricContact,
     RigidBody,
     Sphere,
     meshing,
@@ -24,7 +25,6 @@ from dolfinx_contact.analysis import contact_family, count_solutions
 from dolfinx_contact.continuation import find_solutions, follow
 from dolfinx_contact.evolution import NSCD, QuasiStatic
 from dolfinx_contact.materials import LinearElastic, NeoHookean, lame
-from dolfinx_contact.parametric import ParametricContact
 
 COMM = MPI.COMM_WORLD
 SAID = "the sliding is not small"

@@ -10,9 +10,8 @@ from textbook import smooth
 
 from dolfinx import fem
 
-from dolfinx_contact import Coulomb, Sphere
+from dolfinx_contact import Coulomb, ParametricContact, Sphere
 from dolfinx_contact.continuation import find_solutions
-from dolfinx_contact.parametric import ParametricContact
 
 serial = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="long, and the same on every rank")
 

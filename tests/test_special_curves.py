@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from textbook import one_node, smooth
 
+from dolfinx_contact import ParametricContact
 from dolfinx_contact.analysis import event_curves
 from dolfinx_contact.continuation import follow, follow_special
-from dolfinx_contact.parametric import ParametricContact
 
 COMM = MPI.COMM_WORLD
 

@@ -10,9 +10,9 @@ from blocks import block
 
 from dolfinx import fem
 
+from dolfinx_contact import ParametricContact
 from dolfinx_contact.continuation import Piece
 from dolfinx_contact.laws import BilinearCohesive, Tresca, status
-from dolfinx_contact.parametric import ParametricContact
 
 BONDS = {0: "", status.DAMAGING: ", damaging", status.BROKEN: ", broken"}
 FRICTION = {

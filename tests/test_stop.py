@@ -8,7 +8,7 @@ import recorded_evolution
 from recorded_evolution import TIMES
 
 from dolfinx_contact.continuation import Ending
-from dolfinx_contact.records import EvolutionRecord, read_evolution
+from dolfinx_contact.records import EvolutionRecord, read_journal
 
 COMM = MPI.COMM_WORLD
 
@@ -132,7 +132,7 @@ def test_a_record_of_a_run_that_is_stopped(folder):
     evolution, times, steps = made("pair")
     with EvolutionRecord(folder, evolution) as kept, pytest.raises(Killed):
         evolution.run(times, record=kept, stop=after(2, []), observer=observer, **steps)
-    assert len(read_evolution(folder).rows()) == 2
+    assert len(read_journal(folder).rows()) == 2
     evolution, times, steps = made("pair")
     asked = []
     with EvolutionRecord(folder, evolution, resume=True) as kept:

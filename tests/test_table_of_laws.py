@@ -9,9 +9,15 @@ from blocks import block, box, same_tables
 from dolfinx import fem
 
 import dolfinx_contact.laws
-from dolfinx_contact import ConvergenceError, Coulomb, Frictionless, Regularised, Tresca
+from dolfinx_contact import (
+    ConvergenceError,
+    Coulomb,
+    Frictionless,
+    ParametricContact,
+    Regularised,
+    Tresca,
+)
 from dolfinx_contact.laws import FrictionLaw, Interface, Law
-from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.reduced.scope import can_condense
 
 COMM = MPI.COMM_WORLD

@@ -20,6 +20,7 @@ from dolfinx_contact import (
     HalfSpace,
     MaxwellLayer,
     NormalCompliance,
+    ParametricContact,
     Regularised,
 )
 from dolfinx_contact.analysis import (
@@ -41,7 +42,6 @@ from dolfinx_contact.laws import (
     StatusPiece,
 )
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.parametric import ParametricContact
 
 COMM = MPI.COMM_WORLD
 STATIC = 0.3

@@ -15,13 +15,12 @@ from demo_hild_triangle import element
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactProblem, materials
+from dolfinx_contact import ContactProblem, ParametricContact, materials
 from dolfinx_contact.analysis import Chart, ChartCell, count_solutions, event_curves
 from dolfinx_contact.analysis.curve_search import follow_events
 from dolfinx_contact.analysis.family import ContactFamily, Frame
 from dolfinx_contact.analysis.two_parameters import contact_family
 from dolfinx_contact.continuation import follow
-from dolfinx_contact.parametric import ParametricContact
 
 COMM = MPI.COMM_WORLD
 

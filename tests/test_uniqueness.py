@@ -15,12 +15,11 @@ from blocks import block
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact import ContactProblem, Coulomb, Frictionless, Tresca
+from dolfinx_contact import ContactProblem, Coulomb, Frictionless, ParametricContact, Tresca
 from dolfinx_contact.analysis.theory import theory_of
 from dolfinx_contact.continuation import find_solutions
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.materials import LinearElastic, NeoHookean, lame
-from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.results.uniqueness import OTHER_DATA
 
 COMM = MPI.COMM_WORLD

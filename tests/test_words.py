@@ -19,11 +19,13 @@ from dolfinx_contact import (
     Cylinder,
     HalfSpace,
     NonlocalCoulomb,
+    ParametricContact,
     Regularised,
     RigidBody,
     Sphere,
     materials,
     meshing,
+    solve_nested,
 )
 from dolfinx_contact.algorithms import (
     GaussSeidel,
@@ -43,8 +45,6 @@ from dolfinx_contact.analysis import (
 )
 from dolfinx_contact.continuation import explore, find_solutions, follow
 from dolfinx_contact.evolution import NSCD, QuasiStatic
-from dolfinx_contact.nested import solve_nested
-from dolfinx_contact.parametric import ParametricContact
 
 COMM = MPI.COMM_WORLD
 

@@ -40,7 +40,7 @@ from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.given_data import Constancy, Datum, data_in, placed_data
 from dolfinx_contact.evolution.evolution import Evolution, Observer, Stop
-from dolfinx_contact.evolution.history import History
+from dolfinx_contact.evolution.history import History, NoContinuation
 from dolfinx_contact.evolution.listeners import Listeners
 from dolfinx_contact.evolution.motion import Level, Method, MotionStepper
 from dolfinx_contact.evolution.motion_energy import MotionEnergies
@@ -253,7 +253,8 @@ class NSCD(Evolution):
         Args:
             most: a time, after which this ends in any case.
             rest: share of the largest kinetic energy on the way, below which the body is at rest
-                when that has been so for ten steps.
+                when that has been so for ten steps, and for longer than a body stays below it that
+                turns back, as one that is thrown up: 4 sqrt(rest) of the time since the start.
             observer: told of every accepted step.
             progress: see `run`.
 
@@ -273,9 +274,17 @@ class NSCD(Evolution):
         whole = None
         peak = 0.0
         quiet = 0
-        while quiet < _QUIET and (whole is None or whole.time < start + most):
+        at_rest = False
+        while not at_rest and (whole is None or whole.time < start + most):
             time = start if whole is None else whole.time
-            part = self.run([time, time + self._dt], observer=observer, progress=progress)
+            try:
+                part = self.run([time, time + self._dt], observer=observer, progress=progress)
+            except NoContinuation as error:
+                if whole is not None:
+                    whole.steps += error.history.steps
+                    whole.end(error.history.ending or Ending.NOT_SOLVED, error.history.reason)
+                    error.history = whole
+                raise
             kinetic = part.energies.kinetic  # type: ignore[attr-defined]
             peak = max(peak, kinetic)
             quiet = quiet + 1 if kinetic <= rest * peak else 0
@@ -283,8 +292,10 @@ class NSCD(Evolution):
                 whole = part
             else:
                 whole.steps += part.steps
+            turning = _TURNING * math.sqrt(rest) * (whole.time - start)
+            at_rest = quiet >= _QUIET and quiet * self._dt >= turning
         assert whole is not None
-        if quiet >= _QUIET:
+        if at_rest:
             whole.end(Ending.REACHED, "the body is at rest")
         else:
             whole.end(Ending.BUDGET, f"not at rest after {whole.time - start:.6g}")
@@ -298,6 +309,7 @@ class NSCD(Evolution):
 
 _HALVINGS = 20  # of dt, to the least step
 _WRONG_INERTIA = 0.01  # of an acceleration, which is said
+_TURNING = 4.0  # sqrt(rest) of the way there: twice as long as one that turns back is slow
 _QUIET = 10  # steps in which a body at rest does not move
 
 

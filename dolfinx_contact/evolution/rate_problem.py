@@ -18,6 +18,7 @@ on it. It answers to the reverse of the direction that was come by, and is no wa
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 
 from petsc4py import PETSc
@@ -139,8 +140,7 @@ class RateProblem:
         A point is there as often as it is at a border, the steepest last.
         """
         here = self._distances(ray, 0.0)
-        ahead = self._distances(ray, _PROBE)
-        slope = (ahead.distance - self._distances(ray, -_PROBE).distance) / (2 * _PROBE)
+        slope = _slopes(here, self._distances(ray, _PROBE), self._distances(ray, -_PROBE))
         largest = self._comm.allreduce(float(np.max(np.abs(slope), initial=0.0)), op=max)
         at_border = np.abs(here.distance) <= self._tolerance
         over = (at_border & (slope < -_IDLE * largest)) | (here.distance < -self._outside)
@@ -259,3 +259,38 @@ class RateProblem:
     def _size(self, t: PETSc.Vec) -> float:
         """In the measure of a path."""
         return float(np.sqrt(self._b.inner(t, t)))
+
+
+def _slopes(here: Events, ahead: Events, behind: Events) -> npt.NDArray[np.float64]:
+    """Derivatives of distances to borders along a direction, by what is `_PROBE` ahead and behind.
+
+    A border may exist on one side alone, as that at which a bond is whole again: then it is the
+    derivative on that side; 0 if it is on neither.
+    """
+    same = all(
+        np.array_equal(here.point, other.point) and np.array_equal(here.target, other.target)
+        for other in (ahead, behind)
+    )
+    if same:
+        return np.asarray((ahead.distance - behind.distance) / (2 * _PROBE))
+    after = _by_border(ahead)
+    before = _by_border(behind)
+    slopes = []
+    for border, distance in _by_border(here).items():
+        sides = [s for s in (before.get(border), after.get(border)) if s is not None]
+        width = len(sides) * _PROBE
+        last = after.get(border, distance)
+        first = before.get(border, distance)
+        slopes.append((last - first) / width if sides else 0.0)
+    return np.array(slopes, dtype=np.float64)
+
+
+def _by_border(events: Events) -> dict[tuple[int, int, int], float]:
+    """Distances by point, status beyond, and number among those of both."""
+    found: dict[tuple[int, int, int], float] = {}
+    known: Counter[tuple[int, int]] = Counter()
+    for k, distance in enumerate(events.distance):
+        border = int(events.point[k]), int(events.target[k])
+        found[*border, known[border]] = float(distance)
+        known[border] += 1
+    return found

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._optional import optional
 from dolfinx_contact.laws import status
 from dolfinx_contact.plot.curves import LINES, figure_of, written
 from dolfinx_contact.records.journal import Journal
@@ -73,6 +74,7 @@ def draw_diagram(
         ValueError: if no point was recorded, a branch or a functional is not known, or there are
             not as many names as branches.
     """
+    optional("matplotlib", "output")
     chosen = sorted(journal.branches) if branches is None else list(branches)
     chosen = [b for b in chosen if len(journal.columns(b)["gamma"])]
     if not chosen:

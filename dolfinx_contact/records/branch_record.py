@@ -52,6 +52,8 @@ __all__ = ["BranchRecord", "resume"]
 
 logger = logging.getLogger(__name__)
 
+_UNLOADED = 1e-6  # of what a branch moves in a unit of its length
+
 
 class BranchRecord(ProblemRecord[Journal], Observer):
     """Records branches of a contact problem in a folder. Collective.
@@ -317,10 +319,7 @@ class BranchRecord(ProblemRecord[Journal], Observer):
         y = joined(x, p["gamma"])
         tangent = joined(t, p["tangent_gamma"])
         piece = system.piece_of(p["status"])
-        # Where nothing is loaded the state is round-off, which is not compared with itself.
-        scales = Scales(system.equations, settled=True)
-        scales.force, scales.length = p["scales"]
-        error = scales.measure(system.evaluate(x, p["gamma"], b, piece)).worst
+        error = self._scales_of(p, t).measure(system.evaluate(x, p["gamma"], b, piece)).worst
         for v in (x, t, b):
             v.destroy()
         tolerance = self.journal.branches[branch].task["control"]["tolerance"]
@@ -334,6 +333,21 @@ class BranchRecord(ProblemRecord[Journal], Observer):
         point = BranchPoint(y, tangent, piece, p["gamma"], p["step"], p["corrections"], p["tau"])
         stepping = Stepping(index, p["next_step"], p["x_scale"], p["largest_distance"])
         return point, stepping
+
+    def _scales_of(self, recorded: Mapping[str, Any], tangent: PETSc.Vec) -> Scales:
+        """What the residual at a recorded point is compared with. Collective.
+
+        Where nothing is loaded yet the state is round-off, which is not compared with itself but
+        with a part of what the branch moves in a unit of its length.
+        """
+        eq = self.system.equations
+        displacement = tangent.array_r[: eq.owned_sizes[0]]
+        moved = self.comm.allreduce(float(np.max(np.abs(displacement), initial=0.0)), op=max)
+        scales = Scales(eq, settled=True)
+        force, length = recorded["scales"]
+        scales.length = max(length, _UNLOADED * moved)
+        scales.force = max(force, _UNLOADED * moved * eq.stiffness_scale)
+        return scales
 
     def points(self, branch: int = 0) -> list[BranchPoint]:
         """All points of a branch whose fields were kept. Collective."""

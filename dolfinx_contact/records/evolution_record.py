@@ -18,7 +18,8 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.evolution import History
+from dolfinx_contact.continuation.ending import Ending
+from dolfinx_contact.evolution import History, NoContinuation
 from dolfinx_contact.evolution.evolution import Evolution, Observer, Stop
 from dolfinx_contact.evolution.run_state import RunState
 from dolfinx_contact.evolution.through_times import Accept, Task
@@ -27,6 +28,8 @@ from dolfinx_contact.records.lines import ending_of
 from dolfinx_contact.records.steps_record import StepsRecord
 
 __all__ = ["EvolutionRecord"]
+
+_WITHOUT_CONTINUATION = (Ending.NO_SOLUTION, Ending.NOT_FOUND, Ending.NOT_SOLVED)
 
 
 class EvolutionRecord(StepsRecord[EvolutionJournal, RunState]):
@@ -176,6 +179,8 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, RunState]):
             self.evolution.put(run_state)
             history = History(run_state.accepted.time, run_state.accepted.energies)
             history.end(run.ending, run.reason)
+            if run.ending in _WITHOUT_CONTINUATION and run.task["at_jump"] != "stop":
+                raise NoContinuation(run.reason, history)
             return history
         task = Task(**run.task | {"times": tuple(run.task["times"])})
         states = self.journal.states

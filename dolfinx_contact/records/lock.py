@@ -48,6 +48,7 @@ class Lock:
     """
 
     def __init__(self, file: BinaryIO, path: Path, holders: Mapping[str, Sequence[int]]):
+        self._file = file
         self._note = path.with_name(NOTE_NAME)
         alone = False
         try:
@@ -58,10 +59,11 @@ class Lock:
             if error.errno not in _WITHOUT:
                 raise
             alone = True
+        self._alone = alone
         try:
             self._write(alone, path, holders)
         except BaseException:
-            if not alone:
+            if not alone and not self._note.is_symlink():
                 self._note.unlink(missing_ok=True)
             raise
 
@@ -74,11 +76,13 @@ class Lock:
             "launcher": os.environ.get("DOLFINX_CONTACT_LAUNCHER", ""),
         }
         try:
-            how = os.O_EXCL if alone else os.O_TRUNC
+            how = os.O_EXCL if alone else os.O_TRUNC | os.O_NOFOLLOW
             descriptor = os.open(self._note, os.O_WRONLY | os.O_CREAT | how, 0o666)
         except FileExistsError as error:
             holder = f"{_described(self._note)}. If they are gone, remove {self._note}"
             raise _taken(path, holder) from error
+        except OSError as error:  # a link, which may lead to a file of the user
+            raise os_error(error, self._note) from None
         try:
             os.write(descriptor, json.dumps(content).encode())
         except OSError as error:
@@ -88,8 +92,10 @@ class Lock:
             os.close(descriptor)
 
     def free(self) -> None:
-        """Remove the note; the lock ends when the file is closed."""
+        """Remove the note and give the lock back, also where a forked process has the file open."""
         self._note.unlink(missing_ok=True)
+        if not self._alone:
+            fcntl.flock(self._file, fcntl.LOCK_UN)
 
 
 def processes(comm: MPI.Comm) -> dict[str, list[int]]:

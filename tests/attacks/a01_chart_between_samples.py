@@ -14,9 +14,15 @@ import ufl
 from basix.ufl import element
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, materials
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    HalfSpace,
+    ParametricContact,
+    materials,
+)
 from dolfinx_contact.analysis import contact_family, count_solutions
-from dolfinx_contact.parametric import ParametricContact
 
 
 def numbers(load, at):

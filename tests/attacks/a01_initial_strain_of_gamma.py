@@ -10,9 +10,14 @@ from bodies import block
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact import ContactProblem, ContactSurface, Frictionless, HalfSpace
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    Frictionless,
+    HalfSpace,
+    ParametricContact,
+)
 from dolfinx_contact.continuation import find_solutions, follow
-from dolfinx_contact.parametric import ParametricContact
 
 
 def compared(case, strain, number):

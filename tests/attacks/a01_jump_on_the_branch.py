@@ -15,11 +15,11 @@ from dolfinx_contact import (
     ContactSurface,
     Frictionless,
     HalfSpace,
+    ParametricContact,
     RigidBody,
     materials,
 )
 from dolfinx_contact.continuation import StepControl, follow
-from dolfinx_contact.parametric import ParametricContact
 
 
 def followed(case, way, number, kind):

@@ -9,9 +9,15 @@ from bodies import block
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact import ContactProblem, ContactSurface, Frictionless, HalfSpace, materials
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    Frictionless,
+    HalfSpace,
+    ParametricContact,
+    materials,
+)
 from dolfinx_contact.continuation import follow, points_at
-from dolfinx_contact.parametric import ParametricContact
 
 
 def followed(case, load, expected):

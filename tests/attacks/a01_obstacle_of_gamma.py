@@ -10,9 +10,15 @@ from bodies import block
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, LevelSet, materials
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    LevelSet,
+    ParametricContact,
+    materials,
+)
 from dolfinx_contact.continuation import find_solutions, follow
-from dolfinx_contact.parametric import ParametricContact
 
 
 def attack(case):

@@ -14,11 +14,11 @@ from dolfinx_contact import (
     ContactSurface,
     Frictionless,
     HalfSpace,
+    ParametricContact,
     RigidBody,
     materials,
 )
 from dolfinx_contact.continuation import StepControl, find_solutions, follow
-from dolfinx_contact.parametric import ParametricContact
 
 
 def forces(case, components):

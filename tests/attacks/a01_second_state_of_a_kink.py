@@ -12,9 +12,15 @@ from bodies import block
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact import ContactProblem, ContactSurface, Frictionless, HalfSpace, materials
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    Frictionless,
+    HalfSpace,
+    ParametricContact,
+    materials,
+)
 from dolfinx_contact.continuation import find_solutions
-from dolfinx_contact.parametric import ParametricContact
 
 
 def solved(case, k):

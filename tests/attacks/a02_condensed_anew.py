@@ -8,9 +8,8 @@ from bodies import block, on_floor
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact import Coulomb
+from dolfinx_contact import Coulomb, ParametricContact
 from dolfinx_contact.continuation import find_solutions
-from dolfinx_contact.parametric import ParametricContact
 
 
 class _Made:

@@ -8,9 +8,8 @@ from bodies import block, moves, on_floor, refused
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact import Frictionless
+from dolfinx_contact import Frictionless, ParametricContact
 from dolfinx_contact.continuation import follow
-from dolfinx_contact.parametric import ParametricContact
 
 
 def attack(case):

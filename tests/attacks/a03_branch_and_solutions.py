@@ -10,9 +10,8 @@ from bodies import two_blocks
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactPair, ContactProblem, Coulomb, materials
+from dolfinx_contact import ContactPair, ContactProblem, Coulomb, ParametricContact, materials
 from dolfinx_contact.continuation import find_solutions, follow
-from dolfinx_contact.parametric import ParametricContact
 
 
 def attack(case):

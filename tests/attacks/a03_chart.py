@@ -10,9 +10,8 @@ from bodies import two_blocks
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactPair, ContactProblem, Coulomb, materials
+from dolfinx_contact import ContactPair, ContactProblem, Coulomb, ParametricContact, materials
 from dolfinx_contact.analysis import contact_family, count_solutions
-from dolfinx_contact.parametric import ParametricContact
 
 
 def chart(case, ways):

@@ -9,8 +9,8 @@ from bodies import block, moves, on_floor, ratio, refused
 import ufl
 from dolfinx import fem
 
+from dolfinx_contact import ParametricContact
 from dolfinx_contact.continuation import find_solutions, follow
-from dolfinx_contact.parametric import ParametricContact
 
 
 def _compared(case, law):

@@ -9,10 +9,15 @@ from bodies import free_point, one_point
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact import BilinearCohesive, ContactProblem, ContactSurface, HalfSpace
+from dolfinx_contact import (
+    BilinearCohesive,
+    ContactProblem,
+    ContactSurface,
+    HalfSpace,
+    ParametricContact,
+)
 from dolfinx_contact.continuation import StepControl
 from dolfinx_contact.evolution import ArcLength
-from dolfinx_contact.parametric import ParametricContact
 
 
 def folded(case, force, length):

@@ -12,11 +12,10 @@ from bodies import springs
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact import ContactProblem, ContactSurface, HalfSpace
+from dolfinx_contact import ContactProblem, ContactSurface, HalfSpace, ParametricContact
 from dolfinx_contact.continuation import StepControl
 from dolfinx_contact.evolution import ArcLength
 from dolfinx_contact.laws import FrictionLaw
-from dolfinx_contact.parametric import ParametricContact
 
 
 @dataclass(frozen=True)

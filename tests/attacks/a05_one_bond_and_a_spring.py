@@ -11,10 +11,9 @@ from bodies import one_point
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact import RCCM, ContactProblem, ContactSurface, HalfSpace
+from dolfinx_contact import RCCM, ContactProblem, ContactSurface, HalfSpace, ParametricContact
 from dolfinx_contact.continuation import StepControl
 from dolfinx_contact.evolution import ArcLength
-from dolfinx_contact.parametric import ParametricContact
 
 
 def folded(case, K, longest):

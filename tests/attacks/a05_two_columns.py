@@ -10,10 +10,16 @@ from bodies import block
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import BilinearCohesive, ContactProblem, ContactSurface, HalfSpace, meshing
+from dolfinx_contact import (
+    BilinearCohesive,
+    ContactProblem,
+    ContactSurface,
+    HalfSpace,
+    ParametricContact,
+    meshing,
+)
 from dolfinx_contact.continuation import StepControl
 from dolfinx_contact.evolution import ArcLength
-from dolfinx_contact.parametric import ParametricContact
 
 STRENGTH = 2.0
 ELASTIC = 0.01

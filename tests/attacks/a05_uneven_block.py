@@ -10,10 +10,16 @@ from bodies import block
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact import RCCM, ContactProblem, ContactSurface, HalfSpace, materials
+from dolfinx_contact import (
+    RCCM,
+    ContactProblem,
+    ContactSurface,
+    HalfSpace,
+    ParametricContact,
+    materials,
+)
 from dolfinx_contact.continuation import StepControl
 from dolfinx_contact.evolution import ArcLength
-from dolfinx_contact.parametric import ParametricContact
 
 
 def attack(case):

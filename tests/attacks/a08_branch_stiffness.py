@@ -14,9 +14,15 @@ from recorded import Killed, Killer, folder
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, materials
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    HalfSpace,
+    ParametricContact,
+    materials,
+)
 from dolfinx_contact.continuation import StepControl, follow
-from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.records import BranchRecord, read_journal, resume
 
 RANGE = (0.0, 1.0)

@@ -12,10 +12,16 @@ from recorded import Killed, Killer, folder
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact import RCCM, ContactProblem, ContactSurface, HalfSpace, materials
+from dolfinx_contact import (
+    RCCM,
+    ContactProblem,
+    ContactSurface,
+    HalfSpace,
+    ParametricContact,
+    materials,
+)
 from dolfinx_contact.continuation import StepControl
 from dolfinx_contact.evolution import ArcLength
-from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.records import PathRecord, read_journal
 
 RANGE = (0.0, 0.03)

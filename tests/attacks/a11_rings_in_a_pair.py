@@ -8,11 +8,10 @@ import numpy as np
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactPair, ContactProblem, Frictionless, materials
+from dolfinx_contact import ContactPair, ContactProblem, Frictionless, ParametricContact, materials
 from dolfinx_contact.continuation import find_solutions
 from dolfinx_contact.materials import circumference
 from dolfinx_contact.meshing import join
-from dolfinx_contact.parametric import ParametricContact
 
 
 def force(case, weights, load_weight):

@@ -10,10 +10,9 @@ from bodies import block, moves, on_floor
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact import RCCM
+from dolfinx_contact import RCCM, ParametricContact
 from dolfinx_contact.continuation import StepControl
 from dolfinx_contact.evolution import ArcLength, QuasiStatic
-from dolfinx_contact.parametric import ParametricContact
 
 
 def attack(case):

@@ -12,9 +12,8 @@ from bodies import two_blocks
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact import ContactPair, ContactProblem, Coulomb, materials
+from dolfinx_contact import ContactPair, ContactProblem, Coulomb, ParametricContact, materials
 from dolfinx_contact.continuation import Observer, follow
-from dolfinx_contact.parametric import ParametricContact
 
 
 class _Forces(Observer):

@@ -9,9 +9,8 @@ from bodies import block, moves, on_floor
 
 from dolfinx import fem
 
-from dolfinx_contact import Frictionless, HalfSpace, LevelSet, RigidBody
+from dolfinx_contact import Frictionless, HalfSpace, LevelSet, ParametricContact, RigidBody
 from dolfinx_contact.continuation import Observer, follow
-from dolfinx_contact.parametric import ParametricContact
 
 
 class _Forces(Observer):

@@ -12,9 +12,8 @@ from bodies import block, on_floor
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact import Coulomb, HalfSpace
+from dolfinx_contact import Coulomb, HalfSpace, ParametricContact
 from dolfinx_contact.continuation import Observer, follow
-from dolfinx_contact.parametric import ParametricContact
 
 
 class Reader(Observer):

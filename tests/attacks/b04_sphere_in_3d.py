@@ -14,11 +14,11 @@ from dolfinx_contact import (
     ContactSurface,
     Coulomb,
     Frictionless,
+    ParametricContact,
     Sphere,
     materials,
 )
 from dolfinx_contact.continuation import find_solutions
-from dolfinx_contact.parametric import ParametricContact
 
 
 def attack(case):

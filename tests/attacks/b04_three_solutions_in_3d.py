@@ -9,9 +9,8 @@ from bodies import free_point, moves, one_point
 
 from dolfinx import fem
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, ParametricContact
 from dolfinx_contact.continuation import find_solutions
-from dolfinx_contact.parametric import ParametricContact
 
 RIGHT = [(0.0, 1.1), (0.5, 0.35), (1.0, 0.0)]
 

@@ -10,9 +10,15 @@ from bodies import block, moves
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, materials
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    HalfSpace,
+    ParametricContact,
+    materials,
+)
 from dolfinx_contact.continuation import find_solutions
-from dolfinx_contact.parametric import ParametricContact
 
 
 def found(case, energy, shift, friction, force=None, cell="hexahedron", cells=(2, 2, 2)):
