@@ -306,7 +306,7 @@ def test_a_finished_branch_stays_as_it_is(whole):
 
 
 def test_a_branch_that_was_killed_at_its_last_point(folder):
-    """Its end is in the line of the point: whether stopped or at the range's end, nothing is added."""
+    """Its end, by a stop or by the range, is in the line of the point: nothing is added."""
     system, functionals = moved_block(COMM)
 
     def stop(point, special):
