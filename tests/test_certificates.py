@@ -16,7 +16,7 @@ from dolfinx_contact.analysis import (
     check,
     prove_solutions,
 )
-from dolfinx_contact.analysis.check_proof import Region, differences, solve_piece
+from dolfinx_contact.analysis.check_proof import StatusRegion, differences, solve_piece
 
 serial = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="the same on every rank")
 pytestmark = serial
@@ -114,7 +114,7 @@ def several(number, seed=5):
 
 def test_bounds_hold_every_solution():
     for problem, pieces in several(10):
-        ub = Region.whole(problem).ub
+        ub = StatusRegion.whole(problem).ub
         for q in pieces:
             plus, minus = (s.value for s in q.slacks)
             s = [np.maximum(q.ut.value, 0), np.maximum(-q.ut.value, 0), q.un.value, plus, minus]
@@ -128,7 +128,7 @@ def test_multipliers_exclude_no_solution():
     rng = np.random.default_rng(6)
     excluded = 0
     for problem, pieces in several(10):
-        region = Region.whole(problem)
+        region = StatusRegion.whole(problem)
         n = len(problem.p)
         vectors = [*rng.standard_normal((20, n)), *np.eye(n), *-np.eye(n)]
         vectors += [np.linalg.solve(problem.S, v) for v in vectors]
@@ -149,7 +149,7 @@ def test_inequalities_of_differences_hold():
     rng = np.random.default_rng(7)
     rows = 0
     for problem, pieces in several(12):
-        ub = Region.whole(problem).ub
+        ub = StatusRegion.whole(problem).ub
         for b, a in itertools.permutations(pieces, 2):
             for _ in range(6):
                 allowed = problem.statuses & rng.integers(0, 16, problem.points)

@@ -111,6 +111,16 @@ def test_no_circle():
     assert not left, f"these import one another: {sorted(left)}"
 
 
+def test_public_classes_have_names_of_their_own():
+    known = {}
+    for name, file in MODULES.items():
+        for node in ast.parse(file.read_text()).body:
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                known.setdefault(node.name, []).append(name)
+    assert len(known) > 200
+    assert not {k: v for k, v in known.items() if len(v) > 1}
+
+
 def test_the_continuation_knows_petsc_alone():
     for name, file in MODULES.items():
         if name.startswith(f"{PACKAGE}.continuation"):

@@ -29,7 +29,7 @@ from dolfinx_contact.algorithms.point_problem import PointProblem
 from dolfinx_contact.algorithms.projected_cg import GivenBound
 from dolfinx_contact.algorithms.semismooth import solve_semismooth
 
-__all__ = ["Relaxation", "TrescaFixedPoint", "minimise"]
+__all__ = ["BoundRelaxation", "TrescaFixedPoint", "minimise"]
 
 Array = npt.NDArray[np.float64]
 Inner = Literal["newton", "cg", "minimise", "interior-point"]
@@ -67,7 +67,7 @@ class TrescaFixedPoint(Algorithm):
         )
 
     def _iterate(self, contact: PointProblem, r: Array, iteration: Iteration) -> None:
-        relaxed = Relaxation(self.relaxation, aitken=self.aitken)
+        relaxed = BoundRelaxation(self.relaxation, aitken=self.aitken)
         g = contact.radius(r[:, -1])
         a = contact.displacements(r)
         steps = 0
@@ -92,7 +92,7 @@ class TrescaFixedPoint(Algorithm):
             g = relaxed(g, contact.radius(r[:, -1]))
 
 
-class Relaxation:
+class BoundRelaxation:
     """Relaxes a fixed point of bounds that are not negative.
 
     Args:

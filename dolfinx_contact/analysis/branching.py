@@ -27,7 +27,7 @@ from dolfinx_contact.analysis.check_proof import (
     InvalidCertificate,
     Proved,
     ReducedProblem,
-    Region,
+    StatusRegion,
     differences,
     follow,
     restricted,
@@ -53,7 +53,7 @@ _EFFORTS = (15, 80)  # in the search for weights, before and after linear progra
 class _Node:
     """A region with what its parent found."""
 
-    region: Region
+    region: StatusRegion
     depth: int
     hint: Codes | None
 
@@ -72,7 +72,7 @@ class _Search:
 
     def run(self, known: Iterable[Codes]) -> None:
         self._known = [np.asarray(codes, dtype=np.int8) for codes in known]
-        whole = Region.whole(self.problem)
+        whole = StatusRegion.whole(self.problem)
         if self._step({"do": "rest"}, whole):
             return
         waiting = [_Node(whole, 0, None)]
@@ -85,7 +85,7 @@ class _Search:
             )
             waiting += self._treat(node)
 
-    def _step(self, step: dict[str, Any], region: Region) -> bool:
+    def _step(self, step: dict[str, Any], region: StatusRegion) -> bool:
         """Take a step that closes a region, if the checker takes it."""
         try:
             follow(self.certificate, step, region, self.proved)
@@ -121,13 +121,15 @@ class _Search:
             return []
         return self._branch(node, scores, solution)
 
-    def _pieces(self, region: Region) -> None:
+    def _pieces(self, region: StatusRegion) -> None:
         """Close a region by its pieces; linear programs look at those that may be singular."""
         singular = []
         for codes in itertools.product(*region.choices):
             if solve_piece(self.problem, np.array(codes, dtype=np.int8)) is None:
                 allowed = np.array([1 << s for s in codes], dtype=np.int64)
-                held = Region(self.problem, allowed, restricted(self.problem, allowed, region.ub))
+                held = StatusRegion(
+                    self.problem, allowed, restricted(self.problem, allowed, region.ub)
+                )
                 number = prove_empty(held, self.certificate)
                 if number is not None:
                     singular.append([list(codes), number])
@@ -135,7 +137,7 @@ class _Search:
         assert taken
 
     def _only(
-        self, region: Region, hint: Codes | None, effort: int
+        self, region: StatusRegion, hint: Codes | None, effort: int
     ) -> tuple[bool, Array | None, float, Codes | None]:
         """Try to prove that a region holds one solution or none."""
         starts = [c for c in self._known if (region.allowed >> c & 1).all()]

@@ -54,10 +54,10 @@ __all__ = [
     "Interval",
     "InvalidCertificate",
     "Masks",
-    "Piece",
+    "PieceSolution",
     "Proved",
     "ReducedProblem",
-    "Region",
+    "StatusRegion",
     "Verdict",
     "check",
     "differences",
@@ -568,7 +568,7 @@ class Interval:
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
+class PieceSolution:
     """The solution of a piece.
 
     Attributes:
@@ -650,7 +650,7 @@ def matrix_of(S: Array, friction: Array, codes: Codes) -> Array:
     return A
 
 
-def solve_piece(problem: ReducedProblem, codes: Codes) -> Piece | None:
+def solve_piece(problem: ReducedProblem, codes: Codes) -> PieceSolution | None:
     """The solution of a piece; None if the piece may be singular.
 
     Args:
@@ -677,7 +677,7 @@ def solve_piece(problem: ReducedProblem, codes: Codes) -> Piece | None:
     rn = Interval(np.where(opened, zero, z[:, 1]), np.where(opened, zero, e[:, 1]))
     slip = -sense * (F * rn.value + g)
     slip_off = np.where(sense == 0, 0, up(F * rn.away + gamma(2) * (F * np.abs(rn.value) + g)))
-    return Piece(
+    return PieceSolution(
         problem,
         codes,
         Interval(np.where(free, z[:, 0], zero), np.where(free, e[:, 0], zero)),
@@ -744,7 +744,7 @@ class Differences:
         k1, k2: as above.
     """
 
-    piece: Piece
+    piece: PieceSolution
     unknown: npt.NDArray[np.int64]
     R: Array
     off: Array
@@ -798,7 +798,7 @@ class Differences:
         return positive_definite(form, up(error))
 
 
-def differences(piece: Piece, allowed: Masks, ub: Array) -> Differences | None:
+def differences(piece: PieceSolution, allowed: Masks, ub: Array) -> Differences | None:
     """The inequalities; None if b does not certainly satisfy what they need.
 
     Args:
@@ -838,7 +838,7 @@ def differences(piece: Piece, allowed: Masks, ub: Array) -> Differences | None:
     )
 
 
-def _rows_of(piece: Piece, i: int, allowed: int, ub: Array) -> list[_Row] | None:
+def _rows_of(piece: PieceSolution, i: int, allowed: int, ub: Array) -> list[_Row] | None:
     """The rows of one point; None if b does not fit."""
     code = int(piece.codes[i])
     opens = bool(allowed & OPENED)
@@ -876,7 +876,7 @@ def _ratio(part: float, most: float) -> float:
     return float(down(np.float64(part / most))) if part > 0 and most > 0 else 0.0
 
 
-def _coulomb(piece: Piece, i: int, allowed: int, ub: Array) -> list[_Row] | None:
+def _coulomb(piece: PieceSolution, i: int, allowed: int, ub: Array) -> list[_Row] | None:
     """Of a point with a coefficient of friction."""
     code = int(piece.codes[i])
     F = float(piece.problem.friction[i])
@@ -908,7 +908,7 @@ def _coulomb(piece: Piece, i: int, allowed: int, ub: Array) -> list[_Row] | None
     return _slip(piece, i, ub)
 
 
-def _slip(piece: Piece, i: int, ub: Array) -> list[_Row] | None:
+def _slip(piece: PieceSolution, i: int, ub: Array) -> list[_Row] | None:
     """Of a point that slips in b, or is open."""
     ut = piece.ut
     sense = int(SENSE[piece.codes[i]])
@@ -921,7 +921,7 @@ def _slip(piece: Piece, i: int, ub: Array) -> list[_Row] | None:
     return None
 
 
-def _one_way(piece: Piece, i: int, sense: int, ub: Array) -> tuple[float, float] | None:
+def _one_way(piece: PieceSolution, i: int, sense: int, ub: Array) -> tuple[float, float] | None:
     """k1 and k2 where only stick and the slip of one sense are left; None if b does not fit."""
     code = int(piece.codes[i])
     k = 0 if sense > 0 else 1
@@ -934,7 +934,7 @@ def _one_way(piece: Piece, i: int, sense: int, ub: Array) -> tuple[float, float]
     return 0.0, _ratio(slid, ub[3 + k])
 
 
-def _bounded(piece: Piece, i: int, allowed: int, ub: Array) -> list[_Row] | None:
+def _bounded(piece: PieceSolution, i: int, allowed: int, ub: Array) -> list[_Row] | None:
     """Of a point whose shear has a bound given in advance."""
     code = int(piece.codes[i])
     t = 2 * i
@@ -1089,8 +1089,8 @@ class Proved:
         open_regions: sets of statuses about which nothing is proved.
     """
 
-    inside: list[Piece] = field(default_factory=list)
-    border: list[Piece] = field(default_factory=list)
+    inside: list[PieceSolution] = field(default_factory=list)
+    border: list[PieceSolution] = field(default_factory=list)
     singular: list[npt.NDArray[np.int8]] = field(default_factory=list)
     open_regions: list[Masks] = field(default_factory=list)
     at_rest: bool = False
@@ -1102,7 +1102,7 @@ class Proved:
             return "open"
         return "degenerate" if self.border or self.singular else "complete"
 
-    def add(self, piece: Piece) -> None:
+    def add(self, piece: PieceSolution) -> None:
         """Take the solution of a piece, whose errors decide whether it is one."""
         kind = piece.verdict
         known = self.inside if kind == "inside" else self.border
@@ -1111,7 +1111,7 @@ class Proved:
 
 
 @dataclass(eq=False)
-class Region:
+class StatusRegion:
     """Sets of statuses, and bounds of the slots of the solutions with such statuses.
 
     Attributes:
@@ -1125,13 +1125,13 @@ class Region:
     ub: Array
 
     @classmethod
-    def whole(cls, problem: ReducedProblem) -> Region:
+    def whole(cls, problem: ReducedProblem) -> StatusRegion:
         """All statuses, with the bounds by energy."""
         return cls(problem, problem.statuses.copy(), bounded(problem))
 
-    def part(self, point: int, mask: int) -> Region:
+    def part(self, point: int, mask: int) -> StatusRegion:
         """The statuses ``mask`` at one point."""
-        new = Region(self.problem, self.allowed.copy(), self.ub)
+        new = StatusRegion(self.problem, self.allowed.copy(), self.ub)
         new.allowed[point] = mask
         new.ub = restricted(self.problem, new.allowed, self.ub)
         return new
@@ -1168,7 +1168,7 @@ def check(certificate: Certificate) -> Proved:
     """
     proved = Proved()
     problem = certificate.problem.scaled
-    waiting = [Region.whole(problem)]
+    waiting = [StatusRegion.whole(problem)]
     try:
         # What overflows proves nothing, and says so by comparisons that fail.
         with np.errstate(all="ignore"):
@@ -1186,8 +1186,8 @@ def check(certificate: Certificate) -> Proved:
 
 
 def follow(
-    certificate: Certificate, step: dict[str, Any], region: Region, proved: Proved
-) -> list[Region]:
+    certificate: Certificate, step: dict[str, Any], region: StatusRegion, proved: Proved
+) -> list[StatusRegion]:
     """Take one step.
 
     Args:
@@ -1259,7 +1259,7 @@ def follow(
 
 
 def _all_pieces(
-    certificate: Certificate, singular: list[Any], region: Region, proved: Proved
+    certificate: Certificate, singular: list[Any], region: StatusRegion, proved: Proved
 ) -> None:
     if region.pieces > MOST_PIECES:
         raise InvalidCertificate("a leaf has too many pieces")
@@ -1273,18 +1273,20 @@ def _all_pieces(
 
 
 def _holds_nothing(
-    certificate: Certificate, number: int | None, region: Region, codes: tuple[int, ...]
+    certificate: Certificate, number: int | None, region: StatusRegion, codes: tuple[int, ...]
 ) -> bool:
     """Whether a vector proves that a singular piece holds no solution."""
     if number is None:
         return False
-    held = Region(region.problem, np.array([1 << s for s in codes], dtype=np.int64), region.ub)
+    held = StatusRegion(
+        region.problem, np.array([1 << s for s in codes], dtype=np.int64), region.ub
+    )
     held.ub = restricted(region.problem, held.allowed, region.ub)
     y = certificate.vectors[_index(number, len(certificate.vectors))]
     return bool(held.excluded(y).any())
 
 
-def _piece(problem: ReducedProblem, codes: list[int]) -> Piece | None:
+def _piece(problem: ReducedProblem, codes: list[int]) -> PieceSolution | None:
     if len(codes) != problem.points or not all(0 <= s < 7 for s in codes):
         raise InvalidCertificate("statuses do not fit")
     allowed = problem.statuses

@@ -25,7 +25,7 @@ from dolfinx_contact.analysis.uniqueness import is_only
 from dolfinx_contact.continuation.affine import AffineSystem
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.measures import Scales
-from dolfinx_contact.equations.parametric import LinearSolver, ParametricEquations
+from dolfinx_contact.equations.parametric import JacobianSolver, ParametricEquations
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.laws import Coulomb, Frictionless, Tresca
 from dolfinx_contact.reduced.reduction import Reduction
@@ -142,7 +142,7 @@ def _within_errors(condensed: Reduction, gamma: float) -> ReducedProblem | None:
 
 def uniqueness(
     equations: ContactEquations,
-    linear: Callable[[], LinearSolver],
+    linear: Callable[[], JacobianSolver],
     x: PETSc.Vec,
     seconds: float,
 ) -> Uniqueness:

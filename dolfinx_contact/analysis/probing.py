@@ -14,7 +14,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.analysis.check_proof import Certificate, Region, has_status, used
+from dolfinx_contact.analysis.check_proof import Certificate, StatusRegion, has_status, used
 from dolfinx_contact.analysis.relaxation import Relaxation
 
 __all__ = ["probe", "prove_empty"]
@@ -25,7 +25,7 @@ _MARGIN = 4.0  # times the round-off, so that another machine comes to the same
 _NOTHING = 1e-7
 
 
-def probe(region: Region, certificate: Certificate, late: Callable[[], bool]) -> bool:
+def probe(region: StatusRegion, certificate: Certificate, late: Callable[[], bool]) -> bool:
     """Take statuses out of a region; whether it is proved empty.
 
     Args:
@@ -69,7 +69,7 @@ def probe(region: Region, certificate: Certificate, late: Callable[[], bool]) ->
     return False
 
 
-def prove_empty(region: Region, certificate: Certificate) -> int | None:
+def prove_empty(region: StatusRegion, certificate: Certificate) -> int | None:
     """The number of a vector that proves a region empty; None if there is none."""
     y = Relaxation(region.problem, region.allowed, region.ub).infeasible()
     if y is None or not region.excluded(y, margin=_MARGIN).any(axis=1).any():
@@ -77,7 +77,7 @@ def prove_empty(region: Region, certificate: Certificate) -> int | None:
     return certificate.vector(y)
 
 
-def take_out(region: Region, certificate: Certificate, y: Array) -> bool:
+def take_out(region: StatusRegion, certificate: Certificate, y: Array) -> bool:
     """Exclude what the multipliers exclude; whether nothing is left."""
     while True:
         excluded = region.excluded(y, margin=_MARGIN)
@@ -94,7 +94,7 @@ def take_out(region: Region, certificate: Certificate, y: Array) -> bool:
             region.exclude(i, s)
 
 
-def _order(region: Region) -> npt.NDArray[np.int64]:
+def _order(region: StatusRegion) -> npt.NDArray[np.int64]:
     """Points, from the middle of those that are not decided, by halves."""
     left = [i for i, c in enumerate(region.choices) if len(c) > 1]
     order: list[int] = []

@@ -14,7 +14,7 @@ from dolfinx_contact.analysis.branching import search
 from dolfinx_contact.analysis.check_proof import (
     Certificate,
     Masks,
-    Piece,
+    PieceSolution,
     Proved,
     ReducedProblem,
     Verdict,
@@ -112,7 +112,7 @@ def _described(
     length, force = problem.units
     units = np.array([length, length, force, force])
 
-    def of(piece: Piece) -> ProvedSolution:
+    def of(piece: PieceSolution) -> ProvedSolution:
         return ProvedSolution(piece.codes, piece.state * units, piece.away * units)
 
     solutions = [of(piece) for piece in proved.inside]

@@ -18,16 +18,16 @@ import numpy.typing as npt
 from dolfinx_contact.analysis.candidates import candidates
 from dolfinx_contact.analysis.check_proof import (
     Certificate,
-    Piece,
+    PieceSolution,
     ReducedProblem,
-    Region,
+    StatusRegion,
     differences,
     solve_piece,
 )
 from dolfinx_contact.analysis.multipliers import find_weights
 from dolfinx_contact.analysis.solutions import prove_solutions
 
-__all__ = ["OnePoint", "is_only"]
+__all__ = ["OnlySolution", "is_only"]
 
 Codes = npt.NDArray[np.int8]
 Array = npt.NDArray[np.float64]
@@ -41,7 +41,7 @@ _POINTS = 128  # up to so many points; then less, as eigenvalues cost the cube
 
 
 @dataclass(frozen=True, eq=False)
-class OnePoint:
+class OnlySolution:
     """Whether a solution is the only one.
 
     Attributes:
@@ -57,7 +57,7 @@ class OnePoint:
     certificate: Certificate | None = None
 
 
-def is_only(problem: ReducedProblem, codes: Codes, *, seconds: float = 0.0) -> OnePoint:
+def is_only(problem: ReducedProblem, codes: Codes, *, seconds: float = 0.0) -> OnlySolution:
     """Whether the solution with some statuses is the only one.
 
     Args:
@@ -78,23 +78,25 @@ def is_only(problem: ReducedProblem, codes: Codes, *, seconds: float = 0.0) -> O
     if certificate is None and other is None:
         certificate = _of_one_point(problem, inside, max(8, int(share * effort)))
     if certificate is not None:
-        return OnePoint("proved", "the certificate of one point", None, certificate)
+        return OnlySolution("proved", "the certificate of one point", None, certificate)
     if other is not None:
         length, force = problem.units
         state = other.state * np.array([length, length, force, force])
-        return OnePoint("others exist", "another solution was found", (other.codes, state))
+        return OnlySolution("others exist", "another solution was found", (other.codes, state))
     if seconds > 0:
         return _by_search(problem, codes, seconds)
     if piece is None or piece.verdict != "inside":
-        return OnePoint("not proved", "the solution is at a border of its statuses")
-    return OnePoint("not proved", "the certificate of one point does not hold")
+        return OnlySolution("not proved", "the solution is at a border of its statuses")
+    return OnlySolution("not proved", "the certificate of one point does not hold")
 
 
-def _of_one_point(problem: ReducedProblem, piece: Piece | None, effort: int) -> Certificate | None:
+def _of_one_point(
+    problem: ReducedProblem, piece: PieceSolution | None, effort: int
+) -> Certificate | None:
     if piece is None:
         return None
     certificate = Certificate(problem)
-    region = Region.whole(problem.scaled)
+    region = StatusRegion.whole(problem.scaled)
     d = differences(piece, region.allowed, region.ub)
     w = None if d is None else find_weights(d, effort=effort)
     if w is None or not w.proves:
@@ -111,7 +113,7 @@ def _of_one_point(problem: ReducedProblem, piece: Piece | None, effort: int) -> 
     return certificate
 
 
-def _another(problem: ReducedProblem, codes: Codes, tries: int) -> Piece | None:
+def _another(problem: ReducedProblem, codes: Codes, tries: int) -> PieceSolution | None:
     """Another solution, inside its borders; None if none was found."""
     random = np.random.default_rng(0)
     for found in candidates(problem, problem.statuses, [], random, tries):
@@ -122,11 +124,11 @@ def _another(problem: ReducedProblem, codes: Codes, tries: int) -> Piece | None:
     return None
 
 
-def _by_search(problem: ReducedProblem, codes: Codes, seconds: float) -> OnePoint:
+def _by_search(problem: ReducedProblem, codes: Codes, seconds: float) -> OnlySolution:
     found = prove_solutions(problem, known=[codes], seconds=seconds)
     others = [s for s in found.solutions if not np.array_equal(s.codes, codes)]
     if others:
-        return OnePoint("others exist", found.method, (others[0].codes, others[0].state))
+        return OnlySolution("others exist", found.method, (others[0].codes, others[0].state))
     if found.verdict == "complete":
-        return OnePoint("proved", found.method, None, found.certificate)
-    return OnePoint("not proved", found.method)
+        return OnlySolution("proved", found.method, None, found.certificate)
+    return OnlySolution("not proved", found.method)

@@ -48,7 +48,7 @@ _MANY_POINTS = 50
 Array = npt.NDArray[np.float64]
 
 
-class LinearSolver(Protocol):
+class JacobianSolver(Protocol):
     """What is asked of the linear solver of a contact problem. Collective."""
 
     matrix: PETSc.Mat
@@ -87,7 +87,7 @@ class ParametricEquations(System):
         self,
         equations: ContactEquations,
         gamma: fem.Constant,
-        linear: Callable[[], LinearSolver],
+        linear: Callable[[], JacobianSolver],
         *,
         driven: Sequence[tuple[fem.Function, Any]] = (),
     ):

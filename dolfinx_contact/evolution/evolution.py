@@ -22,7 +22,7 @@ from dolfinx_contact.evolution.history import EvolutionStep, History, NoContinua
 from dolfinx_contact.evolution.listeners import Listeners
 from dolfinx_contact.evolution.run import Run
 from dolfinx_contact.evolution.run_state import RunState
-from dolfinx_contact.evolution.through_times import Accept, Recorder, Task, ThroughTimes
+from dolfinx_contact.evolution.through_times import Accept, HistoryTask, Recorder, ThroughTimes
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.problem import ContactProblem
 
@@ -84,7 +84,7 @@ class Evolution(ReadOnly):
 
     def go_on(
         self,
-        task: Task,
+        task: HistoryTask,
         run_state: RunState,
         *,
         accept: Accept | None = None,
@@ -136,7 +136,7 @@ class Evolution(ReadOnly):
     def _stepper(self, progress: bool | None) -> Stepper:
         return Stepper(self.problem, self.load, False if progress is False else None)
 
-    def _begin(self, task: Task, listeners: Listeners) -> History:
+    def _begin(self, task: HistoryTask, listeners: Listeners) -> History:
         """A new run, from the last accepted state if there is one. Collective.
 
         Args:
@@ -158,7 +158,9 @@ class Evolution(ReadOnly):
         run_state = RunState(accepted, task.longest, before.rate, before.number)
         return self._run(task, run_state, listeners, new=True)
 
-    def _run(self, task: Task, run_state: RunState, listeners: Listeners, *, new: bool) -> History:
+    def _run(
+        self, task: HistoryTask, run_state: RunState, listeners: Listeners, *, new: bool
+    ) -> History:
         """A run from where it is to its end. Collective."""
         stepper = self._stepper(listeners.progress)
         rule = ThroughTimes(stepper, task, run_state, listeners.accept)
@@ -180,7 +182,7 @@ def _history_from(accepted: AcceptedState) -> History:
     return History(accepted.time, accepted.energies)
 
 
-def _followed(forks: Sequence[Taken], stepper: Stepper, task: Task) -> list[History]:
+def _followed(forks: Sequence[Taken], stepper: Stepper, task: HistoryTask) -> list[History]:
     """Evolutions along the rays that a run did not take, and along theirs. Collective."""
     found: list[History] = []
     left = list(forks)

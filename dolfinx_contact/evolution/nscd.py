@@ -44,7 +44,7 @@ from dolfinx_contact.evolution.history import History, NoContinuation
 from dolfinx_contact.evolution.listeners import Listeners
 from dolfinx_contact.evolution.motion import Level, Method, MotionStepper
 from dolfinx_contact.evolution.motion_energy import MotionEnergies
-from dolfinx_contact.evolution.through_times import Accept, Recorder, Task, checked_times
+from dolfinx_contact.evolution.through_times import Accept, HistoryTask, Recorder, checked_times
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.problem import ContactProblem
 
@@ -230,7 +230,7 @@ class NSCD(Evolution):
                 if least > self._dt:
                     raise ValueError(f"locate must be no longer than dt, got {locate!r}")
             given = checked_times(times, self._accepted)
-            task = Task(given, self._dt, least, locate=locate is not None)
+            task = HistoryTask(given, self._dt, least, locate=locate is not None)
             listeners.check("a step", "a records.EvolutionRecord")
         same_everywhere(comm, locate=least)
         return self._begin(task, listeners)

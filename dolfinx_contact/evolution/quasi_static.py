@@ -22,7 +22,13 @@ from dolfinx_contact.evolution.evolution import Evolution, Observer, Stop
 from dolfinx_contact.evolution.history import History, NoContinuation
 from dolfinx_contact.evolution.listeners import Listeners
 from dolfinx_contact.evolution.nscd import NSCD
-from dolfinx_contact.evolution.through_times import Accept, AtJump, Recorder, Task, checked_times
+from dolfinx_contact.evolution.through_times import (
+    Accept,
+    AtJump,
+    HistoryTask,
+    Recorder,
+    checked_times,
+)
 
 __all__ = ["QuasiStatic"]
 
@@ -132,7 +138,7 @@ class QuasiStatic(Evolution):
             given = checked_times(times, self._accepted)
             if shortest is None:
                 shortest = (given[-1] - given[0]) / 2**_HALVINGS
-            task = Task(
+            task = HistoryTask(
                 given,
                 longest,
                 shortest,

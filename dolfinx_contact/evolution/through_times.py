@@ -39,7 +39,7 @@ from dolfinx_contact.evolution.run_state import RunRecorder, RunState
 from dolfinx_contact.laws.status import closed
 from dolfinx_contact.solvers import ConvergenceError
 
-__all__ = ["Accept", "AtJump", "Recorder", "Task", "ThroughTimes", "checked_times"]
+__all__ = ["Accept", "AtJump", "HistoryTask", "Recorder", "ThroughTimes", "checked_times"]
 
 #: What to do where no solution continues the evolution, or none is found that does.
 AtJump: TypeAlias = Literal["raise", "stop", "jump"]
@@ -56,7 +56,7 @@ _REACHED = "the last time is reached"
 
 
 @dataclass(frozen=True)
-class Task:
+class HistoryTask:
     """What was asked of a run; see `QuasiStatic.run`, and `NSCD.run` for ``locate``.
 
     Raises:
@@ -92,7 +92,7 @@ class Task:
 
 
 #: Keeps a run through times.
-Recorder: TypeAlias = RunRecorder[Task, RunState]
+Recorder: TypeAlias = RunRecorder[HistoryTask, RunState]
 
 
 def checked_times(times: Sequence[float], accepted: AcceptedState | None) -> tuple[float, ...]:
@@ -122,7 +122,7 @@ class _Ended(Exception):
         self.ending = ending
 
 
-class ThroughTimes(Rule[Task, RunState]):
+class ThroughTimes(Rule[HistoryTask, RunState]):
     """Goes from time to time, in steps that may be shorter.
 
     Args:
@@ -144,7 +144,7 @@ class ThroughTimes(Rule[Task, RunState]):
     def __init__(
         self,
         stepper: Stepper,
-        task: Task,
+        task: HistoryTask,
         run_state: RunState,
         accept: Accept | None = None,
         *,

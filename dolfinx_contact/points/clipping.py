@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 import basix
 
-__all__ = ["Cover", "Faces", "Rule", "basis", "cover", "nodal_points", "tabulated"]
+__all__ = ["Cover", "Faces", "QuadratureRule", "basis", "cover", "nodal_points", "tabulated"]
 
 Array = npt.NDArray[np.float64]
 Nodes = npt.NDArray[np.int64]
@@ -49,7 +49,7 @@ class Faces:
 
 
 @dataclass(frozen=True)
-class Rule:
+class QuadratureRule:
     """Quadrature points on the pieces.
 
     Attributes:
@@ -105,7 +105,7 @@ class Cover:
         theirs = self.master.nodes[self.other[piece], :k]
         return self.slave.nodes[self.facet[piece], corner], theirs, basis(at, k, 1)
 
-    def rule(self, degree: int) -> Rule:
+    def rule(self, degree: int) -> QuadratureRule:
         """Quadrature points, exact for products of bases on parallelograms.
 
         Args:
@@ -117,7 +117,9 @@ class Cover:
         points, weights = basix.make_quadrature(flat, total)
         x = np.einsum("qv,pva->pqa", basis(points, dim, 1), self.pieces)
         sizes = np.abs(np.linalg.det(self.pieces[:, 1:] - self.pieces[:, :1]))
-        return Rule(sizes[:, None] * weights, _reference(self.mine, x), _reference(self.theirs, x))
+        return QuadratureRule(
+            sizes[:, None] * weights, _reference(self.mine, x), _reference(self.theirs, x)
+        )
 
 
 def _element(corners: int, degree: int) -> basix.finite_element.FiniteElement:

@@ -22,7 +22,7 @@ from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.evolution import History, NoContinuation
 from dolfinx_contact.evolution.evolution import Evolution, Observer, Stop
 from dolfinx_contact.evolution.run_state import RunState
-from dolfinx_contact.evolution.through_times import Accept, Task
+from dolfinx_contact.evolution.through_times import Accept, HistoryTask
 from dolfinx_contact.records.journal import EvolutionJournal
 from dolfinx_contact.records.lines import ending_of
 from dolfinx_contact.records.steps_record import StepsRecord
@@ -182,7 +182,7 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, RunState]):
             if run.ending in _WITHOUT_CONTINUATION and run.task["at_jump"] != "stop":
                 raise NoContinuation(run.reason, history)
             return history
-        task = Task(**run.task | {"times": tuple(run.task["times"])})
+        task = HistoryTask(**run.task | {"times": tuple(run.task["times"])})
         states = self.journal.states
         known = [i for i in range(run.after + 1, len(states)) if states[i]["settled"]]
         run_state = self._resumed(run, known)

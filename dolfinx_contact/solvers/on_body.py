@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from dolfinx_contact.algorithms import Penalty, Trend, TrescaFixedPoint, Uzawa
 from dolfinx_contact.algorithms.penalty import LEAST, Extrapolation
-from dolfinx_contact.algorithms.tresca import Relaxation
+from dolfinx_contact.algorithms.tresca import BoundRelaxation
 from dolfinx_contact.algorithms.uzawa import SHARE, STIFF
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.measures import Scales
@@ -107,7 +107,7 @@ class OnBody:
     # -- Tresca ----------------------------------------------------------------------------------
 
     def _tresca(self, algorithm: TrescaFixedPoint, x: PETSc.Vec, b: PETSc.Vec) -> None:
-        relaxed = Relaxation(
+        relaxed = BoundRelaxation(
             algorithm.relaxation, aitken=algorithm.aitken, total=self.equations.comm.allreduce
         )
         none: list[Array] = [np.zeros(s.points.number) for s in self.equations.surfaces]
