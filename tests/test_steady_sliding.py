@@ -310,6 +310,15 @@ def test_animated_picture(folder):
         plot.film(folder / "mode.gif", problem, iter([]))
     with pytest.raises(ValueError, match="must be a str, got 1"):
         plot.film(folder / "mode.gif", problem, iter([1]))
+
+    def wild():
+        problem.u.x.array[:] = np.nan
+        yield "lost"
+
+    before = problem.u.x.array.copy()
+    with pytest.raises(ValueError, match="displacement of state 0 has an entry that is not finite"):
+        plot.film(folder / "mode.gif", problem, wild())
+    np.testing.assert_array_equal(problem.u.x.array, before)
     with pytest.raises(ValueError, match=r"last rank|what_is_written"):
         plot.film(folder / "mode.gif", problem, one_rank_fails(problem))
     assert (problem.u.x.array == 0.25).all()

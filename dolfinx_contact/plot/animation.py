@@ -92,8 +92,8 @@ def film(
 
     Raises:
         ModuleNotFoundError: on every rank, if what writes such a file is not installed.
-        ValueError: on every rank, for another suffix, a rate that is not positive, no states, or
-            arguments that differ between ranks.
+        ValueError: on every rank, for another suffix, a rate that is no number from 0.01 to 1000,
+            no states, a displacement that is not finite, or arguments that differ between ranks.
 
     Example:
         ::
@@ -110,10 +110,13 @@ def film(
     path = Path(file)
     on_root(comm, lambda: _require_writer(path.suffix))
     before = problem.u.x.array.copy()
-    frames = []
+    frames: list[dict[str, Any]] = []
     try:
         for words in _in_turn(comm, states):
             beside = ", ".join(part for part in (title, words) if part)
+            finite = bool(np.isfinite(problem.u.x.array).all())
+            message = f"the displacement of state {len(frames)} has an entry that is not finite"
+            require(comm, finite, message)
             kind, data = body_seen(problem, stress, scale, beside)
             frames.append(data)
     finally:
