@@ -6,6 +6,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import fields, is_dataclass
+from enum import Enum
 from functools import wraps
 from inspect import BoundArguments, Parameter, signature
 from types import SimpleNamespace
@@ -119,8 +120,14 @@ _GIVEN = _Words("given")
 
 def _comparable(value: Any) -> Any:
     """What an argument is compared by: its value, or that there is one."""
-    if value is None or isinstance(value, bool | int | float | complex | str | bytes):
+    if isinstance(value, float):
+        return value + 0.0  # -0.0 is 0.0
+    if value is None or isinstance(value, bool | int | complex | str | bytes):
         return value
+    if isinstance(value, Enum):
+        return _Words(str(value))
+    if isinstance(value, set | frozenset):
+        return sorted(repr(_comparable(v)) for v in value)
     if isinstance(value, np.generic):
         return value.item()
     if isinstance(value, os.PathLike):

@@ -95,6 +95,18 @@ def test_a_diagram_with_a_branch_that_was_cut_off():
     assert not part.summary()["converged"]
 
 
+@pytest.mark.parametrize("end", [1e-6, 0.01, 0.05, 0.1])
+def test_a_node_in_the_step_that_reaches_the_end(end):
+    """A bifurcation before the end of the range is a node, however close the end is."""
+    system = smooth(
+        1, lambda x, g: x * (g - x**2), lambda x, g: [[g - 3 * x[0] ** 2]], lambda x, g: [x[0]]
+    )
+    diagram = explore(system, [(start(system, [0.0]), -1.0)], gamma_range=(-1.0, end))
+    assert len(diagram.nodes) == 1
+    assert len(diagram.nodes[0].rays) == 4
+    assert len(diagram.edges) > 1
+
+
 def test_stop_on_a_functional():
     """A branch ends where the caller says so, with the caller's reason."""
     system = smooth(

@@ -331,6 +331,32 @@ def test_a_branch_that_was_killed_at_its_last_point(folder):
         np.testing.assert_allclose(found, [p.gamma for p in expected.points], atol=1e-10)
 
 
+def test_a_resumed_run_that_ends_before_the_recorded_end(folder):
+    """Its end is not that of the record, which can go on."""
+    system, functionals = moved_block(COMM)
+    way = dict(gamma_range=(-0.1, 0.3), control=recorded_run.CONTROL)
+    with BranchRecord(folder / "r", system, functionals, every=100) as r:
+        follow(system, recorded_run.start(system), 0.0, max_steps=6, record=r, **way)
+        if COMM.rank == 0:
+            lines = (folder / "r" / FILE_NAME).read_bytes().splitlines(keepends=True)
+    if COMM.rank == 0:  # as if it had been killed: without its end, and the checkpoint there
+        (folder / "r" / FILE_NAME).write_bytes(b"".join(lines[:-1]))
+    COMM.barrier()
+    early = resume(
+        folder / "r", system, functionals, stop=lambda p, s: "far" if p.gamma > 0.02 else ""
+    )
+    assert early.ending is Ending.STOPPED
+    journal = read_journal(folder / "r")
+    assert journal.branches[0].ending is None
+    assert len(journal.branches[0].points) == 7
+    whole = resume(folder / "r", system, functionals, max_steps=1000)
+    assert whole.ending is Ending.REACHED
+    with pytest.raises(ValueError, match="budget of steps"):
+        resume(folder / "r", system, functionals, max_steps=-5)
+    with pytest.raises(ValueError, match="stop must be a function"):
+        resume(folder / "r", system, functionals, stop=3)
+
+
 def test_a_record_from_rest_by_pivoting(folder):
     """Unknowns that are round-off under no load are a solution."""
     domain = box(COMM, 4, "tri")

@@ -272,6 +272,8 @@ class _Explorer:
             **self.told,
         )
         end = None
+        if any(s.index == len(branch.points) - 1 for s in branch.bifurcations):
+            branch.end(Ending.STOPPED, _AT_NODE)  # also where the step reached the end of the range
         if branch.reason == _AT_NODE:
             special = branch.bifurcations[-1]
             last = branch.points[-1]

@@ -100,7 +100,7 @@ def follow(
         stop: asked at every accepted point, with the special points on the way to it, whether the
             branch ends there: it answers with the reason, or "" to go on. The point stands in the
             problem then: its Functions, statuses, gamma and what gamma drives are those of the
-            point (`System.put`). A branch that comes back to its start ends in any case.
+            point (`System.put`). It is not asked where the branch ends by itself.
         observer: a function that is called likewise at every point, start and end included, or an
             `Observer`, which is told more.
         record: keeps every point before the observer is told of it, as `records.BranchRecord` does.

@@ -34,7 +34,7 @@ def _padded(vectors: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     return np.pad(vectors, ((0, 0), (0, 3 - vectors.shape[1])))
 
 
-def _written(numbers: npt.NDArray[np.float64]) -> list[str]:
+def _written(numbers: Iterable[float]) -> list[str]:
     return [repr(float(v)) for v in numbers]
 
 
@@ -64,28 +64,29 @@ def write_contact_table(
         lines = [",".join([*COLUMNS, *more])]
         for t in known:
             bonds = _bonds(t, names) if adhesive else [[]] * len(t.letters)
-            numbers = np.column_stack(
-                [
-                    _padded(t.x),
-                    t.un,
-                    t.along(t.ut),
-                    _padded(t.ut),
-                    t.rn,
-                    t.along(t.rt),
-                    _padded(t.rt),
-                    t.pressure,
-                    t.along(t.shear),
-                ]
-            )
-            support = _padded(t.support)
-            for i, letter in enumerate(t.letters):
-                row = [t.name, *_written(numbers[i]), str(letter), *_written(support[i]), *bonds[i]]
+            columns = _columns(t)
+            for i in range(len(t.letters)):
+                row = [*(columns[name][i] for name in COLUMNS), *bonds[i]]
                 if slides:
                     row += [""] if t.slid is None else _written(t.slid[i : i + 1])
                 lines.append(",".join(row))
         return "\n".join(lines) + "\n"
 
     write_text(comm, Path(folder) / "contact.csv", text)
+
+
+def _columns(t: ContactTable) -> dict[str, list[str]]:
+    """What `COLUMNS` are, point by point."""
+    vectors = {"": t.x, "ut_": t.ut, "rt_": t.rt, "support_": t.support}
+    numbers: dict[str, npt.NDArray[np.float64]] = {
+        f"{name}{axis}": _padded(of_points)[:, k]
+        for name, of_points in vectors.items()
+        for k, axis in enumerate("xyz")
+    }
+    numbers |= {"un": t.un, "ut": t.along(t.ut), "rn": t.rn, "rt": t.along(t.rt)}
+    numbers |= {"pressure": t.pressure, "shear": t.along(t.shear)}
+    words = {"surface": [t.name] * len(t.letters), "status": [str(c) for c in t.letters]}
+    return words | {name: _written(values) for name, values in numbers.items()}
 
 
 def _bonds(t: ContactTable, names: Sequence[str]) -> list[list[str]]:

@@ -189,9 +189,14 @@ def tagged_facets(
         raise ValueError(f"{what}: {error}") from None
 
 
+def _in_order(groups: Iterable[str]) -> list[str]:
+    """Names in an order that is the same on every rank, which that of a set is not."""
+    return sorted(groups) if isinstance(groups, set | frozenset) else list(groups)
+
+
 def _check_file(a: Arguments) -> None:
     a.filename = os.fspath(a.filename)
-    a.groups = list(a.groups)
+    a.groups = _in_order(a.groups)
 
 
 @collective("a mesh file", _check_file)
@@ -224,7 +229,7 @@ def read_mesh(
 
 
 def _check_groups(a: Arguments) -> None:
-    a.groups = list(a.groups)
+    a.groups = _in_order(a.groups)
 
 
 @collective("a mesh from gmsh", _check_groups, local=("draw",))

@@ -231,6 +231,8 @@ def draw_record(
     if points is None:
         known = [i for i, entry in enumerate(entries) if "surface" in entry]
         points = known[-1:] if is_picture else known
+    elif not points:
+        raise ValueError("no point of the record was asked for")
     if not points:
         raise ValueError("no displacement was recorded: record with surface_displacement=True")
     if is_picture and len(points) > 1:

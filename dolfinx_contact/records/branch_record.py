@@ -35,6 +35,7 @@ from dolfinx_contact.continuation import (
     Task,
     follower_for,
 )
+from dolfinx_contact.continuation.arguments import check_listeners, check_steps
 from dolfinx_contact.continuation.branch import Stop
 from dolfinx_contact.equations.given_data import data_within
 from dolfinx_contact.equations.measures import Scales
@@ -252,7 +253,9 @@ class BranchRecord(ProblemRecord[Journal], Observer):
             return
         entry: dict[str, Any] = {}
         point, stepping = self._last
-        if "checkpoint" not in known.points[-1] and stepping.index == len(known.points) - 1:
+        if stepping.index < len(known.points) - 1:
+            return  # more was recorded before, behind which this is no end
+        if "checkpoint" not in known.points[-1]:
             entry = self._checkpoint(branch, stepping.index, point)
         words = {"ending": ended.ending.name, "reason": ended.reason}
         self._append({"type": "end", "branch": branch, **words, **entry})
@@ -379,6 +382,9 @@ class BranchRecord(ProblemRecord[Journal], Observer):
             ValueError: on every rank, if nothing of the branch was recorded, its checkpoints are
                 damaged, or the problem is not that of the record.
         """
+        if max_steps is not None:
+            check_steps(None, max_steps)
+        check_listeners(observer=observer, progress=progress, stop=stop)
         same_everywhere(self.comm, branch=branch, max_steps=max_steps)
         state = self.last_state(branch)
         if state is None:
