@@ -426,10 +426,16 @@ def ranks_of(pid):
 
 
 def runs(pid):
+    """Whether a thread of a process is left: the first one ends before those that hold its files."""
+    return any(state(thread) not in "ZX" for thread in Path(f"/proc/{pid}/task").glob("*"))
+
+
+def state(thread):
+    """Letter of the state of a thread, X if it is gone."""
     try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
+        return (thread / "stat").read_text().rpartition(")")[2].split()[0]
     except OSError:
-        return False
+        return "X"
 
 
 @serial
