@@ -26,7 +26,7 @@ sys.path[:0] = [str(HERE), str(HERE.parents[1])]
 from judge import REFUSED, RIGHT, SAID, WRONG, judged  # noqa: E402
 
 _SECONDS = 180  # that one attack may take before the run is aborted with its traceback
-_TOOLS = ("bodies", "flying", "judge", "recorded", "run")
+_TOOLS = ("bodies", "flying", "judge", "recorded", "rings", "run")
 
 
 def scripts(names: list[str], sample: bool) -> list[str]:
