@@ -381,5 +381,5 @@ def test_data_that_are_refused():
         (NODE, good[1], np.array([-0.1])),
         (np.eye(3), good[1], good[2]),
     ):
-        with pytest.raises(ValueError, match=r"definite|finite|negative|fit"):
+        with pytest.raises(ValueError, match=r"definite|finite|negative|shape"):
             PointProblem(S, p, F)

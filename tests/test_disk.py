@@ -426,7 +426,7 @@ def ranks_of(pid):
 
 
 def runs(pid):
-    """Whether a thread of a process is left: the first one ends before those that hold its files."""
+    """Whether a thread of a process is left: the first one may end before the others."""
     return any(state(thread) not in "ZX" for thread in Path(f"/proc/{pid}/task").glob("*"))
 
 

@@ -240,6 +240,73 @@ def test_files_that_are_none(tmp_path):
         load_points(file)
 
 
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"S": np.eye(3)}, r"S must have the shape \(4, 4\), not \(3, 3\)"),
+        ({"S": np.eye(4) * 1j}, "S must be an array of numbers"),
+        ({"p": np.ones(5)}, r"p must have the shape \(6,\), not \(5,\)"),
+        ({"p": ["a"] * 4}, "p must be an array of numbers"),
+        ({"friction": np.zeros(0)}, "needs a point"),
+        ({"friction": np.array([0.3, np.nan])}, "friction is not finite"),
+        ({"friction": np.array([0.3, -0.1])}, "friction must not be negative"),
+        ({"friction": np.full((2, 1), 0.3)}, r"friction must have the shape \(2,\)"),
+        ({"bound": np.array([1.0])}, r"bound must have the shape \(2,\)"),
+        ({"bound": np.array([1.0, -1.0])}, "bound must not be negative"),
+        ({"augmentation": np.ones(3)}, r"augmentation must have the shape \(2,\)"),
+        ({"augmentation": np.array([1.0, 0.0])}, "augmentation must be positive"),
+        ({"augmentation": np.array([1.0, np.nan])}, "augmentation is not finite"),
+        ({"gap": np.ones(3)}, r"gap must have the shape \(2,\)"),
+        ({"frames": np.ones((2, 2))}, r"frames must have the shape \(2, 2, 2\)"),
+        ({"frames": np.ones((2, 2, 2))}, "frames must be orthogonal matrices"),
+        ({"positions": np.ones((3, 2))}, r"positions must have the shape \(2, any\)"),
+        ({"p_error": np.ones(2)}, r"p_error must have the shape \(4,\)"),
+        ({"S_error": -np.eye(4)}, "S_error must not be negative"),
+        ({"force": -1.0}, "force must be a number that is not negative"),
+        ({"length": np.array([1.0, 2.0])}, "length must be a number"),
+    ],
+)
+@pytest.mark.skipif(COMM.size > 1, reason="one process is enough")
+def test_numbers_that_are_no_problem(tmp_path, changed, message):
+    """Each is refused by name, also in a file."""
+    given = {"S": np.eye(4), "p": np.ones(4), "friction": np.full(2, 0.3)} | changed
+    with pytest.raises(ValueError, match=message):
+        PointProblem(**given)
+    if all(np.asarray(v).dtype.kind == "f" for v in given.values()):
+        file = tmp_path / "points.npz"
+        np.savez(file, format="dolfinx_contact points 1", **given)
+        with pytest.raises(ValueError, match=f"points.npz: .*{message}"):
+            load_points(file)
+
+
+def test_what_one_rank_gives(tmp_path):
+    """A number that is none on one rank is refused on all."""
+    file = shared(tmp_path) / "points.npz"
+    last = COMM.rank == COMM.size - 1
+    with Reduction.of(block(n=2).equations) as reduction:
+        with pytest.raises(ValueError, match="gamma must be a finite number"):
+            reduction.save(file, gamma="x" if last else 0.0)
+        if COMM.size > 1:
+            with pytest.raises(ValueError, match="gamma differs between ranks"):
+                reduction.save(file, gamma=float(last))
+    COMM.barrier()
+    assert not file.exists()
+
+
+def test_files_beside_what_is_saved(tmp_path):
+    """Whatever they are called they stay as they are."""
+    folder = shared(tmp_path)
+    names = ("points.npz.part", ".points.npz.part", ".points.part.npz")
+    if COMM.rank == 0:
+        for name in names:
+            (folder / name).write_text("mine")
+    with Reduction.of(block(n=2).equations) as reduction:
+        reduction.save(folder / "points.npz")
+    COMM.barrier()
+    assert sorted(p.name for p in folder.iterdir()) == sorted([*names, "points.npz"])
+    assert [(folder / name).read_text() for name in names] == ["mine"] * 3
+
+
 def test_units():
     """The problem in the units of the input, and in those of the condensed numbers."""
     with Reduction.of(block(n=2, law=Coulomb(0.5)).equations) as reduction:

@@ -165,13 +165,21 @@ def test_what_cannot_be_drawn(folder):
     for options, message in [
         ({"points": [3]}, "points 0 to 2 are recorded, not 3"),
         ({"points": [0, 1]}, "a picture shows one point, not 2"),
+        ({"points": []}, "points are none: there are no states"),
+        ({"points": "1"}, "points must be a sequence of whole numbers, got '1'"),
+        ({"points": 1}, "points must be a sequence of whole numbers, got 1"),
+        ({"points": [1.0]}, r"points must be a sequence of whole numbers, got \[1.0\]"),
+        ({"points": [-1]}, "points 0 to 2 are recorded, not -1"),
         ({"branch": 5}, "no branch 5 was recorded"),
+        ({"branch": [0]}, r"no branch \[0\] was recorded"),
         ({"scale": np.nan}, "must be a finite number"),
     ]:
         with pytest.raises(ValueError, match=message):
             plot.draw_record(folder / "a.png", journal, **options)
     with pytest.raises(ValueError, match=r"animations are .gif or .mp4, not a.svg"):
         plot.draw_record(folder / "a.svg", journal)
+    with pytest.raises(ValueError, match=r"must be one of records\.read_journal, got str"):
+        plot.draw_record(folder / "a.png", str(folder / "all"))
     COMM.barrier()
     if COMM.rank == 0:
         file = folder / "all" / "surface" / "branch_0000_point_000001.npz"

@@ -2,6 +2,7 @@
 
 import itertools
 import json
+import zlib
 from dataclasses import replace
 
 from mpi4py import MPI
@@ -315,4 +316,45 @@ def test_charts_that_cannot_be_read_or_written(folder):
             with pytest.raises(ValueError, match=message):
                 Chart.load(file)
         assert [p.name for p in folder.iterdir()] == ["chart.json"]
+    COMM.barrier()
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"mu": [1.0]}, "mu must be two numbers"),
+        ({"mu": ["a", "b"]}, "mu must be two numbers"),
+        ({"gamma": [1.0, float("nan")]}, "gamma must be finite and in order"),
+        ({"gamma": [2.0, 1.0]}, "gamma must be finite and in order"),
+        ({"solutions": "ok"}, "a sequence of str"),
+        ({"solutions": ["ok", "o"]}, "a point each"),
+        ({"solutions": ["ox"]}, "a point each"),
+        ({"solutions": 3}, "is no chart"),
+        ({"proved": 1}, "proved must be True or False"),
+        ({"other": 1}, "a cell has mu, gamma, solutions, proved"),
+    ],
+)
+def test_cells_that_are_none(folder, changed, message):
+    """They are refused by name, though the check sum fits."""
+    if COMM.rank == 0:
+        file = folder / "chart.json"
+        chart_of_few().save(file)
+        words = json.loads(file.read_text())
+        words["cells"][1] |= changed
+        text = json.dumps({"cells": words["cells"]}, sort_keys=True)
+        words["crc"] = f"{zlib.crc32(text.encode()):08x}"
+        file.write_text(json.dumps(words))
+        with pytest.raises(ValueError, match=message):
+            Chart.load(file)
+    COMM.barrier()
+
+
+def test_a_chart_of_numpy_values(folder):
+    """A truth value and numbers of numpy are saved as Python's."""
+    if COMM.rank == 0:
+        cell = ChartCell((np.float64(0.5), 1), (np.float32(0.25), 2.0), ["ok"], np.bool_(True))
+        Chart((cell,)).save(folder / "chart.json")
+        assert Chart.load(folder / "chart.json").cells == (
+            ChartCell((0.5, 1.0), (0.25, 2.0), ("ok",), True),
+        )
     COMM.barrier()

@@ -30,6 +30,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._files import part_of
 from dolfinx_contact._optional import optional
 from dolfinx_contact.algorithms.point_problem import PointProblem
 
@@ -55,19 +56,18 @@ def save_points(file: str | os.PathLike[str], problem: PointProblem) -> None:
         ModuleNotFoundError: for HDF5 without h5py.
     """
     path = Path(file)
-    part = path.with_name(path.name + ".part")
     if path.suffix == ".npz":
-        with part.open("wb") as stream:
-            np.savez(stream, **_arrays(problem))
+        arrays = _arrays(problem)
+        with part_of(path) as part:
+            np.savez(part, **arrays)
     elif path.suffix in _HDF5:
         local = fclib_local(problem)
         h5py = optional("h5py", "output")
-        with h5py.File(part, "w") as data:
+        with part_of(path) as part, h5py.File(part, "w") as data:
             for name, values in local.items():
                 data.create_dataset(name, data=values)
     else:
         raise ValueError(f"points are saved as .npz, .hdf5 or .h5 (FCLib), not as {path.name!r}")
-    part.replace(path)
 
 
 def load_points(file: str | os.PathLike[str]) -> PointProblem:
@@ -93,7 +93,8 @@ def load_points(file: str | os.PathLike[str]) -> PointProblem:
     if unknown or not {"S", "p", "friction"} <= set(found):
         raise ValueError(f"{path} has other arrays than a point problem: {sorted(found)}")
     given: dict[str, Any] = {
-        name: float(values) if name in _NUMBERS else values for name, values in found.items()
+        name: values.item() if name in _NUMBERS and values.size == 1 else values
+        for name, values in found.items()
     }
     try:
         return PointProblem(**given)

@@ -18,10 +18,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._numbers import is_number
 from dolfinx_contact.equations.measures import Measures
 from dolfinx_contact.laws import coulomb
 
@@ -29,6 +31,7 @@ __all__ = ["PointProblem"]
 
 Array = npt.NDArray[np.float64]
 _HALVED = 5 * 2.0**-53 / (1 - 5 * 2.0**-53)  # of the round-off of a mean
+_ORTHOGONAL = 1e-8
 _ROUND_OFF = 1e-4  # of stiffness times displacement, forces beside which none is looked at
 
 
@@ -54,7 +57,8 @@ class PointProblem:
         p_error: the same of p (dim m,).
 
     Raises:
-        ValueError: for shapes that do not fit, numbers that are not finite, negative friction, or a
+        ValueError: for what is no array of numbers, shapes that do not fit, numbers that are not
+            finite, negative friction, bounds or errors, an augmentation that is not positive, or a
             stiffness that is not positive definite.
     """
 
@@ -72,16 +76,16 @@ class PointProblem:
     p_error: Array | None = None
 
     def __post_init__(self) -> None:
-        m = len(self.friction)
-        fits = m > 0 and len(self.p) in (2 * m, 3 * m) and self.S.shape == (len(self.p),) * 2
-        if not fits:
-            raise ValueError(f"{m} points do not fit to a stiffness {np.shape(self.S)}")
         put = object.__setattr__
-        put(self, "bound", self.bound if len(self.bound) else np.zeros(m))
-        if not all(np.isfinite(v).all() for v in (self.S, self.p, self.friction, self.bound)):
-            raise ValueError("stiffness, load or friction is not finite")
-        if (self.friction < 0).any() or (self.bound < 0).any():
-            raise ValueError("the friction must not be negative")
+        m = np.size(self.friction)
+        if m == 0:
+            raise ValueError("a point problem needs a point; friction has none")
+        if not np.size(self.bound):
+            put(self, "bound", np.zeros(m))
+        for name, shape in self._shapes(m).items():
+            if self._is_given(name):
+                put(self, name, _numbers(name, getattr(self, name), shape))
+        self._check_values()
         if self.S_error is not None:
             away = np.abs(self.S - self.S.T) + _HALVED * np.abs(self.S) * (self.S != self.S.T)
             put(self, "S_error", np.maximum(self.S_error, self.S_error.T) + away)
@@ -90,11 +94,47 @@ class PointProblem:
             np.linalg.cholesky(self.S)
         except np.linalg.LinAlgError:
             raise ValueError("the reduced stiffness is not positive definite") from None
-        if not len(self.augmentation):
+        if not self._is_given("augmentation"):
             put(self, "augmentation", np.diag(self.S).reshape(m, -1).mean(axis=1))
         put(self, "force", self.force or float(np.abs(self.p).max()) or 1.0)
         free = float(np.abs(self.free).max()) or self.force / float(np.diag(self.S).mean())
         put(self, "length", self.length or free)
+
+    def _shapes(self, m: int) -> dict[str, tuple[int | None, ...]]:
+        """Of all arrays by their names; None is any number."""
+        dim = 2 if np.size(self.p) == 2 * m else 3
+        size = dim * m
+        return {
+            "friction": (m,),
+            "p": (size,),
+            "S": (size, size),
+            "bound": (m,),
+            "augmentation": (m,),
+            "positions": (m, None),
+            "gap": (m,),
+            "frames": (m, dim, dim),
+            "S_error": (size, size),
+            "p_error": (size,),
+        }
+
+    def _check_values(self) -> None:
+        for name in ("friction", "bound", "S_error", "p_error"):
+            if self._is_given(name) and (getattr(self, name) < 0).any():
+                raise ValueError(f"{name} must not be negative")
+        if self._is_given("augmentation") and not (self.augmentation > 0).all():
+            raise ValueError("augmentation must be positive")
+        for name in ("force", "length"):
+            value = getattr(self, name)
+            if not is_number(value) or not 0 <= value < np.inf:
+                raise ValueError(f"{name} must be a number that is not negative, got {value!r}")
+        if self.frames is not None:
+            away = self.frames @ self.frames.transpose(0, 2, 1) - np.eye(self.dim)
+            if np.abs(away).max() > _ORTHOGONAL:
+                raise ValueError("frames must be orthogonal matrices")
+
+    def _is_given(self, name: str) -> bool:
+        value = getattr(self, name)
+        return value is not None and not (name == "augmentation" and np.size(value) == 0)
 
     @property
     def number(self) -> int:
@@ -218,3 +258,20 @@ class PointProblem:
             p_error=None,
         )
         return changed, stiffness, length
+
+
+def _numbers(name: str, values: Any, shape: tuple[int | None, ...]) -> Array:
+    """An array of finite numbers of a shape, None for any length, or ``ValueError``."""
+    try:
+        found = np.asarray(values).astype(np.float64, casting="same_kind")
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} must be an array of numbers, got {values!r}") from None
+    fits = found.ndim == len(shape) and all(
+        k is None or n == k for n, k in zip(found.shape, shape, strict=True)
+    )
+    if not fits:
+        wanted = str(shape).replace("None", "any")
+        raise ValueError(f"{name} must have the shape {wanted}, not {found.shape}")
+    if not np.isfinite(found).all():
+        raise ValueError(f"{name} is not finite")
+    return found

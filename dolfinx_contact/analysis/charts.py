@@ -14,7 +14,7 @@ import os
 import time
 import zlib
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,8 @@ import numpy.typing as npt
 
 from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._errors import everywhere
+from dolfinx_contact._files import part_of
+from dolfinx_contact._numbers import is_number
 from dolfinx_contact._progress import Line
 from dolfinx_contact.analysis.event_curves import EventCurves
 from dolfinx_contact.analysis.family import ContactFamily
@@ -34,6 +36,7 @@ __all__ = ["Chart", "ChartCell", "count_solutions"]
 Array = npt.NDArray[np.float64]
 
 _PATIENCE = 3.0  # seconds before something is said
+_LETTERS = "ok+-"
 _KIND = "a chart of solutions"
 _FORMAT = 1
 
@@ -48,12 +51,30 @@ class ChartCell:
         solutions: statuses of those found in the middle, letters of the points, sorted.
         proved: whether it is proved that there are no others; not where slips of one are beyond
             small sliding (`ContactFamily.reach`).
+
+    Raises:
+        ValueError: for ends that are not two finite numbers in order, solutions that are not
+            letters of statuses of as many points each, or ``proved`` that is no truth value.
     """
 
     mu: tuple[float, float]
     gamma: tuple[float, float]
     solutions: tuple[str, ...]
     proved: bool
+
+    def __post_init__(self) -> None:
+        put = object.__setattr__
+        put(self, "mu", _ends("mu", self.mu))
+        put(self, "gamma", _ends("gamma", self.gamma))
+        found = self.solutions
+        if isinstance(found, str) or not all(isinstance(s, str) for s in found):
+            raise ValueError(f"solutions must be a sequence of str, got {found!r}")
+        if not set().union(*found) <= set(_LETTERS) or len({len(s) for s in found}) > 1:
+            raise ValueError(f"solutions must be letters of {_LETTERS!r}, a point each: {found!r}")
+        put(self, "solutions", tuple(found))
+        if not isinstance(self.proved, bool | np.bool_):
+            raise ValueError(f"proved must be True or False, got {self.proved!r}")
+        put(self, "proved", bool(self.proved))
 
     @property
     def middle(self) -> tuple[float, float]:
@@ -118,12 +139,8 @@ class Chart:
             raise FileExistsError(f"{file} exists: save with overwrite=True, or to another file")
         content = {"cells": [asdict(cell) for cell in self.cells]}
         words = {"of": _KIND, "format": _FORMAT, "crc": _check_sum(content), **content}
-        part = file.with_name(f".{file.name}.part")
-        try:
+        with part_of(file) as part:
             part.write_text(json.dumps(words))
-            part.replace(file)
-        finally:
-            part.unlink(missing_ok=True)
         return file
 
     @staticmethod
@@ -145,7 +162,10 @@ class Chart:
         cells = words.get("cells", [])
         if words.get("crc") != _check_sum({"cells": cells}):
             raise ValueError(f"{path} is damaged: its check sum is wrong")
-        return Chart(tuple(_cell_of(cell) for cell in cells))
+        try:
+            return Chart(tuple(_cell_of(cell) for cell in cells))
+        except (TypeError, ValueError) as error:
+            raise ValueError(f"{path} is no chart: {error}") from None
 
 
 def _check_sum(content: dict[str, Any]) -> str:
@@ -153,11 +173,22 @@ def _check_sum(content: dict[str, Any]) -> str:
     return f"{zlib.crc32(json.dumps(content, sort_keys=True).encode()):08x}"
 
 
-def _cell_of(words: dict[str, Any]) -> ChartCell:
-    """A cell, as a file has it."""
-    low, high = words["mu"]
-    least, most = words["gamma"]
-    return ChartCell((low, high), (least, most), tuple(words["solutions"]), words["proved"])
+def _ends(name: str, values: Any) -> tuple[float, float]:
+    """Two finite numbers in order, or ``ValueError``."""
+    if not isinstance(values, list | tuple) or len(values) != 2 or not all(map(is_number, values)):
+        raise ValueError(f"{name} must be two numbers, got {values!r}")
+    low, high = map(float, values)
+    if not -np.inf < low <= high < np.inf:
+        raise ValueError(f"{name} must be finite and in order, got {values!r}")
+    return low, high
+
+
+def _cell_of(content: Any) -> ChartCell:
+    """A cell, as a file has it, or ``ValueError``."""
+    names = [f.name for f in fields(ChartCell)]
+    if not isinstance(content, dict) or sorted(content) != sorted(names):
+        raise ValueError(f"a cell has {', '.join(names)}, not {content!r}")
+    return ChartCell(**content)
 
 
 def _check(a: Arguments) -> None:
@@ -297,7 +328,7 @@ class _Counting:
 
     def _cell(self, leaf: _Leaf) -> ChartCell:
         mu, gamma = self._ends(leaf)
-        words = ("".join("ok+-"[c] for c in np.frombuffer(s, np.int8)) for s in leaf.codes)
+        words = ("".join(_LETTERS[c] for c in np.frombuffer(s, np.int8)) for s in leaf.codes)
         return ChartCell(mu, gamma, tuple(sorted(words)), leaf.proved)
 
     def _at_border(self, level: Sequence[_Leaf], passed: npt.NDArray[np.bool_]) -> list[_Leaf]:

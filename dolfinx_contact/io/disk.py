@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Files that are whole or not there, on disks that may be full.
 
-What is written goes to a hidden name beside its place (``.NAME.part``) and is renamed when it is
-complete and on the disk, so that the state of before is kept if anything fails. Libraries that
+What is written goes to a hidden name beside its place and is renamed when it is complete and on the
+disk, so that the state of before is kept if anything fails. Libraries that
 write in C++ (ADIOS2) cannot be stopped half-way: on one rank they abort, on several the ranks wait
 for each other. The room that they will need is therefore reserved before they begin.
 """
@@ -12,7 +12,6 @@ from __future__ import annotations
 import ctypes
 import errno
 import os
-import re
 import shutil
 import uuid
 from collections.abc import Callable, Iterator
@@ -22,33 +21,14 @@ from pathlib import Path
 from mpi4py import MPI
 
 from dolfinx_contact._errors import on_root
+from dolfinx_contact._files import os_error, part_of, sync
 
-__all__ = ["aside", "os_error", "part_of", "put", "reserve", "sync_folder", "write_text"]
+__all__ = ["aside", "put", "reserve", "write_text"]
 
 _FILES = 8  # that a folder of ADIOS2 has at most, and some
 _UNSUPPORTED = (errno.EOPNOTSUPP, errno.ENOSYS, errno.EINVAL)
 _AT_FDCWD = -100
 _RENAME_EXCHANGE = 2
-
-
-@contextmanager
-def part_of(file: Path) -> Iterator[Path]:
-    """A hidden file beside ``file``, of the same suffix, that takes its place at the end.
-
-    On this rank alone.
-
-    Raises:
-        OSError: with the path, if it cannot be written; ``file`` is then as it was.
-    """
-    part = file.with_name(f".{file.stem}.part{file.suffix}")
-    try:
-        yield part
-        _sync(part)
-        part.replace(file)
-    except OSError as error:
-        raise os_error(error, file) from error
-    finally:
-        part.unlink(missing_ok=True)
 
 
 def put(file: Path, content: bytes) -> None:
@@ -101,10 +81,10 @@ def aside(comm: MPI.Comm, folder: Path, name: str) -> Iterator[Path]:
         for path in new:
             _may_replace(path, folder / path.name)
         for path in (part, *part.rglob("*")):
-            _sync(path)
+            sync(path)
         for path in new:
             _replace(path, folder / path.name)
-        sync_folder(folder)
+        sync(folder)
 
     try:
         on_root(comm, start)
@@ -154,29 +134,6 @@ def _probe(beside: Path, size: int) -> None:
             ) from None
     finally:
         shutil.rmtree(probe, ignore_errors=True)
-
-
-def os_error(error: Exception, path: Path) -> OSError:
-    """The error of a library that could not write ``path``, as ``OSError`` with path and reason."""
-    if isinstance(error, OSError) and error.errno is not None:
-        return OSError(error.errno, error.strerror, str(path))
-    found = re.search(r"errno = (\d+)", str(error))  # so ADIOS2 says it
-    number = int(found[1]) if found else errno.EIO
-    words = os.strerror(number) if found else f"{os.strerror(number)} ({error})"
-    return OSError(number, words, str(path))
-
-
-def sync_folder(folder: Path) -> None:
-    """Put the entries of a folder on the disk."""
-    _sync(folder)
-
-
-def _sync(path: Path) -> None:
-    descriptor = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
 
 
 def _may_replace(new: Path, old: Path) -> None:

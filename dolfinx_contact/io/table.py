@@ -16,7 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact._errors import on_root
-from dolfinx_contact.io.disk import os_error, write_text
+from dolfinx_contact._files import os_error
+from dolfinx_contact.io.disk import write_text
 from dolfinx_contact.results.tables import ContactTable
 
 __all__ = ["ADHESION", "COLUMNS", "GrowingTable", "write_contact_table", "write_rows"]

@@ -127,7 +127,7 @@ def film(
 
 def _check_animation(a: Arguments) -> None:
     if a.steps is not None:
-        a.steps = [int(i) for i in a.steps]
+        a.steps = _checked_numbers(a.steps, "steps")
 
 
 @collective("a film of a record", _check_animation)
@@ -220,6 +220,9 @@ def draw_record(
             plot.draw_record("output/last.png", journal)
             plot.draw_record("output/branch.gif", journal, scale=10.0)
     """
+    if not isinstance(journal, Lines):
+        kind = type(journal).__name__
+        raise ValueError(f"the journal must be one of records.read_journal, got {kind}")
     path = Path(file)
     is_picture = path.suffix == ".png"
     scale = checked_scale(scale)
@@ -231,8 +234,8 @@ def draw_record(
     if points is None:
         known = [i for i, entry in enumerate(entries) if "surface" in entry]
         points = known[-1:] if is_picture else known
-    elif not points:
-        raise ValueError("no point of the record was asked for")
+    else:
+        points = _checked_numbers(points, "points")
     if not points:
         raise ValueError("no displacement was recorded: record with surface_displacement=True")
     if is_picture and len(points) > 1:
@@ -251,6 +254,18 @@ def draw_record(
     if is_picture:
         return draw(MPI.COMM_SELF, kind, frames[0], path)
     return _draw_film(MPI.COMM_SELF, path, kind, frames, rate)
+
+
+def _checked_numbers(numbers: Any, what: str) -> list[int]:
+    """Numbers of points or steps as a list, or ``ValueError``. Not collective."""
+    known = isinstance(numbers, Iterable) and not isinstance(numbers, str | bytes)
+    chosen = list(numbers) if known else []
+    whole = all(isinstance(i, int | np.integer) and not isinstance(i, bool) for i in chosen)
+    if known and not chosen:
+        raise ValueError(f"{what} are none: there are no states to show")
+    if not known or not whole:
+        raise ValueError(f"{what} must be a sequence of whole numbers, got {numbers!r}")
+    return [int(i) for i in chosen]
 
 
 def _draw_film(

@@ -11,9 +11,9 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._files import part_of
 from dolfinx_contact._optional import optional
 from dolfinx_contact.analysis import Chart, EventCurves, Regions
-from dolfinx_contact.io.disk import part_of
 
 __all__ = ["LINES", "draw_chart", "draw_curves", "figure_of", "written"]
 

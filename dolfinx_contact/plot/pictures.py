@@ -33,6 +33,7 @@ from dolfinx import fem, la, mesh
 
 from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._errors import same_everywhere
+from dolfinx_contact._files import hidden_beside
 from dolfinx_contact._numbers import is_number
 from dolfinx_contact.io.fields import STATUS_CODES, check_stress, contact_fields, von_mises
 from dolfinx_contact.io.gathering import Arrays, gather_cells
@@ -311,7 +312,7 @@ def draw(
 def _draw_apart(kind: str, data: Mapping[str, Any], file: Path, seconds: float) -> str | None:
     """Draw in a process of its own; why it failed, or None."""
     in_space = "body_3d" in (kind, data.get("kind"))
-    part = file.with_name(f".{file.stem}.part{file.suffix}")
+    part = hidden_beside(file)
     source = Path(__file__).with_name("render.py")
     program = [*_display(needed=in_space), sys.executable, str(source), kind, str(part)]
     try:

@@ -14,10 +14,10 @@ from dolfinx import fem
 
 from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._errors import on_root
+from dolfinx_contact._files import part_of
 from dolfinx_contact._optional import optional
 from dolfinx_contact.continuation import BranchPoint
 from dolfinx_contact.equations.order import by_coordinates
-from dolfinx_contact.io.disk import part_of
 from dolfinx_contact.io.gathering import gather_cells
 from dolfinx_contact.io.outside import patch
 from dolfinx_contact.laws.status import COLOURS, NAMES

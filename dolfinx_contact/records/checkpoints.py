@@ -26,7 +26,8 @@ from dolfinx import fem, la
 
 from dolfinx_contact._compat import read_checkpoint, write_checkpoint
 from dolfinx_contact._errors import on_root
-from dolfinx_contact.io.disk import os_error, reserve, sync_folder
+from dolfinx_contact._files import os_error, sync
+from dolfinx_contact.io.disk import reserve
 from dolfinx_contact.io.writers import disk_errors
 from dolfinx_contact.points.trace import trace_dofs
 
@@ -121,11 +122,11 @@ class Checkpoints:
                     raise os_error(error, final) from None
             if self.problem.rigid_bodies:
                 (part / _RIGID).write_text(json.dumps(motions))
-            total = _check_sum(part, sync=True)
+            total = _check_sum(part, on_disk=True)
             if final.exists():  # no line of the journal names it: that run was killed in between
                 shutil.rmtree(final)
             part.rename(final)
-            sync_folder(self.folder)
+            sync(self.folder)
             return total
 
         self.comm.barrier()
@@ -216,18 +217,18 @@ def _size(f: fem.Function) -> int:
     return cells * (8 * V.dofmap.list.shape[1] * bs + 12) + 8 * len(f.x.array) + (1 << 15)
 
 
-def _check_sum(folder: Path, *, sync: bool = False) -> str:
-    """CRC-32 of the names and contents of the files in a folder; ``sync`` puts them on the disk."""
+def _check_sum(folder: Path, *, on_disk: bool = False) -> str:
+    """CRC-32 of the names and contents of the files in a folder; ``on_disk`` puts them there."""
     total = 0
     for path in sorted(p for p in folder.rglob("*") if p.is_file()):
         total = zlib.crc32(path.relative_to(folder).as_posix().encode(), total)
         with open(path, "rb") as file:
             while block := file.read(1 << 22):
                 total = zlib.crc32(block, total)
-            if sync:
+            if on_disk:
                 os.fsync(file.fileno())
-    if sync:
-        sync_folder(folder)
+    if on_disk:
+        sync(folder)
     return f"{total:08x}"
 
 

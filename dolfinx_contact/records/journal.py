@@ -18,6 +18,7 @@ from typing import Any, ClassVar
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._numbers import is_number
 from dolfinx_contact._optional import optional
 from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.records.lines import (
@@ -181,8 +182,8 @@ class Journal(Lines):
         return not self.branches
 
     def entries(self, branch: int = 0) -> list[dict[str, Any]]:
-        self._chosen(branch)
-        return self.branches[branch].points
+        (chosen,) = self._chosen(branch)
+        return self.branches[chosen].points
 
     def _take(self, kind: str, entry: dict[str, Any]) -> None:
         if kind == "branch":
@@ -211,7 +212,8 @@ class Journal(Lines):
             raise ValueError(f"lines of the kind {kind!r} are not known")
 
     def _chosen(self, branch: int | None) -> list[int]:
-        if branch is not None and branch not in self.branches:
+        known = branch is None or (is_number(branch) and branch in self.branches)
+        if not known:
             raise ValueError(f"no branch {branch} was recorded, only {sorted(self.branches)}")
         return sorted(self.branches) if branch is None else [branch]
 

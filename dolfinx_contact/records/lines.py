@@ -21,8 +21,8 @@ from typing import Any, BinaryIO, ClassVar, Generic, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._files import os_error, sync
 from dolfinx_contact.continuation.ending import Ending, Ends
-from dolfinx_contact.io.disk import os_error, sync_folder
 from dolfinx_contact.io.outside import OuterSurface, SurfaceState
 from dolfinx_contact.records.lock import Lock
 from dolfinx_contact.records.surfaces import read_state, read_surface
@@ -313,7 +313,7 @@ class JournalFile(Generic[J]):
                 raise absent
             self._path = path
             self._new = new
-            sync_folder(folder)
+            sync(folder)
         except BaseException as error:
             # What another process has open is not removed.
             if new and not isinstance(error, BlockingIOError) and _is_blank(path):

@@ -26,7 +26,7 @@ from typing import BinaryIO
 
 from mpi4py import MPI
 
-from dolfinx_contact.io.disk import os_error
+from dolfinx_contact._files import os_error
 
 __all__ = ["NOTE_NAME", "Lock", "processes"]
 

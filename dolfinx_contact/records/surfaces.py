@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dolfinx_contact._errors import on_root
-from dolfinx_contact.io.disk import part_of, sync_folder
+from dolfinx_contact._files import part_of, sync
 from dolfinx_contact.io.gathering import Arrays
 from dolfinx_contact.io.outside import OuterSurface, Outside, SurfaceState
 
@@ -114,7 +114,7 @@ def _save(file: Path, arrays: Arrays) -> None:
     """Write a file that is whole or not there, and on the disk when this returns."""
     with part_of(file) as part:
         np.savez_compressed(part, **arrays)  # type: ignore[arg-type]
-    sync_folder(file.parent)
+    sync(file.parent)
 
 
 def _load(file: Path) -> Arrays:

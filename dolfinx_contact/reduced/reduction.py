@@ -42,13 +42,15 @@ from scipy.sparse import csc_matrix as Columns
 
 from dolfinx import fem
 
-from dolfinx_contact._errors import on_root, require, same_everywhere
+from dolfinx_contact._collective import Arguments, collective
+from dolfinx_contact._errors import on_root, require
 from dolfinx_contact._factor import BATCH, Factor, marked_symmetric
 from dolfinx_contact._petsc import staged
 from dolfinx_contact.algorithms.exchange import save_points
 from dolfinx_contact.algorithms.point_problem import PointProblem
 from dolfinx_contact.continuation import Piece
 from dolfinx_contact.continuation.affine import AffineSystem
+from dolfinx_contact.continuation.arguments import checked_gamma
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.laws.cones import no_cones
@@ -62,6 +64,10 @@ _DEFINITE = 1e-10  # least eigenvalue of the condensed stiffness, whose mean dia
 _ROUND_OFF = 2.0**-53
 _TERMS = 256  # of a row of the matrix, at most, or nearly so
 _SYMMETRIC = 1e-8  # of the largest entry of the condensed stiffness
+
+
+def _check_save(a: Arguments) -> None:
+    a.gamma = checked_gamma(a.gamma)
 
 
 class Reduction:
@@ -207,6 +213,7 @@ class Reduction:
             p_error=of_load * factor,
         )
 
+    @collective("the export of contact points", _check_save)
     def save(self, file: str | os.PathLike[str], gamma: float = 0.0) -> None:
         """Write the `problem` at ``gamma``, in units of the input; rank 0 writes. Collective.
 
@@ -216,12 +223,11 @@ class Reduction:
             gamma: parameter.
 
         Raises:
-            ValueError: on every rank, for another suffix, where S is not positive definite, or
-                where FCLib has no such problem.
+            ValueError: on every rank, for another suffix, a gamma that is no number, where S is
+                not positive definite, or where FCLib has no such problem.
             ModuleNotFoundError: on every rank, for HDF5 without h5py.
             OSError: on every rank, where the file cannot be written.
         """
-        same_everywhere(self.comm, file=str(file), gamma=float(gamma))
         on_root(self.comm, lambda: save_points(file, self.problem(gamma)))
 
     @cached_property
