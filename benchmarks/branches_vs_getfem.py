@@ -130,12 +130,12 @@ def start_of(system, gamma):
     return x
 
 
-def our_steps(system, x, gamma, gamma_range, *, route, count=1000, increasing=True):
+def our_steps(system, x, gamma, gamma_range, *, route, count=1000, direction="increasing"):
     """A branch with the seconds of its steps and its counts of linear algebra."""
     scale = gamma_range[1] - gamma_range[0]
     with follower_for(system, x, gamma, StepControl(), gamma_scale=scale, route=route) as follower:
         watch = Stopwatch(follower.bordered)
-        point = follower.start(x, gamma, increasing=increasing)
+        point = follower.start(x, gamma, direction=direction)
         branch = follower.run(point, gamma_range, max_steps=count, observer=watch)
     return branch, watch.steps
 
@@ -161,16 +161,16 @@ def plain(steps):
 # -- time per step -------------------------------------------------------------------------------
 
 
-def plain_steps(system, side, gamma, gamma_range, args, *, increasing):
+def plain_steps(system, side, gamma, gamma_range, args, *, direction):
     """Plain steps with detection on from one start on either side, repeated in turn."""
     x = start_of(system, gamma)
     theirs = []
     mine = []
-    our_steps(system, x, gamma, gamma_range, route="steps", count=2, increasing=increasing)
+    our_steps(system, x, gamma, gamma_range, route="steps", count=2, direction=direction)
     for _ in range(args.repeats):
         theirs += [side.ask("step", limit=args.limit) for _ in range(args.steps)]
         _, steps = our_steps(
-            system, x, gamma, gamma_range, route="steps", count=args.steps, increasing=increasing
+            system, x, gamma, gamma_range, route="steps", count=args.steps, direction=direction
         )
         mine += steps
     getfem = summary(plain(theirs))
@@ -198,7 +198,7 @@ def triangle_steps(args):
     side.ask("solve", gammas=[-1.0], tolerance=TRIANGLE["max_res"])
     # Steps that are long enough would come to gamma = 0 at once.
     side.ask("begin", sense=1.0, h_max=0.02, **TRIANGLE)
-    found = plain_steps(system, side, -1.0, (-1.0, 1.0), args, increasing=True)
+    found = plain_steps(system, side, -1.0, (-1.0, 1.0), args, direction="increasing")
     side.close()
     x = start_of(system, -1.0)
     condensations = []
@@ -317,7 +317,7 @@ def block_steps(args):
     theirs = side.ask("statuses")
     x = start_of(system, 1.0)
     same_start = theirs["status"] == system.letters(system.piece_at(x, 1.0))
-    found = plain_steps(system, side, 1.0, (-1.0, 1.0), args, increasing=False)
+    found = plain_steps(system, side, 1.0, (-1.0, 1.0), args, direction="decreasing")
     side.close()
     return {"same_start": same_start, "dofs": {"getfem": side.size, "ours": x.getSize()}, **found}
 
@@ -371,6 +371,7 @@ def rays(args, system, start, make, gammas, sense, tolerances):
     steps = {r: [] for r in routes}
     explored = {r: [] for r in routes}
     number = set()
+    direction = "increasing" if start < 0 else "decreasing"
     for _ in range(args.repeats):
         ways, seconds = timed(lambda: bare_search(system, at_zero))
         bare.append(seconds)
@@ -379,7 +380,7 @@ def rays(args, system, start, make, gammas, sense, tolerances):
             begin = x if route == "pivoting" else start_of(system, 0.02 * start)
             gamma = start if route == "pivoting" else 0.02 * start
             _, times = our_steps(
-                system, begin, gamma, (-1.0, 1.0), route=route, count=100, increasing=start < 0
+                system, begin, gamma, (-1.0, 1.0), route=route, count=100, direction=direction
             )
             steps[route] += [s for s in times if "bifurcation" in s["kinds"]]
             diagram, seconds = timed(

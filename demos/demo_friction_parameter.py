@@ -56,7 +56,7 @@ def main(argv=None):
     (surface,) = loaded.problem.surfaces
     system = ParametricContact(loaded.problem, surface.law.friction)
     span = (0.0, args.friction_max)
-    branch = follow(system, stuck.x, args.friction_max, gamma_range=span, increasing=False)
+    branch = follow(system, stuck.x, args.friction_max, gamma_range=span, direction="decreasing")
     journal = records.journal_of(system, [branch], {"ut": records.leftmost("ut")})
     rows = journal.rows()
 

@@ -30,7 +30,7 @@ def only_up_to(args, n, width):
     """The friction coefficient of the fold; None if the branch has none."""
     system, x, _, _ = creeping(args, n, "F", width)
     reach = (0.1, 1.1 * args.friction)
-    way = follow(system, x, args.friction, gamma_range=reach, increasing=False)
+    way = follow(system, x, args.friction, gamma_range=reach, direction="decreasing")
     return way.folds[0].gamma if way.folds else None
 
 

@@ -76,7 +76,9 @@ def test_the_end_of_the_range_to_the_last_bit(end):
         lambda x, g: [[3 * x[0] ** 2 + 1]],
         lambda x, g: [-1.0],
     )
-    branch = follow(system, start(system, [1.0]), 2.0, gamma_range=(end, 3.0), increasing=False)
+    branch = follow(
+        system, start(system, [1.0]), 2.0, gamma_range=(end, 3.0), direction="decreasing"
+    )
     assert branch.points[-1].gamma == values(system, branch.points[-1])[1] == end
 
 
@@ -147,7 +149,9 @@ def test_corner_over_gamma():
 
 def test_corner_that_is_a_fold():
     system = corner(-1)
-    branch = follow(system, start(system, [1.0]), 1.0, gamma_range=(-1.0, 2.0), increasing=False)
+    branch = follow(
+        system, start(system, [1.0]), 1.0, gamma_range=(-1.0, 2.0), direction="decreasing"
+    )
     assert [s.kind for s in branch.special] == ["fold"]
     assert abs(branch.special[0].gamma) < 1e-12
     x, _ = values(system, branch.points[-1])

@@ -175,5 +175,5 @@ def test_branches_need_a_time_as_well():
     surface.memory = Memory(np.zeros((surface.points.number, 2)), step=0.1)
     problem.solve()
     problem.write(x)
-    branch = follow(system, x, 0.5, gamma_range=(0.4, 0.5), increasing=False)
+    branch = follow(system, x, 0.5, gamma_range=(0.4, 0.5), direction="decreasing")
     assert branch.points[-1].gamma == pytest.approx(0.4)

@@ -37,13 +37,13 @@ def test_a_branch_closes_wherever_it_begins(longest):
     )
     control = StepControl(initial=min(longest, 0.02), maximum=longest)
     for angle in np.arange(0.2, 6.2, 0.55):
-        for increasing in (True, False):
+        for direction in ("increasing", "decreasing"):
             branch = follow(
                 system,
                 start(system, [np.cos(angle)]),
                 np.sin(angle),
                 gamma_range=(-2.0, 2.0),
-                increasing=increasing,
+                direction=direction,
                 control=control,
             )
             assert branch.ending is Ending.CLOSED, angle

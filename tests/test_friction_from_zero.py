@@ -60,7 +60,8 @@ def test_from_zero_and_back(law, push, cell, kinks):
         problem.write(x)
         # The first step goes beyond the first event.
         control = StepControl(initial=0.3, maximum=0.3, kinks=kinks)
-        span = {"gamma_range": (0.0, END), "increasing": end > start}
+        direction = "increasing" if end > start else "decreasing"
+        span = {"gamma_range": (0.0, END), "direction": direction}
         branch = follow(system, x, start, control=control, **span)
         assert branch.reason == "gamma reached the end of its range"
         assert branch.points[-1].gamma == end
@@ -91,7 +92,7 @@ def test_a_point_that_sticks_for_a_moment(law, push, span, length):
     x = system.create_vector()
     problem.write(x)
     control = StepControl(initial=length, maximum=length, kinks="exact")
-    branch = follow(system, x, high, gamma_range=span, increasing=False, control=control)
+    branch = follow(system, x, high, gamma_range=span, direction="decreasing", control=control)
     assert branch.reason == "gamma reached the end of its range"
     assert branch.points[-1].gamma == low
     assert [(s.kind, s.parity) for s in branch.special] == [("event", 1)] * 2

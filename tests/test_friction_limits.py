@@ -29,7 +29,8 @@ def end_of_branch(start, end):
     x = system.create_vector()
     problem.write(x)
     span = (min(start, end), max(start, end))
-    branch = follow(system, x, start, gamma_range=span, increasing=end > start)
+    direction = "increasing" if end > start else "decreasing"
+    branch = follow(system, x, start, gamma_range=span, direction=direction)
     last = branch.points[-1]
     assert last.gamma == end
     x.array[:] = last.y.array_r[: x.getLocalSize()]

@@ -831,9 +831,9 @@ DISAGREEMENT = {
         "must be a finite number",
     ),
     "start": (lambda w: followed(w, gamma=differs(0.0, 0.5)), "gamma differs between ranks"),
-    "sense": (
-        lambda w: followed(w, gamma=0.5, increasing=differs(True, False)),
-        "increasing differs between ranks",
+    "direction": (
+        lambda w: followed(w, gamma=0.5, direction=differs("increasing", "decreasing")),
+        "direction differs between ranks",
     ),
     "control": (
         lambda w: followed(w, control=StepControl(initial=differs(0.01, 0.02))),

@@ -320,7 +320,7 @@ def test_a_branch():
     problem.write(x)
     other = block(**options, domain=domain, law=NonlocalCoulomb(gamma, 0.31))
     assert identity(other)["forms"] != identity(system.problem)["forms"]
-    branch = follow(system, x, 0.6, gamma_range=(0.3, 0.6), increasing=False)
+    branch = follow(system, x, 0.6, gamma_range=(0.3, 0.6), direction="decreasing")
     assert branch.reason == "gamma reached the end of its range"
     assert any(s.changes for s in branch.special)
     found = system.result_at(branch.points[-1]).tables["contact"]

@@ -465,8 +465,8 @@ def test_several_branches_in_one_record(folder):
         BranchRecord(folder, system, functionals, every=5) as r,
         Follower(system, recorded_run.CONTROL, gamma_scale=1.0) as follower,
     ):
-        for branch, steps, increasing in ((0, 12, True), (3, 4, False)):
-            start = follower.start(x, 0.0, increasing=increasing)
+        for branch, steps, direction in ((0, 12, "increasing"), (3, 4, "decreasing")):
+            start = follower.start(x, 0.0, direction=direction)
             follower.run(start, (-0.2, 0.2), max_steps=steps, record=r, branch_id=branch)
     journal = read_journal(folder)
     assert sorted(journal.branches) == [0, 3]

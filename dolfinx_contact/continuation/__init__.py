@@ -8,7 +8,7 @@ from dolfinx_contact.continuation.ending import Ending, Ends
 from dolfinx_contact.continuation.extended import SpecialCurve, follow_special
 from dolfinx_contact.continuation.follow import Follower, Route, follow, follower_for
 from dolfinx_contact.continuation.observer import Observer, Observers, Seen, Stepping, Task
-from dolfinx_contact.continuation.parameters import Kinks, StepControl
+from dolfinx_contact.continuation.parameters import Direction, Kinks, StepControl
 from dolfinx_contact.continuation.pivoting import Pivoting
 from dolfinx_contact.continuation.points import points_at
 from dolfinx_contact.continuation.solutions import Continuum, Solution, Solutions, find_solutions
@@ -27,6 +27,7 @@ __all__ = [
     "Condensed",
     "Continuum",
     "Diagram",
+    "Direction",
     "Edge",
     "Ending",
     "Ends",

@@ -13,7 +13,7 @@ import logging
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, get_args
 
 from petsc4py import PETSc
 
@@ -32,7 +32,7 @@ from dolfinx_contact.continuation.branch import Branch, BranchPoint, Ray, Specia
 from dolfinx_contact.continuation.ending import Ending, Ends
 from dolfinx_contact.continuation.follow import Follower, Route, follower_for
 from dolfinx_contact.continuation.observer import Observer, Seen
-from dolfinx_contact.continuation.parameters import StepControl
+from dolfinx_contact.continuation.parameters import Direction, StepControl
 from dolfinx_contact.continuation.pivoting import Pivoting
 from dolfinx_contact.continuation.system import System
 
@@ -217,8 +217,8 @@ class _Explorer:
         begun = time.monotonic()
         comm = self.follower.bordered.comm
         low, high = self.range
-        waiting = [(x, gamma, up) for x, gamma in starts for up in (True, False)]
-        waiting = [w for w in waiting if (w[1] < high if w[2] else w[1] > low)]
+        waiting = [(x, gamma, to) for x, gamma in starts for to in get_args(Direction)]
+        waiting = [w for w in waiting if (w[1] < high if w[2] == "increasing" else w[1] > low)]
         while waiting or diagram.open_rays():
             late = comm.bcast(time.monotonic() - begun > max_seconds)
             if late or len(diagram.edges) >= max_branches:
@@ -226,8 +226,8 @@ class _Explorer:
                 diagram.end(Ending.BUDGET, f"the budget of {what} is exhausted")
                 break
             if waiting:
-                x, gamma, increasing = waiting.pop(0)
-                point = self.follower.start(x, gamma, increasing=increasing)
+                x, gamma, direction = waiting.pop(0)
+                point = self.follower.start(x, gamma, direction=direction)
                 if not self._known(point):
                     self._follow(point, None)
                 continue

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, get_args
 
 from petsc4py import PETSc
 
@@ -40,7 +40,7 @@ from dolfinx_contact.continuation.conditions import (
 from dolfinx_contact.continuation.factorised import Factorised
 from dolfinx_contact.continuation.follow import follow
 from dolfinx_contact.continuation.layout import Layout
-from dolfinx_contact.continuation.parameters import StepControl
+from dolfinx_contact.continuation.parameters import Direction, StepControl
 from dolfinx_contact.continuation.system import Events, Piece, System
 
 __all__ = ["ParameterSystem", "SpecialCurve", "follow_special"]
@@ -342,8 +342,8 @@ def follow_special(
     try:
         with system.restored(always=True):
             down, up = (
-                follow(extended, X, mu, increasing=sense, route="steps", progress=False, **way)
-                for sense in (False, True)
+                follow(extended, X, mu, direction=to, route="steps", progress=False, **way)
+                for to in reversed(get_args(Direction))
             )
         return _curve(extended, down, up)
     finally:

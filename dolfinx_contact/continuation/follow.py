@@ -39,7 +39,7 @@ from dolfinx_contact.continuation.branch import (
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.continuation.observer import Observer, Seen, Stepping
-from dolfinx_contact.continuation.parameters import StepControl
+from dolfinx_contact.continuation.parameters import Direction, StepControl, sign_of
 from dolfinx_contact.continuation.passage import SteppingSteps
 from dolfinx_contact.continuation.pivoting import Pivoting
 from dolfinx_contact.continuation.steps import ExactSteps
@@ -65,6 +65,7 @@ def _check(a: Arguments) -> None:
     check_system(a.system)
     a.gamma = checked_gamma(a.gamma)
     a.gamma_range = checked_range(a.gamma_range, [a.gamma])
+    sign_of(a.direction)
     check_vectors([a.x], "x")
     check_steps(a.control, a.max_steps)
     check_listeners(observer=a.observer, record=a.record, progress=a.progress, stop=a.stop)
@@ -77,7 +78,7 @@ def follow(
     gamma: float,
     *,
     gamma_range: tuple[float, float],
-    increasing: bool = True,
+    direction: Direction = "increasing",
     control: StepControl | None = None,
     max_steps: int = 1000,
     route: Route = "auto",
@@ -93,7 +94,7 @@ def follow(
         x: a solution at ``gamma``, corrected if it is one approximately.
         gamma: where to start.
         gamma_range: the branch ends where gamma reaches either end.
-        increasing: whether gamma is to grow at the start.
+        direction: in which gamma goes at the start, ``"increasing"`` or ``"decreasing"``.
         control: step lengths.
         max_steps: budget; when it is exhausted what was found is returned, and said.
         route: see `follower_for`.
@@ -123,7 +124,7 @@ def follow(
         system.restored(),
         follower_for(system, x, gamma, control, gamma_scale=scale, route=route) as follower,
     ):
-        start = follower.start(x, gamma, increasing=increasing)
+        start = follower.start(x, gamma, direction=direction)
         return follower.run(
             start,
             (low, high),
@@ -206,28 +207,31 @@ class Follower(Walker):
         self.corrector.destroy()
         self.bordered.destroy()
 
-    def start(self, x: PETSc.Vec, gamma: float, *, increasing: bool = True) -> BranchPoint:
+    def start(
+        self, x: PETSc.Vec, gamma: float, *, direction: Direction = "increasing"
+    ) -> BranchPoint:
         """The point of the branch near (x, gamma), with its tangent.
 
         Raises:
-            ValueError: if there is none, or gamma does not appear in H.
+            ValueError: if there is none, gamma does not appear in H, or the direction is unknown.
         """
+        sign = sign_of(direction)
         b = self.bordered
         y = b.vector()
         b.join(x, gamma, y)
-        piece = self._piece_from(y, increasing)
+        piece = self._piece_from(y, sign)
         self._require_parameter(y, piece)
         if not self.corrector.natural(y, gamma, piece):
             raise ValueError(f"no solution near the given state was found at gamma = {gamma}")
         sense = b.last_unit()
-        sense.scale((1.0 if increasing else -1.0) * b.gamma_scale)
+        sense.scale(sign * b.gamma_scale)
         tangent = self.corrector.tangent(y, sense, piece)
         if tangent is None:
             raise ValueError("the start is a singular point: its tangent is not unique")
         sense.destroy()
         return self._steps.rescaled(BranchPoint(y, tangent, piece, b.gamma(y), 0.0, 0))
 
-    def _piece_from(self, y: PETSc.Vec, increasing: bool) -> Piece:
+    def _piece_from(self, y: PETSc.Vec, sign: float) -> Piece:
         """The piece on which a branch leaves ``y``. Collective.
 
         Where borders begin at this very gamma (friction that grows from zero) that at ``y`` is one
@@ -235,7 +239,7 @@ class Follower(Walker):
         """
         x, gamma = self.bordered.split(y)
         piece = self.system.piece_at(x, gamma)
-        beyond = gamma + (_HAIR if increasing else -_HAIR) * self.bordered.gamma_scale
+        beyond = gamma + sign * _HAIR * self.bordered.gamma_scale
         here, there = (len(self.system.events(x, g, piece).point) for g in (gamma, beyond))
         begin = self.system.comm.allreduce(int(there > here), op=max)
         return self.system.piece_at(x, beyond) if begin else piece
@@ -288,7 +292,8 @@ class Follower(Walker):
         if gamma == point.gamma:
             return None
         try:
-            new = self.start(b.split(point.y)[0], gamma, increasing=slope > 0)
+            direction: Direction = "increasing" if slope > 0 else "decreasing"
+            new = self.start(b.split(point.y)[0], gamma, direction=direction)
         except ValueError as error:
             logger.info("no way beyond gamma = %g: %s", point.gamma, error)
             return None

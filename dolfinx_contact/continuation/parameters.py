@@ -10,10 +10,24 @@ import numpy as np
 
 from dolfinx_contact._numbers import is_number
 
-__all__ = ["Kinks", "StepControl"]
+__all__ = ["Direction", "Kinks", "StepControl", "sign_of"]
 
 #: How kinks are passed.
 Kinks: TypeAlias = Literal["exact", "batched", "stepping"]
+
+#: How the parameter changes where a branch starts.
+Direction: TypeAlias = Literal["increasing", "decreasing"]
+
+
+def sign_of(direction: Direction) -> float:
+    """1 where the parameter increases at the start, -1 where it decreases.
+
+    Raises:
+        ValueError: for another direction.
+    """
+    if direction not in get_args(Direction):
+        raise ValueError(f"direction must be one of {get_args(Direction)}, got {direction!r}")
+    return 1.0 if direction == "increasing" else -1.0
 
 
 @dataclass(frozen=True)

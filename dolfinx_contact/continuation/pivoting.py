@@ -29,7 +29,7 @@ from dolfinx_contact.continuation.branch import (
 )
 from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.continuation.observer import Stepping
-from dolfinx_contact.continuation.parameters import StepControl
+from dolfinx_contact.continuation.parameters import Direction, StepControl, sign_of
 from dolfinx_contact.continuation.rays import (
     AffineRay,
     Rays,
@@ -69,12 +69,16 @@ class Pivoting(Walker):
     def __exit__(self, *_: object) -> None:
         self.bordered.destroy()
 
-    def start(self, x: PETSc.Vec, gamma: float, *, increasing: bool = True) -> BranchPoint:
+    def start(
+        self, x: PETSc.Vec, gamma: float, *, direction: Direction = "increasing"
+    ) -> BranchPoint:
         """The point of the branch near (x, gamma), with its tangent.
 
         Raises:
-            ValueError: if there is none, gamma does not appear in H, or the tangent is not unique.
+            ValueError: if there is none, gamma does not appear in H, the tangent is not unique, or
+                the direction is unknown.
         """
+        sign = sign_of(direction)
         affine = self.condensed.system
         affine.require_finite()
         if not np.abs(affine.rate).max(initial=0.0) > 0:
@@ -85,8 +89,7 @@ class Pivoting(Walker):
         piece = affine.piece(codes)
         if piece is None:
             raise ValueError("the start is a singular point: its tangent is not unique")
-        sense = 1.0 if increasing else -1.0
-        ray = AffineRay(codes, sense * piece.coefficients[1], sense)
+        ray = AffineRay(codes, sign * piece.coefficients[1], sign)
         return self.point(piece.at(gamma), gamma, ray, 0.0)
 
     def branch_off(self, special: SpecialPoint, ray: Ray, distance: float = 0.0) -> BranchPoint:

@@ -26,7 +26,7 @@ def _compared(case, law):
     system = ParametricContact(problem, gamma, driven=[(body.moved, way)])
     x = system.create_vector()
     problem.write(x)
-    branch = follow(system, x, 1.0, gamma_range=(0.9, 1.0), increasing=False, max_steps=5)
+    branch = follow(system, x, 1.0, gamma_range=(0.9, 1.0), direction="decreasing", max_steps=5)
     for point in branch.points:
         case.equal("Q/P", ratio(system.result_at(point).tables[contact.name]), 0.5)
 
