@@ -67,7 +67,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
 
     Args:
         problem: the contact problem; its Functions receive what is `put` there, as every point is
-            of which an observer is told, and the last one of a branch.
+            that an observer is called with, and the last one of a branch.
         gamma: the parameter, a scalar Constant in the bulk, a law, an obstacle, or the load or
             motion of a rigid body.
         driven: pairs of a Function used in a Dirichlet condition and the UFL expression of gamma
@@ -109,8 +109,8 @@ class ParametricContact(ReadOnly, ParametricEquations):
         super().__init__(problem.equations, gamma, lambda: problem.linear_solver, driven=driven)
         self._condensed: Reduction | None = None
         self._condensed_from = 0  # mark of the data
-        #: Surfaces of which it has been said that the sliding is not small.
-        self._told: set[str] = set()
+        #: Surfaces on which a warning of sliding has been logged.
+        self._warned: set[str] = set()
 
     @collective("set_parameter", _check_parameter)
     def set_parameter(self, gamma: float) -> None:
@@ -124,8 +124,8 @@ class ParametricContact(ReadOnly, ParametricEquations):
     def put(self, x: PETSc.Vec, gamma: float, piece: Piece) -> None:
         """Put a point of a branch into the Functions of the problem, its statuses included.
 
-        Gamma and what it drives follow, obstacles too. Where the sliding is not small that is said,
-        once a surface. Collective.
+        Gamma and what it drives follow, obstacles too. A warning is logged where the sliding is
+        not small, once a surface. Collective.
         """
         self.set(gamma)
         statuses = self.statuses_of(piece)
@@ -136,14 +136,14 @@ class ParametricContact(ReadOnly, ParametricEquations):
             return
         state = self.equations.contact(x, statuses)
         for name, sliding in slidings(self.equations, state).items():
-            if sliding.doubt and name not in self._told and self.comm.rank == 0:
+            if sliding.doubt and name not in self._warned and self.comm.rank == 0:
                 logger.warning("%s: at gamma = %.6g %s", name, gamma, sliding.doubt)
             if sliding.doubt:
-                self._told.add(name)
+                self._warned.add(name)
 
     def solution_from(self, x: PETSc.Vec, gamma: float) -> tuple[PETSc.Vec | None, str]:
         """What `ContactProblem.solve` finds at gamma from x; see `System`. Collective."""
-        with self.restored(always=True), self.problem.telling_once():
+        with self.restored(always=True), self.problem.warning_once():
             self.set(gamma)
             self.problem.read(x)
             try:
@@ -174,7 +174,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         self.set(point.gamma)
         done = Attempt("continuation", "a point of a branch", converged=True)
         result = self.problem.collect(x, [done], self.statuses_of(point.piece))
-        self.problem.tell(result)
+        self.problem.warn_of_sliding(result)
         x.destroy()
         return result
 

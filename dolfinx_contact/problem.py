@@ -44,7 +44,7 @@ from dolfinx_contact.points.surface import ContactSurface
 from dolfinx_contact.proofs import theory_of, uniqueness
 from dolfinx_contact.results.balance import forces_at_vertices, support_at_nodes
 from dolfinx_contact.results.checks import warn_of_obstacles
-from dolfinx_contact.results.result import Result, collect, tell
+from dolfinx_contact.results.result import Result, collect, warn_of_sliding
 from dolfinx_contact.results.tables import ContactTable, contact_table
 from dolfinx_contact.results.theory import Theory
 from dolfinx_contact.results.uniqueness import OTHER_DATA, Uniqueness, checked_seconds
@@ -212,8 +212,8 @@ class ContactProblem(ReadOnly):
         self.bcs = ReadOnlyList(self.bcs, "Dirichlet conditions of a problem", _CONDITIONS)
         self.equations = ContactEquations(body, self.V, self.surfaces, self.bcs, r=r, options=given)
         self._linear = LinearSolverChoice(self.equations)
-        #: In a run, surfaces of which it has been said that the sliding is not small.
-        self._told: set[str] | None = None
+        #: In a run, the surfaces on which a warning of sliding has been logged.
+        self._warned: set[str] | None = None
         warn_of_obstacles(self.equations)
 
     def moving(self, body: MovingBody) -> ContactProblem:
@@ -251,7 +251,7 @@ class ContactProblem(ReadOnly):
         self.equations.rigid.show(self.equations.motions(x))
 
     def write(self, x: PETSc.Vec) -> None:
-        """Put the Functions, and what stands in the rigid bodies, into the unknowns ``x``."""
+        """Put the Functions, and the motions of the rigid bodies, into the unknowns ``x``."""
         rigid = self.equations.rigid
         self.equations.put([f.x.array for f in self.fields], rigid.given, x)
 
@@ -343,11 +343,11 @@ class ContactProblem(ReadOnly):
                 ``tresca``, ``uzawa``, ``penalty``, ``sor``, ``gauss-seidel``,
                 ``projected-gradient``, ``lemke``, ``interior-point``, or with its options, as
                 ``algorithms.GaussSeidel(two_level=True)``. These have no fallback: what does not
-                converge fails, and says how.
+                converge fails with the reason.
             monitor: called with every iterate, on every rank.
             increments: of the load in the strategy of increments, to begin with.
-            progress: whether rank 0 says on the standard error stream where the solve is; by
-                default once it takes more than some seconds.
+            progress: whether rank 0 shows the progress on the standard error stream; by default
+                once the solve takes more than some seconds.
             expected: statuses, surface by surface, the likeliest first: Newton's method begins with
                 the state that has them, and after all of them with the Functions.
 
@@ -362,7 +362,7 @@ class ContactProblem(ReadOnly):
         same_everywhere(self.comm, expected_statuses=len(expected))
         fits = all(fit(self.surfaces, statuses) for statuses in expected)
         require(self.comm, fits, "the expected statuses are not those of these contact points")
-        said = SolveProgress(self.comm, progress)
+        shown = SolveProgress(self.comm, progress)
         x0 = self.create_vector()
         self.write(x0)
         try:
@@ -373,25 +373,25 @@ class ContactProblem(ReadOnly):
                     x0,
                     monitor=monitor,
                     increments=increments,
-                    progress=said,
+                    progress=shown,
                     expected=expected,
                 )
             else:
                 check_data(self.equations, x0)
                 x, attempts = _classical().solve_by(
-                    algorithm, self.equations, self._linear, x0, monitor=monitor, progress=said
+                    algorithm, self.equations, self._linear, x0, monitor=monitor, progress=shown
                 )
             with self.restored():
                 result = self.collect(x, attempts)
             prove, theorems = self._answers_at(x)
             result = replace(result, prove=prove, theorems=theorems)
             x.destroy()
-            said.end(result.iterations)
-            if self._told is None:
-                self.tell(result)
+            shown.end(result.iterations)
+            if self._warned is None:
+                self.warn_of_sliding(result)
             return result
         finally:
-            said.end()
+            shown.end()
             x0.destroy()
 
     def _answers_at(
@@ -455,22 +455,22 @@ class ContactProblem(ReadOnly):
         return collect(self.equations, state, attempts)
 
     @contextmanager
-    def telling_once(self) -> Iterator[None]:
-        """Let solves not warn of sliding that is not small; `tell` does, once a surface.
+    def warning_once(self) -> Iterator[None]:
+        """Within a run: solves do not warn of sliding, `warn_of_sliding` does, once a surface.
 
-        So that a run warns once, and of steps that are accepted.
+        A run warns of accepted steps only.
         """
-        before = self._told
-        self._told = set()
+        before = self._warned
+        self._warned = set()
         try:
             yield
         finally:
-            self._told = before
+            self._warned = before
 
-    def tell(self, result: Result) -> None:
+    def warn_of_sliding(self, result: Result) -> None:
         """Warn of sliding that is not small, in a run once a surface. Not collective."""
         if self.comm.rank == 0:
-            tell(result, self._told)
+            warn_of_sliding(result, self._warned)
 
     def destroy(self) -> None:
         """Free matrices and solvers."""

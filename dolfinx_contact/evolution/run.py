@@ -70,7 +70,7 @@ class Run(Generic[T, S, H]):
                 record.begin(rule.task, start)
             self.run_state = start
             if rule.ending is None:
-                with problem.telling_once():
+                with problem.warning_once():
                     for advance in rule.advances():
                         self._accept(advance)
                         if rule.ending is not None:
@@ -95,7 +95,7 @@ class Run(Generic[T, S, H]):
             self._listeners.record.step(step, self._rule.run_state)
         self._observe(advance)
         self._stepper.put(advance.taken.after)
-        self._stepper.problem.tell(step.result)
+        self._stepper.problem.warn_of_sliding(step.result)
         self._progress.step(step)
 
     def _ask_for_the_end(self, advance: Advance) -> None:

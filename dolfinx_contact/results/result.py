@@ -33,7 +33,7 @@ from dolfinx_contact.results.theory import Theory
 from dolfinx_contact.results.uniqueness import Uniqueness
 from dolfinx_contact.solvers.history import Attempt, Step
 
-__all__ = ["Result", "collect", "tell"]
+__all__ = ["Result", "collect", "warn_of_sliding"]
 
 logger = logging.getLogger(__name__)
 
@@ -289,12 +289,12 @@ def collect(eq: ContactEquations, state: State, attempts: Sequence[Attempt]) -> 
     )
 
 
-def tell(result: Result, known: set[str] | None = None) -> None:
+def warn_of_sliding(result: Result, known: set[str] | None = None) -> None:
     """Log a warning of each surface on which the sliding is not small. For rank 0.
 
     Args:
         result: of a solve.
-        known: names of surfaces of which it has been said; those that follow are added.
+        known: names of surfaces that have been warned of; those of this call are added.
     """
     for name, doubt in result.doubts.items():
         if known is None or name not in known:
