@@ -191,7 +191,7 @@ def measured(args, comm, case, plain):
     }
     record = {
         "dofs": problem.V.dofmap.index_map.size_global * 3,
-        "points": problem.surfaces[0].number_everywhere,
+        "points": problem.surfaces[0].points.number_everywhere,
         "elastic_seconds": wall,
         "elastic_processor_seconds": processor,
         "elastic_iterations": iterations,

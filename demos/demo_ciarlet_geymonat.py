@@ -146,7 +146,7 @@ def main(argv=None):
     summary["branches"] = found
     summary["points"] = [len(along) for along in gammas]
     summary["gammas"] = gammas
-    summary["augmentation"] = system.problem.surfaces[0].mean_augmentation
+    summary["augmentation"] = system.problem.surfaces[0].points.mean_augmentation
     summary["explore_seconds"] = seconds
     return io.write_summary(comm, folder, summary)
 

@@ -137,7 +137,7 @@ def main(argv=None):
     )
     summary = branch.summary() | journal.summary()
     summary["dofs"] = x.getSize()
-    summary["augmentation"] = body.problem.surfaces[0].mean_augmentation
+    summary["augmentation"] = body.problem.surfaces[0].points.mean_augmentation
     io.Report(comm).branch(journal)
     if args.solutions_at is not None:
         there = points_at(body, branch, args.solutions_at, **way)

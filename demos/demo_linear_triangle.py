@@ -168,7 +168,7 @@ def main(argv=None):
     summary["dofs"] = result.dofs
     summary["complete"] = complete
     summary["proofs"] = methods
-    summary["augmentation"] = problem.surfaces[0].mean_augmentation
+    summary["augmentation"] = problem.surfaces[0].points.mean_augmentation
     summary["solutions"] = {
         "-1": [s for s in found if s["gamma"] == -1.0],
         "1": [s for s in found if s["gamma"] == 1.0],

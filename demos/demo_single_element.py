@@ -87,7 +87,7 @@ def main(argv=None):
         "folds_closed_form": closed,
         "bifurcations": len(branch.bifurcations),
         "events": sum(not s["smooth"] for s in special),
-        "augmentation": system.problem.surfaces[0].mean_augmentation,
+        "augmentation": system.problem.surfaces[0].points.mean_augmentation,
     }
     for fold, exact in zip(folds, closed, strict=False):
         say(

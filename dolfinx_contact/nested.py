@@ -97,9 +97,9 @@ def prolong(coarse: ContactProblem, fine: ContactProblem, *, padding: float = 1e
                 maps = _Interpolation(spaces[0], spaces[1], cells, distance)
             # The trace of a function on the body that is the multiplier at the contact nodes is
             # the multiplier, so that volumes are interpolated for surfaces as well.
-            from_dofs = trace_dofs(maps.source, a.Q, a.submesh.parent_facets)
-            to_dofs = trace_dofs(maps.target, b.Q, b.submesh.parent_facets)
-            n = a.Q.dofmap.index_map.size_local
+            from_dofs = trace_dofs(maps.source, a.points.Q, a.submesh.parent_facets)
+            to_dofs = trace_dofs(maps.target, b.points.Q, b.submesh.parent_facets)
+            n = a.points.Q.dofmap.index_map.size_local
             extended = fem.Function(maps.source)
             values = extended.x.array.reshape(-1, a.dim)
             values[from_dofs[:n]] = a.multiplier.x.array.reshape(-1, a.dim)[:n]

@@ -50,7 +50,7 @@ def force(problem):
     total = 0.0
     for s in problem.surfaces:
         state = s.state()
-        n = s.num_owned_points
+        n = s.points.number
         total += float(np.sum(state["pressure"][:n] * state["area"][:n]))
     return problem.comm.allreduce(total)
 

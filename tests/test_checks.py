@@ -64,7 +64,7 @@ def test_sliding_on_a_disc_is_measured(method, slide, log):
     result = problem.solve()
     (s,) = problem.surfaces
     size = problem.equations.body_size
-    n = s.num_owned_points
+    n = s.points.number
     u = problem.u.x.array.reshape(-1, 2)[s.points.vertex_trace_dofs][:n]
     x = s.positions[:n]
     closed = status.closed(s.statuses)

@@ -381,7 +381,7 @@ def test_slips_of_both_signs_bring_continua(which):
     K = problem.equations.bulk.stiffness(u.x.array).getValuesCSR()
     K = scipy.sparse.csr_matrix((K[2], K[1], K[0])).toarray()
     x = V.tabulate_dof_coordinates()
-    places = floor.Q.tabulate_dof_coordinates()
+    places = floor.points.Q.tabulate_dof_coordinates()
     nodes = [int(np.abs(x - place).sum(axis=1).argmin()) for place in places]
     t = 2 * np.array(nodes)
     n = 2 * np.array(nodes) + 1

@@ -89,7 +89,7 @@ def places(problem):
     """Contact nodes of this rank where they are now, their tractions and statuses."""
     (s,) = problem.surfaces
     dim = problem.equations.dim
-    n = s.num_owned_points
+    n = s.points.number
     nodes = s.points.vertex_trace_dofs
     x = s.node_positions[nodes] + problem.u.x.array.reshape(-1, dim)[nodes]
     return x[:n], s.multiplier.x.array.reshape(-1, dim)[:n], s.statuses

@@ -57,7 +57,7 @@ def test_nodal_rows_are_alart_curnier(dim, cell, law):
     x = randomise(problem, 0, 0.02, 10.0)
     b = problem.create_vector()
     state = problem.residual(x, b)
-    n = surface.num_owned_points
+    n = surface.points.number
     rows = problem.equations.blocks(b)[1].reshape(n, dim)
 
     # The law, from nothing but the nodal values and the definition of the obstacle.

@@ -453,7 +453,7 @@ def test_a_fault_by_its_name(folder):
     assert set(body.names) == {"rock", "soil", "floor", "fault", "top", "fault_opposite"}
     u = displacement(body.mesh)
     fault = ContactPair(u, body, slave="fault", master="fault_opposite", law=Coulomb(0.4))
-    assert body.mesh.geometry.index_map().size_global == before + fault.number_everywhere
+    assert body.mesh.geometry.index_map().size_global == before + fault.points.number_everywhere
     np.testing.assert_allclose(fault.points.data.n @ [1.0, 10.0], np.sqrt(101))
     dx = ufl.Measure("dx", body.mesh, subdomain_data=body.cell_tags)
     energy = sum(

@@ -11,6 +11,8 @@ from mpi4py import MPI
 import pytest
 from conftest import ON_THREE
 
+import dolfinx_contact
+
 PACKAGE = "dolfinx_contact"
 ROOT = Path(__file__).parents[1] / PACKAGE
 #: From the ground up: a room imports from its own floor and those below. Private modules of the
@@ -156,3 +158,32 @@ def test_the_page_on_the_house_names_what_is_there():
     assert not missing
     rooms = {p.name for p in ROOT.iterdir() if (p / "__init__.py").exists()} - {"output"}
     assert not [room for room in rooms if f"`{room}/`" not in text]
+
+
+#: What users see of the classes that they hold (`help`): a new name is added here on purpose.
+PUBLIC = {
+    "ContactSurface": """
+        at_vertices between_bodies bond check_gaps constant_operator data displaced friction_slope
+        has_changed hold jump kinematics kinematics_now linear node_positions opposite owned_nodes
+        positions reference relative rigid_body slide state state_of update_geometry
+    """,
+    "ContactProblem": """
+        collect create_vector destroy fields linear_solver moving put read reduced residual restored
+        rigid_bodies solve state support_forces table warn_of_sliding warning_once write
+    """,
+    "ParametricContact": """
+        check_parameter condensed contact correct create_vector data_mark destroy dirichlet_rates
+        doubt driven_expressions driven_functions evaluate events has_many_pieces held_laws ids
+        is_piecewise_affine jacobian kinks kinks_in_gamma letters matrix metric not_affine_in order
+        parameter_derivative parts piece piece_at piece_of positions preconditioner probe prove
+        prove_rays put residual restored result_at rigid_rates scales set set_parameter
+        solution_from statuses statuses_of
+    """,
+}
+
+
+@pytest.mark.parametrize("name", [*PUBLIC, "ContactPair"])
+def test_what_users_see_of_a_class(name):
+    cls = getattr(dolfinx_contact, name)
+    known = PUBLIC.get(name, PUBLIC["ContactSurface"])
+    assert sorted(n for n in dir(cls) if not n.startswith("_")) == sorted(known.split())

@@ -106,7 +106,7 @@ def test_stuck_neighbours():
     inner = s.positions[:, 0] > 0.4
     s.statuses[inner] = STICK
     traction = s.multiplier.x.array.reshape(-1, 2)
-    x = s.Q.tabulate_dof_coordinates()[:, 0]
+    x = s.points.Q.tabulate_dof_coordinates()[:, 0]
     traction[x > 0.4, 0] *= 0.5
     found = stability_at_rest(problem, density=1.0)
     assert (found.label, found.border) == ("stable", 2)
@@ -273,7 +273,7 @@ def test_euler_and_beck():
     surface.law.friction.value = friction
     surface.statuses[np.isclose(surface.positions[:, 0], 0.0)] = PLUS
     traction = surface.multiplier.x.array.reshape(-1, 2)
-    corner = np.isclose(surface.Q.tabulate_dof_coordinates()[:, 0], 0.0)
+    corner = np.isclose(surface.points.Q.tabulate_dof_coordinates()[:, 0], 0.0)
     traction[corner, 0] = -friction * traction[corner, 1]
     found = stability_at_rest(problem, density=1.0)
     assert (found.label, found.border) == ("not decided", 1)

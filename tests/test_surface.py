@@ -34,11 +34,11 @@ def test_points_lie_where_they_should(dim, cell, degree):
         law=Coulomb(0.3),
         method="integral",
     )
-    n = s.num_owned_points
+    n = s.points.number
     places = s.points.space.tabulate_dof_coordinates()[:n, :dim]
     np.testing.assert_allclose(s.positions, places, atol=1e-12)
     # Areas of the points add up to that of the surface.
-    n = s.num_owned_points
+    n = s.points.number
     area = COMM.allreduce(float(s.points.areas[:n].sum()))
     n = s.points.vertices.dofmap.index_map.size_local
     around = COMM.allreduce(float(s.points.vertex_areas[:n].sum()))
@@ -63,7 +63,7 @@ def test_gap_and_normal_are_those_of_the_obstacle(obstacle, distance):
     u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (3,))))
     s = ContactSurface(u, facets(domain, 2, 0.0), obstacle=obstacle, law=Coulomb(0.3))
     x = s.positions.T
-    n = s.num_owned_points
+    n = s.points.number
     np.testing.assert_allclose(s.points.vertex_gaps[:n], distance(x), atol=1e-12)
     # The normal points into the obstacle: minus the gradient of the distance.
     step = 1e-6
@@ -85,7 +85,7 @@ def test_facets_named_on_one_rank_only():
     ]
     for s in surfaces:
         assert s.points.space.dofmap.index_map.size_global == 25
-        n = s.num_owned_points
+        n = s.points.number
         np.testing.assert_allclose(COMM.allreduce(float(s.points.areas[:n].sum())), 1.0, rtol=1e-12)
 
 

@@ -208,7 +208,7 @@ def _in_space(equations: ContactEquations, state: State, seconds: float) -> Uniq
     )
     if not fits or Coulomb not in laws:
         return _by_theory(equations, "proofs are for contact at nodes and the usual laws")
-    points = sum(s.number_everywhere for s in equations.surfaces)
+    points = sum(s.points.number_everywhere for s in equations.surfaces)
     if points > _MOST_POINTS and not seconds > 0:
         return Uniqueness("not proved", f"more than {_MOST_POINTS} points: only where it is asked")
     effort = _EFFORT if seconds > 0 else 0

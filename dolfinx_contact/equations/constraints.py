@@ -64,7 +64,7 @@ class Constraints:
         self.held = [self._held(s) for s in surfaces]
         self.clamped: list[npt.NDArray[np.bool_]] = []
         self.removed: list[npt.NDArray[np.bool_]] = []
-        self._owned = [s.Q.dofmap.index_map.size_local for s in surfaces]
+        self._owned = [s.points.Q.dofmap.index_map.size_local for s in surfaces]
         self._normals = [s.points.vertex_normals.copy() for s in surfaces]
         for s, held, vertices in zip(surfaces, self.held, crossing, strict=True):
             self._check_slave(s)
@@ -73,7 +73,7 @@ class Constraints:
                 removed[vertices] = True
             self.removed.append(removed)
             self.clamped.append(np.asarray(removed.all(axis=1)))
-            n = s.Q.dofmap.index_map.size_local
+            n = s.points.Q.dofmap.index_map.size_local
             left = s.comm.allreduce(int((~self.clamped[-1][:n]).sum()))
             require(s.comm, left > 0, _why_none_is_left(s))
 
@@ -291,7 +291,7 @@ def _nodes(s: ContactSurface) -> npt.NDArray[np.int64]:
 
 def _node_normals(s: ContactSurface) -> npt.NDArray[np.float64]:
     """Normals at the local multiplier nodes, from those at the vertices."""
-    normals = fem.Function(s.Q)
+    normals = fem.Function(s.points.Q)
     component = fem.Function(s.points.vertices)
     for i in range(s.dim):
         component.x.array[:] = s.points.vertex_normals[:, i]
@@ -302,13 +302,13 @@ def _node_normals(s: ContactSurface) -> npt.NDArray[np.float64]:
 
 def _fixed_on_support(s: ContactSurface, fixed: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
     """Multiplier nodes x dim whose whole support has displacements marked in ``fixed``."""
-    count = la.vector(s.Q.dofmap.index_map, s.dim)
+    count = la.vector(s.points.Q.dofmap.index_map, s.dim)
     count.array[:] = 0.0
     cells = s.points.cells
     closures = facet_closures(s.u.function_space, s.submesh.parent_facets[cells])
     any_free = (~fixed)[closures].any(axis=1).astype(float)
     rows = count.array.reshape(-1, s.dim)
-    for nodes in s.Q.dofmap.list[cells].T:
+    for nodes in s.points.Q.dofmap.list[cells].T:
         np.add.at(rows, nodes, any_free)
     count.scatter_reverse(la.InsertMode.add)
     count.scatter_forward()

@@ -94,7 +94,7 @@ class ContactEquations:
         self.linear = bulk.linear and all(s.linear for s in self.surfaces)
         self.constraints = Constraints(V, self.surfaces, bcs)
         self.prescribed = PrescribedDisplacement(V, self.constraints)
-        spaces = [V, *(s.Q for s in self.surfaces)]
+        spaces = [V, *(s.points.Q for s in self.surfaces)]
         sizes = [(W.dofmap.index_map, W.dofmap.index_map_bs) for W in spaces]
         self.fixed = self.constraints.fixed.reshape(-1)
         low, high = bounding_box(self.comm, V.mesh.geometry.x)
@@ -107,7 +107,7 @@ class ContactEquations:
         self.scaling = Scaling(
             bulk, V, self.surfaces, self.constraints.fixed, self.rigid, self.body_size, r
         )
-        per_area = [self.stiffness_scale / s.mean_vertex_area for s in self.surfaces]
+        per_area = [self.stiffness_scale / s.points.mean_vertex_area for s in self.surfaces]
         self.units = [1.0, *per_area, 1.0]
         if not bulk.linear:
             bulk.destroy()

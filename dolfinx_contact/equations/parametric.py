@@ -351,7 +351,7 @@ class ParametricEquations(System):
         for (s, a, _), found in zip(self.parts(), state.surfaces, strict=True):
             borders = found.answers.borders(found.statuses)
             i, k = np.nonzero(np.isfinite(borders.distance))
-            distance.append(borders.distance[i, k] / s.mean_augmentation)
+            distance.append(borders.distance[i, k] / s.points.mean_augmentation)
             point.append((i + a).astype(np.int32))
             target.append(borders.target[i, k])
         points = np.concatenate(point)
@@ -361,7 +361,7 @@ class ParametricEquations(System):
     def probe(self, seed: int) -> PETSc.Vec:
         parts = []
         eq = self.equations
-        for V in (eq.V, *(s.Q for s in eq.surfaces)):
+        for V in (eq.V, *(s.points.Q for s in eq.surfaces)):
             bs = V.dofmap.index_map_bs
             n = V.dofmap.index_map.size_local
             # Keyed by coordinates: neither numbering nor ranks matter.

@@ -450,7 +450,7 @@ def contact_fields(problem: ContactProblem, surface: ContactSurface) -> dict[str
 
 def _at_vertices(s: ContactSurface, marked: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
     """Local vertices among the ``marked`` multiplier nodes."""
-    f = fem.Function(s.Q)
+    f = fem.Function(s.points.Q)
     f.x.array[:] = np.repeat(marked.astype(float), s.dim)
     vertices = fem.Function(fem.functionspace(s.submesh.mesh, ("Lagrange", 1, (s.dim,))))
     vertices.interpolate(f)

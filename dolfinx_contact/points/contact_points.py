@@ -268,6 +268,27 @@ class ContactPoints(ABC):
 
     # -- operators -------------------------------------------------------------------------------
 
+    @property
+    def mean_vertex_area(self) -> float:
+        """Mean area of a vertex. Collective."""
+        return self._vertex_mean(self.vertex_areas)
+
+    @property
+    def mean_width(self) -> float:
+        """Size of a facet: the root in space, of the mean area of a vertex. Collective."""
+        mean = self._vertex_mean(self.vertex_areas / self.circumferences)
+        return float(mean ** (1 / (self.dim - 1)))
+
+    @property
+    def mean_augmentation(self) -> float:
+        """Mean of r over the vertices, stiffness per area. Collective."""
+        return self._vertex_mean(self.r)
+
+    def _vertex_mean(self, values: Array) -> float:
+        index_map = self.vertices.dofmap.index_map
+        total = self.comm.allreduce(float(np.sum(values[: index_map.size_local])))
+        return total / index_map.size_global
+
     def traction(self, multipliers: Array) -> Array:
         """T = E l at the points (n, dim) of the owned multipliers. Collective."""
         if self.E is None:

@@ -374,46 +374,9 @@ class ContactSurface(ReadOnly):
         return int(self.u.function_space.dofmap.index_map.size_local)
 
     @property
-    def Q(self) -> fem.FunctionSpace:
-        """Space of the multiplier."""
-        return self.points.Q
-
-    @property
     def positions(self) -> Array:
         """Positions of the contact points of this rank (n, dim)."""
         return self.points.positions
-
-    @property
-    def num_owned_points(self) -> int:
-        """Contact points of this rank."""
-        return self.points.number
-
-    @property
-    def number_everywhere(self) -> int:
-        """Contact points of all ranks."""
-        return self.points.number_everywhere
-
-    @property
-    def mean_vertex_area(self) -> float:
-        """Mean area of a vertex. Collective."""
-        return self._vertex_mean(self.points.vertex_areas)
-
-    @property
-    def mean_width(self) -> float:
-        """Size of a facet: the root in space, of the mean area of a vertex. Collective."""
-        points = self.points
-        mean = self._vertex_mean(points.vertex_areas / points.circumferences)
-        return float(mean ** (1 / (self.dim - 1)))
-
-    @property
-    def mean_augmentation(self) -> float:
-        """Mean of r over the vertices, stiffness per area. Collective."""
-        return self._vertex_mean(self.points.r)
-
-    def _vertex_mean(self, values: Array) -> float:
-        index_map = self.points.vertices.dofmap.index_map
-        total = self.comm.allreduce(float(np.sum(values[: index_map.size_local])))
-        return total / index_map.size_global
 
     # -- what was found --------------------------------------------------------------------------
 
@@ -440,11 +403,6 @@ class ContactSurface(ReadOnly):
         now = self.kinematics_now()
         return now.jump + now.reference
 
-    def relative_now(self, u: Array) -> Array:
-        """Displacements (n, dim) seen from the rigid body where it is, if there is one."""
-        body = self.rigid_body
-        return u if body is None else self.relative(u, body.values)
-
     def state(self) -> dict[str, Array]:
         """What is known at the contact points of this rank. Collective.
 
@@ -456,7 +414,7 @@ class ContactSurface(ReadOnly):
         return self.state_of(self.kinematics_now(), self._traction())
 
     def _traction(self) -> Array:
-        owned = self.Q.dofmap.index_map.size_local * self.dim
+        owned = self.points.Q.dofmap.index_map.size_local * self.dim
         return self.points.traction(self.multiplier.x.array[:owned])
 
     def state_of(self, at: Kinematics, traction: Array) -> dict[str, Array]:

@@ -56,7 +56,7 @@ class Checkpoints:
         self._nodes: list[npt.NDArray[np.int32]] = [np.zeros(0, dtype=np.int32)]
         for s in problem.surfaces:
             W = fem.functionspace(s.domain, ("Lagrange", s.degrees[1], (s.dim,)))
-            nodes = trace_dofs(W, s.Q, s.submesh.parent_facets)
+            nodes = trace_dofs(W, s.points.Q, s.submesh.parent_facets)
             self._whole.append(fem.Function(W))
             self._nodes.append(nodes)
 

@@ -199,7 +199,7 @@ def identity(
         "unknowns": unknowns,
         "elements": [str(f.function_space.ufl_element()) for f in problem.fields],
         "surfaces": [
-            [s.name, s.method, problem.comm.allreduce(s.num_owned_points)] for s in problem.surfaces
+            [s.name, s.method, problem.comm.allreduce(s.points.number)] for s in problem.surfaces
         ],
         "faces": [_faces(s) for s in problem.surfaces],
         "kinds": [[*s.degrees, s.displaced is not None] for s in problem.surfaces],

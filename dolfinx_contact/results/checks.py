@@ -135,7 +135,7 @@ def _width(s: ContactSurface) -> float:
     x = s.positions
     low = np.array(s.comm.allgather(x.min(axis=0, initial=np.inf))).min(axis=0)
     high = np.array(s.comm.allgather(x.max(axis=0, initial=-np.inf))).max(axis=0)
-    return max(float(np.linalg.norm(high - low)), s.mean_width)
+    return max(float(np.linalg.norm(high - low)), s.points.mean_width)
 
 
 def _of_obstacle(
@@ -179,7 +179,7 @@ def _of_pair(
         held: points that Dirichlet data hold.
         forces: normal forces.
     """
-    left = moved.beyond > _LARGEST_WAY * s.mean_width
+    left = moved.beyond > _LARGEST_WAY * s.points.mean_width
     # What the law has at the gap of the reference configuration less -j.n is somewhere else.
     true = s.points.data.gap + moved.opened
     law = s.points.data.gap + moved.linear
@@ -207,7 +207,7 @@ def _of_pair(
             f"the point which was at {_shown(along)} has gone {gone:.3g} along the other body, "
             f"{way:.2g} of {measure}"
         )
-    if beyond > _LARGEST_WAY * s.mean_width:
+    if beyond > _LARGEST_WAY * s.points.mean_width:
         reasons.append(
             f"the point which was at {_shown(edge)} acts {beyond:.3g} beyond the edge of the master"
         )

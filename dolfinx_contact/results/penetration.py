@@ -43,7 +43,7 @@ def penetrations(eq: ContactEquations, tables: dict[str, ContactTable]) -> dict[
     for s in eq.surfaces:
         if not s.law.compliant:
             continue
-        size = s.mean_width
+        size = s.points.mean_width
         table = tables[s.name]
         depth = np.nan_to_num(np.maximum(-table.un, 0.0), nan=0.0)
         area = table.area[depth > 0]

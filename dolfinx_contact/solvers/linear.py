@@ -203,7 +203,7 @@ def _name(reasons: Any, value: int) -> str:
 def seconds_of_multigrid(eq: ContactEquations) -> float:
     """What a cold solve by multigrid may take, from the time of a product. Collective."""
     dim = eq.dim
-    points = sum(s.number_everywhere for s in eq.surfaces)
+    points = sum(s.points.number_everywhere for s in eq.surfaces)
     factor, power = _SURFACE
     surface = factor * points**power / sum(eq.global_sizes) if dim == 3 else 0.0
     product = eq.comm.allreduce(eq.bulk.seconds[1], op=max)

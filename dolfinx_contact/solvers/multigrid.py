@@ -92,7 +92,7 @@ class Multigrid(LinearSolver):
         self._glued: _Glued | None = None
         self._excess = 0.0  # iterations that a new hierarchy would have saved
         self._assemblies = 0  # of the stiffness, when the hierarchy was built
-        self._points = sum(s.number_everywhere for s in equations.surfaces)
+        self._points = sum(s.points.number_everywhere for s in equations.surfaces)
 
     def attach(self, ksp: PETSc.KSP) -> None:
         ksp.setInitialGuessNonzero(False)

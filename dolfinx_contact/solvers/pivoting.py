@@ -31,7 +31,7 @@ _PATIENCE = 4  # rounds without a new minimum of objections before single change
 def pivot(solver: Newton, x: PETSc.Vec, attempt: Attempt) -> bool:
     """Solve by pivoting from ``x``, which is overwritten. Collective."""
     eq = solver.equations
-    points = sum(s.number_everywhere for s in eq.surfaces)
+    points = sum(s.points.number_everywhere for s in eq.surfaces)
     fewest = points + 1
     patience = _PATIENCE
     held = eq.contact(x).statuses
