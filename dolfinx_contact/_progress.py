@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Line", "Progress", "SolveProgress"]
 
-_PATIENCE = 3.0  # seconds before anything is said by itself
+_PATIENCE = 3.0  # seconds before anything is shown by itself
 _SECONDS = 10.0  # between lines where there is no terminal
 
 
@@ -91,7 +91,7 @@ class Progress:
 
     @property
     def due(self) -> bool:
-        """Whether something is to be said by now."""
+        """Whether something is to be shown by now."""
         return not self._silent and self.seconds >= self._after
 
     def update(self, text: str) -> None:

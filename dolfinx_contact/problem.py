@@ -69,7 +69,7 @@ _SURFACES = f"numbers of a law change as surface.law.friction.value = 0.5; for o
 
 
 def _classical() -> ModuleType:
-    """What algorithms other than Newton's need, loaded when one is asked for."""
+    """What algorithms other than Newton's need, loaded when one is chosen."""
     from dolfinx_contact.solvers import classical
 
     return classical
@@ -397,7 +397,7 @@ class ContactProblem(ReadOnly):
     def _answers_at(
         self, x: PETSc.Vec
     ) -> tuple[Callable[[float], Uniqueness], Callable[[], Theory]]:
-        """What a result may be asked of the problem as it was solved, its memory included."""
+        """Questions to the problem as it was solved, its memory included."""
         eq = self.equations
         values = x.array_r.copy()
         memory = self.equations.memory

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What problems ask of `analysis`, which stands above them and is loaded when it is asked first.
+"""What problems need of `analysis`, which is above them and loaded when first needed.
 
 This is the one place where something imports from above.
 """

@@ -203,7 +203,7 @@ def search(
         problem: the reduced problem.
         known: statuses of solutions that are known.
         seconds: after which regions are left open.
-        progress: told where the search is.
+        progress: called with where the search is.
 
     Returns:
         The certificate, with all that was proved, and what it proves.

@@ -35,7 +35,7 @@ __all__ = ["Chart", "ChartCell", "count_solutions"]
 
 Array = npt.NDArray[np.float64]
 
-_PATIENCE = 3.0  # seconds before something is said
+_PATIENCE = 3.0  # seconds before progress is shown
 _LETTERS = "ok+-"
 _KIND = "a chart of solutions"
 _FORMAT = 1

@@ -45,7 +45,7 @@ Codes = npt.NDArray[np.int8]
 logger = logging.getLogger(__name__)
 
 _SOLVED = 1e-6  # relative residual up to which a state is a solution of the present data
-_PATIENCE = 3.0  # seconds before something is said
+_PATIENCE = 3.0  # seconds before progress is shown
 _MOST_POINTS = 300  # in 3D, for an eigenproblem that is not asked for
 _EFFORT = 60  # of a search for weights in 3D
 _ENOUGH = 1.0 + 1e-6  # the factor it is to reach
@@ -94,12 +94,12 @@ def proved(condensed: Reduction, gamma: float, seconds: float) -> ProvedSolution
     line = Line(condensed.comm)
     begun = time.monotonic()
 
-    def tell(text: str) -> None:
+    def notify(text: str) -> None:
         if time.monotonic() - begun > _PATIENCE:
             line.update(f"proof of all solutions: {text}, {time.monotonic() - begun:.0f} s")
 
     try:
-        return prove_solutions(problem, seconds=seconds, progress=tell)
+        return prove_solutions(problem, seconds=seconds, progress=notify)
     finally:
         line.clear()
 

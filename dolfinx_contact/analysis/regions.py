@@ -34,7 +34,7 @@ __all__ = ["Region", "Regions", "solution_regions"]
 Array = npt.NDArray[np.float64]
 
 _SAME = 1e-9  # of the range of gamma: curves so close are one; of that of mu: cuts
-_PATIENCE = 3.0  # seconds before something is said
+_PATIENCE = 3.0  # seconds before progress is shown
 
 
 @dataclass(frozen=True, eq=False)

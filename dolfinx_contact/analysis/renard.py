@@ -66,7 +66,7 @@ _DEFAULTS = {"eps_type": "krylovschur", "eps_tol": 1e-10, "eps_max_it": 500}
 
 @dataclass(frozen=True)
 class Renard:
-    """What the criterion says of a solution.
+    """What the criterion shows of a solution.
 
     Attributes:
         factor: by which the friction of the law may grow as long as the solution, with the
@@ -87,7 +87,7 @@ class Renard:
 
     @property
     def unique(self) -> bool:
-        """Certainly the only one; False says nothing."""
+        """Certainly the only one; False leaves it open."""
         return self.definite and self.factor > 1.0 + 1e-9 and not self.doubt
 
 

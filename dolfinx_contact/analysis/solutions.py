@@ -86,7 +86,7 @@ def prove_solutions(
         problem: S, p and friction with their errors.
         known: statuses (m,) of solutions that are known; they shorten the search.
         seconds: after which what is not proved is left open.
-        progress: told where the search is, in words.
+        progress: called with where the search is, in words.
 
     Raises:
         ValueError: if statuses do not fit the points.

@@ -147,7 +147,7 @@ class Spectrum:
 
     Attributes:
         values: lambda (k,).
-        vectors: displacements, owned (n, k); none if they were not asked for.
+        vectors: displacements, owned (n, k); none if they were not required.
         known_up_to: size up to which all eigenvalues are there; inf if they are complete.
     """
 

@@ -59,7 +59,7 @@ def check_system(system: Any) -> None:
 
 
 def require_smooth(system: System) -> None:
-    """Raise ``ValueError`` if H has kinks within its pieces, which no status tells of.
+    """Raise ``ValueError`` if H has kinks within its pieces, which no status shows.
 
     Folds, events and branch points are looked for as those of a smooth H on every piece.
     """
@@ -170,7 +170,7 @@ def check_steps(control: Any, max_steps: Any) -> None:
 def answer_of_stop(
     layout: Layout, stop: Stop | None, point: BranchPoint, special: Sequence[SpecialPoint]
 ) -> str:
-    """What ``stop`` answers at a point, which stands in the problem then. Collective.
+    """What ``stop`` returns at a point, whose state the problem has then. Collective.
 
     Raises:
         ValueError: on every rank, if that is no reason, or not the same on every rank.
@@ -209,8 +209,8 @@ def guarded(
 ) -> Observer:
     """Record and observer, in this order, whose errors on one rank are raised on all. Collective.
 
-    What they are told of stands in the problem then. Ranks without an observer, beside others with
-    one, have one that does nothing.
+    The problem is in the state that they are called with. Ranks without an observer, beside
+    others with one, have one that does nothing.
 
     Args:
         layout: of the points, which knows their system.

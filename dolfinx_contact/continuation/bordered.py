@@ -51,7 +51,7 @@ class Bordered(Layout):
 
     @cached_property
     def solver(self) -> BorderedSolver:
-        """Of the matrix; made when it is first asked for. Collective."""
+        """Of the matrix; made when it is first needed. Collective."""
         P = self.system.preconditioner
         return Factorised(self, self.prefix) if P is None else Krylov(self, self.prefix, P)
 

@@ -108,7 +108,7 @@ class SpecialPoint:
         return self.bracket is None
 
 
-#: Asked at every accepted point, with the special points on the way to it; answers with the reason
+#: Called at every accepted point, with the special points on the way to it; returns the reason
 #: to end the branch there, or "".
 Stop: TypeAlias = Callable[[BranchPoint, Sequence[SpecialPoint]], str]
 

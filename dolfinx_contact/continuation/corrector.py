@@ -25,7 +25,7 @@ __all__ = ["Corrector"]
 
 logger = logging.getLogger(__name__)
 
-#: Length of a solution of J t = (0, 1) beyond which the row says too little about the tangent.
+#: Length of a solution of J t = (0, 1) beyond which the row determines the tangent too poorly.
 _NEARLY_SINGULAR = 1e8
 #: Relative residuals of linear solves, where exactness has a price: at most, beyond what the
 #: tolerance of the step asks for, and for one more correction within it.

@@ -44,7 +44,7 @@ class Crossing:
         onwards: the ray that is followed; None if nothing that was tried leads on.
         changes: what changes on it.
         parity: see the module; 0 if not evaluated.
-        others: further rays, the one that was come by excluded.
+        others: further rays, the incoming one excluded.
         complete: whether all pieces that meet have been tried.
         method: how the rays were looked for.
     """
@@ -232,7 +232,7 @@ def _border(events: Events, slope: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
 
 
 def _not_back(corrector: Corrector, piece: Piece, t: PETSc.Vec, rays: list[Ray]) -> list[Ray]:
-    """Rays without the one that was come by."""
+    """Rays without the incoming one."""
     kept = []
     for ray in rays:
         same_piece = corrector.bordered.comm.allreduce(

@@ -67,7 +67,7 @@ class Edge:
     Attributes:
         branch: its points; they start at ``start`` and end at ``end``.
         start: number of a node, None at a start of the exploration.
-        end: number of a node, None where the branch ends otherwise; `Branch.reason` says how.
+        end: number of a node, None where the branch ends otherwise; see `Branch.reason`.
     """
 
     branch: Branch
@@ -169,13 +169,13 @@ def explore(
         max_branches: budget of branches.
         max_seconds: no branch is begun later than this.
         route: see `follower_for`.
-        observer: told of the points of all branches, as that of `follow`; an `Observer` knows the
-            branches by their numbers.
+        observer: called with the points of all branches, as that of `follow`; an `Observer` knows
+            the branches by their numbers.
         record: see `follow`.
         progress: see `follow`.
 
     Returns:
-        The diagram, which is partial if a budget is exhausted; `Diagram.reason` says so.
+        The diagram, which is partial if a budget is exhausted; `Diagram.reason` tells which.
 
     Raises:
         ValueError: on every rank, if an argument does not fit or differs between ranks, the range
@@ -190,8 +190,8 @@ def explore(
         system.restored(always=True),
         follower_for(system, *pairs[0], control, gamma_scale=scale, route=route) as follower,
     ):
-        told = dict(observer=observer, record=record, progress=progress)
-        explorer = _Explorer(follower, (low, high), max_steps, told)
+        listeners = dict(observer=observer, record=record, progress=progress)
+        explorer = _Explorer(follower, (low, high), max_steps, listeners)
         explorer.run(pairs, max_branches, max_seconds)
         return explorer.diagram
 
@@ -202,12 +202,12 @@ class _Explorer:
         follower: Follower | Pivoting,
         gamma_range: tuple[float, float],
         max_steps: int,
-        told: Mapping[str, Any],
+        listeners: Mapping[str, Any],
     ):
         self.follower = follower
         self.range = gamma_range
         self.max_steps = max_steps
-        self.told = told
+        self.listeners = listeners
         self.diagram = Diagram()
 
     def run(
@@ -269,7 +269,7 @@ class _Explorer:
             max_steps=self.max_steps,
             stop=_at_bifurcation,
             branch_id=number,
-            **self.told,
+            **self.listeners,
         )
         end = None
         if any(s.index == len(branch.points) - 1 for s in branch.bifurcations):

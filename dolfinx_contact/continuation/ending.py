@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""How branches, paths and histories end: one of a few ways, and a sentence that says more."""
+"""How branches, paths and histories end: one of a few endings, and a sentence with details."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ __all__ = ["Ending", "Ends"]
 
 
 class Ending(Enum):
-    """How something that was followed ended; its value is the sentence where nothing says more.
+    """How something that was followed ended; its value is the sentence where there are no details.
 
-    Only `NO_SOLUTION` says that nothing goes on; after `NOT_FOUND` and `NOT_SOLVED` something may.
+    Only `NO_SOLUTION` means that nothing goes on; after `NOT_FOUND` and `NOT_SOLVED` something may.
     """
 
     #: The end of the range of gamma, or the last time, or rest where that was looked for.
     REACHED = "gamma reached the end of its range"
     CLOSED = "the branch is closed"
     UNBOUNDED = "the branch goes to infinity"
-    #: Whoever looked on asked for it.
+    #: The user's ``stop`` required it.
     STOPPED = "it was stopped"
     BUDGET = "the budget is exhausted"
     #: It is proved that no solution continues it.

@@ -96,16 +96,16 @@ def follow(
         gamma_range: the branch ends where gamma reaches either end.
         direction: in which gamma goes at the start, ``"increasing"`` or ``"decreasing"``.
         control: step lengths.
-        max_steps: budget; when it is exhausted what was found is returned, and said.
+        max_steps: budget; when it is exhausted what was found is returned, with the reason.
         route: see `follower_for`.
-        stop: asked at every accepted point, with the special points on the way to it, whether the
-            branch ends there: it answers with the reason, or "" to go on. The point stands in the
-            problem then: its Functions, statuses, gamma and what gamma drives are those of the
-            point (`System.put`). It is not asked where the branch ends by itself.
+        stop: called at every accepted point, with the special points on the way to it: it returns
+            the reason to end the branch there, or "" to go on. The problem is in the state of the
+            point then: its Functions, statuses, gamma and what gamma drives are those of the
+            point (`System.put`). It is not called where the branch ends by itself.
         observer: a function that is called likewise at every point, start and end included, or an
-            `Observer`, which is told more.
-        record: keeps every point before the observer is told of it, as `records.BranchRecord` does.
-        progress: whether rank 0 says on the standard error stream where it is; by default once it
+            `Observer`, which is given more.
+        record: keeps every point before the observer is called, as `records.BranchRecord` does.
+        progress: whether rank 0 shows the progress on the standard error stream; by default once it
             takes more than some seconds.
 
     Returns:
@@ -157,9 +157,9 @@ def follower_for(
             corrector; ``"auto"`` by pivoting where that is possible.
 
     Raises:
-        ValueError: if the pieces are not affine and pivoting is asked for, the scale of gamma is
+        ValueError: if the pieces are not affine and pivoting is required, the scale of gamma is
             not positive, or H is not smooth on its pieces: folds, events and branch points are not
-            told from kinks there.
+            distinguished from kinks there.
     """
     require_smooth(system)
     if not (np.isfinite(gamma_scale) and gamma_scale > 0):
@@ -235,7 +235,7 @@ class Follower(Walker):
         """The piece on which a branch leaves ``y``. Collective.
 
         Where borders begin at this very gamma (friction that grows from zero) that at ``y`` is one
-        of several, which it says nothing of: then the piece just beyond.
+        of several, which it does not show: then the piece just beyond.
         """
         x, gamma = self.bordered.split(y)
         piece = self.system.piece_at(x, gamma)

@@ -20,7 +20,7 @@ class BorderedSolver(ABC):
     """Solves with J = [H_x H_gamma; w^T w_gamma].
 
     Attributes:
-        defaults: PETSc options where the database says nothing else.
+        defaults: PETSc options where the database has no others.
         precision: relative error that solutions may have.
         many_sides: whether one set-up makes every further right-hand side cheap.
         corrects: whether `System.correct` pays: a correction costs less than a step.

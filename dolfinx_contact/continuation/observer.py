@@ -55,7 +55,8 @@ class Stepping:
 class Observer:
     """Is called while branches are followed; every call is collective. Does nothing by itself.
 
-    A point stands in the problem when the observer is told of it, and while a branch begins (its
+    The problem is in the state of a point when the observer is called with it, and while a branch
+    begins (its
     first point) and ends (its last one): of a `ParametricContact` the displacement, the
     multipliers, the statuses, gamma and what it drives, so that ``problem.table``,
     ``problem.support_forces`` and assembled forms are those of the point. What the observer does to
@@ -134,7 +135,7 @@ class _Calls(Observer):
 
 
 class Observers(Observer):
-    """Several observers as one, told in this order."""
+    """Several observers as one, called in this order."""
 
     def __init__(self, *observers: Seen):
         self._observers = [as_observer(o) for o in observers]

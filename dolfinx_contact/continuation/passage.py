@@ -5,7 +5,7 @@ Steps are corrected on H itself. Where no step of at least h_min succeeds there 
 h_min. Then the tangent t of the piece beyond, at y + h_1 T with h_1 a little larger than h_min, is
 tried as the direction to go on, in both senses, but for the one that leads back along the branch.
 
-Nothing is located: a kink is known to h_min, and what is recorded says so. Other rays are not
+Nothing is located: a kink is known to h_min, and recorded as such. Other rays are not
 looked for.
 """
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What is said on rank 0 while a branch is followed."""
+"""Progress on rank 0 while a branch is followed."""
 
 from __future__ import annotations
 

@@ -5,7 +5,7 @@ The directions (dw, dgamma) that lead out solve a system of cones without load, 
 the tangent cone. Its solutions are rays. They are found
 
 - by enumeration of the pieces, where these are few: the set is then complete, and rays with
-  dgamma = 0, along which gamma stands still, are among them;
+  dgamma = 0, along which gamma is constant, are among them;
 - otherwise by unfolding: with a load e added, M w = gamma q + e, the point falls apart into
   branches without degenerate points, each of which comes in along one ray and goes out along
   another. They are followed by pivoting from the rays that are known, and from a state drawn at
@@ -184,7 +184,7 @@ def _enumerate(
     rays of other pieces.
 
     Raises:
-        FloatingPointError: at the end, if of some pieces nothing can be said for round-off.
+        FloatingPointError: at the end, if some pieces are undecided for round-off.
     """
     doubt = ""
     m = cone.points

@@ -89,7 +89,7 @@ class Solutions:
         found: known ones first.
         complete: whether it is proved that there are no others.
         method: how they were looked for, human-readable.
-        proof: what the system proved, if it was asked to.
+        proof: what the system proved, if that was required.
         continua: that were found by enumeration; their ends are in `found` as well.
     """
 
@@ -160,7 +160,7 @@ def find_solutions(
     What the system writes to (of a contact problem Functions, statuses, gamma) is left as it was.
     Where pieces are not affine the first solution is what the system's own solver finds from a
     guess (of a contact problem `ContactProblem.solve`). That nothing was found is no proof that
-    there is nothing; `Solutions.method` says what was tried. Of solutions that the system doubts
+    there is nothing; `Solutions.method` names what was tried. Of solutions that the system doubts
     (between bodies, and on curved obstacles, where the sliding is not small) nothing is proved.
 
     Args:

@@ -64,7 +64,7 @@ class System:
     """H(x, gamma) = 0 in PETSc, with pieces: a base class. Every method is collective.
 
     ``piece=None`` means H itself, with the status that (x, gamma) asks for. Nothing is remembered
-    between two calls, but for what `scales` says and for `matrix`, which `jacobian` fills. What is
+    between two calls, but for `scales` and for `matrix`, which `jacobian` fills. What is
     not said to have a default is to be defined.
     """
 
@@ -73,7 +73,7 @@ class System:
     matrix: PETSc.Mat
     #: Measures that residuals are judged by; they may grow along a branch.
     scales: tuple[float, ...] = ()
-    #: Whether kinks are passed in batches unless `StepControl.kinks` says otherwise: where branches
+    #: Whether kinks are passed in batches unless `StepControl.kinks` is given: where branches
     #: pass so many that not all need be located. By default not.
     has_many_pieces: bool = False
     #: Why H is not smooth on a piece, in words; "" if it is.
@@ -221,7 +221,7 @@ class System:
     def put(self, x: PETSc.Vec, gamma: float, piece: Piece) -> None:
         """Show a state to the user; by default nowhere.
 
-        So is every point shown of which an observer is told, and the last one of a branch.
+        So is every point shown that an observer is called with, and the last one of a branch.
         """
 
     def check_parameter(self, gammas: Sequence[float]) -> None:
@@ -290,7 +290,7 @@ class Preconditioner(Protocol):
         """Sign of det P, up to a factor that is always the same. Collective."""
 
     def age(self, iterations: int, digits: float) -> None:
-        """Be told that a solve took so many iterations for so many decimal digits. Collective."""
+        """Take notice of the iterations of a solve and the decimal digits gained. Collective."""
 
 
 class Condensed(Protocol):

@@ -94,7 +94,7 @@ class Walker(ABC):
             stop: see `follow`.
             observer: called with every accepted point, ``start`` included, after ``stop``.
             record: see `follow`.
-            progress: see `follow`; by default nothing is said.
+            progress: see `follow`; by default none is shown.
             branch_id: number by which the observer knows the branch.
             stepping: known at ``start`` if the branch was followed to it before.
             origin: then its first point, at which it may close.

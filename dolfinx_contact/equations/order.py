@@ -22,8 +22,8 @@ def by_coordinates(x: npt.NDArray[np.float64], ids: npt.NDArray[np.int64]) -> np
 
     Args:
         x: positions (n, dim).
-        ids: what tells points at one place apart, as at the sides of a crack: rows of numbers that
-            do not depend on ranks (n, k).
+        ids: what distinguishes points at one place, as at the sides of a crack: rows of numbers
+            that do not depend on ranks (n, k).
     """
     least = _SAME * np.ptp(x, axis=0).max(initial=0.0)
     keys = [_grouped(column, least) for column in x.T]
@@ -45,7 +45,7 @@ class Gathered:
     Args:
         comm: communicator.
         x: positions of the points of this rank (n, dim).
-        ids: what tells points at one place apart; see `by_coordinates` (n, k).
+        ids: what distinguishes points at one place; see `by_coordinates` (n, k).
 
     Attributes:
         positions: of all points, in order (number, dim).

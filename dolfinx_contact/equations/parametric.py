@@ -49,7 +49,7 @@ Array = npt.NDArray[np.float64]
 
 
 class JacobianSolver(Protocol):
-    """What is asked of the linear solver of a contact problem. Collective."""
+    """What is required of the linear solver of a contact problem. Collective."""
 
     matrix: PETSc.Mat
     corrects: bool
@@ -400,7 +400,7 @@ class ParametricEquations(System):
 
     @property
     def ids(self) -> npt.NDArray[np.int64]:
-        """What tells points at one place apart: the surface, and `ContactPoints.ids` (n, k)."""
+        """What distinguishes points at one place: the surface, and `ContactPoints.ids` (n, k)."""
         surfaces = enumerate(self.equations.surfaces)
         parts = [np.insert(s.points.ids, 0, i, axis=1) for i, s in surfaces]
         return np.concatenate(parts)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Files that others read: fields for ParaView, tables, summaries; what a script says."""
+"""Files that others read: fields for ParaView, tables, summaries; reports of a script."""
 
 from dolfinx_contact.io.evolution import EvolutionSeries
 from dolfinx_contact.io.fields import STATUS_CODES, write_fields

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What a script says on rank 0 while it works."""
+"""What a script reports on rank 0 while it works."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ __all__ = ["CompiledLaw", "LawAtPoints"]
 
 
 class _Written:
-    """What a law says of a point.
+    """What a law answers at a point.
 
     Args:
         law: any.

@@ -71,8 +71,8 @@ class ContactPoints(ABC):
         number: of points; `number_everywhere` of those of all ranks.
         areas: W, area (length in 2D) of each point (n,).
         positions: (n, dim).
-        ids: what tells points at one place apart, on any number of ranks (n, k): the input node of
-            a vertex, those of the facet at Gauss points.
+        ids: what distinguishes points at one place, on any number of ranks (n, k): the input node
+            of a vertex, those of the facet at Gauss points.
         data: normals, augmentation and fields of the law at the points.
         gaps: initial gaps at the points, averages in the mixed method (n,).
         aside: part of the average of g n across the normal, in the mixed method (n, dim).

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What tells points of a surface apart that are at one place, on any number of ranks.
+"""What distinguishes points of a surface that are at one place, on any number of ranks.
 
 Nodes of bodies that touch, and of the sides of a crack, share their coordinates. What they do not
 share is the number of the node in the mesh as it was given to DOLFINx.

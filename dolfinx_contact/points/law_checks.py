@@ -18,7 +18,7 @@ def check_law(s: ContactSurface, where: str = "") -> None:
     """Raise ``ValueError`` if a surface has no law with the fields as they are. Collective.
 
     They must be finite and of the sign that the law asks for, and no radius of a friction disc
-    negative; and the law must have what it needs, under the memory that stands.
+    negative; and the law must have what it needs, under the present memory.
     """
     check_time(s)
     fields = s.points.data.fields
@@ -43,7 +43,7 @@ def check_law(s: ContactSurface, where: str = "") -> None:
 
 
 def check_time(s: ContactSurface) -> None:
-    """Raise ``ValueError`` if the law lacks something, with the memory that stands. Collective.
+    """Raise ``ValueError`` if the law lacks something, with the present memory. Collective.
 
     See `Law.lacks`; and a law that looks at the time needs one (`CompiledLaw.needs_time`).
     """

@@ -113,7 +113,7 @@ class PairMotion:
         self._evaluate: Evaluator | None = None
 
     def __call__(self) -> Moved:
-        """What has happened in the displacement that stands in the Function. Collective."""
+        """What has happened in the displacement in the Function. Collective."""
         u = self._u.x.array.reshape(-1, self._dim)
         x, y, mine = self._points_at(u, self._turning(self._slave, u))
         rows = self._rows(u, self._turning(self._master, u))

@@ -66,7 +66,7 @@ class ContactSurface(ReadOnly):
     Args:
         u: displacement of the body, a vector Lagrange Function of degree 1 or 2.
         facets: the mesh of `meshing.read_mesh`, or MeshTags of facets, with ``tag``; of another
-            mesh they are refused. Or local indices of exterior facets, which do not tell their
+            mesh they are refused. Or local indices of exterior facets, which do not show their
             mesh.
         obstacle: the rigid foundation, or a `RigidBody` that moves.
         law: of contact and friction.
@@ -286,7 +286,7 @@ class ContactSurface(ReadOnly):
         return Kinematics(operator, jump, reference, self._data_at(jump))
 
     def kinematics_now(self) -> Kinematics:
-        """Those of the displacement that stands in the Function, and of the rigid body."""
+        """Those of the displacement in the Function, and of the rigid body."""
         body = self.rigid_body
         u = self.u.x.array.reshape(-1, self.dim)
         return self.kinematics(u, None if body is None else body.values)
@@ -418,7 +418,7 @@ class ContactSurface(ReadOnly):
         return self.points.traction(self.multiplier.x.array[:owned])
 
     def state_of(self, at: Kinematics, traction: Array) -> dict[str, Array]:
-        """What `state` says, at a state of the displacement and tractions (n, dim). Collective."""
+        """The table of `state`, at given kinematics and tractions (n, dim). Collective."""
         points = self.points
         n = at.data.n
         pressure = -np.sum(traction * n, axis=1)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What is to be doubted in a state or a problem, measured and said.
+"""What is to be doubted in a state or a problem, measured and reported.
 
 - Gap and normal are those of the reference configuration, and so is what lies opposite on another
   body. At the points of a curved obstacle or a pair the distance to it is measured where they are

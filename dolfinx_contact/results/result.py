@@ -135,13 +135,13 @@ class Result:
 
     @property
     def misfit(self) -> float | None:
-        """The largest of `misfits`, a length; None if no obstacle says."""
+        """The largest of `misfits`, a length; None if no obstacle gives one."""
         return max((v for v in self.misfits.values() if v is not None), default=None)
 
     def uniqueness(self, *, seconds: float = 0.0) -> Uniqueness:
         """Whether this is the only solution of the problem that was solved. Collective.
 
-        It is found when it is asked for, and kept; if data have changed by then it is "not proved".
+        It is found when first read, and kept; if data have changed by then it is "not proved".
         Of a linear body in 2D with contact at its nodes the body is condensed onto these, which
         takes two solves for each, and the certificate of one point is tried; without friction it
         holds but for round-off. Where it fails, and another solution is found quickly, that comes
@@ -184,7 +184,7 @@ class Result:
         return self.theorems()
 
     def summary(self) -> dict[str, Any]:
-        """Scalars for `summary.json`; `unique` is among them if it was asked for before."""
+        """Scalars for `summary.json`; `unique` is among them if it was read before."""
         tables = self.tables.values()
         rt = sum(t.resultant(t.rt) for t in tables)
         counts = self.counts
@@ -221,10 +221,10 @@ class Result:
 
 
 def collect(eq: ContactEquations, state: State, attempts: Sequence[Attempt]) -> Result:
-    """The result at a solution, which stands in the user's Functions. Collective.
+    """The result at a solution, which is in the user's Functions. Collective.
 
     What is to be doubted in it is logged as warnings, on rank 0 only, but for sliding that is not
-    small, which `tell` says.
+    small, which `warn_of_sliding` logs.
 
     Args:
         eq: the contact problem.

@@ -13,8 +13,8 @@ class Theory:
     """What theorems say of the solutions of a discrete contact problem, whatever its loads.
 
     Attributes:
-        exists: whether there certainly is a solution; False says nothing.
-        unique: whether there certainly is no more than one; False says nothing.
+        exists: whether there certainly is a solution; False leaves it open.
+        unique: whether there certainly is no more than one; False leaves it open.
         reason: the theorem, or why none that can be checked applies, human-readable.
     """
 

@@ -15,7 +15,7 @@ from dolfinx_contact._errors import everywhere, same_everywhere
 
 __all__ = ["OTHER_DATA", "Uniqueness", "checked_seconds"]
 
-#: Why nothing is said of a problem with data of which the solution is none.
+#: Why nothing is stated of a problem with data of which the solution is none.
 OTHER_DATA = "the data have changed since the problem was solved"
 
 

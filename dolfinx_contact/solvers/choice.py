@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Which solver takes the linear systems of Newton's method: by size, or as the user says.
+"""Which solver takes the linear systems of Newton's method: by size, or by the user's options.
 
 ``<prefix>linear_solver`` is ``auto`` (default), ``direct`` or ``amg``. Direct is any KSP and PC on
 the assembled Jacobian, by default MUMPS; amg is `multigrid.Multigrid`. Automatically, problems up
@@ -36,7 +36,7 @@ _AMG_MEMORY = 5.3e-6  # gigabytes per unknown, measured at 10^6 and 3 10^6 unkno
 
 
 class LinearSolverChoice:
-    """The linear solver of a problem, made when it is first asked for. Collective.
+    """The linear solver of a problem, made when it is first needed. Collective.
 
     Args:
         equations: the contact problem.

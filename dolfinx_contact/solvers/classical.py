@@ -3,8 +3,8 @@
 
 Where an algorithm works on the contact points the body is condensed onto them once
 (`reduced.Reduction`) and rank 0 runs it; Tresca's fixed point, Uzawa's method and penalisation
-work on the whole problem (`on_body`), unless told otherwise. Each begins with the tractions of the
-caller's Functions, and nothing of Newton's method is in what it finds.
+work on the whole problem (`on_body`), unless required otherwise. Each begins with the tractions of
+the caller's Functions, and nothing of Newton's method is in what it finds.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ def solve_by(
         linear: gives its linear solver.
         x0: start.
         monitor: called with every iterate, on every rank.
-        progress: says where the solve is.
+        progress: shows where the solve is.
 
     Returns:
         A solution, and the one attempt that found it.
@@ -97,7 +97,7 @@ def solve_by(
     progress.strategy = algorithm.name
     x = x0.copy()
 
-    def tell(step: Step) -> None:
+    def notify(step: Step) -> None:
         progress.clear()
         if equations.comm.rank == 0:
             logger.info("%s, %s", attempt.strategy, step)
@@ -119,12 +119,12 @@ def solve_by(
     try:
         if whole is not None:
             body = BodySolver(equations, direct=linear().name == "direct")
-            on_body = OnBody(equations, linear(), body, tolerance, tell, attempt)
+            on_body = OnBody(equations, linear(), body, tolerance, notify, attempt)
             attempt.converged = on_body.run(whole, x)
         else:
             _on_points(algorithm, equations, x, attempt, tolerance)
             for step in attempt.steps:
-                tell(step)
+                notify(step)
     except (FloatingBodyError, LinearSolverError) as error:
         attempt.converged = False
         attempt.reason = str(error)

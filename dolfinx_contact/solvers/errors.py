@@ -29,4 +29,4 @@ class FloatingBodyError(ConvergenceError):
 
 
 class LinearSolverError(ArithmeticError):
-    """The linear system of a Newton step could not be solved; the message says why."""
+    """The linear system of a Newton step could not be solved; the message has the reason."""

@@ -95,7 +95,7 @@ class Hierarchy:
 
     @property
     def options(self) -> dict[str, Any]:
-        """The options of the PC where the database says nothing else."""
+        """The options of the PC where the database has no others."""
         return {"gamg": _GAMG, "hypre": _HYPRE, "ksp": _POLYNOMIAL}.get(self.kind, {})
 
     def build(

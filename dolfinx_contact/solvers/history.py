@@ -80,7 +80,7 @@ class Attempt:
         return self.iterations + max(0, self.evaluations - len(self.steps)) / 4
 
     def gives_up(self) -> bool:
-        """Whether its cost has reached its limit; then `reason` says so."""
+        """Whether its cost has reached its limit; `reason` names it then."""
         if self.cost < self.limit:
             return False
         self.reason = f"gave up after a cost of {self.limit:g} Newton steps"

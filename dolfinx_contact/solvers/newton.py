@@ -146,9 +146,9 @@ class Newton:
                 while self.snes.getConvergedReason() == _LINEAR and self.linear.retry(
                     ksp, self.state
                 ):
-                    said = self._explain()
+                    failure = self._explain()
                     if self.comm.rank == 0:
-                        logger.warning("%s; once more with a new preconditioner", said)
+                        logger.warning("%s; once more with a new preconditioner", failure)
                     self.snes.solve(None, y)
                 given.note()
             y.copy(x)

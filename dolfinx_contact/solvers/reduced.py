@@ -33,7 +33,7 @@ def solve_reduced(
 ) -> bool:
     """Put a solution by Lemke's method into ``x``, at which the body is condensed. Collective.
 
-    Where the problem is not one that it solves the attempt says why.
+    Where the problem is not one that it solves the attempt has the reason.
     """
     system = ParametricEquations(equations, fem.Constant(equations.V.mesh, 0.0), linear)
     reduction: Reduction | None = None
