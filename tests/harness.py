@@ -38,9 +38,11 @@ def varied(*, step_factor=None, r=None, seed=None, mm=None, MPa=None):
         MPa: and a megapascal.
     """
     with ExitStack() as stack:
+        found = []
 
         def put(module, name, change):
             if hasattr(module, name):
+                found.append(name)
                 changed = change(getattr(module, name))
                 stack.enter_context(mock.patch.object(module, name, changed))
 
@@ -49,7 +51,7 @@ def varied(*, step_factor=None, r=None, seed=None, mm=None, MPa=None):
             if r is not None:
                 put(module, "ContactProblem", lambda f: partial(f, r=r))
             if step_factor is not None:
-                for where in (module, getattr(module, "output", None)):
+                for where in (module, getattr(module, "records", None)):
                     for name in _FOLLOWERS:
                         put(where, name, lambda f: partial(f, control=control(step_factor)))
             if seed is not None:
@@ -57,6 +59,8 @@ def varied(*, step_factor=None, r=None, seed=None, mm=None, MPa=None):
         if mm is not None or MPa is not None:
             units = {"mm": mm or 1.0, "MPa": MPa or 1.0}
             put(sys.modules["demo_ciarlet_geymonat"], "block", lambda f: partial(f, **units))
+        varies = any(v is not None for v in (step_factor, r, seed, mm, MPa))
+        assert found or not varies, "nothing that demos use was changed"
         yield
 
 

@@ -61,7 +61,7 @@ def test_steps_do_not_matter(reference, folder, factor):
     summary, _ = reference
     with varied(step_factor=factor):
         other = demo.main([*COARSE, "--route", "steps", "--output", str(folder)])
-    assert (other["points"] > 100) == (factor < 1)
+    assert other["points"] > 100 if factor < 1 else other["points"] < 30  # 41 by default
     gammas = [[f["gamma"] for f in s["folds"]] for s in (summary, other)]
     np.testing.assert_allclose(*gammas, atol=1e-10)
     assert other["events"] == summary["events"]

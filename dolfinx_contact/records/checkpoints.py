@@ -34,10 +34,14 @@ from dolfinx_contact.points.trace import trace_dofs
 if TYPE_CHECKING:
     from dolfinx_contact.problem import ContactProblem
 
-__all__ = ["Checkpoints", "joined", "last_entry"]
+__all__ = ["Checkpoints", "DamagedCheckpoint", "joined", "last_entry"]
 
 _RIGID = "rigid_bodies.json"  # displacements and rotations of all, by vector
 _ARRAYS = "arrays.npz"
+
+
+class DamagedCheckpoint(ValueError):
+    """The files of a checkpoint are missing, or not those that were written."""
 
 
 class Checkpoints:
@@ -136,7 +140,7 @@ class Checkpoints:
         """Fill ``vectors`` with what was kept under ``name``. Collective.
 
         Raises:
-            ValueError: on every rank, if the files are not those that were written.
+            DamagedCheckpoint: on every rank, if the files are not those that were written.
         """
         path = self._checked(name, check_sum)
         bodies = self.problem.rigid_bodies
@@ -160,17 +164,17 @@ class Checkpoints:
         """Fill Functions on the mesh of the body that were kept under ``name``. Collective.
 
         Raises:
-            ValueError: on every rank, if the files are not those that were written.
+            DamagedCheckpoint: on every rank, if the files are not those that were written.
         """
         read_checkpoint(self._checked(name, check_sum), functions)
 
     def _checked(self, name: str, check_sum: str) -> Path:
-        """The folder of a checkpoint, or ``ValueError`` if it is damaged. Collective."""
+        """The folder of a checkpoint, or `DamagedCheckpoint` on every rank. Collective."""
         path = self.folder / name
 
         def check() -> None:
             if not path.is_dir() or _check_sum(path) != check_sum:
-                raise ValueError(f"the checkpoint {path} is damaged or missing")
+                raise DamagedCheckpoint(f"the checkpoint {path} is damaged or missing")
 
         on_root(self.comm, check)
         return path

@@ -22,7 +22,7 @@ from dolfinx import fem
 
 from dolfinx_contact.body.cells import midpoints
 from dolfinx_contact.equations.given_data import Datum, placed_data
-from dolfinx_contact.records.checkpoints import Checkpoints
+from dolfinx_contact.records.checkpoints import Checkpoints, DamagedCheckpoint
 
 if TYPE_CHECKING:
     from dolfinx_contact.problem import ContactProblem
@@ -148,9 +148,7 @@ class KeptData:
             found = {f"data_{i}": fem.Function(self._kept[i].function.function_space) for i in mine}
             try:
                 self._checkpoints.read_functions(name, sums[name], found)
-            except ValueError as error:
-                if "damaged" not in str(error):
-                    raise
+            except DamagedCheckpoint as error:
                 if self.problem.comm.rank == 0:
                     places = ", ".join(self._kept[i].place for i in mine)
                     logger.warning("%s; not compared with what was recorded: %s", error, places)

@@ -13,7 +13,7 @@ from dolfinx import fem
 
 from dolfinx_contact._errors import on_root, require, same_everywhere
 from dolfinx_contact.io.folder import agreed_path, output_folder
-from dolfinx_contact.records.checkpoints import Checkpoints
+from dolfinx_contact.records.checkpoints import Checkpoints, DamagedCheckpoint
 from dolfinx_contact.records.identity import difference, same_words
 from dolfinx_contact.records.kept_data import KeptData, nodes_of, other_values, owned_values
 from dolfinx_contact.records.lines import FORMAT, JournalFile, Lines
@@ -228,9 +228,7 @@ class ProblemRecord(Generic[J]):
         for index in indices[:-1]:
             try:
                 return read(index)
-            except ValueError as error:
-                if "damaged" not in str(error):
-                    raise
+            except DamagedCheckpoint as error:
                 if self.comm.rank == 0:
                     logger.warning("%s; going back to one before", error)
         return read(indices[-1])
