@@ -9,7 +9,7 @@ from dolfinx import fem
 
 from dolfinx_contact._numbers import is_count
 
-__all__ = ["check_elements", "check_quadrature", "displacement_degree"]
+__all__ = ["check_elements", "check_name", "check_quadrature", "displacement_degree"]
 
 #: Stable pairs of displacement and multiplier degrees, by method. P1 multipliers are traces of the
 #: displacement space or smaller; P2/P2 is stable away from Dirichlet data, where nodes are removed.
@@ -18,6 +18,12 @@ _STABLE: dict[str, set[tuple[int, int]]] = {
     "integral": {(1, 1), (2, 1), (2, 2)},
     "mixed": {(1, 1)},
 }
+
+
+def check_name(name: str, what: str) -> None:
+    """Raise ``ValueError`` if the name of a contact surface or pair is no word."""
+    if not isinstance(name, str) or not name:
+        raise ValueError(f"the name of a contact {what} must be a word, got {name!r}")
 
 
 def displacement_degree(u: fem.Function) -> int:

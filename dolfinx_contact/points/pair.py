@@ -18,7 +18,7 @@ from dolfinx_contact.laws import Law
 from dolfinx_contact.meshing import GmshMesh, tagged_facets
 from dolfinx_contact.obstacles import Obstacle, has_ufl
 from dolfinx_contact.points.contact_points import Method
-from dolfinx_contact.points.elements import displacement_degree
+from dolfinx_contact.points.elements import check_name, displacement_degree
 from dolfinx_contact.points.held_ends import held_in_place, in_place, resting
 from dolfinx_contact.points.opposite import Opposite, OppositeFacets
 from dolfinx_contact.points.pair_motion import PairMotion
@@ -126,25 +126,15 @@ class ContactPair(ContactSurface):
         comm = u.function_space.mesh.comm
         keep(V.mesh)
         with everywhere(comm, "a contact pair"):
-            if not isinstance(name, str) or not name:
-                raise ValueError(f"the name of a contact pair must be a word, got {name!r}")
+            check_name(name, "pair")
             displacement_degree(u)
             for what, flag in (("interference", interference), ("axisymmetric", axisymmetric)):
                 if not isinstance(flag, bool | np.bool_):
                     raise ValueError(f"{name}: {what} is True or False, got {flag!r}")
-            if master_facets is not None and (slave is not None or master is not None):
-                raise ValueError(f"{name}: facets by their indices have no tags slave and master")
-            if master_facets is None and isinstance(facets, np.ndarray):
-                raise ValueError(f"{name}: facets of the slave by their indices need master_facets")
+            by_index = isinstance(facets, np.ndarray)
+            _check_sides(name, (slave, master), master_facets, by_index=by_index)
             gap = _checked_gap(gap, name)
-            if surface is not None and (
-                not isinstance(surface, Obstacle) or isinstance(surface, RigidBody)
-            ):
-                raise ValueError(
-                    f"{name}: the surface must be a HalfSpace, Sphere, Cylinder, LevelSet"
-                )
-            if surface is not None and (gap is not None or normal is not None):
-                raise ValueError(f"{name}: a given surface has a gap and a normal of its own")
+            _check_surface(name, surface, alone=gap is None and normal is None)
             direction = _checked_normal(normal, V.mesh.geometry.dim, name)
         same_everywhere(
             comm,
@@ -265,6 +255,30 @@ class ContactPair(ContactSurface):
 def _shown(x: list[float] | None) -> str:
     """A position, without the round-off of zeros."""
     return ", ".join(f"{round(c, 12) + 0.0:.6g}" for c in x or [])
+
+
+def _check_sides(
+    name: str,
+    tags: tuple[int | str | None, int | str | None],
+    master_facets: npt.NDArray[np.int32] | None,
+    *,
+    by_index: bool,
+) -> None:
+    """Raise ``ValueError`` if both sides are not given by tags, or both by indices."""
+    if master_facets is not None and any(tag is not None for tag in tags):
+        raise ValueError(f"{name}: facets by their indices have no tags slave and master")
+    if master_facets is None and by_index:
+        raise ValueError(f"{name}: facets of the slave by their indices need master_facets")
+
+
+def _check_surface(name: str, surface: Any, *, alone: bool) -> None:
+    """Raise ``ValueError`` if a given shape of the master is none, or is not given alone."""
+    if surface is None:
+        return
+    if not isinstance(surface, Obstacle) or isinstance(surface, RigidBody):
+        raise ValueError(f"{name}: the surface must be a HalfSpace, Sphere, Cylinder, LevelSet")
+    if not alone:
+        raise ValueError(f"{name}: a given surface has a gap and a normal of its own")
 
 
 def _checked_gap(gap: Any, name: str) -> Any:

@@ -32,7 +32,12 @@ from dolfinx_contact.points.displaced import (
     check_sliding,
     displaced_points,
 )
-from dolfinx_contact.points.elements import check_elements, check_quadrature, displacement_degree
+from dolfinx_contact.points.elements import (
+    check_elements,
+    check_name,
+    check_quadrature,
+    displacement_degree,
+)
 from dolfinx_contact.points.integral_points import CommonFacetPoints, FacetPoints
 from dolfinx_contact.points.kinematics import Kinematics
 from dolfinx_contact.points.memory import Memory, with_memory
@@ -145,43 +150,17 @@ class ContactSurface(ReadOnly):
         self.dim = domain.geometry.dim
         self.comm = domain.comm
         with everywhere(self.comm, "a contact surface"):
-            if not isinstance(name, str) or not name:
-                raise ValueError(f"the name of a contact surface must be a word, got {name!r}")
+            check_name(name, "surface")
             check_sliding(name, sliding)
             degree = displacement_degree(u)
             self.method: Method = method or ("nodal" if degree == 1 else "integral")
             self.degrees = (degree, multiplier_degree)
-            if not isinstance(law, Law):
-                raise ValueError(
-                    f"{name}: the law must be Frictionless(), Coulomb(F), Tresca(g) or a Law"
-                )
-            if not isinstance(obstacle, Obstacle):
-                known = "HalfSpace, Sphere, Cylinder, LevelSet"
-                raise ValueError(f"{name}: the obstacle must be a {known}")
+            self._take_law_and_obstacle(law, obstacle)
             check_elements(name, self.method, self.degrees)
             check_revolution(name, axisymmetric, obstacle, law)
             self.axisymmetric = turned = bool(axisymmetric)
             rule_degree = check_quadrature(name, self.degrees, quadrature_degree, weighted=turned)
-            self.law = law.bind(domain)
-            self.obstacle = obstacle
-            for given_object in (law, self.law, obstacle):
-                seal(given_object)
-            self.gap, self.normal = obstacle.on(domain)
-            refuse_displacement(u, f"{name}: the obstacle", self.gap, self.normal)
-            given = self.law.given
-            refuse_displacement(u, f"{name}: the law", *given.values())
-            for what, e in [("obstacle", self.gap), *(("law", e) for e in given.values())]:
-                refuse_other_mesh(e, domain, f"{name}: the {what}")
-            #: Functions of the user in law and obstacle.
-            every = (*given.values(), self.gap, self.normal)
-            read = {f for e in every for f in ufl.algorithms.extract_coefficients(e)}
-            self._data = sorted(read - {u}, key=lambda f: f.count())
         same_everywhere(self.comm, name=name)
-
-        def described_law() -> str:
-            fields = [f"{k} {described(e, domain)}" for k, e in given.items()]
-            return f"{law.name}({', '.join(fields)})"
-
         same_everywhere(
             self.comm,
             name,
@@ -193,36 +172,14 @@ class ContactSurface(ReadOnly):
             quadrature_degree=int(rule_degree),
             sliding=sliding,
             axisymmetric=self.axisymmetric,
-            law=described_law,
+            law=self._described_law,
             obstacle=lambda: f"{type(obstacle).__name__} {described(self.gap, domain)}",
             normal=lambda: described(self.normal, domain),
         )
-
         local = exterior_facets(domain, *tagged_facets(self.comm, facets, tag, name), name)
         if self.axisymmetric:
             check_section(domain, local, name)
-        self.submesh = create_facet_submesh(domain, local)
-        keep(self.submesh.mesh)
-        self.given = Given(self.gap, self.normal, given)
-        self._scatter()
-        points_class = _points_class(self.method, obstacle.opposite)
-        self.points: ContactPoints = points_class(
-            u.function_space,
-            self.submesh,
-            self.degrees,
-            rule_degree,
-            self.given,
-            obstacle.opposite,
-            axisymmetric=self.axisymmetric,
-        )
-        number = self.points.number
-        self.law_at_points = (
-            LawAtPoints(self.law, self.dim, number, self.comm)
-            if law.averaging is None
-            else LawAmongPoints(self.law, self.points, name)
-        )
-        self.multiplier = fem.Function(self.points.Q, name=f"{name}_traction")
-        self.statuses: npt.NDArray[np.int8] = np.full(number, self.law_at_points.codes[0], np.int8)
+        self._create_points(local, rule_degree)
         self.sliding = sliding
         self._displaced: DisplacedPoints | None = None
         self.memory: Memory | None = None
@@ -232,6 +189,61 @@ class ContactSurface(ReadOnly):
         self.motion: PairMotion | None = None
         self._numbers = [c for e in self.given.all for c in extract_constants(e)]
         self._mark = self._marked()
+
+    def _take_law_and_obstacle(self, law: Law, obstacle: Obstacle) -> None:
+        """Bind them to the mesh, or ``ValueError`` if they do not fit. Not collective."""
+        name = self.name
+        domain = self.domain
+        if not isinstance(law, Law):
+            raise ValueError(
+                f"{name}: the law must be Frictionless(), Coulomb(F), Tresca(g) or a Law"
+            )
+        if not isinstance(obstacle, Obstacle):
+            known = "HalfSpace, Sphere, Cylinder, LevelSet"
+            raise ValueError(f"{name}: the obstacle must be a {known}")
+        self.law = law.bind(domain)
+        self.obstacle = obstacle
+        for given_object in (law, self.law, obstacle):
+            seal(given_object)
+        self.gap, self.normal = obstacle.on(domain)
+        fields = self.law.given.values()
+        refuse_displacement(self.u, f"{name}: the obstacle", self.gap, self.normal)
+        refuse_displacement(self.u, f"{name}: the law", *fields)
+        for what, e in [("obstacle", self.gap), *(("law", e) for e in fields)]:
+            refuse_other_mesh(e, domain, f"{name}: the {what}")
+        #: Functions of the user in law and obstacle.
+        every = (*fields, self.gap, self.normal)
+        read = {f for e in every for f in ufl.algorithms.extract_coefficients(e)}
+        self._data = sorted(read - {self.u}, key=lambda f: f.count())
+
+    def _described_law(self) -> str:
+        fields = [f"{k} {described(e, self.domain)}" for k, e in self.law.given.items()]
+        return f"{self.law.name}({', '.join(fields)})"
+
+    def _create_points(self, facets: npt.NDArray[np.int32], rule_degree: int) -> None:
+        """Find the contact points on exterior facets of this rank. Collective."""
+        self.submesh = create_facet_submesh(self.domain, facets)
+        keep(self.submesh.mesh)
+        self.given = Given(self.gap, self.normal, self.law.given)
+        self._scatter()
+        points_class = _points_class(self.method, self.obstacle.opposite)
+        self.points: ContactPoints = points_class(
+            self.u.function_space,
+            self.submesh,
+            self.degrees,
+            rule_degree,
+            self.given,
+            self.obstacle.opposite,
+            axisymmetric=self.axisymmetric,
+        )
+        number = self.points.number
+        self.law_at_points = (
+            LawAtPoints(self.law, self.dim, number, self.comm)
+            if self.law.averaging is None
+            else LawAmongPoints(self.law, self.points, self.name)
+        )
+        self.multiplier = fem.Function(self.points.Q, name=f"{self.name}_traction")
+        self.statuses: npt.NDArray[np.int8] = np.full(number, self.law_at_points.codes[0], np.int8)
 
     def _scatter(self) -> None:
         for f in self._data:
