@@ -14,8 +14,8 @@ from dolfinx_contact.solvers import ladder
 @pytest.fixture
 def only_following(monkeypatch):
     """No other strategy is tried."""
-    whole = ladder._ladder
-    monkeypatch.setattr(ladder, "_ladder", lambda *a: whole(*a)[-1:])
+    whole = ladder.strategies
+    monkeypatch.setattr(ladder, "strategies", lambda *a: whole(*a)[-1:])
 
 
 @pytest.mark.parametrize(("dim", "cell"), KINDS)

@@ -39,9 +39,9 @@ def test_a_block_pressed_to_a_third_of_its_height(cell):
 
 
 def increments_alone(monkeypatch, problem):
-    whole = ladder._ladder
+    whole = ladder.strategies
     monkeypatch.setattr(
-        ladder, "_ladder", lambda *a: [r for r in whole(*a) if r[0] == "load increments"]
+        ladder, "strategies", lambda *a: [r for r in whole(*a) if r[0] == "load increments"]
     )
     result = problem.solve()
     monkeypatch.undo()

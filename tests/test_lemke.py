@@ -125,9 +125,9 @@ def test_data_that_it_does_not_take():
 
 @pytest.fixture
 def only_lemke(monkeypatch):
-    whole = ladder._ladder
+    whole = ladder.strategies
     monkeypatch.setattr(
-        ladder, "_ladder", lambda *a: [rung for rung in whole(*a) if rung[0] == "Lemke's method"]
+        ladder, "strategies", lambda *a: [rung for rung in whole(*a) if rung[0] == "Lemke's method"]
     )
 
 

@@ -30,7 +30,6 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable, Sequence
-from typing import Any
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -48,25 +47,18 @@ from dolfinx_contact.equations.normals import without_normal
 from dolfinx_contact.equations.state import State, Statuses
 from dolfinx_contact.equations.touching import bring_together
 from dolfinx_contact.points.law_checks import check_law
-from dolfinx_contact.solvers.bonds import have_bonds, let_go
 from dolfinx_contact.solvers.choice import LinearSolverChoice
 from dolfinx_contact.solvers.errors import ConvergenceError, FloatingBodyError
 from dolfinx_contact.solvers.history import Attempt, Step
-from dolfinx_contact.solvers.increments import raise_load
-from dolfinx_contact.solvers.newton import Newton
-from dolfinx_contact.solvers.pivoting import pivot
 from dolfinx_contact.solvers.states import diverged, inverted
+from dolfinx_contact.solvers.strategies import BONDS, EXPECTED, INCREMENTS, strategies
 
 __all__ = ["check_data", "solve"]
 
 logger = logging.getLogger(__name__)
 
-_EXPECTED = "expected statuses"
-_BONDS = "bonds let go in turn"
-_INCREMENTS = "load increments"
 #: Cost at which a strategy gives up, in Newton steps.
-_LIMITS = {_BONDS: 2000.0, "pivoting": 500.0, "line search": 80.0, _INCREMENTS: 400.0}
-_HELD = 1  # Newton steps in which expected statuses are held
+_LIMITS = {BONDS: 2000.0, "pivoting": 500.0, "line search": 80.0, INCREMENTS: 400.0}
 _LATE = 2.0  # times the time that was predicted are worth a word in the log,
 _SHORT = 1.0  # if they are more than so many seconds
 
@@ -108,9 +100,9 @@ def solve(
     x = x0.duplicate()
     turned = x0.duplicate()
     objection = ""
-    way = ""
-    for strategy, run in _ladder(equations, linear, increments, expected):
-        if objection and strategy != _INCREMENTS:
+    inverting = ""
+    for strategy, run in strategies(equations, linear, increments, expected):
+        if objection and strategy != INCREMENTS:
             continue
         attempt = Attempt(strategy, limit=_LIMITS.get(strategy, math.inf))
         attempts.append(attempt)
@@ -118,7 +110,7 @@ def solve(
         floated = False
         x0.copy(x)
         try:
-            attempt.converged = run(x, attempt, _told(progress, monitor))
+            attempt.converged = run(x, attempt, _with_progress(progress, monitor))
         except FloatingBodyError as error:
             floated = floating is not None
             attempt.reason = str(error)
@@ -133,25 +125,31 @@ def solve(
                 return x, attempts
             attempt.converged = False
             attempt.reason = objection
-            way = strategy
+            inverting = strategy
             x.copy(turned)
         progress.clear()
-        if equations.comm.rank == 0 and floated:  # said once, it is known
-            logger.info("%s failed: a rigid motion is free there too", strategy)
-        elif equations.comm.rank == 0 and strategy == _EXPECTED:  # no more than a start
-            logger.info("%s failed: %s", strategy, attempt.reason)
-        elif equations.comm.rank == 0:
-            logger.warning("%s failed: %s", strategy, attempt.reason)
+        if equations.comm.rank == 0:
+            _log_failure(attempt, floated=floated)
     if objection:
         # Nothing else was found: the result warns of it.
-        attempts.append(Attempt(way, objection, converged=True))
+        attempts.append(Attempt(inverting, objection, converged=True))
         return turned, attempts
     if floating is not None and attempts[0].reason == str(floating):
         raise FloatingBodyError(str(floating), attempts)
     raise ConvergenceError(_diagnosis(attempts), attempts)
 
 
-def _told(
+def _log_failure(attempt: Attempt, *, floated: bool) -> None:
+    """Log why a strategy failed; ``floated``: for the same rigid motion as one before."""
+    if floated:
+        logger.info("%s failed: a rigid motion is free there too", attempt.strategy)
+    elif attempt.strategy == EXPECTED:  # no more than a start
+        logger.info("%s failed: %s", attempt.strategy, attempt.reason)
+    else:
+        logger.warning("%s failed: %s", attempt.strategy, attempt.reason)
+
+
+def _with_progress(
     progress: SolveProgress, monitor: Callable[[Step], None] | None
 ) -> Callable[[Step], None]:
     """The monitor of the caller, which may write where the line of progress was, and that line."""
@@ -171,104 +169,6 @@ def _compare_with_prediction(linear: LinearSolverChoice, seconds: float) -> None
     root = solver.matrix.comm.tompi4py().rank == 0
     if root and seconds > max(_LATE * solver.predicted, _SHORT):
         logger.info("the solve took %.2g s; %.2g s were predicted", seconds, solver.predicted)
-
-
-_Run = Callable[[PETSc.Vec, Attempt, Callable[[Step], None] | None], bool]
-
-
-def _ladder(
-    eq: ContactEquations,
-    linear: LinearSolverChoice,
-    increments: int,
-    expected: Sequence[Statuses],
-) -> list[tuple[str, _Run]]:
-    """Strategies in the order in which they are tried."""
-
-    def newton(line_search: str) -> _Run:
-        def run(x: PETSc.Vec, attempt: Attempt, monitor: Any) -> bool:
-            with Newton(eq, linear(), line_search, monitor) as solver:
-                done = solver.run(x, attempt)
-                stagnated = solver.stagnated
-            if stagnated and linear.direct_instead():
-                with Newton(eq, linear(), line_search, monitor) as solver:
-                    done = solver.run(x, attempt)
-            return done
-
-        return run
-
-    # In the integral method r is a part of the discretisation: what is forced stays.
-    weak = any(s.points.E is not None for s in eq.surfaces)
-
-    def with_automatic_r(run: _Run) -> _Run:
-        if weak:
-            return run
-
-        def inner(x: PETSc.Vec, attempt: Attempt, monitor: Any) -> bool:
-            with eq.scaling.automatic():
-                return run(x, attempt, monitor)
-
-        return inner
-
-    def by_increments(x: PETSc.Vec, attempt: Attempt, monitor: Any) -> bool:
-        with Newton(eq, linear(), "none", monitor) as solver:
-            return raise_load(solver, x, attempt, increments)
-
-    def by_following(x: PETSc.Vec, attempt: Attempt, monitor: Any) -> bool:
-        from dolfinx_contact.solvers.following import follow_load  # seldom needed, slow to load
-
-        with Newton(eq, linear(), "none", monitor) as solver:
-            most = int(solver.snes.getTolerances()[3])
-            return follow_load(eq, linear, x, attempt, most) and solver.run(x, attempt)
-
-    def by_pivoting(x: PETSc.Vec, attempt: Attempt, monitor: Any) -> bool:
-        with Newton(eq, linear(), "none", monitor) as solver:
-            return pivot(solver, x, attempt)
-
-    def by_lemke(x: PETSc.Vec, attempt: Attempt, monitor: Any) -> bool:
-        from dolfinx_contact.solvers.reduced import solve_reduced  # seldom needed, slow to load
-
-        with Newton(eq, linear(), "none", monitor) as solver:
-            if solver.snes.getTolerances()[3] < 1:
-                attempt.reason = "no convergence in 0 iterations"
-                return False
-            return solve_reduced(eq, linear, x, attempt) and solver.run(x, attempt)
-
-    def by_statuses(statuses: Statuses) -> _Run:
-        def run(x: PETSc.Vec, attempt: Attempt, monitor: Any) -> bool:
-            start = x.copy()
-            with Newton(eq, linear(), "none", monitor) as solver:
-                solver.held = statuses
-                solver.most = _HELD
-                if not solver.run(x, attempt):
-                    start.copy(x)
-                solver.held = solver.most = None
-                start.destroy()
-                return solver.run(x, attempt)
-
-        return run
-
-    def by_bonds(x: PETSc.Vec, attempt: Attempt, monitor: Any) -> bool:
-        return let_go(eq, linear, x, attempt)
-
-    ladder = [(_EXPECTED, by_statuses(statuses)) for statuses in expected]
-    ladder.append(("full steps", newton("none")))
-    if eq.forced_r is not None and not weak:
-        ladder.append(("full steps with the automatic r", with_automatic_r(newton("none"))))
-    if have_bonds(eq):
-        ladder.append((_BONDS, with_automatic_r(by_bonds)))
-    rungs = {
-        "pivoting": by_pivoting,
-        "line search": newton("bt"),
-        "Lemke's method": by_lemke,
-        _INCREMENTS: by_increments,
-        "load following": by_following,
-    }
-    order = list(rungs)
-    if not eq.linear:
-        order = [_INCREMENTS, "line search", "pivoting", "load following"]
-    elif eq.dim == 3:
-        order.remove("Lemke's method")
-    return ladder + [(name, with_automatic_r(rungs[name])) for name in order]
 
 
 def check_data(eq: ContactEquations, x0: PETSc.Vec) -> None:

@@ -1,0 +1,160 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The strategies by which a contact problem is solved, in the order of the `ladder`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+from petsc4py import PETSc
+
+from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.state import Statuses
+from dolfinx_contact.solvers.bonds import have_bonds, let_go
+from dolfinx_contact.solvers.choice import LinearSolverChoice
+from dolfinx_contact.solvers.history import Attempt, Step
+from dolfinx_contact.solvers.increments import raise_load
+from dolfinx_contact.solvers.newton import Newton
+from dolfinx_contact.solvers.pivoting import pivot
+
+__all__ = ["BONDS", "EXPECTED", "INCREMENTS", "strategies"]
+
+EXPECTED = "expected statuses"
+BONDS = "bonds let go in turn"
+INCREMENTS = "load increments"
+
+_HELD = 1  # Newton steps in which expected statuses are held
+
+Monitor: TypeAlias = Callable[[Step], None] | None
+#: Changes the unknowns to a solution, and is whether it found one.
+Strategy: TypeAlias = Callable[[PETSc.Vec, Attempt, Monitor], bool]
+
+
+def strategies(
+    eq: ContactEquations,
+    linear: LinearSolverChoice,
+    increments: int,
+    expected: Sequence[Statuses],
+) -> list[tuple[str, Strategy]]:
+    """Names and strategies in the order in which they are tried.
+
+    Args:
+        eq: the contact problem.
+        linear: its linear solver.
+        increments: of the load, to begin with.
+        expected: statuses, the likeliest first.
+    """
+    known = _Strategies(eq, linear, increments)
+    # In the integral method r is a part of the discretisation: what is forced stays.
+    weak = any(s.points.E is not None for s in eq.surfaces)
+
+    def with_automatic_r(run: Strategy) -> Strategy:
+        return run if weak else known.with_automatic_r(run)
+
+    found = [(EXPECTED, known.from_statuses(statuses)) for statuses in expected]
+    found.append(("full steps", known.newton("none")))
+    if eq.forced_r is not None and not weak:
+        found.append(("full steps with the automatic r", with_automatic_r(known.newton("none"))))
+    if have_bonds(eq):
+        found.append((BONDS, with_automatic_r(known.letting_bonds_go)))
+    others: dict[str, Strategy] = {
+        "pivoting": known.pivoting,
+        "line search": known.newton("bt"),
+        "Lemke's method": known.lemke,
+        INCREMENTS: known.load_increments,
+        "load following": known.load_following,
+    }
+    order = list(others)
+    if not eq.linear:
+        order = [INCREMENTS, "line search", "pivoting", "load following"]
+    elif eq.dim == 3:
+        order.remove("Lemke's method")
+    return found + [(name, with_automatic_r(others[name])) for name in order]
+
+
+@dataclass(frozen=True, eq=False)
+class _Strategies:
+    """Strategies for one problem.
+
+    Attributes:
+        eq: the contact problem.
+        linear: its linear solver.
+        increments: of the load, to begin with.
+    """
+
+    eq: ContactEquations
+    linear: LinearSolverChoice
+    increments: int
+
+    def newton(self, line_search: str) -> Strategy:
+        """Newton's method with a line search of PETSc."""
+
+        def run(x: PETSc.Vec, attempt: Attempt, monitor: Monitor) -> bool:
+            with Newton(self.eq, self.linear(), line_search, monitor) as solver:
+                done = solver.run(x, attempt)
+                stagnated = solver.stagnated
+            if stagnated and self.linear.direct_instead():
+                with Newton(self.eq, self.linear(), line_search, monitor) as solver:
+                    done = solver.run(x, attempt)
+            return done
+
+        return run
+
+    def with_automatic_r(self, strategy: Strategy) -> Strategy:
+        """A strategy with the automatic augmentation parameter, whatever is forced."""
+
+        def run(x: PETSc.Vec, attempt: Attempt, monitor: Monitor) -> bool:
+            with self.eq.scaling.automatic():
+                return strategy(x, attempt, monitor)
+
+        return run
+
+    def from_statuses(self, statuses: Statuses) -> Strategy:
+        """Newton's method whose first steps are taken with statuses held."""
+
+        def run(x: PETSc.Vec, attempt: Attempt, monitor: Monitor) -> bool:
+            start = x.copy()
+            with Newton(self.eq, self.linear(), "none", monitor) as solver:
+                solver.held = statuses
+                solver.most = _HELD
+                if not solver.run(x, attempt):
+                    start.copy(x)
+                solver.held = solver.most = None
+                start.destroy()
+                return solver.run(x, attempt)
+
+        return run
+
+    def load_increments(self, x: PETSc.Vec, attempt: Attempt, monitor: Monitor) -> bool:
+        """The load in increments that shrink and grow."""
+        with Newton(self.eq, self.linear(), "none", monitor) as solver:
+            return raise_load(solver, x, attempt, self.increments)
+
+    def load_following(self, x: PETSc.Vec, attempt: Attempt, monitor: Monitor) -> bool:
+        """The branch of solutions under a growing load, through its folds."""
+        from dolfinx_contact.solvers.following import follow_load  # seldom needed, slow to load
+
+        with Newton(self.eq, self.linear(), "none", monitor) as solver:
+            most = int(solver.snes.getTolerances()[3])
+            followed = follow_load(self.eq, self.linear, x, attempt, most)
+            return followed and solver.run(x, attempt)
+
+    def pivoting(self, x: PETSc.Vec, attempt: Attempt, monitor: Monitor) -> bool:
+        """Piece after piece of H."""
+        with Newton(self.eq, self.linear(), "none", monitor) as solver:
+            return pivot(solver, x, attempt)
+
+    def lemke(self, x: PETSc.Vec, attempt: Attempt, monitor: Monitor) -> bool:
+        """Lemke's method on the reduced problem."""
+        from dolfinx_contact.solvers.reduced import solve_reduced  # seldom needed, slow to load
+
+        with Newton(self.eq, self.linear(), "none", monitor) as solver:
+            if solver.snes.getTolerances()[3] < 1:
+                attempt.reason = "no convergence in 0 iterations"
+                return False
+            return solve_reduced(self.eq, self.linear, x, attempt) and solver.run(x, attempt)
+
+    def letting_bonds_go(self, x: PETSc.Vec, attempt: Attempt, monitor: Monitor) -> bool:
+        """Bonds that weaken are all held, and let go in turn."""
+        return let_go(self.eq, self.linear, x, attempt)
