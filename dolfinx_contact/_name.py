@@ -3,7 +3,7 @@
 
 Its distribution is called `dolfinx_contact`, ours `signorini-coulomb`; both install a folder
 `dolfinx_contact`. In one site-packages pip mixes their files without a word, and modules of the one
-import those of the other. The two are told apart by files that only it has.
+import those of the other. The two are distinguished by files that only it has.
 """
 
 from __future__ import annotations

@@ -229,13 +229,18 @@ def state_vector(system, point):
     return x
 
 
+def in_names_of_the_record(row):
+    """A row with the names of its keys when the record was made."""
+    return {{"directions": "ways"}.get(key, key): value for key, value in row.items()}
+
+
 def steps(history):
     """The rows of a history, a path or a motion."""
     numbers = {}
     words = {}
     number_of = {}
     for row in history.rows():
-        for key, value in row.items():
+        for key, value in in_names_of_the_record(row).items():
             if isinstance(value, float):
                 numbers.setdefault(key, []).append(value)
             elif key in COUNTS:
@@ -261,7 +266,7 @@ def with_journal(found, rows):
     found["solved"]["journal"] = [[v for v in r.values() if isinstance(v, float)] for r in rows]
     found["exact"]["journal"] = [
         {k: v for k, v in row.items() if not isinstance(v, float) and k not in COUNTS}
-        for row in rows
+        for row in map(in_names_of_the_record, rows)
     ]
     return found
 

@@ -223,7 +223,7 @@ def test_ways_on(free, ways):
         ENDS, rays=True, max_steps=8, control=StepControl(kinks="exact")
     )
     (fold,) = history.folds
-    assert (fold.before, fold.ways) == ("oo", ways)
+    assert (fold.before, fold.directions) == ("oo", ways)
     # That on which both damage is unstable to bending: its determinant has the other sign.
     assert fold.after in (("ao", "oa") if free else ("aa",))
     assert fold.method == "all statuses that meet"
@@ -315,7 +315,7 @@ def test_what_is_written(folder):
     assert seen == [(s.number, s.gamma) for s in history.steps]
     rows = (folder / "steps.csv").read_text().splitlines()
     assert len(rows) == 4
-    assert {"gamma", "event", "ways", "damage", "beta_contact"} <= set(rows[0].split(","))
+    assert {"gamma", "event", "directions", "damage", "beta_contact"} <= set(rows[0].split(","))
     onwards = path.run(ENDS)
     assert onwards.steps[0].number == 4
     assert onwards.steps[0].start == history.steps[-1].time

@@ -618,8 +618,8 @@ def test_several_solutions_of_the_rate_problem(follow_rays):
     given = dict(rays=True, follow_rays=follow_rays)
     history = evolution.run([0.0, 1.0, 2.0, 3.0, 3.5, 3.9], **given)
     assert history.complete
-    assert [s.ways for s in history.steps] == [None, 1, 1, 2, 1]
-    assert [r["ways"] for r in history.rows()] == [s.ways for s in history.steps]
+    assert [s.directions for s in history.steps] == [None, 1, 1, 2, 1]
+    assert [r["directions"] for r in history.rows()] == [s.directions for s in history.steps]
     assert all(s.result.counts["stick"] == 1 for s in history.steps)
     # What slips may also stick, later: all evolutions that part.
     assert [o.start for o in history.others] == [3.0, 3.5] * follow_rays

@@ -218,7 +218,7 @@ class Stepper:
     def recalled(
         self, time: float, memory: Sequence[Memory | None], energies: Energies, *, first: bool
     ) -> AcceptedState:
-        """An accepted state of before, of which the state stands in the problem. Collective.
+        """An accepted state of before, of which the state is in the problem. Collective.
 
         Args:
             time: of it.
@@ -324,7 +324,7 @@ class Stepper:
         likely: Sequence[Statuses | None],
         guess: AcceptedState | None,
     ) -> Taken:
-        """The step from a state, which stands in the problem; see `take`. Collective."""
+        """The step from a state, which is in the problem; see `take`. Collective."""
         assert isinstance(accepted, AtRest)
         eq = self.problem.equations
         self._remember(accepted, time)
@@ -386,7 +386,7 @@ class Stepper:
         solved: bool = True,
         **more: Any,
     ) -> A:
-        """What stands in the problem, as an accepted state, which may have more. Collective."""
+        """What is in the problem, as an accepted state, which may have more. Collective."""
         problem = self.problem
         x = problem.create_vector()
         problem.write(x)

@@ -61,7 +61,7 @@ class ArcLength(ReadOnly):
     """The path of a contact problem with a memory under a load that is unknown.
 
     It begins with the state in the problem's Functions, a solution under the load at which the
-    parameter stands, and with the memory that stands in the surfaces, as a `QuasiStatic` run leaves
+    parameter stands, and with the memory that is in the surfaces, as a `QuasiStatic` run leaves
     it; without one, points slip from where they are, and bonds have the intensity of their law.
     Functions, statuses, parameter and memory follow the accepted points.
 
@@ -147,15 +147,15 @@ class ArcLength(ReadOnly):
                 size 1; by default up to 0.005. Longer ones may pass a fold of many bonds unseen.
             max_steps: budget.
             rays: whether all statuses that meet are tried at every kink and nonsmooth fold, up to
-                256, so that `PathStep.ways` counts the solutions of the rate problem there; else
-                they are where no way on is found otherwise.
-            stop: asked at every accepted point, on every rank, whether the path ends there: with
-                the reason, or "" to go on.
-            observer: told of every accepted point while it stands in the problem.
-            record: keeps every accepted point before the observer is told of it, as
+                256, so that `PathStep.directions` counts the solutions of the rate problem there;
+                else they are tried where no direction is found otherwise.
+            stop: called with every accepted point, on every rank; the reason for which the path
+                ends there, or "" to go on.
+            observer: called with every accepted point while it is in the problem.
+            record: keeps every accepted point before the observer is called, as
                 `records.PathRecord` does.
-            progress: whether rank 0 says on the standard error stream where it is; by default once
-                it takes more than some seconds.
+            progress: whether rank 0 reports on the standard error stream where it is; by default
+                once it takes more than some seconds.
 
         Returns:
             The accepted points, and in words why the path ended. It never jumps: where no way on
@@ -209,12 +209,12 @@ class ArcLength(ReadOnly):
         """Go on with a run from where it was, as a record does. Collective.
 
         Args:
-            task: what was asked of the run.
+            task: what the run is to do.
             run_state: where it was.
             stop: as in the run, as for what follows, the errors and the result.
-            observer: told of the points from there on.
+            observer: called with the points from there on.
             record: keeps them.
-            progress: whether to say where it is.
+            progress: whether to report where it is.
         """
         listeners = Listeners(None, stop, observer, record, progress)
         with everywhere(self.problem.comm, "a path by arc length"):
@@ -236,7 +236,7 @@ class ArcLength(ReadOnly):
         *,
         first: bool,
     ) -> OnPath:
-        """The state that stands in Functions, statuses and rigid bodies, as one of it. Collective.
+        """The state that is in Functions, statuses and rigid bodies, as one of it. Collective.
 
         Args:
             time: arc length from the start.

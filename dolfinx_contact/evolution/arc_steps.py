@@ -57,7 +57,7 @@ class Arrival:
 
 
 class ArcSteps(ExactSteps):
-    """Steps with the memory that stands; it is for the caller to accept it at their ends."""
+    """Steps with the memory of the surfaces; it is for the caller to accept it at their ends."""
 
     @property
     def known(self) -> Known:
@@ -76,7 +76,7 @@ class ArcSteps(ExactSteps):
             self.test.signs[:] = known.signs
 
     def rate_problem(self, y: PETSc.Vec, piece: Piece) -> RateProblem:
-        """The rate problem at a state, with the memory that stands. Collective."""
+        """The rate problem at a state, with the memory of the surfaces. Collective."""
         unit = self._unit(y, piece)
         return RateProblem(self.corrector, y, _AT_BORDER * unit, _BEYOND * unit)
 

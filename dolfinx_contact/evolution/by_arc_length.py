@@ -125,8 +125,8 @@ class ByArcLength(Rule[PathTask, PathState]):
         direction = self.task.direction
         if self._arrived is None:
             point = self._first(1.0 if direction == "increasing" else -1.0)
-            ways = steps.rate_problem(point.y, point.piece).begun(point.piece, point.tangent)
-            self._take(point, ways)
+            directions = steps.rate_problem(point.y, point.piece).begun(point.piece, point.tangent)
+            self._take(point, directions)
             return
         point = self._arrived
         if not self.taken:
@@ -135,10 +135,10 @@ class ByArcLength(Rule[PathTask, PathState]):
             point = steps.rescaled(point)
         rates = steps.rate_problem(point.y, point.piece)
         if direction == "back" and not self.taken:
-            ways = rates.back(point.piece, point.tangent)
+            directions = rates.back(point.piece, point.tangent)
         else:
-            ways = rates.onwards(point.piece, point.tangent, every=self.task.rays)
-        self._take(point, ways)
+            directions = rates.onwards(point.piece, point.tangent, every=self.task.rays)
+        self._take(point, directions)
 
     def _first(self, sense: float) -> BranchPoint:
         """The point at the state of the start, with the rate of the load as its tangent."""
@@ -158,14 +158,14 @@ class ByArcLength(Rule[PathTask, PathState]):
         t.scale(sense * b.gamma_scale)
         return BranchPoint(y, t, piece, b.gamma(y), 0.0, 0)
 
-    def _take(self, point: BranchPoint, ways: Directions) -> None:
+    def _take(self, point: BranchPoint, directions: Directions) -> None:
         self._leaves = None
-        if ways.onwards is not None:
-            self._leaves = self._steps.go_on(point, ways.onwards)
+        if directions.onwards is not None:
+            self._leaves = self._steps.go_on(point, directions.onwards)
             return
         self.end(
             Ending.NOT_FOUND,
-            f"no way on was found from gamma = {point.gamma:.10g}, by {ways.method}; "
+            f"no way on was found from gamma = {point.gamma:.10g}, by {directions.method}; "
             "whether there is one is not decided",
         )
 
@@ -219,14 +219,14 @@ class ByArcLength(Rule[PathTask, PathState]):
         self._number = self._number + 1
         self._passed = (*self._passed, after.time)
         eq.remember(after.memory)
-        ways = Directions(None)
+        directions = Directions(None)
         event: PathEvent = ""
         if found.at == "end":
             self.end(Ending.REACHED)
         else:
             rates = self._steps.rate_problem(point.y, point.piece)
-            ways = rates.onwards(point.piece, point.tangent, every=self.task.rays)
-            self._take(point, ways)
+            directions = rates.onwards(point.piece, point.tangent, every=self.task.rays)
+            self._take(point, directions)
             event = self._event(found)
         self._end_if_stuck()
         letters = system.letters(point.piece)
@@ -240,8 +240,8 @@ class ByArcLength(Rule[PathTask, PathState]):
             event=event,
             before=letters,
             after=letters if self._leaves is None else system.letters(self._leaves.piece),
-            ways=1 + 2 * len(found.bifurcations) if found.bifurcations else ways.number,
-            method="a bifurcation of one piece" if found.bifurcations else ways.method,
+            directions=1 + 2 * len(found.bifurcations) if found.bifurcations else directions.number,
+            method="a bifurcation of one piece" if found.bifurcations else directions.method,
             corrections=point.corrections,
         )
         return Advance(step, Taken(before, after, solved.result))

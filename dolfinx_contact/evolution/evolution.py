@@ -96,13 +96,13 @@ class Evolution(ReadOnly):
         """Go on with a run from where it was, as a record does. Collective.
 
         Args:
-            task: what was asked of the run.
+            task: what the run is to do.
             run_state: where it was.
             accept: as in the run, as for what follows, the errors and the result.
             stop: likewise.
-            observer: told of the steps from there on.
+            observer: called with the steps from there on.
             record: keeps them.
-            progress: whether to say where it is.
+            progress: whether to report where it is.
         """
         listeners = Listeners(accept, stop, observer, record, progress)
         with everywhere(self.problem.comm, "an evolution"):
@@ -118,7 +118,7 @@ class Evolution(ReadOnly):
     def recalled(
         self, time: float, memory: Sequence[Memory | None], energies: Energies, *, first: bool
     ) -> AcceptedState:
-        """The state that stands in Functions, statuses and rigid bodies, as one of it. Collective.
+        """The state that is in Functions, statuses and rigid bodies, as one of it. Collective.
 
         Args:
             time: of the state.

@@ -39,7 +39,7 @@ class Forked:
     rays: StepRays | None = None
 
     @property
-    def ways(self) -> int | None:
+    def directions(self) -> int | None:
         """Number of solutions of the rate problem that are known."""
         return None if self.rays is None else len(self.rays.statuses)
 

@@ -28,8 +28,8 @@ class EvolutionStep:
         rejected: steps that were tried from the same state and not accepted.
         jump: whether the state jumps in it: its end is a solution under the load of its end, which
             memory does not lead to. What happens in between is no quasi-static evolution.
-        ways: number of solutions of the rate problem at its start that are known; more than one if
-            other evolutions lead on from there. None if they were not looked for.
+        directions: number of solutions of the rate problem at its start that are known; more than
+            one if other evolutions lead on from there. None if they were not looked for.
     """
 
     number: int
@@ -39,7 +39,7 @@ class EvolutionStep:
     energies: Energies
     rejected: int = 0
     jump: bool = False
-    ways: int | None = None
+    directions: int | None = None
 
     @property
     def status(self) -> str:
@@ -66,7 +66,7 @@ class EvolutionStep:
             "strategy": self.result.reason,
             "rejected": self.rejected,
             "jump": self.jump,
-            "ways": self.ways,
+            "directions": self.directions,
         }
 
     def _bonds(self) -> dict[str, float]:

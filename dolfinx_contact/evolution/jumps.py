@@ -3,8 +3,8 @@
 
 A step may end in a solution that no path of solutions leads to: where a branch of the rate problem
 folds or ends (Klarbring, Ing.-Arch. 60, 1990: one node, friction beyond a bound), the solver finds
-the next one. What tells it from a step in which much happens is that the change does not shrink
-with the step: halving after halving it is as large, in steps of no length. Beside it the state may
+the next one. It differs from a step in which much happens in that the change does not shrink with
+the step: halving after halving it is as large, in steps of no length. Beside it the state may
 change with the load, and at kinks of its way faster than before; both shrink.
 
 That is no proof: the solver may have passed over a solution. So in the end the branch of solutions

@@ -21,9 +21,9 @@ class Listeners:
     """Who looks on in a run, and who decides; see `QuasiStatic.run`.
 
     Attributes:
-        accept: asked of every step whether it is accepted.
-        stop: asked of every accepted step whether the run ends with it.
-        observer: told of every accepted step.
+        accept: called with every step; whether it is accepted.
+        stop: called with every accepted step; the reason for which the run ends with it, or "".
+        observer: called with every accepted step.
         record: keeps every accepted step.
         progress: whether rank 0 shows where the run is.
     """

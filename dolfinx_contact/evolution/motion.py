@@ -286,7 +286,7 @@ class MotionStepper(Stepper):
     # -- moments ---------------------------------------------------------------------------------
 
     def _contact(self) -> State:
-        """What touches in the state that stands in the problem. Collective."""
+        """What touches in the state that is in the problem. Collective."""
         problem = self.problem
         x = problem.create_vector()
         problem.write(x)

@@ -198,16 +198,17 @@ class NSCD(Evolution):
                 equal steps no longer than dt.
             locate: a time, to which begins of contact are located: steps in which a point closes
                 are tried again with half the length as long as that is no shorter.
-            accept: asked of every step, on every rank; one that is not accepted is tried again with
-                half the length, down to ``locate`` or dt halved twenty times, where it is accepted.
-            stop: asked of every accepted step, on every rank, while its end stands in the problem,
-                whether the run ends there: with the reason, or "" to go on. A later run goes on
+            accept: called with every step, on every rank; one that is not accepted is tried again
+                with half the length, down to ``locate`` or dt halved twenty times, where it is
+                accepted.
+            stop: called with every accepted step, on every rank, while its end is in the problem;
+                the reason for which the run ends there, or "" to go on. A later run goes on
                 from there.
-            observer: told of every accepted step while its end stands in the problem.
-            record: keeps every accepted step before the observer is told of it, as
+            observer: called with every accepted step while its end is in the problem.
+            record: keeps every accepted step before the observer is called, as
                 `records.EvolutionRecord` does.
-            progress: whether rank 0 says on the standard error stream where it is; by default once
-                it takes more than some seconds.
+            progress: whether rank 0 reports on the standard error stream where it is; by default
+                once it takes more than some seconds.
 
         Returns:
             The accepted steps of this run, and in words why it ended. The forces of their tables
@@ -255,7 +256,7 @@ class NSCD(Evolution):
             rest: share of the largest kinetic energy on the way, below which the body is at rest
                 when that has been so for ten steps, and for longer than a body stays below it that
                 turns back, as one that is thrown up: 4 sqrt(rest) of the time since the start.
-            observer: told of every accepted step.
+            observer: called with every accepted step.
             progress: see `run`.
 
         Returns:

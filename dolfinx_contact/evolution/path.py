@@ -25,9 +25,10 @@ class PathStep(EvolutionStep):
             else "".
         before: statuses by which the path came, as in `status`.
         after: those by which it goes on; of bonds and friction as of contact.
-        method: how the way on was found. If all statuses that meet there were tried `ways` is the
-            number of solutions of the rate problem, less the one that goes back. At a smooth
-            bifurcation on the way it counts the path and both senses of the other.
+        method: how the direction was found. If all statuses that meet there were tried
+            `directions` is the number of solutions of the rate problem, less the one that goes
+            back. At a smooth bifurcation on the way it counts the path and both senses of the
+            other.
         corrections: Newton steps of the corrector.
     """
 

@@ -20,7 +20,7 @@ Direction: TypeAlias = Literal["increasing", "decreasing", "onwards", "back"]
 
 @dataclass(frozen=True)
 class PathTask:
-    """What was asked of a run; see `ArcLength.run`."""
+    """The task of a run; see `ArcLength.run`."""
 
     gamma_range: tuple[float, float]
     direction: Direction

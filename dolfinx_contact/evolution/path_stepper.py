@@ -38,7 +38,7 @@ class PathStepper(Stepper):
         self._system = system
 
     def start(self, time: float) -> OnPath:
-        """The state in the Functions, with the memory that stands in the surfaces. Collective."""
+        """The state in the Functions, with the memory that is in the surfaces. Collective."""
         eq = self.problem.equations
         self._system.set(float(self._system.constant.value))
         if all(m is None for m in eq.memory):

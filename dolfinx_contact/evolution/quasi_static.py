@@ -109,20 +109,21 @@ class QuasiStatic(Evolution):
                 steps lead to another solution. A jump that is a tenth or less of what happens in
                 such a step passes, and so does one that makes it no faster than that.
             rays: whether all solutions of the rate problem are looked for where a step begins, in
-                2D with contact at nodes (`EvolutionStep.ways`); by default up to sixteen points and
-                where the statuses of the step before do not hold.
+                2D with contact at nodes (`EvolutionStep.directions`); by default up to sixteen
+                points and where the statuses of the step before do not hold.
             follow_rays: whether the others are followed too, each to the last time
-                (`History.others`), up to sixteen. Nobody is told of these, nor asked.
-            accept: asked of every step, on every rank; one that is not accepted is tried again with
-                half the length, and is accepted at the shortest length.
-            stop: asked of every accepted step, on every rank, while its end stands in the problem,
-                whether the run ends there: with the reason, or "" to go on. A later run goes on
+                (`History.others`), up to sixteen. ``observer``, ``stop`` and ``accept`` are not
+                called with their steps.
+            accept: called with every step, on every rank; one that is not accepted is tried again
+                with half the length, and is accepted at the shortest length.
+            stop: called with every accepted step, on every rank, while its end is in the problem;
+                the reason for which the run ends there, or "" to go on. A later run goes on
                 from there.
-            observer: told of every accepted step while its end stands in the problem.
-            record: keeps every accepted step before the observer is told of it, as
+            observer: called with every accepted step while its end is in the problem.
+            record: keeps every accepted step before the observer is called, as
                 `records.EvolutionRecord` does.
-            progress: whether rank 0 says on the standard error stream where it is; by default once
-                it takes more than some seconds.
+            progress: whether rank 0 reports on the standard error stream where it is; by default
+                once it takes more than some seconds.
 
         Returns:
             The accepted steps of this run, and in words why it ended.

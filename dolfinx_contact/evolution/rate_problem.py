@@ -13,7 +13,7 @@ so a path that snaps back is not taken for one that unloads. Where no such direc
 statuses that meet are tried; then several ways lead on, or none.
 
 One of the directions leads *back*: it unloads, no bond that damages and no point that slips does so
-on it. It answers to the reverse of the direction that was come by, and is no way on.
+on it. It answers to the reverse of the direction by which it was reached, and is no way on.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _IDLE = 1e-10  # of the largest rate: no rate
 _ROUNDS = 40  # of Newton's method
 _MOST_PIECES = 256
 _ALIKE = 1e-6  # of the steepest fall: as steep but for round-off
-_DIGITS = 6  # of cosines that tell directions apart
+_DIGITS = 6  # of cosines that distinguish directions
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class Directions:
 
 
 class RateProblem:
-    """Directions out of a state y = (x, gamma), with the memory that stands. Collective.
+    """Directions out of a state y = (x, gamma), with the memory of the surfaces. Collective.
 
     Args:
         corrector: on the bordered system.
@@ -84,7 +84,7 @@ class RateProblem:
         self._finder = RayFinder(corrector, y, self._leads_out, self._size)
 
     def onwards(self, piece: Piece, t: PETSc.Vec, *, every: bool = False) -> Directions:
-        """The ways on for a path that came by ``piece`` along ``t``.
+        """The ways on for a path that arrived on ``piece`` along ``t``.
 
         Args:
             piece: of the last step.
@@ -116,7 +116,7 @@ class RateProblem:
         return Directions(first, tuple(others), method, complete)
 
     def back(self, piece: Piece, t: PETSc.Vec) -> Directions:
-        """The way that unloads, for a path that came by ``piece`` along ``t``."""
+        """The way that unloads, for a path that arrived on ``piece`` along ``t``."""
         ray = self._by_newton(piece, self._reversed(t))
         return Directions(ray, method="Newton's method for the rate problem")
 

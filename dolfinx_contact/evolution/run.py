@@ -3,7 +3,7 @@
 
 A `Rule` finds the next step, through times or by arc length, and a `Stepper` puts its end into the
 problem. What is done with every accepted step is here and nowhere else, in this order: the user is
-asked whether the run ends with it, the record keeps it, the observer is told of it, progress is
+asked whether the run ends with it, the record keeps it, the observer is called with it, progress is
 shown. Whatever fails, the problem is left at the last accepted state.
 """
 

@@ -57,7 +57,7 @@ _REACHED = "the last time is reached"
 
 @dataclass(frozen=True)
 class HistoryTask:
-    """What was asked of a run; see `QuasiStatic.run`, and `NSCD.run` for ``locate``.
+    """The task of a run; see `QuasiStatic.run`, and `NSCD.run` for ``locate``.
 
     Raises:
         ValueError: if it does not fit.
@@ -129,7 +129,7 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
         stepper: takes the steps.
         task: of the run.
         run_state: where it begins, or goes on.
-        accept: asked of every step that could be shorter, whether it is accepted.
+        accept: called with every step that could be shorter; whether it is accepted.
         first: a step that is accepted before any other.
 
     Attributes:
@@ -227,7 +227,7 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
     def _accept(self, forked: Forked, *, jump: bool = False, settled: bool = True) -> Advance:
         """Go to the end of a step."""
         taken = forked.taken
-        step = self._step(taken, jump, forked.ways)
+        step = self._step(taken, jump, forked.directions)
         if self.task.follow_rays:
             self.forks += self._forks.others(forked)
         if not jump:
@@ -241,7 +241,7 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
             self.end(Ending.REACHED, _REACHED)
         return Advance(step, taken)
 
-    def _step(self, taken: Taken, jump: bool, ways: int | None = None) -> EvolutionStep:
+    def _step(self, taken: Taken, jump: bool, directions: int | None = None) -> EvolutionStep:
         return EvolutionStep(
             self._number + 1,
             taken.before.time,
@@ -250,7 +250,7 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
             taken.after.energies,
             self._rejected,
             jump,
-            ways,
+            directions,
         )
 
     def _jump(self, taken: Taken) -> Found | None:

@@ -372,7 +372,7 @@ class BranchRecord(ProblemRecord[Journal], Observer):
             branch: number of the branch.
             max_steps: another budget, counted from the start of the branch.
             stop: the same stop condition as at the beginning, if there was one.
-            observer: told of every point after the last checkpoint, beside the record.
+            observer: called with every point after the last checkpoint, beside the record.
             progress: see `follow`.
 
         Returns:

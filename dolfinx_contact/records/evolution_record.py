@@ -162,7 +162,7 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, RunState]):
         Args:
             accept: the same as at the beginning, if there was one.
             stop: likewise.
-            observer: told of the steps that are computed, beside the record.
+            observer: called with the steps that are computed, beside the record.
             progress: see `QuasiStatic.run`.
 
         Returns:

@@ -216,7 +216,7 @@ def identity(
 
 
 def _signature(e: Any, domain: mesh.Mesh) -> str:
-    """What tells a UFL expression from others, but for values of Functions and Constants."""
+    """What a UFL expression is known by, but for values of Functions and Constants."""
     e = ufl.as_ufl(e)
     if isinstance(e, ufl.constantvalue.Zero):
         return "0"
@@ -224,7 +224,7 @@ def _signature(e: Any, domain: mesh.Mesh) -> str:
 
 
 def driven_words(problem: ContactProblem, expressions: Sequence[Any]) -> list[str]:
-    """What tells expressions by which a load drives Dirichlet data from others."""
+    """What expressions by which a load drives Dirichlet data are known by."""
     return [
         hashlib.sha256(_signature(e, problem.V.mesh).encode()).hexdigest()[:32] for e in expressions
     ]

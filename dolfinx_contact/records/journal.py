@@ -57,7 +57,7 @@ class JournalBranch(Followed):
 
 @dataclass
 class EvolutionRun(Followed):
-    """What is known of one run; its ``task`` is what was asked of it, as times or a range of gamma.
+    """What is known of one run; its ``task`` is what it was to do, as times or a range of gamma.
 
     Attributes:
         after: index of the state at which it begins.
@@ -260,6 +260,9 @@ class EvolutionJournal(Lines):
                 entry[name]
             if self.states:
                 self.runs[-1].go_on()
+                row = entry["row"]
+                if "ways" in row:  # the name in older journals
+                    row["directions"] = row.pop("ways")
             self.states.append(entry)
         elif kind == "run":
             if not entry["after"] == len(self.states) - 1 >= 0:

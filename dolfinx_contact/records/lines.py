@@ -68,7 +68,7 @@ class Followed(Ends):
     """What is known of one branch or run.
 
     Attributes:
-        task: what was asked of it.
+        task: what it is to do.
         ending: how it ended; None if it has not.
         reason: why, in words.
     """

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """The record of a path by arc length on the disk, from which a killed run is resumed.
 
-Beside what all have (`StepsRecord`) a state has the tangent by which it was come to, and all that
+Beside what all have (`StepsRecord`) a state has the tangent by which it was reached, and all that
 the next step depends on, so that a run goes on with the same points.
 """
 
@@ -182,7 +182,7 @@ class PathRecord(StepsRecord[PathJournal, PathState]):
 
         Args:
             stop: the same as at the beginning, if there was one.
-            observer: told of the points that are computed, beside the record.
+            observer: called with the points that are computed, beside the record.
             progress: see `ArcLength.run`.
 
         Returns:
@@ -213,7 +213,7 @@ class PathRecord(StepsRecord[PathJournal, PathState]):
 
 
 def _task(words: Mapping[str, Any]) -> PathTask:
-    """What was asked of a run, as the journal says it."""
+    """The task of a run, as the journal says it."""
     low, high = words["gamma_range"]
     return PathTask(
         **dict(words) | {"gamma_range": (low, high), "control": StepControl(**words["control"])}

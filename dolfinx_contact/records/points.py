@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What the journal says of a branch point: functionals, numbers of statuses, special points."""
+"""The entry of the journal for a branch point: functionals, numbers of statuses, special points."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def places(problem: ContactProblem) -> dict[str, list[list[float]]]:
 def columns_of(
     system: ParametricContact, index: int, point: BranchPoint, special: Sequence[SpecialPoint]
 ) -> dict[str, Any]:
-    """What the journal says of every point, but for its norm and functionals. Collective.
+    """The entry of the journal for every point, but for its norm and functionals. Collective.
 
     Args:
         system: the problem.
@@ -63,7 +63,7 @@ def columns_of(
 
 
 def _described(system: ParametricContact, s: SpecialPoint) -> dict[str, Any]:
-    """What the journal says of a special point. Collective."""
+    """The entry of the journal for a special point. Collective."""
     return {
         "kind": s.kind,
         "smooth": s.smooth,

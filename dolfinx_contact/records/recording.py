@@ -58,8 +58,8 @@ def follow_with_journal(
         control: step lengths.
         max_steps: budget from the start of the branch.
         route: see `follower_for`.
-        observer: told of every point, beside the record; see `follow`, as for the progress.
-        progress: whether rank 0 says where it is.
+        observer: called with every point, beside the record; see `follow`, as for the progress.
+        progress: whether rank 0 reports where it is.
 
     Returns:
         All points of the branch, with special points and the work of this run only, and its

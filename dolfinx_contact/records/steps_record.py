@@ -55,7 +55,7 @@ _FORCES = {
 
 
 class Stands(Protocol):
-    """Where a run stands."""
+    """The state of a run."""
 
     @property
     def accepted(self) -> AcceptedState:
@@ -87,7 +87,7 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         OSError, ValueError: on every rank, see `EvolutionRecord`.
     """
 
-    #: What is recorded, and what its states are told apart by.
+    #: What is recorded, and what its states are distinguished by.
     _what: ClassVar[str]
     _along: ClassVar[str]
 
@@ -163,7 +163,7 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         raise NotImplementedError
 
     def _entry_of(self, run_state: S) -> dict[str, Any]:
-        """What the journal says of how a run goes on. Collective."""
+        """The entry of the journal for how a run goes on. Collective."""
         raise NotImplementedError
 
     def _names(self) -> Iterable[str]:
@@ -181,7 +181,7 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         found: Mapping[str, npt.NDArray[Any]],
         first: bool,
     ) -> S:
-        """Where a run stood at a recorded state, which has been put into the problem. Collective.
+        """The state of a run at a recorded state, which has been put into the problem. Collective.
 
         Args:
             state: what the journal says.
@@ -241,7 +241,7 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
             run.end(history.ending, history.reason)
 
     def _keep(self, index: int, run_state: S, letters: str, more: Mapping[str, Any]) -> None:
-        """Put a state on the disk, which stands in the problem. Collective."""
+        """Put a state on the disk, which is in the problem. Collective."""
         entry = {"index": index} | self._entry(run_state.accepted, letters) | dict(more)
         entry |= {"forces": self._forces(run_state.accepted)}
         entry |= {"first": run_state.accepted.statuses is None} | self._entry_of(run_state)
@@ -268,7 +268,7 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         return {name: self.problem.create_vector() for name in (*self._names(), "x")}
 
     def _entry(self, accepted: AcceptedState, letters: str) -> dict[str, Any]:
-        """What the journal says of every state. Collective."""
+        """The entry of the journal for every state. Collective."""
         square = self.comm.allreduce(float(np.dot(accepted.unknowns, accepted.unknowns)))
         return {
             "time": accepted.time,
@@ -307,14 +307,14 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         return self.journal.runs[-1]
 
     def _ended(self) -> S:
-        """Where a run stood that has ended, which is the last state. Collective."""
+        """The state of a run that has ended, which is the last state. Collective."""
         self._index = len(self.journal.states) - 1
         run_state = self._run_state(self._index)
         self._last = run_state.accepted
         return run_state
 
     def _resumed(self, run: EvolutionRun, known: Sequence[int]) -> S:
-        """Where a run stood at the last state from which it can go on. Collective.
+        """The state of a run at the last state from which it can go on. Collective.
 
         A damaged checkpoint is passed over, with a warning in the log.
 
@@ -329,7 +329,7 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         return run_state
 
     def _run_state(self, index: int) -> S:
-        """Where a run stood at a recorded state, which is put into the problem. Collective.
+        """The state of a run at a recorded state, which is put into the problem. Collective.
 
         Raises:
             ValueError: on every rank, if it is damaged, or of another load.
@@ -371,7 +371,7 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
             require(self.comm, bool(same), message)
 
     def _forces(self, accepted: AcceptedState) -> dict[str, float]:
-        """What forces at a state, which stands in the problem, are known by. Collective."""
+        """What forces at a state, which is in the problem, are known by. Collective."""
         eq = self.problem.equations
         if isinstance(accepted, MovingState):
             rows = accepted.motion.rows
@@ -411,7 +411,7 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
 
     @contextmanager
     def looking(self) -> Iterator[None]:
-        """Put back at the end what stands in the problem, whatever was shown. Collective."""
+        """Put back at the end what is in the problem, whatever was shown. Collective."""
         eq = self.problem.equations
         memory = eq.memory
         data = GivenData(eq)

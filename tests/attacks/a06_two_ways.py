@@ -23,7 +23,7 @@ def attack(case):
     evolution = QuasiStatic(problem, lambda t: moves(body, 1.0, 0.2 - abs(t - 0.2)))
     history = evolution.run([0.0, 0.1, 0.2, 0.25, 0.3], rays=True, follow_rays=True)
     ends = [history, *history.others]
-    case.equal("ways at the turn", history.at(0.25).ways, 2)
+    case.equal("ways at the turn", history.at(0.25).directions, 2)
     found = []
     for one in ends:
         table = one.steps[-1].result.tables["contact"]
