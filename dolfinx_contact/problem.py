@@ -191,6 +191,7 @@ class ContactProblem(ReadOnly):
             petsc_options=sorted((k, described_number(v)) for k, v in options.items()),
             PETSc_database=sorted(in_database(petsc_options_prefix).items()),
         )
+        PETSc.garbage_cleanup(self.comm)  # what earlier problems on several ranks have left
         finite = bool(np.isfinite(self.V.mesh.geometry.x).all())
         require(self.comm, finite, "the mesh has a coordinate that is not finite")
         check_cells(self.V.mesh)
@@ -473,6 +474,11 @@ class ContactProblem(ReadOnly):
             warn_of_sliding(result, self._warned)
 
     def destroy(self) -> None:
-        """Free matrices and solvers."""
+        """Free matrices and solvers now. Collective.
+
+        They are freed with the problem; on several ranks when the next problem of the same mesh is
+        made, since PETSc frees what all ranks share where all ranks meet. Only many problems on
+        several ranks, each with a mesh of its own, need this.
+        """
         self._linear.destroy()
         self.equations.bulk.destroy()

@@ -1,6 +1,10 @@
 """The surface filter with multigrid against MUMPS, on every rank count, law and mesh."""
 
+import gc
 import logging
+import resource
+import weakref
+from pathlib import Path
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -376,3 +380,29 @@ def test_forcing():
     assert forcing.tolerance(0.5, 1e-10, 1.0) < forcing.largest / 10
     forcing.restart(warm=True)
     assert forcing.tolerance(1.0, 1e-10, 1.0) == forcing.warm
+
+
+@pytest.mark.parametrize("solver", ["amg", "direct"])
+def test_a_problem_is_freed_with_its_last_reference(solver):
+    """Also matrices of type python, whose contexts Python's garbage collector does not see."""
+    problem = block(n=4, cell="tet", options={"linear_solver": solver})
+    problem.solve()
+    assert problem.linear_solver.name == solver
+    parts = problem.equations, problem.linear_solver, problem.equations.bulk
+    left = [weakref.ref(part) for part in parts]
+    del problem, parts
+    gc.collect()
+    assert [r() for r in left] == [None] * 3
+
+
+def test_many_problems_on_one_mesh():
+    """Matrices of problems that are gone are freed on every rank, without `destroy`."""
+    domain = box(COMM, 6, "tet")
+    sizes = []
+    for _ in range(12):
+        block(domain=domain, cell="tet", options=AMG).solve()
+        gc.collect()
+        sizes.append(int(Path("/proc/self/statm").read_text().split()[1]))
+    matrix = 3 * 8 * 7**3 * 15 * 3 / resource.getpagesize()  # of the stiffness, in pages, or less
+    grown = COMM.allreduce(sizes[-1] - sizes[5])
+    assert grown < 6 * matrix

@@ -11,6 +11,8 @@ are the identity times a typical stiffness, their columns are zero.
 
 from __future__ import annotations
 
+import weakref
+
 from petsc4py import PETSc
 
 import numpy as np
@@ -23,10 +25,10 @@ __all__ = ["ContactOperator"]
 
 
 class ContactOperator:
-    """Context of a PETSc Mat of type python: the Jacobian of ``equations``.
+    """The Jacobian of ``equations`` as a product.
 
     Attributes:
-        matrix: the Mat; its vectors are those of the equations.
+        matrix: a PETSc Mat of type python; its vectors are those of the equations.
         stiffness: K, on the displacement alone.
         contact: S, on all unknowns, without Dirichlet rows and columns of the displacement.
         fixed: local indices of the owned displacement dofs with Dirichlet data.
@@ -43,7 +45,8 @@ class ContactOperator:
         bulk = equations.bulk
         self.stiffness = bulk.stiffness(bulk.displacement.x.array.copy())
         n = sum(equations.owned_sizes)
-        self.matrix = PETSc.Mat().createPython(((n, None), (n, None)), self, comm=self.comm)
+        product = _Product(self)
+        self.matrix = PETSc.Mat().createPython(((n, None), (n, None)), product, comm=self.comm)
         self.matrix.setUp()
         self._x = equations.create_vector()
         self.first = self._x.getOwnershipRange()[0]
@@ -64,7 +67,7 @@ class ContactOperator:
         self.contact.zeroEntries()
         self._terms.add(state, self.contact)
 
-    def mult(self, _mat: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
+    def mult(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Y = J x."""
         values = x.array_r
         free = self._x.array
@@ -81,3 +84,20 @@ class ContactOperator:
         """Free the PETSc objects."""
         for thing in (self.matrix, self.contact, self._x, self._xu, self._yu):
             thing.destroy()
+
+
+class _Product:
+    """Context of the Mat of an operator.
+
+    It does not hold the operator, which holds the Mat: Python does not see what PETSc holds, so
+    that neither would be freed.
+    """
+
+    def __init__(self, operator: ContactOperator):
+        self._operator = weakref.ref(operator)
+
+    def mult(self, _mat: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        """Y = J x."""
+        operator = self._operator()
+        assert operator is not None
+        operator.mult(x, y)

@@ -102,7 +102,7 @@ class SurfaceFilter:
         on_surface, whole = self.comm.allreduce(squares)
         if on_surface > _NEGLIGIBLE**2 * whole:
             z.array[s] += self.solve(t.array_r[s])
-            A.mult(A.matrix, z, self._e)
+            A.mult(z, self._e)
             t.axpy(-1.0, self._e)
         tu = self._tu.array
         tu[:] = t.array_r[:n]
