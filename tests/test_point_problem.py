@@ -286,6 +286,11 @@ def test_what_one_rank_gives(tmp_path):
     with Reduction.of(block(n=2).equations) as reduction:
         with pytest.raises(ValueError, match="gamma must be a finite number"):
             reduction.save(file, gamma="x" if last else 0.0)
+        for wrong in (3, None):
+            with pytest.raises(ValueError, match="the file must be a path, got"):
+                reduction.save(wrong if last else file)
+            with pytest.raises(ValueError, match="the file must be a path, got"):
+                reduction.save(wrong)
         if COMM.size > 1:
             with pytest.raises(ValueError, match="gamma differs between ranks"):
                 reduction.save(file, gamma=float(last))

@@ -67,6 +67,8 @@ _SYMMETRIC = 1e-8  # of the largest entry of the condensed stiffness
 
 
 def _check_save(a: Arguments) -> None:
+    if not isinstance(a.file, str | os.PathLike):
+        raise ValueError(f"the file must be a path, got {a.file!r}")
     a.gamma = checked_gamma(a.gamma)
 
 
@@ -223,8 +225,8 @@ class Reduction:
             gamma: parameter.
 
         Raises:
-            ValueError: on every rank, for another suffix, a gamma that is no number, where S is
-                not positive definite, or where FCLib has no such problem.
+            ValueError: on every rank, for what is no path, another suffix, a gamma that is no
+                number, where S is not positive definite, or where FCLib has no such problem.
             ModuleNotFoundError: on every rank, for HDF5 without h5py.
             OSError: on every rank, where the file cannot be written.
         """
