@@ -55,6 +55,7 @@ def block(
     where=None,
     options=None,
     domain=None,
+    sliding=None,
 ):
     """The block of `demo_block.py`: held on its top, in contact on its bottom (or on ``where``)."""
     domain = box(comm, n, cell) if domain is None else domain
@@ -71,6 +72,7 @@ def block(
         law=law,
         method=method,
         multiplier_degree=multiplier_degree,
+        sliding=sliding,
     )
     return ContactProblem(
         material.energy(u) * ufl.dx,

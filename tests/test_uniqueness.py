@@ -15,7 +15,14 @@ from blocks import block
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact import ContactProblem, Coulomb, Frictionless, ParametricContact, Tresca
+from dolfinx_contact import (
+    ContactProblem,
+    Coulomb,
+    Frictionless,
+    ParametricContact,
+    Sphere,
+    Tresca,
+)
 from dolfinx_contact.analysis.theory import theory_of
 from dolfinx_contact.continuation import find_solutions
 from dolfinx_contact.evolution import QuasiStatic
@@ -113,6 +120,20 @@ def test_theory(kind, law, exists, unique, words):
     theory = block(law=law, **kind).solve().theory()
     assert (theory.exists, theory.unique) == (exists, unique)
     assert words in theory.reason
+
+
+@pytest.mark.parametrize(
+    ("sliding", "unique", "words"),
+    [("small", True, "least energy"), ("large", False, "follow the displacement")],
+)
+def test_theory_on_a_curved_obstacle(sliding, unique, words):
+    """In large sliding the displacements without penetration are no convex set."""
+    disc = Sphere((0.5, -3.0), 3.0)
+    result = block(law=Frictionless(), obstacle=disc, sliding=sliding).solve()
+    theory = result.theory()
+    assert (theory.exists, theory.unique) == (unique, unique)
+    assert words in theory.reason
+    assert (result.unique == "proved") == unique
 
 
 @pytest.mark.parametrize("law", [Frictionless(), Tresca(2.0)])

@@ -156,7 +156,7 @@ def uniqueness(
             3D an eigenproblem of any size, and weights of one that is dense.
     """
     if not equations.linear:
-        return Uniqueness("not proved", "proofs are for linear bodies")
+        return Uniqueness("not proved", "proofs are for linear bodies and small sliding")
     system = ParametricEquations(equations, fem.Constant(equations.V.mesh, 0.0), linear)
     b = equations.create_vector()
     try:

@@ -2,7 +2,7 @@
 """Which theorems apply to a contact problem: those whose hypotheses can be computed.
 
 With a stiffness K that is symmetric and positive definite where Dirichlet data do not hold the
-body, and the law node by node:
+body, gaps that are linear in the displacement (small sliding), and the law node by node:
 
 - Without friction, and under a bound of the shear that is given (Tresca), solutions are those that
   minimise a strictly convex energy: there is one (Lions and Stampacchia, Comm. Pure Appl. Math. 20,
@@ -32,6 +32,7 @@ def theory_of(eq: ContactEquations) -> Theory:
     rubs = _coefficients(eq)
     for applies, what in (
         (eq.bulk.linear, "the body is not linear"),
+        (eq.linear, "gap and normal follow the displacement"),
         (rubs is not None, "the law is not Coulomb's, Tresca's or without friction"),
         (all(s.points.E is None for s in eq.surfaces), "the law does not hold node by node"),
         (eq.rigid.size == 0, "a rigid body moves"),
