@@ -26,9 +26,12 @@ from dolfinx_contact import (
 from dolfinx_contact.analysis.rows import component_rows
 from dolfinx_contact.equations.jacobian import Jacobian
 from dolfinx_contact.evolution.nscd import NSCD
+from dolfinx_contact.points.crossings import crossings
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.points.operators import Operator
+from dolfinx_contact.points.vertex_state import vertex_state
 from dolfinx_contact.reduced.scope import check_reducible
+from dolfinx_contact.results.pairs import pair_balance
 from dolfinx_contact.solvers.springs import springs
 
 COMM = MPI.COMM_WORLD
@@ -309,9 +312,45 @@ REFUSED = {
 @pytest.mark.parametrize("what", REFUSED)
 def test_what_needs_a_constant_operator(what):
     """It is refused in words, on every rank, and nowhere computed with another B."""
-    problem = sliding(mortar(2))
+    problem = mortar(2)
+    (s,) = problem.surfaces
+    s.points.operator = Sliding(s.points.operator)
     with pytest.raises(ValueError, match=r"contact: .* keep what is opposite to them"):
         REFUSED[what](problem)
+
+
+OPPOSITE = {
+    "a new problem": (
+        mortar,
+        lambda p: ContactProblem(p.energy, p.u, p.surfaces, bcs=p.bcs),
+    ),
+    "pairs that cross": (
+        lambda dim: pair(dim, "tri"),
+        lambda p: crossings(p.V, p.surfaces, p.equations.constraints.fixed),
+    ),
+    "gaps of mixed contact": (
+        lambda dim: pair(dim, "tri", method="mixed"),
+        lambda p: p.equations.gaps(p.surfaces[0], p.state()),
+    ),
+    "values at vertices": (
+        lambda dim: mortar(dim, method="integral"),
+        lambda p: vertex_state(p.surfaces[0]),
+    ),
+    "the table": (mortar, lambda p: p.table(p.surfaces[0])),
+    "the balance of a pair": (mortar, lambda p: pair_balance(p.equations, 0, p.state())),
+}
+
+
+@pytest.mark.parametrize("what", OPPOSITE)
+def test_what_needs_the_nodes_opposite_to_stay(what):
+    """The stencil of the nodes is that of the reference configuration, and of B that stays."""
+    make, ask = OPPOSITE[what]
+    problem = make(2)
+    (s,) = problem.surfaces
+    ask(problem)
+    s.points.operator = Sliding(s.points.operator)
+    with pytest.raises(ValueError, match=r"contact: what lies opposite to nodes needs .* keep"):
+        ask(problem)
 
 
 def test_what_rests_on_linear_contact():

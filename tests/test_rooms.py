@@ -164,8 +164,9 @@ def test_the_page_on_the_house_names_what_is_there():
 PUBLIC = {
     "ContactSurface": """
         at_vertices between_bodies bond check_gaps constant_operator data displaced friction_slope
-        has_changed hold jump kinematics kinematics_now linear node_positions opposite owned_nodes
-        positions reference relative rigid_body slide state state_of update_geometry
+        has_changed hold jump kinematics kinematics_now linear node_positions opposite
+        opposite_nodes owned_nodes positions reference relative rigid_body slide state state_of
+        update_geometry
     """,
     "ContactProblem": """
         collect create_vector destroy fields linear_solver moving put read reduced residual restored

@@ -167,7 +167,7 @@ class Constraints:
             closing = np.linalg.norm(np.where(fixed, 0.0, normal), axis=1) < _TOLERANCE
             if s.displaced is not None:
                 closing = fixed.all(axis=1)
-            opposite = s.obstacle.opposite
+            opposite = s.opposite_nodes
             if opposite is not None:
                 alone = opposite.none[s.points.vertex_trace_dofs]
                 least = s.comm.allreduce(float(np.min(gap[alone], initial=np.inf)), op=min)
@@ -209,7 +209,7 @@ class Constraints:
 
     def _held(self, s: ContactSurface) -> npt.NDArray[np.bool_]:
         """Local nodes x dim, True where the jump is fixed. Collective."""
-        opposite = s.obstacle.opposite
+        opposite = s.opposite_nodes
         if s.rigid_body is not None:
             return np.asarray(self.fixed & ~s.rigid_body.moves(s.node_positions))
         if opposite is None:
@@ -219,7 +219,8 @@ class Constraints:
 
 def _why_none_is_left(s: ContactSurface) -> str:
     """Why no contact node of a surface may carry anything. Not collective."""
-    if not s.between_bodies or not s.obstacle.opposite.none.any():
+    opposite = s.opposite_nodes
+    if opposite is None or not opposite.none.any():
         return f"{s.name}: Dirichlet data clamp every contact node"
     return (
         f"{s.name}: every contact node is clamped by Dirichlet data, has nothing opposite, or is "

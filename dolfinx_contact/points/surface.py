@@ -346,13 +346,28 @@ class ContactSurface(ReadOnly):
         """Whether what may be touched is a body as well."""
         return self.obstacle.opposite is not None
 
+    @property
+    def opposite_nodes(self) -> Opposite | None:
+        """What lies opposite to the nodes, the same at every state; None without another body.
+
+        Raises:
+            ValueError: on every rank, if that changes with the displacement.
+        """
+        if self.between_bodies:
+            self.constant_operator("what lies opposite to nodes")
+        opposite: Opposite | None = self.obstacle.opposite
+        return opposite
+
     def opposite(self, values: Array) -> Array:
         """Values opposite to the local nodes, 0 where there is nothing. Collective.
 
         Args:
             values: at the nodes of the displacement (n, ...), of which the owned ones count.
+
+        Raises:
+            ValueError: on every rank, if what lies opposite changes with the displacement.
         """
-        opposite: Opposite | None = self.obstacle.opposite
+        opposite = self.opposite_nodes
         if opposite is None:
             return np.zeros_like(values)
         return opposite.values(self.comm, values[: self.owned_nodes], len(values))

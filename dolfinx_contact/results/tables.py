@@ -176,7 +176,7 @@ def contact_table(
         letters = np.where(guided & (letters != "o"), moved, letters)
     pressure = -np.sum(traction * normal, axis=1) + 0.0
     gap = known["un"] + 0.0
-    opposite = s.obstacle.opposite
+    opposite = s.opposite_nodes
     if s.method != "integral" and opposite is not None and not opposite.matching:
         gap[opposite.none[s.points.vertex_trace_dofs[:n]]] = np.nan
     columns = {
