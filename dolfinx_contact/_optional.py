@@ -6,7 +6,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Any
 
-__all__ = ["optional"]
+__all__ = ["optional", "slepc"]
 
 
 def optional(package: str, extra: str) -> Any:
@@ -30,3 +30,17 @@ def optional(package: str, extra: str) -> Any:
             f"python3-{name} of Debian",
             name=name,
         ) from None
+
+
+def slepc() -> Any:
+    """The module of slepc4py, which is built beside petsc4py.
+
+    Raises:
+        ModuleNotFoundError: if it is not installed.
+    """
+    try:
+        from slepc4py import SLEPc
+    except ModuleNotFoundError as error:
+        message = "slepc4py is not installed beside petsc4py: python3-slepc4py of Debian, or conda"
+        raise ModuleNotFoundError(message, name=error.name) from None
+    return SLEPc

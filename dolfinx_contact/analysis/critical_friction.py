@@ -40,11 +40,12 @@ from dolfinx import fem
 from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._errors import on_root
 from dolfinx_contact._numbers import is_count
+from dolfinx_contact._optional import slepc
 from dolfinx_contact._petsc import options_in_database, staged
-from dolfinx_contact.analysis.held import HeldBody, columns_of, slepc, with_dirichlet_rows
 from dolfinx_contact.analysis.rows import Problem, static_equations
 from dolfinx_contact.analysis.slip import Direction, Slip, SlipPattern
 from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.reduced.held_body import HeldBody, HeldField, columns_of, with_dirichlet_rows
 
 __all__ = ["CriticalFriction", "critical_friction"]
 
@@ -156,7 +157,7 @@ class _PressureByShear:
         self.comm = eq.comm
         self._slip = slip
         K = with_dirichlet_rows(eq.bulk.stiffness(u), eq, eq.stiffness_scale)
-        self._body = HeldBody(eq, K, [slip.N, slip.H])
+        self._body = HeldBody(eq.comm, [HeldField(K, [slip.N, slip.H])], eq.stiffness_scale)
         K.destroy()
         self._u, self._f = slip.D.createVecs()
 

@@ -35,8 +35,8 @@ from scipy.linalg import eigh
 from dolfinx_contact._collective import collective
 from dolfinx_contact._entries import Entries, matrix_of
 from dolfinx_contact._errors import everywhere, on_root, require
+from dolfinx_contact._optional import slepc
 from dolfinx_contact._petsc import options_in_database, staged
-from dolfinx_contact.analysis.held import HeldBody, columns_of, slepc, with_dirichlet_rows
 from dolfinx_contact.analysis.rows import (
     Problem,
     component_rows,
@@ -50,6 +50,7 @@ from dolfinx_contact.analysis.rows import (
 from dolfinx_contact.analysis.weighted import WeightedForm
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.state import State
+from dolfinx_contact.reduced.held_body import HeldBody, HeldField, columns_of, with_dirichlet_rows
 from dolfinx_contact.results.checks import sliding_doubt
 
 __all__ = ["Renard", "criterion_at", "renard_criterion"]
@@ -252,7 +253,7 @@ class _Form:
         entries.add(-np.sum(friction[point] * tangents, axis=1), self._X)
         u = eq.bulk.displacement.x.array.copy()
         self._K = with_dirichlet_rows(eq.bulk.stiffness(u), eq, eq.stiffness_scale)
-        self._free = HeldBody(eq, self._K, [])
+        self._free = HeldBody(eq.comm, [HeldField(self._K, [])], eq.stiffness_scale)
         self.definite = self._free.definite
 
     def by_factorisation(self, effort: int, enough: float, seconds: float) -> float:
@@ -282,7 +283,7 @@ class _Form:
         """The same by products with A and its inverse, the stiffness of the points."""
         SLEPc = slepc()
         size = (self._R.getLocalSize()[0], None)
-        held = HeldBody(self._eq, self._K, [self._R])
+        held = HeldBody(self.comm, [HeldField(self._K, [self._R])], self._eq.stiffness_scale)
         product = _Product(self._free, held, self._R, self._X)
         M = PETSc.Mat().createPython((size, size), product, comm=self.comm)
         M.setUp()

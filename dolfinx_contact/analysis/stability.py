@@ -45,7 +45,6 @@ from dolfinx_contact._errors import on_root, require
 from dolfinx_contact._factor import is_symmetric
 from dolfinx_contact._numbers import is_count
 from dolfinx_contact._petsc import staged
-from dolfinx_contact.analysis.held import HeldBody, with_dirichlet_rows
 from dolfinx_contact.analysis.rows import (
     Problem,
     component_rows,
@@ -60,6 +59,12 @@ from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.laws import Coulomb, Frictionless
 from dolfinx_contact.laws.status import MINUS, PLUS, closed, senses
+from dolfinx_contact.reduced.held_body import (
+    HeldBody,
+    HeldField,
+    is_positive_definite,
+    with_dirichlet_rows,
+)
 from dolfinx_contact.results.checks import sliding_doubt
 
 __all__ = ["Stability", "stability_at_rest"]
@@ -256,12 +261,7 @@ def _is_positive(eq: ContactEquations, M: PETSc.Mat) -> bool:
     """Whether a symmetric matrix is positive definite on free displacements. Collective."""
     if eq.comm.allreduce(int((M.getDiagonal().array_r <= 0).any())):
         return False
-    A = with_dirichlet_rows(M, eq, eq.stiffness_scale)
-    held = HeldBody(eq, A, [])
-    definite = held.definite
-    held.destroy()
-    A.destroy()
-    return definite
+    return is_positive_definite(eq, M)
 
 
 def _is_symmetric(eq: ContactEquations, A: PETSc.Mat) -> bool:
@@ -304,7 +304,7 @@ def _signs(
         if B is not None and part != 0:
             A.axpy(part, B, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
     inside = with_dirichlet_rows(A, eq, eq.stiffness_scale)
-    held = HeldBody(eq, inside, rows, counted=True)
+    held = HeldBody(eq.comm, [HeldField(inside, rows)], eq.stiffness_scale, counted=True)
     signs = held.signs
     held.destroy()
     inside.destroy(), A.destroy()

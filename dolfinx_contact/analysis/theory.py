@@ -17,12 +17,11 @@ The signs of the pivots of K decide, but for round-off.
 
 from __future__ import annotations
 
-from dolfinx_contact._factor import Factor, marked_symmetric
-from dolfinx_contact.analysis.held import with_dirichlet_rows
 from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.reduced.held_body import is_positive_definite
 from dolfinx_contact.results.theory import Theory
 
-__all__ = ["is_positive_definite", "theory_of"]
+__all__ = ["theory_of"]
 
 _NONE = "no computable theorem applies: "
 
@@ -40,7 +39,8 @@ def theory_of(eq: ContactEquations) -> Theory:
     ):
         if not applies:
             return Theory(False, False, _NONE + what)
-    if not is_positive_definite(eq):
+    stiffness = eq.bulk.stiffness(eq.bulk.displacement.x.array.copy())
+    if not is_positive_definite(eq, stiffness):
         what = "the stiffness is not symmetric and positive definite"
         return Theory(False, False, _NONE + what)
     if not rubs:
@@ -61,17 +61,3 @@ def _coefficients(eq: ContactEquations) -> bool | None:
         for s, known in zip(eq.surfaces, state.surfaces, strict=True)
     )
     return eq.comm.allreduce(int(mine)) > 0
-
-
-def is_positive_definite(eq: ContactEquations) -> bool:
-    """Whether K, with Dirichlet rows put in, is symmetric and positive definite. Collective."""
-    stiffness = eq.bulk.stiffness(eq.bulk.displacement.x.array.copy())
-    K = with_dirichlet_rows(stiffness, eq, eq.stiffness_scale)
-    signs = (1, 0, 0)
-    if marked_symmetric(K):
-        factor = Factor(eq.comm, "analysis_", symmetric=True, counted=True)
-        if factor.factorise(K):
-            signs = factor.inertia
-        factor.destroy()
-    K.destroy()
-    return signs[0] == 0 and signs[1] == 0

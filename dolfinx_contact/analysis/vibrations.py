@@ -36,10 +36,11 @@ from dolfinx import fem
 from dolfinx_contact._errors import everywhere, on_root
 from dolfinx_contact._factor import DEFAULTS as FACTOR
 from dolfinx_contact._forms import compiled_form
+from dolfinx_contact._optional import slepc
 from dolfinx_contact._petsc import options_in_database
-from dolfinx_contact.analysis.held import saddle, slepc, with_dirichlet_rows
 from dolfinx_contact.analysis.slip import Slip
 from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.reduced.held_body import HeldField, saddle, with_dirichlet_rows
 
 __all__ = [
     "Body",
@@ -220,12 +221,14 @@ class Vibrations:
         G.diagonalScale(F, None)
         G.axpy(1.0, slip.N)
         K = with_dirichlet_rows(body.K, eq, eq.stiffness_scale)
-        matrices = [saddle(K, [slip.N, slip.H], [G, slip.H], eq.stiffness_scale)]
+        held = [slip.N, slip.H]
+        forces = [G, slip.H]
+        matrices = [saddle([HeldField(K, held, forces)], eq.stiffness_scale)]
         inertia = [body.M] if body.C is None else [body.C, body.M]
         for A in inertia:
-            held = with_dirichlet_rows(A, eq, 0.0)
-            matrices.append(saddle(held, [slip.N, slip.H], [G, slip.H], 0.0))
-            held.destroy()
+            inside = with_dirichlet_rows(A, eq, 0.0)
+            matrices.append(saddle([HeldField(inside, held, forces)], 0.0))
+            inside.destroy()
         solver: Any
         if body.C is None:
             solver = SLEPc.EPS().create(self.comm)

@@ -44,7 +44,6 @@ from dolfinx import fem
 
 from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._errors import on_root, require
-from dolfinx_contact._factor import BATCH, Factor, marked_symmetric
 from dolfinx_contact._petsc import staged
 from dolfinx_contact.algorithms.exchange import save_points
 from dolfinx_contact.algorithms.point_problem import PointProblem
@@ -55,14 +54,13 @@ from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.laws.cones import no_cones
 from dolfinx_contact.reduced.gathered import GatheredPoints
+from dolfinx_contact.reduced.held_body import ROUND_OFF, HeldBody, HeldField, with_dirichlet_rows
 from dolfinx_contact.reduced.scope import check_reducible
 
 __all__ = ["Reduction"]
 
 Array = npt.NDArray[np.float64]
 _DEFINITE = 1e-10  # least eigenvalue of the condensed stiffness, whose mean diagonal entry is 1
-_ROUND_OFF = 2.0**-53
-_TERMS = 256  # of a row of the matrix, at most, or nearly so
 _SYMMETRIC = 1e-8  # of the largest entry of the condensed stiffness
 
 
@@ -127,7 +125,7 @@ class Reduction:
         b.destroy(), c.destroy()
         self.points = GatheredPoints(parametric)
         self._m = self.points.number
-        self._factorise(parametric.contact(x, gamma, piece).u)
+        self._body = self._held_at_points(parametric.contact(x, gamma, piece).u)
         T = self.points.frames
         m = self._m
         d = self._dim
@@ -252,15 +250,15 @@ class Reduction:
         S = np.abs(self.S)
         of_S, rest, rate = self._errors
         w = np.abs(self._w[:, : self._dim]).reshape(-1)
-        length = len(S) * _ROUND_OFF
+        length = len(S) * ROUND_OFF
         of_load = of_S @ w + length * (S @ w) + rest + abs(gamma - self._gamma) * rate
         sums = np.abs(self.load) + abs(gamma) * np.abs(self.rate)
-        return of_S, of_load + 64 * _ROUND_OFF * sums
+        return of_S, of_load + 64 * ROUND_OFF * sums
 
     @property
     def rate_errors(self) -> Array:
         """By how much q may be off (dim m,)."""
-        return self._errors[2] + 64 * _ROUND_OFF * np.abs(self.rate)
+        return self._errors[2] + 64 * ROUND_OFF * np.abs(self.rate)
 
     @cached_property
     def _errors(self) -> tuple[Array, Array, Array]:
@@ -273,7 +271,7 @@ class Reduction:
             for v in (self._sizes_of_jumps, self._residuals_of_jumps)
         )
         rest, rate = (np.asarray(X * r / k) for r in self._residuals_of_loads)
-        return (np.outer(X, R) + np.outer(R, X)) / k + 64 * _ROUND_OFF * np.abs(self.S), rest, rate
+        return (np.outer(X, R) + np.outer(R, X)) / k + 64 * ROUND_OFF * np.abs(self.S), rest, rate
 
     # -- points ----------------------------------------------------------------------------------
 
@@ -293,13 +291,12 @@ class Reduction:
 
     # -- the body --------------------------------------------------------------------------------
 
-    def _factorise(self, u: Array) -> None:
+    def _held_at_points(self, u: Array) -> HeldBody:
         """[K, -B^T; -B, 0], with the Dirichlet rows of H: symmetric, as a rule."""
         eq = self._equations
         first = 0
-        K = eq.bulk.stiffness(u).copy()
+        K = with_dirichlet_rows(eq.bulk.stiffness(u), eq, self._scale)
         fixed = np.flatnonzero(eq.fixed[: self._nodal]) + K.getOwnershipRange()[0]
-        K.zeroRowsColumns(fixed.astype(PETSc.IntType), diag=self._scale)
         wanted = self.points.local
         blocks = []
         motions = []
@@ -318,104 +315,58 @@ class Reduction:
             here.destroy()
             first += s.points.number
         # Whatever holds a displacement, its rows have units of force.
-        fields = [(K, fixed, blocks)]
+        whole = self.points.guided
+        fields = [HeldField(K, blocks, without_forces=None if whole else fixed)]
         if eq.rigid.size:
             still = np.flatnonzero(eq.rigid.here(eq.rigid.fixed))
-            fields.append((eq.rigid.diagonal(self._scale), still, motions))
-        self._matrix = self._bordered(fields)
-        for stiffness, _, parts in fields:
-            for thing in (stiffness, *parts):
+            diagonal = eq.rigid.diagonal(self._scale)
+            fields.append(HeldField(diagonal, motions, without_forces=None if whole else still))
+        body = HeldBody(self.comm, fields, -self._scale, prefix="condensed_", counted=False)
+        for field in fields:
+            for thing in (field.stiffness, *field.rows):
                 thing.destroy()
-        symmetric = marked_symmetric(self._matrix)
-        self._factor = Factor(self.comm, "condensed_", symmetric=symmetric, columns=True)
-        if not self._factor.factorise(self._matrix):
-            raise RuntimeError(
-                "the body held at its contact points is singular: it cannot be solved"
-            )
-
-    def _bordered(
-        self, fields: list[tuple[PETSc.Mat, npt.NDArray[np.int64], list[PETSc.Mat]]]
-    ) -> PETSc.Mat:
-        """[K, -B^T; -B, 0] of fields that move: K, prescribed rows, and B surface by surface."""
-        scale = self._scale
-        number = len(fields)
-        # Whatever holds a displacement, its rows have units of force.
-        scaled = [[B * -scale for B in parts] for _, _, parts in fields]
-        transposed = [[B.transpose(PETSc.Mat()) for B in parts] for parts in scaled]
-        rows: list[list[PETSc.Mat | None]] = []
-        for i, (K, fixed, _) in enumerate(fields):
-            for B in transposed[i]:
-                if not self.points.guided:
-                    B.zeroRows(fixed.astype(PETSc.IntType), diag=0.0)
-            rows.append([K if i == k else None for k in range(number)] + transposed[i])
-        for parts in zip(*scaled, strict=True):
-            rows.append([*parts, *(None for _ in transposed[0])])
-        nest = PETSc.Mat().createNest(rows, comm=self.comm)
-        matrix = nest.convert("aij", PETSc.Mat())
-        for thing in (nest, *(B for parts in (*scaled, *transposed) for B in parts)):
-            thing.destroy()
-        return matrix
+        return body
 
     def _reactions_to_jumps(self) -> tuple[Array, Array, Array]:
         """Forces at the points by jumps there, (dim m, dim m). Collective.
 
         With the sizes of the solutions and of their residuals (dim m,).
         """
-        local = self._matrix.getLocalSize()[0]
         d = self._dim
         columns = d * self._m
         rows = (d * self.points.mine[:, None] + np.arange(d)).reshape(-1)
         mine = np.empty((len(rows), columns))
         squares = np.empty((2, columns))
-        scale = self._scale
+        unit = self._body.unit
         places = self._n + np.arange(len(rows))
-        entries = np.full(len(rows), -scale), (places, rows)
-        jumps = Columns(entries, shape=(local, columns))
-        for a in range(0, columns, BATCH):
-            part = jumps[:, a : a + BATCH]
-            out = self._factor.solve_columns(part)
-            mine[:, a : a + BATCH] = scale * out.getDenseArray(readonly=True)[self._n :]
-            product = self._matrix.matMult(out)
+        entries = np.full(len(rows), unit), (places, rows)
+        jumps = Columns(entries, shape=(self._n + len(rows), columns))
+        for here, part, X in self._body.answers(jumps):
+            mine[:, here] = -unit * X.getDenseArray(readonly=True)[self._n :]
+            product = self._body.matrix.matMult(X)
             i, j = part.nonzero()
-            product.getDenseArray()[i, j] += scale
-            for of, v in zip(squares, (out, product), strict=True):
+            product.getDenseArray()[i, j] -= unit
+            for of, v in zip(squares, (X, product), strict=True):
                 array = v.getDenseArray(readonly=True)
-                of[a : a + BATCH] = np.einsum("ij,ij->j", array, array)
-            product.destroy(), out.destroy()
+                of[here] = np.einsum("ij,ij->j", array, array)
+            product.destroy()
         S = np.empty((columns, columns))
         for part, theirs in zip(self.comm.allgather(mine), self.comm.allgather(rows), strict=True):
             S[theirs] = part
         sizes, residuals = np.sqrt(self.comm.allreduce(squares))
-        return S, sizes, residuals + self._round_off(sizes, scale)
-
-    def _round_off(self, x: Any, b: Any) -> Any:
-        """Of a residual b - A x, by the sizes of x and b. Collective."""
-        A = self._matrix
-        size = np.sqrt(A.norm(PETSc.NormType.NORM_1) * A.norm(PETSc.NormType.NORM_INFINITY))
-        return _TERMS * _ROUND_OFF * (size * x + b)
+        return S, sizes, residuals + self._body.round_off(sizes, self._scale)
 
     def _solve(self, load: Array, jumps: Array) -> tuple[Array, Array, float]:
         """Displacements (owned) and forces at all points for a load and jumps (m, dim). Collective.
 
         With the size of the residual.
         """
-        b, x = self._matrix.createVecs()
-        scale = self._scale
-        b.array[: self._n] = load
-        b.array[self._n :] = -scale * jumps[self.points.mine].reshape(-1)
-        self._factor.solve(b, x)
-        u = x.array_r[: self._n].copy()
+        u, *holding = self._body.solve(load, jumps[self.points.mine].reshape(-1))
+        mine = -np.concatenate(holding).reshape(-1, self._dim)
         forces = np.zeros((self._m, self._dim))
-        mine = scale * x.array_r[self._n :].reshape(-1, self._dim)
         for places, part in self.comm.allgather((self.points.mine, mine)):
             forces[places] = part
-        off = self._round_off(x.norm(), b.norm())
-        b.scale(-1.0)
-        residual = b.duplicate()
-        self._matrix.multAdd(x, b, residual)
-        off += residual.norm()
-        b.destroy(), x.destroy(), residual.destroy()
-        return u, forces, float(off)
+        return u, forces, self._body.left()
 
     # -- states ----------------------------------------------------------------------------------
 
@@ -482,7 +433,7 @@ class Reduction:
 
     def destroy(self) -> None:
         """Free the PETSc objects."""
-        for thing in (self._factor, self._matrix, self._x):
+        for thing in (self._body, self._x):
             thing.destroy()
 
 

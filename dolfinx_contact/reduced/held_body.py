@@ -1,0 +1,273 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""The body with some motions of its contact points held, factorised once.
+
+    [ K   C^T ] [ u ]   [ b ]
+    [ A    0  ] [ p ] = [ c ]
+
+with rows A that say which motions are held, and the forces C^T p that hold them (C = A for a
+support; other forces come with friction). Rows of Dirichlet data are put in. All that eliminates
+the body does it here: the condensed problem (`reduction`) and analyses of the body in contact.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import csc_matrix as Columns
+from scipy.sparse import csr_matrix as Rows
+
+from dolfinx_contact._factor import BATCH, Factor, marked_symmetric
+from dolfinx_contact.equations.contact import ContactEquations
+
+__all__ = [
+    "ROUND_OFF",
+    "HeldBody",
+    "HeldField",
+    "columns_of",
+    "is_positive_definite",
+    "saddle",
+    "with_dirichlet_rows",
+]
+
+Array = npt.NDArray[np.float64]
+ROUND_OFF = 2.0**-53
+_TERMS = 256  # of a row of the matrix, at most, or nearly so
+
+
+def with_dirichlet_rows(A: PETSc.Mat, eq: ContactEquations, diagonal: float) -> PETSc.Mat:
+    """A copy of a matrix of the displacement with rows of Dirichlet data put in. Collective.
+
+    Args:
+        A: to be copied.
+        eq: knows what is fixed.
+        diagonal: entry of such rows; the others, and their columns, are 0.
+    """
+    A = A.copy()
+    fixed = np.flatnonzero(eq.fixed[: eq.owned_sizes[0]]) + A.getOwnershipRange()[0]
+    A.zeroRowsColumns(fixed.astype(PETSc.IntType), diag=diagonal)
+    return A
+
+
+@dataclass(frozen=True, eq=False)
+class HeldField:
+    """What moves: displacements of the body, or motions of rigid bodies.
+
+    Attributes:
+        stiffness: K, with Dirichlet rows put in.
+        rows: A, blocks of rows; all fields have as many.
+        forces: C, by default A.
+        without_forces: numbers of rows in which C^T p is 0 whatever C is; None: there are none.
+    """
+
+    stiffness: PETSc.Mat
+    rows: Sequence[PETSc.Mat]
+    forces: Sequence[PETSc.Mat] | None = None
+    without_forces: npt.NDArray[np.int64] | None = None
+
+    def transposed(self, unit: float) -> list[PETSc.Mat]:
+        """U C^T, to be destroyed. Collective."""
+        found = []
+        for C in self.rows if self.forces is None else self.forces:
+            block = C.transpose(PETSc.Mat())
+            block.scale(unit)
+            if self.without_forces is not None:
+                block.zeroRows(self.without_forces.astype(PETSc.IntType), diag=0.0)
+            found.append(block)
+        return found
+
+
+def saddle(fields: Sequence[HeldField], unit: float) -> PETSc.Mat:
+    """[K, u C^T; u A, 0] with the unit u of multipliers, AIJ, rank by rank. Collective."""
+    scaled = [[A * unit for A in field.rows] for field in fields]
+    transposed = [field.transposed(unit) for field in fields]
+    rows: list[list[PETSc.Mat | None]] = []
+    for i, (field, forces) in enumerate(zip(fields, transposed, strict=True)):
+        rows.append([field.stiffness if i == k else None for k in range(len(fields))] + forces)
+    for blocks in zip(*scaled, strict=True):
+        rows.append([*blocks, *(None for _ in transposed[0])])
+    nest = PETSc.Mat().createNest(rows, comm=fields[0].stiffness.comm)
+    matrix = nest.convert("aij", PETSc.Mat())
+    for thing in (nest, *(A for blocks in (*scaled, *transposed) for A in blocks)):
+        thing.destroy()
+    return matrix
+
+
+def is_positive_definite(eq: ContactEquations, A: PETSc.Mat) -> bool:
+    """Whether a matrix of the displacement is symmetric and positive definite. Collective.
+
+    Args:
+        eq: knows what is fixed, where it does not matter.
+        A: the matrix; the signs of its pivots decide, but for round-off.
+    """
+    inside = with_dirichlet_rows(A, eq, eq.stiffness_scale)
+    definite = False
+    if marked_symmetric(inside):
+        factor = Factor(eq.comm, "analysis_", symmetric=True, counted=True)
+        definite = factor.factorise(inside) and factor.inertia[:2] == (0, 0)
+        factor.destroy()
+    inside.destroy()
+    return definite
+
+
+def columns_of(rows: PETSc.Mat) -> Columns:
+    """The transposed of some rows, owned rows (n, k): loads that act there. Collective."""
+    transposed = rows.transpose(PETSc.Mat())
+    indptr, columns, values = transposed.getValuesCSR()
+    shape = (len(indptr) - 1, rows.getSize()[0])
+    transposed.destroy()
+    return Rows((values, columns, indptr), shape=shape).tocsc()
+
+
+class HeldBody:
+    """See the module. Collective, as all its methods are.
+
+    Args:
+        comm: communicator.
+        fields: what moves; the order of the rows is that of the multipliers p.
+        unit: of multipliers, of the size of the stiffness.
+        prefix: of PETSc options.
+        counted: whether the matrix may be indefinite or singular, and its signs are asked for; by
+            default without rows.
+
+    Attributes:
+        sizes: numbers of unknowns of this rank: of the fields together, then the blocks of p.
+        matrix: of the whole; multipliers are forces over `unit`.
+
+    Raises:
+        RuntimeError: if the body is not held.
+    """
+
+    def __init__(
+        self,
+        comm: Any,
+        fields: Sequence[HeldField],
+        unit: float,
+        *,
+        prefix: str = "analysis_",
+        counted: bool | None = None,
+    ):
+        self.comm = comm
+        self.unit = unit
+        rows = fields[0].rows
+        moving = sum(field.stiffness.getLocalSize()[0] for field in fields)
+        self.sizes = [moving, *(A.getLocalSize()[0] for A in rows)]
+        self.matrix = saddle(fields, unit)
+        # Alone the body's matrix may be indefinite or singular, and says so by its signs.
+        counted = not rows if counted is None else counted
+        kind: dict[str, bool] = dict(symmetric=marked_symmetric(self.matrix), counted=counted)
+        self._factor = Factor(self.comm, prefix, columns=True, **kind)
+        if not self._factor.factorise(self.matrix):
+            raise RuntimeError("the body is not held: Dirichlet data and contact leave it to move")
+        self._b, self._x = self.matrix.createVecs()
+
+    def solve(self, *loads: Array) -> list[Array]:
+        """Displacement and multipliers, forces, for the owned parts of b and c.
+
+        Args:
+            loads: b, then parts of c one after the other; what is left out is 0.
+        """
+        self._b.set(0.0)
+        for i, (load, place) in enumerate(zip(loads, self._starts, strict=False)):
+            scale = 1.0 if i == 0 else self.unit
+            self._b.array[place : place + len(load)] = scale * load
+        self._factor.solve(self._b, self._x)
+        parts = np.split(self._x.array_r.copy(), self._starts[1:])
+        return [parts[0], *(self.unit * p for p in parts[1:])]
+
+    def left(self) -> float:
+        """By how much the last `solve` may be off, the size of its residual. Collective."""
+        off = self.round_off(self._x.norm(), self._b.norm())
+        self._b.scale(-1.0)
+        residual = self._b.duplicate()
+        self.matrix.multAdd(self._x, self._b, residual)
+        off += residual.norm()
+        residual.destroy()
+        return float(off)
+
+    def round_off(self, x: Any, b: Any) -> Any:
+        """Of a residual b - A x, by the sizes of x and b. Collective."""
+        A = self.matrix
+        size = np.sqrt(A.norm(PETSc.NormType.NORM_1) * A.norm(PETSc.NormType.NORM_INFINITY))
+        return _TERMS * ROUND_OFF * (size * x + b)
+
+    @property
+    def definite(self) -> bool:
+        """Whether a body without rows is symmetric and positive definite. Collective."""
+        return self._factor.is_symmetric and self._factor.inertia[:2] == (0, 0)
+
+    @property
+    def signs(self) -> tuple[int, int]:
+        """Numbers of negative and zero eigenvalues on the motions that are left. Collective.
+
+        With m independent rows the whole matrix has m more that are negative (N. I. M. Gould, On
+        practical conditions for the existence and uniqueness of solutions to the general equality
+        quadratic programming problem, Math. Programming 32, 1985). The body must be symmetric, and
+        `counted`.
+        """
+        rows = int(self.comm.allreduce(sum(self.sizes[1:])))
+        negative, zero, _ = self._factor.inertia
+        return negative - rows, zero
+
+    @property
+    def _starts(self) -> npt.NDArray[np.int64]:
+        return np.concatenate([[0], np.cumsum(self.sizes)[:-1]]).astype(np.int64)
+
+    def answers(self, loads: Columns) -> Iterator[tuple[slice, Columns, PETSc.Mat]]:
+        """Solutions for many right-hand sides, some at a time.
+
+        Args:
+            loads: owned rows of b and of ``unit`` c, one a column (n, k), sparse.
+
+        Yields:
+            Which columns, their loads, and X, dense, which is then destroyed; multipliers in X are
+            forces over `unit`.
+        """
+        for a in range(0, loads.shape[1], BATCH):
+            part = loads[:, a : a + BATCH]
+            X = self._factor.solve_columns(part)
+            yield slice(a, a + part.shape[1]), part, X
+            X.destroy()
+
+    def respond(self, loads: Columns, seen: PETSc.Mat) -> tuple[Array, Array]:
+        """The answers to many loads b at once.
+
+        Args:
+            loads: owned rows of one vector b a column (n, k), sparse.
+            seen: rows at the displacement.
+
+        Returns:
+            What is seen of the displacements, owned rows (m, k), and the multipliers of the first
+            block, forces (sizes[1], k), of which there are none without blocks.
+        """
+        n = self.sizes[0]
+        k = loads.shape[1]
+        first = sum(self.sizes[1:2])
+        motions = np.empty((seen.getLocalSize()[0], k))
+        forces = np.empty((first, k))
+        whole = loads.copy()
+        whole.resize(sum(self.sizes), k)
+        for here, part, X in self.answers(whole):
+            found = X.getDenseArray(readonly=True)
+            forces[:, here] = self.unit * found[n : n + first]
+            u = X
+            if len(self.sizes) > 1:
+                u = PETSc.Mat().createDense(((n, None), (None, part.shape[1])), comm=self.comm)
+                u.setUp()
+                u.getDenseArray()[:] = found[:n]
+                u.assemble()
+                X.destroy()
+            product = seen.matMult(u)
+            motions[:, here] = product.getDenseArray(readonly=True)
+            product.destroy(), u.destroy()
+        return motions, forces
+
+    def destroy(self) -> None:
+        """Free the PETSc objects."""
+        for thing in (self._factor, self.matrix, self._b, self._x):
+            thing.destroy()
