@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""One set-up of sparse factorisations, of whatever matrix: by MUMPS, or as PETSc's options say."""
+"""One set-up of sparse factorisations, of whatever matrix: by MUMPS, or as PETSc's options say.
+
+Two others are set up by what owns them, with the same `DEFAULTS`: that of the KSP in the SNES of
+Newton's method, and that of the spectral transformation of SLEPc.
+"""
 
 from __future__ import annotations
 

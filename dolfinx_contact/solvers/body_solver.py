@@ -12,16 +12,18 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._petsc import options_in_database
+from dolfinx_contact._factor import Factor
 from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.reduced.held_body import with_dirichlet_rows
 from dolfinx_contact.solvers.errors import LinearSolverError
 from dolfinx_contact.solvers.hierarchy import Hierarchy
-from dolfinx_contact.solvers.linear import Direct, reasons_of
+from dolfinx_contact.solvers.linear import reasons_of
 
 __all__ = ["BodySolver"]
 
 Array = npt.NDArray[np.float64]
 _EXACT = 1e-13  # relative residual of an iterative solve that counts as exact
+_MOST = 500  # iterations
 
 
 class BodySolver:
@@ -39,6 +41,7 @@ class BodySolver:
         self._n = equations.owned_sizes[0]
         self.fixed = np.flatnonzero(equations.fixed[: self._n])
         self._assemblies = -1
+        self._factor: Factor | None = None
         self._ksp: PETSc.KSP | None = None
         self._matrix: PETSc.Mat | None = None
         self._hierarchy: Hierarchy | None = None
@@ -52,31 +55,29 @@ class BodySolver:
         if self._assemblies == eq.bulk.assemblies:
             return
         self.destroy()
-        self._matrix = K.copy()
-        rows = (self.fixed + K.getOwnershipRange()[0]).astype(PETSc.IntType)
-        self._matrix.zeroRowsColumns(rows, diag=eq.stiffness_scale)
-        self._ksp = PETSc.KSP().create(self.comm)
-        self._ksp.setOperators(self._matrix)
+        self._matrix = with_dirichlet_rows(K, eq, eq.stiffness_scale)
         prefix = eq.options.prefix + "body_"
-        self._ksp.setOptionsPrefix(prefix)
         if self.direct:
-            defaults = dict(Direct.defaults)
+            self._factor = Factor(self.comm, prefix)
+            self._ksp = self._factor.ksp
+            if not self._factor.factorise(self._matrix):
+                raise LinearSolverError("the stiffness of the body is singular: nothing holds it")
         else:
-            defaults = {"ksp_type": "cg", "ksp_max_it": 500, "ksp_norm_type": "unpreconditioned"}
-            symmetric = eq.bulk.energy is not None
-            self._hierarchy = Hierarchy(eq.V, eq.options.prefix, symmetric=symmetric)
-            pc = self._hierarchy.build(K, self.fixed.astype(np.int32), eq.stiffness_scale)
-            self._ksp.setPC(pc)
-        with options_in_database(prefix, defaults):
-            if self.direct:
-                self._ksp.setFromOptions()
-                self._ksp.setUp()
-            else:
-                self._ksp.setType(defaults["ksp_type"])
-                self._ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
-        if self.direct and self._ksp.getPC().getFailedReason() != PETSc.PC.FailedReason.NOERROR:
-            raise LinearSolverError("the stiffness of the body is singular: nothing holds it")
+            self._ksp = self._gradients(K, prefix)
         self._assemblies = eq.bulk.assemblies
+
+    def _gradients(self, K: PETSc.Mat, prefix: str) -> PETSc.KSP:
+        """Conjugate gradients with the hierarchy of a stiffness."""
+        eq = self._equations
+        symmetric = eq.bulk.energy is not None
+        self._hierarchy = Hierarchy(eq.V, eq.options.prefix, symmetric=symmetric)
+        ksp = PETSc.KSP().create(self.comm)
+        ksp.setOperators(self._matrix)
+        ksp.setOptionsPrefix(prefix)
+        ksp.setPC(self._hierarchy.build(K, self.fixed.astype(np.int32), eq.stiffness_scale))
+        ksp.setType("cg")
+        ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
+        return ksp
 
     def __call__(self, load: Array, *, tolerance: float = _EXACT) -> Array:
         """The displacement (owned,) under a load; of Dirichlet rows the displacement they ask for.
@@ -89,7 +90,7 @@ class BodySolver:
         b, x = self._matrix.createVecs()  # type: ignore[union-attr]
         b.array[:] = load
         if not self.direct:
-            self._ksp.setTolerances(rtol=tolerance, max_it=500)
+            self._ksp.setTolerances(rtol=tolerance, max_it=_MOST)
         self._ksp.solve(b, x)
         self.solves += 1
         self.krylov += self._ksp.getIterationNumber()
@@ -106,5 +107,5 @@ class BodySolver:
         for thing in (self._ksp, self._matrix):
             if thing is not None:
                 thing.destroy()
-        self._ksp = self._matrix = self._hierarchy = None
+        self._factor = self._ksp = self._matrix = self._hierarchy = None
         self._assemblies = -1
