@@ -9,6 +9,7 @@ from petsc4py import PETSc
 import numpy as np
 import pytest
 from blocks import block, half_block
+from demo_linear_triangle import linear_triangle
 
 from dolfinx_contact import Coulomb, HalfSpace, Tresca
 from dolfinx_contact.algorithms import GaussSeidel, PointProblem, load_points, save_points
@@ -16,8 +17,8 @@ from dolfinx_contact.algorithms.exchange import fclib_local
 from dolfinx_contact.reduced import Reduction
 
 COMM = MPI.COMM_WORLD
-NAMES = ("S", "p", "friction", "bound", "augmentation", "positions", "gap", "frames")
-ERRORS = ("S_error", "p_error")
+NAMES = ("S", "p", "friction", "bound", "augmentation", "positions", "gap", "frames", "rate")
+ERRORS = ("S_error", "p_error", "rate_error")
 
 
 def tilted(comm, cell):
@@ -79,6 +80,30 @@ def test_errors_hold(cell):
     assert (np.abs(points.S - S) <= points.S_error + slack).all()
     assert points.S_error.max() < 1e-9 * np.abs(points.S).max()
     assert (np.abs(points.p - p) <= points.p_error + slack * np.abs(q).max()).all()
+
+
+def test_the_rate_of_the_load():
+    """The difference of the loads of two problems without a parameter, within its error."""
+    system = linear_triangle(4, 0.5)
+    condensed = system.condensed(system.create_vector(), 0.0)
+    points = condensed.problem(0.4)
+    loads = []
+    errors = 0.0
+    for gamma in (0.0, 1.0):
+        system.constant.value = gamma
+        with Reduction.of(system.equations) as reduction:
+            found = reduction.problem()
+        assert not found.rate.any()
+        loads.append(found.p)
+        errors = errors + found.p_error
+    size = np.abs(points.rate).max()
+    assert size > 0
+    off = np.abs(loads[1] - loads[0] - points.rate)
+    assert (off <= points.rate_error + errors + 1e-14 * size).all()
+    assert points.rate_error.max() < 1e-9 * size
+    scaled = condensed.problem(0.4, unit=2.0)
+    np.testing.assert_array_equal(2.0 * scaled.rate, points.rate)
+    np.testing.assert_array_equal(2.0 * scaled.rate_error, points.rate_error)
 
 
 def local_order(points):
@@ -262,6 +287,8 @@ def test_files_that_are_none(tmp_path):
         ({"positions": np.ones((3, 2))}, r"positions must have the shape \(2, any\)"),
         ({"p_error": np.ones(2)}, r"p_error must have the shape \(4,\)"),
         ({"S_error": -np.eye(4)}, "S_error must not be negative"),
+        ({"rate": np.ones(2)}, r"rate must have the shape \(4,\)"),
+        ({"rate_error": -np.ones(4)}, "rate_error must not be negative"),
         ({"force": -1.0}, "force must be a number that is not negative"),
         ({"length": np.array([1.0, 2.0])}, "length must be a number"),
     ],

@@ -55,6 +55,8 @@ class PointProblem:
         S_error: by which entries of S may be off (dim m, dim m); None: not known. What S is off
             from its transpose is added.
         p_error: the same of p (dim m,).
+        rate: derivative of p by a parameter (dim m,), of a body that has one.
+        rate_error: by which entries of it may be off (dim m,).
 
     Raises:
         ValueError: for what is no array of numbers, shapes that do not fit, numbers that are not
@@ -74,6 +76,8 @@ class PointProblem:
     frames: Array | None = None
     S_error: Array | None = None
     p_error: Array | None = None
+    rate: Array | None = None
+    rate_error: Array | None = None
 
     def __post_init__(self) -> None:
         put = object.__setattr__
@@ -115,10 +119,12 @@ class PointProblem:
             "frames": (m, dim, dim),
             "S_error": (size, size),
             "p_error": (size,),
+            "rate": (size,),
+            "rate_error": (size,),
         }
 
     def _check_values(self) -> None:
-        for name in ("friction", "bound", "S_error", "p_error"):
+        for name in ("friction", "bound", "S_error", "p_error", "rate_error"):
             if self._is_given(name) and (getattr(self, name) < 0).any():
                 raise ValueError(f"{name} must not be negative")
         if self._is_given("augmentation") and not (self.augmentation > 0).all():
@@ -256,6 +262,8 @@ class PointProblem:
             gap=None,
             S_error=None,
             p_error=None,
+            rate=None,
+            rate_error=None,
         )
         return changed, stiffness, length
 

@@ -211,6 +211,8 @@ class Reduction:
             frames=points.frames,
             S_error=of_S * factor,
             p_error=of_load * factor,
+            rate=self.rate * factor,
+            rate_error=self.rate_errors * factor,
         )
 
     @collective("the export of contact points", _check_save)
