@@ -42,6 +42,14 @@ def test_every_status_has_a_letter_of_its_own(dim):
     assert len(seen) == (21 if dim == 2 else 15)
 
 
+def test_statuses_are_spelled_by_their_letters():
+    closed = [status.OPEN, status.STICK, status.PLUS, status.MINUS]
+    assert status.word(closed) == "ok+-"
+    assert status.word([c + status.WHERE_OPEN for c in closed[1:]]) == "KPM"
+    assert status.word(np.array(closed[:3], dtype=np.int8), dim=3) == "oks"
+    assert status.word([]) == ""
+
+
 @pytest.mark.parametrize("cell", ["quad", "hex"])
 @pytest.mark.parametrize("law", [BilinearCohesive(2.0, 0.002, 0.01, 0.5), Tresca(1.0)])
 def test_pieces_are_known_by_their_letters(cell, law):

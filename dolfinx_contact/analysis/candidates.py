@@ -24,6 +24,7 @@ from dolfinx_contact.analysis.check_proof import (
     has_status,
     matrix_of,
 )
+from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK, WHERE_OPEN
 
 __all__ = ["candidates"]
 
@@ -65,13 +66,13 @@ def candidates(
 def _starts(m: int, tries: int, random: np.random.Generator) -> Iterator[Codes]:
     """Uniform statuses, blocks of them, and any."""
     for k in range(tries):
-        if k < 4:
+        if k <= MINUS:
             yield np.full(m, k, dtype=np.int8)
         elif k % 3 == 0:
-            yield random.integers(0, 7, m).astype(np.int8)
+            yield random.integers(OPEN, MINUS + WHERE_OPEN + 1, m).astype(np.int8)
         else:
             ends = np.sort(random.integers(0, m + 1, int(random.integers(0, 4))))
-            blocks = random.integers(0, 4, len(ends) + 1)
+            blocks = random.integers(OPEN, MINUS + 1, len(ends) + 1)
             yield blocks[np.searchsorted(ends, np.arange(m), side="right")].astype(np.int8)
 
 
@@ -132,28 +133,33 @@ def _asked(
             continue
         closes = bool(mask & CLOSED) and (not mask & OPENED or rn - rho * un > 0)
         if F[i] == 0 and g[i] == 0:
-            new[i] = 2 if closes else 0
+            new[i] = PLUS if closes else OPEN
             continue
         if F[i] > 0 and not closes:
-            new[i] = 0
+            new[i] = OPEN
             continue
-        # What is left, as closed statuses: 1 stick, 2 and 3 slips.
-        shift = 0 if closes else 3
-        left = [s for s in (1, 2, 3) if mask >> (s + shift) & 1]
+        # What is left, as closed statuses.
+        shift = 0 if closes else WHERE_OPEN
+        left = [s for s in (STICK, PLUS, MINUS) if mask >> (s + shift) & 1]
         if len(left) == 1:
             new[i] = left[0] + shift
             continue
         force = rn - rho * un if mask & OPENED else rn
         radius = F[i] * force + g[i]
         pull = rt - rho * ut
-        if radius <= 0 and 1 in left and 2 in left and 3 in left:
+        below = PLUS in left and pull < -radius
+        above = MINUS in left and pull > radius
+        if radius <= 0 and len(left) == 3:
             # The law for a known contact, with forces of any sign.
-            stays = codes[i] == 1 and abs(rt) <= F[i] * abs(rn)
-            new[i] = 1 if stays else (2 if (rt > 0 if codes[i] == 1 else ut > 0) else 3)
-        elif 1 in left and (2 not in left or pull >= -radius) and (3 not in left or pull <= radius):
-            new[i] = 1 + shift
-        elif 3 not in left or (2 in left and pull < 0):
-            new[i] = 2 + shift
+            sticks = codes[i] == STICK
+            if sticks and abs(rt) <= F[i] * abs(rn):
+                new[i] = STICK
+            else:
+                new[i] = PLUS if (rt > 0 if sticks else ut > 0) else MINUS
+        elif STICK in left and not below and not above:
+            new[i] = STICK + shift
+        elif MINUS not in left or (PLUS in left and pull < 0):
+            new[i] = PLUS + shift
         else:
-            new[i] = 3 + shift
+            new[i] = MINUS + shift
     return new

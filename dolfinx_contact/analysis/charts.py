@@ -30,13 +30,14 @@ from dolfinx_contact.analysis.event_curves import EventCurves
 from dolfinx_contact.analysis.family import ContactFamily
 from dolfinx_contact.analysis.solutions import prove_solutions
 from dolfinx_contact.continuation.arguments import checked_range
+from dolfinx_contact.laws import status
 
 __all__ = ["Chart", "ChartCell", "count_solutions"]
 
 Array = npt.NDArray[np.float64]
 
 _PATIENCE = 3.0  # seconds before progress is shown
-_LETTERS = "ok+-"
+_LETTERS = status.word([status.OPEN, status.STICK, status.PLUS, status.MINUS])
 _KIND = "a chart of solutions"
 _FORMAT = 1
 
@@ -328,7 +329,7 @@ class _Counting:
 
     def _cell(self, leaf: _Leaf) -> ChartCell:
         mu, gamma = self._ends(leaf)
-        words = ("".join(_LETTERS[c] for c in np.frombuffer(s, np.int8)) for s in leaf.codes)
+        words = (status.word(np.frombuffer(s, np.int8)) for s in leaf.codes)
         return ChartCell(mu, gamma, tuple(sorted(words)), leaf.proved)
 
     def _at_border(self, level: Sequence[_Leaf], passed: npt.NDArray[np.bool_]) -> list[_Leaf]:

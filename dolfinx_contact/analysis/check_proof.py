@@ -350,13 +350,12 @@ class ReducedProblem:
 # rho (l.S^-1 l)^(1/2) on it, and one of the forces, l.r = S l.a - l.p, at most -l.p / 2 + rho (l.S
 # l)^(1/2).
 #
-# At every point six nonnegative quantities are bounded, the `SLOTS`: the parts ut+ and ut- of ut =
-# ut+ - ut-, un, the slacks s+ = F rn + g + rt and s- = F rn + g - rt of the friction bound, and rn.
-# A status is which of them may differ from zero, where s+ and s- of a point without friction do not
-# count.
+# At every point six nonnegative quantities are bounded, the slots, in this order: the parts ut+ and
+# ut- of ut = ut+ - ut-, un, the slacks s+ = F rn + g + rt and s- = F rn + g - rt of the friction
+# bound, and rn. A status is which of them may differ from zero, where s+ and s- of a point without
+# friction do not count.
 
 
-SLOTS = ("ut+", "ut-", "un", "s+", "s-", "rn")
 #: Slots that may be positive, by status: with friction, and without.
 _USED = np.zeros((7, 6), dtype=bool)
 for _status, _slots in enumerate(["012", "345", "045", "135", "234", "024", "123"]):

@@ -27,7 +27,7 @@ from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.measures import Scales
 from dolfinx_contact.equations.parametric import JacobianSolver, ParametricEquations
 from dolfinx_contact.equations.state import State
-from dolfinx_contact.laws import Coulomb, Frictionless, Tresca
+from dolfinx_contact.laws import Coulomb, Frictionless, Tresca, status
 from dolfinx_contact.reduced.reduction import Reduction
 from dolfinx_contact.reduced.scope import can_condense
 from dolfinx_contact.results.uniqueness import OTHER_DATA, Uniqueness
@@ -191,7 +191,7 @@ def _in_plane(system: ParametricEquations, x: PETSc.Vec, seconds: float) -> Uniq
             return Uniqueness(found.verdict, found.reason)
         other = x.duplicate()
         condensed.expand(found.other[1], 0.0, other)
-        letters = "".join("ok+-"[code] for code in found.other[0])
+        letters = status.word(found.other[0])
     finally:
         if condensed is not None:
             condensed.destroy()

@@ -21,6 +21,7 @@ import numpy.typing as npt
 from dolfinx_contact.analysis.event_curves import EventCurve, EventCurves, Meeting, Segment
 from dolfinx_contact.analysis.family import ContactFamily, Frame
 from dolfinx_contact.laws.coulomb import BORDERS, FIRST_BORDER
+from dolfinx_contact.laws.status import MINUS, OPEN
 
 __all__ = ["follow_events"]
 
@@ -251,7 +252,7 @@ class _Search:
         own = next(
             k
             for k, (i, beyond) in enumerate(where)
-            if i == frame.point and (beyond == frame.pair[1 - which] or codes[i] == 0)
+            if i == frame.point and (beyond == frame.pair[1 - which] or codes[i] == OPEN)
         )
         sense = np.sign(rate[own])
         lengths = [
@@ -263,8 +264,8 @@ class _Search:
             return
         i, beyond = where[k]
         there = w + lengths[k] * sense * direction
-        if codes[i] == 0 and there[i, 0] < 0 and not f.frictionless[i]:
-            beyond = 3
+        if codes[i] == OPEN and there[i, 0] < 0 and not f.frictionless[i]:
+            beyond = MINUS
         pair = sorted((int(codes[i]), beyond))
         codes[i] = FIRST_BORDER + BORDERS.index((pair[0], pair[1]))
         yield codes, there

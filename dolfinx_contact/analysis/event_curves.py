@@ -10,12 +10,11 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact.analysis.family import Frame
+from dolfinx_contact.laws import status
 
 __all__ = ["EventCurve", "EventCurves", "Meeting", "Segment"]
 
 Array = npt.NDArray[np.float64]
-
-_LETTERS = "ok+-"
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,9 +36,7 @@ class Segment:
     @property
     def statuses(self) -> tuple[str, str]:
         """Letters of the points on either side."""
-        sides = (self.frame.piece(which) for which in (0, 1))
-        before, after = ("".join(_LETTERS[c] for c in codes) for codes in sides)
-        return before, after
+        return status.word(self.frame.piece(0)), status.word(self.frame.piece(1))
 
 
 @dataclass(frozen=True, eq=False)

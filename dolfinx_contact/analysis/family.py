@@ -35,6 +35,7 @@ import numpy.typing as npt
 
 from dolfinx_contact.analysis.check_proof import ReducedProblem
 from dolfinx_contact.laws.coulomb import BASES, BORDERS, FIRST_BORDER, INSIDE, WITHOUT_FRICTION
+from dolfinx_contact.laws.status import OPEN, PLUS
 
 __all__ = ["ContactFamily", "Frame"]
 
@@ -98,7 +99,7 @@ class ContactFamily:
 
     @cached_property
     def frictionless(self) -> npt.NDArray[np.bool_]:
-        """Points that have no friction at any mu: closed, they have the code 2."""
+        """Points that have no friction at any mu: closed, they have the code of a slip, `PLUS`."""
         return np.asarray((self.friction == 0) & (self.friction_rate == 0))
 
     @cached_property
@@ -162,7 +163,7 @@ class ContactFamily:
         units = np.array([self.size, self.size, 1.0, 1.0])
         found = []
         for code in range(FIRST_BORDER + len(BORDERS)):
-            if self.frictionless[i] and code not in (0, 2, 4):
+            if self.frictionless[i] and code not in (OPEN, PLUS, FIRST_BORDER):
                 continue
             B = self.basis(i, code, mu) * units[:, None]
             scaled = w * units
@@ -318,7 +319,7 @@ class Frame:
         C_0, C_1 = next(
             (constant, slope)
             for constant, slope, beyond in f.inequalities(self.point, mine)
-            if beyond == other or mine == 0
+            if beyond == other or mine == OPEN
         )
         try:
             dz = np.asarray(np.linalg.solve(A + mu * E, f.q), dtype=float)

@@ -28,6 +28,7 @@ from dolfinx_contact.analysis.event_curves import EventCurve, EventCurves
 from dolfinx_contact.analysis.family import ContactFamily
 from dolfinx_contact.analysis.solutions import prove_solutions
 from dolfinx_contact.continuation.arguments import checked_range
+from dolfinx_contact.laws import status
 
 __all__ = ["Region", "Regions", "solution_regions"]
 
@@ -191,7 +192,7 @@ def solution_regions(
             if time.monotonic() - begun > _PATIENCE:
                 line.update(f"solutions in regions: {number + 1} of {len(bare)}")
             proof = prove_solutions(family.problem(*bare[number].middle), seconds=seconds)
-            words = ("".join("ok+-"[code] for code in s.codes) for s in proof.solutions)
+            words = (status.word(s.codes) for s in proof.solutions)
             small = family.are_small(s.state[:, 0] for s in proof.solutions)
             mine[number] = tuple(sorted(words)), proof.verdict == "complete" and small
     line.clear()

@@ -19,6 +19,7 @@ from dolfinx_contact.analysis.check_proof import (
     ReducedProblem,
     Verdict,
 )
+from dolfinx_contact.laws.status import MINUS, OPEN, STICK, WHERE_OPEN
 
 __all__ = ["ProvedSolution", "ProvedSolutions", "prove_solutions"]
 
@@ -100,7 +101,7 @@ def prove_solutions(
         raise ValueError(f"progress must be a function of a word, got {progress!r}")
     starts = [np.asarray(codes, dtype=np.int8) for codes in known]
     for codes in starts:
-        if codes.shape != (problem.points,) or codes.min() < 0 or codes.max() > 6:
+        if codes.shape != (problem.points,) or codes.min() < 0 or codes.max() > MINUS + WHERE_OPEN:
             raise ValueError(f"known must be statuses of {problem.points} points")
     certificate, proved = search(problem, starts, seconds=seconds, progress=progress)
     return _described(problem, certificate, proved)
@@ -118,7 +119,7 @@ def _described(
     solutions = [of(piece) for piece in proved.inside]
     if proved.at_rest:
         nothing = np.zeros((problem.points, 4))
-        codes = np.array([1 if g > 0 else 0 for g in problem.g], dtype=np.int8)
+        codes = np.where(problem.g > 0, STICK, OPEN).astype(np.int8)
         solutions.append(ProvedSolution(codes, nothing, nothing))
     return ProvedSolutions(
         proved.verdict,

@@ -81,8 +81,9 @@ _HIGHEST = 30.0  # times the frequency of single unknowns: above those of the bo
 _SURE = 1e-6  # relative error of an eigenvalue up to which a part of its size is none
 _DOUBLE = 1e-8  # relative distance of eigenvalues that are taken for equal
 
-#: What a point does: it is open, free along the surface, sticks, or slips with or against its d.
-OPEN, FREE, STICK, SLIP, BACK = range(5)
+#: What a point does in a motion that begins: it is or goes apart, is free along the surface, holds,
+#: or slips along or against its d.
+APART, FREE, HOLDS, ALONG, AGAINST = range(5)
 
 
 @dataclass(frozen=True)
@@ -207,10 +208,10 @@ class _Points:
             tangent = np.stack([-n[:, 1], n[:, 0]], axis=1)
             self.directions[grazes] = tangent[grazes]
         self.choices = np.full((len(n), 4), -1)
-        self.choices[:, 0] = np.where(~touches, OPEN, np.where(slope > 0, STICK, FREE))
-        self.choices[at_bound, 1] = SLIP
-        self.choices[grazes, 1] = OPEN
-        self.choices[grazes & (slope > 0), 2:] = SLIP, BACK
+        self.choices[:, 0] = np.where(~touches, APART, np.where(slope > 0, HOLDS, FREE))
+        self.choices[at_bound, 1] = ALONG
+        self.choices[grazes, 1] = APART
+        self.choices[grazes & (slope > 0), 2:] = ALONG, AGAINST
         self.border = int(eq.comm.allreduce(int((self.choices[:, 1] >= 0).sum())))
         rounds = eq.dim == 3 and bool((grazes & (slope > 0)).any())
         self.rounds = bool(eq.comm.allreduce(int(rounds)))
@@ -316,9 +317,9 @@ def _by_inertia(eq: ContactEquations, body: Body, points: _Points) -> Stability:
     doing = points.choices[:, 0]
     n = point_normals(eq)
     movable = np.linalg.norm(n * free_components(eq), axis=1) > 0.5
-    pressed = np.flatnonzero((doing != OPEN) & movable)
+    pressed = np.flatnonzero((doing != APART) & movable)
     owner, tangents = free_tangents(eq)
-    stuck = (doing == STICK)[owner]
+    stuck = (doing == HOLDS)[owner]
     rows = [
         component_rows(eq, pressed, n[pressed]),
         component_rows(eq, owner[stuck], tangents[stuck]),
@@ -454,9 +455,9 @@ def _decided(g: _Gathered, most: int, *, quiet: bool) -> Stability:
 
 def _piece(g: _Gathered, doing: npt.NDArray[np.int64]) -> tuple[Array, Array, Array, Array]:
     """K, M and C of a piece, and the motions Z that it allows."""
-    slips = (doing == SLIP) | (doing == BACK)
-    stuck = doing == STICK
-    sign = np.where(doing == BACK, -1.0, 1.0)
+    slips = (doing == ALONG) | (doing == AGAINST)
+    stuck = doing == HOLDS
+    sign = np.where(doing == AGAINST, -1.0, 1.0)
     pressed = (slips | stuck | (doing == FREE)) & ~g.held
     # Tangents that are held: all of points that stick, those across the slip of others.
     moves = slips[g.owner] & (np.abs(g.along) > 0.5)
@@ -515,14 +516,14 @@ def _in_cones(g: _Gathered, doing: npt.NDArray[np.int64], v: Array, growth: floa
     np.add.at(shear, g.owner, g.along * forces[m:])
     np.add.at(slip, g.owner, g.along * (g.T @ v))
     border = g.choices[:, 1] >= 0
-    grazing = g.choices[:, 1] == OPEN
+    grazing = g.choices[:, 1] == APART
     force = _CONE * np.abs(forces).max(initial=0.0)
     length = _CONE * np.abs(components @ v).max(initial=0.0)
-    opens = (g.N @ v <= length) | (doing != OPEN) | ~grazing
-    presses = (rn >= -force) | (doing == OPEN) | ~grazing
-    sign = np.where(doing == BACK, -1.0, 1.0)
-    goes = (sign * slip >= -length) | ((doing != SLIP) & (doing != BACK))
+    opens = (g.N @ v <= length) | (doing != APART) | ~grazing
+    presses = (rn >= -force) | (doing == APART) | ~grazing
+    sign = np.where(doing == AGAINST, -1.0, 1.0)
+    goes = (sign * slip >= -length) | ((doing != ALONG) & (doing != AGAINST))
     # A shear at its bound, -F rn d, may only become smaller in terms of the bound.
-    within = (-shear <= g.friction * rn + force) | (doing != STICK)
-    within &= (shear <= g.friction * rn + force) | (doing != STICK) | ~grazing
+    within = (-shear <= g.friction * rn + force) | (doing != HOLDS)
+    within &= (shear <= g.friction * rn + force) | (doing != HOLDS) | ~grazing
     return bool((opens & presses & goes & within)[border].all())

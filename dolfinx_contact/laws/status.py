@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """The statuses of a contact point: one table of their numbers, letters, names and colours.
 
-A point is open or closed, and friction holds it, lets it slip, or does not act. A friction bound
-that is given in advance (Tresca) acts on open points too: these have statuses of their own, the
-closed ones shifted by `WHERE_OPEN`. Tables of results call them open, as their gap is.
+A status is what three things do. A point is open or closed; friction holds it, lets it slip, or
+does not act; a bond is as it was, damages, or is broken. A friction bound that is given in advance
+(Tresca) acts on open points too: these have statuses of their own, the closed ones shifted by
+`WHERE_OPEN`. Tables of results call them open, as their gap is.
 
 Colours are those of Okabe and Ito, which most colour-blind readers tell apart.
 """
@@ -31,6 +32,7 @@ __all__ = [
     "letters",
     "senses",
     "without_damage",
+    "word",
 ]
 
 #: Without contact and friction; stick; slip with u_t > 0 (in 3D: slip); slip with u_t < 0.
@@ -41,54 +43,46 @@ WHERE_OPEN = 3
 DAMAGING = 8
 BROKEN = 16
 
-#: What contact and friction do, in words.
-_CONTACT = {
-    OPEN: "open",
-    STICK: "stick",
-    PLUS: "slip, $u_t > 0$",
-    MINUS: "slip, $u_t < 0$",
-    STICK + WHERE_OPEN: "open, held by friction",
-    PLUS + WHERE_OPEN: "open, rubbing, $u_t > 0$",
-    MINUS + WHERE_OPEN: "open, rubbing, $u_t < 0$",
-}
-#: What a bond does, in words: nothing, or what stands behind those of contact and friction.
-_BOND = {0: "", DAMAGING: ", damaging", BROKEN: ", broken"}
-#: Letters and colours in the plane, by what a bond does and what contact and friction do.
-_IN_PLANE = {
-    0: {
-        OPEN: ("o", "#dfe4ea"),
-        STICK: ("k", "#0072B2"),
-        PLUS: ("+", "#009E73"),
-        MINUS: ("-", "#E69F00"),
-        STICK + WHERE_OPEN: ("K", "#56B4E9"),
-        PLUS + WHERE_OPEN: ("P", "#99d8c7"),
-        MINUS + WHERE_OPEN: ("M", "#f5d999"),
-    },
-    DAMAGING: {
-        OPEN: ("a", "#f0c9dd"),
-        STICK: ("q", "#CC79A7"),
-        PLUS: ("r", "#8f5573"),
-        MINUS: ("l", "#b3688f"),
-        STICK + WHERE_OPEN: ("Q", "#e3b5cf"),
-        PLUS + WHERE_OPEN: ("R", "#e3b5cf"),
-        MINUS + WHERE_OPEN: ("L", "#e3b5cf"),
-    },
-    BROKEN: {
-        OPEN: ("b", "#c3cbd3"),
-        STICK: ("h", "#5b9bc4"),
-        PLUS: ("x", "#58b799"),
-        MINUS: ("y", "#edc15e"),
-        STICK + WHERE_OPEN: ("H", "#a9c6d6"),
-        PLUS + WHERE_OPEN: ("X", "#a9c6d6"),
-        MINUS + WHERE_OPEN: ("Y", "#a9c6d6"),
-    },
-}
-#: Those of slips in space, which have no sense and the numbers of `PLUS`.
-_IN_SPACE = {
-    0: {PLUS: ("s", "#E69F00"), PLUS + WHERE_OPEN: ("S", "#f5d999")},
-    DAMAGING: {PLUS: ("c", "#b3688f"), PLUS + WHERE_OPEN: ("C", "#e3b5cf")},
-    BROKEN: {PLUS: ("z", "#58b799"), PLUS + WHERE_OPEN: ("Z", "#a9c6d6")},
-}
+#: What a bond does: nothing, or what stands in words behind those of contact and friction.
+_BONDS = {0: "", DAMAGING: ", damaging", BROKEN: ", broken"}
+
+
+class _Doing(NamedTuple):
+    """A row of the table: what contact and friction do, and how that looks with each bond.
+
+    Attributes:
+        is_open: what contact does.
+        friction: what friction does: nothing (`OPEN`), stick, or slip.
+        dims: of the bodies. Slips in space have no sense, and the number of `PLUS`.
+        words: human-readable.
+        looks: letter and colour for each of `_BONDS`.
+    """
+
+    is_open: bool
+    friction: int
+    dims: tuple[int, ...]
+    words: str
+    looks: tuple[str, str, str]
+
+    def number(self, bond: int) -> int:
+        """Of the status with a bond."""
+        acts = self.friction != OPEN
+        return self.friction + (WHERE_OPEN if self.is_open and acts else 0) + bond
+
+
+#: Contact x friction x bond. A closed point on which friction does nothing has no row of its own:
+#: it slips, under a bound that is zero, and has the number of `PLUS`.
+_TABLE = (
+    _Doing(True, OPEN, (2, 3), "open", ("o #dfe4ea", "a #f0c9dd", "b #c3cbd3")),
+    _Doing(False, STICK, (2, 3), "stick", ("k #0072B2", "q #CC79A7", "h #5b9bc4")),
+    _Doing(False, PLUS, (2,), "slip, $u_t > 0$", ("+ #009E73", "r #8f5573", "x #58b799")),
+    _Doing(False, MINUS, (2,), "slip, $u_t < 0$", ("- #E69F00", "l #b3688f", "y #edc15e")),
+    _Doing(False, PLUS, (3,), "slip", ("s #E69F00", "c #b3688f", "z #58b799")),
+    _Doing(True, STICK, (2, 3), "open, held by friction", ("K #56B4E9", "Q #e3b5cf", "H #a9c6d6")),
+    _Doing(True, PLUS, (2,), "open, rubbing, $u_t > 0$", ("P #99d8c7", "R #e3b5cf", "X #a9c6d6")),
+    _Doing(True, MINUS, (2,), "open, rubbing, $u_t < 0$", ("M #f5d999", "L #e3b5cf", "Y #a9c6d6")),
+    _Doing(True, PLUS, (3,), "open, rubbing", ("S #f5d999", "C #e3b5cf", "Z #a9c6d6")),
+)
 _CLAMPED = "d"  # held by Dirichlet data, whatever contact would do
 
 
@@ -105,17 +99,14 @@ class _Row(NamedTuple):
 def _rows(dim: int) -> list[_Row]:
     """All statuses in a plane or in space."""
     found = []
-    for bond, in_plane in _IN_PLANE.items():
-        for contact, look in in_plane.items():
-            words = _CONTACT[contact]
-            letter, colour = look
-            if dim == 3 and contact in (MINUS, MINUS + WHERE_OPEN):
+    for place, (bond, behind) in enumerate(_BONDS.items()):
+        for doing in _TABLE:
+            if dim not in doing.dims:
                 continue
-            if dim == 3 and contact in _IN_SPACE[bond]:
-                letter, colour = _IN_SPACE[bond][contact]
-                words = words.partition(", $")[0]
-            kind = words.partition(",")[0]
-            found.append(_Row(contact + bond, letter, words + _BOND[bond], colour, kind))
+            letter, colour = doing.looks[place].split()
+            kind = doing.words.partition(",")[0]
+            name = doing.words + behind
+            found.append(_Row(doing.number(bond), letter, name, colour, kind))
     return found
 
 
@@ -138,6 +129,11 @@ def letters(dim: int) -> npt.NDArray[np.str_]:
     for row in _ROWS[dim]:
         found[row.number] = row.letter
     return found
+
+
+def word(codes: npt.ArrayLike, dim: int = 2) -> str:
+    """The letters of points with these statuses (m,), one after the other."""
+    return "".join(letters(dim)[np.asarray(codes, dtype=np.int64)])
 
 
 def count(word: str) -> dict[str, int]:
