@@ -4,12 +4,12 @@
 By name they solve contact problems: `ContactProblem.solve(algorithm=...)`.
 """
 
-from dolfinx_contact.algorithms.complementarity import Lemke
+from dolfinx_contact.algorithms.complementarity import Lemke, coulomb_by_lemke
 from dolfinx_contact.algorithms.exchange import load_points, save_points
 from dolfinx_contact.algorithms.gauss_seidel import GaussSeidel
 from dolfinx_contact.algorithms.interior_point import InteriorPoint
 from dolfinx_contact.algorithms.iteration import Algorithm, Outcome, Trend
-from dolfinx_contact.algorithms.lemke import RayTermination, coulomb_by_lemke, lemke
+from dolfinx_contact.algorithms.lemke import RayTermination, lemke
 from dolfinx_contact.algorithms.penalty import Penalty
 from dolfinx_contact.algorithms.point_problem import PointProblem
 from dolfinx_contact.algorithms.projected_cg import ProjectedGradient

@@ -25,6 +25,7 @@ method may end in a ray though there is a solution.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
@@ -35,12 +36,15 @@ from dolfinx_contact.algorithms.iteration import Algorithm, Iteration, check
 from dolfinx_contact.algorithms.lemke import RayTermination, lemke
 from dolfinx_contact.algorithms.point_problem import PointProblem
 from dolfinx_contact.algorithms.semismooth import newton_step
+from dolfinx_contact.laws.coulomb import violation
 
-__all__ = ["Lemke", "copositive_form", "klarbring_form"]
+__all__ = ["Lemke", "copositive_form", "coulomb_by_lemke", "klarbring_form"]
 
 Array = npt.NDArray[np.float64]
 _POLISH = 6  # Newton steps at most,
 _POLISHED = 1e-3  # to this part of the tolerance
+_ROUND_OFF = 1e-12  # violations of the law that need no such step, relative,
+_LARGEST_VIOLATION = 1e-7  # and those by which an answer counts as none
 
 
 @dataclass(frozen=True)
@@ -82,18 +86,16 @@ class Lemke(Algorithm):
             return
         finally:
             iteration.outcome.series["covering"] = [cover for cover, _ in path]
-        m = problem.number
         if self.form == "klarbring":
-            rn, _, lacks = z.reshape(3, m)
-            rt = (problem.radius(rn) - lacks)[:, None]
+            rn, _, lacks = z.reshape(3, problem.number)
+            r = np.column_stack([problem.radius(rn) - lacks, rn])
         else:
-            rn = z[:m]
-            parts = z[m:-m].reshape(m, -1)
-            rt = parts @ directions
-        r = np.column_stack([rt, rn]) * stiffness * length
+            r = _copositive_forces(z, directions)
+        r = r * stiffness * length
         a = contact.displacements(r)
         if contact.dim == 2:
-            a, r = _polished(contact, r, iteration)
+            enough = _POLISHED * iteration.trend.tolerance
+            a, r = _polished(contact, r, lambda a, r: iteration.measure(a, r).worst, enough)
         iteration.stops(a, r, pivots=pivots)
         found = iteration.outcome
         if contact.dim == 2 and not found.converged:
@@ -105,23 +107,69 @@ class Lemke(Algorithm):
             )
 
 
-def _polished(contact: PointProblem, r: Array, iteration: Iteration) -> tuple[Array, Array]:
+def coulomb_by_lemke(
+    S: Array, p: Array, friction: Array, *, bound: Array | None = None
+) -> tuple[Array, int]:
+    """A solution of S a = r + p with Coulomb friction in 2D; see `lemke` why there is one.
+
+    Args:
+        S: reduced stiffness, (2 m, 2 m), ordered ut, un point by point, positive definite.
+        p: reduced load, (2 m,).
+        friction: coefficients F >= 0, (m,).
+        bound: friction bounds g >= 0 beside F rn, forces, (m,).
+
+    Returns:
+        The state (ut, un, rt, rn) of every point, (m, 4), and the number of pivots.
+
+    Raises:
+        ValueError: as `PointProblem`, and if it is not in the plane.
+        RayTermination: never but for round-off, which a badly conditioned S (1e8) may bring; an
+            answer that is none is not returned.
+    """
+    given = PointProblem(S, p, friction, np.zeros(0) if bound is None else bound)
+    if given.dim != 2:
+        raise ValueError("friction in space is no complementarity problem but for a polygon")
+    contact, stiffness, length = given.scaled()
+    directions = tangents(2, 2)
+    z, pivots = lemke(*copositive_form(contact, directions))
+
+    def measure(a: Array, r: Array) -> float:
+        ut, un = a.T
+        rt, rn = r.T
+        return violation(ut, un, rt, rn, contact.friction, contact.bound)
+
+    a, r = _polished(contact, _copositive_forces(z, directions), measure, _ROUND_OFF)
+    worst = measure(a, r)
+    if not worst < _LARGEST_VIOLATION:
+        raise RayTermination(f"round-off: the law is violated by {worst:.1e} of the load")
+    return np.column_stack([a * length, r * stiffness * length]), pivots
+
+
+def _polished(
+    contact: PointProblem, r: Array, measure: Callable[[Array, Array], float], enough: float
+) -> tuple[Array, Array]:
     """The state under forces (m, 2) without the round-off of their way, (m, 2) each.
 
     The compliance and the table know lengths and forces to their condition times round-off. What
     they have found are statuses: with these equilibrium is solved anew, by the stiffness itself.
+
+    Args:
+        contact: the problem.
+        r: the forces.
+        measure: by how much displacements and forces are off.
+        enough: of that, at which nothing is left to do.
     """
     a = contact.displacements(r)
     best = (a, r)
-    least = iteration.measure(a, r).worst
+    least = measure(a, r)
     for _ in range(_POLISH):
-        if least <= _POLISHED * iteration.trend.tolerance:
+        if least <= enough:
             break
         try:
             a, r = newton_step(contact, a, r)
         except np.linalg.LinAlgError:  # there are many states of these statuses
             break
-        worst = iteration.measure(a, r).worst
+        worst = measure(a, r)
         if worst < least:
             best = (a, r)
             least = worst
@@ -161,6 +209,12 @@ def copositive_form(contact: PointProblem, directions: Array) -> tuple[Array, Ar
         ]
     )
     return M, np.concatenate([cn, (ct @ directions.T).reshape(-1), contact.bound])
+
+
+def _copositive_forces(z: Array, directions: Array) -> Array:
+    """The forces (m, dim) of unknowns of the copositive form."""
+    m = len(z) // (2 + len(directions))
+    return np.column_stack([z[m:-m].reshape(m, -1) @ directions, z[:m]])
 
 
 def klarbring_form(contact: PointProblem) -> tuple[Array, Array]:

@@ -105,6 +105,7 @@ class _Interior:
     def __init__(self, contact: PointProblem, r: Array):
         problem, stiffness, self._length = contact.scaled()
         self._force = stiffness * self._length
+        self._problem = problem
         self._A = problem.A
         self._c = problem.free
         m = problem.number
@@ -143,7 +144,7 @@ class _Interior:
 
     @property
     def _radius(self) -> Array:
-        return np.asarray(self._F * self._r[:, -1] + self._g)
+        return self._problem.radius(self._r[:, -1])
 
     def _displacement(self) -> Array:
         return np.asarray((self._A @ self._r.reshape(-1)).reshape(self._r.shape) + self._c)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Lemke's method, and friction in the plane as the problem that it cannot fail on.
+r"""Lemke's method, and why it cannot fail on friction in the plane (`complementarity`).
 
 The reduced problem has S a = r + p with the positive definite stiffness S of the contact points,
 a = (ut, un) and the forces r = (rt, rn) on the body. With A = S^{-1}, c = A p and
@@ -27,139 +27,17 @@ import numpy as np
 import numpy.typing as npt
 from scipy.linalg.blas import dger
 
-from dolfinx_contact.laws.coulomb import radius, violation
-
-__all__ = ["RayTermination", "coulomb_by_lemke", "lemke"]
+__all__ = ["RayTermination", "lemke"]
 
 Array = npt.NDArray[np.float64]
 
 _TIE = 1e-11  # of ratios that count as equal, relative to the largest unknown
-_LARGEST_VIOLATION = 1e-7  # of the law, relative, by which an answer counts as none
-_ROUND_OFF = 1e-12  # violations that need no second look,
-_ROUNDS = 4  # looks at the statuses at most
 _NOTHING = 1e-9  # of the largest unknown, z_0 that is 0
 _PIVOT = 1e-11  # entries that count as zero, relative to the largest of their column
 
 
 class RayTermination(ArithmeticError):
     """Lemke's method ended in a ray, took more pivots than it may, or was lost in round-off."""
-
-
-def coulomb_by_lemke(
-    S: Array, p: Array, friction: Array, *, bound: Array | None = None
-) -> tuple[Array, int]:
-    """A solution of S a = r + p with Coulomb friction in 2D; see the module.
-
-    Args:
-        S: reduced stiffness, (2 m, 2 m), ordered ut, un point by point, positive definite.
-        p: reduced load, (2 m,).
-        friction: coefficients F >= 0, (m,).
-        bound: friction bounds g >= 0 beside F rn, forces, (m,).
-
-    Returns:
-        The state (ut, un, rt, rn) of every point, (m, 4), and the number of pivots.
-
-    Raises:
-        ValueError: if a number is not finite, F or g is negative, or S is not positive definite.
-        RayTermination: never but for round-off, which a badly conditioned S (1e8) may bring; an
-            answer that is none is not returned.
-    """
-    m = len(friction)
-    bound = np.zeros(m) if bound is None else np.asarray(bound, dtype=np.float64)
-    if not all(np.isfinite(v).all() for v in (S, p, friction, bound)):
-        raise ValueError("stiffness, load or friction is not finite")
-    if (friction < 0).any() or (bound < 0).any():
-        raise ValueError("the friction must not be negative")
-    try:
-        np.linalg.cholesky((S + S.T) / 2)
-    except np.linalg.LinAlgError:
-        raise ValueError("the reduced stiffness is not positive definite") from None
-    stiffness = float(np.abs(np.diag(S)).mean())
-    A = np.linalg.inv(S / stiffness)
-    c = A @ p / stiffness
-    length = float(np.abs(c).max()) or 1.0
-    c = c / length
-    t = np.arange(0, 2 * m, 2)
-    n = np.arange(1, 2 * m, 2)
-    att, atn, ant, ann = (A[np.ix_(i, j)] for i, j in ((t, t), (t, n), (n, t), (n, n)))
-    zero = np.zeros((m, m))
-    one = np.eye(m)
-    F = np.diag(friction)
-    M = np.block(
-        [
-            [ann, ant, -ant, zero],
-            [atn, att, -att, one],
-            [-atn, -att, att, one],
-            [F, -one, -one, zero],
-        ]
-    )
-    given = np.asarray(bound / (stiffness * length), dtype=np.float64)
-    q = np.concatenate([c[n], c[t], -c[t], given])
-    z, pivots = lemke(M, q)
-    rn, plus, minus, _ = z.reshape(4, m)
-    r: Array = np.empty(2 * m)
-    r[t] = plus - minus
-    r[n] = rn
-    a: Array = np.asarray(A @ r + c, dtype=np.float64)
-    worst = violation(a[t], a[n], r[t], r[n], friction, given)
-    scaled = np.asarray(S / stiffness)
-    load = np.asarray(p / (stiffness * length))
-    near: tuple[Array, Array] | None = (a, r)
-    for _ in range(_ROUNDS):
-        if worst <= _ROUND_OFF or near is None:
-            break
-        near = _with_statuses(scaled, load, friction, given, *near)
-        if near is not None:
-            off = violation(near[0][t], near[0][n], near[1][t], near[1][n], friction, given)
-            if off < worst:
-                worst = off
-                a, r = near
-    if not worst < _LARGEST_VIOLATION:
-        raise RayTermination(f"round-off: the law is violated by {worst:.1e} of the load")
-    state = np.stack([a[t], a[n], r[t] * stiffness, r[n] * stiffness], axis=1)
-    return state * length, pivots
-
-
-def _with_statuses(
-    S: Array, p: Array, friction: Array, bound: Array, a: Array, r: Array
-) -> tuple[Array, Array] | None:
-    """The state with the statuses of (a, r), both up to round-off; None if there is none.
-
-    Args:
-        S: stiffness (2 m, 2 m).
-        p: load (2 m,).
-        friction: coefficients (m,).
-        bound: friction bounds beside these (m,).
-        a: displacements (2 m,).
-        r: forces (2 m,).
-
-    Returns:
-        Displacements and forces, (2 m,) each.
-    """
-    size = len(p)
-    t = np.arange(0, size, 2)
-    n = np.arange(1, size, 2)
-    closed = r[n] > a[n]
-    most = radius(np.where(closed, r[n], 0.0), friction, bound)
-    stuck = (closed | (bound > 0)) & (most - np.abs(r[t]) > np.abs(a[t]))
-    sense = np.where(a[t] == 0, -np.sign(r[t]), np.sign(a[t]))
-    # Rows of a, then of r: S a - r = p, and at every point two that the status tells.
-    rows = np.zeros((2 * size, 2 * size))
-    right = np.zeros(2 * size)
-    rows[:size, :size] = S
-    rows[:size, size:] = -np.eye(size)
-    right[:size] = p
-    law = np.arange(size, 2 * size)
-    rows[law[n], np.where(closed, n, size + n)] = 1.0
-    rows[law[t], np.where(stuck, t, size + t)] = 1.0
-    slips = ~stuck
-    rows[law[t[slips & closed]], size + n[slips & closed]] = (sense * friction)[slips & closed]
-    right[law[t[slips]]] = -(sense * bound)[slips]
-    try:
-        x = np.linalg.solve(rows, right)
-    except np.linalg.LinAlgError:
-        return None
-    return np.asarray(x[:size], np.float64), np.asarray(x[size:], np.float64)
 
 
 def lemke(

@@ -201,6 +201,10 @@ class PointProblem:
         """Forces (m, dim) projected: rn >= 0, and rt on the disc of that rn."""
         return coulomb.allowed(r, self.friction, self.bound)
 
+    def derivative(self, s: Array) -> Array:
+        """Of these by forces s (m, dim), one of a kink where it has several (m, dim, dim)."""
+        return coulomb.derivative(s, self.friction, self.bound)
+
     def augmented(self, a: Array, r: Array) -> Array:
         """The forces r - k a of which the laws are asked, (m, dim)."""
         return r - self.augmentation[:, None] * a

@@ -52,7 +52,7 @@ def newton_step(contact: PointProblem, a: Array, r: Array) -> tuple[Array, Array
     # H of Newton's method: its forces are unknowns of their own.
     k = contact.augmentation
     s = r - k[:, None] * a
-    D = derivative(contact, s)
+    D = contact.derivative(s)
     m = contact.number
     d = contact.dim
     off = (r - contact.allowed(s)).reshape(-1)
@@ -146,28 +146,10 @@ def _residual(contact: PointProblem, a: Array, held: Array | None, k: Array) -> 
 
 def _jacobian(contact: PointProblem, s: Array, held: Array | None, k: Array) -> Array:
     m, d = s.shape
-    D = derivative(contact, s)
+    D = contact.derivative(s)
     S = contact.S.reshape(m, d, m * d)
     J = S.copy() if held is not None else S - np.einsum("ipq,iqn->ipn", D, S)
     J = J.reshape(m, d, m, d)
     every = np.arange(m)
     J[every, :, every] += D * k[:, None, None]
     return J.reshape(m * d, m * d)
-
-
-def derivative(contact: PointProblem, s: Array) -> Array:
-    """The derivative of Pi at s, one of a kink where it has several, (m, dim, dim)."""
-    m, d = s.shape
-    D = np.zeros((m, d, d))
-    pushes = s[:, -1] > 0
-    D[pushes, -1, -1] = 1.0
-    radius = contact.radius(s[:, -1])
-    size = np.linalg.norm(s[:, :-1], axis=1)
-    inside = size <= radius
-    D[inside, :-1, :-1] = np.eye(d - 1) * (radius[inside] > 0)[:, None, None]
-    out = ~inside
-    e = s[out, :-1] / size[out, None]
-    across = np.eye(d - 1) - e[:, :, None] * e[:, None, :]
-    D[out, :-1, :-1] = (radius[out] / size[out])[:, None, None] * across
-    D[out, :-1, -1] = (contact.friction[out] * pushes[out])[:, None] * e
-    return D

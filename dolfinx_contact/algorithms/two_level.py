@@ -67,21 +67,22 @@ def linearised(contact: PointProblem, a: Array, r: Array) -> tuple[Array, Array,
     free = np.ones((m, d), dtype=bool)
     free[closed, -1] = False
     free[stuck, :-1] = False
-    slips = ~stuck & (contact.radius(np.where(closed, r[:, -1], 0.0)) > 0)
+    pressure = np.where(closed, r[:, -1], 0.0)
+    radius = contact.radius(pressure)
+    grows = np.where(pressure > 0, contact.friction, 0.0)
+    slips = ~stuck & (radius > 0)
     G = r.copy()
     J = contact.S.reshape(m, d, m * d).copy()
     shear = contact.augmented(a, r)[:, :-1]
     size = np.linalg.norm(shear, axis=1)
     for i in np.flatnonzero(slips):
         e = -shear[i] / size[i]
-        rn = r[i, -1] if closed[i] else 0.0
-        radius = contact.friction[i] * rn + contact.bound[i]
-        G[i, :-1] += radius * e
-        if closed[i]:
-            J[i, :-1] += contact.friction[i] * np.outer(e, contact.S[d * i + d - 1])
+        G[i, :-1] += radius[i] * e
+        if grows[i] > 0:
+            J[i, :-1] += grows[i] * np.outer(e, contact.S[d * i + d - 1])
         if d == 3:
             # e turns with the shear and the slip.
-            turn = (np.eye(2) - np.outer(e, e)) * radius / size[i]
+            turn = (np.eye(2) - np.outer(e, e)) * radius[i] / size[i]
             own = slice(d * i, d * i + 2)
             J[i, :-1] -= turn @ contact.S[own]
             J[i, :-1, own] += contact.augmentation[i] * turn

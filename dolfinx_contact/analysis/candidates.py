@@ -2,8 +2,12 @@
 """Solutions of a region's problem, in which the inequalities of decided points are dropped.
 
 A semismooth Newton method on statuses: solve a piece, give every point the status that its numbers
-ask for among those that are allowed, and when that comes back to statuses it had, change one point
+require among those that are allowed, and when that comes back to statuses it had, change one point
 at a time. Nothing is proved here.
+
+Pieces, and which parts of a point are free in them, are those of the checker (`check_proof`), whose
+search this serves. The law is not that of `laws.coulomb`: of a point whose contact is decided the
+normal force may have any sign, and of one whose friction is decided some statuses are left out.
 """
 
 from __future__ import annotations
@@ -77,13 +81,14 @@ def _starts(m: int, tries: int, random: np.random.Generator) -> Iterator[Codes]:
 
 
 def _newton(problem: ReducedProblem, allowed: Masks, codes: Codes, rho: float) -> Codes | None:
+    """Statuses that require themselves; None if none are found."""
     seen: set[bytes] = set()
     single = 0
     for _ in range(_ROUNDS + 3 * problem.points):
         state = _state(problem, codes)
         if state is None:
             return None
-        new = _asked(problem, allowed, codes, state, rho)
+        new = _required(problem, allowed, codes, state, rho)
         differs = np.flatnonzero(new != codes)
         if len(differs) == 0:
             return codes
@@ -117,13 +122,14 @@ def _state(problem: ReducedProblem, codes: Codes) -> tuple[Array, Array, Array, 
     return ut, un, np.where(free, slip, z[:, 0]), rn
 
 
-def _asked(
+def _required(
     problem: ReducedProblem,
     allowed: Masks,
     codes: Codes,
     state: tuple[Array, Array, Array, Array],
     rho: float,
 ) -> Codes:
+    """Statuses that displacements and forces require, of each point one that is allowed (m,)."""
     new = codes.copy()
     F = problem.friction
     g = problem.g

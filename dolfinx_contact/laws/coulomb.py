@@ -31,6 +31,7 @@ __all__ = [
     "WITHOUT_FRICTION",
     "allowed",
     "closed",
+    "derivative",
     "project",
     "radius",
     "statuses",
@@ -57,6 +58,24 @@ def allowed(r: Array, friction: Array, bound: Array) -> Array:
     """Forces (m, dim) projected: rn >= 0, and rt on the disc of that rn."""
     rn = np.maximum(r[:, -1], 0.0)
     return np.column_stack([project(r[:, :-1], radius(rn, friction, bound)), rn])
+
+
+def derivative(s: Array, friction: Array, bound: Array) -> Array:
+    """That of `allowed` at s (m, dim), one of a kink where it has several, (m, dim, dim)."""
+    m, d = s.shape
+    D = np.zeros((m, d, d))
+    pushes = s[:, -1] > 0
+    D[pushes, -1, -1] = 1.0
+    discs = radius(s[:, -1], friction, bound)
+    size = np.linalg.norm(s[:, :-1], axis=1)
+    inside = size <= discs
+    D[inside, :-1, :-1] = np.eye(d - 1) * (discs[inside] > 0)[:, None, None]
+    out = ~inside
+    e = s[out, :-1] / size[out, None]
+    across = np.eye(d - 1) - e[:, :, None] * e[:, None, :]
+    D[out, :-1, :-1] = (discs[out] / size[out])[:, None, None] * across
+    D[out, :-1, -1] = (friction[out] * pushes[out])[:, None] * e
+    return D
 
 
 def closed(s: Array) -> npt.NDArray[np.bool_]:
