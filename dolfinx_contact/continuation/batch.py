@@ -21,6 +21,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
+from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
@@ -174,7 +175,7 @@ class FreeSteps(ExactSteps):
 
     def piece_between(self, a: BranchPoint, c: BranchPoint) -> Piece | None:
         same = bool(np.array_equal(a.piece.codes, c.piece.codes))
-        return a.piece if self.bordered.comm.allreduce(same, op=_all) else None
+        return a.piece if self.bordered.comm.allreduce(same, op=MPI.LAND) else None
 
     def end_at(
         self,
@@ -251,7 +252,3 @@ class BatchedSteps(FreeSteps):
             return np.inf
         mine = [f for f, change in step.changes if change.rank == comm.rank and locate(change)]
         return float(comm.allreduce(min(mine, default=np.inf), op=min))
-
-
-def _all(a: bool, b: bool) -> bool:
-    return a and b

@@ -4,17 +4,18 @@ r"""Nonsmooth points: the pieces that meet there and the one-sided tangents that
 Where points change their status the branch goes on in another piece. A piece has an outgoing ray if
 its own events at those points grow along its tangent, in one of the two senses. For one point the
 status named by its event is tried first; the others are tried if that fails, or if the parity of
-the determinants says that more branches meet. For k points at once all their statuses are tried.
+the determinants says that more branches meet. For k points at once the tangent cone is asked, or
+all their statuses are tried (`ray_finder`).
 """
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
+from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
@@ -23,15 +24,12 @@ import numpy.typing as npt
 from dolfinx_contact.continuation.borders import again
 from dolfinx_contact.continuation.branch import Change, Ray
 from dolfinx_contact.continuation.corrector import Corrector
-from dolfinx_contact.continuation.ray_finder import Kink, RayFinder, number_of_pieces
-from dolfinx_contact.continuation.rays import outgoing
+from dolfinx_contact.continuation.ray_finder import FoundRays, Kink, RayFinder
 from dolfinx_contact.continuation.system import Events, Piece
 
 __all__ = ["Crossing", "cross", "finder_at", "kinks_at", "parity"]
 
-logger = logging.getLogger(__name__)
-
-_MOST_PIECES = 1024
+_MOST_PIECES = 1024  # that are tried
 _PROBE = 1e-6  # length at which one-sided derivatives of events are taken
 
 
@@ -91,32 +89,27 @@ def cross(
     kinks = kinks_at(corrector, y, piece, tolerance)
     finder = finder_at(corrector, y, kinks)
     if len(kinks) > 1:
-        crossing = _by_tangent_cone(finder, corrector, y, t, kinks, tolerance)
-        if crossing is not None:
-            return crossing
+        found = finder.by_tangent_cone(100 * tolerance)
+        if found is not None:
+            return _of_all(finder, corrector, t, kinks, found)
     natural = tuple(k.target for k in kinks)
     rays = _not_back(corrector, piece, t, finder.of_statuses(piece, kinks, natural, t))
     sign = parity(corrector, y, piece, t, rays[0]) if len(rays) == 1 else 0
-    complete = False
-    meet = len(kinks) > 1 or len(rays) != 1 or sign <= 0
-    if meet and number_of_pieces(kinks) <= _MOST_PIECES:
-        complete = True
-        more = finder.enumerated(piece, kinks, t, tried=natural)
-        rays += _not_back(corrector, piece, t, more)
-    method = "enumeration of the pieces" if complete else ""
-    if not rays and not complete:
-        rays = _ray_of_H(finder, corrector, y, piece, t)
-        method = "one step of Newton's method on H"
+    found = FoundRays((), False, "")
+    if len(kinks) > 1 or len(rays) != 1 or sign <= 0:
+        found = finder.enumerated(piece, kinks, t, most=_MOST_PIECES, tried=natural)
+        rays += _not_back(corrector, piece, t, found.rays)
+    if not rays and not found.complete:
+        found = _led_by_H(finder, corrector, piece, t)
+        rays = list(found.rays)
     if not rays:
-        return Crossing(len(kinks), None, (), sign, (), complete)
+        return Crossing(len(kinks), None, (), sign, (), found.complete)
     onwards, *others = finder.distinct(rays)
-    crossing = _crossing(corrector, kinks, onwards, others, sign, complete)
-    return replace(crossing, method=method)
+    crossing = _crossing(corrector, kinks, onwards, others, sign, found.complete)
+    return replace(crossing, method=found.method)
 
 
-def _ray_of_H(
-    finder: RayFinder, corrector: Corrector, y: PETSc.Vec, incoming: Piece, t: PETSc.Vec
-) -> list[Ray]:
+def _led_by_H(finder: RayFinder, corrector: Corrector, incoming: Piece, t: PETSc.Vec) -> FoundRays:
     """The ray on which the corrector for H itself ends; or none. Others are not looked for."""
     b = corrector.bordered
     forwards = 1.0 if b.gamma(t) >= 0 else -1.0
@@ -128,42 +121,16 @@ def _ray_of_H(
     return finder.led_by_H((forwards, -forwards), leads, tangent_at_point=False)
 
 
-def _by_tangent_cone(
+def _of_all(
     finder: RayFinder,
     corrector: Corrector,
-    y: PETSc.Vec,
     t: PETSc.Vec,
     kinks: tuple[Kink, ...],
-    tolerance: float,
-) -> Crossing | None:
-    """Ways out where several points switch, by the condensed problem; None if there is none."""
+    found: FoundRays,
+) -> Crossing:
+    """What all rays say, without that which leads back; the straightest leads onwards."""
     b = corrector.bordered
-    x, gamma = b.split(y)
-    x = x.copy()
-    condensed = b.system.condensed(x, gamma)
-    if condensed is None:
-        return None
-    w = condensed.contract(x)
-    base = b.vector()
-    condensed.expand(w, gamma, x)
-    b.join(x, gamma, base)
-    cone = condensed.system.tangent_cone(w, 100 * tolerance)
-    prove = b.system.prove_rays
-    rays = []
-    found = outgoing(cone, prove=partial(prove, condensed))
-    for ray in found.rays:
-        tangent = b.vector()
-        condensed.expand(w + ray.direction, gamma + ray.rate, x)
-        b.join(x, gamma + ray.rate, tangent)
-        tangent.axpy(-1.0, base)
-        tangent.scale(1.0 / np.sqrt(b.inner(tangent, tangent)))
-        rays.append(Ray(condensed.piece(ray.codes), tangent))
-    base.destroy(), x.destroy()
-    if not condensed.exact:
-        condensed.destroy()
-    if b.comm.rank == 0:
-        logger.info("gamma = %.10g: %d rays by %s", gamma, len(rays), found.method)
-    rays = [r for r in finder.distinct(rays) if b.inner(r.tangent, t) > -1 + 1e-6]
+    rays = [r for r in finder.distinct(found.rays) if b.inner(r.tangent, t) > -1 + 1e-6]
     if not rays:
         return Crossing(len(kinks), None, (), 0, (), found.complete, found.method)
     onwards, *others = sorted(rays, key=lambda r: -b.inner(r.tangent, t))
@@ -220,8 +187,8 @@ def _stays_inside(corrector: Corrector, y: PETSc.Vec, kinks: tuple[Kink, ...], r
     at_border = np.abs(here.distance) <= _border(here, slope)
     bad = chosen & np.where(at_border, slope < -1e-7 * largest, here.distance < 0)
     idle = chosen & at_border & (np.abs(slope) <= 1e-7 * largest)
-    inside = not b.comm.allreduce(bool(bad.any()), op=_any)
-    moves = b.comm.allreduce(bool((chosen & at_border & ~idle).any()), op=_any)
+    inside = not b.comm.allreduce(bool(bad.any()), op=MPI.LOR)
+    moves = b.comm.allreduce(bool((chosen & at_border & ~idle).any()), op=MPI.LOR)
     return inside and moves
 
 
@@ -231,12 +198,12 @@ def _border(events: Events, slope: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
     return np.full_like(events.distance, max(1e-2 * size, 1e-11 * _largest(events.distance)))
 
 
-def _not_back(corrector: Corrector, piece: Piece, t: PETSc.Vec, rays: list[Ray]) -> list[Ray]:
+def _not_back(corrector: Corrector, piece: Piece, t: PETSc.Vec, rays: Sequence[Ray]) -> list[Ray]:
     """Rays without the incoming one."""
     kept = []
     for ray in rays:
         same_piece = corrector.bordered.comm.allreduce(
-            bool(np.array_equal(ray.piece.codes, piece.codes)), op=_all
+            bool(np.array_equal(ray.piece.codes, piece.codes)), op=MPI.LAND
         )
         if not (same_piece and corrector.bordered.inner(ray.tangent, t) < 0):
             kept.append(ray)
@@ -245,11 +212,3 @@ def _not_back(corrector: Corrector, piece: Piece, t: PETSc.Vec, rays: list[Ray])
 
 def _largest(values: npt.NDArray[Any]) -> float:
     return float(np.max(np.abs(values), initial=0.0))
-
-
-def _any(a: bool, b: bool) -> bool:
-    return a or b
-
-
-def _all(a: bool, b: bool) -> bool:
-    return a and b

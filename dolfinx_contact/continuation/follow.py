@@ -12,6 +12,7 @@ import math
 from itertools import pairwise
 from typing import Literal, TypeAlias
 
+from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
@@ -303,7 +304,7 @@ class Follower(Walker):
         moved.destroy()
         most = abs(gamma - point.gamma) * (1 / abs(slope) + 1 / abs(onwards)) if onwards else 0.0
         same = bool(np.array_equal(new.piece.codes, point.piece.codes))
-        same = b.comm.allreduce(same, op=_all)
+        same = b.comm.allreduce(same, op=MPI.LAND)
         if same and distance <= _FURTHER * most:
             return new
         self.corrector.reject()
@@ -319,7 +320,7 @@ class Follower(Walker):
         b = self.bordered
         comm = self.bordered.comm
         same = bool(np.array_equal(start.piece.codes, point.piece.codes))
-        if point is start or not comm.allreduce(same, op=_all):
+        if point is start or not comm.allreduce(same, op=MPI.LAND):
             return False
         chord = new.y - point.y
         back = start.y - point.y
@@ -460,7 +461,3 @@ def _steps(corrector: Corrector, locate: Locate | None) -> ExactSteps:
     if locate is not None:
         raise ValueError(f"kinks that are {kinks} leave nothing to locate: only batched ones do")
     return ExactSteps(corrector) if kinks == "exact" else SteppingSteps(corrector)
-
-
-def _all(a: bool, b: bool) -> bool:
-    return a and b

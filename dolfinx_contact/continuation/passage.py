@@ -14,6 +14,7 @@ from __future__ import annotations
 import logging
 from dataclasses import replace
 
+from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
@@ -125,8 +126,4 @@ class SteppingSteps(FreeSteps):
 
     def _same(self, a: Piece, c: Piece) -> bool:
         same = bool(np.array_equal(a.codes, c.codes))
-        return bool(self.bordered.comm.allreduce(same, op=_all))
-
-
-def _all(a: bool, b: bool) -> bool:
-    return a and b
+        return bool(self.bordered.comm.allreduce(same, op=MPI.LAND))

@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Rays that lead out of a point at which pieces of H meet.
 
-Where the system is condensed onto few points its cones have all the answers (`rays`). Here H itself
-is asked, of which nothing is known but its pieces, in two ways:
+They are found in three ways:
 
+- *by the tangent cone*, where the system is condensed onto few points: its rays are all those of H
+  (`rays`: by enumeration, or unfolded).
 - *enumerated*: every point at a border takes each of its statuses. A piece has an outgoing ray if
-  its tangent, in one of its two senses, stays inside its borders.
+  its tangent, in one of its two senses, stays inside its borders. Nothing is known of H but its
+  pieces, and these must be few.
 - *led by H*: near the point H = 0 is solved with the statuses recomputed, at a gamma a little
   larger or smaller. That finds one ray, also where more pieces meet than can be tried.
 
@@ -15,9 +17,10 @@ When a ray counts as inside, and in what norm two rays are one, is for those to 
 from __future__ import annotations
 
 import itertools
-import math
+import logging
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 from petsc4py import PETSc
 
@@ -25,9 +28,12 @@ import numpy as np
 
 from dolfinx_contact.continuation.branch import Ray
 from dolfinx_contact.continuation.corrector import Corrector
+from dolfinx_contact.continuation.rays import distinct, number_of_pieces, outgoing
 from dolfinx_contact.continuation.system import Piece
 
-__all__ = ["Kink", "RayFinder", "number_of_pieces"]
+__all__ = ["FoundRays", "Kink", "RayFinder"]
+
+logger = logging.getLogger(__name__)
 
 _LENGTHS = (1e-3, 1e-2, 1e-4, 1e-5)  # of steps on H itself
 _SAME = 1e-6  # of the size of a tangent
@@ -44,9 +50,19 @@ class Kink:
     statuses: tuple[int, ...]
 
 
-def number_of_pieces(kinks: Sequence[Kink]) -> int:
-    """How many pieces meet where points are at a kink."""
-    return math.prod(len(k.statuses) for k in kinks)
+@dataclass(frozen=True)
+class FoundRays:
+    """Rays that lead out of a point.
+
+    Attributes:
+        rays: as they were found.
+        complete: whether it is known that there are no others.
+        method: how they were looked for, or why they were not, human-readable.
+    """
+
+    rays: tuple[Ray, ...]
+    complete: bool
+    method: str
 
 
 class RayFinder:
@@ -99,15 +115,64 @@ class RayFinder:
         piece: Piece,
         kinks: Sequence[Kink],
         towards: PETSc.Vec,
+        *,
+        most: int,
         tried: tuple[int, ...] | None = None,
-    ) -> list[Ray]:
-        """Rays of all statuses of ``kinks``, without those that have been ``tried``."""
-        return [
+    ) -> FoundRays:
+        """Rays of all statuses of points at a kink; none if too many pieces meet.
+
+        Args:
+            piece: which the other points stay in.
+            kinks: those points.
+            towards: of the two senses of a tangent that which is looked at first.
+            most: pieces that are tried.
+            tried: statuses that have been tried before.
+        """
+        number = number_of_pieces(len(k.statuses) for k in kinks)
+        if number > most:
+            return FoundRays((), False, f"{number} pieces meet there, too many to be tried")
+        rays = tuple(
             ray
             for codes in itertools.product(*(k.statuses for k in kinks))
             if codes != tried
             for ray in self.of_statuses(piece, kinks, codes, towards)
-        ]
+        )
+        return FoundRays(rays, True, f"enumeration of {number} pieces")
+
+    def by_tangent_cone(self, tolerance: float) -> FoundRays | None:
+        """Rays of the tangent cone; None where the system is not condensed.
+
+        Args:
+            tolerance: distances to borders that count as zero.
+        """
+        b = self._corrector.bordered
+        x, gamma = b.split(self._y)
+        x = x.copy()
+        condensed = b.system.condensed(x, gamma)
+        if condensed is None:
+            x.destroy()
+            return None
+        w = condensed.contract(x)
+        condensed.expand(w, gamma, x)
+        base = b.vector()
+        b.join(x, gamma, base)
+        cone = condensed.system.tangent_cone(w, tolerance)
+        found = outgoing(cone, prove=partial(b.system.prove_rays, condensed))
+        rays = []
+        for ray in found.rays:
+            condensed.expand(w + ray.direction, gamma + ray.rate, x)
+            tangent = b.vector()
+            b.join(x, gamma + ray.rate, tangent)
+            tangent.axpy(-1.0, base)
+            tangent.scale(1.0 / np.sqrt(b.inner(tangent, tangent)))
+            rays.append(Ray(condensed.piece(ray.codes), tangent))
+        base.destroy()
+        x.destroy()
+        if not condensed.exact:
+            condensed.destroy()
+        if b.comm.rank == 0:
+            logger.info("gamma = %.10g: %d rays by %s", gamma, len(rays), found.method)
+        return FoundRays(tuple(rays), found.complete, found.method)
 
     def led_by_H(
         self,
@@ -115,8 +180,8 @@ class RayFinder:
         leads: Callable[[Ray, PETSc.Vec], bool],
         *,
         tangent_at_point: bool,
-    ) -> list[Ray]:
-        """The ray on which H itself has a solution beside the point; none if there is none.
+    ) -> FoundRays:
+        """The ray on which H itself has a solution beside the point; others are not looked for.
 
         Args:
             senses: in which gamma is changed, in this order.
@@ -124,12 +189,13 @@ class RayFinder:
                 given with it.
             tangent_at_point: whether tangents are those at the point; else at the solution.
         """
+        method = "one step of Newton's method on H"
         for there, away, piece in self._solutions_beside(senses):
             at = self._y if tangent_at_point else there
             tangent = self._corrector.tangent(at, away, piece)
             if tangent is not None and leads(ray := Ray(piece, tangent), away):
-                return [ray]
-        return []
+                return FoundRays((ray,), False, method)
+        return FoundRays((), False, method)
 
     def _solutions_beside(
         self, senses: Sequence[float]
@@ -151,8 +217,4 @@ class RayFinder:
 
     def distinct(self, rays: Sequence[Ray]) -> list[Ray]:
         """Rays without those that stand before."""
-        kept: list[Ray] = []
-        for ray in rays:
-            if not any(self.same(ray, other) for other in kept):
-                kept.append(ray)
-        return kept
+        return distinct(rays, self.same)

@@ -17,9 +17,10 @@ the tangent cone. Its solutions are rays. They are found
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Sequence
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -31,6 +32,7 @@ __all__ = [
     "MOST_PIECES",
     "AffineRay",
     "Rays",
+    "distinct",
     "neighbours",
     "number_of_pieces",
     "outgoing",
@@ -38,6 +40,7 @@ __all__ = [
     "step",
 ]
 
+Item = TypeVar("Item")
 #: Looks for a proof of all rays of a cone, of which some are known.
 Prove = Callable[[AffineSystem, Sequence[tuple[Codes, float]]], RayProof | None]
 
@@ -103,9 +106,9 @@ def neighbours(
     return found
 
 
-def number_of_pieces(cone: AffineSystem) -> float:
-    """Of a system."""
-    return float(np.prod(cone.allowed.sum(axis=1).astype(float)))
+def number_of_pieces(statuses: Iterable[int]) -> int:
+    """How many pieces there are if points may take so many statuses each."""
+    return math.prod(int(number) for number in statuses)
 
 
 def outgoing(
@@ -132,7 +135,7 @@ def outgoing(
     choices = [np.flatnonzero(a) for a in cone.allowed]
     if not all(len(c) for c in choices):
         return Rays(tuple(known), False, "no enumeration: a point is in no cone, for round-off")
-    pieces = number_of_pieces(cone)
+    pieces = number_of_pieces(len(c) for c in choices)
     if pieces <= MOST_PIECES:
         wide: list[Codes] = []
         found = list(known)
@@ -142,12 +145,12 @@ def outgoing(
                 found += _enumerate(cone, choices, wide)
         except FloatingPointError as error:
             doubt = f", {error}"
-        rays = _distinct(found)
+        rays = distinct(found, same_direction)
         edges = [(codes, _inside_of(cone, codes, rays)) for codes in wide]
         continua = tuple((codes, ends) for codes, ends in edges if len(ends) > 1)
         if continua:
             doubt += ", with continua between these"
-        method = f"enumeration of {pieces:.0f} pieces{doubt}"
+        method = f"enumeration of {pieces} pieces{doubt}"
         return Rays(tuple(rays), not doubt, method, continua)
     unfolded = _unfold(cone, known, choices, tries, seed)
     proof = None if prove is None else prove(cone, [(r.codes, r.rate) for r in unfolded.rays])
@@ -159,7 +162,7 @@ def _with_proof(cone: AffineSystem, unfolded: Rays, proof: RayProof) -> Rays:
     pieces = [(cone.piece(codes), rate) for codes, rate in proof.rays]
     certain = [AffineRay(p.codes, p.at(rate), rate) for p, rate in pieces if p is not None]
     complete = proof.verdict == "complete" and len(certain) == len(pieces)
-    rays = _distinct([*unfolded.rays, *certain])
+    rays = distinct([*unfolded.rays, *certain], same_direction)
     return Rays(tuple(rays), complete, f"{unfolded.method}, {proof.method}")
 
 
@@ -308,7 +311,7 @@ def _unfold(
     tries: int,
     seed: int,
 ) -> Rays:
-    rays = _distinct([*known, *_by_newton(cone, choices)])
+    rays = distinct([*known, *_by_newton(cone, choices)], same_direction)
     idle = 0
     count = 0
     random = np.random.default_rng(seed)
@@ -324,7 +327,7 @@ def _unfold(
         for ray in rays:
             if not any(same_direction(ray, end) for end in ends):
                 ends += [end for end in [_other_end(unfolded, ray)] if end is not None]
-        rays = _distinct([*rays, *ends])
+        rays = distinct([*rays, *ends], same_direction)
         idle = idle + 1 if len(rays) == before else 0
         count = count + 1
     return Rays(tuple(rays), False, f"{count} unfoldings of {len(choices)} points")
@@ -399,9 +402,10 @@ def same_direction(a: AffineRay, b: AffineRay) -> bool:
     return a.rate == b.rate and bool(np.abs(a.direction - b.direction).max() <= 1e-7 * unit)
 
 
-def _distinct(rays: Sequence[AffineRay] | list[Any]) -> list[AffineRay]:
-    kept: list[AffineRay] = []
-    for ray in rays:
-        if not any(same_direction(ray, other) for other in kept):
-            kept.append(ray)
+def distinct(items: Iterable[Item], same: Callable[[Item, Item], bool]) -> list[Item]:
+    """Items without those that are the same as one before."""
+    kept: list[Item] = []
+    for item in items:
+        if not any(same(item, other) for other in kept):
+            kept.append(item)
     return kept

@@ -281,7 +281,7 @@ def _of_cones(system: System, x: PETSc.Vec, gamma: float, seconds: float) -> Sol
     affine = condensed.system
     affine.require_finite()
     sure = None
-    if number_of_pieces(affine) > MOST_PIECES:
+    if number_of_pieces(affine.allowed.sum(axis=1)) > MOST_PIECES:
         sure = _of_proof(system, x, gamma, seconds)
     if sure is not None and sure.complete:
         return sure

@@ -29,7 +29,7 @@ import numpy.typing as npt
 from dolfinx_contact.continuation.branch import Ray
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.crossing import parity
-from dolfinx_contact.continuation.ray_finder import Kink, RayFinder, number_of_pieces
+from dolfinx_contact.continuation.ray_finder import FoundRays, Kink, RayFinder
 from dolfinx_contact.continuation.system import Events, Piece
 
 __all__ = ["Directions", "RateProblem"]
@@ -37,7 +37,7 @@ __all__ = ["Directions", "RateProblem"]
 _PROBE = 1e-4  # length over which rates of distances are taken, either way
 _IDLE = 1e-10  # of the largest rate: no rate
 _ROUNDS = 40  # of Newton's method
-_MOST_PIECES = 256
+_MOST_PIECES = 256  # that are tried
 _ALIKE = 1e-6  # of the steepest fall: as steep but for round-off
 _DIGITS = 6  # of cosines that distinguish directions
 
@@ -98,10 +98,10 @@ class RateProblem:
         found = self._by_newton(piece, t)
         if found is not None and not every:
             return Directions(found, method="Newton's method for the rate problem")
-        rays, complete = self._enumerated(piece, t)
-        if found is not None:
-            rays.insert(0, found)
-        rays = rays or self._as_H_leads(t)
+        every_ray = self._enumerated(piece, t)
+        complete = every_ray.complete
+        rays = [*([found] if found is not None else []), *every_ray.rays]
+        rays = rays or self._led_by_H(t)
         back = self._by_newton(piece, self._reversed(t))
         if back is not None:
             rays = [r for r in rays if not self._finder.same(r, back)]
@@ -123,7 +123,7 @@ class RateProblem:
     def begun(self, piece: Piece, towards: PETSc.Vec) -> Directions:
         """The ways on from a start, on the side of ``towards``."""
         ray = self._by_newton(piece, towards, oriented=False)
-        rays = [ray] if ray is not None else self._as_H_leads(towards)
+        rays = [ray] if ray is not None else self._led_by_H(towards)
         return Directions(rays[0] if rays else None, method="Newton's method for the rate problem")
 
     # -- one piece -------------------------------------------------------------------------------
@@ -220,8 +220,8 @@ class RateProblem:
 
     # -- several ---------------------------------------------------------------------------------
 
-    def _enumerated(self, piece: Piece, t: PETSc.Vec) -> tuple[list[Ray], bool]:
-        """Directions by all statuses of the points at a border, and whether all were tried."""
+    def _enumerated(self, piece: Piece, t: PETSc.Vec) -> FoundRays:
+        """Directions by all statuses of the points at a border, unless these are too many."""
         rank = self._comm.rank
         mine = []
         order = self._b.system.order()
@@ -235,16 +235,15 @@ class RateProblem:
             mine.append((int(order[i]), Kink(rank, int(i), code, targets[0], every)))
         placed = [pair for part in self._comm.allgather(mine) for pair in part]
         kinks = [kink for _, kink in sorted(placed, key=lambda pair: pair[0])]
-        if number_of_pieces(kinks) > _MOST_PIECES:
-            return [], False
-        return self._finder.enumerated(piece, kinks, t), True
+        return self._finder.enumerated(piece, kinks, t, most=_MOST_PIECES)
 
-    def _as_H_leads(self, t: PETSc.Vec) -> list[Ray]:
+    def _led_by_H(self, t: PETSc.Vec) -> list[Ray]:
         """The direction in which H itself, statuses recomputed, has a solution nearby."""
         sense = 1.0 if self._b.gamma(t) >= 0 else -1.0
-        return self._finder.led_by_H(
+        found = self._finder.led_by_H(
             (sense,), lambda ray, _away: self._leads_out(ray), tangent_at_point=True
         )
+        return list(found.rays)
 
     # -- tools -----------------------------------------------------------------------------------
 

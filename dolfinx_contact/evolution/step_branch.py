@@ -20,7 +20,6 @@ import numpy.typing as npt
 from dolfinx_contact.continuation import Follower, StepControl
 from dolfinx_contact.continuation.branch import BranchPoint, Ray, SpecialPoint
 from dolfinx_contact.continuation.crossing import finder_at, kinks_at
-from dolfinx_contact.continuation.ray_finder import number_of_pieces
 from dolfinx_contact.equations.state import Statuses
 from dolfinx_contact.evolution.accepted import AcceptedState, Stepper
 from dolfinx_contact.solvers.following import Loaded
@@ -28,7 +27,7 @@ from dolfinx_contact.solvers.following import Loaded
 __all__ = ["StepBranch", "branch_of_step"]
 
 _MOST_STEPS = 400
-_MOST_PIECES = 256
+_MOST_PIECES = 256  # that are tried
 _MOST_TURNS = 16
 _AT_BORDER = 1e-8  # of the largest distance to a border: at it
 _NO_MORE = 1e-9  # of the load of a step, along a unit ray: not more
@@ -150,11 +149,11 @@ def _at_turn(follower: Follower, special: SpecialPoint) -> _Turn:
         largest = float(np.max(np.abs(events.distance), initial=0.0))
         tolerance = _AT_BORDER * b.comm.allreduce(largest, op=max)
         kinks = kinks_at(follower.corrector, special.y, incoming.piece, tolerance)
-        number = number_of_pieces(kinks)
-        if number > _MOST_PIECES:
-            return _Turn(f"{number} pieces meet there, too many to be tried")
         finder = finder_at(follower.corrector, special.y, kinks)
-        rays = finder.enumerated(incoming.piece, kinks, incoming.tangent)
-        method = f"enumeration of {number} pieces"
+        found = finder.enumerated(incoming.piece, kinks, incoming.tangent, most=_MOST_PIECES)
+        if not found.complete:
+            return _Turn(found.method)
+        rays = list(found.rays)
+        method = found.method
     more = [ray for ray in rays if b.gamma(ray.tangent) > _NO_MORE]
     return _Turn(f"the load turns back, by {method}", True, more, f"by {method}")
