@@ -156,19 +156,9 @@ class NSCD(Evolution):
             )
         self.velocity = fem.Function(V, name="velocity") if velocity is None else velocity
         self._method = method
-        weight = 2 * math.pi * ufl.SpatialCoordinate(V.mesh)[0]
-        mass_of = density * weight if problem.equations.axisymmetric else density
-        M = mass_matrix(V, mass_of, mass, _touching(problem.equations))
-        if mass == "redistributed":
-            _warn_of_inertia(problem, M, mass_of)
-        C, wind = _damping(problem, self.velocity, mass_of, damping)
         step = TimeStep(self._dt, method.theta, method.scheme)
-        body = problem.equations.bulk
-        if isinstance(body, MovingBody):
-            body = body.body
-        if wind is not None:
-            body = body.loaded(wind)
-        super().__init__(problem.moving(MovingBody(body, M, C, step)), load or _constant)
+        body = _moving_body(problem, self.velocity, step, density, mass, damping)
+        super().__init__(problem.moving(body), load or _constant)
         self.kept = {"velocity": self.velocity}
         self.data = _data(density, damping, self.velocity)
         self.forms = [damping] if isinstance(damping, ufl.Form) else []
@@ -395,6 +385,34 @@ def _refuse_state(density: Any, *state: fem.Function | None) -> None:
             "the density depends on the displacement or the velocity: it is that of the undeformed "
             "body, and stays"
         )
+
+
+def _moving_body(
+    problem: ContactProblem,
+    velocity: fem.Function,
+    step: TimeStep,
+    density: Any,
+    mass: Mass,
+    damping: ufl.Form | tuple[Any, Any] | None,
+) -> MovingBody:
+    """The body of a problem with its mass and damping, in a step of time. Collective.
+
+    Raises:
+        ValueError: on every rank, as `_damping`.
+    """
+    V = problem.V
+    weight = 2 * math.pi * ufl.SpatialCoordinate(V.mesh)[0]
+    mass_of = density * weight if problem.equations.axisymmetric else density
+    M = mass_matrix(V, mass_of, mass, _touching(problem.equations))
+    if mass == "redistributed":
+        _warn_of_inertia(problem, M, mass_of)
+    C, wind = _damping(problem, velocity, mass_of, damping)
+    body = problem.equations.bulk
+    if isinstance(body, MovingBody):
+        body = body.body
+    if wind is not None:
+        body = body.loaded(wind)
+    return MovingBody(body, M, C, step)
 
 
 def _warn_of_inertia(problem: ContactProblem, M: PETSc.Mat, density: Any) -> None:
