@@ -15,10 +15,12 @@ from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, 
 from dolfinx_contact.continuation import StepControl
 from dolfinx_contact.evolution import ArcLength
 
+STIFFNESS = [[1.0, -1.5], [-1.5, 4.0]]
 
-def followed(case, dim, friction, folds, longest):
-    S = [[1.0, -1.5], [-1.5, 4.0]]
-    aside = [1.0]
+
+def followed(case, S, aside, friction, folds, longest):
+    """Follow the path of a point with the stiffness S, its top moved aside along its tangents."""
+    dim = len(S)
     body, energy = one_point(case.comm, S, dim)
     floor = HalfSpace((0,) * dim, (0,) * (dim - 1) + (1,))
     contact = ContactSurface(body.u, body.bottom, obstacle=floor, law=Coulomb(friction))
@@ -48,9 +50,9 @@ def followed(case, dim, friction, folds, longest):
 
 
 def attack(case):
-    followed(case, 2, 1.0, [0.2, 0.0], 0.1)
-    followed(case, 2, 1.0, [0.2, 0.0], 0.5)
+    followed(case, STIFFNESS, [1.0], 1.0, [0.2, 0.0], 0.1)
+    followed(case, STIFFNESS, [1.0], 1.0, [0.2, 0.0], 0.5)
 
 
 def honest(case):
-    followed(case, 2, 0.5, [], 0.1)
+    followed(case, STIFFNESS, [1.0], 0.5, [], 0.1)
