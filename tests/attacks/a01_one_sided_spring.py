@@ -17,17 +17,16 @@ E = 1000.0
 K = 3000.0
 C = 0.002
 D = 0.01
-SIZE = 1.0
 
 
-def solved(case, way, floor_at=-1.0):
-    body = block(case.comm, (2, 2), size=(SIZE,) * 2, cell=None, degree=1)
-    body.moved.interpolate(lambda x: np.stack([0 * x[0]] * 1 + [-D + 0 * x[0]]))
+def solved(case, way, floor_at=-1.0, cells=(2, 2), **kind):
+    body = block(case.comm, cells, **kind)
+    body.moved.interpolate(lambda x: np.stack([0 * x[0], -D + 0 * x[0]]))
     x = ufl.SpatialCoordinate(body.domain)
-    lower = ufl.conditional(ufl.lt(x[1], 1e-6 * SIZE), 1.0, 0.0)
+    lower = ufl.conditional(ufl.lt(x[1], 1e-6), 1.0, 0.0)
     steel = materials.LinearElastic.from_young(E, 0.0)
     energy = steel.energy(body.u) * ufl.dx + lower * K / 2 * way(body.u[1]) ** 2 * ufl.ds
-    floor = HalfSpace(point=(0,) * 1 + (floor_at * SIZE,), normal=(0,) * 1 + (1,))
+    floor = HalfSpace(point=(0, floor_at), normal=(0, 1))
     contact = ContactSurface(body.u, body.bottom, obstacle=floor, law=Frictionless(), method=None)
     problem = ContactProblem(energy, body.u, [contact], bcs=body.bcs)
     return problem.solve()

@@ -15,23 +15,28 @@ from dolfinx_contact import RCCM, ContactProblem, ContactSurface, HalfSpace, Par
 from dolfinx_contact.continuation import StepControl
 from dolfinx_contact.evolution import ArcLength
 
+C = 100.0
+WORK = 1.0
+U0 = np.sqrt(WORK / C)
+
+
+def bonded(case, K, lift=lambda gamma: gamma):
+    """The path of a point on a bond of stiffness C, lifted by a spring of K times that."""
+    body, energy = one_point(case.comm, [[50.0, 0.0], [0.0, K * C / 2]])
+    floor = HalfSpace((0, 0), (0, 1))
+    contact = ContactSurface(body.u, body.bottom, obstacle=floor, law=RCCM(C, 0.0, WORK))
+    problem = ContactProblem(energy, body.u, [contact], bcs=body.bcs)
+    gamma = fem.Constant(body.domain, 0.0)
+    driven = [(body.moved, ufl.as_vector((0, lift(gamma))))]
+    return ArcLength(ParametricContact(problem, gamma, driven=driven))
+
 
 def folded(case, K, longest):
-    C = 100.0
-    work = 1.0
-    u0 = np.sqrt(work / C)
     for maximum in longest:
-        body, energy = one_point(case.comm, [[50.0, 0.0], [0.0, K * C / 2]])
-        law = RCCM(C, 0.0, work)
-        floor = HalfSpace((0, 0), (0, 1))
-        contact = ContactSurface(body.u, body.bottom, obstacle=floor, law=law)
-        problem = ContactProblem(energy, body.u, [contact], bcs=body.bcs)
-        gamma = fem.Constant(body.domain, 0.0)
-        driven = [(body.moved, ufl.as_vector((0, gamma)))]
-        path = ArcLength(ParametricContact(problem, gamma, driven=driven))
+        path = bonded(case, K)
         control = StepControl(initial=maximum / 2, maximum=maximum)
-        history = path.run((0.0, 8 * u0), control=control)
-        expected = [u0 * (1 + 1 / K), 4 / 3 * u0 * (3 / K) ** 0.25]
+        history = path.run((0.0, 8 * U0), control=control)
+        expected = [U0 * (1 + 1 / K), 4 / 3 * U0 * (3 / K) ** 0.25]
         case.unpromised(f"not complete: {history.reason}", not history.complete)
         folds = [step.gamma for step in history.folds]
         case.equal(f"folds with steps up to {maximum}", folds, expected, 1e-5)

@@ -8,9 +8,8 @@ density, one half a hundred times as heavy, enters the growth.
 from mpi4py import MPI
 
 import numpy as np
-import scipy.linalg
-from a10_all_listed import tangent
-from bodies import block, dense, nodes_of
+from a07_column import compared
+from bodies import block
 
 import ufl
 from dolfinx import fem
@@ -39,19 +38,7 @@ def put(case, stress):
     case.true(f"all stick: {letters}", letters == {"k"})
     answer = stability_at_rest(problem, density=heavy)
     own, energy, heavy = stressed(MPI.COMM_SELF, stress)
-    trial = ufl.TrialFunction(own.V)
-    test = ufl.TestFunction(own.V)
-    K = dense(tangent(energy, own))
-    M = dense(heavy * ufl.dot(trial, test) * ufl.dx)
-    free = nodes_of(own.V, lambda y: (y[:, 1] > 1e-6) & (y[:, 1] < 1 - 1e-6))
-    free = np.concatenate([2 * free, 2 * free + 1])
-    least = scipy.linalg.eigh(K[np.ix_(free, free)], M[np.ix_(free, free)], eigvals_only=True)[0]
-    if least < 0:
-        case.true(f"unstable, not {answer.label}", answer.label == "unstable")
-        case.equal("growth", answer.growth, np.sqrt(-least), 1e-5)
-    else:
-        case.true(f"stable, not {answer.label}: {answer.reason}", answer.label == "stable")
-    return least
+    return compared(case, answer, energy, own, heavy)
 
 
 def attack(case):

@@ -21,3 +21,22 @@ def ring(case, weighted, material=None, axisymmetric=True, **data):
     )
     problem = ContactProblem(weighted(steel.energy(body.u), body), body.u, [contact], bcs=body.bcs)
     return problem.solve().resultants["contact"][1]
+
+
+def warned(case):
+    """How often the package has warned so far, on all ranks."""
+    return case.comm.allreduce(len(case.warnings))
+
+
+def settled(case, name, force, expected=RIGHT):
+    """Of a form whose weight is wrong: refused, or warned of by itself, or the right force."""
+    before = warned(case)
+    try:
+        found = force()
+    except ValueError:
+        found = expected
+    if warned(case) == before:
+        case.equal(name, found, expected)
+    else:
+        said = case.comm.bcast(case.warnings[-1] if case.comm.rank == 0 else "")
+        case.true("the warning says of what", "2 pi r" in said)
