@@ -119,6 +119,8 @@ def test_data_that_it_does_not_take():
     ):
         with pytest.raises(ValueError, match=r"positive definite|not finite|negative"):
             coulomb_by_lemke(*bad)
+    with pytest.raises(ValueError, match="in space"):
+        coulomb_by_lemke(np.eye(3), np.array([0.0, 0.0, -1.0]), F)
     with pytest.raises(RayTermination, match="ray"):
         lemke(np.array([[-1.0]]), np.array([-1.0]))  # 0 <= -1 - z has no solution
 
