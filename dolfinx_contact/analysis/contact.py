@@ -118,11 +118,11 @@ def proved_rays(
         known: statuses (m,) and dgamma of rays.
         seconds: for each sense of gamma.
     """
-    of_S, _ = condensed.errors(0.0)
-    of_rate = condensed.rate_errors
-    friction = condensed.points.friction
     try:
-        whole = ReducedProblem(condensed.S, condensed.rate, friction, None, of_S, of_rate)
+        points = condensed.problem(unit=condensed.force_unit)
+        assert points.rate is not None
+        errors = points.S_error, points.rate_error
+        whole = ReducedProblem(points.S, points.rate, points.friction, None, *errors)
         apex = apex_problem(whole, condensed.system, cone)
     except ValueError as error:
         return ProvedRays("open", (), f"not proved: {error}")

@@ -17,6 +17,7 @@ from dolfinx import fem
 
 from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._errors import on_root, require
+from dolfinx_contact.algorithms.point_problem import PointProblem
 from dolfinx_contact.analysis.contact import obstacle_to_proof
 from dolfinx_contact.analysis.curve_search import follow_events
 from dolfinx_contact.analysis.event_curves import EventCurves
@@ -68,8 +69,8 @@ def contact_family(
     curved = system.not_affine_in(other)
     require(system.comm, not curved, f"{_MUST} ({curved})")
     found = [_condensed(system, other, mu) for mu in (low, high, (low + high) / 2)]
-    a, b, middle = [data for data, *_ in found]
-    errors_at = [errors for _, errors, _ in found]
+    a, b, middle = [_data(problem) for problem, _ in found]
+    errors_at = [_errors(problem) for problem, _ in found]
     slopes = [np.asarray((y - x) / (high - low)) for x, y in zip(a, b, strict=True)]
     for number, (x, y, between) in enumerate(zip(a, b, middle, strict=True)):
         size = max(float(np.abs(v).max(initial=0.0)) for v in (x, y, between))
@@ -93,13 +94,13 @@ def contact_family(
     at_zero = (np.asarray(x - low * slope) for x, slope in ((p, v), (friction, rate)))
     p, friction = at_zero
     of_S, of_p, of_q = errors
-    return ContactFamily(S, p, q, v, friction, rate, of_S, of_p, of_q, found[0][2], system.comm)
+    return ContactFamily(S, p, q, v, friction, rate, of_S, of_p, of_q, found[0][1], system.comm)
 
 
 def _condensed(
     system: ParametricEquations, other: fem.Constant, mu: float
-) -> tuple[tuple[Array, ...], tuple[Array, ...], Array]:
-    """S, q, p and the friction at one mu, errors of S, p and q, and the reach. Collective."""
+) -> tuple[PointProblem, Array]:
+    """The contact points at one mu and gamma = 0, and the reach. Collective."""
     before = other.value.copy()
     nothing = system.create_vector()
     other.value = mu
@@ -114,15 +115,28 @@ def _condensed(
             condensed = Reduction(system, nothing, 0.0, exact=True) if fits else None
             obstacle = obstacle_to_proof(system.equations, condensed)
             if condensed is not None:
-                data = condensed.S, condensed.rate, condensed.load, condensed.points.friction
-                reach = condensed.points.reach
-                (of_S, of_load), (_, at_one) = (condensed.errors(gamma) for gamma in (0.0, 1.0))
                 condensed.destroy()
             require(system.comm, not obstacle, f"two parameters: {obstacle}")
-            return data, (of_S, of_load, at_one - of_load), reach
+            assert condensed is not None
+            problem = condensed.problem(unit=condensed.force_unit)
+            return problem, condensed.points.reach
     finally:
         other.value = before
         nothing.destroy()
+
+
+def _data(problem: PointProblem) -> tuple[Array, Array, Array, Array]:
+    """S, q, p and the friction."""
+    assert problem.rate is not None
+    return problem.S, problem.rate, problem.p, problem.friction
+
+
+def _errors(problem: PointProblem) -> tuple[Array, Array, Array]:
+    """Those of S, p and q."""
+    assert problem.S_error is not None
+    assert problem.p_error is not None
+    assert problem.rate_error is not None
+    return problem.S_error, problem.p_error, problem.rate_error
 
 
 def _check_curves(a: Arguments) -> None:

@@ -197,7 +197,7 @@ class Reduction:
         Raises:
             ValueError: if S is not positive definite, or a number is not finite.
         """
-        of_S, of_load = self.errors(gamma)
+        of_S, of_load = self._errors_at(gamma)
         points = self.points
         factor = self.force_unit / unit
         return PointProblem(
@@ -212,7 +212,7 @@ class Reduction:
             S_error=of_S * factor,
             p_error=of_load * factor,
             rate=self.rate * factor,
-            rate_error=self.rate_errors * factor,
+            rate_error=self._rate_errors * factor,
         )
 
     @collective("the export of contact points", _check_save)
@@ -247,7 +247,7 @@ class Reduction:
         rigid = x.getLocalSize() - self._equations.rigid.owned
         return np.concatenate([x.array_r[: self._nodal], x.array_r[rigid:]])
 
-    def errors(self, gamma: float) -> tuple[Array, Array]:
+    def _errors_at(self, gamma: float) -> tuple[Array, Array]:
         """By how much S and p + gamma q may be off (dim m, dim m), (dim m,); see the module."""
         S = np.abs(self.S)
         of_S, rest, rate = self._errors
@@ -258,7 +258,7 @@ class Reduction:
         return of_S, of_load + 64 * ROUND_OFF * sums
 
     @property
-    def rate_errors(self) -> Array:
+    def _rate_errors(self) -> Array:
         """By how much q may be off (dim m,)."""
         return self._errors[2] + 64 * ROUND_OFF * np.abs(self.rate)
 
