@@ -3,11 +3,8 @@
 
 import numpy as np
 
-#: Colours of words, in their order.
-FILLS = (
-    *("#dfe7ef", "#f2d9a6", "#b7d7b0", "#c9b8dc", "#c0392b", "#3b6ea8", "#e07b39", "#111111"),
-    *("#8fc1c9", "#9a8f5a"),
-)
+from dolfinx_contact.plot.curves import FILLS
+
 COLUMNS = 4
 
 

@@ -33,7 +33,7 @@ from dolfinx_contact import (
     plot,
     records,
 )
-from dolfinx_contact.continuation import Branch, points_at
+from dolfinx_contact.continuation import Branch, follow, points_at
 from dolfinx_contact.meshing import draw_polygon, mesh_from_gmsh, read_mesh
 from dolfinx_contact.records import leftmost, total
 
@@ -64,7 +64,10 @@ def arguments(argv=None):
     drive.add_argument("--drive-top", type=number(), nargs=2, metavar=("DX", "DY"))
     parser.add_argument("--record", metavar="DIR", help="keep journal and fields of the branch")
     parser.add_argument("--resume", action="store_true", help="go on with the record")
-    return parser.parse(argv)
+    args = parser.parse(argv)
+    if args.resume and not args.record:
+        parser.error("a branch is resumed from a record: --record DIR --resume")
+    return args
 
 
 # ## The problem with its parameter
@@ -118,6 +121,22 @@ def system(args, comm):
 # is driven, the branch is entered a little beyond.
 
 
+def followed(args, folder, body, x, first, way):
+    """The branch of a body and its journal; with a record every point is on the disk at once."""
+    steps = dict(max_steps=args.max_steps, progress=True)
+    if not args.record:
+        branch = follow(body, x, first, **way, **steps)
+        return branch, records.journal_of(body, [branch], SEEN)
+    with records.BranchRecord(args.record, body, SEEN, every=1, resume=args.resume) as record:
+        if record.journal.branches:
+            branch = record.go_on(**steps)
+        else:
+            branch = follow(body, x, first, record=record, **way, **steps)
+        branch.points = record.points()
+        records.write_series(folder, record)
+    return branch, record.journal
+
+
 def main(argv=None):
     args = arguments(argv)
     comm = MPI.COMM_WORLD
@@ -129,12 +148,7 @@ def main(argv=None):
     body.problem.solve()
     body.problem.write(x)
     way = dict(gamma_range=(0.0, 1.0), route=args.route)
-    kept = dict(record=args.record, resume=args.resume)
-    if args.record:
-        kept["series"] = folder
-    branch, journal = records.follow_with_journal(
-        body, x, first, SEEN, max_steps=args.max_steps, progress=True, **way, **kept
-    )
+    branch, journal = followed(args, folder, body, x, first, way)
     summary = branch.summary() | journal.summary()
     summary["dofs"] = x.getSize()
     summary["augmentation"] = body.problem.surfaces[0].points.mean_augmentation

@@ -22,7 +22,7 @@ import ufl
 from dolfinx_contact.continuation import StepControl
 
 DEMOS = Path(__file__).parents[1] / "demos"
-_FOLLOWERS = ("explore", "follow", "follower_for", "follow_with_journal")
+_FOLLOWERS = ("explore", "follow", "follower_for")
 _MESHES = ("create_rectangle", "create_submesh")
 
 

@@ -40,7 +40,10 @@ def family(pid):
 
 
 def kill(process):
-    """SIGKILL for a process and all that it has started, and wait until they are gone."""
+    """SIGKILL for a process and all that it has started, and wait until they are gone.
+
+    Every rank of mpirun is in a process group of its own: there is no group to kill.
+    """
     pids = family(process.pid)
     for pid in pids:
         try:

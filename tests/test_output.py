@@ -30,11 +30,11 @@ from dolfinx_contact import (
     materials,
 )
 from dolfinx_contact.continuation import BranchPoint
+from dolfinx_contact.continuation.layout import Layout
 from dolfinx_contact.io import STATUS_CODES, output_folder, write_contact_table, write_fields
 from dolfinx_contact.io.fields import body_fields, contact_fields
 from dolfinx_contact.materials import CiarletGeymonat, LinearElastic, NeoHookean, StVenantKirchhoff
 from dolfinx_contact.plot import picture_of_body, picture_of_contact, picture_of_states, pictures
-from dolfinx_contact.records.checkpoints import joined
 
 COMM = MPI.COMM_WORLD
 MATERIAL = LinearElastic.from_young(1000.0, 0.3)
@@ -521,11 +521,12 @@ def test_states_of_slender_bodies(folder, size, cells, monkeypatch):
     problem.write(x)
     piece = system.piece_at(x, 0.0)
     points = []
+    layout = Layout(system)
     largest = COMM.allreduce(np.linalg.norm(problem.u.x.array.reshape(-1, 2), axis=1).max(), op=max)
     for factor in (1.0, 0.5, 0.25):
         part = x.copy()
         part.scale(factor)
-        points.append(BranchPoint(joined(part, 0.0), x, piece, 0.0, 0.0, 0))
+        points.append(BranchPoint(layout.joined(part, 0.0), x, piece, 0.0, 0.0, 0))
     file = picture_of_states(folder / "states.png", system, points)
     assert COMM.bcast(bars) == [pytest.approx(largest)]
     share, across, along = coloured(file)

@@ -27,7 +27,7 @@ from dolfinx_contact.continuation import (
     Task,
     follow,
 )
-from dolfinx_contact.continuation.progress import BranchProgress
+from dolfinx_contact.continuation.walk import BranchProgress
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.plot import diagrams, draw_diagram
 from dolfinx_contact.records import BranchRecord, Journal, read_journal, resume, write_series

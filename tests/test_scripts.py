@@ -192,24 +192,6 @@ def test_solutions_as_points(followed):
     assert found.continua == ()
 
 
-def test_a_branch_with_and_without_a_record(folder):
-    """The same points; cut short and resumed too."""
-    system = pushed(n=2)
-    x = system.create_vector()
-    way = dict(gamma_range=(0.0, 1.0), route="steps")
-    branch, journal = records.follow_with_journal(system, x, 0.0, SEEN, **way)
-    kept = dict(record=folder / "record", series=folder / "series", **way)
-    first, _ = records.follow_with_journal(system, x, 0.0, SEEN, max_steps=3, **kept)
-    assert len(first.points) == 4
-    whole, recorded = records.follow_with_journal(system, x, 0.0, SEEN, resume=True, **kept)
-    assert len(whole.points) == len(branch.points) > 4
-    for a, b in zip(recorded.rows(), journal.rows(), strict=True):
-        assert a == pytest.approx(b, abs=1e-9)
-    assert any((folder / "series").glob("branch_0000_body*"))
-    with pytest.raises(ValueError, match="a record is needed"):
-        records.follow_with_journal(system, x, 0.0, resume=True, **way)
-
-
 # -- pictures and tables -------------------------------------------------------------------------
 
 

@@ -73,14 +73,23 @@ class FreeSteps(ExactSteps):
         #: A point of the branch, and the sign of det [grad H; t^T] there.
         self._oriented: tuple[PETSc.Vec, float] | None = None
 
-    def special_in_piece(self, point: BranchPoint, new: BranchPoint) -> list[SpecialPoint] | None:
-        """What is special on a step in one piece; None if it misses a fold. Collective."""
+    def within_piece(
+        self, point: BranchPoint, step: Crossed, h: float
+    ) -> tuple[BranchPoint, list[SpecialPoint], float] | None:
+        """A step in one piece, as `step` returns it. Collective.
+
+        Returns:
+            None if it leads nowhere or to another piece, or misses a fold.
+        """
+        new = step.new
+        if new is None or step.changes:
+            return None
         special = self.smooth_points(point, new)
         if self.lacks_fold(point, new, special):
             return None
         if not any(s.kind == "bifurcation" for s in special):
             self.keep_orientation(point, new)
-        return special
+        return self.rescaled(new), special, self.longer(h, new)
 
     def try_step(self, point: BranchPoint, h: float) -> Crossed:
         """Go a step ``h`` on H itself. Collective."""
@@ -221,10 +230,9 @@ class BatchedSteps(FreeSteps):
         for _ in range(_MOST_HALVINGS):
             step = self.try_step(point, h)
             new = step.new
-            if new is not None and not step.changes:
-                special = self.special_in_piece(point, new)
-                if special is not None:
-                    return self.rescaled(new), special, self.longer(h, new)
+            within = self.within_piece(point, step, h)
+            if within is not None:
+                return within
             monotone = new is not None and not step.turned and step.parity > 0
             asked = self._first_asked(step) if monotone else 1.0
             if new is not None and monotone and asked > 1:

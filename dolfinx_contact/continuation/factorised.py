@@ -110,7 +110,7 @@ class Factorised(BorderedSolver):
         self.solves += 1
         return solved and bool(np.isfinite(out.norm()))
 
-    def probe(self, rhs: PETSc.Vec, out: PETSc.Vec, *, rtol: float = 0.0) -> bool:
+    def probe(self, rhs: PETSc.Vec, out: PETSc.Vec) -> bool:
         return self.solve(rhs, out)
 
     def _solve_by_krylov(self, rhs: PETSc.Vec, out: PETSc.Vec) -> bool:

@@ -59,6 +59,7 @@ logger = logging.getLogger(__name__)
 _HAIR = 1e-9  # of the scale of gamma: beside a gamma at which borders begin
 _HOP = 1e-6  # of the scale of gamma, over a kink of the data
 _BESIDE = 0.1  # of the length of a step, the distance from its start at which a branch closes
+_ASIDE = 1e-3  # length of the first step along a ray out of a bifurcation
 _FURTHER = 4.0  # times the length by the slopes on both sides: no continuous branch
 
 
@@ -245,7 +246,7 @@ class Follower(Walker):
         begin = self.system.comm.allreduce(int(there > here), op=max)
         return self.system.piece_at(x, beyond) if begin else piece
 
-    def branch_off(self, special: SpecialPoint, ray: Ray, distance: float = 1e-3) -> BranchPoint:
+    def branch_off(self, special: SpecialPoint, ray: Ray) -> BranchPoint:
         """A point at a small distance from a special point along one of its other rays.
 
         Raises:
@@ -254,14 +255,14 @@ class Follower(Walker):
         b = self.bordered
         y = special.y.copy()
         t = ray.tangent.copy()
-        y.axpy(distance, ray.tangent)
-        if not self.corrector.pseudo_arclength(y, special.y, ray.tangent, distance, ray.piece):
-            raise ValueError("no solution was found along the ray; try another distance")
+        y.axpy(_ASIDE, ray.tangent)
+        if not self.corrector.pseudo_arclength(y, special.y, ray.tangent, _ASIDE, ray.piece):
+            raise ValueError("no solution was found along the ray")
         tangent = self.corrector.tangent(y, t, ray.piece)
         if tangent is None:
-            raise ValueError("the branch is singular beside the bifurcation; try another distance")
+            raise ValueError("the branch is singular beside the bifurcation")
         t.destroy()
-        return self._steps.rescaled(BranchPoint(y, tangent, ray.piece, b.gamma(y), distance, 0))
+        return self._steps.rescaled(BranchPoint(y, tangent, ray.piece, b.gamma(y), _ASIDE, 0))
 
     def _walk(
         self,

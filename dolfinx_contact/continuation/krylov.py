@@ -170,9 +170,9 @@ class Krylov(BorderedSolver):
                 return False
         return bool(np.isfinite(out.norm()))
 
-    def probe(self, rhs: PETSc.Vec, out: PETSc.Vec, *, rtol: float = 0.0) -> bool:
+    def probe(self, rhs: PETSc.Vec, out: PETSc.Vec) -> bool:
         before = self.solves
-        if not self.solve(rhs, out, rtol=rtol or _SIGN):
+        if not self.solve(rhs, out, rtol=_SIGN):
             return False
         values = self.ksp.computeEigenvalues() if self.solves > before + 1 else np.zeros(0)
         negative = int(np.sum((values.imag == 0) & (values.real < 0)))

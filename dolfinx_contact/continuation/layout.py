@@ -49,6 +49,12 @@ class Layout:
         if self.last:
             y.array[-1] = gamma
 
+    def joined(self, x: PETSc.Vec, gamma: float) -> PETSc.Vec:
+        """A new vector y of x and gamma."""
+        y = self.vector()
+        self.join(x, gamma, y)
+        return y
+
     def last_unit(self) -> PETSc.Vec:
         """The right-hand side (0, 1) of tangents."""
         e = self.vector()

@@ -68,7 +68,7 @@ class BorderedSolver(ABC):
         """
 
     @abstractmethod
-    def probe(self, rhs: PETSc.Vec, out: PETSc.Vec, *, rtol: float = 0.0) -> bool:
+    def probe(self, rhs: PETSc.Vec, out: PETSc.Vec) -> bool:
         """Solve with a right-hand side that has a part along every eigenvector. Collective."""
 
     @abstractmethod

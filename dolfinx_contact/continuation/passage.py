@@ -44,10 +44,9 @@ class SteppingSteps(FreeSteps):
         while h >= self.control.minimum:
             step = self.try_step(point, h)
             new = step.new
-            if new is not None and not step.changes:
-                special = self.special_in_piece(point, new)
-                if special is not None:
-                    return self.rescaled(new), special, self.longer(h, new)
+            within = self.within_piece(point, step, h)
+            if within is not None:
+                return within
             if new is not None and not step.turned and step.parity > 0:
                 return self.rescaled(new), self.events(point, new, step), self.longer(h, new)
             h *= self.control.decrease

@@ -92,9 +92,8 @@ class Pivoting(Walker):
         ray = AffineRay(codes, sign * piece.coefficients[1], sign)
         return self.point(piece.at(gamma), gamma, ray, 0.0)
 
-    def branch_off(self, special: SpecialPoint, ray: Ray, distance: float = 0.0) -> BranchPoint:
+    def branch_off(self, special: SpecialPoint, ray: Ray) -> BranchPoint:
         """The special point itself, with one of its other rays as the tangent."""
-        del distance  # there is nothing to correct
         return BranchPoint(special.y, ray.tangent, ray.piece, special.gamma, 0.0, 0)
 
     def _walk(

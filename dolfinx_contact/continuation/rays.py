@@ -45,6 +45,7 @@ Item = TypeVar("Item")
 Prove = Callable[[AffineSystem, Sequence[tuple[Codes, float]]], RayProof | None]
 
 MOST_PIECES = 65536  # that are enumerated
+_MOST_IDLE = 6  # unfoldings in a row that bring nothing new
 _CHUNK = 4096  # pieces looked at together
 _SINGULAR = 1e-14  # singular values that are round-off, relative to the largest
 
@@ -115,8 +116,6 @@ def outgoing(
     cone: AffineSystem,
     known: Sequence[AffineRay] = (),
     *,
-    tries: int = 6,
-    seed: int = 0,
     prove: Prove | None = None,
 ) -> Rays:
     """All rays of a tangent cone, as far as they can be found.
@@ -124,8 +123,6 @@ def outgoing(
     Args:
         cone: a system without load.
         known: rays that are known already.
-        tries: number of unfoldings in a row that may bring nothing new.
-        seed: of their loads.
         prove: looks for a proof that there are no others than those that unfolding finds.
 
     Raises:
@@ -152,7 +149,7 @@ def outgoing(
             doubt += ", with continua between these"
         method = f"enumeration of {pieces} pieces{doubt}"
         return Rays(tuple(rays), not doubt, method, continua)
-    unfolded = _unfold(cone, known, choices, tries, seed)
+    unfolded = _unfold(cone, known, choices)
     proof = None if prove is None else prove(cone, [(r.codes, r.rate) for r in unfolded.rays])
     return unfolded if proof is None else _with_proof(cone, unfolded, proof)
 
@@ -305,17 +302,13 @@ def _inside_for(slack: Array, sense: float) -> float:
 
 
 def _unfold(
-    cone: AffineSystem,
-    known: Sequence[AffineRay],
-    choices: Sequence[npt.NDArray[np.int64]],
-    tries: int,
-    seed: int,
+    cone: AffineSystem, known: Sequence[AffineRay], choices: Sequence[npt.NDArray[np.int64]]
 ) -> Rays:
     rays = distinct([*known, *_by_newton(cone, choices)], same_direction)
     idle = 0
     count = 0
-    random = np.random.default_rng(seed)
-    while idle < tries:
+    random = np.random.default_rng(0)
+    while idle < _MOST_IDLE:
         codes, w = _random_state(cone, choices, random)
         unfolded = replace(cone, load=np.einsum("nmk,mk->n", cone.matrix, w))
         before = len(rays)

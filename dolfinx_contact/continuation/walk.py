@@ -5,20 +5,23 @@ from __future__ import annotations
 
 import logging
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TypeAlias
+from typing import TextIO, TypeAlias
+
+from mpi4py import MPI
 
 from dolfinx_contact._petsc import staged
+from dolfinx_contact._progress import Progress
 from dolfinx_contact.continuation.arguments import answer_of_stop, guarded
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.branch import Branch, BranchPoint, SpecialPoint, Stop
-from dolfinx_contact.continuation.ending import Ending
+from dolfinx_contact.continuation.ending import Ending, Ends
 from dolfinx_contact.continuation.observer import Observer, Seen, Stepping, Task
 from dolfinx_contact.continuation.parameters import StepControl
-from dolfinx_contact.continuation.progress import BranchProgress
 from dolfinx_contact.continuation.system import System
 
-__all__ = ["Walk", "Walker"]
+__all__ = ["BranchProgress", "Walk", "Walker"]
 
 logger = logging.getLogger(__name__)
 
@@ -147,3 +150,43 @@ class Walker(ABC):
         if b.comm.rank == 0:
             logger.info("branch ended: %s", branch.reason)
         return branch
+
+
+class BranchProgress(Observer):
+    """The line of progress: branch, point, gamma, length of the step, special points so far.
+
+    Folds and bifurcations get a line each.
+
+    Args:
+        comm: only rank 0 writes.
+        wanted: see `follow`.
+        stream: where to, by default the standard error stream.
+    """
+
+    def __init__(self, comm: MPI.Comm, wanted: bool | None = None, *, stream: TextIO | None = None):
+        self._progress = Progress(comm, wanted, stream=stream)
+        self._special = 0
+
+    def point(
+        self,
+        branch: int,
+        index: int,
+        point: BranchPoint,
+        special: Sequence[SpecialPoint],
+        stepping: Stepping,
+    ) -> None:
+        self._special += len(special)
+        if not self._progress.due:
+            return
+        for s in special:
+            if s.kind != "event":
+                smooth = "smooth" if s.smooth else "nonsmooth"
+                where = f"branch {branch}: {smooth} {s.kind} at gamma {s.gamma:.10g}"
+                self._progress.write(where)
+        self._progress.update(
+            f"branch {branch}  point {index}  gamma {point.gamma:+.6f}  step {point.step:.1e}  "
+            f"special {self._special}"
+        )
+
+    def end(self, branch: int, ended: Ends) -> None:
+        self._progress.close(f"branch {branch}: {ended.reason}")

@@ -20,6 +20,7 @@ import numpy.typing as npt
 from dolfinx_contact.continuation import Follower, StepControl
 from dolfinx_contact.continuation.branch import BranchPoint, Ray, SpecialPoint
 from dolfinx_contact.continuation.crossing import finder_at, kinks_at
+from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.equations.state import Statuses
 from dolfinx_contact.evolution.accepted import AcceptedState, Stepper
 from dolfinx_contact.solvers.following import Loaded
@@ -31,7 +32,6 @@ _MOST_PIECES = 256  # that are tried
 _MOST_TURNS = 16
 _AT_BORDER = 1e-8  # of the largest distance to a border: at it
 _NO_MORE = 1e-9  # of the load of a step, along a unit ray: not more
-_TURNS = "the load turns back"
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ def _followed(follower: Follower, system: Loaded, start: BranchPoint) -> StepBra
             x, _ = follower.bordered.split(last.y)
             return StepBranch(True, system.statuses_of(last.piece), x.array_r.copy())
         special = [s for s in branch.special if s.kind in ("fold", "bifurcation")]
-        if branch.reason != _TURNS or not special:
+        if branch.ending is not Ending.STOPPED or not special:
             unknown = f"the solutions were followed in the step: {branch.reason}"
             continue
         turn = _at_turn(follower, special[-1])
@@ -112,7 +112,8 @@ def _followed(follower: Follower, system: Loaded, start: BranchPoint) -> StepBra
 
 
 def _turned(_point: BranchPoint, special: Sequence[SpecialPoint]) -> str:
-    return _TURNS if any(s.kind in ("fold", "bifurcation") for s in special) else ""
+    turns = any(s.kind in ("fold", "bifurcation") for s in special)
+    return "the load turns back" if turns else ""
 
 
 @dataclass(frozen=True)

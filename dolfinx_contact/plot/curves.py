@@ -15,7 +15,7 @@ from dolfinx_contact._files import part_of
 from dolfinx_contact._optional import optional
 from dolfinx_contact.analysis import Chart, EventCurves, Regions
 
-__all__ = ["LINES", "draw_chart", "draw_curves", "figure_of", "written"]
+__all__ = ["FILLS", "LINES", "draw_chart", "draw_curves", "figure_of", "written"]
 
 _FEW = 20  # points of a curve that are marked
 #: Abscissae and ordinates.
@@ -23,7 +23,7 @@ Curve: TypeAlias = "tuple[npt.ArrayLike, npt.ArrayLike]"
 
 #: Those of Okabe and Ito, and light ones for what fills a map.
 LINES = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")
-_FILLS = (
+FILLS = (
     *("#dfe7ef", "#f2d9a6", "#b7d7b0", "#c9b8dc", "#c0392b", "#3b6ea8", "#e07b39", "#111111"),
     *("#8fc1c9", "#9a8f5a"),
 )
@@ -111,12 +111,12 @@ def draw_chart(
         counts = sorted({len(solutions) for solutions in present})
         words = {n: f"{n} solution" + "s" * (n != 1) for n in counts}
         kinds = {solutions: words[len(solutions)] for solutions in present}
-        colours = {words[n]: _FILLS[n % len(_FILLS)] for n in counts}
+        colours = {words[n]: FILLS[n % len(FILLS)] for n in counts}
     elif present - set(names):
         raise ValueError(f"no names are given for {sorted(present - set(names))}")
     else:
         kinds = dict(names)
-        colours = {word: _FILLS[i % len(_FILLS)] for i, word in enumerate(names.values())}
+        colours = {word: FILLS[i % len(FILLS)] for i, word in enumerate(names.values())}
     figure = figure_of((6.4, 6.0))
     from matplotlib.patches import Patch
 

@@ -70,14 +70,14 @@ def _triangles(cells: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
     return np.vstack([cells[:, [0, 1, 2]], cells[:, [1, 3, 2]]])
 
 
-def _loop(cells: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+def around(cells: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
     """Vertices of each cell in the order around it."""
     return cells if cells.shape[1] == 3 else cells[:, [0, 1, 3, 2]]
 
 
 def _shares(x: npt.NDArray[Any], cells: npt.NDArray[np.int64]) -> tuple[Any, Any]:
     """The part of each cell nearest to each of its vertices: quadrilaterals, and their vertex."""
-    loop = _loop(cells)
+    loop = around(cells)
     corners = x[loop]
     centre = np.broadcast_to(corners.mean(axis=1, keepdims=True), corners.shape)
     after = np.roll(corners, -1, axis=1)
@@ -277,7 +277,7 @@ def body_2d(data: Data, file: str) -> None:
         bar.outline.set_linewidth(0.5)
     else:
         axes.tripcolor(*x.T, triangles, np.zeros(len(x)), cmap="Greys", vmin=-1, vmax=3)
-    loop = _loop(cells)
+    loop = around(cells)
     edges = np.stack([loop, np.roll(loop, -1, axis=1)], axis=2).reshape(-1, 2)
     axes.add_collection(LineCollection(x[edges], colors=INK, linewidths=0.2, alpha=0.4))
     for key, width in (("contact", 2.4), ("master", 1.2), ("obstacle", 1.2)):
@@ -312,7 +312,7 @@ def _bands(data: Data, depth: float) -> list[npt.NDArray[Any]]:
 def _surface(x: npt.NDArray[Any], cells: npt.NDArray[np.int64]) -> Any:
     import pyvista
 
-    loop = _loop(cells)
+    loop = around(cells)
     return pyvista.PolyData(x, np.insert(loop, 0, loop.shape[1], axis=1).reshape(-1))
 
 

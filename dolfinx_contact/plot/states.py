@@ -23,6 +23,7 @@ from dolfinx_contact.io.outside import patch
 from dolfinx_contact.laws.status import COLOURS, NAMES
 from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.plot.pictures import checked_scale
+from dolfinx_contact.plot.render import around
 
 __all__ = ["picture_of_states"]
 
@@ -153,7 +154,7 @@ def _draw_state(axis: Any, state: dict[str, Any], values: Any, norm: Any, scale:
     from matplotlib.collections import PolyCollection
 
     x = state["x"][:, :2]
-    cells = _around(state["cells"])
+    cells = around(state["cells"])
     edges = {"facecolor": "none", "edgecolor": "#d5d9de", "linewidth": 0.3}
     axis.add_collection(PolyCollection(x[cells], **edges))
     deformed = PolyCollection(
@@ -189,8 +190,3 @@ def _layout(count: int, ratio: float) -> tuple[int, float]:
         found.append((width * fill * (1.3 if rows == 1 else 1.0), -columns, width))
     _, columns, width = max(found)
     return -columns, width
-
-
-def _around(cells: Any) -> Any:
-    """Cells with their vertices in cyclic order: quadrilaterals come as a tensor product."""
-    return cells if cells.shape[1] == 3 else cells[:, [0, 1, 3, 2]]

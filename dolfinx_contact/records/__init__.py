@@ -11,7 +11,6 @@ from dolfinx_contact.records.journal import (
     read_journal,
 )
 from dolfinx_contact.records.path_record import PathRecord
-from dolfinx_contact.records.recording import follow_with_journal
 from dolfinx_contact.records.series import write_series
 from dolfinx_contact.records.tracing import journal_of
 
@@ -22,7 +21,6 @@ __all__ = [
     "Journal",
     "PathJournal",
     "PathRecord",
-    "follow_with_journal",
     "journal_of",
     "leftmost",
     "read_journal",

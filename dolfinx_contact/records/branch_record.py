@@ -37,9 +37,9 @@ from dolfinx_contact.continuation import (
 )
 from dolfinx_contact.continuation.arguments import check_listeners, check_steps
 from dolfinx_contact.continuation.branch import Stop
+from dolfinx_contact.continuation.layout import Layout
 from dolfinx_contact.equations.given_data import data_within
 from dolfinx_contact.equations.measures import Scales
-from dolfinx_contact.records.checkpoints import joined, last_entry
 from dolfinx_contact.records.identity import driven_words, identity
 from dolfinx_contact.records.journal import Journal, JournalBranch
 from dolfinx_contact.records.kept_data import KeptData
@@ -128,6 +128,7 @@ class BranchRecord(ProblemRecord[Journal], Observer):
             surface_displacement=surface_displacement,
             resume=resume,
         )
+        self._layout = Layout(system)
         self._x = system.create_vector()
         self._mx = system.create_vector()
         self._last: tuple[BranchPoint, Stepping] | None = None
@@ -231,7 +232,7 @@ class BranchRecord(ProblemRecord[Journal], Observer):
             "x_scale": stepping.x_scale,
             "largest_distance": stepping.largest_distance,
             "scales": list(self.system.scales),
-            "tangent_gamma": last_entry(point.tangent),
+            "tangent_gamma": self._layout.gamma(point.tangent),
         }
         if self._shows:
             entry["surface"] = f"branch_{branch:04d}_point_{index:06d}"
@@ -249,7 +250,7 @@ class BranchRecord(ProblemRecord[Journal], Observer):
 
     def end(self, branch: int, ended: Ends) -> None:
         known = self.journal.branches[branch]
-        if known.reason == ended.reason or self._last is None or ended.ending is None:
+        if known.ending is ended.ending or self._last is None or ended.ending is None:
             return
         entry: dict[str, Any] = {}
         point, stepping = self._last
@@ -319,8 +320,8 @@ class BranchRecord(ProblemRecord[Journal], Observer):
             raise ValueError(f"no fields were kept at point {index} of branch {branch}")
         x, t, b = (system.create_vector() for _ in range(3))
         self._checkpoints.read(p["checkpoint"], p["sum"], {"tangent": t, "x": x})
-        y = joined(x, p["gamma"])
-        tangent = joined(t, p["tangent_gamma"])
+        y = self._layout.joined(x, p["gamma"])
+        tangent = self._layout.joined(t, p["tangent_gamma"])
         piece = system.piece_of(p["status"])
         error = self._scales_of(p, t).measure(system.evaluate(x, p["gamma"], b, piece)).worst
         for v in (x, t, b):

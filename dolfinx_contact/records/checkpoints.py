@@ -34,7 +34,7 @@ from dolfinx_contact.points.trace import trace_dofs
 if TYPE_CHECKING:
     from dolfinx_contact.problem import ContactProblem
 
-__all__ = ["Checkpoints", "DamagedCheckpoint", "joined", "last_entry"]
+__all__ = ["Checkpoints", "DamagedCheckpoint"]
 
 _RIGID = "rigid_bodies.json"  # displacements and rotations of all, by vector
 _ARRAYS = "arrays.npz"
@@ -234,22 +234,3 @@ def _check_sum(folder: Path, *, on_disk: bool = False) -> str:
     if on_disk:
         sync(folder)
     return f"{total:08x}"
-
-
-def last_entry(y: PETSc.Vec) -> float:
-    """The last entry of y = (x, gamma), on every rank. Collective."""
-    comm = y.comm.tompi4py()
-    mine = float(y.array_r[-1]) if comm.rank == comm.size - 1 else 0.0
-    return float(comm.bcast(mine, root=comm.size - 1))
-
-
-def joined(x: PETSc.Vec, gamma: float) -> PETSc.Vec:
-    """A new vector y = (x, gamma), gamma on the last rank. Collective."""
-    comm = x.comm.tompi4py()
-    n = x.getLocalSize()
-    last = int(comm.rank == comm.size - 1)
-    y = PETSc.Vec().createMPI((n + last, x.getSize() + 1), comm=comm)
-    y.array[:n] = x.array_r
-    if last:
-        y.array[-1] = gamma
-    return y

@@ -18,11 +18,11 @@ import numpy.typing as npt
 
 from dolfinx_contact._errors import require
 from dolfinx_contact.continuation.branch import BranchPoint
+from dolfinx_contact.continuation.layout import Layout
 from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.evolution import ArcLength, PathHistory
 from dolfinx_contact.evolution.arc_length import Observer, Stop
 from dolfinx_contact.evolution.path_state import Known, PathState, PathTask, begun
-from dolfinx_contact.records.checkpoints import joined, last_entry
 from dolfinx_contact.records.journal import PathJournal
 from dolfinx_contact.records.lines import ending_of
 from dolfinx_contact.records.steps_record import StepsRecord
@@ -76,6 +76,7 @@ class PathRecord(StepsRecord[PathJournal, PathState]):
         if not isinstance(path, ArcLength):
             raise ValueError(f"an ArcLength is needed, got {type(path).__name__}")
         self.path = path
+        self._layout = Layout(path.parametric)
         driven = path.parametric.driven_expressions
         super().__init__(
             folder,
@@ -95,7 +96,7 @@ class PathRecord(StepsRecord[PathJournal, PathState]):
         arrived = None
         if point is not None:
             arrived = {
-                "tangent": last_entry(point.tangent),
+                "tangent": self._layout.gamma(point.tangent),
                 "piece": self.path.parametric.letters(point.piece),
                 "step": point.step,
                 "corrections": point.corrections,
@@ -133,8 +134,8 @@ class PathRecord(StepsRecord[PathJournal, PathState]):
         accepted = self.path.recalled(state["time"], gamma, memory, energies, first=first)
         if (at := state["arrived"]) is not None:
             arrived = BranchPoint(
-                joined(vectors["x"], gamma),
-                joined(vectors["tangent"], at["tangent"]),
+                self._layout.joined(vectors["x"], gamma),
+                self._layout.joined(vectors["tangent"], at["tangent"]),
                 self.path.parametric.piece_of(at["piece"]),
                 gamma,
                 at["step"],

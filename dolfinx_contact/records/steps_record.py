@@ -15,7 +15,7 @@ import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
-from typing import Any, ClassVar, Generic, Protocol, TypeVar
+from typing import Any, ClassVar, Generic, TypeVar
 
 from petsc4py import PETSc
 
@@ -27,14 +27,16 @@ import ufl
 from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact.equations.given_data import Datum, GivenData, given_data, numbers_of
 from dolfinx_contact.equations.measures import Scales
+from dolfinx_contact.equations.order import Gathered
 from dolfinx_contact.evolution import EvolutionStep, History
 from dolfinx_contact.evolution.accepted import AcceptedState
 from dolfinx_contact.evolution.motion import MovingState
+from dolfinx_contact.evolution.run_state import RunState
 from dolfinx_contact.io.folder import output_folder
 from dolfinx_contact.io.table import write_contact_table
 from dolfinx_contact.parametric import ParametricContact
+from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.problem import ContactProblem
-from dolfinx_contact.records.at_points import AtPoints
 from dolfinx_contact.records.identity import driven_words, identity, other_data
 from dolfinx_contact.records.journal import EvolutionJournal, EvolutionRun
 from dolfinx_contact.records.kept_data import KeptData
@@ -43,6 +45,8 @@ from dolfinx_contact.records.problem_record import ProblemRecord, coincide
 __all__ = ["StepsRecord"]
 
 logger = logging.getLogger(__name__)
+
+Arrays = dict[str, npt.NDArray[Any]]
 
 _BALANCED = 1e-6  # of forces that are evaluated once more
 _ROUND_OFF = 1e-9  # of a stiffness times a displacement
@@ -54,16 +58,8 @@ _FORCES = {
 }
 
 
-class Stands(Protocol):
-    """The state of a run."""
-
-    @property
-    def accepted(self) -> AcceptedState:
-        """The last accepted state."""
-
-
 J = TypeVar("J", bound=EvolutionJournal)
-S = TypeVar("S", bound=Stands)
+S = TypeVar("S", bound=RunState)
 
 
 class StepsRecord(ProblemRecord[J], Generic[J, S]):
@@ -110,7 +106,7 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
             folder, problem, kind, surface_displacement=surface_displacement, resume=resume
         )
         self._system = system
-        self._points = AtPoints(problem)
+        self._points = _AtPoints(problem)
         self._last: AcceptedState | None = None  # where the runs stand
         self._index = -1  # of that state
         self._old = False  # whether the journal lacks values of Functions, and that was said
@@ -439,3 +435,47 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
             self.show(index)
             tables = [self.problem.table(s) for s in self.problem.surfaces]
         write_contact_table(self.comm, output_folder(self.comm, folder), tables)
+
+
+class _AtPoints:
+    """Statuses and memory of the points of all surfaces, for any number of ranks. Collective.
+
+    A surface has them in the order of its table: by place, and points at one place (the sides of a
+    crack) by their nodes in the mesh as it was given to DOLFINx.
+
+    Args:
+        problem: whose surfaces have them.
+    """
+
+    def __init__(self, problem: ContactProblem):
+        self._surfaces = [Gathered(s.comm, s.positions, s.points.ids) for s in problem.surfaces]
+
+    def gathered(self, accepted: AcceptedState) -> Arrays:
+        """What the points of all ranks have at a state, by name, on every rank. Collective."""
+        found: Arrays = {}
+        every = zip(self._surfaces, accepted.shown, accepted.memory, strict=True)
+        for i, (surface, codes, memory) in enumerate(every):
+            found[f"{i}.statuses"] = surface(codes)
+            for name, values in _arrays(memory).items():
+                found[f"{i}.memory.{name}"] = surface(values)
+        return found
+
+    def statuses(self, found: Mapping[str, npt.NDArray[Any]]) -> list[npt.NDArray[np.int8]]:
+        """The statuses of the points of this rank, surface by surface."""
+        return [found[f"{i}.statuses"][s.mine] for i, s in enumerate(self._surfaces)]
+
+    def memory(self, found: Mapping[str, npt.NDArray[Any]]) -> tuple[Memory | None, ...]:
+        """The memory of the points of this rank, surface by surface."""
+        memories: list[Memory | None] = []
+        for i, surface in enumerate(self._surfaces):
+            start = f"{i}.memory."
+            names = [name for name in found if name.startswith(start)]
+            arrays = {name.removeprefix(start): found[name][surface.mine] for name in names}
+            jump = arrays.pop("jump", None)
+            memories.append(None if jump is None else Memory(jump, arrays))
+        return tuple(memories)
+
+
+def _arrays(memory: Memory | None) -> Arrays:
+    """All arrays of a memory, whichever it has."""
+    return {} if memory is None else {"jump": memory.jump, **memory.fields}
