@@ -107,6 +107,35 @@ def test_a_node_in_the_step_that_reaches_the_end(end):
     assert len(diagram.edges) > 1
 
 
+@pytest.mark.parametrize("end", [0.01, 1.0])
+def test_observers_see_the_branches_of_the_diagram(end):
+    """How they end, and the last point: that of the node where a branch comes to one."""
+    system = smooth(
+        1, lambda x, g: x * (g - x**2), lambda x, g: [[g - 3 * x[0] ** 2]], lambda x, g: [x[0]]
+    )
+    last = {}
+    ended = {}
+
+    class Looks(Observer):
+        def point(self, branch, index, point, special, stepping):
+            last[branch] = point, stepping
+
+        def end(self, branch, how):
+            ended[branch] = how.ending, how.reason
+
+    diagram = explore(
+        system, [(start(system, [0.0]), -1.0)], gamma_range=(-1.0, end), observer=Looks()
+    )
+    assert len(diagram.nodes) == 1
+    assert diagram.edges[0].end == 0
+    for number, branch in enumerate(diagram.branches):
+        point, stepping = last[number]
+        assert ended[number] == (branch.ending, branch.reason)
+        assert (stepping.ending, stepping.reason) == ended[number]
+        assert point is branch.points[-1]
+    assert diagram.branches[0].points[-1].y.equal(diagram.nodes[0].point.y)
+
+
 def test_stop_on_a_functional():
     """A branch ends where the caller says so, with the caller's reason."""
     system = smooth(

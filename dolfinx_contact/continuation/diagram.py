@@ -12,7 +12,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, get_args
 
 from petsc4py import PETSc
@@ -41,7 +41,6 @@ __all__ = ["Diagram", "Edge", "Node", "explore"]
 logger = logging.getLogger(__name__)
 
 _SAME = 1e-6  # distance at which two points are one
-_AT_NODE = "a bifurcation"
 _ALL = "every ray has been followed"
 
 
@@ -267,23 +266,11 @@ class _Explorer:
             point,
             self.range,
             max_steps=self.max_steps,
-            stop=_at_bifurcation,
+            to_node=True,
             branch_id=number,
             **self.listeners,
         )
-        end = None
-        if any(s.index == len(branch.points) - 1 for s in branch.bifurcations):
-            branch.end(Ending.STOPPED, _AT_NODE)  # also where the step reached the end of the range
-        if branch.reason == _AT_NODE:
-            special = branch.bifurcations[-1]
-            last = branch.points[-1]
-            came = special.incoming
-            if came is not None:
-                # The branch ends at the node, on its own piece.
-                branch.points[-1] = replace(
-                    last, y=special.y, gamma=special.gamma, tangent=came.tangent, piece=came.piece
-                )
-            end = self._arrive(special, number)
+        end = self._arrive(branch.bifurcations[-1], number) if branch.bifurcations else None
         self.diagram.edges.append(Edge(branch, start, end))
 
     def _arrive(self, special: SpecialPoint, number: int) -> int:
@@ -326,7 +313,3 @@ class _Explorer:
 def _is_cut_off(branch: Branch) -> bool:
     """Whether a branch may go on beyond what was followed of it."""
     return branch.ending in (Ending.BUDGET, Ending.NOT_SOLVED, Ending.NOT_FOUND)
-
-
-def _at_bifurcation(_point: BranchPoint, special: Sequence[SpecialPoint]) -> str:
-    return _AT_NODE if any(s.kind == "bifurcation" for s in special) else ""

@@ -23,12 +23,14 @@ class Task:
         gamma_scale: size of gamma that counts as 1.
         control: step lengths.
         max_steps: budget of steps from the first point of the branch.
+        to_node: whether it ends at its first bifurcation.
     """
 
     gamma_range: tuple[float, float]
     gamma_scale: float
     control: StepControl
     max_steps: int
+    to_node: bool = False
 
 
 @dataclass(frozen=True)

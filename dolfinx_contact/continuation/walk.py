@@ -78,6 +78,7 @@ class Walker(ABC):
         gamma_range: tuple[float, float],
         *,
         max_steps: int = 1000,
+        to_node: bool = False,
         stop: Stop | None = None,
         observer: Seen | None = None,
         record: Observer | None = None,
@@ -94,6 +95,7 @@ class Walker(ABC):
             start: a point of the branch.
             gamma_range: the branch ends where gamma reaches either end.
             max_steps: budget, from the first point of the branch.
+            to_node: whether the branch ends at its first bifurcation, as those of a diagram do.
             stop: see `follow`.
             observer: called with every accepted point, ``start`` included, after ``stop``.
             record: see `follow`.
@@ -116,7 +118,8 @@ class Walker(ABC):
         line = BranchProgress(b.comm, progress)
         looks_on = guarded(b, record, observer, start)
         low, high = gamma_range
-        looks_on.begin(branch_id, Task((low, high), b.gamma_scale, self.control, max_steps))
+        task = Task((low, high), b.gamma_scale, self.control, max_steps, to_node)
+        looks_on.begin(branch_id, task)
         known = walk.stepping(first)
         looks_on.point(branch_id, first, start, (), known)
         line.point(branch_id, first, start, (), known)
@@ -128,6 +131,9 @@ class Walker(ABC):
             point, special = found
             special = [replace(s, index=len(branch.points)) for s in special]
             branch.special += special
+            if to_node and branch.bifurcations:
+                point = _at_node(point, branch.bifurcations[-1])
+                branch.end(Ending.STOPPED, "a bifurcation")  # also on the way to another end
             branch.points.append(point)
             words = "" if branch.ending else answer_of_stop(b, stop, point, special)
             if words:
@@ -150,6 +156,14 @@ class Walker(ABC):
         if b.comm.rank == 0:
             logger.info("branch ended: %s", branch.reason)
         return branch
+
+
+def _at_node(point: BranchPoint, node: SpecialPoint) -> BranchPoint:
+    """The end of a branch at a bifurcation, on its own piece, in place of the point beyond."""
+    if node.incoming is None:
+        return point
+    came = node.incoming
+    return replace(point, y=node.y, gamma=node.gamma, tangent=came.tangent, piece=came.piece)
 
 
 class BranchProgress(Observer):

@@ -187,6 +187,7 @@ class BranchRecord(ProblemRecord[Journal], Observer):
             "gamma_scale": float(task.gamma_scale),
             "control": asdict(task.control),
             "max_steps": task.max_steps,
+            "to_node": task.to_node,
         }
         known = self.journal.branches.get(branch)
         self._starts = True
@@ -417,6 +418,7 @@ class BranchRecord(ProblemRecord[Journal], Observer):
                 point,
                 (task["gamma_range"][0], task["gamma_range"][1]),
                 max_steps=budget,
+                to_node=task["to_node"],
                 stop=stop,
                 observer=observer,
                 record=self,
