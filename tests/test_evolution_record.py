@@ -10,7 +10,6 @@ from blocks import block, box, facets, same_tables
 from killing import killed_and_resumed, launch
 from recorded_evolution import CASES, LONGEST, TIMES, cracked, pair, record
 from test_evolution import dragged, put
-from test_kept_data import rewritten
 
 import ufl
 from dolfinx import fem, mesh
@@ -124,21 +123,6 @@ def test_the_journal_says_what_was_run(folder):
         evolution.load = lambda time: None
         evolution.run([7.0, 8.0], record=kept)
     assert [r.after for r in read_journal(folder).runs] == [0, len(history.steps)]
-
-
-def test_names_in_older_journals(folder):
-    """A column that has another name since is read by its new one."""
-    history = record(pair(COMM), folder)
-
-    def of_before(entry):
-        if "row" in entry:
-            entry["row"]["ways"] = entry["row"].pop("directions")
-
-    rewritten(folder / "journal.jsonl", of_before)
-    assert b'"ways"' in (folder / "journal.jsonl").read_bytes()
-    rows = read_journal(folder).rows()
-    assert [r["directions"] for r in rows] == [s.directions for s in history.steps]
-    assert not any("ways" in r for r in rows)
 
 
 @pytest.mark.parametrize("case", ["crack", "pair", "motion"])

@@ -5,7 +5,6 @@ solved for or projected differs in its last bits, is not.
 """
 
 import json
-import logging
 import zlib
 
 from mpi4py import MPI
@@ -273,24 +272,24 @@ def test_what_neither_data_nor_forms_show(make, message, folder):
         assert kept.go_on().complete
 
 
-def test_a_journal_of_an_earlier_version(folder, caplog):
-    """It knows no values: it is resumed, and the log says what is not known."""
+def test_the_format_of_another_version(folder):
+    """It is refused, with the version that wrote it, and stays as it is."""
     recorded(history(), folder / "record")
 
     def as_before(entry):
-        if entry["type"] == "session":
-            entry.pop("data", None)
-        for key in ("values", "forces"):
-            entry.pop(key, None)
-        for key in ("cells", "kinds", "other parts", "held at", "driven", "functions"):
-            entry.get("problem", {}).pop(key, None)
+        if entry["type"] == "header":
+            entry["format"] = 1
+            entry["package"] = "0.0.7"
 
-    rewritten(folder / "record/journal.jsonl", as_before)
-    caplog.set_level(logging.WARNING, "dolfinx_contact")
-    with EvolutionRecord(folder / "record", history(), resume=True) as kept:
-        assert kept.go_on().complete
-    said = [r.message for r in caplog.records if "earlier version" in r.message]
-    assert len(said) == (COMM.rank == 0)
+    path = folder / "record/journal.jsonl"
+    rewritten(path, as_before)
+    before = path.read_bytes()
+    said = r"in format 1, .* format 2 alone: use the version that wrote it \(0\.0\.7\)"
+    with pytest.raises(ValueError, match=said):
+        EvolutionRecord(folder / "record", history(), resume=True)
+    with pytest.raises(ValueError, match=said):
+        read_journal(folder / "record")
+    assert path.read_bytes() == before
 
 
 def test_a_branch_knows_its_functions(folder):

@@ -32,7 +32,7 @@ from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.plot import diagrams, draw_diagram
 from dolfinx_contact.records import BranchRecord, Journal, read_journal, resume, write_series
 from dolfinx_contact.records.identity import mesh_hash
-from dolfinx_contact.records.lines import FILE_NAME, JournalFile, ending_of, parse
+from dolfinx_contact.records.lines import FILE_NAME, FORMAT, JournalFile, parse
 
 COMM = MPI.COMM_WORLD
 serial = pytest.mark.skipif(COMM.size > 1, reason="starts processes of its own")
@@ -134,7 +134,15 @@ def test_numbers_survive(folder):
     values = {"pi": np.pi, "tiny": 5e-324, "nan": float("nan"), "many": [float("inf"), -np.inf]}
     if COMM.rank == 0:
         file = JournalFile(folder, Journal, new=True, holders={})
-        file.append({"type": "header", "format": 1, **values, "text": 'a "crc": "} é\n'})
+        file.append(
+            {
+                "type": "header",
+                "of": "branches",
+                "format": FORMAT,
+                **values,
+                "text": 'a "crc": "} é\n',
+            }
+        )
         file.close()
         header = read_journal(folder).header
         assert header["pi"] == np.pi
@@ -481,8 +489,6 @@ def test_several_branches_in_one_record(folder):
     np.testing.assert_allclose(journal.places["contact"], [(x, 0) for x in np.arange(5) / 4])
     if COMM.rank == 0:
         file = draw_diagram(folder / "two.png", journal, "force", label="$F$", title="Two")
-        del journal.header["points"]  # as in journals of old
-        assert draw_diagram(folder / "old.png", journal, "force").stat().st_size > 20_000
         assert file.stat().st_size > 20_000
         with pytest.raises(ValueError, match="is no number that was recorded"):
             draw_diagram(folder / "none.png", journal, "status")
@@ -597,19 +603,3 @@ def test_errors_reach_every_rank(whole, folder, ranks):
         assert len(said) == 1
         assert message in said.pop()
         assert (folder / FILE_NAME).read_bytes() == b"".join(content)
-
-
-def test_endings_of_old_journals():
-    """They have the reason alone."""
-    for reason, ending in (
-        ("gamma reached the end of its range", Ending.REACHED),
-        ("the last time is reached", Ending.REACHED),
-        ("the branch is closed", Ending.CLOSED),
-        ("the budget of 7 steps is exhausted", Ending.BUDGET),
-        ("no step of at least 1e-08 succeeds beyond gamma = 0.3", Ending.NOT_SOLVED),
-        ("no solution continues the evolution in the step from 1 to 2", Ending.NO_SOLUTION),
-        ("no solution was found beyond the time 0.5667", Ending.NOT_FOUND),
-        ("far enough", Ending.STOPPED),
-    ):
-        assert ending_of({"reason": reason}) is ending
-    assert ending_of({"ending": "CLOSED", "reason": "far enough"}) is Ending.CLOSED

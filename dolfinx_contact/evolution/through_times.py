@@ -276,8 +276,6 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
         means = slice(2, 2 + n)
         bonds = slice(2 + n, 2 + 2 * n)
         one = slice(2 + 2 * n, None)
-        if before is not None and before.shape != rate.shape:
-            before = None  # that of an older record, which had other rates
         slow = np.zeros_like(rate) if before is None else times * before
         if before is not None:  # points that begin to slip come to be as fast as the body
             for part in (means, one):

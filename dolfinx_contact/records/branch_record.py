@@ -10,7 +10,6 @@ coincide with the record, and are not recorded again.
 
 from __future__ import annotations
 
-import logging
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
@@ -50,8 +49,6 @@ if TYPE_CHECKING:
     from dolfinx_contact.parametric import ParametricContact
 
 __all__ = ["BranchRecord", "resume"]
-
-logger = logging.getLogger(__name__)
 
 _UNLOADED = 1e-6  # of what a branch moves in a unit of its length
 
@@ -163,14 +160,6 @@ class BranchRecord(ProblemRecord[Journal], Observer):
         """Refuse Functions that are not those that were recorded. Collective."""
         kept = self.journal.data
         if self.journal.is_empty:
-            return
-        if "values" not in kept:
-            if self.comm.rank == 0:
-                logger.warning(
-                    "the journal in %s is of an earlier version, which did not keep the values of "
-                    "Functions: that they are the same is not known",
-                    self.folder,
-                )
             return
         other = data.difference(kept["values"], {kept["checkpoint"]: kept["sum"]})
         message = (

@@ -24,7 +24,6 @@ from dolfinx_contact.evolution.evolution import Evolution, Observer, Stop
 from dolfinx_contact.evolution.run_state import RunState
 from dolfinx_contact.evolution.through_times import Accept, HistoryTask
 from dolfinx_contact.records.journal import EvolutionJournal
-from dolfinx_contact.records.lines import ending_of
 from dolfinx_contact.records.steps_record import StepsRecord
 
 __all__ = ["EvolutionRecord"]
@@ -136,15 +135,13 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, RunState]):
         memory = self._points.memory(found)
         energies = self.evolution.account(**state["energies"])
         accepted = self.evolution.recalled(state["time"], memory, energies, first=first)
-        # Of the start older journals say no more, and of the rate they have one number.
-        length = state.get("length", math.inf)
-        number = state.get("number", 0)
-        rate = None
-        if isinstance(state.get("rate"), list):
-            rate = np.array(state["rate"])
-        ending = ending_of(state) if state.get("reason") else None
         return RunState(
-            accepted, length, rate, number, ending=ending, reason=state.get("reason", "")
+            accepted,
+            state["length"],
+            None if state["rate"] is None else np.array(state["rate"]),
+            state["number"],
+            ending=None if state["ending"] is None else Ending[state["ending"]],
+            reason=state["reason"],
         )
 
     def go_on(

@@ -286,13 +286,11 @@ def difference(recorded: Mapping[str, Any], present: Mapping[str, Any]) -> str:
         "functions": "Functions of other elements",
         "numbers": "other materials, loads or friction",
     }
-    if "held" not in recorded:
-        names.pop("held at")
     for key, words in names.items():
+        if key not in present:
+            continue
         # Another UFL may write the same form in another way.
         if key == "forms" and recorded["ufl"] != present["ufl"]:
-            continue
-        if key not in recorded or key not in present:  # in journals of old
             continue
         a = recorded[key]
         b = present[key]
@@ -329,39 +327,31 @@ def other_data(
     problem: ContactProblem,
     recorded: Sequence[Sequence[float]],
     found: Sequence[Sequence[float]],
-    *,
-    functions: bool = True,
 ) -> str | None:
-    """Where data differ first, in words that begin with a colon; None if they do not.
+    """Where Constants differ first, in words that begin with a colon; None if they do not.
 
     Args:
         problem: whose data they are.
         recorded: of data that were recorded, what `numbers_of` has.
         found: the same of those that are given.
-        functions: whether Functions are compared, of which little is known by numbers.
     """
-    data = placed_data(problem.equations)
-    if not len(recorded) == len(found) == len(data):
+    places = [d.place for d in placed_data(problem.equations) if not hasattr(d.value, "x")]
+    if not len(recorded) == len(found) == len(places):
         return ""
-    for d, a, b in zip(data, recorded, found, strict=True):
-        is_function = hasattr(d.value, "x")
-        if is_function and not functions:
-            continue
-        mean = ", mean and root mean square" if is_function else ""
-        if len(a) != len(b) or _differ(a, b, each=not is_function):
-            return f": {_changed(d.place + mean, a, b)}"
+    for place, a, b in zip(places, recorded, found, strict=True):
+        if len(a) != len(b) or _differ(a, b):
+            return f": {_changed(place, a, b)}"
     return None
 
 
-def _differ(recorded: Sequence[float], found: Sequence[float], *, each: bool) -> bool:
-    """Whether numbers differ, each beside itself but for the round-off of the largest, or not."""
+def _differ(recorded: Sequence[float], found: Sequence[float]) -> bool:
+    """Whether numbers differ, each beside itself but for the round-off of the largest."""
     a = np.array(recorded)
     b = np.array(found)
     size = float(np.max(np.abs(a), initial=0.0))
-    tolerance = np.full(len(a), _TOLERANCE * size)
-    if each:  # components of one Constant may be moduli and ratios
-        own = np.maximum(np.abs(a), np.abs(b))
-        tolerance = np.maximum(_TOLERANCE * own, _ROUND_OFF * size)
+    # Components of one Constant may be moduli and ratios.
+    own = np.maximum(np.abs(a), np.abs(b))
+    tolerance = np.maximum(_TOLERANCE * own, _ROUND_OFF * size)
     return not bool((np.abs(a - b) <= tolerance).all())
 
 

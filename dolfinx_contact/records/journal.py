@@ -25,7 +25,6 @@ from dolfinx_contact.records.lines import (
     FILE_NAME,
     Followed,
     Lines,
-    ending_of,
     kind_of,
     parse,
 )
@@ -170,7 +169,7 @@ class Journal(Lines):
         """
         names = ["branch", "index", *_SPECIAL, "changes"]
         rows = [
-            {"branch": b, "index": p["index"], **{k: s.get(k) for k in names[2:]}}
+            {"branch": b, "index": p["index"], **{k: s[k] for k in names[2:]}}
             for b in self._chosen(branch)
             for p in self.branches[b].points
             for s in p["special"]
@@ -203,10 +202,10 @@ class Journal(Lines):
             branch.points.append(entry)
             branch.go_on()
             if "ending" in entry:
-                branch.end(ending_of(entry), entry["reason"])
+                branch.end(Ending[entry["ending"]], entry["reason"])
         elif kind == "end":
             branch = self.branches[entry["branch"]]
-            branch.end(ending_of(entry), entry["reason"])
+            branch.end(Ending[entry["ending"]], entry["reason"])
             branch.points[-1].update({k: entry[k] for k in ("checkpoint", "sum") if k in entry})
         else:
             raise ValueError(f"lines of the kind {kind!r} are not known")
@@ -260,16 +259,13 @@ class EvolutionJournal(Lines):
                 entry[name]
             if self.states:
                 self.runs[-1].go_on()
-                row = entry["row"]
-                if "ways" in row:  # the name in older journals
-                    row["directions"] = row.pop("ways")
             self.states.append(entry)
         elif kind == "run":
             if not entry["after"] == len(self.states) - 1 >= 0:
                 raise ValueError(f"a run begins at state {entry['after']}")
             self.runs.append(EvolutionRun(entry["task"], after=entry["after"]))
         elif kind == "end":
-            self.runs[-1].end(ending_of(entry), entry["reason"])
+            self.runs[-1].end(Ending[entry["ending"]], entry["reason"])
         else:
             raise ValueError(f"lines of the kind {kind!r} are not known")
 
@@ -317,7 +313,7 @@ def read_journal(folder: str | os.PathLike[str]) -> Journal | EvolutionJournal |
         ValueError: if it is damaged, no journal, or one of something that is not known.
     """
     data = (Path(folder) / FILE_NAME).read_bytes()
-    name = kind_of(data)
+    name = kind_of(data) or Journal.kind  # what does not say it is refused as any of them
     if name not in _KINDS:
         known = ", ".join(_KINDS)
         raise ValueError(f"{folder} has the journal of {name}; known are those of {known}")

@@ -33,34 +33,17 @@ __all__ = [
     "Followed",
     "JournalFile",
     "Lines",
-    "ending_of",
     "kind_of",
     "parse",
 ]
 
 FILE_NAME = "journal.jsonl"
-FORMAT = 1
+FORMAT = 2
 _MARK = ', "crc": "'
-#: Of what a journal is that does not have it in words.
-_BRANCHES = "branches"
-
-#: How runs ended of which a journal of old has the reason alone, by how that begins.
-_OF_OLD = {
-    Ending.REACHED.value: Ending.REACHED,
-    "the last time is reached": Ending.REACHED,
-    Ending.CLOSED.value: Ending.CLOSED,
-    Ending.UNBOUNDED.value: Ending.UNBOUNDED,
-    "the budget": Ending.BUDGET,
-    "no solution continues": Ending.NO_SOLUTION,
-    "no step": Ending.NOT_SOLVED,
-    "the point at the end": Ending.NOT_SOLVED,
-    "no way": Ending.NOT_FOUND,
-    "no solution": Ending.NOT_FOUND,
-}
 
 
-class _OtherKind(ValueError):
-    """A journal of something else."""
+class _Refused(ValueError):
+    """A journal that is whole, but of something else or of another version."""
 
 
 @dataclass
@@ -83,10 +66,8 @@ class Lines:
     """What is in every journal.
 
     Attributes:
-        header: what identifies the problem, and (not in journals of old) the places of the contact
-            points.
-        data: the checkpoint with the nodes of the mesh and, of branches, the values of Functions
-            (not in journals of old).
+        header: what identifies the problem, and the places of the contact points.
+        data: the checkpoint with the nodes of the mesh and, of branches, the values of Functions.
         sessions: one dictionary for every run that recorded: ranks, versions, time of its start.
         length: of the file in bytes, without a last line that was not finished.
         torn: whether there is such a line.
@@ -103,11 +84,8 @@ class Lines:
 
     @property
     def places(self) -> dict[str, npt.NDArray[np.float64]]:
-        """Coordinates (n, dim) of contact points by surface, in the order of the statuses.
-
-        Empty for a journal that does not have them.
-        """
-        return {k: np.array(x, float) for k, x in self.header.get("points", {}).items()}
+        """Coordinates (n, dim) of contact points by surface, in the order of the statuses."""
+        return {k: np.array(x, float) for k, x in self.header["points"].items()}
 
     def surface(self) -> OuterSurface:
         """The outer surface of the bodies before they move, on this rank alone.
@@ -160,11 +138,14 @@ class Lines:
         if (kind == "header") != (not self.header):
             raise ValueError("a journal has one header, as its first line")
         if kind == "header":
-            found = entry.get("of", _BRANCHES)
-            if found != self.kind:
-                raise _OtherKind(f"it is the journal of {found}, not of {self.kind}")
             if entry["format"] != FORMAT:
-                raise ValueError(f"its format is {entry['format']}, known is {FORMAT}")
+                raise _Refused(
+                    f"the journal is in format {entry['format']}, and this version of "
+                    f"dolfinx_contact reads and writes format {FORMAT} alone: use the version that "
+                    f"wrote it ({entry.get('package', 'unknown')}), or record anew"
+                )
+            if entry["of"] != self.kind:
+                raise _Refused(f"it is the journal of {entry['of']}, not of {self.kind}")
             self.header = entry
         elif kind == "session":
             self.data = entry.pop("data", self.data)
@@ -195,39 +176,28 @@ def parse(data: bytes, kind: type[J], folder: Path | None = None) -> J:
 
     Raises:
         ValueError: if a line is damaged or does not follow from those before it, or it is a journal
-            of something else.
+            of something else or in the format of another version.
     """
     *lines, rest = data.split(b"\n")
     journal = kind(length=len(data) - len(rest), torn=bool(rest), folder=folder)
     for number, line in enumerate(lines, 1):
         try:
             journal.take(_decode(line))
-        except _OtherKind:
+        except _Refused:
             raise
         except (ValueError, KeyError, TypeError, IndexError) as error:
             raise ValueError(f"line {number} of the journal is damaged: {error}") from None
     return journal
 
 
-def kind_of(data: bytes) -> str:
-    """Of what the journal in ``data`` is, by its first line; branches if that does not have it."""
-    first, end, _ = data.partition(b"\n")
+def kind_of(data: bytes) -> str | None:
+    """Of what the journal in ``data`` is, by its first line; None if that does not say it."""
+    first, _, _ = data.partition(b"\n")
     try:
-        return str(_decode(first).get("of", _BRANCHES)) if end else _BRANCHES
+        found = _decode(first).get("of")
     except ValueError:  # damaged, as who reads it finds
-        return _BRANCHES
-
-
-def ending_of(entry: Mapping[str, Any]) -> Ending:
-    """How something ended, by a line that says so.
-
-    Raises:
-        KeyError: if it has another word for that.
-    """
-    if "ending" in entry:
-        return Ending[entry["ending"]]
-    old = (ending for begins, ending in _OF_OLD.items() if entry["reason"].startswith(begins))
-    return next(old, Ending.STOPPED)
+        return None
+    return None if found is None else str(found)
 
 
 def _encode(entry: Mapping[str, Any]) -> bytes:

@@ -18,13 +18,13 @@ import numpy.typing as npt
 
 from dolfinx_contact._errors import require
 from dolfinx_contact.continuation.branch import BranchPoint
+from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.continuation.layout import Layout
 from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.evolution import ArcLength, PathHistory
 from dolfinx_contact.evolution.arc_length import Observer, Stop
 from dolfinx_contact.evolution.path_state import Known, PathState, PathTask, begun
 from dolfinx_contact.records.journal import PathJournal
-from dolfinx_contact.records.lines import ending_of
 from dolfinx_contact.records.steps_record import StepsRecord
 
 __all__ = ["PathRecord"]
@@ -148,7 +148,7 @@ class PathRecord(StepsRecord[PathJournal, PathState]):
             accepted,
             state["length"],
             number=number,
-            ending=ending_of(state) if state["reason"] else None,
+            ending=None if state["ending"] is None else Ending[state["ending"]],
             reason=state["reason"],
             arrived=arrived,
             known=known,

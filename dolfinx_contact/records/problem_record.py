@@ -110,9 +110,8 @@ class ProblemRecord(Generic[J]):
                 recorded["problem"] | {"mesh": problem["mesh"]}, problem
             )
             for name, value in more.items():
-                words = recorded.get(name, [])  # what is new has no words in older records
-                if not differs and not same_words(words, value):
-                    differs = f"other {name} ({', '.join(words)})"
+                if not differs and not same_words(recorded[name], value):
+                    differs = f"other {name} ({', '.join(recorded[name])})"
             message = f"the journal in {self.folder} is that of another problem: {differs}"
             require(self.comm, not differs, message)
 
@@ -160,9 +159,8 @@ class ProblemRecord(Generic[J]):
         from dolfinx_contact import __version__
 
         recorded = self.journal.header
-        known = recorded.get("package", __version__)
-        if known != __version__ and self.comm.rank == 0:
-            logger.warning("recorded by %s, resumed by %s", known, __version__)
+        if recorded and recorded["package"] != __version__ and self.comm.rank == 0:
+            logger.warning("recorded by %s, resumed by %s", recorded["package"], __version__)
         on_root(self.comm, lambda: self._file.drop_torn_line() if self._file else None)
         if not recorded:
             header = {"package": __version__, "of": self.journal.kind, **more, "problem": problem}
@@ -170,10 +168,10 @@ class ProblemRecord(Generic[J]):
             header["surface_displacement"] = self._shows
             self._append({"type": "header", "format": FORMAT, **header})
             self.journal.header = header
-        self._shows = self.journal.header.get("surface_displacement", False)
+        self._shows = self.journal.header["surface_displacement"]
         session = {"time": time.time(), "ranks": self.comm.size, "package": __version__}
         more_of_it = {}
-        if not self.journal.data and self.journal.is_empty:
+        if not self.journal.data:
             more_of_it["data"] = self.journal.data = self._keep_data(data)
             self._surfaces.write_surface()
         self._append({"type": "session", **session, **more_of_it})

@@ -109,7 +109,6 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         self._points = _AtPoints(problem)
         self._last: AcceptedState | None = None  # where the runs stand
         self._index = -1  # of that state
-        self._old = False  # whether the journal lacks values of Functions, and that was said
         try:
             self._data = KeptData(problem, self._checkpoints, more=data)
             # The values of all data are compared state by state.
@@ -133,19 +132,10 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
 
     def _require_data(self, state: Mapping[str, Any], found: list[list[float]]) -> None:
         """Refuse data that are not those of a state. Collective."""
-        values = state.get("values")
-        other = other_data(self.problem, state["data"], found, functions=values is None)
-        if other is None and values is not None:
+        other = other_data(self.problem, state["data"], found)
+        if other is None:
             sums = {s["checkpoint"]: s["sum"] for s in self.journal.states}
-            other = self._data.difference(values, sums)
-        elif other is None and not self._old:
-            self._old = True
-            if self.comm.rank == 0:
-                logger.warning(
-                    "the journal in %s is of an earlier version, which knew Functions by mean and "
-                    "root mean square alone: that they are the same is not known",
-                    self.folder,
-                )
+            other = self._data.difference(state["values"], sums)
         message = (
             f"the journal in {self.folder} is that of another problem: other loads, materials or "
             f"friction at {self._along} {state['time']:.10g}{other}"
@@ -336,8 +326,7 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         self._checkpoints.read(state["checkpoint"], state["sum"], vectors)
         found = self._checkpoints.arrays(state["checkpoint"])
         problem.put(vectors["x"], self._points.statuses(found))
-        # Journals of old do not say it.
-        run_state = self._stood(state, vectors, found, state.get("first", index == 0))
+        run_state = self._stood(state, vectors, found, state["first"])
         for x in vectors.values():
             x.destroy()
         self._require_data(state, numbers_of(problem.equations))
@@ -346,8 +335,6 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
 
     def _require_forces(self, state: Mapping[str, Any], accepted: AcceptedState) -> None:
         """Refuse a problem whose forces at a recorded state are not those of then. Collective."""
-        if "forces" not in state:  # in journals of old
-            return
         recorded = state["forces"]
         found = self._forces(accepted)
         least = found["least"]

@@ -80,11 +80,9 @@ def read_surface(folder: Path) -> OuterSurface:
     """The outer surface of a record, on this rank alone.
 
     Raises:
-        ValueError: if it is damaged, or the record has none.
+        ValueError: if it is damaged or missing.
     """
     file = folder / _SURFACE
-    if not file.exists():
-        raise ValueError(f"there is no {file}: the record is of an earlier version")
     found = _load(file)
     try:
         return OuterSurface.of_arrays(found)
