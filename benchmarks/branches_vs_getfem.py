@@ -52,11 +52,11 @@ class Stopwatch(Observer):
     def __init__(self, bordered):
         self._bordered = bordered
 
-    def begin(self, branch, task):
+    def begin(self, task, state):
         self.steps = []
         self._last = None
 
-    def point(self, branch, index, point, special, stepping):
+    def step(self, step, state):
         if self._last is not None:
             passed = zip(self._last, self._now(), strict=True)
             wall, cpu, factorisations, solves = (b - a for a, b in passed)
@@ -66,8 +66,8 @@ class Stopwatch(Observer):
                     "cpu": cpu,
                     "factorisations": factorisations,
                     "solves": solves,
-                    "gamma": point.gamma,
-                    "kinds": [s.kind for s in special],
+                    "gamma": step.point.gamma,
+                    "kinds": [s.kind for s in step.special],
                 }
             )
         self._last = self._now()

@@ -110,10 +110,10 @@ class Clock(Observer):
         self.solver = solver
         self.seen = []
 
-    def point(self, branch_id, index, point, special, stepping):
+    def step(self, step, state):
         self.comm.barrier()
         now = time.perf_counter()
-        self.seen.append((now, self.solver.solves, self.solver.factorisations, special))
+        self.seen.append((now, self.solver.solves, self.solver.factorisations, step.special))
 
 
 def follow(args, system, comm):

@@ -347,7 +347,7 @@ def test_bad_input():
         ({"control": StepControl(kinks="batched")}, "passes kinks exactly, not 'batched'"),
         ({"max_steps": 0}, "budget of steps must be positive"),
         ({"stop": 3}, "stop must be a function"),
-        ({"observer": 3}, "observer must be a function of a point, got 3"),
+        ({"observer": 3}, "or a function of a step; got 3"),
         ({"stop": lambda s: None}, "stop must answer with the reason"),
     ]:
         before = system.problem.u.x.array.copy()

@@ -60,11 +60,11 @@ def test_the_last_point_tells_how_the_branch_ends():
         def __init__(self):
             self.endings = []
 
-        def point(self, branch, index, point, special, stepping):
-            self.endings.append((stepping.ending, stepping.reason))
+        def step(self, step, state):
+            self.endings.append((state.ending, state.reason))
 
-    def stop(point, special):
-        return "enough" if point.gamma > 0.5 else ""
+    def stop(step):
+        return "enough" if step.point.gamma > 0.5 else ""
 
     for way, ending, reason in (
         (dict(gamma_range=(-2.0, 2.0)), Ending.CLOSED, "the branch is closed"),
@@ -117,11 +117,11 @@ def test_observers_see_the_branches_of_the_diagram(end):
     ended = {}
 
     class Looks(Observer):
-        def point(self, branch, index, point, special, stepping):
-            last[branch] = point, stepping
+        def step(self, step, state):
+            last[step.branch] = step.point, state
 
-        def end(self, branch, how):
-            ended[branch] = how.ending, how.reason
+        def end(self, how):
+            ended[len(ended)] = how.ending, how.reason
 
     diagram = explore(
         system, [(start(system, [0.0]), -1.0)], gamma_range=(-1.0, end), observer=Looks()
@@ -146,7 +146,7 @@ def test_stop_on_a_functional():
         start(system, [1.0]),
         0.0,
         gamma_range=(-2.0, 2.0),
-        stop=lambda point, special: "enough" if point.gamma > 0.5 else "",
+        stop=lambda step: "enough" if step.point.gamma > 0.5 else "",
     )
     assert branch.reason == "enough"
     assert branch.ending is Ending.STOPPED

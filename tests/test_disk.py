@@ -214,8 +214,8 @@ class Fills(Observer):
         self.at = at
         self.size = size
 
-    def point(self, branch, index, *_):
-        if index == self.at:
+    def step(self, step, state):
+        if step.index == self.at:
             COMM.barrier()
             hard = resource.getrlimit(resource.RLIMIT_FSIZE)[1]
             resource.setrlimit(resource.RLIMIT_FSIZE, (self.size(), hard))

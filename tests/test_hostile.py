@@ -188,7 +188,7 @@ class Telling(Observer):
     def __init__(self, do):
         self.do = do
 
-    def point(self, *_):
+    def step(self, *_):
         self.do()
 
 

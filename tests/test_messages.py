@@ -377,8 +377,8 @@ def test_a_branch_that_fails_leaves_everything_as_it_was():
     statuses = [s.statuses.copy() for s in system.problem.surfaces]
 
     class Impatient(Observer):
-        def point(self, branch, index, *_):
-            if index == 1:
+        def step(self, step, state):
+            if step.index == 1:
                 raise TimeoutError("enough")
 
     with pytest.raises(TimeoutError):
@@ -395,7 +395,7 @@ def test_monitors_and_observers_of_one_rank():
     heard = []
 
     class Heard(Observer):
-        def point(self, *_):
+        def step(self, *_):
             heard.append("point")
 
     def monitor(_step):

@@ -5,13 +5,15 @@ from mpi4py import MPI
 import demo_linear_triangle
 import numpy as np
 import pytest
+import recorded_evolution
+import recorded_path
 from recorded_run import CONTROL, moved_block, start
 from test_parametric import driven_block
 
 from dolfinx import fem
 
 from dolfinx_contact.continuation import Observer, explore, follow
-from dolfinx_contact.records import BranchRecord, resume
+from dolfinx_contact.records import BranchRecord, PathRecord, resume
 
 COMM = MPI.COMM_WORLD
 
@@ -30,19 +32,19 @@ class Looks(Observer):
         self.seen = []
         self.calls = []
 
-    def begin(self, branch, task):
+    def begin(self, task, state):
         self.calls.append(("begin", seen(self.system)))
 
-    def point(self, branch, index, point, special, stepping):
-        self.points.append(point)
+    def step(self, step, state):
+        self.points.append(step.point)
         self.seen.append(seen(self.system))
-        assert self.seen[-1][1] == self.system.letters(point.piece)
-        if index == self.last:
+        assert self.seen[-1][1] == self.system.letters(step.point.piece)
+        if step.index == self.last:
             raise Killed
         # What it does is no affair of the branch.
         self.system.problem.u.x.array[:] = 7.0
 
-    def end(self, branch, ended):
+    def end(self, ended):
         self.calls.append(("end", seen(self.system)))
 
 
@@ -89,7 +91,7 @@ def test_every_point_stands_in_the_problem(kind):
     looks = Looks(system)
     asked = []
 
-    def stop(point, special):
+    def stop(step):
         asked.append(seen(system))
         return ""
 
@@ -176,9 +178,9 @@ def test_after_a_kill(folder):
         def begin(self, *told):
             self.record.begin(*told)
 
-        def point(self, *told):
-            self.record.point(*told)
-            super().point(*told)
+        def step(self, *told):
+            self.record.step(*told)
+            super().step(*told)
 
         def end(self, *told):
             self.record.end(*told)
@@ -207,11 +209,11 @@ def test_a_function_looks_on(route):
     found = []
     asked = []
 
-    def look(point, special):
-        found.append((point.gamma, len(special), float(system.constant.value)))
+    def look(step):
+        found.append((step.point.gamma, len(step.special), float(system.constant.value)))
 
-    def stop(point, special):
-        asked.append((point.gamma, len(special), float(system.constant.value)))
+    def stop(step):
+        asked.append((step.point.gamma, len(step.special), float(system.constant.value)))
         return "enough" if len(asked) == 2 else ""
 
     mine = look if COMM.rank == COMM.size - 1 else None
@@ -236,8 +238,8 @@ def test_a_record_comes_first(folder):
     system, functionals = moved_block(COMM, n=3)
     x = start(system)
 
-    def observer(point, _special):
-        assert record.journal.branches[0].points[-1]["gamma"] == pytest.approx(point.gamma)
+    def observer(step):
+        assert record.journal.branches[0].points[-1]["gamma"] == pytest.approx(step.point.gamma)
         if len(record.journal.branches[0].points) == 4:
             raise Killed
 
@@ -247,5 +249,70 @@ def test_a_record_comes_first(folder):
     assert len(record.journal.branches[0].points) == 4
     again, functionals = moved_block(COMM, n=3)
     gammas = []
-    resume(folder, again, functionals, max_steps=5, observer=lambda p, _: gammas.append(p.gamma))
+    resume(folder, again, functionals, max_steps=5, observer=lambda s: gammas.append(s.point.gamma))
     assert len(gammas) > 1
+
+
+class Notes(Observer):
+    """What one observer is called with, whatever is followed."""
+
+    def __init__(self):
+        self.told = []
+
+    def begin(self, task, state):
+        self.told.append(("begin", type(task).__name__, type(state).__name__))
+
+    def step(self, step, state):
+        self.told.append(("step", type(step).__name__, type(state).__name__))
+
+    def end(self, ended):
+        self.told.append(("end", ended.ending, ended.reason))
+
+
+def test_one_observer_for_all(folder):
+    """Branches, histories and paths call the same methods; a run that goes on begins again."""
+    system = driven_block("load", n=3)
+    notes = Notes()
+    branch = follow(system, start_of(system), 0.5, gamma_range=(0.4, 0.6), observer=notes)
+    words = ("BranchStep", "Stepping")
+    expected = [("begin", "Task", "Stepping"), *[("step", *words)] * len(branch.points)]
+    assert notes.told == [*expected, ("end", branch.ending, branch.reason)]
+
+    evolution = recorded_evolution.pair(COMM)
+    notes = Notes()
+    history = evolution.run([0.0, 1.0, 2.0], observer=notes)
+    expected = [("begin", "HistoryTask", "RunState")]
+    expected += [("step", "EvolutionStep", "RunState")] * len(history.steps)
+    assert notes.told == [*expected, ("end", history.ending, history.reason)]
+
+    def stopping(step):
+        if step.number == 2:
+            raise Killed
+
+    path = recorded_path.made("bonds")
+    with PathRecord(folder, path) as record, pytest.raises(Killed):
+        path.run((0.0, 0.7), record=record, observer=stopping, max_steps=4)
+    notes = Notes()
+    with PathRecord(folder, recorded_path.made("bonds"), resume=True) as record:
+        rest = record.go_on(observer=notes)
+    expected = [("begin", "PathTask", "PathState")]
+    expected += [("step", "PathStep", "PathState")] * len(rest.steps)
+    assert len(rest.steps) == 2
+    assert notes.told == [*expected, ("end", rest.ending, rest.reason)]
+
+
+@pytest.mark.parametrize("method", ["begin", "step", "end"])
+def test_an_observer_that_raises_on_one_rank_ends_a_history(method):
+    """On every rank, at the last accepted state."""
+
+    class Raises(Observer):
+        def _raise(self, *_):
+            if COMM.rank == COMM.size - 1:
+                evolution.problem.u.x.array[:] = 7.0
+                raise Killed
+
+    setattr(Raises, method, Raises._raise)
+    evolution = recorded_evolution.pair(COMM)
+    with pytest.raises(Killed):
+        evolution.run([0.0, 1.0], observer=Raises())
+    assert COMM.allreduce(np.abs(evolution.problem.u.x.array).max(), op=MPI.MAX) < 0.1

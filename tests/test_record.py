@@ -19,6 +19,7 @@ from dolfinx import fem
 
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, ParametricContact
 from dolfinx_contact.continuation import (
+    BranchStep,
     Ending,
     Follower,
     Observer,
@@ -255,14 +256,14 @@ def test_points_that_differ_are_refused(folder):
     with BranchRecord(folder, system, functionals, resume=True) as r:
         r.journal.branches[0].points[2]["gamma"] += 3e-8
         point, stepping = r.state(0, 0)
-        r.begin(0, task(r, gamma_scale=1.1))
-        r.point(0, 0, point, (), stepping)
+        r.begin(task(r, gamma_scale=1.1), stepping)
+        r.step(BranchStep(0, 0, point), stepping)
         with pytest.raises(ValueError, match="was recorded with gamma_scale"):
-            r.begin(0, task(r, gamma_scale=2.0))
+            r.begin(task(r, gamma_scale=2.0), stepping)
         with pytest.raises(ValueError, match="point 2 of branch 0 was recorded at gamma"):
-            r.point(0, 2, point, (), stepping)
+            r.step(BranchStep(0, 2, point), stepping)
         with pytest.raises(ValueError, match="point 9 cannot follow the 4 recorded"):
-            r.point(0, 9, point, (), stepping)
+            r.step(BranchStep(0, 9, point), stepping)
     assert path.read_bytes().startswith(text)
     assert len(read_journal(folder).branches[0].points) == 4
 
@@ -289,8 +290,8 @@ def test_a_damaged_checkpoint_is_passed_over(whole, folder):
     seen = []
 
     class Watch(Observer):
-        def point(self, branch, index, *_):
-            seen.append(index)
+        def step(self, step, state):
+            seen.append(step.index)
 
     branch = resume(folder, system, functionals, max_steps=1000, observer=Watch())
     assert seen[0] == int(kept[-2][-6:])
@@ -317,8 +318,8 @@ def test_a_branch_that_was_killed_at_its_last_point(folder):
     """Its end, by a stop or by the range, is in the line of the point: nothing is added."""
     system, functionals = moved_block(COMM)
 
-    def stop(point, special):
-        return "pressed" if point.gamma > 0.12 else ""
+    def stop(step):
+        return "pressed" if step.point.gamma > 0.12 else ""
 
     for number, way in enumerate([dict(stop=stop), dict(gamma_range=(-0.1, 0.15))]):
         way = dict(gamma_range=(-0.1, 1.0), control=recorded_run.CONTROL) | way
@@ -326,8 +327,8 @@ def test_a_branch_that_was_killed_at_its_last_point(folder):
         last = len(expected.points) - 1
 
         class Interrupt(Observer):
-            def point(self, branch, index, *_, last=last):
-                if index == last:
+            def step(self, step, state, last=last):
+                if step.index == last:
                     raise KeyboardInterrupt
 
         where = folder / f"{number}"
@@ -351,7 +352,7 @@ def test_a_resumed_run_that_ends_before_the_recorded_end(folder):
         (folder / "r" / FILE_NAME).write_bytes(b"".join(lines[:-1]))
     COMM.barrier()
     early = resume(
-        folder / "r", system, functionals, stop=lambda p, s: "far" if p.gamma > 0.02 else ""
+        folder / "r", system, functionals, stop=lambda s: "far" if s.point.gamma > 0.02 else ""
     )
     assert early.ending is Ending.STOPPED
     journal = read_journal(folder / "r")
@@ -399,8 +400,8 @@ def test_an_interrupted_run_resumes(whole, folder):
     system, functionals = moved_block(COMM)
 
     class Interrupt(Observer):
-        def point(self, branch, index, *_):
-            if index == 20:
+        def step(self, step, state):
+            if step.index == 20:
                 raise KeyboardInterrupt
 
     with BranchRecord(folder, system, functionals, every=7) as r, pytest.raises(KeyboardInterrupt):

@@ -117,8 +117,12 @@ def test_public_classes_have_names_of_their_own():
     known = {}
     for name, file in MODULES.items():
         for node in ast.parse(file.read_text()).body:
-            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
-                known.setdefault(node.name, []).append(name)
+            alias = isinstance(node, ast.AnnAssign) and ast.unparse(node.annotation) == "TypeAlias"
+            if not (alias or isinstance(node, ast.ClassDef)):
+                continue
+            word = node.target.id if alias else node.name
+            if not word.startswith("_"):
+                known.setdefault(word, []).append(name)
     assert len(known) > 200
     assert not {k: v for k, v in known.items() if len(v) > 1}
 

@@ -7,7 +7,15 @@ from dolfinx_contact.continuation.diagram import Diagram, Edge, Node, explore
 from dolfinx_contact.continuation.ending import Ending, Ends
 from dolfinx_contact.continuation.extended import SpecialCurve, follow_special
 from dolfinx_contact.continuation.follow import Follower, Route, follow, follower_for
-from dolfinx_contact.continuation.observer import Observer, Observers, Seen, Stepping, Task
+from dolfinx_contact.continuation.observer import (
+    BranchStep,
+    Observer,
+    Observers,
+    Seen,
+    Stepping,
+    Stop,
+    Task,
+)
 from dolfinx_contact.continuation.parameters import Direction, Kinks, StepControl
 from dolfinx_contact.continuation.pivoting import Pivoting
 from dolfinx_contact.continuation.points import points_at
@@ -23,6 +31,7 @@ from dolfinx_contact.continuation.system import (
 __all__ = [
     "Branch",
     "BranchPoint",
+    "BranchStep",
     "Change",
     "Condensed",
     "Continuum",
@@ -50,6 +59,7 @@ __all__ = [
     "SpecialPoint",
     "StepControl",
     "Stepping",
+    "Stop",
     "System",
     "Task",
     "explore",

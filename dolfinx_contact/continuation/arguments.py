@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from mpi4py import MPI
@@ -13,23 +13,11 @@ import numpy as np
 
 from dolfinx_contact._errors import everywhere, same_everywhere
 from dolfinx_contact._numbers import is_count, is_number
-from dolfinx_contact.continuation.branch import BranchPoint, SpecialPoint, Stop
-from dolfinx_contact.continuation.ending import Ends
-from dolfinx_contact.continuation.layout import Layout
-from dolfinx_contact.continuation.observer import (
-    Observer,
-    Observers,
-    Seen,
-    Stepping,
-    Task,
-    as_observer,
-    is_observer,
-)
+from dolfinx_contact.continuation.observer import Stop, as_observer, is_observer
 from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.continuation.system import System
 
 __all__ = [
-    "answer_of_stop",
     "check_functions",
     "check_listeners",
     "check_progress",
@@ -39,7 +27,6 @@ __all__ = [
     "check_vectors",
     "checked_gamma",
     "checked_range",
-    "guarded",
     "reason_to_stop",
     "require_smooth",
 ]
@@ -130,14 +117,27 @@ def check_states(system: System, states: Sequence[PETSc.Vec], what: str) -> None
 
 
 def check_listeners(
-    *, observer: Any = None, record: Any = None, progress: Any = None, stop: Any = None
+    *,
+    observer: Any = None,
+    record: Any = None,
+    progress: Any = None,
+    stop: Any = None,
+    of: str = "a records.BranchRecord",
 ) -> None:
-    """Raise ``ValueError`` for what cannot look on while branches are followed. Not collective."""
+    """Raise ``ValueError`` for what cannot look on while something is followed. Not collective.
+
+    Args:
+        observer: of the user, as for the others.
+        record: keeps every step.
+        progress: whether it is shown.
+        stop: a function.
+        of: what a record has to be, in words.
+    """
     if observer is not None:
         as_observer(observer)
     if record is not None and not is_observer(record):
-        raise ValueError(f"record must be a records.BranchRecord, got {record!r}")
-    check_functions("a point and its special points", stop=stop)
+        raise ValueError(f"record must be {of}, got {record!r}")
+    check_functions("a step", stop=stop)
     check_progress(progress)
 
 
@@ -167,34 +167,20 @@ def check_steps(control: Any, max_steps: Any) -> None:
         raise ValueError(f"the budget of steps must be positive, got {max_steps!r}")
 
 
-def answer_of_stop(
-    layout: Layout, stop: Stop | None, point: BranchPoint, special: Sequence[SpecialPoint]
-) -> str:
-    """What ``stop`` returns at a point, whose state the problem has then. Collective.
-
-    Raises:
-        ValueError: on every rank, if that is no reason, or not the same on every rank.
-    """
-    if stop is None:
-        return ""
-    _show(layout, point)
-    return reason_to_stop(layout.comm, "branch", stop, point, special)
-
-
-def reason_to_stop(comm: MPI.Comm, what: str, stop: Callable[..., str], *seen: Any) -> str:
-    """What ``stop`` answers to what it is shown, "" if it goes on. Collective.
+def reason_to_stop(comm: MPI.Comm, what: str, stop: Stop[Any], step: Any) -> str:
+    """What ``stop`` answers to a step, whose end is in the problem; "" if it goes on. Collective.
 
     Args:
         comm: communicator.
         what: ends if it answers with a reason.
         stop: of the user.
-        seen: its arguments.
+        step: with which it is called.
 
     Raises:
         ValueError: on every rank, if that is no reason, or not the same on every rank.
     """
     with everywhere(comm, "stop"):
-        answer = stop(*seen)
+        answer = stop(step)
         if not isinstance(answer, str):
             raise ValueError(
                 f"stop must answer with the reason to end the {what}, a str, or with '' to go on; "
@@ -202,56 +188,3 @@ def reason_to_stop(comm: MPI.Comm, what: str, stop: Callable[..., str], *seen: A
             )
     same_everywhere(comm, the_answer_of_stop=answer)
     return answer
-
-
-def guarded(
-    layout: Layout, record: Observer | None, observer: Seen | None, start: BranchPoint
-) -> Observer:
-    """Record and observer, in this order, whose errors on one rank are raised on all. Collective.
-
-    The problem is in the state that they are called with. Ranks without an observer, beside
-    others with one, have one that does nothing.
-
-    Args:
-        layout: of the points, which knows their system.
-        record: on every rank or on none.
-        observer: of the user.
-        start: where the branch begins.
-    """
-    all_of_them = Observers(*(o for o in (record, observer) if o is not None))
-    anywhere = layout.comm.allreduce(int(record is not None or observer is not None))
-    return _Guarded(layout, all_of_them, start) if anywhere else all_of_them
-
-
-def _show(layout: Layout, point: BranchPoint) -> None:
-    """Put a point into what the user sees of the system. Collective."""
-    layout.system.put(*layout.split(point.y), point.piece)
-
-
-class _Guarded(Observer):
-    def __init__(self, layout: Layout, observer: Observer, start: BranchPoint):
-        self._layout = layout
-        self._observer = observer
-        self._last = start
-
-    def _tell(self, do: Callable[..., None], *what: Any) -> None:
-        _show(self._layout, self._last)
-        with everywhere(self._layout.comm, "an observer"):
-            do(*what)
-
-    def begin(self, branch: int, task: Task) -> None:
-        self._tell(self._observer.begin, branch, task)
-
-    def point(
-        self,
-        branch: int,
-        index: int,
-        point: BranchPoint,
-        special: Sequence[SpecialPoint],
-        stepping: Stepping,
-    ) -> None:
-        self._last = point
-        self._tell(self._observer.point, branch, index, point, special, stepping)
-
-    def end(self, branch: int, ended: Ends) -> None:
-        self._tell(self._observer.end, branch, ended)

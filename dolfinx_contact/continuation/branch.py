@@ -3,9 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal
 
 from petsc4py import PETSc
 
@@ -18,7 +17,6 @@ __all__ = [
     "Change",
     "Ray",
     "SpecialPoint",
-    "Stop",
 ]
 
 Kind = Literal["event", "fold", "bifurcation", "end"]
@@ -106,11 +104,6 @@ class SpecialPoint:
     def located(self) -> bool:
         """Whether `gamma` and `y` are those of the special point to round-off."""
         return self.bracket is None
-
-
-#: Called at every accepted point, with the special points on the way to it; returns the reason
-#: to end the branch there, or "".
-Stop: TypeAlias = Callable[[BranchPoint, Sequence[SpecialPoint]], str]
 
 
 @dataclass

@@ -31,7 +31,7 @@ from dolfinx_contact.continuation.arguments import (
 from dolfinx_contact.continuation.branch import Branch, BranchPoint, Ray, SpecialPoint
 from dolfinx_contact.continuation.ending import Ending, Ends
 from dolfinx_contact.continuation.follow import Follower, Route, follower_for
-from dolfinx_contact.continuation.observer import Observer, Seen
+from dolfinx_contact.continuation.observer import BranchStep, Observer, Seen
 from dolfinx_contact.continuation.parameters import Direction, StepControl
 from dolfinx_contact.continuation.pivoting import Pivoting
 from dolfinx_contact.continuation.system import System
@@ -151,7 +151,7 @@ def explore(
     max_branches: int = 100,
     max_seconds: float = float("inf"),
     route: Route = "auto",
-    observer: Seen | None = None,
+    observer: Seen[BranchStep] | None = None,
     record: Observer | None = None,
     progress: bool | None = None,
 ) -> Diagram:

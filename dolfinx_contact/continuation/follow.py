@@ -35,11 +35,10 @@ from dolfinx_contact.continuation.branch import (
     BranchPoint,
     Ray,
     SpecialPoint,
-    Stop,
 )
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.ending import Ending
-from dolfinx_contact.continuation.observer import Observer, Seen, Stepping
+from dolfinx_contact.continuation.observer import BranchStep, Observer, Seen, Stepping, Stop
 from dolfinx_contact.continuation.parameters import Direction, StepControl, sign_of
 from dolfinx_contact.continuation.passage import SteppingSteps
 from dolfinx_contact.continuation.pivoting import Pivoting
@@ -84,8 +83,8 @@ def follow(
     control: StepControl | None = None,
     max_steps: int = 1000,
     route: Route = "auto",
-    stop: Stop | None = None,
-    observer: Seen | None = None,
+    stop: Stop[BranchStep] | None = None,
+    observer: Seen[BranchStep] | None = None,
     record: Observer | None = None,
     progress: bool | None = None,
 ) -> Branch:
@@ -100,11 +99,11 @@ def follow(
         control: step lengths.
         max_steps: budget; when it is exhausted what was found is returned, with the reason.
         route: see `follower_for`.
-        stop: called at every accepted point, with the special points on the way to it: it returns
-            the reason to end the branch there, or "" to go on. The problem is in the state of the
-            point then: its Functions, statuses, gamma and what gamma drives are those of the
-            point (`System.put`). It is not called where the branch ends by itself.
-        observer: a function that is called likewise at every point, start and end included, or an
+        stop: called with every accepted step, its point and the special points on the way to it:
+            it returns the reason to end the branch there, or "" to go on. The problem is in the
+            state of the point then: its Functions, statuses, gamma and what gamma drives are those
+            of the point (`System.put`). It is not called where the branch ends by itself.
+        observer: a function that is called likewise with every step, start and end included, or an
             `Observer`, which is given more.
         record: keeps every point before the observer is called, as `records.BranchRecord` does.
         progress: whether rank 0 shows the progress on the standard error stream; by default once it

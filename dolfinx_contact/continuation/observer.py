@@ -1,17 +1,31 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Who looks on while a branch is followed, and what is needed to go on from one of its points."""
+"""Who looks on while branches, histories, motions and paths are followed, and who ends them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
+from mpi4py import MPI
+
+from dolfinx_contact._errors import everywhere
 from dolfinx_contact.continuation.branch import BranchPoint, SpecialPoint
 from dolfinx_contact.continuation.ending import Ending, Ends
 from dolfinx_contact.continuation.parameters import StepControl
 
-__all__ = ["Observer", "Observers", "Seen", "Stepping", "Task", "as_observer"]
+__all__ = [
+    "BranchStep",
+    "Guarded",
+    "Observer",
+    "Observers",
+    "Seen",
+    "Stepping",
+    "Stop",
+    "Task",
+    "as_observer",
+    "is_observer",
+]
 
 
 @dataclass(frozen=True)
@@ -24,6 +38,7 @@ class Task:
         control: step lengths.
         max_steps: budget of steps from the first point of the branch.
         to_node: whether it ends at its first bifurcation.
+        branch: its number.
     """
 
     gamma_range: tuple[float, float]
@@ -31,6 +46,24 @@ class Task:
     control: StepControl
     max_steps: int
     to_node: bool = False
+    branch: int = 0
+
+
+@dataclass(frozen=True)
+class BranchStep:
+    """A step to an accepted point of a branch, or its start.
+
+    Attributes:
+        branch: number of the branch.
+        index: of the point on it, from 0.
+        point: start and end of the branch included.
+        special: special points on the way to it.
+    """
+
+    branch: int
+    index: int
+    point: BranchPoint
+    special: Sequence[SpecialPoint] = ()
 
 
 @dataclass(frozen=True)
@@ -55,55 +88,62 @@ class Stepping:
 
 
 class Observer:
-    """Is called while branches are followed; every call is collective. Does nothing by itself.
+    """Is called while something is followed; every call is collective. Does nothing by itself.
 
-    The problem is in the state of a point when the observer is called with it, and while a branch
-    begins (its
-    first point) and ends (its last one): of a `ParametricContact` the displacement, the
-    multipliers, the statuses, gamma and what it drives, so that ``problem.table``,
-    ``problem.support_forces`` and assembled forms are those of the point. What the observer does to
-    them is lost at the next point. That costs no assembly.
+    What is followed, and what the methods are called with:
 
-    An exception that it raises on every rank ends the run.
+    ================== ============ ================= ===============
+    followed by        task         step              state
+    ================== ============ ================= ===============
+    follow, explore    Task         BranchStep        Stepping
+    QuasiStatic, NSCD  HistoryTask  EvolutionStep     RunState
+    ArcLength          PathTask     PathStep          PathState
+    ================== ============ ================= ===============
+
+    The problem is in the state of a point or step when the observer is called with it, and while a
+    branch or run begins (its start) and ends (its last state): displacement, multipliers, statuses,
+    gamma and what it drives, or the data of the time, so that ``problem.table``,
+    ``problem.support_forces`` and assembled forms are those of it. What the observer does to them
+    is lost at the next one. That costs no assembly.
+
+    An exception that it raises on any rank ends the run on every rank.
     """
 
-    def begin(self, branch: int, task: Task) -> None:
-        """A branch is about to be followed, from its start or from a point reached before."""
-
-    def point(
-        self,
-        branch: int,
-        index: int,
-        point: BranchPoint,
-        special: Sequence[SpecialPoint],
-        stepping: Stepping,
-    ) -> None:
-        """A point has been accepted.
+    def begin(self, task: Any, state: Any) -> None:
+        """A branch or run begins, from its start or from a state reached before.
 
         Args:
-            branch: number of the branch.
-            index: of the point on it, from 0.
-            point: start and end of the branch included.
-            special: special points on the way to it.
-            stepping: what is needed to go on from it.
+            task: how it is followed.
+            state: what is known where it begins.
         """
 
-    def end(self, branch: int, ended: Ends) -> None:
-        """The branch has ended, how and why is in ``ended``; with its budget it may go on later."""
+    def step(self, step: Any, state: Any) -> None:
+        """A step has been accepted; of a branch its start, too.
+
+        Args:
+            step: as the user sees it.
+            state: what is needed to go on from it.
+        """
+
+    def end(self, ended: Ends) -> None:
+        """It has ended, how and why is in ``ended``; with its budget it may go on later."""
 
 
-#: An observer, or a function that is called with every accepted point, start and end of the branch
-#: included, and the special points on the way to it: with what `Stop` is called with.
-Seen: TypeAlias = Observer | Callable[[BranchPoint, Sequence[SpecialPoint]], object]
+S = TypeVar("S")
+#: Called with every accepted step; returns the reason to end the branch or run there, or "".
+Stop: TypeAlias = Callable[[S], str]
+#: An observer, or a function that is called with every accepted step, of a branch with its start
+#: too: with what `Stop` is called with.
+Seen: TypeAlias = Observer | Callable[[S], object]
 
 
 def is_observer(given: Any) -> bool:
     """Whether something has the methods of an observer."""
-    return all(callable(getattr(given, name, None)) for name in ("begin", "point", "end"))
+    return all(callable(getattr(given, name, None)) for name in ("begin", "step", "end"))
 
 
 def as_observer(given: Any) -> Observer:
-    """An observer as it is, or one that calls a function at every point.
+    """An observer as it is, or one that calls a function with every step.
 
     Raises:
         ValueError: if it is neither.
@@ -114,49 +154,67 @@ def as_observer(given: Any) -> Observer:
     if callable(given):
         return _Calls(given)
     raise ValueError(
-        "the observer must be an Observer, whose methods begin, point and end are called, or a "
-        f"function of a point and its special points; got {given!r}"
+        "the observer must be an Observer, whose methods begin, step and end are called, or a "
+        f"function of a step; got {given!r}"
     )
 
 
 class _Calls(Observer):
-    """Calls a function at every point."""
+    """Calls a function with every step."""
 
-    def __init__(self, function: Callable[[BranchPoint, Sequence[SpecialPoint]], object]):
+    def __init__(self, function: Callable[[Any], object]):
         self._function = function
 
-    def point(
-        self,
-        branch: int,
-        index: int,
-        point: BranchPoint,
-        special: Sequence[SpecialPoint],
-        stepping: Stepping,
-    ) -> None:
-        self._function(point, special)
+    def step(self, step: Any, state: Any) -> None:
+        self._function(step)
 
 
 class Observers(Observer):
     """Several observers as one, called in this order."""
 
-    def __init__(self, *observers: Seen):
+    def __init__(self, *observers: Seen[Any]):
         self._observers = [as_observer(o) for o in observers]
 
-    def begin(self, branch: int, task: Task) -> None:
+    def begin(self, task: Any, state: Any) -> None:
         for o in self._observers:
-            o.begin(branch, task)
+            o.begin(task, state)
 
-    def point(
-        self,
-        branch: int,
-        index: int,
-        point: BranchPoint,
-        special: Sequence[SpecialPoint],
-        stepping: Stepping,
-    ) -> None:
+    def step(self, step: Any, state: Any) -> None:
         for o in self._observers:
-            o.point(branch, index, point, special, stepping)
+            o.step(step, state)
 
-    def end(self, branch: int, ended: Ends) -> None:
+    def end(self, ended: Ends) -> None:
         for o in self._observers:
-            o.end(branch, ended)
+            o.end(ended)
+
+
+class Guarded(Observer):
+    """An observer whose errors on one rank are raised on all. Collective.
+
+    Args:
+        comm: communicator.
+        given: by the user, on some ranks only perhaps; the others have one that does nothing.
+        put: puts what the observer is called with into the problem, before it is.
+    """
+
+    def __init__(self, comm: MPI.Comm, given: Seen[Any] | None, put: Callable[[], object]):
+        self._comm = comm
+        self._anywhere = bool(comm.allreduce(int(given is not None)))
+        self._observer = Observer() if given is None else as_observer(given)
+        self._put = put
+
+    def _tell(self, do: Callable[..., None], *what: Any) -> None:
+        if not self._anywhere:
+            return
+        self._put()
+        with everywhere(self._comm, "an observer"):
+            do(*what)
+
+    def begin(self, task: Any, state: Any) -> None:
+        self._tell(self._observer.begin, task, state)
+
+    def step(self, step: Any, state: Any) -> None:
+        self._tell(self._observer.step, step, state)
+
+    def end(self, ended: Ends) -> None:
+        self._tell(self._observer.end, ended)

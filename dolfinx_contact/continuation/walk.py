@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import logging
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import TextIO, TypeAlias
 
@@ -13,11 +12,20 @@ from mpi4py import MPI
 
 from dolfinx_contact._petsc import staged
 from dolfinx_contact._progress import Progress
-from dolfinx_contact.continuation.arguments import answer_of_stop, guarded
+from dolfinx_contact.continuation.arguments import reason_to_stop
 from dolfinx_contact.continuation.bordered import Bordered
-from dolfinx_contact.continuation.branch import Branch, BranchPoint, SpecialPoint, Stop
+from dolfinx_contact.continuation.branch import Branch, BranchPoint, SpecialPoint
 from dolfinx_contact.continuation.ending import Ending, Ends
-from dolfinx_contact.continuation.observer import Observer, Seen, Stepping, Task
+from dolfinx_contact.continuation.observer import (
+    BranchStep,
+    Guarded,
+    Observer,
+    Observers,
+    Seen,
+    Stepping,
+    Stop,
+    Task,
+)
 from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.continuation.system import System
 
@@ -79,8 +87,8 @@ class Walker(ABC):
         *,
         max_steps: int = 1000,
         to_node: bool = False,
-        stop: Stop | None = None,
-        observer: Seen | None = None,
+        stop: Stop[BranchStep] | None = None,
+        observer: Seen[BranchStep] | None = None,
         record: Observer | None = None,
         progress: bool | None = False,
         branch_id: int = 0,
@@ -115,15 +123,21 @@ class Walker(ABC):
             first = stepping.index
             self.restore(stepping)
         walk = self._walk(start, origin or start, gamma_range, stepping)
-        line = BranchProgress(b.comm, progress)
-        looks_on = guarded(b, record, observer, start)
-        low, high = gamma_range
-        task = Task((low, high), b.gamma_scale, self.control, max_steps, to_node)
-        looks_on.begin(branch_id, task)
-        known = walk.stepping(first)
-        looks_on.point(branch_id, first, start, (), known)
-        line.point(branch_id, first, start, (), known)
         point = start
+
+        def put() -> None:
+            self.system.put(*b.split(point.y), point.piece)
+
+        looks_on = Observers(
+            Guarded(b.comm, record, put),
+            Guarded(b.comm, observer, put),
+            BranchProgress(b.comm, progress),
+        )
+        low, high = gamma_range
+        task = Task((low, high), b.gamma_scale, self.control, max_steps, to_node, branch_id)
+        known = walk.stepping(first)
+        looks_on.begin(task, known)
+        looks_on.step(BranchStep(branch_id, first, start), known)
         for index in range(first + 1, max_steps + 1):
             found = walk.advance(branch, point)
             if found is None:
@@ -135,24 +149,24 @@ class Walker(ABC):
                 point = _at_node(point, branch.bifurcations[-1])
                 branch.end(Ending.STOPPED, "a bifurcation")  # also on the way to another end
             branch.points.append(point)
-            words = "" if branch.ending else answer_of_stop(b, stop, point, special)
-            if words:
-                branch.end(Ending.STOPPED, words)
+            step = BranchStep(branch_id, index, point, special)
+            if stop is not None and branch.ending is None:
+                put()
+                words = reason_to_stop(b.comm, "branch", stop, step)
+                if words:
+                    branch.end(Ending.STOPPED, words)
             known = walk.stepping(index)
             if branch.ending is not None:  # known with the point, so that no record lacks it
                 known = replace(known, ending=branch.ending, reason=branch.reason)
-            looks_on.point(branch_id, index, point, special, known)
-            line.point(branch_id, index, point, special, known)
+            looks_on.step(step, known)
             if branch.ending is not None:
                 break
         else:
             branch.end(Ending.BUDGET, f"the budget of {max_steps} steps is exhausted")
-        looks_on.end(branch_id, branch)
-        line.end(branch_id, branch)
+        looks_on.end(branch)
         branch.factorisations = b.work[0] - factorisations
         branch.solves = b.work[1] - solves
-        last = branch.points[-1]
-        self.system.put(*b.split(last.y), last.piece)
+        put()
         if b.comm.rank == 0:
             logger.info("branch ended: %s", branch.reason)
         return branch
@@ -180,27 +194,24 @@ class BranchProgress(Observer):
     def __init__(self, comm: MPI.Comm, wanted: bool | None = None, *, stream: TextIO | None = None):
         self._progress = Progress(comm, wanted, stream=stream)
         self._special = 0
+        self._branch = 0
 
-    def point(
-        self,
-        branch: int,
-        index: int,
-        point: BranchPoint,
-        special: Sequence[SpecialPoint],
-        stepping: Stepping,
-    ) -> None:
-        self._special += len(special)
+    def begin(self, task: Task, state: Stepping) -> None:
+        self._branch = task.branch
+
+    def step(self, step: BranchStep, state: Stepping) -> None:
+        self._special += len(step.special)
         if not self._progress.due:
             return
-        for s in special:
+        for s in step.special:
             if s.kind != "event":
                 smooth = "smooth" if s.smooth else "nonsmooth"
-                where = f"branch {branch}: {smooth} {s.kind} at gamma {s.gamma:.10g}"
+                where = f"branch {step.branch}: {smooth} {s.kind} at gamma {s.gamma:.10g}"
                 self._progress.write(where)
         self._progress.update(
-            f"branch {branch}  point {index}  gamma {point.gamma:+.6f}  step {point.step:.1e}  "
-            f"special {self._special}"
+            f"branch {step.branch}  point {step.index}  gamma {step.point.gamma:+.6f}  "
+            f"step {step.point.step:.1e}  special {self._special}"
         )
 
-    def end(self, branch: int, ended: Ends) -> None:
-        self._progress.close(f"branch {branch}: {ended.reason}")
+    def end(self, ended: Ends) -> None:
+        self._progress.close(f"branch {self._branch}: {ended.reason}")

@@ -17,8 +17,8 @@ Time has no meaning on such a path: laws must not depend on it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import ClassVar, TypeAlias, get_args
+from collections.abc import Mapping, Sequence
+from typing import ClassVar, get_args
 
 import numpy as np
 
@@ -27,6 +27,7 @@ from dolfinx_contact._frozen import ReadOnly
 from dolfinx_contact.continuation.arguments import check_steps, checked_range, require_smooth
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.corrector import Corrector
+from dolfinx_contact.continuation.observer import Observer, Seen, Stop
 from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.evolution.arc_steps import ArcSteps
 from dolfinx_contact.evolution.by_arc_length import ByArcLength
@@ -34,9 +35,8 @@ from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.evolution.listeners import Listeners
 from dolfinx_contact.evolution.path import PathHistory, PathStep
 from dolfinx_contact.evolution.path_state import (
-    Direction,
     Known,
-    PathRecorder,
+    PathDirection,
     PathState,
     PathTask,
     begun,
@@ -47,12 +47,7 @@ from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.points.law_checks import check_times
 from dolfinx_contact.points.memory import Memory
 
-__all__ = ["ArcLength", "Direction"]
-
-#: Told of every accepted point.
-Observer: TypeAlias = Callable[[PathStep], object]
-#: Asked of every accepted point; answers with the reason to end the path there, or "".
-Stop: TypeAlias = Callable[[PathStep], str]
+__all__ = ["ArcLength", "PathDirection"]
 
 _LONGEST = 0.005  # of the range of gamma and the first tangent
 
@@ -127,13 +122,13 @@ class ArcLength(ReadOnly):
         self,
         gamma_range: tuple[float, float],
         *,
-        direction: Direction | None = None,
+        direction: PathDirection | None = None,
         control: StepControl | None = None,
         max_steps: int = 1000,
         rays: bool = False,
-        stop: Stop | None = None,
-        observer: Observer | None = None,
-        record: PathRecorder | None = None,
+        stop: Stop[PathStep] | None = None,
+        observer: Seen[PathStep] | None = None,
+        record: Observer | None = None,
         progress: bool | None = None,
     ) -> PathHistory:
         """Follow the path until the load leaves a range. Collective.
@@ -174,12 +169,12 @@ class ArcLength(ReadOnly):
         with everywhere(comm, "a path by arc length"):
             limits = checked_range(gamma_range, [gamma])
             check_steps(control, max_steps)
-            listeners.check("a point", "a records.PathRecord")
+            listeners.check("a records.PathRecord")
             control = control or StepControl(kinks="exact", initial=_LONGEST, maximum=_LONGEST)
             if control.kinks not in (None, "exact"):
                 raise ValueError(f"a path with memory passes kinks exactly, not {control.kinks!r}")
             direction = direction or ("increasing" if first else "onwards")
-            known = get_args(Direction)[:2] if first else get_args(Direction)[2:]
+            known = get_args(PathDirection)[:2] if first else get_args(PathDirection)[2:]
             if direction not in known:
                 run = "the first run" if first else "a later run"
                 raise ValueError(f"the direction of {run} must be one of {known}: {direction!r}")
@@ -194,16 +189,16 @@ class ArcLength(ReadOnly):
             start = self._stepper.start(0.0)
             run_state = PathState(start, 0.0, known=Known(scales=self.parametric.scales))
         task = PathTask(limits, direction, control, max_steps, bool(rays))
-        return self._run(task, begun(task, run_state), listeners, new=True)
+        return self._run(task, begun(task, run_state), listeners)
 
     def go_on(
         self,
         task: PathTask,
         run_state: PathState,
         *,
-        stop: Stop | None = None,
-        observer: Observer | None = None,
-        record: PathRecorder | None = None,
+        stop: Stop[PathStep] | None = None,
+        observer: Seen[PathStep] | None = None,
+        record: Observer | None = None,
         progress: bool | None = None,
     ) -> PathHistory:
         """Go on with a run from where it was, as a record does. Collective.
@@ -218,9 +213,9 @@ class ArcLength(ReadOnly):
         """
         listeners = Listeners(None, stop, observer, record, progress)
         with everywhere(self.problem.comm, "a path by arc length"):
-            listeners.check("a point", "a records.PathRecord")
+            listeners.check("a records.PathRecord")
         listeners.require_same(self.problem.comm)
-        return self._run(task, run_state, listeners, new=False)
+        return self._run(task, run_state, listeners)
 
     def put(self, run_state: PathState) -> None:
         """Put the path where a run of it ended, from which the next goes on. Collective."""
@@ -247,9 +242,7 @@ class ArcLength(ReadOnly):
         """
         return self._stepper.recalled_under(gamma, time, memory, energies, first=first)
 
-    def _run(
-        self, task: PathTask, run_state: PathState, listeners: Listeners, *, new: bool
-    ) -> PathHistory:
+    def _run(self, task: PathTask, run_state: PathState, listeners: Listeners) -> PathHistory:
         """A run from where it is to its end. Collective."""
         low, high = task.gamma_range
         accepted = run_state.accepted
@@ -259,7 +252,7 @@ class ArcLength(ReadOnly):
         history = PathHistory(accepted.time, accepted.energies, gamma=accepted.gamma)
         run = Run(self._stepper, rule, listeners, history)
         try:
-            return run.go(new=new)
+            return run.go()
         finally:
             self._run_state = run.run_state or self._run_state
             for thing in (steps, steps.corrector, bordered):

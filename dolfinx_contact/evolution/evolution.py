@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
-from typing import ClassVar, TypeAlias
+from typing import ClassVar
 
 from mpi4py import MPI
 
@@ -15,6 +15,7 @@ from dolfinx import fem
 from dolfinx_contact._errors import everywhere, same_everywhere
 from dolfinx_contact._frozen import ReadOnly
 from dolfinx_contact.continuation.ending import Ending
+from dolfinx_contact.continuation.observer import Observer, Seen, Stop
 from dolfinx_contact.equations.given_data import Datum
 from dolfinx_contact.evolution.accepted import AcceptedState, Stepper, Taken
 from dolfinx_contact.evolution.energy import Energies
@@ -22,16 +23,11 @@ from dolfinx_contact.evolution.history import EvolutionStep, History, NoContinua
 from dolfinx_contact.evolution.listeners import Listeners
 from dolfinx_contact.evolution.run import Run
 from dolfinx_contact.evolution.run_state import RunState
-from dolfinx_contact.evolution.through_times import Accept, HistoryTask, Recorder, ThroughTimes
+from dolfinx_contact.evolution.through_times import Accept, HistoryTask, ThroughTimes
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.problem import ContactProblem
 
-__all__ = ["Evolution", "Observer", "Stop"]
-
-#: Told of every accepted step, on every rank.
-Observer: TypeAlias = Callable[[EvolutionStep], object]
-#: Asked of every accepted step; answers with the reason to end the run there, or "".
-Stop: TypeAlias = Callable[[EvolutionStep], str]
+__all__ = ["Evolution"]
 
 _MOST_FORKS = 16  # evolutions along other rays
 
@@ -88,9 +84,9 @@ class Evolution(ReadOnly):
         run_state: RunState,
         *,
         accept: Accept | None = None,
-        stop: Stop | None = None,
-        observer: Observer | None = None,
-        record: Recorder | None = None,
+        stop: Stop[EvolutionStep] | None = None,
+        observer: Seen[EvolutionStep] | None = None,
+        record: Observer | None = None,
         progress: bool | None = None,
     ) -> History:
         """Go on with a run from where it was, as a record does. Collective.
@@ -106,9 +102,9 @@ class Evolution(ReadOnly):
         """
         listeners = Listeners(accept, stop, observer, record, progress)
         with everywhere(self.problem.comm, "an evolution"):
-            listeners.check("a step", "a records.EvolutionRecord")
+            listeners.check("a records.EvolutionRecord")
         listeners.require_same(self.problem.comm)
-        return self._run(task, run_state, listeners, new=False)
+        return self._run(task, run_state, listeners)
 
     def put(self, run_state: RunState) -> None:
         """Put the evolution where a run of it ended, from which the next goes on. Collective."""
@@ -150,24 +146,22 @@ class Evolution(ReadOnly):
         before = self._run_state
         if before is None:
             accepted = stepper.start(task.times[0])
-            return self._run(task, RunState(accepted, task.longest), listeners, new=True)
+            return self._run(task, RunState(accepted, task.longest), listeners)
         accepted = before.accepted
         if not comm.allreduce(int(accepted.data.stands()), op=MPI.MIN):
             # Data that were changed between two runs are those of the next.
             accepted = stepper.renewed(accepted)
         run_state = RunState(accepted, task.longest, before.rate, before.number)
-        return self._run(task, run_state, listeners, new=True)
+        return self._run(task, run_state, listeners)
 
-    def _run(
-        self, task: HistoryTask, run_state: RunState, listeners: Listeners, *, new: bool
-    ) -> History:
+    def _run(self, task: HistoryTask, run_state: RunState, listeners: Listeners) -> History:
         """A run from where it is to its end. Collective."""
         stepper = self._stepper(listeners.progress)
         rule = ThroughTimes(stepper, task, run_state, listeners.accept)
         history = _history_from(run_state.accepted)
         run = Run(stepper, rule, listeners, history)
         try:
-            run.go(new=new)
+            run.go()
         finally:
             self._run_state = run.run_state or self._run_state
         history.others = _followed(rule.forks, stepper, task)
@@ -190,7 +184,7 @@ def _followed(forks: Sequence[Taken], stepper: Stepper, task: HistoryTask) -> li
         first = left.pop(0)
         rule = ThroughTimes(stepper, task, RunState(first.before, task.longest), first=first)
         run = Run(stepper, rule, Listeners(progress=False), _history_from(first.before))
-        found.append(run.go(new=False))
+        found.append(run.go())
         left += rule.forks
     for rest in left:
         found.append(_history_from(rest.before))

@@ -10,8 +10,8 @@ from typing import Any
 from mpi4py import MPI
 
 from dolfinx_contact._errors import same_everywhere
-from dolfinx_contact.continuation.arguments import check_functions, check_progress
-from dolfinx_contact.evolution.run_state import RunRecorder
+from dolfinx_contact.continuation.arguments import check_functions, check_listeners
+from dolfinx_contact.continuation.observer import Observer, Seen, Stop
 
 __all__ = ["Listeners"]
 
@@ -29,22 +29,25 @@ class Listeners:
     """
 
     accept: Callable[[Any], bool] | None = None
-    stop: Callable[[Any], str] | None = None
-    observer: Callable[[Any], object] | None = None
-    record: RunRecorder[Any, Any] | None = None
+    stop: Stop[Any] | None = None
+    observer: Seen[Any] | None = None
+    record: Observer | None = None
     progress: bool | None = None
 
-    def check(self, of: str, record: str) -> None:
+    def check(self, record: str) -> None:
         """Raise ``ValueError`` for what is none. Not collective.
 
         Args:
-            of: what functions are called with.
-            record: the class that a record has to be of, in words.
+            record: what a record has to be, in words.
         """
-        check_functions(of, accept=self.accept, stop=self.stop, observer=self.observer)
-        if self.record is not None and not hasattr(self.record, "begin"):
-            raise ValueError(f"record must be {record}, got {self.record!r}")
-        check_progress(self.progress)
+        check_functions("a step", accept=self.accept)
+        check_listeners(
+            observer=self.observer,
+            record=self.record,
+            progress=self.progress,
+            stop=self.stop,
+            of=record,
+        )
 
     def require_same(self, comm: MPI.Comm) -> None:
         """Raise ``ValueError`` on every rank where some ranks have what others lack. Collective."""

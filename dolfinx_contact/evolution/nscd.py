@@ -37,14 +37,15 @@ from dolfinx_contact.body.circumference import check_circumference
 from dolfinx_contact.body.inertia import Mass, mass_matrix, rigid_errors
 from dolfinx_contact.body.moving import MovingBody, Scheme, TimeStep
 from dolfinx_contact.continuation.ending import Ending
+from dolfinx_contact.continuation.observer import Observer, Seen, Stop
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.given_data import Constancy, Datum, data_in, placed_data
-from dolfinx_contact.evolution.evolution import Evolution, Observer, Stop
-from dolfinx_contact.evolution.history import History, NoContinuation
+from dolfinx_contact.evolution.evolution import Evolution
+from dolfinx_contact.evolution.history import EvolutionStep, History, NoContinuation
 from dolfinx_contact.evolution.listeners import Listeners
 from dolfinx_contact.evolution.motion import Level, Method, MotionStepper
 from dolfinx_contact.evolution.motion_energy import MotionEnergies
-from dolfinx_contact.evolution.through_times import Accept, HistoryTask, Recorder, checked_times
+from dolfinx_contact.evolution.through_times import Accept, HistoryTask, checked_times
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.problem import ContactProblem
 
@@ -175,9 +176,9 @@ class NSCD(Evolution):
         *,
         locate: float | None = None,
         accept: Accept | None = None,
-        stop: Stop | None = None,
-        observer: Observer | None = None,
-        record: Recorder | None = None,
+        stop: Stop[EvolutionStep] | None = None,
+        observer: Seen[EvolutionStep] | None = None,
+        record: Observer | None = None,
         progress: bool | None = None,
     ) -> History:
         """Go through times. Collective.
@@ -222,7 +223,7 @@ class NSCD(Evolution):
                     raise ValueError(f"locate must be no longer than dt, got {locate!r}")
             given = checked_times(times, self._accepted)
             task = HistoryTask(given, self._dt, least, locate=locate is not None)
-            listeners.check("a step", "a records.EvolutionRecord")
+            listeners.check("a records.EvolutionRecord")
         same_everywhere(comm, locate=least)
         return self._begin(task, listeners)
 
@@ -236,7 +237,7 @@ class NSCD(Evolution):
         most: float,
         *,
         rest: float = 1e-6,
-        observer: Observer | None = None,
+        observer: Seen[EvolutionStep] | None = None,
         progress: bool | None = None,
     ) -> History:
         """Go on until the body is at rest, as a damped one comes to be. Collective.

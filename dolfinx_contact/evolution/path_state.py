@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Where a run by arc length is between two points, and who keeps it."""
+"""Where a run by arc length is between two points."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from typing import Literal, TypeAlias
 from dolfinx_contact.continuation.branch import BranchPoint
 from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.evolution.path_stepper import OnPath
-from dolfinx_contact.evolution.run_state import RunRecorder, RunState
+from dolfinx_contact.evolution.run_state import RunState
 
-__all__ = ["Direction", "Known", "PathRecorder", "PathState", "PathTask", "begun"]
+__all__ = ["Known", "PathDirection", "PathState", "PathTask", "begun"]
 
 #: By which way a path leaves its state: that with more load or less, or, later, on or back.
-Direction: TypeAlias = Literal["increasing", "decreasing", "onwards", "back"]
+PathDirection: TypeAlias = Literal["increasing", "decreasing", "onwards", "back"]
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class PathTask:
     """The task of a run; see `ArcLength.run`."""
 
     gamma_range: tuple[float, float]
-    direction: Direction
+    direction: PathDirection
     control: StepControl
     max_steps: int
     rays: bool
@@ -67,10 +67,6 @@ class PathState(RunState):
     def gamma(self) -> float:
         """The load at the accepted state."""
         return self.accepted.gamma
-
-
-#: Keeps a run by arc length.
-PathRecorder: TypeAlias = RunRecorder[PathTask, PathState]
 
 
 def begun(task: PathTask, run_state: PathState) -> PathState:

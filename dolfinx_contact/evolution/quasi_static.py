@@ -17,16 +17,16 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from dolfinx_contact._errors import everywhere
+from dolfinx_contact.continuation.observer import Observer, Seen, Stop
 from dolfinx_contact.evolution.energy import Energies
-from dolfinx_contact.evolution.evolution import Evolution, Observer, Stop
-from dolfinx_contact.evolution.history import History, NoContinuation
+from dolfinx_contact.evolution.evolution import Evolution
+from dolfinx_contact.evolution.history import EvolutionStep, History, NoContinuation
 from dolfinx_contact.evolution.listeners import Listeners
 from dolfinx_contact.evolution.nscd import NSCD
 from dolfinx_contact.evolution.through_times import (
     Accept,
     AtJump,
     HistoryTask,
-    Recorder,
     checked_times,
 )
 
@@ -77,9 +77,9 @@ class QuasiStatic(Evolution):
         rays: bool | None = None,
         follow_rays: bool = False,
         accept: Accept | None = None,
-        stop: Stop | None = None,
-        observer: Observer | None = None,
-        record: Recorder | None = None,
+        stop: Stop[EvolutionStep] | None = None,
+        observer: Seen[EvolutionStep] | None = None,
+        record: Observer | None = None,
         progress: bool | None = None,
     ) -> History:
         """Go through times. Collective.
@@ -148,7 +148,7 @@ class QuasiStatic(Evolution):
                 rays=rays,
                 follow_rays=bool(follow_rays),
             )
-            listeners.check("a step", "a records.EvolutionRecord")
+            listeners.check("a records.EvolutionRecord")
         return self._begin(task, listeners)
 
     def jump(self, motion: NSCD, time: float, most: float, *, rest: float = 1e-6) -> History:

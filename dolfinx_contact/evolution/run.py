@@ -13,11 +13,11 @@ from typing import Any, Generic, TypeVar
 
 from mpi4py import MPI
 
-from dolfinx_contact._errors import everywhere
 from dolfinx_contact._progress import Progress
 from dolfinx_contact.continuation.arguments import reason_to_stop
-from dolfinx_contact.continuation.ending import Ending
-from dolfinx_contact.evolution.accepted import Stepper
+from dolfinx_contact.continuation.ending import Ending, Ends
+from dolfinx_contact.continuation.observer import Guarded, Observer
+from dolfinx_contact.evolution.accepted import Stepper, Taken
 from dolfinx_contact.evolution.history import EvolutionStep, History
 from dolfinx_contact.evolution.listeners import Listeners
 from dolfinx_contact.evolution.rule import Advance, Rule
@@ -49,27 +49,26 @@ class Run(Generic[T, S, H]):
         self._rule = rule
         self._listeners = listeners
         self._history = history
-        self._progress = _RunProgress(stepper.problem.comm, listeners.progress, rule)
+        comm = stepper.problem.comm
+        self._taken: Taken | None = None
+        self._record = Guarded(comm, listeners.record, self._put)
+        self._observer = Guarded(comm, listeners.observer, self._show)
+        self._progress = _RunProgress(comm, listeners.progress, rule)
 
-    def go(self, *, new: bool) -> H:
+    def go(self) -> H:
         """Go on to the end. Collective; the problem is left at the last accepted state.
-
-        Args:
-            new: whether the run begins, and does not go on with one that was recorded.
 
         Raises:
             ValueError: on every rank, if it cannot begin; what listeners raise.
         """
         rule = self._rule
         problem = self._stepper.problem
-        record = self._listeners.record
         start = rule.start
         try:
-            self._stepper.put(start.accepted)
+            self._put()
             rule.begin()
-            if record is not None and new:
-                self._stepper.put(start.accepted)
-                record.begin(rule.task, start)
+            self._record.begin(rule.task, start)
+            self._observer.begin(rule.task, start)
             self.run_state = start
             if rule.ending is None:
                 with problem.warning_once():
@@ -80,51 +79,53 @@ class Run(Generic[T, S, H]):
             assert rule.ending is not None
             self._history.end(rule.ending, rule.reason)
         finally:
-            self._stepper.put((self.run_state or start).accepted)
+            self._put()
             self._progress.end(self._history)
-        if record is not None:
-            record.end(self._history)
+        self._record.end(self._history)
+        try:
+            self._observer.end(self._history)
+        finally:
+            self._put()
         return self._history
+
+    def _put(self) -> None:
+        """Put the last accepted state into the problem. Collective."""
+        self._stepper.put((self.run_state or self._rule.start).accepted)
+
+    def _show(self) -> None:
+        """The same, with the memory of the last step, by which it was solved. Collective."""
+        if self._taken is None:
+            self._put()
+        else:
+            self._stepper.show(self._taken)
 
     def _accept(self, advance: Advance) -> None:
         """Add a step to the history, and let everybody know. Collective."""
         step = advance.step
         self._history.steps.append(step)
         self.run_state = self._rule.run_state
-        self._ask_for_the_end(advance)
-        if self._listeners.record is not None:
-            self._stepper.put(advance.taken.after)
-            self._listeners.record.step(step, self._rule.run_state)
-        self._observe(advance)
-        self._stepper.put(advance.taken.after)
+        self._taken = advance.taken
+        self._ask_for_the_end(step)
+        self._record.step(step, self._rule.run_state)
+        self._observer.step(step, self._rule.run_state)
+        self._put()
         self._stepper.problem.warn_of_sliding(step.result)
-        self._progress.step(step)
+        self._progress.step(step, self._rule.run_state)
 
-    def _ask_for_the_end(self, advance: Advance) -> None:
+    def _ask_for_the_end(self, step: EvolutionStep) -> None:
         """End the run with a step, where it ends no other way, if the user wants it. Collective."""
         rule = self._rule
         stop = self._listeners.stop
         if stop is None or rule.ending is not None:
             return
-        self._stepper.show(advance.taken)
-        reason = reason_to_stop(self._stepper.problem.comm, rule.what, stop, advance.step)
+        self._show()
+        reason = reason_to_stop(self._stepper.problem.comm, rule.what, stop, step)
         if reason:
             rule.end(Ending.STOPPED, reason)
             self.run_state = rule.run_state
 
-    def _observe(self, advance: Advance) -> None:
-        """Tell the observer of a step, whose end is in the problem then. Collective."""
-        comm = self._stepper.problem.comm
-        observer = self._listeners.observer
-        if not comm.allreduce(int(observer is not None)):
-            return
-        self._stepper.show(advance.taken)
-        with everywhere(comm, "the observer"):
-            if observer is not None:
-                observer(advance.step)
 
-
-class _RunProgress:
+class _RunProgress(Observer):
     """The line of progress: where the run is, statuses, time by the clock and what is left of it.
 
     Args:
@@ -137,8 +138,7 @@ class _RunProgress:
         self._progress = Progress(comm, wanted)
         self._rule = rule
 
-    def step(self, step: EvolutionStep) -> None:
-        """Say where the run is after a step."""
+    def step(self, step: EvolutionStep, state: RunState) -> None:
         if not self._progress.due:
             return
         rule = self._rule
@@ -152,8 +152,8 @@ class _RunProgress:
             self._progress.write(f"{rule.what}: the state jumps at the time {step.start:.10g}")
         self._progress.update(f"{rule.what}: {rule.where(step)}  {counts}  {time}")
 
-    def end(self, history: History) -> None:
-        """Say how the run ended, if anything was said before."""
+    def end(self, ended: Ends) -> None:
+        assert isinstance(ended, History)
         self._progress.close(
-            f"{self._rule.what}: {len(history.steps)} {self._rule.units}, {history.reason}"
+            f"{self._rule.what}: {len(ended.steps)} {self._rule.units}, {ended.reason}"
         )

@@ -1,22 +1,17 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Where a run is between two steps, and who keeps it."""
+"""Where a run is between two steps."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.evolution.accepted import AcceptedState
-from dolfinx_contact.evolution.history import EvolutionStep, History
 
-__all__ = ["RunRecorder", "RunState"]
-
-T = TypeVar("T", contravariant=True)
-S = TypeVar("S", contravariant=True)
+__all__ = ["RunState"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,16 +37,3 @@ class RunState:
     settled: bool = True
     ending: Ending | None = None
     reason: str = ""
-
-
-class RunRecorder(Protocol[T, S]):
-    """Keeps a run. Its methods are collective; the problem is at the state they are told of."""
-
-    def begin(self, task: T, run_state: S) -> None:
-        """A new run begins."""
-
-    def step(self, step: EvolutionStep, run_state: S) -> None:
-        """A step was accepted; the next one is computed when this returns."""
-
-    def end(self, history: History) -> None:
-        """A run has ended otherwise than by an error of somebody else."""

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.continuation import Follower, StepControl
+from dolfinx_contact.continuation import BranchStep, Follower, StepControl
 from dolfinx_contact.continuation.branch import BranchPoint, Ray, SpecialPoint
 from dolfinx_contact.continuation.crossing import finder_at, kinks_at
 from dolfinx_contact.continuation.ending import Ending
@@ -111,8 +111,8 @@ def _followed(follower: Follower, system: Loaded, start: BranchPoint) -> StepBra
     return StepBranch(ends=not unknown, why=unknown or why)
 
 
-def _turned(_point: BranchPoint, special: Sequence[SpecialPoint]) -> str:
-    turns = any(s.kind in ("fold", "bifurcation") for s in special)
+def _turned(step: BranchStep) -> str:
+    turns = any(s.kind in ("fold", "bifurcation") for s in step.special)
     return "the load turns back" if turns else ""
 
 

@@ -35,11 +35,11 @@ from dolfinx_contact.evolution.forks import Forked, Forks
 from dolfinx_contact.evolution.history import EvolutionStep
 from dolfinx_contact.evolution.jumps import Found, find_jump, where_it_changes
 from dolfinx_contact.evolution.rule import Advance, Rule
-from dolfinx_contact.evolution.run_state import RunRecorder, RunState
+from dolfinx_contact.evolution.run_state import RunState
 from dolfinx_contact.laws.status import closed
 from dolfinx_contact.solvers import ConvergenceError
 
-__all__ = ["Accept", "AtJump", "HistoryTask", "Recorder", "ThroughTimes", "checked_times"]
+__all__ = ["Accept", "AtJump", "HistoryTask", "ThroughTimes", "checked_times"]
 
 #: What to do where no solution continues the evolution, or none is found that does.
 AtJump: TypeAlias = Literal["raise", "stop", "jump"]
@@ -89,10 +89,6 @@ class HistoryTask:
             raise ValueError(f"rays must be True, False or None, to follow some too: {self.rays!r}")
         if not self.sudden >= 1:
             raise ValueError(f"sudden must be 1 or more, got {self.sudden}")
-
-
-#: Keeps a run through times.
-Recorder: TypeAlias = RunRecorder[HistoryTask, RunState]
 
 
 def checked_times(times: Sequence[float], accepted: AcceptedState | None) -> tuple[float, ...]:

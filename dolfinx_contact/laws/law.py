@@ -53,7 +53,7 @@ Scalar: TypeAlias = Any
 #: How a friction bound depends on the pressure: as a coefficient times it, or not at all.
 BoundKind: TypeAlias = Literal["proportional", "given", "other"]
 #: How an internal variable may change.
-Change: TypeAlias = Literal["any", "falls", "grows"]
+Monotone: TypeAlias = Literal["any", "falls", "grows"]
 
 
 class Kernel(NamedTuple):
@@ -170,7 +170,7 @@ class Internal:
     """
 
     name: str
-    change: Change = "any"
+    change: Monotone = "any"
     end: float | None = None
     vector: bool = False
     hidden: bool = False
@@ -178,8 +178,8 @@ class Internal:
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name.isidentifier():
             raise ValueError(f"an internal variable needs a name, got {self.name!r}")
-        if self.change not in get_args(Change):
-            known = ", ".join(map(repr, get_args(Change)))
+        if self.change not in get_args(Monotone):
+            known = ", ".join(map(repr, get_args(Monotone)))
             raise ValueError(f"{self.name} may change by one of {known}, not {self.change!r}")
         one_way = self.change != "any"
         if one_way and self.vector:

@@ -34,15 +34,15 @@ from dolfinx_contact.points.evaluation import PointEvaluator, blocked_space, mea
 from dolfinx_contact.points.given import fields_of
 from dolfinx_contact.points.rigid_body import RigidBody
 
-__all__ = ["DisplacedPoints", "Sliding", "check_sliding", "displaced_points"]
+__all__ = ["DisplacedPoints", "SlidingKind", "check_sliding", "displaced_points"]
 
 Array = npt.NDArray[np.float64]
 #: How far points are expected to slide: small beside the curvature of the obstacle, or any way.
-Sliding: TypeAlias = Literal["small", "large"]
+SlidingKind: TypeAlias = Literal["small", "large"]
 
 
 def check_sliding(name: str, sliding: Any) -> None:
-    """Raise ``ValueError`` if that is no `Sliding`. Not collective."""
+    """Raise ``ValueError`` if that is no `SlidingKind`. Not collective."""
     if sliding not in ("small", "large", None):
         raise ValueError(f"{name}: sliding must be 'small', 'large' or None, got {sliding!r}")
 
@@ -52,7 +52,7 @@ def displaced_points(
     domain: mesh.Mesh,
     obstacle: Obstacle,
     law: LawAtPoints,
-    sliding: Sliding | None,
+    sliding: SlidingKind | None,
     *,
     linear: bool,
     name: str,

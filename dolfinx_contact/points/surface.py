@@ -28,7 +28,7 @@ from dolfinx_contact.obstacles import Obstacle
 from dolfinx_contact.points.contact_points import ContactPoints, Given, Method
 from dolfinx_contact.points.displaced import (
     DisplacedPoints,
-    Sliding,
+    SlidingKind,
     check_sliding,
     displaced_points,
 )
@@ -136,7 +136,7 @@ class ContactSurface(ReadOnly):
         method: Method | None = None,
         multiplier_degree: int = 1,
         quadrature_degree: int | None = None,
-        sliding: Sliding | None = None,
+        sliding: SlidingKind | None = None,
         axisymmetric: bool = False,
         name: str = "contact",
     ):

@@ -11,7 +11,7 @@ coincide with the record, and are not recorded again.
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -23,19 +23,18 @@ from dolfinx_contact._errors import require, same_everywhere
 from dolfinx_contact.continuation import (
     Branch,
     BranchPoint,
+    BranchStep,
     Ending,
     Ends,
-    Observer,
     Route,
     Seen,
-    SpecialPoint,
     StepControl,
     Stepping,
+    Stop,
     Task,
     follower_for,
 )
 from dolfinx_contact.continuation.arguments import check_listeners, check_steps
-from dolfinx_contact.continuation.branch import Stop
 from dolfinx_contact.continuation.layout import Layout
 from dolfinx_contact.equations.given_data import data_within
 from dolfinx_contact.equations.measures import Scales
@@ -53,7 +52,7 @@ __all__ = ["BranchRecord", "resume"]
 _UNLOADED = 1e-6  # of what a branch moves in a unit of its length
 
 
-class BranchRecord(ProblemRecord[Journal], Observer):
+class BranchRecord(ProblemRecord[Journal]):
     """Records branches of a contact problem in a folder. Collective.
 
     While it is open no other process can record there; ranks that outlive a killed ``mpirun`` hold
@@ -129,6 +128,7 @@ class BranchRecord(ProblemRecord[Journal], Observer):
         self._x = system.create_vector()
         self._mx = system.create_vector()
         self._last: tuple[BranchPoint, Stepping] | None = None
+        self._branch = 0
         self._starts = False
         try:
             driven = system.driven_expressions
@@ -170,7 +170,8 @@ class BranchRecord(ProblemRecord[Journal], Observer):
 
     # -- Observer --------------------------------------------------------------------------------
 
-    def begin(self, branch: int, task: Task) -> None:
+    def begin(self, task: Task, state: Stepping) -> None:
+        branch = self._branch = task.branch
         new = {
             "gamma_range": [float(g) for g in task.gamma_range],
             "gamma_scale": float(task.gamma_scale),
@@ -189,20 +190,16 @@ class BranchRecord(ProblemRecord[Journal], Observer):
             message = f"branch {branch} was recorded with {key} {known.task[key]}, not {new[key]}"
             require(self.comm, same, message)
 
-    def point(
-        self,
-        branch: int,
-        index: int,
-        point: BranchPoint,
-        special: Sequence[SpecialPoint],
-        stepping: Stepping,
-    ) -> None:
+    def step(self, step: BranchStep, state: Stepping) -> None:
+        branch = step.branch
+        index = step.index
+        point = step.point
         recorded = self.journal.branches[branch].points
-        self._last = point, stepping
+        self._last = point, state
         starts = self._starts
         self._starts = False
-        entry = columns_of(self.system, index, point, special)
-        entry["norm"] = self._norm(point.y, stepping)
+        entry = columns_of(self.system, index, point, step.special)
+        entry["norm"] = self._norm(point.y, state)
         if index < len(recorded):
             if starts:  # what lies before it is not looked at again
                 entry["special"] = recorded[index]["special"]
@@ -211,23 +208,23 @@ class BranchRecord(ProblemRecord[Journal], Observer):
         follows = index == len(recorded)
         message = f"point {index} cannot follow the {len(recorded)} recorded of branch {branch}"
         require(self.comm, follows, message)
-        ends = stepping.ending is not None
-        if index % self.every == 0 or special or ends:
+        ends = state.ending is not None
+        if index % self.every == 0 or step.special or ends:
             entry |= self._checkpoint(branch, index, point)
         self._unknowns(point.y)
         self.system.put(self._x, point.gamma, point.piece)
         entry |= {
             "functionals": {name: f() for name, f in self._functionals.items()},
-            "next_step": stepping.next_step,
-            "x_scale": stepping.x_scale,
-            "largest_distance": stepping.largest_distance,
+            "next_step": state.next_step,
+            "x_scale": state.x_scale,
+            "largest_distance": state.largest_distance,
             "scales": list(self.system.scales),
             "tangent_gamma": self._layout.gamma(point.tangent),
         }
         if self._shows:
             entry["surface"] = f"branch_{branch:04d}_point_{index:06d}"
-        if stepping.ending is not None:
-            entry |= {"ending": stepping.ending.name, "reason": stepping.reason}
+        if state.ending is not None:
+            entry |= {"ending": state.ending.name, "reason": state.reason}
         written = dict(entry)
         if recorded and recorded[-1]["status"] == entry["status"]:
             del written["status"]
@@ -235,10 +232,11 @@ class BranchRecord(ProblemRecord[Journal], Observer):
         recorded.append(entry)
         known = self.journal.branches[branch]
         known.go_on()
-        if stepping.ending is not None:
-            known.end(stepping.ending, stepping.reason)
+        if state.ending is not None:
+            known.end(state.ending, state.reason)
 
-    def end(self, branch: int, ended: Ends) -> None:
+    def end(self, ended: Ends) -> None:
+        branch = self._branch
         known = self.journal.branches[branch]
         if known.ending is ended.ending or self._last is None or ended.ending is None:
             return
@@ -353,8 +351,8 @@ class BranchRecord(ProblemRecord[Journal], Observer):
         branch: int = 0,
         *,
         max_steps: int | None = None,
-        stop: Stop | None = None,
-        observer: Seen | None = None,
+        stop: Stop[BranchStep] | None = None,
+        observer: Seen[BranchStep] | None = None,
         progress: bool | None = None,
     ) -> Branch:
         """Go on with a branch as it was begun; one that has ended stays as it is. Collective.
@@ -440,8 +438,8 @@ def resume(
     branch: int = 0,
     every: int = 10,
     max_steps: int | None = None,
-    stop: Stop | None = None,
-    observer: Seen | None = None,
+    stop: Stop[BranchStep] | None = None,
+    observer: Seen[BranchStep] | None = None,
     progress: bool | None = None,
 ) -> Branch:
     """Go on with a recorded branch as if the run had never been killed. Collective.

@@ -19,8 +19,9 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact.continuation.ending import Ending
-from dolfinx_contact.evolution import History, NoContinuation
-from dolfinx_contact.evolution.evolution import Evolution, Observer, Stop
+from dolfinx_contact.continuation.observer import Seen, Stop
+from dolfinx_contact.evolution import EvolutionStep, History, NoContinuation
+from dolfinx_contact.evolution.evolution import Evolution
 from dolfinx_contact.evolution.run_state import RunState
 from dolfinx_contact.evolution.through_times import Accept, HistoryTask
 from dolfinx_contact.records.journal import EvolutionJournal
@@ -148,8 +149,8 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, RunState]):
         self,
         *,
         accept: Accept | None = None,
-        stop: Stop | None = None,
-        observer: Observer | None = None,
+        stop: Stop[EvolutionStep] | None = None,
+        observer: Seen[EvolutionStep] | None = None,
         progress: bool | None = None,
     ) -> History:
         """Go on with the last run as it was begun; one that has ended stays as it is. Collective.
@@ -185,6 +186,7 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, RunState]):
         run_state = self._resumed(run, known)
         if self._index == run.after:
             run_state = replace(run_state, length=task.longest, ending=None, reason="")
+        self._goes_on = run_state
         return self.evolution.go_on(
             task,
             run_state,

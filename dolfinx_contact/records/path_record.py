@@ -20,9 +20,9 @@ from dolfinx_contact._errors import require
 from dolfinx_contact.continuation.branch import BranchPoint
 from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.continuation.layout import Layout
+from dolfinx_contact.continuation.observer import Seen, Stop
 from dolfinx_contact.continuation.parameters import StepControl
-from dolfinx_contact.evolution import ArcLength, PathHistory
-from dolfinx_contact.evolution.arc_length import Observer, Stop
+from dolfinx_contact.evolution import ArcLength, PathHistory, PathStep
 from dolfinx_contact.evolution.path_state import Known, PathState, PathTask, begun
 from dolfinx_contact.records.journal import PathJournal
 from dolfinx_contact.records.steps_record import StepsRecord
@@ -155,8 +155,8 @@ class PathRecord(StepsRecord[PathJournal, PathState]):
             passed=(accepted.time,),
         )
 
-    def begin(self, task: PathTask, run_state: PathState) -> None:
-        """A run begins; see `evolution.run_state.RunRecorder`. Collective.
+    def begin(self, task: PathTask, state: PathState) -> None:
+        """A run begins; nothing is to be said of one that goes on. Collective.
 
         Raises:
             ValueError: on every rank, if it does not begin where the record ends, or is not the one
@@ -168,13 +168,13 @@ class PathRecord(StepsRecord[PathJournal, PathState]):
             for name, value in asdict(task).items():
                 message = f"the run in {self.folder} has {name} {known[name]}, not {value}"
                 require(self.comm, known[name] == value, message)
-        super().begin(task, run_state)
+        super().begin(task, state)
 
     def go_on(
         self,
         *,
-        stop: Stop | None = None,
-        observer: Observer | None = None,
+        stop: Stop[PathStep] | None = None,
+        observer: Seen[PathStep] | None = None,
         progress: bool | None = None,
     ) -> PathHistory:
         """Go on with the last run as it was begun; one that has ended stays as it is. Collective.
@@ -208,6 +208,7 @@ class PathRecord(StepsRecord[PathJournal, PathState]):
         run_state = replace(run_state, passed=passed)
         if self._index == run.after:
             run_state = begun(task, run_state)
+        self._goes_on = run_state
         return self.path.go_on(
             task, run_state, stop=stop, observer=observer, record=self, progress=progress
         )

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 from dolfinx import fem
 
 from dolfinx_contact._errors import on_root, require, same_everywhere
+from dolfinx_contact.continuation.observer import Observer
 from dolfinx_contact.io.folder import agreed_path, output_folder
 from dolfinx_contact.records.checkpoints import Checkpoints, DamagedCheckpoint
 from dolfinx_contact.records.identity import difference, same_words
@@ -45,7 +46,7 @@ def coincide(numbers: Iterable[tuple[float, float, float]]) -> bool:
     return all(abs(a - b) <= _COINCIDE * size for a, b, size in numbers)
 
 
-class ProblemRecord(Generic[J]):
+class ProblemRecord(Observer, Generic[J]):
     """A folder with a journal, locked, and checkpoints of one contact problem. Collective.
 
     While it is open no other process can record there; ranks that outlive a killed ``mpirun`` hold

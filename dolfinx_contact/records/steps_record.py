@@ -25,10 +25,11 @@ import numpy.typing as npt
 import ufl
 
 from dolfinx_contact._errors import everywhere, require, same_everywhere
+from dolfinx_contact.continuation.ending import Ends
 from dolfinx_contact.equations.given_data import Datum, GivenData, given_data, numbers_of
 from dolfinx_contact.equations.measures import Scales
 from dolfinx_contact.equations.order import Gathered
-from dolfinx_contact.evolution import EvolutionStep, History
+from dolfinx_contact.evolution import EvolutionStep
 from dolfinx_contact.evolution.accepted import AcceptedState
 from dolfinx_contact.evolution.motion import MovingState
 from dolfinx_contact.evolution.run_state import RunState
@@ -109,6 +110,7 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         self._points = _AtPoints(problem)
         self._last: AcceptedState | None = None  # where the runs stand
         self._index = -1  # of that state
+        self._goes_on: S | None = None  # where a run that was recorded goes on
         try:
             self._data = KeptData(problem, self._checkpoints, more=data)
             # The values of all data are compared state by state.
@@ -179,18 +181,20 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
 
     # -- what a run tells ------------------------------------------------------------------------
 
-    def begin(self, task: Any, run_state: S) -> None:
-        """A run begins; see `evolution.run_state.RunRecorder`. Collective.
+    def begin(self, task: Any, state: S) -> None:
+        """A run begins; nothing is to be said of one that goes on. Collective.
 
         Raises:
             ValueError: on every rank, if this is closed, or it does not begin where the record
                 ends.
         """
         self._require_open()
+        if state is self._goes_on:
+            return
         states = self.journal.states
-        accepted = run_state.accepted
+        accepted = state.accepted
         if not states:
-            self._keep(0, run_state, self._letters(), {})
+            self._keep(0, state, self._letters(), {})
         elif len(states) == 1 and self._last is None:
             self._compare(0, self._entry(accepted, self._letters()))
             self._index = 0
@@ -206,25 +210,23 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         self._append({"type": "run", "task": run.task, "after": run.after})
         self.journal.runs.append(run)
 
-    def step(self, step: EvolutionStep, run_state: S) -> None:
-        """A step was accepted; see `evolution.run_state.RunRecorder`. Collective."""
+    def step(self, step: EvolutionStep, state: S) -> None:
         index = self._index + 1
         if index < len(self.journal.states):
-            self._compare(index, self._entry(run_state.accepted, step.status))
+            self._compare(index, self._entry(state.accepted, step.status))
             self._index = index
-            self._last = run_state.accepted
+            self._last = state.accepted
             return
-        self._keep(index, run_state, step.status, {"row": step.row()})
+        self._keep(index, state, step.status, {"row": step.row()})
 
-    def end(self, history: History) -> None:
-        """A run has ended; see `evolution.run_state.RunRecorder`. Collective."""
+    def end(self, ended: Ends) -> None:
         run = self.journal.runs[-1]
         left = len(self.journal.states) - 1 - self._index
-        message = f"the run ends {left} steps before the one that was recorded: {history.reason}"
+        message = f"the run ends {left} steps before the one that was recorded: {ended.reason}"
         require(self.comm, left == 0, message)
-        if history.ending is not None:
-            self._append({"type": "end", "ending": history.ending.name, "reason": history.reason})
-            run.end(history.ending, history.reason)
+        if ended.ending is not None:
+            self._append({"type": "end", "ending": ended.ending.name, "reason": ended.reason})
+            run.end(ended.ending, ended.reason)
 
     def _keep(self, index: int, run_state: S, letters: str, more: Mapping[str, Any]) -> None:
         """Put a state on the disk, which is in the problem. Collective."""

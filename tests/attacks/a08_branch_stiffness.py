@@ -67,7 +67,7 @@ class _Killer:
     def begin(self, *_):
         pass
 
-    def point(self, *_):
+    def step(self, *_):
         self._count()
 
     def end(self, *_):

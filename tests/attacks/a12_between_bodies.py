@@ -23,11 +23,11 @@ class _Forces(Observer):
         self.moved = moved
         self.seen = []
 
-    def point(self, branch, index, point, special, stepping):
+    def step(self, step, state):
         table = self.problem.table(self.pair)
         comm = self.problem.u.function_space.mesh.comm
         lowest = comm.allreduce(float(np.min(self.moved.x.array)), op=MPI.MIN)
-        self.seen.append((point.gamma, np.sum(table.rn), np.min(table.un), lowest))
+        self.seen.append((step.point.gamma, np.sum(table.rn), np.min(table.un), lowest))
 
 
 def attack(case):

@@ -20,10 +20,10 @@ class _Forces(Observer):
         self.body = body
         self.seen = []
 
-    def point(self, branch, index, point, special, stepping):
+    def step(self, step, state):
         table = self.problem.table(self.contact)
         foot = self.body.comm.allreduce(_highest(self.body.u, self.body.bottom))
-        self.seen.append((point.gamma, np.sum(table.rn), np.max(np.abs(table.un)), foot))
+        self.seen.append((step.point.gamma, np.sum(table.rn), np.max(np.abs(table.un)), foot))
 
 
 def _highest(u, bottom):

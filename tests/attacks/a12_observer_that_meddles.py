@@ -19,8 +19,8 @@ class Meddler(Observer):
         self.problem = problem
         self.contact = contact
 
-    def point(self, branch, index, point, special, stepping):
-        if index == 2:
+    def step(self, step, state):
+        if step.index == 2:
             self.problem.solve()
         self.body.u.x.array[:] = 0.5
         self.body.moved.x.array[:] = -0.3

@@ -19,11 +19,11 @@ class _Raises(Observer):
     def __init__(self):
         self.end_seen = False
 
-    def point(self, branch, index, point, special, stepping):
-        if index == 2:
+    def step(self, step, state):
+        if step.index == 2:
             raise _Stopped
 
-    def end(self, branch, ended):
+    def end(self, ended):
         self.end_seen = True
 
 

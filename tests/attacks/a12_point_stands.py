@@ -27,7 +27,7 @@ class Reader(Observer):
         self.seen = []
         self.lowest = fem.form(ufl.dot(body.u, body.u) * ufl.dx)
 
-    def point(self, branch, index, point, special, stepping):
+    def step(self, step, state):
         comm = self.body.domain.comm
         body = self.body
         table = self.problem.table(self.contact)
@@ -37,7 +37,7 @@ class Reader(Observer):
         size = comm.allreduce(fem.assemble_scalar(self.lowest))
         self.seen.append(
             dict(
-                gamma=point.gamma,
+                gamma=step.point.gamma,
                 constant=float(self.gamma.value),
                 force=np.sum(table.rn),
                 way=way,

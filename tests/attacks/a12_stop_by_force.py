@@ -13,7 +13,7 @@ from dolfinx_contact.continuation import StepControl, follow
 def _stopped(case, most):
     _body, problem, contact, _gamma, system = lowered(case, Coulomb(0.3))
 
-    def stop(point, special):
+    def stop(step):
         force = float(np.sum(problem.table(contact).rn))
         return f"the force is {force}" if force > most else ""
 
