@@ -8,12 +8,14 @@ import pytest
 import recorded_evolution
 import recorded_path
 from recorded_run import CONTROL, moved_block, start
+from test_pair import triangle_on_a_body
 from test_parametric import driven_block
 
 from dolfinx import fem
 
-from dolfinx_contact.continuation import Observer, explore, follow
-from dolfinx_contact.records import BranchRecord, PathRecord, resume
+from dolfinx_contact.continuation import Ending, Observer, explore, follow
+from dolfinx_contact.continuation.layout import Layout
+from dolfinx_contact.records import BranchRecord, PathRecord, read_journal, resume
 
 COMM = MPI.COMM_WORLD
 
@@ -316,3 +318,57 @@ def test_an_observer_that_raises_on_one_rank_ends_a_history(method):
     with pytest.raises(Killed):
         evolution.run([0.0, 1.0], observer=Raises())
     assert COMM.allreduce(np.abs(evolution.problem.u.x.array).max(), op=MPI.MAX) < 0.1
+
+
+@pytest.mark.parametrize("route", ["steps", "pivoting"])
+def test_a_recorded_diagram(route, folder):
+    """The journal has its nodes, rays and edges; explored again in parts it is the same."""
+
+    def explored(record, **options):
+        system = record.system
+        system.set_parameter(-1.0)
+        way = dict(gamma_range=(-1.0, 1.0), route=route, record=record)
+        return explore(system, [(start_of(system), -1.0)], **way, **options)
+
+    def triangle():
+        return triangle_on_a_body(4, 2.5)
+
+    with BranchRecord(folder / "whole", triangle()) as record:
+        diagram = explored(record)
+        layout = Layout(record.system)
+        letters = record.system.letters
+        rays = [
+            [{"status": letters(r.piece), "gamma": layout.gamma(r.tangent)} for r in node.rays]
+            for node in diagram.nodes
+        ]
+        for number, branch in enumerate(diagram.branches):
+            for point in record.points(number):
+                assert any(point.gamma == p.gamma for p in branch.points)
+    assert len(diagram.nodes) > 0
+    journal = read_journal(folder / "whole")
+    assert [n.gamma for n in journal.nodes] == [n.point.gamma for n in diagram.nodes]
+    assert [n.edges for n in journal.nodes] == [n.edges for n in diagram.nodes]
+    assert [n.point["complete"] for n in journal.nodes] == [n.point.complete for n in diagram.nodes]
+    assert [n.rays for n in journal.nodes] == rays
+    assert [(e.branch, e.start, e.end) for e in journal.edges] == [
+        (i, e.start, e.end) for i, e in enumerate(diagram.edges)
+    ]
+    assert journal.explored.complete == diagram.complete
+    assert (journal.explored.ending, journal.explored.reason) == (diagram.ending, diagram.reason)
+    for number, branch in enumerate(diagram.branches):
+        gammas = journal.columns(number)["gamma"].tolist()
+        assert gammas == [p.gamma for p in branch.points]
+        assert journal.branches[number].ending is branch.ending
+
+    with BranchRecord(folder / "parts", triangle()) as record:
+        explored(record, max_branches=2)
+    part = read_journal(folder / "parts")
+    assert part.explored.ending is Ending.BUDGET
+    assert len(part.edges) == 2
+    with BranchRecord(folder / "parts", triangle(), resume=True) as record:
+        explored(record)
+    again = read_journal(folder / "parts")
+    assert again.edges == journal.edges
+    assert again.explored == journal.explored
+    assert [n.edges for n in again.nodes] == [n.edges for n in journal.nodes]
+    assert [n.gamma for n in again.nodes] == pytest.approx([n.gamma for n in journal.nodes])

@@ -31,7 +31,7 @@ from dolfinx_contact.continuation.arguments import (
 from dolfinx_contact.continuation.branch import Branch, BranchPoint, Ray, SpecialPoint
 from dolfinx_contact.continuation.ending import Ending, Ends
 from dolfinx_contact.continuation.follow import Follower, Route, follower_for
-from dolfinx_contact.continuation.observer import BranchStep, Observer, Seen
+from dolfinx_contact.continuation.observer import BranchStep, Guarded, Observer, Observers, Seen
 from dolfinx_contact.continuation.parameters import Direction, StepControl
 from dolfinx_contact.continuation.pivoting import Pivoting
 from dolfinx_contact.continuation.system import System
@@ -208,6 +208,9 @@ class _Explorer:
         self.max_steps = max_steps
         self.listeners = listeners
         self.diagram = Diagram()
+        comm = follower.bordered.comm
+        told = (listeners["record"], listeners["observer"])
+        self._looks_on = Observers(*(Guarded(comm, given, _nothing) for given in told))
 
     def run(
         self, starts: Sequence[tuple[PETSc.Vec, float]], max_branches: int, max_seconds: float
@@ -242,6 +245,7 @@ class _Explorer:
                 branch = Branch()
                 branch.end(Ending.NOT_FOUND, str(error))
                 diagram.edges.append(Edge(branch, i, None))
+                self._looks_on.explored(diagram)
                 continue
             self._follow(point, i)
         else:
@@ -256,6 +260,7 @@ class _Explorer:
                 diagram.end(Ending.REACHED, _ALL)
             known = all(node.point.complete for node in diagram.nodes)
             diagram.complete = known and not short
+        self._looks_on.explored(diagram)
         if comm.rank == 0:
             found = len(diagram.edges), len(diagram.nodes), diagram.reason
             logger.info("%d branches, %d bifurcations: %s", *found)
@@ -272,6 +277,7 @@ class _Explorer:
         )
         end = self._arrive(branch.bifurcations[-1], number) if branch.bifurcations else None
         self.diagram.edges.append(Edge(branch, start, end))
+        self._looks_on.explored(self.diagram)
 
     def _arrive(self, special: SpecialPoint, number: int) -> int:
         """The node at which branch ``number`` ends, made if it is new."""
@@ -308,6 +314,10 @@ class _Explorer:
                 if b.inner(away, away) <= _SAME**2 and (same_sense or not leaving):
                     return True
         return False
+
+
+def _nothing() -> None:
+    """A branch has ended: its last point is in the problem."""
 
 
 def _is_cut_off(branch: Branch) -> bool:

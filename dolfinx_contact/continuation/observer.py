@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 from mpi4py import MPI
 
@@ -13,6 +13,9 @@ from dolfinx_contact._errors import everywhere
 from dolfinx_contact.continuation.branch import BranchPoint, SpecialPoint
 from dolfinx_contact.continuation.ending import Ending, Ends
 from dolfinx_contact.continuation.parameters import StepControl
+
+if TYPE_CHECKING:
+    from dolfinx_contact.continuation.diagram import Diagram
 
 __all__ = [
     "BranchStep",
@@ -128,7 +131,11 @@ class Observer:
     def end(self, ended: Ends) -> None:
         """It has ended, how and why is in ``ended``; with its budget it may go on later."""
 
+    def explored(self, diagram: Diagram) -> None:
+        """A branch of `explore` has ended, or all have: the diagram as far as it is known."""
 
+
+_METHODS = ("begin", "step", "end", "explored")
 S = TypeVar("S")
 #: Called with every accepted step; returns the reason to end the branch or run there, or "".
 Stop: TypeAlias = Callable[[S], str]
@@ -139,7 +146,7 @@ Seen: TypeAlias = Observer | Callable[[S], object]
 
 def is_observer(given: Any) -> bool:
     """Whether something has the methods of an observer."""
-    return all(callable(getattr(given, name, None)) for name in ("begin", "step", "end"))
+    return all(callable(getattr(given, name, None)) for name in _METHODS)
 
 
 def as_observer(given: Any) -> Observer:
@@ -154,7 +161,7 @@ def as_observer(given: Any) -> Observer:
     if callable(given):
         return _Calls(given)
     raise ValueError(
-        "the observer must be an Observer, whose methods begin, step and end are called, or a "
+        "the observer must be an Observer, with its methods, or a "
         f"function of a step; got {given!r}"
     )
 
@@ -187,6 +194,10 @@ class Observers(Observer):
         for o in self._observers:
             o.end(ended)
 
+    def explored(self, diagram: Diagram) -> None:
+        for o in self._observers:
+            o.explored(diagram)
+
 
 class Guarded(Observer):
     """An observer whose errors on one rank are raised on all. Collective.
@@ -218,3 +229,6 @@ class Guarded(Observer):
 
     def end(self, ended: Ends) -> None:
         self._tell(self._observer.end, ended)
+
+    def explored(self, diagram: Diagram) -> None:
+        self._tell(self._observer.explored, diagram)

@@ -24,6 +24,7 @@ from dolfinx_contact.continuation import (
     Branch,
     BranchPoint,
     BranchStep,
+    Diagram,
     Ending,
     Ends,
     Route,
@@ -39,9 +40,15 @@ from dolfinx_contact.continuation.layout import Layout
 from dolfinx_contact.equations.given_data import data_within
 from dolfinx_contact.equations.measures import Scales
 from dolfinx_contact.records.identity import driven_words, identity
-from dolfinx_contact.records.journal import Journal, JournalBranch
+from dolfinx_contact.records.journal import (
+    Explored,
+    Journal,
+    JournalBranch,
+    JournalEdge,
+    JournalNode,
+)
 from dolfinx_contact.records.kept_data import KeptData
-from dolfinx_contact.records.points import Functional, columns_of, compiled
+from dolfinx_contact.records.points import Functional, columns_of, compiled, node_of
 from dolfinx_contact.records.problem_record import ProblemRecord, coincide
 
 if TYPE_CHECKING:
@@ -250,6 +257,41 @@ class BranchRecord(ProblemRecord[Journal]):
         self._append({"type": "end", "branch": branch, **words, **entry})
         known.points[-1] |= entry
         known.end(ended.ending, ended.reason)
+
+    def explored(self, diagram: Diagram) -> None:
+        journal = self.journal
+        for number, node in enumerate(diagram.nodes):
+            self._keep_node(number, node_of(self.system, self._layout, node))
+        for number, edge in enumerate(diagram.edges):
+            found = JournalEdge(number, edge.start, edge.end)
+            if number < len(journal.edges):
+                same = journal.edges[number] == found
+                message = f"branch {number} was recorded as {journal.edges[number]}, not {found}"
+                require(self.comm, same, message)
+                continue
+            self._append({"type": "edge", **asdict(found)})
+            journal.edges.append(found)
+        ended = Explored(diagram.ending, diagram.reason, diagram.complete)
+        if diagram.ending is not None and ended != journal.explored:
+            self._append({"type": "explored", **asdict(ended), "ending": diagram.ending.name})
+            journal.explored = ended
+
+    def _keep_node(self, number: int, found: Mapping[str, Any]) -> None:
+        """Write a node, where not all of it is known. Collective."""
+        nodes = self.journal.nodes
+        if number < len(nodes):
+            known = nodes[number]
+            scale = self.journal.branches[0].task["gamma_scale"]
+            a = known.gamma / scale
+            same = coincide([(a, found["point"]["gamma"] / scale, 1 + abs(a))])
+            message = f"node {number} was recorded at gamma = {known.gamma:.12g}: it has changed"
+            require(self.comm, same, message)
+            # What is explored again comes to fewer rays at first.
+            told = zip(found["edges"], known.edges, strict=False)
+            if len(found["rays"]) <= len(known.rays) and all(e in (None, k) for e, k in told):
+                return
+        self._append({"type": "node", "node": number, **found})
+        nodes[number : number + 1] = [JournalNode(**found)]
 
     def _checkpoint(self, branch: int, index: int, point: BranchPoint) -> dict[str, str]:
         """Keep unknowns and tangent of a point; what the journal says of it."""

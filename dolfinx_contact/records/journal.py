@@ -2,7 +2,8 @@
 """Journals of branches, of evolutions and of paths, and their reader.
 
 All have one form on the disk (`lines.py`); a kind says which lines there are and what is in them.
-Of branches every one has a line where it begins, a line for every point and a line where it ends.
+Of branches every one has a line where it begins, a line for every point and a line where it ends;
+of diagrams there are lines for nodes and edges, too.
 Of evolutions and paths there are a line for the start, one where a run begins, one for every
 accepted step, and one where a run ends.
 """
@@ -20,7 +21,7 @@ import numpy.typing as npt
 
 from dolfinx_contact._numbers import is_number
 from dolfinx_contact._optional import optional
-from dolfinx_contact.continuation.ending import Ending
+from dolfinx_contact.continuation.ending import Ending, Ends
 from dolfinx_contact.records.lines import (
     FILE_NAME,
     Followed,
@@ -32,8 +33,11 @@ from dolfinx_contact.records.lines import (
 __all__ = [
     "EvolutionJournal",
     "EvolutionRun",
+    "Explored",
     "Journal",
     "JournalBranch",
+    "JournalEdge",
+    "JournalNode",
     "PathJournal",
     "read_journal",
 ]
@@ -52,6 +56,58 @@ class JournalBranch(Followed):
     """
 
     points: list[dict[str, Any]] = field(default_factory=list)
+
+
+@dataclass
+class JournalNode:
+    """A bifurcation of a recorded diagram; see `continuation.Node`.
+
+    Attributes:
+        point: the special point, as in the ``special`` of points of branches, and the ``method`` by
+            which its rays were looked for.
+        rays: one dictionary a ray: the ``status`` of its piece, and ``gamma``, the part of its unit
+            tangent along gamma.
+        edges: number of the branch along each ray; None if none has taken it.
+    """
+
+    point: dict[str, Any]
+    rays: list[dict[str, Any]]
+    edges: list[int | None]
+
+    @property
+    def gamma(self) -> float:
+        """Where it is."""
+        return float(self.point["gamma"])
+
+
+@dataclass
+class JournalEdge:
+    """A branch of a recorded diagram, with the numbers of nodes; see `continuation.Edge`.
+
+    Attributes:
+        branch: its number; one that could not be begun is not among the branches.
+        start: number of a node, None at a start of the exploration.
+        end: number of a node, None where the branch ends otherwise.
+    """
+
+    branch: int
+    start: int | None
+    end: int | None
+
+
+@dataclass
+class Explored(Ends):
+    """How a recorded exploration ended.
+
+    Attributes:
+        ending: how; None if it has not.
+        reason: why, in words.
+        complete: whether every ray has been followed, and every node knows all of its rays.
+    """
+
+    ending: Ending | None = None
+    reason: str = ""
+    complete: bool = False
 
 
 @dataclass
@@ -76,10 +132,16 @@ class Journal(Lines):
 
     Attributes:
         branches: by number.
+        nodes: bifurcations of a diagram, by number; none of branches that were followed one by one.
+        edges: what its branches lead from and to, by their number.
+        explored: how the diagram ended.
     """
 
     kind: ClassVar[str] = "branches"
     branches: dict[int, JournalBranch] = field(default_factory=dict)
+    nodes: list[JournalNode] = field(default_factory=list)
+    edges: list[JournalEdge] = field(default_factory=list)
+    explored: Explored = field(default_factory=Explored)
 
     @property
     def functionals(self) -> list[str]:
@@ -207,6 +269,15 @@ class Journal(Lines):
             branch = self.branches[entry["branch"]]
             branch.end(Ending[entry["ending"]], entry["reason"])
             branch.points[-1].update({k: entry[k] for k in ("checkpoint", "sum") if k in entry})
+        elif kind == "node":
+            number = entry.pop("node")
+            self.nodes[number : number + 1] = [JournalNode(**entry)]  # anew when it changes
+        elif kind == "edge":
+            if entry["branch"] != len(self.edges):
+                raise ValueError(f"edge {entry['branch']} follows after {len(self.edges)} edges")
+            self.edges.append(JournalEdge(**entry))
+        elif kind == "explored":
+            self.explored = Explored(Ending[entry["ending"]], entry["reason"], entry["complete"])
         else:
             raise ValueError(f"lines of the kind {kind!r} are not known")
 

@@ -14,7 +14,8 @@ from dolfinx import fem
 from dolfinx_contact._agreement import described
 from dolfinx_contact._compat import merge_entity_maps
 from dolfinx_contact._errors import everywhere, require, same_everywhere
-from dolfinx_contact.continuation import BranchPoint, Change, SpecialPoint
+from dolfinx_contact.continuation import BranchPoint, Change, Node, SpecialPoint
+from dolfinx_contact.continuation.layout import Layout
 from dolfinx_contact.equations.order import Gathered, by_coordinates
 from dolfinx_contact.laws import status
 
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from dolfinx_contact.parametric import ParametricContact
     from dolfinx_contact.problem import ContactProblem
 
-__all__ = ["Functional", "columns_of", "compiled", "places"]
+__all__ = ["Functional", "columns_of", "compiled", "node_of", "places"]
 
 #: A scalar UFL form in the problem's Functions, or a function of the problem.
 Functional: TypeAlias = "ufl.Form | Callable[[ContactProblem], float]"
@@ -60,6 +61,20 @@ def columns_of(
         "counts": status.count(letters),
         "special": [_described(system, s) for s in special],
     }
+
+
+def node_of(system: ParametricContact, layout: Layout, node: Node) -> dict[str, Any]:
+    """The entry of the journal for a node of a diagram. Collective.
+
+    Its rays have the ``status`` of their piece, and ``gamma``, by which that changes along the unit
+    tangent; its ``edges`` the number of the branch along each ray, or None.
+    """
+    rays = [
+        {"status": system.letters(ray.piece), "gamma": layout.gamma(ray.tangent)}
+        for ray in node.rays
+    ]
+    point = _described(system, node.point) | {"method": node.point.method}
+    return {"point": point, "rays": rays, "edges": list(node.edges)}
 
 
 def _described(system: ParametricContact, s: SpecialPoint) -> dict[str, Any]:

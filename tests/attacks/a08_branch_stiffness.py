@@ -22,7 +22,7 @@ from dolfinx_contact import (
     ParametricContact,
     materials,
 )
-from dolfinx_contact.continuation import StepControl, follow
+from dolfinx_contact.continuation import Observer, StepControl, follow
 from dolfinx_contact.records import BranchRecord, read_journal, resume
 
 RANGE = (0.0, 1.0)
@@ -60,7 +60,7 @@ def recorded(comm, where, mirrored, after):
             follow(system, x, 0.0, gamma_range=RANGE, control=CONTROL, **told)
 
 
-class _Killer:
+class _Killer(Observer):
     def __init__(self, after):
         self._count = Killer(after)
 
