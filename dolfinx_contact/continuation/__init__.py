@@ -2,8 +2,17 @@
 """Following solution branches of piecewise smooth systems in PETSc."""
 
 from dolfinx_contact.continuation.batch import Locate
-from dolfinx_contact.continuation.branch import Branch, BranchPoint, Change, Ray, SpecialPoint
-from dolfinx_contact.continuation.diagram import Diagram, Edge, Node, explore
+from dolfinx_contact.continuation.branch import (
+    Branch,
+    BranchPoint,
+    Change,
+    Diagram,
+    Edge,
+    Node,
+    Ray,
+    SpecialPoint,
+)
+from dolfinx_contact.continuation.diagram import explore
 from dolfinx_contact.continuation.ending import Ending, Ends
 from dolfinx_contact.continuation.extended import SpecialCurve, follow_special
 from dolfinx_contact.continuation.follow import Follower, Route, follow, follower_for

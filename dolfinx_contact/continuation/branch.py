@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Records of a branch: its points, and the special points on it."""
+"""What is found: a branch with its points and special points, and a diagram of branches."""
 
 from __future__ import annotations
 
@@ -15,6 +15,9 @@ __all__ = [
     "Branch",
     "BranchPoint",
     "Change",
+    "Diagram",
+    "Edge",
+    "Node",
     "Ray",
     "SpecialPoint",
 ]
@@ -155,4 +158,82 @@ class Branch(Ends):
             "located_events": [s.gamma for s in self.special if s.changes and s.located],
             "factorisations": self.factorisations,
             "solves": self.solves,
+        }
+
+
+@dataclass(eq=False)
+class Node:
+    """A bifurcation.
+
+    Attributes:
+        point: the special point, as it was found first.
+        rays: all outgoing rays, that by which it was found included.
+        edges: number of the branch that leaves or arrives along each ray; None if none has yet.
+    """
+
+    point: SpecialPoint
+    rays: list[Ray]
+    edges: list[int | None]
+
+
+@dataclass(frozen=True)
+class Edge:
+    """A branch between two nodes.
+
+    Attributes:
+        branch: its points; they start at ``start`` and end at ``end``.
+        start: number of a node, None at a start of the exploration.
+        end: number of a node, None where the branch ends otherwise; see `Branch.reason`.
+    """
+
+    branch: Branch
+    start: int | None
+    end: int | None
+
+
+@dataclass
+class Diagram(Ends):
+    """What was found.
+
+    Attributes:
+        edges: branches.
+        nodes: bifurcations.
+        complete: whether every ray has been followed to the end of its branch, and every node
+            knows all of its rays.
+        ending: how the exploration ended; that of a branch which was cut off, if one was.
+        reason: why, in words.
+    """
+
+    edges: list[Edge] = field(default_factory=list)
+    nodes: list[Node] = field(default_factory=list)
+    complete: bool = False
+    ending: Ending | None = None
+    reason: str = ""
+
+    @property
+    def branches(self) -> list[Branch]:
+        """The branches of all edges."""
+        return [edge.branch for edge in self.edges]
+
+    def open_rays(self) -> list[tuple[int, int]]:
+        """Node and ray number of the rays that no branch has taken."""
+        return [
+            (i, j)
+            for i, node in enumerate(self.nodes)
+            for j, edge in enumerate(node.edges)
+            if edge is None
+        ]
+
+    def summary(self) -> dict[str, Any]:
+        """Scalars and lists for `summary.json`; those of branches in the order of the edges."""
+        return {
+            "converged": self.ending is Ending.REACHED,
+            "reason": self.reason,
+            "complete": self.complete,
+            "methods": sorted({node.point.method for node in self.nodes}),
+            "bifurcation_gamma": [node.point.gamma for node in self.nodes],
+            "rays": [len(node.rays) for node in self.nodes],
+            "points": [len(b.points) for b in self.branches],
+            "gammas": [[p.gamma for p in b.points] for b in self.branches],
+            "factorisations": sum(b.factorisations for b in self.branches),
         }

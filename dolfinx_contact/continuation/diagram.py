@@ -12,7 +12,6 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Any, get_args
 
 from petsc4py import PETSc
@@ -28,98 +27,28 @@ from dolfinx_contact.continuation.arguments import (
     checked_gamma,
     checked_range,
 )
-from dolfinx_contact.continuation.branch import Branch, BranchPoint, Ray, SpecialPoint
-from dolfinx_contact.continuation.ending import Ending, Ends
+from dolfinx_contact.continuation.branch import (
+    Branch,
+    BranchPoint,
+    Diagram,
+    Edge,
+    Node,
+    Ray,
+    SpecialPoint,
+)
+from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.continuation.follow import Follower, Route, follower_for
 from dolfinx_contact.continuation.observer import BranchStep, Guarded, Observer, Observers, Seen
 from dolfinx_contact.continuation.parameters import Direction, StepControl
 from dolfinx_contact.continuation.pivoting import Pivoting
 from dolfinx_contact.continuation.system import System
 
-__all__ = ["Diagram", "Edge", "Node", "explore"]
+__all__ = ["explore"]
 
 logger = logging.getLogger(__name__)
 
 _SAME = 1e-6  # distance at which two points are one
 _ALL = "every ray has been followed"
-
-
-@dataclass(eq=False)
-class Node:
-    """A bifurcation.
-
-    Attributes:
-        point: the special point, as it was found first.
-        rays: all outgoing rays, that by which it was found included.
-        edges: number of the branch that leaves or arrives along each ray; None if none has yet.
-    """
-
-    point: SpecialPoint
-    rays: list[Ray]
-    edges: list[int | None]
-
-
-@dataclass(frozen=True)
-class Edge:
-    """A branch between two nodes.
-
-    Attributes:
-        branch: its points; they start at ``start`` and end at ``end``.
-        start: number of a node, None at a start of the exploration.
-        end: number of a node, None where the branch ends otherwise; see `Branch.reason`.
-    """
-
-    branch: Branch
-    start: int | None
-    end: int | None
-
-
-@dataclass
-class Diagram(Ends):
-    """What was found.
-
-    Attributes:
-        edges: branches.
-        nodes: bifurcations.
-        complete: whether every ray has been followed to the end of its branch, and every node
-            knows all of its rays.
-        ending: how the exploration ended; that of a branch which was cut off, if one was.
-        reason: why, in words.
-    """
-
-    edges: list[Edge] = field(default_factory=list)
-    nodes: list[Node] = field(default_factory=list)
-    complete: bool = False
-    ending: Ending | None = None
-    reason: str = ""
-
-    @property
-    def branches(self) -> list[Branch]:
-        """The branches of all edges."""
-        return [edge.branch for edge in self.edges]
-
-    def open_rays(self) -> list[tuple[int, int]]:
-        """Node and ray number of the rays that no branch has taken."""
-        return [
-            (i, j)
-            for i, node in enumerate(self.nodes)
-            for j, edge in enumerate(node.edges)
-            if edge is None
-        ]
-
-    def summary(self) -> dict[str, Any]:
-        """Scalars and lists for `summary.json`; those of branches in the order of the edges."""
-        return {
-            "converged": self.ending is Ending.REACHED,
-            "reason": self.reason,
-            "complete": self.complete,
-            "methods": sorted({node.point.method for node in self.nodes}),
-            "bifurcation_gamma": [node.point.gamma for node in self.nodes],
-            "rays": [len(node.rays) for node in self.nodes],
-            "points": [len(b.points) for b in self.branches],
-            "gammas": [[p.gamma for p in b.points] for b in self.branches],
-            "factorisations": sum(b.factorisations for b in self.branches),
-        }
 
 
 def _check(a: Arguments) -> None:

@@ -5,17 +5,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 from mpi4py import MPI
 
 from dolfinx_contact._errors import everywhere
-from dolfinx_contact.continuation.branch import BranchPoint, SpecialPoint
+from dolfinx_contact.continuation.branch import BranchPoint, Diagram, SpecialPoint
 from dolfinx_contact.continuation.ending import Ending, Ends
 from dolfinx_contact.continuation.parameters import StepControl
-
-if TYPE_CHECKING:
-    from dolfinx_contact.continuation.diagram import Diagram
 
 __all__ = [
     "BranchStep",
