@@ -193,21 +193,13 @@ class OppositeFacets(Obstacle):
         field = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (dim,))))
         field.x.array[:] = normals.reshape(-1)
         self._normal = field / ufl.sqrt(ufl.dot(field, field))
+        if gap is not None:
+            self._gap: Any = ufl.as_ufl(gap)
+            return
         if surface is not None:
-            gaps, shape = at_nodes(W, surface)
-            on_slave = nodes_on(W, slave)
-            turned = (np.sum(shape * normals, axis=1) < _FACING)[: W.dofmap.index_map.size_local]
-            count = comm.allreduce(int((turned & on_slave[: len(turned)]).sum()))
-            require(
-                comm,
-                count == 0,
-                f"{name}: at {count} nodes of the slave the normal of the given surface is another",
-            )
-            field.x.array[:] = np.where(on_slave[:, None], shape, 0.0).reshape(-1)
-            self._gap: Any = fem.Function(W)
-            gaps = np.where(on_slave & (np.abs(gaps) > _ROUND_OFF * size), gaps, 0.0)
-            self._gap.x.array[:] = gaps
-        elif gap is None:
+            gaps, shape = _to_surface(W, surface, slave, normals, size, name)
+            field.x.array[:] = shape.reshape(-1)
+        else:
             corners: npt.NDArray[np.int32] = np.zeros(len(normals), dtype=np.int32)
             corners[W.dofmap.list] = V.dofmap.list[:, : W.dofmap.list.shape[1]]
             gaps = _gaps(V, found, of_nodes(V), size)[corners]
@@ -221,10 +213,8 @@ class OppositeFacets(Obstacle):
             )
             # What is allowed without being meant is round-off, or the chords of curved faces.
             gaps = gaps if interference else np.maximum(gaps, 0.0)
-            self._gap = fem.Function(W)
-            self._gap.x.array[:] = gaps
-        else:
-            self._gap = ufl.as_ufl(gap)
+        self._gap = fem.Function(W)
+        self._gap.x.array[:] = gaps
 
     def on(self, domain: mesh.Mesh) -> tuple[Any, Any]:
         return self._gap, self._normal
@@ -242,6 +232,31 @@ def _normals(
     if given is not None:
         normals[np.any(normals != 0.0, axis=1)] = given
     return mirrored(V, normals) if axisymmetric else normals
+
+
+def _to_surface(
+    W: fem.FunctionSpace,
+    surface: Obstacle,
+    slave: npt.NDArray[np.int32],
+    normals: Array,
+    size: float,
+    name: str,
+) -> tuple[Array, Array]:
+    """Gaps to a given surface, and its normals, at the local nodes of the slave. Collective.
+
+    Zero elsewhere.
+    """
+    gaps, shape = at_nodes(W, surface)
+    on_slave = nodes_on(W, slave)
+    turned = (np.sum(shape * normals, axis=1) < _FACING)[: W.dofmap.index_map.size_local]
+    count = W.mesh.comm.allreduce(int((turned & on_slave[: len(turned)]).sum()))
+    require(
+        W.mesh.comm,
+        count == 0,
+        f"{name}: at {count} nodes of the slave the normal of the given surface is another",
+    )
+    gaps = np.where(on_slave & (np.abs(gaps) > _ROUND_OFF * size), gaps, 0.0)
+    return gaps, np.where(on_slave[:, None], shape, 0.0)
 
 
 def _gaps(V: fem.FunctionSpace, opposite: Opposite, normals: Array, size: float) -> Array:

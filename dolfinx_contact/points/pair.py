@@ -147,11 +147,8 @@ class ContactPair(ContactSurface):
         )
         theirs = facets if master_facets is None else master_facets
         sides = [
-            exterior_facets(V.mesh, *tagged_facets(comm, given, tag, side), side)
-            for given, tag, side in (
-                (facets, slave, f"{name}, slave"),
-                (theirs, master, f"{name}, master"),
-            )
+            _facets_of_side(V.mesh, facets, slave, f"{name}, slave"),
+            _facets_of_side(V.mesh, theirs, master, f"{name}, master"),
         ]
         self.master_facets = sides[1]
         if axisymmetric:
@@ -255,6 +252,16 @@ class ContactPair(ContactSurface):
 def _shown(x: list[float] | None) -> str:
     """A position, without the round-off of zeros."""
     return ", ".join(f"{round(c, 12) + 0.0:.6g}" for c in x or [])
+
+
+def _facets_of_side(
+    domain: mesh.Mesh,
+    facets: GmshMesh | mesh.MeshTags | npt.NDArray[np.int32],
+    tag: int | str | None,
+    side: str,
+) -> npt.NDArray[np.int32]:
+    """Exterior facets of the slave or the master on this rank. Collective."""
+    return exterior_facets(domain, *tagged_facets(domain.comm, facets, tag, side), side)
 
 
 def _check_sides(

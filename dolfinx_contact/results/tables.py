@@ -198,12 +198,7 @@ def contact_table(
     }
     columns |= {f"internal.{name}": values for name, values in internal.items()}
     if s.law_at_points.compiled.bonded:
-        bond: npt.NDArray[np.str_] = np.full(len(area), "i")
-        x = s.law.weakening
-        if x is not None:
-            lost = x.sense * (internal[x.name] - found.data.fields[x.name])
-            bond = np.where(lost > 0, "d", np.where(lost < 0, "r", "i"))
-        columns["bond"] = np.where(found.answers.bond("broken") > 0, "b", bond)
+        columns["bond"] = _letters_of_bonds(s, found, internal)
         force = found.answers.bond("traction") * area[:, None]
         columns["adhesion"] = np.where((letters == "d")[:, None], 0.0, force)
     if s.law_at_points.compiled.knows_slip:
@@ -260,6 +255,18 @@ def _letters(
     n = known["n"]
     along = moved[:, 1] * n[:, 0] - moved[:, 0] * n[:, 1]
     return np.where(free, np.where(along < 0, "-", "+"), letters)
+
+
+def _letters_of_bonds(
+    s: ContactSurface, found: ContactState, internal: dict[str, npt.NDArray[np.float64]]
+) -> npt.NDArray[np.str_]:
+    """What a step does to bonds, a letter a point; see `ContactTable.bond`."""
+    letters: npt.NDArray[np.str_] = np.full(s.points.number, "i")
+    x = s.law.weakening
+    if x is not None:
+        lost = x.sense * (internal[x.name] - found.data.fields[x.name])
+        letters = np.where(lost > 0, "d", np.where(lost < 0, "r", "i"))
+    return np.where(found.answers.bond("broken") > 0, "b", letters)
 
 
 def _letters_of_motion(

@@ -106,15 +106,8 @@ def solve_by(
         progress.step(step)
 
     tolerance = float(equations.options.value("snes_rtol") or _TOLERANCE)
-    whole = algorithm if isinstance(algorithm, TrescaFixedPoint | Uzawa | Penalty) else None
-    if whole is not None and whole.on == "points":
-        whole = None
-    if whole is None or (isinstance(whole, Uzawa) and not whole.augmented):
-        _require_held(equations)
-    if isinstance(whole, Uzawa) and not whole.augmented:
-        _require_nodes(equations)
-    if isinstance(algorithm, TrescaFixedPoint):
-        _require_bounds(equations)
+    whole = _on_whole_body(algorithm)
+    _require_scope(algorithm, equations, on_body=whole is not None)
     body: BodySolver | None = None
     try:
         if whole is not None:
@@ -137,14 +130,35 @@ def solve_by(
         attempt.reason = reason
     if not attempt.converged:
         x.destroy()
-        worst = f", residual {attempt.steps[-1].measures.worst:.2g}" if attempt.steps else ""
-        raise failure(
-            f"the contact problem was not solved:\n- {attempt.strategy}: {attempt.reason} "
-            f"({attempt.iterations} iterations{worst})\n"
-            "The displacement and the multipliers are as they were before the solve.",
-            [attempt],
-        )
+        raise failure(_what_failed(attempt), [attempt])
     return x, [attempt]
+
+
+def _on_whole_body(algorithm: Algorithm) -> TrescaFixedPoint | Uzawa | Penalty | None:
+    """The algorithm, if its iterates are states of the body and not of the points alone."""
+    if isinstance(algorithm, TrescaFixedPoint | Uzawa | Penalty) and algorithm.on != "points":
+        return algorithm
+    return None
+
+
+def _require_scope(algorithm: Algorithm, eq: ContactEquations, *, on_body: bool) -> None:
+    """Raise ``ValueError`` on every rank for a problem that the algorithm is not for."""
+    raises_tractions = on_body and isinstance(algorithm, Uzawa) and not algorithm.augmented
+    if raises_tractions or not on_body:
+        _require_held(eq)
+    if raises_tractions:
+        _require_nodes(eq)
+    if isinstance(algorithm, TrescaFixedPoint):
+        _require_bounds(eq)
+
+
+def _what_failed(attempt: Attempt) -> str:
+    worst = f", residual {attempt.steps[-1].measures.worst:.2g}" if attempt.steps else ""
+    return (
+        f"the contact problem was not solved:\n- {attempt.strategy}: {attempt.reason} "
+        f"({attempt.iterations} iterations{worst})\n"
+        "The displacement and the multipliers are as they were before the solve."
+    )
 
 
 def reduced_contact(equations: ContactEquations, x: PETSc.Vec) -> PointProblem:
