@@ -100,6 +100,11 @@ def test_the_journal_says_what_was_run(folder):
     history = record(evolution, folder)
     journal = read_journal(folder)
     assert journal.rows() == [s.row() | {"status": s.status} for s in history.steps]
+    columns = journal.columns()
+    assert list(columns) == list(journal.rows()[0])
+    np.testing.assert_array_equal(columns["time"], [s.time for s in history.steps])
+    assert columns["status"].tolist() == [s.status for s in history.steps]
+    assert columns["directions"].tolist() == [s.directions for s in history.steps]
     assert [s["time"] for s in journal.states] == [0.0, *(s.time for s in history.steps)]
     assert (journal.runs[0].reason, journal.runs[0].complete) == ("the last time is reached", True)
     assert journal.runs[0].ending is Ending.REACHED

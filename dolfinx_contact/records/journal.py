@@ -313,6 +313,16 @@ class EvolutionJournal(Lines):
         """The table of all steps, with their ``status``, for `write_rows`."""
         return [s["row"] | {"status": s["status"]} for s in self.states[1:]]
 
+    def columns(self) -> dict[str, npt.NDArray[Any]]:
+        """The same as numpy arrays by name; those that hold words or None are of objects."""
+        rows = self.rows()
+        found = {}
+        for name in rows[0] if rows else ():
+            values = [row[name] for row in rows]
+            numbers = all(isinstance(v, bool | int | float) for v in values)
+            found[name] = np.array(values) if numbers else np.array(values, dtype=object)
+        return found
+
     @property
     def is_empty(self) -> bool:
         return not self.states
