@@ -13,11 +13,8 @@ warn_of_namesake()
 from dolfinx_contact import materials, obstacles
 from dolfinx_contact._petsc import parse_arguments
 from dolfinx_contact.laws import (
-    RCCM,
-    BilinearCohesive,
     Coulomb,
     Frictionless,
-    MaxwellLayer,
     NonlocalCoulomb,
     NormalCompliance,
     Regularised,
@@ -33,6 +30,7 @@ from dolfinx_contact.results.tables import ContactTable
 from dolfinx_contact.solvers import ConvergenceError
 
 if TYPE_CHECKING:
+    from dolfinx_contact.laws import RCCM, BilinearCohesive, MaxwellLayer
     from dolfinx_contact.nested import solve_nested
     from dolfinx_contact.parametric import ParametricContact
 
@@ -68,6 +66,9 @@ __all__ = [
 
 #: What a static solve does not need is loaded when it is used.
 _LATER = {
+    "RCCM": "dolfinx_contact.laws",
+    "BilinearCohesive": "dolfinx_contact.laws",
+    "MaxwellLayer": "dolfinx_contact.laws",
     "ParametricContact": "dolfinx_contact.parametric",
     "solve_nested": "dolfinx_contact.nested",
 }

@@ -30,11 +30,9 @@ from dolfinx_contact._mesh_mark import mesh_stays
 from dolfinx_contact._numbers import is_count, is_number
 from dolfinx_contact._options import ProblemOptions, check_options, in_database
 from dolfinx_contact._petsc import require_real, staged
-from dolfinx_contact._progress import SolveProgress
 from dolfinx_contact.body.bulk import Bulk
 from dolfinx_contact.body.cells import check_cells
 from dolfinx_contact.body.circumference import check_circumference, refuse_revolution
-from dolfinx_contact.body.moving import MovingBody
 from dolfinx_contact.equations.arguments import check, fit, listed, lists
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.state import State, Statuses
@@ -52,9 +50,11 @@ from dolfinx_contact.solvers.choice import LinearSolverChoice
 from dolfinx_contact.solvers.history import Attempt, Step
 from dolfinx_contact.solvers.ladder import check_data, solve
 from dolfinx_contact.solvers.linear import LinearSolver
+from dolfinx_contact.solvers.progress import SolveProgress
 
 if TYPE_CHECKING:
     from dolfinx_contact.algorithms import Algorithm, PointProblem
+    from dolfinx_contact.body.moving import MovingBody
 
 __all__ = ["ContactProblem"]
 

@@ -13,8 +13,8 @@ from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace
 from dolfinx_contact.materials import NeoHookean
 from dolfinx_contact.solvers import ladder
 from dolfinx_contact.solvers.history import Attempt
-from dolfinx_contact.solvers.increments import raise_load
 from dolfinx_contact.solvers.newton import Newton
+from dolfinx_contact.solvers.strategies import raise_load
 
 COMM = MPI.COMM_WORLD
 RUBBER = NeoHookean(600.0, 400.0)

@@ -36,9 +36,9 @@ from dolfinx_contact.records import BranchRecord, resume
 from dolfinx_contact.solvers.errors import FloatingBodyError
 from dolfinx_contact.solvers.following import follow_load
 from dolfinx_contact.solvers.history import Attempt
-from dolfinx_contact.solvers.increments import raise_load
 from dolfinx_contact.solvers.newton import Newton
 from dolfinx_contact.solvers.reduced import solve_reduced
+from dolfinx_contact.solvers.strategies import raise_load
 
 COMM = MPI.COMM_WORLD
 METHODS = [(None, 1), ("integral", 1), ("mixed", 1), ("integral", 2)]

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 from petsc4py import PETSc
 
@@ -31,7 +32,6 @@ from dolfinx_contact._mesh_mark import mesh_mark, mesh_stays
 from dolfinx_contact._options import ProblemOptions
 from dolfinx_contact._petsc import logged
 from dolfinx_contact.body.bulk import Bulk
-from dolfinx_contact.body.moving import MovingBody
 from dolfinx_contact.body.rigid import bounding_box
 from dolfinx_contact.equations.constraints import Constraints, check_overlap
 from dolfinx_contact.equations.prescribed import PrescribedDisplacement
@@ -43,6 +43,9 @@ from dolfinx_contact.laws.symbols import SLID
 from dolfinx_contact.points.kinematics import Kinematics
 from dolfinx_contact.points.memory import Memory, slid_after
 from dolfinx_contact.points.surface import ContactSurface
+
+if TYPE_CHECKING:
+    from dolfinx_contact.body.moving import MovingBody
 
 __all__ = ["ContactEquations", "remembered"]
 

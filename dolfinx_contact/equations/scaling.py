@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -12,11 +13,13 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from dolfinx_contact.body.bulk import Bulk
-from dolfinx_contact.body.moving import MovingBody
 from dolfinx_contact.equations.augmentation import automatic_augmentation, require_hoop_stiffness
 from dolfinx_contact.equations.loose import LooseMotions
 from dolfinx_contact.equations.rigid_bodies import RigidBodies
 from dolfinx_contact.points.surface import ContactSurface
+
+if TYPE_CHECKING:
+    from dolfinx_contact.body.moving import MovingBody
 
 __all__ = ["Scaling"]
 

@@ -33,13 +33,13 @@ In histories `Regularised` asks for a ``speed``, and `NormalCompliance` may not 
 springs, which forget.
 """
 
-from dolfinx_contact.laws.adhesion import RCCM
+from importlib import import_module
+from typing import TYPE_CHECKING
+
 from dolfinx_contact.laws.answers import Answers, HeldAnswers, PointData
-from dolfinx_contact.laws.cohesive import BilinearCohesive, MaxwellLayer
 from dolfinx_contact.laws.compiled import LawAtPoints
 from dolfinx_contact.laws.compliant import NormalCompliance, Regularised
 from dolfinx_contact.laws.friction import Coulomb, FrictionLaw, Frictionless, Tresca
-from dolfinx_contact.laws.interface import Interface, InterfaceState, Rates
 from dolfinx_contact.laws.law import (
     Bond,
     Border,
@@ -51,6 +51,11 @@ from dolfinx_contact.laws.law import (
 )
 from dolfinx_contact.laws.spreading import NonlocalCoulomb
 from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK
+
+if TYPE_CHECKING:
+    from dolfinx_contact.laws.adhesion import RCCM
+    from dolfinx_contact.laws.cohesive import BilinearCohesive, MaxwellLayer
+    from dolfinx_contact.laws.interface import Interface, InterfaceState, Rates
 
 __all__ = [
     "MINUS",
@@ -82,3 +87,19 @@ __all__ = [
     "StatusPiece",
     "Tresca",
 ]
+
+#: Laws with a memory are loaded when they are used.
+_LATER = {
+    "RCCM": "dolfinx_contact.laws.adhesion",
+    "BilinearCohesive": "dolfinx_contact.laws.cohesive",
+    "Interface": "dolfinx_contact.laws.interface",
+    "InterfaceState": "dolfinx_contact.laws.interface",
+    "MaxwellLayer": "dolfinx_contact.laws.cohesive",
+    "Rates": "dolfinx_contact.laws.interface",
+}
+
+
+def __getattr__(name: str) -> object:
+    if name in _LATER:
+        return getattr(import_module(_LATER[name]), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

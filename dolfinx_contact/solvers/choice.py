@@ -19,7 +19,6 @@ import numpy as np
 
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.solvers.linear import Direct, LinearSolver
-from dolfinx_contact.solvers.multigrid import Multigrid
 
 __all__ = ["LinearSolverChoice", "predicted_gigabytes"]
 
@@ -71,7 +70,7 @@ class LinearSolverChoice:
             chosen = any(eq.options.value(name) for name in ("ksp_type", "pc_type"))
             small = size <= _LARGEST_DIRECT[dim]
             kind = "direct" if bodies or chosen or small else "amg"
-        solver: LinearSolver = Direct(eq) if kind == "direct" else Multigrid(eq)
+        solver: LinearSolver = Direct(eq) if kind == "direct" else _multigrid(eq)
         seconds = solver.predicted = solver.predicted_seconds()
         if eq.comm.rank == 0:
             logger.info(
@@ -109,6 +108,13 @@ class LinearSolverChoice:
         if self._solver is not None:
             self._solver.destroy()
         self._solver = None
+
+
+def _multigrid(eq: ContactEquations) -> LinearSolver:
+    """Multigrid, which only large problems load."""
+    from dolfinx_contact.solvers.multigrid import Multigrid
+
+    return Multigrid(eq)
 
 
 def available_gigabytes(comm: MPI.Comm) -> float:

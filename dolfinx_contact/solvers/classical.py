@@ -19,7 +19,6 @@ import numpy as np
 
 from dolfinx_contact._errors import on_root
 from dolfinx_contact._petsc import staged
-from dolfinx_contact._progress import SolveProgress
 from dolfinx_contact.algorithms import (
     ALGORITHMS,
     Algorithm,
@@ -40,6 +39,7 @@ from dolfinx_contact.solvers.errors import (
 from dolfinx_contact.solvers.history import Attempt, Step
 from dolfinx_contact.solvers.linear import LinearSolver
 from dolfinx_contact.solvers.on_body import OnBody
+from dolfinx_contact.solvers.progress import SolveProgress
 from dolfinx_contact.solvers.states import diverged
 
 __all__ = ["algorithm_named", "reduced_contact", "solve_by"]

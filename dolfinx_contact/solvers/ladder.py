@@ -16,8 +16,8 @@ ones first and each from the caller's state:
 4. a backtracking line search on the norm of H;
 5. Lemke's method on the reduced problem (`reduced.py`), which ends in a solution whatever the
    friction: in 2D, for linear bodies held by Dirichlet data and contact at the nodes;
-6. the load applied in increments that shrink and grow (`increments.py`); before the line search
-   where the body is not linear;
+6. the load applied in increments that shrink and grow; before the line search where the body is
+   not linear;
 7. the branch of solutions under a growing load followed through its folds (`following.py`).
 
 Each strategy but the first has a budget, counted in Newton steps. A solution in which a
@@ -40,7 +40,6 @@ from ufl.algorithms.analysis import extract_constants
 
 from dolfinx_contact._errors import require, same_everywhere
 from dolfinx_contact._petsc import staged
-from dolfinx_contact._progress import SolveProgress
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.given_data import not_finite, placed_data, require_obstacles
 from dolfinx_contact.equations.normals import without_normal
@@ -50,6 +49,7 @@ from dolfinx_contact.points.law_checks import check_law
 from dolfinx_contact.solvers.choice import LinearSolverChoice
 from dolfinx_contact.solvers.errors import ConvergenceError, FloatingBodyError
 from dolfinx_contact.solvers.history import Attempt, Step
+from dolfinx_contact.solvers.progress import SolveProgress
 from dolfinx_contact.solvers.states import diverged, inverted
 from dolfinx_contact.solvers.strategies import BONDS, EXPECTED, INCREMENTS, strategies
 

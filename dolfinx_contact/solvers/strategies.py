@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The strategies by which a contact problem is solved, in the order of the `ladder`."""
+"""The strategies by which a contact problem is solved, in the order of the `ladder`.
+
+What full steps, a line search and increments of the load do not need is loaded when it is tried.
+"""
 
 from __future__ import annotations
 
@@ -11,20 +14,19 @@ from petsc4py import PETSc
 
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.state import Statuses
-from dolfinx_contact.solvers.bonds import have_bonds, let_go
 from dolfinx_contact.solvers.choice import LinearSolverChoice
 from dolfinx_contact.solvers.history import Attempt, Step
-from dolfinx_contact.solvers.increments import raise_load
 from dolfinx_contact.solvers.newton import Newton
-from dolfinx_contact.solvers.pivoting import pivot
+from dolfinx_contact.solvers.states import inverted
 
-__all__ = ["BONDS", "EXPECTED", "INCREMENTS", "strategies"]
+__all__ = ["BONDS", "EXPECTED", "INCREMENTS", "raise_load", "strategies"]
 
 EXPECTED = "expected statuses"
 BONDS = "bonds let go in turn"
 INCREMENTS = "load increments"
 
 _HELD = 1  # Newton steps in which expected statuses are held
+_SMALLEST = 1e-4  # increment of the load, relative to the first
 
 Monitor: TypeAlias = Callable[[Step], None] | None
 #: Changes the unknowns to a solution, and is whether it found one.
@@ -56,7 +58,7 @@ def strategies(
     found.append(("full steps", known.newton("none")))
     if eq.forced_r is not None and not weak:
         found.append(("full steps with the automatic r", with_automatic_r(known.newton("none"))))
-    if have_bonds(eq):
+    if _have_bonds(eq):
         found.append((BONDS, with_automatic_r(known.letting_bonds_go)))
     others: dict[str, Strategy] = {
         "pivoting": known.pivoting,
@@ -133,7 +135,7 @@ class _Strategies:
 
     def load_following(self, x: PETSc.Vec, attempt: Attempt, monitor: Monitor) -> bool:
         """The branch of solutions under a growing load, through its folds."""
-        from dolfinx_contact.solvers.following import follow_load  # seldom needed, slow to load
+        from dolfinx_contact.solvers.following import follow_load
 
         with Newton(self.eq, self.linear(), "none", monitor) as solver:
             most = int(solver.snes.getTolerances()[3])
@@ -142,12 +144,14 @@ class _Strategies:
 
     def pivoting(self, x: PETSc.Vec, attempt: Attempt, monitor: Monitor) -> bool:
         """Piece after piece of H."""
+        from dolfinx_contact.solvers.pivoting import pivot
+
         with Newton(self.eq, self.linear(), "none", monitor) as solver:
             return pivot(solver, x, attempt)
 
     def lemke(self, x: PETSc.Vec, attempt: Attempt, monitor: Monitor) -> bool:
         """Lemke's method on the reduced problem."""
-        from dolfinx_contact.solvers.reduced import solve_reduced  # seldom needed, slow to load
+        from dolfinx_contact.solvers.reduced import solve_reduced
 
         with Newton(self.eq, self.linear(), "none", monitor) as solver:
             if solver.snes.getTolerances()[3] < 1:
@@ -157,4 +161,54 @@ class _Strategies:
 
     def letting_bonds_go(self, x: PETSc.Vec, attempt: Attempt, monitor: Monitor) -> bool:
         """Bonds that weaken are all held, and let go in turn."""
+        from dolfinx_contact.solvers.bonds import let_go
+
         return let_go(self.eq, self.linear, x, attempt)
+
+
+def _have_bonds(eq: ContactEquations) -> bool:
+    """Whether bonds of a surface weaken, and none of them can grow again."""
+    if all(s.law.weakening is None for s in eq.surfaces):
+        return False
+    from dolfinx_contact.solvers.bonds import have_bonds
+
+    return have_bonds(eq)
+
+
+def raise_load(solver: Newton, x: PETSc.Vec, attempt: Attempt, increments: int) -> bool:
+    """Apply the load in increments, as one would by hand, starting at ``x``. Collective.
+
+    With s from 0 to 1 Dirichlet data go from the displacement at the start to what is prescribed,
+    and what is left of H at the start fades, H(x, s) = (1 - s) H(x_0, 0): forces that nothing
+    balances (the loads, from an unloaded body) and the depth of points that begin inside the
+    obstacle. An increment that fails, or turns the body inside out, is quartered; one that works is
+    doubled.
+    """
+    eq = solver.equations
+    first = 1.0 / increments
+    done = 0.0
+    step = first
+    good = x.duplicate()
+    with eq.ramped(x):
+        eq.prescribed.part = 0.0
+        eq.residual(x, solver.offset)
+        try:
+            while done < 1.0:
+                x.copy(good)
+                solver.load = eq.prescribed.part = min(1.0, done + step)
+                solved = solver.run(x, attempt)
+                if solved and (objection := inverted(eq, x)):
+                    solved = False
+                    attempt.reason = objection
+                if solved:
+                    done = solver.load
+                    step = 2 * step
+                    continue
+                good.copy(x)
+                step /= 4
+                if step < _SMALLEST * first or attempt.gives_up():
+                    attempt.reason = f"stuck at {done:.4g} of the load: {attempt.reason}"
+                    return False
+            return True
+        finally:
+            good.destroy()
