@@ -35,7 +35,10 @@ def collective(
     what: str,
     check: Callable[[Arguments], None] | None = None,
     *,
+    compare: Callable[[Arguments], Mapping[str, Any]] | None = None,
     local: Collection[str] = (),
+    where: str = "",
+    otherwise: MPI.Comm | None = None,
 ) -> Callable[[Callable[P, R]], Callable[P, R]]:
     """A decorator for functions that all ranks call together.
 
@@ -49,7 +52,13 @@ def collective(
         what: is done, for notes of errors.
         check: is called on each rank alone with the arguments by their names, and raises
             ``ValueError`` for what does not fit. It may set them, as to a list for an iterator.
+        compare: gives values to compare, by name, of the arguments as they are after the check:
+            in the place of arguments of these names, or beside them. Of functions it is what they
+            return. It is called where there are several ranks.
         local: names of arguments that may differ between ranks, as indices of facets.
+        where: the argument that names what the others belong to: it is compared first, and the
+            messages on the others begin with it.
+        otherwise: the communicator where no argument has one.
     """
 
     def decorate(function: Callable[P, R]) -> Callable[P, R]:
@@ -60,7 +69,7 @@ def collective(
             bound = form.bind(*args, **kwargs)
             bound.apply_defaults()
             given = bound.arguments
-            comm = _communicator(bound)
+            comm = _communicator(bound) or otherwise
 
             def look() -> None:
                 if check is not None:
@@ -75,7 +84,12 @@ def collective(
                     look()
             if comm is not None and comm.size > 1:
                 compared = {n: v for n, v in given.items() if n not in (*_MAY_DIFFER, *local)}
-                same_everywhere(comm, **{n: _comparable(v) for n, v in compared.items()})
+                values = {n: _comparable(v) for n, v in compared.items()}
+                if where:
+                    same_everywhere(comm, **{where: values.pop(where)})
+                if compare is not None:
+                    values |= compare(Arguments(**given))
+                same_everywhere(comm, str(given[where]) if where else "", **values)
             return function(*bound.args, **bound.kwargs)
 
         return call
@@ -84,7 +98,7 @@ def collective(
 
 
 def _communicator(bound: BoundArguments) -> MPI.Comm | None:
-    """Of the first argument that has one."""
+    """Of the first argument that has one, itself or the first thing in it."""
     for name, value in bound.arguments.items():
         if bound.signature.parameters[name].kind is Parameter.VAR_KEYWORD:
             continue
@@ -102,6 +116,8 @@ def _communicator_of(value: Any) -> MPI.Comm | None:
         found = None if inner is None else _communicator_of(inner)
         if found is not None:
             return found
+    if isinstance(value, list | tuple) and value:
+        return _communicator_of(value[0])
     return None
 
 

@@ -24,7 +24,7 @@ from dolfinx import fem
 from dolfinx_contact._agreement import described, refuse_other_mesh
 from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._compat import is_mesh_of, is_value_of
-from dolfinx_contact._errors import everywhere, on_root, require, same_everywhere
+from dolfinx_contact._errors import on_root, require
 from dolfinx_contact._frozen import ReadOnly
 from dolfinx_contact.continuation import BranchPoint, Piece
 from dolfinx_contact.continuation.affine import AffineSystem
@@ -54,6 +54,18 @@ _MOST_PROVED = 128  # contact points up to which all solutions are proved by def
 
 def _check_parameter(a: Arguments) -> None:
     a.gamma = checked_gamma(a.gamma)
+
+
+def _check(a: Arguments) -> None:
+    if not isinstance(a.problem, ContactProblem):
+        raise ValueError(f"a ContactProblem is needed, got {type(a.problem).__name__}")
+    a.driven = _checked(a.problem, a.gamma, a.driven)
+
+
+def _described(a: Arguments) -> dict[str, Any]:
+    domain = a.problem.V.mesh
+    driven = [described(expression, domain) for _, expression in a.driven]
+    return {"gamma": float(a.gamma.value), "driven": driven}
 
 
 class ParametricContact(ReadOnly, ParametricEquations):
@@ -88,6 +100,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         "another problem make another ParametricContact"
     }
 
+    @collective("a contact problem with a parameter", _check, compare=_described)
     def __init__(
         self,
         problem: ContactProblem,
@@ -95,15 +108,6 @@ class ParametricContact(ReadOnly, ParametricEquations):
         *,
         driven: Sequence[tuple[fem.Function, Any]] = (),
     ):
-        if not isinstance(problem, ContactProblem):
-            raise ValueError(f"a ContactProblem is needed, got {type(problem).__name__}")
-        with everywhere(problem.comm, "a contact problem with a parameter"):
-            driven = _checked(problem, gamma, driven)
-        same_everywhere(
-            problem.comm,
-            gamma=float(gamma.value),
-            driven=[described(expression, problem.V.mesh) for _, expression in driven],
-        )
         self.problem = problem
         self.ray_seconds = _RAY_SECONDS
         super().__init__(problem.equations, gamma, lambda: problem.linear_solver, driven=driven)

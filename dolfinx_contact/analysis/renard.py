@@ -32,7 +32,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.linalg import eigh
 
-from dolfinx_contact._collective import collective
+from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._entries import Entries, matrix_of
 from dolfinx_contact._errors import everywhere, on_root, require
 from dolfinx_contact._optional import slepc
@@ -92,7 +92,14 @@ class Renard:
         return self.definite and self.factor > 1.0 + 1e-9 and not self.doubt
 
 
-@collective("Renard's criterion")
+def _check(a: Arguments) -> None:
+    if a.weights and a.dense is False:
+        raise ValueError("weights need the dense eigenproblem")
+    if a.directions is not None and not callable(a.directions):
+        raise ValueError(f"directions must be a function of positions, got {a.directions!r}")
+
+
+@collective("Renard's criterion", _check)
 @staged("ContactUniqueness")
 def renard_criterion(
     problem: Problem,
@@ -119,7 +126,6 @@ def renard_criterion(
     eq = static_equations(problem)
     require_nodes(eq)
     require(eq.comm, eq.bulk.linear, "the criterion needs a bulk that is linear in u")
-    require(eq.comm, not (weights and dense is False), "weights need the dense eigenproblem")
     state = problem.state()
     effort = _EFFORT if weights else 0
     found = criterion_at(
@@ -207,8 +213,6 @@ def _given(eq: ContactEquations, directions: Field) -> Array:
     x = np.concatenate([s.positions for s in eq.surfaces])
     n = point_normals(eq)
     with everywhere(eq.comm, "directions"):
-        if not callable(directions):
-            raise ValueError(f"directions must be a function of positions, got {directions!r}")
         xi = np.asarray(directions(x), dtype=np.float64)
         fits = xi.shape == x.shape and bool(np.isfinite(xi).all())
         if not fits or np.linalg.norm(xi, axis=1).max(initial=0.0) > 1 + 1e-12:

@@ -40,7 +40,7 @@ from scipy.linalg import eig
 
 import ufl
 
-from dolfinx_contact._collective import collective
+from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._errors import on_root, require
 from dolfinx_contact._factor import is_symmetric
 from dolfinx_contact._numbers import is_count
@@ -108,7 +108,12 @@ class Stability:
     frequency: float = 0.0
 
 
-@collective("stability at rest")
+def _check(a: Arguments) -> None:
+    if not is_count(a.most):
+        raise ValueError(f"the number of eigenproblems must be 1 or more, got {a.most}")
+
+
+@collective("stability at rest", _check)
 @staged("ContactStability")
 def stability_at_rest(
     problem: Problem, *, density: Any, damping: float | ufl.Form = 0.0, most: int = 1024
@@ -139,7 +144,6 @@ def stability_at_rest(
         known = type(s.law) in (Coulomb, Frictionless)
         message = f"{s.name}: stability at rest is for Coulomb's friction or none, not {s.law.name}"
         require(eq.comm, known, message)
-    require(eq.comm, is_count(most), f"the number of eigenproblems must be 1 or more, got {most}")
     state = problem.state()
     doubt = sliding_doubt(eq, state)
     if doubt:

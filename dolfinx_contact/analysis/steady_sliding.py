@@ -100,6 +100,11 @@ def _check_onset(a: Arguments) -> None:
     require_positive("step of friction", a.step)
 
 
+def _check_modes(a: Arguments) -> None:
+    if a.friction is not None and not (is_number(a.friction) and a.friction >= 0):
+        raise ValueError(f"the friction must be a number >= 0, got {a.friction!r}")
+
+
 class SteadySliding(ReadOnly):
     """A body that slides steadily over an obstacle, and its vibrations. Collective.
 
@@ -144,7 +149,7 @@ class SteadySliding(ReadOnly):
         slopes = [s.answers.unit_bound for s in state.surfaces]
         self._slope = np.concatenate(slopes)[self._slip.places]
 
-    @collective("vibrations")
+    @collective("vibrations", _check_modes)
     @staged("ContactSliding")
     def modes(self, friction: float | None = None) -> SlidingModes:
         """The vibrations. Collective.
@@ -221,15 +226,13 @@ class SteadySliding(ReadOnly):
         return Onset(friction, float(values[np.argmax(values.real / size)].imag))
 
     def _spectrum(self, friction: float | None, *, vectors: bool = False) -> Spectrum:
-        comm = self._eq.comm
-        places = self._slip.places
         if friction is None:
             known = bool(np.isfinite(self._slope).all())
-            require(comm, known, "the law has no coefficient of friction: say which")
+            require(self._eq.comm, known, "the law has no coefficient of friction: say which")
             return self._vibrations.spectrum(self._slope, vectors=vectors)
-        fits = is_number(friction) and friction >= 0
-        require(comm, fits, f"the friction must be a number >= 0, got {friction!r}")
-        return self._vibrations.spectrum(np.full(len(places), float(friction)), vectors=vectors)
+        return self._vibrations.spectrum(
+            np.full(len(self._slip.places), float(friction)), vectors=vectors
+        )
 
     def destroy(self) -> None:
         """Free the PETSc objects."""

@@ -14,7 +14,8 @@ import numpy as np
 
 from dolfinx import fem
 
-from dolfinx_contact._errors import everywhere, on_root, same_everywhere
+from dolfinx_contact._collective import Arguments, collective
+from dolfinx_contact._errors import on_root
 from dolfinx_contact.io.disk import aside
 from dolfinx_contact.io.fields import faces
 from dolfinx_contact.io.folder import output_folder
@@ -29,6 +30,11 @@ if TYPE_CHECKING:
 __all__ = ["EvolutionSeries"]
 
 _TABLE = "steps.csv"
+
+
+def _check(a: Arguments) -> None:
+    if not isinstance(a.every, int | np.integer) or isinstance(a.every, bool) or a.every < 1:
+        raise ValueError(f"every must be a number of steps, got {a.every!r}")
 
 
 class EvolutionSeries:
@@ -65,6 +71,7 @@ class EvolutionSeries:
                 history = evolution.run(times, observer=series)
     """
 
+    @collective("a series", _check)
     def __init__(
         self,
         folder: str | os.PathLike[str],
@@ -75,11 +82,8 @@ class EvolutionSeries:
     ):
         self._problem = problem
         self._comm = problem.comm
-        with everywhere(problem.comm, "a series"):
-            if not isinstance(every, int | np.integer) or isinstance(every, bool) or every < 1:
-                raise ValueError(f"every must be a number of steps, got {every!r}")
-        same_everywhere(problem.comm, every=int(every))
-        self._every, self._format = every, checked_format(self._comm, format)
+        self._every = every
+        self._format = checked_format(self._comm, format)
         self._folder = output_folder(self._comm, folder)
         self._faces = faces(problem)
         self._shown: list[list[fem.Function]] = []

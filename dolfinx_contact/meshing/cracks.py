@@ -9,7 +9,7 @@ body, two where it comes to the surface, three where an arm meets another crack.
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -20,7 +20,8 @@ from scipy.sparse.csgraph import connected_components
 import basix
 from dolfinx import mesh
 
-from dolfinx_contact._errors import everywhere, on_root, same_everywhere
+from dolfinx_contact._collective import Arguments, collective
+from dolfinx_contact._errors import on_root
 from dolfinx_contact._kept import keep
 from dolfinx_contact.meshing.gmsh import GmshMesh, NamedTags
 from dolfinx_contact.meshing.whole import WholeMesh, check_tags, distributed, gathered
@@ -32,6 +33,27 @@ logger = logging.getLogger(__name__)
 Nodes = npt.NDArray[np.int64]
 
 
+def _check(a: Arguments) -> None:
+    names: dict[str, tuple[int, int]] = {}
+    if isinstance(a.body, GmshMesh):
+        _, a.cell_tags, a.facet_tags, names = a.body
+    elif not isinstance(a.body, mesh.Mesh):
+        raise ValueError(f"a mesh to crack is needed, got {a.body!r}")
+    domain = _mesh_of(a.body)
+    tdim = domain.topology.dim
+    a.groups = _listed(a.groups)
+    if a.facet_tags is None:
+        raise ValueError("a crack needs MeshTags of facets")
+    check_tags(domain, a.facet_tags, tdim - 1, "the facet_tags of a crack")
+    if a.cell_tags is not None:
+        check_tags(domain, a.cell_tags, tdim, "the cell_tags of a crack")
+    known = _tags_by_name(names, tdim - 1)
+    for g in a.groups:
+        if isinstance(g, str) and g not in known:
+            raise ValueError(f"no group of facets is named {g!r}; names: {sorted(known)}")
+
+
+@collective("a crack", _check)
 def crack(
     body: GmshMesh | mesh.Mesh,
     groups: Iterable[int | str],
@@ -70,29 +92,13 @@ def crack(
             group has no two sides, no node of a group can be doubled, the cells are curved, or tags
             are none, of another mesh, or of other entities.
     """
-    if isinstance(body, GmshMesh):
-        domain, cell_tags, facet_tags, names = body
-    else:
-        if not isinstance(body, mesh.Mesh):
-            raise ValueError(f"a mesh to crack is needed, got {body!r}")
-        domain = body
-        names = {}
+    domain = _mesh_of(body)
+    names = body.names if isinstance(body, GmshMesh) else {}
     keep(domain)
     comm = domain.comm
     tdim = domain.topology.dim
-    with everywhere(comm, "a crack"):
-        chosen = _listed(groups)
-        if facet_tags is None:
-            raise ValueError("a crack needs MeshTags of facets")
-        check_tags(domain, facet_tags, tdim - 1, "the facet_tags of a crack")
-        if cell_tags is not None:
-            check_tags(domain, cell_tags, tdim, "the cell_tags of a crack")
-        known = {name: tag for name, (d, tag) in names.items() if d == tdim - 1}
-        for g in chosen:
-            if isinstance(g, str) and g not in known:
-                raise ValueError(f"no group of facets is named {g!r}; names: {sorted(known)}")
-    same_everywhere(comm, groups_of_a_crack=chosen)
-    tags = {g: known[g] if isinstance(g, str) else int(g) for g in chosen}
+    known = _tags_by_name(names, tdim - 1)
+    tags = {g: known[g] if isinstance(g, str) else int(g) for g in groups}
     whole = gathered(domain, cell_tags, facet_tags)
     cell = domain.basix_cell()
 
@@ -108,8 +114,16 @@ def crack(
     element = domain.ufl_domain().ufl_coordinate_element()
     new, cells, facets = distributed(comm, result[0] if result else None, element)
     names = {**names, **{f"{g}_opposite": (tdim - 1, others[t]) for g, t in tags.items()}}
-    of_facets = {name: tag for name, (d, tag) in names.items() if d == tdim - 1}
-    return GmshMesh(new, cells, NamedTags(facets, of_facets), names)
+    return GmshMesh(new, cells, NamedTags(facets, _tags_by_name(names, tdim - 1)), names)
+
+
+def _mesh_of(body: GmshMesh | mesh.Mesh) -> mesh.Mesh:
+    return body.mesh if isinstance(body, GmshMesh) else body
+
+
+def _tags_by_name(names: Mapping[str, tuple[int, int]], dim: int) -> dict[str, int]:
+    """Tags of the groups of a dimension."""
+    return {name: tag for name, (d, tag) in names.items() if d == dim}
 
 
 def _listed(groups: Iterable[int | str]) -> list[int | str]:

@@ -19,13 +19,14 @@ import numpy.typing as npt
 import basix
 from dolfinx import mesh
 
+from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._compat import (
     create_mesh,
     geometry_dofmap,
     is_topology_of,
     tags_of_entities,
 )
-from dolfinx_contact._errors import everywhere, require, same_everywhere
+from dolfinx_contact._errors import require
 from dolfinx_contact._kept import keep
 from dolfinx_contact.meshing.gmsh import GmshMesh, NamedTags
 
@@ -164,6 +165,33 @@ def distributed(
     return domain, cell_tags, facet_tags
 
 
+def _check(a: Arguments) -> None:
+    given = a.meshes
+    bodies: list[Any] = list(given) if isinstance(given, list | tuple) else []
+    if bodies and all(isinstance(m, GmshMesh) for m in bodies):
+        a.cell_tags = a.cell_tags or [m.cell_tags for m in bodies]
+        a.facet_tags = a.facet_tags or [m.facet_tags for m in bodies]
+        bodies = [m.mesh for m in bodies]
+    if not bodies or not all(isinstance(m, mesh.Mesh) for m in bodies):
+        raise ValueError(f"a list of meshes is needed, all of one kind, got {given!r}")
+    kinds = {(m.basix_cell(), m.geometry.dim) for m in bodies}
+    if len(kinds) > 1:
+        kind = sorted(map(str, kinds))
+        raise ValueError(f"meshes of different kinds cannot be joined: {kind}")
+    tdim = bodies[0].topology.dim
+    for what, dim, tags in (("cell", tdim, a.cell_tags), ("facet", tdim - 1, a.facet_tags)):
+        if tags is None:
+            continue
+        if not isinstance(tags, list | tuple):
+            raise ValueError(f"{what}_tags must be a list of MeshTags, got {tags!r}")
+        if len(tags) != len(bodies):
+            raise ValueError(f"{len(bodies)} meshes need as many tags, got {len(tags)}")
+        for i, (m, t) in enumerate(zip(bodies, tags, strict=True), 1):
+            check_tags(m, t, dim, f"the {what}_tags of mesh {i}")
+    a.meshes = bodies
+
+
+@collective("joining meshes", _check, otherwise=MPI.COMM_WORLD)
 def join(
     meshes: Sequence[mesh.Mesh] | Sequence[GmshMesh],
     *,
@@ -186,33 +214,10 @@ def join(
         ValueError: on every rank, if the meshes differ in their kind or dimension, or are curved,
             or tags are none, of another mesh, or of other entities.
     """
-    bodies: list[Any] = list(meshes) if isinstance(meshes, list | tuple) else []
-    if bodies and all(isinstance(m, GmshMesh) for m in bodies):
-        cell_tags = cell_tags or [m.cell_tags for m in bodies]
-        facet_tags = facet_tags or [m.facet_tags for m in bodies]
-        bodies = [m.mesh for m in bodies]
-    known = bool(bodies) and all(isinstance(m, mesh.Mesh) for m in bodies)
-    for body in bodies if known else []:
+    bodies: Sequence[Any] = meshes
+    for body in bodies:
         keep(body)
-    comm = bodies[0].comm if known else MPI.COMM_WORLD
-    with everywhere(comm, "joining meshes"):
-        if not known:
-            raise ValueError(f"a list of meshes is needed, all of one kind, got {meshes!r}")
-        kinds = {(m.basix_cell(), m.geometry.dim) for m in bodies}
-        if len(kinds) > 1:
-            kind = sorted(map(str, kinds))
-            raise ValueError(f"meshes of different kinds cannot be joined: {kind}")
-        tdim = bodies[0].topology.dim
-        for what, dim, tags in (("cell", tdim, cell_tags), ("facet", tdim - 1, facet_tags)):
-            if tags is None:
-                continue
-            if not isinstance(tags, list | tuple):
-                raise ValueError(f"{what}_tags must be a list of MeshTags, got {tags!r}")
-            if len(tags) != len(bodies):
-                raise ValueError(f"{len(bodies)} meshes need as many tags, got {len(tags)}")
-            for i, (m, t) in enumerate(zip(bodies, tags, strict=True), 1):
-                check_tags(m, t, dim, f"the {what}_tags of mesh {i}")
-    same_everywhere(comm, number_of_meshes=len(bodies))
+    comm = bodies[0].comm
     none = [None] * len(bodies)
     parts = [
         gathered(m, c, f)
