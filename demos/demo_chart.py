@@ -120,7 +120,7 @@ def main(argv=None):
 
     # ## Count between the curves
     family = contact_family(system, friction, mu_range=span)
-    grid = dict(cells=(args.cells, args.cells), depth=args.depth, seconds=args.seconds)
+    grid = dict(cells=(args.cells, args.cells), depth=args.depth, proof_seconds=args.seconds)
     chart = count_solutions(family, mu_range=span, gamma_range=gammas, curves=curves, **grid)
     if comm.rank == 0:
         axes = ("friction coefficient F", r"load $\gamma$")

@@ -119,7 +119,7 @@ def main(argv=None):
         curves, iterations = curves_of(system, other, args.size)
         family = contact_family(system, other, mu_range=span)
         regions = solution_regions(
-            family, curves, mu_range=span, gamma_range=span, seconds=args.seconds
+            family, curves, mu_range=span, gamma_range=span, proof_seconds=args.seconds
         )
         sets = {cell.solutions for cell in regions.cells}
         words = [", ".join(solutions) for solutions in sorted(sets, key=len)]

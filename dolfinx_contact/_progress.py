@@ -9,14 +9,20 @@ from __future__ import annotations
 import shutil
 import sys
 import time
-from typing import TextIO
+from typing import Any, TextIO
 
 from mpi4py import MPI
 
-__all__ = ["Line", "Progress"]
+__all__ = ["Line", "Progress", "check_progress"]
 
 _PATIENCE = 3.0  # seconds before anything is shown by itself
 _SECONDS = 10.0  # between lines where there is no terminal
+
+
+def check_progress(progress: Any) -> None:
+    """Raise ``ValueError`` for what does not say whether progress is shown. Not collective."""
+    if progress not in (True, False, None):
+        raise ValueError(f"progress must be True, False or None, got {progress!r}")
 
 
 class Line:

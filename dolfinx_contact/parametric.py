@@ -48,7 +48,7 @@ __all__ = ["ParametricContact"]
 
 logger = logging.getLogger(__name__)
 
-_RAY_SECONDS = 10.0
+_PROOF_SECONDS = 10.0
 _MOST_PROVED = 128  # contact points up to which all solutions are proved by default
 
 
@@ -86,7 +86,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
             (and position) that it is to have.
 
     Attributes:
-        ray_seconds: for a proof that the rays out of a point are all, for each sense of gamma; 0
+        proof_seconds: for a proof that the rays out of a point are all, for each sense of gamma; 0
             for none. It may be set, all else is read-only.
 
     Raises:
@@ -94,7 +94,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
             ``driven`` is of another mesh or shape or in no Dirichlet condition, or ranks differ.
     """
 
-    _may_be_set = ("ray_seconds",)
+    _may_be_set = ("proof_seconds",)
     _instead: ClassVar[Mapping[str, str]] = {
         "": "set_parameter(gamma) sets the parameter; for another one, other driven Functions or "
         "another problem make another ParametricContact"
@@ -109,7 +109,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         driven: Sequence[tuple[fem.Function, Any]] = (),
     ):
         self.problem = problem
-        self.ray_seconds = _RAY_SECONDS
+        self.proof_seconds = _PROOF_SECONDS
         super().__init__(problem.equations, gamma, lambda: problem.linear_solver, driven=driven)
         self._condensed: Reduction | None = None
         self._condensed_from = 0  # mark of the data
@@ -248,11 +248,11 @@ class ParametricContact(ReadOnly, ParametricEquations):
         """All rays of a tangent cone, with a proof (`analysis.rays`). Collective.
 
         None for other laws than Coulomb's and none of friction, beyond 128 contact points, and
-        where `ray_seconds` is 0.
+        where `proof_seconds` is 0.
         """
         assert isinstance(condensed, Reduction)
         known_laws = all(type(s.law) in (Coulomb, Frictionless) for s in self.equations.surfaces)
-        seconds = checked_seconds(self.comm, self.ray_seconds)
+        seconds = checked_seconds(self.comm, self.proof_seconds)
         if seconds == 0 or not known_laws or condensed.system.points > _MOST_PROVED:
             return None
         return on_root(self.comm, lambda: proved_rays(condensed, cone, known, seconds))

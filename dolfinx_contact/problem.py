@@ -30,6 +30,7 @@ from dolfinx_contact._mesh_mark import mesh_stays
 from dolfinx_contact._numbers import is_count, is_number
 from dolfinx_contact._options import ProblemOptions, check_options, in_database
 from dolfinx_contact._petsc import require_real, staged
+from dolfinx_contact._progress import check_progress
 from dolfinx_contact.body.bulk import Bulk
 from dolfinx_contact.body.cells import check_cells
 from dolfinx_contact.body.circumference import check_circumference, refuse_revolution
@@ -83,8 +84,7 @@ def _check_solve(a: Arguments) -> None:
         a.algorithm = _classical().algorithm_named(a.algorithm)
     if a.monitor is not None and not callable(a.monitor):
         raise ValueError(f"monitor must be a function of a step, got {a.monitor!r}")
-    if a.progress not in (None, True, False):
-        raise ValueError(f"progress must be True, False or None, got {a.progress!r}")
+    check_progress(a.progress)
 
 
 class ContactProblem(ReadOnly):

@@ -75,7 +75,7 @@ def compare(seed, number):
     verdicts = []
     for k in range(number):
         S, p, F = random_problem(rng, rounded=k % 5 == 0)
-        found = prove_solutions(ReducedProblem(S, p, F), seconds=60)
+        found = prove_solutions(ReducedProblem(S, p, F), proof_seconds=60)
         assert check(found.certificate).verdict == found.verdict
         known, near = enumerated(S, p, F)
         if found.verdict == "complete" and p.any():
@@ -218,7 +218,7 @@ def test_a_bound_given_in_advance_has_one_solution():
         given = rng.random(len(F)) < (1.0 if k % 2 else 0.5)
         F[given] = 0
         g = np.where(given, rng.uniform(0, 1, len(F)), 0)
-        found = prove_solutions(ReducedProblem(S, p, 0.3 * F, g), seconds=20)
+        found = prove_solutions(ReducedProblem(S, p, 0.3 * F, g), proof_seconds=20)
         assert check(found.certificate).verdict == "complete"
         (one,) = found.solutions
         w, _ = coulomb_by_lemke(S, p, 0.3 * F, bound=g)
@@ -257,10 +257,25 @@ def test_a_search_that_is_cut_short_says_so():
     rng = np.random.default_rng(11)
     G = rng.standard_normal((24, 24))
     problem = ReducedProblem(G @ G.T + np.eye(24), rng.standard_normal(24), np.full(12, 4.0))
-    found = prove_solutions(problem, seconds=0.0)
+    found = prove_solutions(problem, proof_seconds=0.0)
     assert found.verdict == "open"
     assert len(found.open_regions) == 1
     assert check(found.certificate).verdict == "open"
+
+
+def test_the_progress_of_a_proof(capsys):
+    rng = np.random.default_rng(11)
+    G = rng.standard_normal((24, 24))
+    problem = ReducedProblem(G @ G.T + np.eye(24), rng.standard_normal(24), np.full(12, 4.0))
+    shown = {}
+    for progress in (True, False):
+        prove_solutions(problem, proof_seconds=0.5, progress=progress)
+        shown[progress] = capsys.readouterr().err
+    assert shown[True].startswith("proof of all solutions: ")
+    assert not shown[False]
+    for word in ("yes", print):
+        with pytest.raises(ValueError, match="progress must be True, False or None"):
+            prove_solutions(problem, progress=word)
 
 
 @pytest.fixture(scope="module")

@@ -50,6 +50,32 @@ def test_a_branch_closes_wherever_it_begins(longest):
             assert len(branch.folds) == 2, angle
 
 
+def test_a_diagram_whose_branches_are_stopped():
+    """They end where they are stopped, not at the end of the range, and the rest is unknown."""
+    system = smooth(
+        1,
+        lambda x, g: x * (g - x**2),
+        lambda x, g: [[g - 3 * x[0] ** 2]],
+        lambda x, g: [x[0]],
+    )
+
+    def stop(step):
+        return "far enough" if step.point.gamma > 0.5 else ""
+
+    diagram = explore(system, [(start(system, [0.0]), -1.0)], gamma_range=(-1.0, 1.0), stop=stop)
+    assert len(diagram.nodes) == 1
+    first, *away = diagram.branches
+    assert first.points[-1].gamma == pytest.approx(0.0, abs=1e-10)
+    assert len(away) == 3
+    for branch in away:
+        assert branch.reason == "far enough"
+        assert 0.5 < branch.points[-1].gamma < 1.0
+    assert diagram.ending is Ending.STOPPED
+    assert not diagram.complete
+    with pytest.raises(ValueError, match="stop must be a function of a step"):
+        explore(system, [(start(system, [0.0]), -1.0)], gamma_range=(-1.0, 1.0), stop=3)
+
+
 def test_the_last_point_tells_how_the_branch_ends():
     """An observer of points knows it, and is not called with a point that was stopped at before."""
     system = smooth(

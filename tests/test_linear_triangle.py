@@ -97,7 +97,7 @@ def test_friction_decides_on_the_number_of_solutions():
     """On the 64-node mesh three solutions exist for gamma > 0 iff F >= 1.6588005832."""
     for friction, count in ((1.6588, 1), (1.6589, 3)):
         system = demo.linear_triangle(64, friction)
-        system.ray_seconds = 0.0
+        system.proof_seconds = 0.0
         diagram = explore(system, [(start_of(system), -1.0)], gamma_range=(-1.0, 1.0))
         ends = [b for b in diagram.branches if b.points[-1].gamma == 1.0]
         assert len(ends) == count

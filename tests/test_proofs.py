@@ -236,7 +236,7 @@ def test_a_proof_by_search():
     """F = 1.7: lifted off, with no other solution; that takes more than one point."""
     result = triangle(16, 1.7, 1.0).solve()
     assert result.unique == "not proved"
-    longer = result.uniqueness(seconds=60)
+    longer = result.uniqueness(proof_seconds=60)
     assert longer.verdict == "proved"
     assert "a proof of" in longer.reason
 

@@ -50,7 +50,7 @@ def test_against_enumeration(seed):
     known = outgoing(cone)
     assert known.complete
     assert all(ray.rate != 0 for ray in known.rays)
-    found = prove_rays(apex_problem(whole, system, cone), [], seconds=30)
+    found = prove_rays(apex_problem(whole, system, cone), [], proof_seconds=30)
     assert found.verdict == "complete"
     mine = sorted((rate, codes.tolist()) for codes, rate in found.rays)
     assert mine == sorted((ray.rate, ray.codes.tolist()) for ray in known.rays)
@@ -110,16 +110,16 @@ def test_a_hyperelastic_block():
 def test_no_time_no_proof():
     system = demo_linear_triangle.linear_triangle(16, 1.9)
     assert rays_at(system, 0.0).complete
-    system.ray_seconds = 0.0
+    system.proof_seconds = 0.0
     found = rays_at(system, 0.0)
     assert not found.complete
     assert "proof" not in found.method
-    system.ray_seconds = 1e-9
+    system.proof_seconds = 1e-9
     found = rays_at(system, 0.0)
     assert not found.complete
     assert "a proof was tried" in found.method
     ranks = [1.0 + COMM.rank] if COMM.size > 1 else []
     for bad in (-1.0, np.nan, "1", True, *ranks):
-        system.ray_seconds = bad
+        system.proof_seconds = bad
         with pytest.raises(ValueError, match="seconds"):
             rays_at(system, 0.0)

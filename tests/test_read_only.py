@@ -241,7 +241,7 @@ def test_what_may_be_set():
     evolution = QuasiStatic(study.problem, lambda t: None)
     evolution.load = lambda t: None
     system = ParametricContact(study.problem, study.push)
-    system.ray_seconds = 1.0
+    system.proof_seconds = 1.0
     system.scales = system.scales
 
 

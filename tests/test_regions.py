@@ -127,7 +127,7 @@ def test_bad_input(tmp_path):
     for seconds in (0.0, -1.0, np.nan, *ranks):
         with pytest.raises(ValueError, match="seconds"):
             solution_regions(
-                family, curves, mu_range=(1.0, 2.0), gamma_range=(-1.0, 1.0), seconds=seconds
+                family, curves, mu_range=(1.0, 2.0), gamma_range=(-1.0, 1.0), proof_seconds=seconds
             )
     with pytest.raises(ValueError, match="range"):
         solution_regions(family, curves, mu_range=(2.0, 1.0), gamma_range=(-1.0, 1.0))

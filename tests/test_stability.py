@@ -121,7 +121,7 @@ def test_stuck_neighbours():
 def test_few_eigenproblems():
     """With a budget what was not looked at is not decided."""
     problem = pressed(leaning(3), 0.3, MINUS, -1.0)
-    found = stability_at_rest(problem, density=1.0, most=5)
+    found = stability_at_rest(problem, density=1.0, max_count=5)
     assert (found.label, found.pieces) == ("not decided", 5)
     assert found.reason == "5 of 16 pieces were looked at"
 
@@ -154,7 +154,7 @@ def test_bad_input():
     with pytest.raises(ValueError, match="density must be positive"):
         stability_at_rest(problem, density=-1.0)
     with pytest.raises(ValueError, match="eigenproblems must be 1 or more"):
-        stability_at_rest(problem, density=1.0, most=0)
+        stability_at_rest(problem, density=1.0, max_count=0)
     domain = mesh.create_unit_square(COMM, 2, 2)
     with pytest.raises(ValueError, match="nodal or mixed"):
         stability_at_rest(on_box(domain, method="integral"), density=1.0)

@@ -181,11 +181,11 @@ def test_nothing_is_proved_of_bad_friction(value):
 
 def test_seconds_that_are_none():
     result = block(n=2).solve()
-    assert result.uniqueness(seconds=1.0).verdict == "proved"
+    assert result.uniqueness(proof_seconds=1.0).verdict == "proved"
     ranks = [1.0 + COMM.rank] if COMM.size > 1 else []
     for seconds in (np.nan, -1.0, True, "a", None, *ranks):
         with pytest.raises(ValueError, match="seconds"):
-            result.uniqueness(seconds=seconds)
+            result.uniqueness(proof_seconds=seconds)
 
 
 @pytest.mark.parametrize("start", [0.0, 0.01, 100.0])
@@ -201,7 +201,7 @@ def test_nothing_but_round_off(cell, start, caplog):
     assert result.kkt_violation <= 1e-9
     assert result.imbalance <= 1e-9
     assert not caplog.records
-    found = result.uniqueness(seconds=1.0)
+    found = result.uniqueness(proof_seconds=1.0)
     if cell == "tri":
         assert found.reason != OTHER_DATA
     else:

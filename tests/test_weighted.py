@@ -150,7 +150,7 @@ def test_result_of_a_body():
     problem = body(n=4, cell="hex", law=Coulomb(1.5), top=(0.05, 0.0, -0.01))
     result = problem.solve()
     assert result.unique == "not proved"
-    found = result.uniqueness(seconds=20.0)
+    found = result.uniqueness(proof_seconds=20.0)
     assert found.verdict == "proved"
     assert "Renard's criterion, up to 1.0" in found.reason
 

@@ -289,7 +289,7 @@ def test_words_as_arguments():
         lambda w: renard_criterion(problem, directions=w or 1),
         lambda w: stability_at_rest(w, density=1.0),
         lambda w: stability_at_rest(problem, density=w),
-        lambda w: stability_at_rest(problem, density=1.0, most=w),
+        lambda w: stability_at_rest(problem, density=1.0, max_count=w),
         lambda w: SteadySliding(w, density=1.0),
         lambda w: SteadySliding(problem, density=w),
         lambda w: SteadySliding(problem, density=1.0, hold_across=w),

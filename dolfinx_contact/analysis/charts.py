@@ -199,7 +199,7 @@ def _check(a: Arguments) -> None:
     numbers = (*a.cells, a.depth)
     if len(numbers) != 3 or not all(isinstance(n, int | np.integer) for n in numbers):
         raise ValueError("cells must be two whole numbers, and depth must be one")
-    if not (min(a.cells) >= 1 and a.depth >= 0 and a.seconds > 0):
+    if not (min(a.cells) >= 1 and a.depth >= 0 and a.proof_seconds > 0):
         raise ValueError("cells and seconds must be positive, and depth must not be negative")
 
 
@@ -212,7 +212,7 @@ def count_solutions(
     cells: tuple[int, int] = (6, 6),
     depth: int = 2,
     curves: EventCurves | None = None,
-    seconds: float = 20.0,
+    proof_seconds: float = 20.0,
 ) -> Chart:
     """Count the solutions over two parameters, in cells that are the finer the closer to borders.
 
@@ -225,12 +225,12 @@ def count_solutions(
         cells: numbers of cells to begin with, by mu and by gamma.
         depth: how often cells are divided by two.
         curves: along whose folds cells are divided as well.
-        seconds: for the proof in a cell.
+        proof_seconds: for the proof in a cell.
 
     Raises:
         ValueError: on every rank, if an argument does not fit or differs between ranks.
     """
-    return _Counting(family, (mu_range, gamma_range), cells, depth, seconds).run(curves)
+    return _Counting(family, (mu_range, gamma_range), cells, depth, proof_seconds).run(curves)
 
 
 @dataclass(frozen=True)
@@ -267,12 +267,12 @@ class _Counting:
         ranges: tuple[tuple[float, float], tuple[float, float]],
         cells: tuple[int, int],
         depth: int,
-        seconds: float,
+        proof_seconds: float,
     ):
         self.comm = family.comm
         self.family = family
         self.ranges = ranges
-        self.seconds = seconds
+        self.proof_seconds = proof_seconds
         self.cells = cells
         self.depth = depth
         #: Of the finest cells, the solutions of the cell that they are in, by number.
@@ -307,7 +307,9 @@ class _Counting:
                 mu, gamma = ((a + b) / 2 for a, b in self._ends(leaf))
                 starts = [np.frombuffer(codes, dtype=np.int8) for codes in leaf.codes]
                 problem = self.family.problem(mu, gamma)
-                proof = prove_solutions(problem, known=starts, seconds=self.seconds)
+                proof = prove_solutions(
+                    problem, known=starts, proof_seconds=self.proof_seconds, progress=False
+                )
                 codes = tuple(sorted(s.codes.tobytes() for s in proof.solutions))
                 small = self.family.are_small(s.state[:, 0] for s in proof.solutions)
                 proved = proof.verdict == "complete" and small

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import logging
-import time
 from collections.abc import Callable, Sequence
 
 from petsc4py import PETSc
@@ -15,7 +14,6 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from dolfinx_contact._errors import on_root
-from dolfinx_contact._progress import Line
 from dolfinx_contact.analysis.check_proof import ReducedProblem
 from dolfinx_contact.analysis.rays import ProvedRays, apex_problem, prove_rays
 from dolfinx_contact.analysis.renard import criterion_at
@@ -45,7 +43,6 @@ Codes = npt.NDArray[np.int8]
 logger = logging.getLogger(__name__)
 
 _SOLVED = 1e-6  # relative residual up to which a state is a solution of the present data
-_PATIENCE = 3.0  # seconds before progress is shown
 _MOST_POINTS = 300  # in 3D, for an eigenproblem that is not asked for
 _EFFORT = 60  # of a search for weights in 3D
 _ENOUGH = 1.0 + 1e-6  # the factor it is to reach
@@ -91,17 +88,7 @@ def proved(condensed: Reduction, gamma: float, seconds: float) -> ProvedSolution
     problem = _within_errors(condensed, gamma)
     if problem is None:
         return None
-    line = Line(condensed.comm)
-    begun = time.monotonic()
-
-    def notify(text: str) -> None:
-        if time.monotonic() - begun > _PATIENCE:
-            line.update(f"proof of all solutions: {text}, {time.monotonic() - begun:.0f} s")
-
-    try:
-        return prove_solutions(problem, seconds=seconds, progress=notify)
-    finally:
-        line.clear()
+    return prove_solutions(problem, proof_seconds=seconds)
 
 
 def proved_rays(
@@ -128,7 +115,7 @@ def proved_rays(
         return ProvedRays("open", (), f"not proved: {error}")
     if isinstance(apex, str):
         return ProvedRays("open", (), f"not proved: {apex}")
-    return prove_rays(apex, known, seconds=seconds)
+    return prove_rays(apex, known, proof_seconds=seconds)
 
 
 def _within_errors(condensed: Reduction, gamma: float) -> ReducedProblem | None:
@@ -186,7 +173,7 @@ def _in_plane(system: ParametricEquations, x: PETSc.Vec, seconds: float) -> Uniq
         if problem is None:
             return Uniqueness("not proved", "the errors of the factorisation are too large")
         reduced = problem
-        found = on_root(equations.comm, lambda: is_only(reduced, codes, seconds=seconds))
+        found = on_root(equations.comm, lambda: is_only(reduced, codes, proof_seconds=seconds))
         if found.other is None:
             return Uniqueness(found.verdict, found.reason)
         other = x.duplicate()

@@ -136,13 +136,15 @@ def _eliminated(
     return ReducedProblem(reduced, load, friction, None, off, off_load)
 
 
-def prove_rays(apex: Apex, known: Sequence[tuple[Codes, float]], *, seconds: float) -> ProvedRays:
+def prove_rays(
+    apex: Apex, known: Sequence[tuple[Codes, float]], *, proof_seconds: float
+) -> ProvedRays:
     """Prove that there are no other rays than some, or find them.
 
     Args:
         apex: the reduced problem.
         known: statuses (m,) and dgamma of rays that are known; they shorten the search.
-        seconds: for each sense of gamma, after which it is left open.
+        proof_seconds: for each sense of gamma, after which it is left open.
     """
     given = apex.problem
     rays = list[tuple[Codes, float]]()
@@ -151,7 +153,7 @@ def prove_rays(apex: Apex, known: Sequence[tuple[Codes, float]], *, seconds: flo
     for sense in (1.0, -1.0):
         problem = ReducedProblem(given.S, sense * given.p, given.friction, None, given.dS, given.dp)
         starts = [codes[apex.points] for codes, rate in known if rate == sense]
-        found = prove_solutions(problem, known=starts, seconds=seconds)
+        found = prove_solutions(problem, known=starts, proof_seconds=proof_seconds, progress=False)
         verdicts.add(found.verdict)
         methods.append(f"{found.method} at dgamma = {sense:+g}")
         for solution in found.solutions:

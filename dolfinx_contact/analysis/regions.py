@@ -156,8 +156,8 @@ def _changes_at(below: Region, above: Region) -> bool:
 def _check(a: Arguments) -> None:
     a.mu_range = checked_range(a.mu_range, [], "mu")
     a.gamma_range = checked_range(a.gamma_range, [])
-    if not a.seconds > 0:
-        raise ValueError(f"seconds for a proof must be positive, got {a.seconds!r}")
+    if not a.proof_seconds > 0:
+        raise ValueError(f"seconds for a proof must be positive, got {a.proof_seconds!r}")
 
 
 @collective("regions", _check)
@@ -167,7 +167,7 @@ def solution_regions(
     *,
     mu_range: tuple[float, float],
     gamma_range: tuple[float, float],
-    seconds: float = 20.0,
+    proof_seconds: float = 20.0,
 ) -> Regions:
     """The cells between curves, and the solutions in each. Collective; ranks share the cells.
 
@@ -176,7 +176,7 @@ def solution_regions(
         curves: all its curves of folds and events in the ranges, found with the same ranges.
         mu_range: least and largest mu.
         gamma_range: least and largest gamma.
-        seconds: for a proof.
+        proof_seconds: for a proof.
 
     Raises:
         ValueError: on every rank, for ranges or seconds that are none.
@@ -191,7 +191,9 @@ def solution_regions(
         for number in range(comm.rank, len(bare), comm.size):
             if time.monotonic() - begun > _PATIENCE:
                 line.update(f"solutions in regions: {number + 1} of {len(bare)}")
-            proof = prove_solutions(family.problem(*bare[number].middle), seconds=seconds)
+            proof = prove_solutions(
+                family.problem(*bare[number].middle), proof_seconds=proof_seconds, progress=False
+            )
             words = (status.word(s.codes) for s in proof.solutions)
             small = family.are_small(s.state[:, 0] for s in proof.solutions)
             mine[number] = tuple(sorted(words)), proof.verdict == "complete" and small

@@ -3,13 +3,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
+
+from mpi4py import MPI
 
 import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact._numbers import is_number, require_kind
+from dolfinx_contact._progress import Progress, check_progress
 from dolfinx_contact.analysis.branching import search
 from dolfinx_contact.analysis.check_proof import (
     Certificate,
@@ -75,36 +78,45 @@ class ProvedSolutions:
 
 
 def prove_solutions(
-    problem: ReducedProblem,
+    reduced: ReducedProblem,
     *,
     known: Iterable[Codes] = (),
-    seconds: float = 60.0,
-    progress: Callable[[str], None] = lambda _: None,
+    proof_seconds: float = 60.0,
+    progress: bool | None = None,
 ) -> ProvedSolutions:
     """Find all solutions of a reduced problem, and prove that there are no others.
 
     Args:
-        problem: S, p and friction with their errors.
+        reduced: S, p and friction with their errors.
         known: statuses (m,) of solutions that are known; they shorten the search.
-        seconds: after which what is not proved is left open.
-        progress: called with where the search is, in words.
+        proof_seconds: after which what is not proved is left open.
+        progress: whether it is shown on the standard error stream where the search is; by default
+            once it takes more than some seconds.
 
     Raises:
         ValueError: if statuses do not fit the points.
     """
-    require_kind(problem, ReducedProblem)
+    require_kind(reduced, ReducedProblem)
     if not isinstance(known, Iterable) or isinstance(known, str):
         raise ValueError(f"known must be a list of statuses, got {known!r}")
-    if not (is_number(seconds) and seconds >= 0):
-        raise ValueError(f"seconds must be a number from 0 on, got {seconds!r}")
-    if not callable(progress):
-        raise ValueError(f"progress must be a function of a word, got {progress!r}")
+    if not (is_number(proof_seconds) and proof_seconds >= 0):
+        raise ValueError(f"proof_seconds must be a number from 0 on, got {proof_seconds!r}")
+    check_progress(progress)
     starts = [np.asarray(codes, dtype=np.int8) for codes in known]
     for codes in starts:
-        if codes.shape != (problem.points,) or codes.min() < 0 or codes.max() > MINUS + WHERE_OPEN:
-            raise ValueError(f"known must be statuses of {problem.points} points")
-    certificate, proved = search(problem, starts, seconds=seconds, progress=progress)
-    return _described(problem, certificate, proved)
+        if codes.shape != (reduced.points,) or codes.min() < 0 or codes.max() > MINUS + WHERE_OPEN:
+            raise ValueError(f"known must be statuses of {reduced.points} points")
+    shown = Progress(MPI.COMM_SELF, progress)
+
+    def show(text: str) -> None:
+        if shown.due:
+            shown.update(f"proof of all solutions: {text}, {shown.seconds:.0f} s")
+
+    try:
+        certificate, proved = search(reduced, starts, seconds=proof_seconds, progress=show)
+    finally:
+        shown.clear()
+    return _described(reduced, certificate, proved)
 
 
 def _described(

@@ -109,14 +109,14 @@ class Stability:
 
 
 def _check(a: Arguments) -> None:
-    if not is_count(a.most):
-        raise ValueError(f"the number of eigenproblems must be 1 or more, got {a.most}")
+    if not is_count(a.max_count):
+        raise ValueError(f"the number of eigenproblems must be 1 or more, got {a.max_count}")
 
 
 @collective("stability at rest", _check)
 @staged("ContactStability")
 def stability_at_rest(
-    problem: Problem, *, density: Any, damping: float | ufl.Form = 0.0, most: int = 1024
+    problem: Problem, *, density: Any, damping: float | ufl.Form = 0.0, max_count: int = 1024
 ) -> Stability:
     """Whether the equilibrium in the Functions is one that stays. Collective.
 
@@ -132,7 +132,8 @@ def stability_at_rest(
         density: of mass, a number, Constant, Function or UFL expression, positive. Which motions
             grow depends on it where K is not symmetric, with loads that follow the body.
         damping: eta of the damping C = eta K, a time, or a UFL form C(trial, test).
-        most: eigenproblems that are solved; with more the answer is "unstable" or "not decided".
+        max_count: of eigenproblems that are solved; with more the answer is "unstable" or "not
+            decided".
 
     Raises:
         ValueError: on every rank, for arguments that do not fit, and other laws: what gives way, or
@@ -167,7 +168,7 @@ def stability_at_rest(
             return Stability("not decided", 0.0, points.border, 0, reason)
         gathered = _Gathered(eq, body, points)
         quiet = conserves and dissipates
-        return on_root(eq.comm, lambda: _decided(gathered, most, quiet=quiet))
+        return on_root(eq.comm, lambda: _decided(gathered, max_count, quiet=quiet))
     finally:
         body.destroy()
 
@@ -426,12 +427,12 @@ class _Seen:
     doubt: str = ""
 
 
-def _decided(g: _Gathered, most: int, *, quiet: bool) -> Stability:
+def _decided(g: _Gathered, max_count: int, *, quiet: bool) -> Stability:
     """Look at the pieces, those in which all points at a border slip first.
 
     Args:
         g: the body and its points.
-        most: number of pieces that are looked at.
+        max_count: number of pieces that are looked at.
         quiet: whether neither K nor C feeds in energy.
     """
     border = np.flatnonzero(g.choices[:, 1] >= 0)
@@ -440,7 +441,7 @@ def _decided(g: _Gathered, most: int, *, quiet: bool) -> Stability:
     seen = _Seen()
     looked = 0
     for chosen in product(*ways):
-        if looked == most:
+        if looked == max_count:
             break
         looked += 1
         doing = g.choices[:, 0].copy()

@@ -96,7 +96,7 @@ def _check(a: Arguments) -> None:
 
 
 def _check_onset(a: Arguments) -> None:
-    require_positive("largest friction", a.most)
+    require_positive("largest friction", a.max_friction)
     require_positive("step of friction", a.step)
 
 
@@ -173,16 +173,16 @@ class SteadySliding(ReadOnly):
 
     @collective("the onset of growth", _check_onset)
     @staged("ContactSliding")
-    def onset(self, most: float = 5.0, *, step: float = 0.05) -> Onset | None:
+    def onset(self, max_friction: float = 5.0, *, step: float = 0.05) -> Onset | None:
         """The smallest friction at which a vibration grows. Collective.
 
         Args:
-            most: friction up to which it is looked for.
+            max_friction: up to which it is looked for.
             step: of friction. Between two steps growth is looked for where it is largest; what
                 grows within a smaller interval alone may be missed.
 
         Returns:
-            None if nothing grows up to ``most``.
+            None if nothing grows up to ``max_friction``.
 
         Raises:
             ValueError: on every rank, for bounds that are not positive.
@@ -192,8 +192,8 @@ class SteadySliding(ReadOnly):
         growths = [self._growth(0.0)]
         if growths[0] > 0:
             return self._at(0.0)
-        number = int(np.ceil(most / step))
-        for friction in most * np.arange(1, number + 1) / number:
+        number = int(np.ceil(max_friction / step))
+        for friction in max_friction * np.arange(1, number + 1) / number:
             frictions.append(float(friction))
             growths.append(self._growth(float(friction)))
             if growths[-1] <= 0:

@@ -57,20 +57,20 @@ class OnlySolution:
     certificate: Certificate | None = None
 
 
-def is_only(problem: ReducedProblem, codes: Codes, *, seconds: float = 0.0) -> OnlySolution:
+def is_only(problem: ReducedProblem, codes: Codes, *, proof_seconds: float = 0.0) -> OnlySolution:
     """Whether the solution with some statuses is the only one.
 
     Args:
         problem: the reduced problem.
         codes: statuses of the solution (m,).
-        seconds: for more effort and a proof by branch and bound, if the certificate of one point
-            fails.
+        proof_seconds: for more effort and a proof by branch and bound, if the certificate of one
+            point fails.
     """
     scaled = problem.scaled
     piece = solve_piece(scaled, codes)
     inside = piece if piece is not None and piece.verdict != "outside" else None
     share = min(1.0, (_POINTS / problem.points) ** 3)
-    tries, effort = (_TRIES, _EFFORT) if seconds > 0 else (_UNIFORM, _QUICK)
+    tries, effort = (_TRIES, _EFFORT) if proof_seconds > 0 else (_UNIFORM, _QUICK)
     certificate = _of_one_point(problem, inside, _FIRST)
     other = None
     if certificate is None:
@@ -83,8 +83,8 @@ def is_only(problem: ReducedProblem, codes: Codes, *, seconds: float = 0.0) -> O
         length, force = problem.units
         state = other.state * np.array([length, length, force, force])
         return OnlySolution("others exist", "another solution was found", (other.codes, state))
-    if seconds > 0:
-        return _by_search(problem, codes, seconds)
+    if proof_seconds > 0:
+        return _by_search(problem, codes, proof_seconds)
     if piece is None or piece.verdict != "inside":
         return OnlySolution("not proved", "the solution is at a border of its statuses")
     return OnlySolution("not proved", "the certificate of one point does not hold")
@@ -124,8 +124,8 @@ def _another(problem: ReducedProblem, codes: Codes, tries: int) -> PieceSolution
     return None
 
 
-def _by_search(problem: ReducedProblem, codes: Codes, seconds: float) -> OnlySolution:
-    found = prove_solutions(problem, known=[codes], seconds=seconds)
+def _by_search(problem: ReducedProblem, codes: Codes, proof_seconds: float) -> OnlySolution:
+    found = prove_solutions(problem, known=[codes], proof_seconds=proof_seconds, progress=False)
     others = [s for s in found.solutions if not np.array_equal(s.codes, codes)]
     if others:
         return OnlySolution("others exist", found.method, (others[0].codes, others[0].state))

@@ -13,6 +13,7 @@ import numpy as np
 
 from dolfinx_contact._errors import everywhere, same_everywhere
 from dolfinx_contact._numbers import is_count, is_number
+from dolfinx_contact._progress import check_progress
 from dolfinx_contact.continuation.observer import Stop, as_observer, is_observer
 from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.continuation.system import System
@@ -20,7 +21,6 @@ from dolfinx_contact.continuation.system import System
 __all__ = [
     "check_functions",
     "check_listeners",
-    "check_progress",
     "check_states",
     "check_steps",
     "check_system",
@@ -151,12 +151,6 @@ def check_functions(of: str, **functions: Any) -> None:
     for name, function in functions.items():
         if function is not None and not callable(function):
             raise ValueError(f"{name} must be a function of {of}, got {function!r}")
-
-
-def check_progress(progress: Any) -> None:
-    """Raise ``ValueError`` for what does not say whether progress is shown. Not collective."""
-    if progress not in (True, False, None):
-        raise ValueError(f"progress must be True, False or None, got {progress!r}")
 
 
 def check_steps(control: Any, max_steps: Any) -> None:

@@ -38,7 +38,7 @@ from dolfinx_contact.continuation.branch import (
 )
 from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.continuation.follow import Follower, Route, follower_for
-from dolfinx_contact.continuation.observer import BranchStep, Guarded, Observer, Observers, Seen
+from dolfinx_contact.continuation.observer import BranchStep, Guarded, Observer, Observers, Seen, Stop
 from dolfinx_contact.continuation.parameters import Direction, StepControl
 from dolfinx_contact.continuation.pivoting import Pivoting
 from dolfinx_contact.continuation.system import System
@@ -62,7 +62,7 @@ def _check(a: Arguments) -> None:
     check_vectors([x for x, _ in a.starts], "a start")
     a.gamma_range = checked_range(a.gamma_range, [gamma for _, gamma in a.starts])
     check_steps(a.control, a.max_steps)
-    check_listeners(observer=a.observer, record=a.record, progress=a.progress)
+    check_listeners(observer=a.observer, record=a.record, progress=a.progress, stop=a.stop)
     if not is_count(a.max_branches):
         raise ValueError(f"the budget of branches must be positive, got {a.max_branches!r}")
     if not (is_number(a.max_seconds) and a.max_seconds > 0):
@@ -80,6 +80,7 @@ def explore(
     max_branches: int = 100,
     max_seconds: float = float("inf"),
     route: Route = "auto",
+    stop: Stop[BranchStep] | None = None,
     observer: Seen[BranchStep] | None = None,
     record: Observer | None = None,
     progress: bool | None = None,
@@ -97,6 +98,7 @@ def explore(
         max_branches: budget of branches.
         max_seconds: no branch is begun later than this.
         route: see `follower_for`.
+        stop: see `follow`: a branch ends where it gives a reason, and the diagram is incomplete.
         observer: called with the points of all branches, as that of `follow`; an `Observer` knows
             the branches by their numbers.
         record: see `follow`.
@@ -118,7 +120,7 @@ def explore(
         system.restored(always=True),
         follower_for(system, *pairs[0], control, gamma_scale=scale, route=route) as follower,
     ):
-        listeners = dict(observer=observer, record=record, progress=progress)
+        listeners = dict(stop=stop, observer=observer, record=record, progress=progress)
         explorer = _Explorer(follower, (low, high), max_steps, listeners)
         explorer.run(pairs, max_branches, max_seconds)
         return explorer.diagram
@@ -251,4 +253,5 @@ def _nothing() -> None:
 
 def _is_cut_off(branch: Branch) -> bool:
     """Whether a branch may go on beyond what was followed of it."""
-    return branch.ending in (Ending.BUDGET, Ending.NOT_SOLVED, Ending.NOT_FOUND)
+    stopped = branch.ending is Ending.STOPPED and not branch.bifurcations
+    return stopped or branch.ending in (Ending.BUDGET, Ending.NOT_SOLVED, Ending.NOT_FOUND)

@@ -234,7 +234,7 @@ class NSCD(Evolution):
 
     def settle(
         self,
-        most: float,
+        max_time: float,
         *,
         rest: float = 1e-6,
         observer: Seen[EvolutionStep] | None = None,
@@ -243,7 +243,7 @@ class NSCD(Evolution):
         """Go on until the body is at rest, as a damped one comes to be. Collective.
 
         Args:
-            most: a time, after which this ends in any case.
+            max_time: after which this ends in any case.
             rest: share of the largest kinetic energy on the way, below which the body is at rest
                 when that has been so for ten steps, and for longer than a body stays below it that
                 turns back, as one that is thrown up: 4 sqrt(rest) of the time since the start.
@@ -258,16 +258,16 @@ class NSCD(Evolution):
             ValueError: on every rank, for arguments that do not fit, and as `run`.
         """
         with everywhere(self.problem.comm, "settling"):
-            most = _positive("most", most)
+            max_time = _positive("max_time", max_time)
             if not (is_number(rest) and 0 < rest < 1):
                 raise ValueError(f"rest must be between 0 and 1, got {rest!r}")
-        same_everywhere(self.problem.comm, most=most, rest=float(rest))
+        same_everywhere(self.problem.comm, max_time=max_time, rest=float(rest))
         start = 0.0 if self._accepted is None else self._accepted.time
         whole = None
         peak = 0.0
         quiet = 0
         at_rest = False
-        while not at_rest and (whole is None or whole.time < start + most):
+        while not at_rest and (whole is None or whole.time < start + max_time):
             time = start if whole is None else whole.time
             try:
                 part = self.run([time, time + self._dt], observer=observer, progress=progress)

@@ -151,7 +151,7 @@ class QuasiStatic(Evolution):
             listeners.check("a records.EvolutionRecord")
         return self._begin(task, listeners)
 
-    def jump(self, motion: NSCD, time: float, most: float, *, rest: float = 1e-6) -> History:
+    def jump(self, motion: NSCD, time: float, max_time: float, *, rest: float = 1e-6) -> History:
         """Go on by dynamics where an evolution has come to its end. Collective.
 
         From the last accepted state the body moves under the load of a time until it is at rest
@@ -161,7 +161,7 @@ class QuasiStatic(Evolution):
         Args:
             motion: of the same body, with damping, not run before.
             time: no earlier than the last accepted state.
-            most: see `NSCD.settle`, as for ``rest``.
+            max_time: see `NSCD.settle`, as for ``rest``.
             rest: share of the kinetic energy.
 
         Returns:
@@ -185,7 +185,7 @@ class QuasiStatic(Evolution):
         try:
             with everywhere(comm, f"the load at the time {time:g}"):
                 self.load(time)
-            history = motion.settle(most, rest=rest, progress=False)
+            history = motion.settle(max_time, rest=rest, progress=False)
             if not history.complete:
                 raise NoContinuation(f"the body moves on: {history.reason}", history)
             a = before.accepted.energies

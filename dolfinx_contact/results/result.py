@@ -138,7 +138,7 @@ class Result:
         """The largest of `misfits`, a length; None if no obstacle gives one."""
         return max((v for v in self.misfits.values() if v is not None), default=None)
 
-    def uniqueness(self, *, seconds: float = 0.0) -> Uniqueness:
+    def uniqueness(self, *, proof_seconds: float = 0.0) -> Uniqueness:
         """Whether this is the only solution of the problem that was solved. Collective.
 
         It is found when first read, and kept; if data have changed by then it is "not proved".
@@ -151,21 +151,22 @@ class Result:
         nothing is proved: the problem that was solved is not that of the bodies where they are now.
 
         Args:
-            seconds: for more effort and a proof by branch and bound in 2D, where the certificate of
-                one point fails; if it is positive there is no limit to the points in 3D.
+            proof_seconds: for more effort and a proof by branch and bound in 2D, where the
+                certificate of one point fails; if it is positive there is no limit to the points
+                in 3D.
 
         Raises:
-            ValueError: on every rank, if the result does not come from a solve, seconds are no
+            ValueError: on every rank, if the result does not come from a solve, the seconds are no
                 number or differ between ranks, or there are data by now that none can solve with.
         """
         if self.prove is None:
             raise ValueError("uniqueness is looked at for results of ContactProblem.solve")
-        found = self.prove(seconds)
+        found = self.prove(proof_seconds)
         if self.doubts and found.verdict == "proved":
             # Of another problem than that of the bodies where they are now.
             reasons = "; ".join(f"{name}: {doubt}" for name, doubt in self.doubts.items())
             found = Uniqueness("not proved", reasons)
-        self._proofs[seconds] = found
+        self._proofs[proof_seconds] = found
         return found
 
     @property

@@ -41,5 +41,5 @@ def checked_seconds(comm: MPI.Comm, seconds: float) -> float:
         number = isinstance(seconds, Real) and not isinstance(seconds, bool)
         if not number or math.isnan(seconds) or seconds < 0:
             raise ValueError(f"seconds for a proof must not be negative, got {seconds!r}")
-    same_everywhere(comm, seconds=float(seconds))
+    same_everywhere(comm, proof_seconds=float(seconds))
     return float(seconds)

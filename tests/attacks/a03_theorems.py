@@ -20,7 +20,7 @@ def attack(case):
             result = problem.solve(algorithm=algorithm)
             doubted(case, result)
         case.equal("force", result.resultants["contact"], np.zeros(2))
-        if result.uniqueness(seconds=5.0).verdict == "proved":
+        if result.uniqueness(proof_seconds=5.0).verdict == "proved":
             raise AssertionError("proved")
         if renard_criterion(problem).unique:
             raise AssertionError("Renard's criterion calls it certainly the only one")

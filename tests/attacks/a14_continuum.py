@@ -18,7 +18,7 @@ def attack(case):
     # Sliding with ut > 0: un = 0, S_tt ut = -F rn + p_t, S_nt ut = rn + p_n.
     # So (S_tt + F S_nt) ut = p_t + F p_n, and 0 = 0 at F = 2 with p_t = -F p_n.
     p = np.array([2.0, -1.0])
-    at = prove_solutions(ReducedProblem(S, p, np.array([2.0])), seconds=5.0)
+    at = prove_solutions(ReducedProblem(S, p, np.array([2.0])), proof_seconds=5.0)
     case.true("a continuum is not a number of solutions", at.verdict != "complete")
     case.true("and so says the check", check(at.certificate).verdict != "complete")
 
@@ -32,7 +32,7 @@ def attack(case):
     for F in (1.9, 2.1):
         for shear in (1.5, 1.99, 2.3, 4.0):
             load = np.array([shear, -1.0])
-            answer = prove_solutions(ReducedProblem(S, load, np.array([F])), seconds=5.0)
+            answer = prove_solutions(ReducedProblem(S, load, np.array([F])), proof_seconds=5.0)
             case.true("beside it is complete", answer.verdict == "complete")
             expected = len(enumerated(S, load, np.array([F])))
             case.equal(f"solutions at F = {F}", len(answer.solutions), expected, 0.0)

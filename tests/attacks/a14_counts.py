@@ -76,7 +76,7 @@ def counts(seeds, units):
         S, p, F = random_problem(seed)
         for unit in units:
             problem = ReducedProblem(S * unit, p * unit, F)
-            answer = prove_solutions(problem, seconds=5.0)
+            answer = prove_solutions(problem, proof_seconds=5.0)
             again = check(answer.certificate)
             complete = answer.verdict == "complete" and again.verdict == "complete"
             proved.append(len(answer.solutions) if complete else -1)

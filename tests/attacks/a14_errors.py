@@ -24,7 +24,7 @@ def attack(case):
                 problem = ReducedProblem(S + skew, p, F, S_error=S_error, p_error=p_error)
             except ValueError:
                 continue  # not certainly positive definite
-            proved = check(prove_solutions(problem, seconds=2.0).certificate)
+            proved = check(prove_solutions(problem, proof_seconds=2.0).certificate)
             if proved.verdict != "complete":
                 continue
             complete += 1

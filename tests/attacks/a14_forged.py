@@ -21,7 +21,7 @@ def attack(case):
     given = [random_problem(seed, m=2 + seed % 2) for seed in range(10)]
     truth = [len(enumerated(*g)) for g in given]
     problems = [ReducedProblem(*g) for g in given]
-    proofs = [prove_solutions(p, seconds=5.0).certificate for p in problems]
+    proofs = [prove_solutions(p, proof_seconds=5.0).certificate for p in problems]
     wrong = []
     refused = 0
     for i, problem in enumerate(problems):

@@ -40,7 +40,7 @@ def attack(case):
     for seed in range(6):
         S, p, F = random_problem(seed, m=3)
         expected = len(enumerated(S, p, F))
-        whole = prove_solutions(ReducedProblem(S, p, F), seconds=5.0)
+        whole = prove_solutions(ReducedProblem(S, p, F), proof_seconds=5.0)
         lengths.append(len(whole.certificate.steps))
         case.equal("solutions of the whole proof", len(whole.solutions), expected, 0.0)
         for steps in variants(whole.certificate.steps):

@@ -22,7 +22,7 @@ def several():
     for seed in range(50):
         S, p, F = random_problem(seed)
         if len(enumerated(S, p, F)) > 1:
-            return prove_solutions(ReducedProblem(S, p, F), seconds=5.0)
+            return prove_solutions(ReducedProblem(S, p, F), proof_seconds=5.0)
     raise AssertionError("no problem with several solutions")
 
 
