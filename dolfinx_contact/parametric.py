@@ -123,7 +123,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         Raises:
             ValueError: on every rank, if gamma is no finite number, or differs between ranks.
         """
-        self.set(gamma)
+        self._set(gamma)
 
     def put(self, x: PETSc.Vec, gamma: float, piece: Piece) -> None:
         """Put a point of a branch into the Functions of the problem, its statuses included.
@@ -131,7 +131,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         Gamma and what it drives follow, obstacles too. A warning is logged where the sliding is
         not small, once a surface. Collective.
         """
-        self.set(gamma)
+        self._set(gamma)
         statuses = self.statuses_of(piece)
         assert statuses is not None
         self.problem.put(x, statuses)
@@ -148,7 +148,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
     def solution_from(self, x: PETSc.Vec, gamma: float) -> tuple[PETSc.Vec | None, str]:
         """What `ContactProblem.solve` finds at gamma from x; see `System`. Collective."""
         with self.restored(always=True), self.problem.warning_once():
-            self.set(gamma)
+            self._set(gamma)
             self.problem.read(x)
             try:
                 result = self.problem.solve(progress=False)
@@ -162,7 +162,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
     def doubt(self, x: PETSc.Vec, gamma: float, piece: Piece) -> str:
         """Where the sliding of a solution is not small, and in what way. Collective."""
         with self.restored(always=True):
-            self.set(gamma)
+            self._set(gamma)
             statuses = self.statuses_of(piece)
             assert statuses is not None
             self.problem.put(x, statuses)
@@ -175,7 +175,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         """
         x = self.create_vector()
         x.array[:] = point.y.array_r[: x.getLocalSize()]
-        self.set(point.gamma)
+        self._set(point.gamma)
         done = Attempt("continuation", "a point of a branch", converged=True)
         result = self.problem.collect(x, [done], self.statuses_of(point.piece))
         self.problem.warn_of_sliding(result)
@@ -213,7 +213,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
             return None
         if not self.is_linear:
             return Reduction(self, x, gamma, exact=False)
-        mark = self.data_mark()
+        mark = self._data_mark()
         if self._condensed is None or self.comm.allreduce(int(mark != self._condensed_from)):
             # From nothing: no state leaves its round-off in what is degenerate without load.
             nothing = self.create_vector()

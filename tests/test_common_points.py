@@ -291,7 +291,7 @@ def test_fields_of_the_law():
     factor.value = 3.0
     field.x.array[:] *= 2
     factor.value = 1.5
-    pair.update_geometry()
+    pair._update_geometry()
     factor.value = 3.0
     check()
 

@@ -168,22 +168,19 @@ def test_the_page_on_the_house_names_what_is_there():
 #: What users see of the classes that they hold (`help`): a new name is added here on purpose.
 PUBLIC = {
     "ContactSurface": """
-        at_vertices between_bodies bond check_gaps constant_operator data displaced friction_slope
-        has_changed hold jump kinematics kinematics_now linear node_positions opposite
-        opposite_nodes owned_nodes positions reference relative rigid_body slide state state_of
-        update_geometry
+        at_vertices between_bodies bond friction_slope jump kinematics node_positions owned_nodes
+        positions rigid_body state
     """,
     "ContactProblem": """
         collect create_vector destroy fields linear_solver moving put read reduced residual restored
         rigid_bodies solve state support_forces table warn_of_sliding warning_once write
     """,
     "ParametricContact": """
-        check_parameter condensed contact correct create_vector data_mark destroy dirichlet_rates
-        doubt driven_expressions driven_functions evaluate events has_many_pieces held_laws ids
-        is_piecewise_affine jacobian kinks kinks_in_gamma letters matrix metric not_affine_in order
+        check_parameter condensed contact correct create_vector destroy doubt events has_many_pieces
+        is_piecewise_affine jacobian kinks kinks_in_gamma letters matrix metric order
         parameter_derivative parts piece piece_at piece_of positions preconditioner probe prove
-        prove_rays put residual restored result_at rigid_rates scales set set_parameter
-        solution_from statuses statuses_of
+        prove_rays put residual restored result_at scales set_parameter solution_from statuses
+        statuses_of
     """,
 }
 

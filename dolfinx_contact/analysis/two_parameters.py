@@ -66,7 +66,7 @@ def contact_family(
             friction and contact at nodes, or its data are not affine in mu, or do not contain it.
     """
     low, high = mu_range
-    curved = system.not_affine_in(other)
+    curved = system._not_affine_in(other)
     require(system.comm, not curved, f"{_MUST} ({curved})")
     found = [_condensed(system, other, mu) for mu in (low, high, (low + high) / 2)]
     a, b, middle = [_data(problem) for problem, _ in found]
@@ -106,9 +106,9 @@ def _condensed(
     other.value = mu
     try:
         with system.restored(always=True):
-            system.set(0.0)
+            system._set(0.0)
             for s in system.equations.surfaces:
-                s.update_geometry()
+                s._update_geometry()
                 check_law(s, f" where the second parameter is {mu:g}")
             fits = system.is_linear and can_condense(system)
             fits = fits and not any(s.law.bound_kind == "given" for s in system.equations.surfaces)

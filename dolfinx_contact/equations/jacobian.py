@@ -31,7 +31,7 @@ __all__ = ["ContactTerms", "Jacobian"]
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
-_WANTED_BY = "the Jacobian, whose pattern never changes,"
+_NEEDED_BY = "the Jacobian, whose pattern never changes,"
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class _Block:
 
     def values(self, state: ContactState) -> Array:
         """Entries of S at a state."""
-        stencils = self.surface.constant_operator(_WANTED_BY).stencils
+        stencils = self.surface._constant_operator(_NEEDED_BY).stencils
         areas = self.surface.points.areas
         at = stencils.points
         e = stencils.multiplier_weights
@@ -112,7 +112,7 @@ class ContactTerms:
         rows = [held, mine]
         columns = [held, mine]
         for i, s in enumerate(eq.surfaces):
-            stencils = s.constant_operator(_WANTED_BY).stencils
+            stencils = s._constant_operator(_NEEDED_BY).stencils
             areas = s.points.areas
             coupling = np.einsum(
                 "gp,gpk,gpl->gkl",

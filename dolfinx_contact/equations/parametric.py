@@ -144,16 +144,16 @@ class ParametricEquations(System):
         return [f for f in found if not any(f is other for other in ours)]
 
     @property
-    def driven_functions(self) -> list[fem.Function]:
+    def _driven_functions(self) -> list[fem.Function]:
         """Functions of Dirichlet conditions that gamma drives."""
         return [d.function for d in self._driven]
 
     @property
-    def driven_expressions(self) -> list[Any]:
+    def _driven_expressions(self) -> list[Any]:
         """What these are to be, in UFL."""
         return [d.expression for d in self._driven]
 
-    def not_affine_in(self, other: fem.Constant) -> str:
+    def _not_affine_in(self, other: fem.Constant) -> str:
         """What keeps another parameter from shifting the loads and bounds evenly; "" if nothing.
 
         By what the data are made of: loads, gaps and fields of the laws are to be affine in it,
@@ -173,7 +173,7 @@ class ParametricEquations(System):
         laws = [e for s in eq.surfaces for e in (s.given.gap, *s.given.fields.values())]
         return next(filter(None, map(rate.not_affine, [*loads, *laws])), "")
 
-    def data_mark(self) -> int:
+    def _data_mark(self) -> int:
         """A checksum of what the user may change, and of the mesh, on this rank."""
         mark = mesh_mark(self.equations.V.mesh)
         for f in self._data:
@@ -185,7 +185,7 @@ class ParametricEquations(System):
                     mark = zlib.crc32(values, mark)
         return mark
 
-    def set(self, gamma: float) -> None:
+    def _set(self, gamma: float) -> None:
         """Put gamma into forms and Dirichlet data. Collective."""
         self.constant.value = gamma
         for d in self._driven:
@@ -217,10 +217,10 @@ class ParametricEquations(System):
         if looked_at:
             with self.restored(always=True):
                 for gamma in gammas:
-                    self.set(gamma)
+                    self._set(gamma)
                     for s in looked_at:
-                        s.update_geometry()
-                        s.check_gaps()
+                        s._update_geometry()
+                        s._check_gaps()
                         if s in varying:
                             check_law(s, f" at gamma = {gamma:g}")
 
@@ -239,7 +239,7 @@ class ParametricEquations(System):
         return self.equations.dim == 3 and self._num_points > _MANY_POINTS
 
     @property
-    def held_laws(self) -> bool:
+    def _held_laws(self) -> bool:
         """Whether neither obstacles nor laws depend on gamma."""
         return not any(rates.applies for rates in self._rates)
 
@@ -264,18 +264,18 @@ class ParametricEquations(System):
     def create_vector(self) -> PETSc.Vec:
         return self.equations.create_vector()
 
-    def evaluate(self, x: PETSc.Vec, gamma: float, b: PETSc.Vec, piece: Piece | None) -> State:
+    def _evaluate(self, x: PETSc.Vec, gamma: float, b: PETSc.Vec, piece: Piece | None) -> State:
         """H(x, gamma) into ``b``, and the state. Collective."""
-        self.set(gamma)
+        self._set(gamma)
         return self.equations.residual(x, b, self.statuses_of(piece))
 
     def contact(self, x: PETSc.Vec, gamma: float, piece: Piece | None) -> State:
         """The state (x, gamma) without the rows of H. Collective."""
-        self.set(gamma)
+        self._set(gamma)
         return self.equations.contact(x, self.statuses_of(piece))
 
     def residual(self, x: PETSc.Vec, gamma: float, b: PETSc.Vec, piece: Piece | None) -> float:
-        return self._scales.measure(self.evaluate(x, gamma, b, piece)).worst
+        return self._scales.measure(self._evaluate(x, gamma, b, piece)).worst
 
     def jacobian(self, x: PETSc.Vec, gamma: float, piece: Piece | None) -> None:
         self._linear().update(self.contact(x, gamma, piece))
@@ -301,16 +301,16 @@ class ParametricEquations(System):
         if self._body_rate is not None:
             body = self.equations.bulk.assembled(self._body_rate, state.u)
         answers = [r(s) for r, s in zip(self._rates, state.surfaces, strict=True)]
-        given = self.dirichlet_rates(), *self.rigid_rates()
+        given = self._dirichlet_rates(), *self._rates_of_rigid_bodies()
         c.array[:] = self.equations.rates(state, body, answers, *given)
 
-    def dirichlet_rates(self) -> Array:
+    def _dirichlet_rates(self) -> Array:
         """Derivatives of Dirichlet values by gamma on the local displacement dofs, 0 elsewhere."""
         if not self._driven:
             return np.zeros_like(self.equations.bulk.displacement.x.array)
         return dirichlet_rates(self.equations.constraints, self._driven)
 
-    def rigid_rates(self) -> tuple[Array, Array]:
+    def _rates_of_rigid_bodies(self) -> tuple[Array, Array]:
         """Derivatives by gamma of loads and of prescribed motions of the rigid bodies."""
         return self._rigid_rates()
 
@@ -399,14 +399,14 @@ class ParametricEquations(System):
         return np.concatenate([s.points.positions for s in self.equations.surfaces])
 
     @property
-    def ids(self) -> npt.NDArray[np.int64]:
+    def _ids(self) -> npt.NDArray[np.int64]:
         """What distinguishes points at one place: the surface, and `ContactPoints.ids` (n, k)."""
         surfaces = enumerate(self.equations.surfaces)
         parts = [np.insert(s.points.ids, 0, i, axis=1) for i, s in surfaces]
         return np.concatenate(parts)
 
     def order(self) -> npt.NDArray[np.intp]:
-        return Gathered(self.comm, self.positions, self.ids).mine
+        return Gathered(self.comm, self.positions, self._ids).mine
 
     def destroy(self) -> None:
         """Free the PETSc objects made here."""

@@ -54,7 +54,7 @@ class RigidTerms:
 
     def values(self, state: ContactState) -> Array:
         """The entries at a state. Collective."""
-        stencils = self.surface.constant_operator("the Jacobian of a rigid body").stencils
+        stencils = self.surface._constant_operator("the Jacobian of a rigid body").stencils
         areas = self.surface.points.areas
         at = stencils.points
         weighted = areas[at][..., None] * stencils.multiplier_weights

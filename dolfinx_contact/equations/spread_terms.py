@@ -25,7 +25,7 @@ __all__ = ["SpreadTerms"]
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
-_WANTED_BY = "a law that sees the points around its own"
+_NEEDED_BY = "a law that sees the points around its own"
 
 
 class SpreadTerms:
@@ -50,7 +50,7 @@ class SpreadTerms:
         self._surface = surface
         self._unit = unit
         comm = surface.comm
-        stencils = surface.constant_operator(_WANTED_BY).stencils
+        stencils = surface._constant_operator(_NEEDED_BY).stencils
         n = surface.points.number
         law = surface.law_at_points
         assert isinstance(law, LawAmongPoints)
@@ -91,7 +91,7 @@ class SpreadTerms:
         """The entries at a state; none where another law, that is local, stands in."""
         if state.answers.spreading is None:
             return np.zeros(self._number)
-        stencils = self._surface.constant_operator(_WANTED_BY).stencils
+        stencils = self._surface._constant_operator(_NEEDED_BY).stencils
         areas = self._surface.points.areas
         at = stencils.points
         e = stencils.multiplier_weights

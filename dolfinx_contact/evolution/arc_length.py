@@ -94,7 +94,7 @@ class ArcLength(ReadOnly):
     def _require_no_time(self) -> None:
         check_times(self.problem.surfaces)
         for s in self.problem.surfaces:
-            s.update_geometry()
+            s._update_geometry()
             fields = s.points.data.fields
             slow = [n for n in s.law.needs_time if np.any(fields[n] != 0)]
             require(

@@ -40,7 +40,7 @@ class PathStepper(Stepper):
     def start(self, time: float) -> OnPath:
         """The state in the Functions, with the memory that is in the surfaces. Collective."""
         eq = self.problem.equations
-        self._system.set(float(self._system.constant.value))
+        self._system._set(float(self._system.constant.value))
         if all(m is None for m in eq.memory):
             accepted = super().start(time)
             assert isinstance(accepted, OnPath)
@@ -59,7 +59,7 @@ class PathStepper(Stepper):
     ) -> OnPath:
         """An accepted state of before, under its load; see `Stepper.recalled`. Collective."""
         with self._system.restored():
-            self._system.set(gamma)
+            self._system._set(gamma)
             accepted = self.recalled(time, memory, energies, first=first)
         assert isinstance(accepted, OnPath)
         return accepted
@@ -67,7 +67,7 @@ class PathStepper(Stepper):
     def put(self, accepted: AcceptedState) -> None:
         assert isinstance(accepted, OnPath)
         super().put(accepted)
-        self._system.set(accepted.gamma)
+        self._system._set(accepted.gamma)
 
     def accepted(
         self,

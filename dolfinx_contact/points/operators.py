@@ -7,7 +7,7 @@ on to other facets it is not: then the jumps that laws see may change by more th
 forces of held tractions change with the displacement.
 
 What needs B to be the same everywhere (matrices that are set up once, condensation onto the contact
-points, proofs) takes it from `ContactSurface.constant_operator`, which refuses any other.
+points, proofs) takes it from `ContactSurface._constant_operator`, which refuses any other.
 """
 
 from __future__ import annotations

@@ -182,9 +182,9 @@ class ContactPair(ContactSurface):
         self._given_gap = ""
         if not interference and (gap is not None or surface is not None):
             self._given_gap = "given gap" if surface is None else "gap to the given surface"
-        self.check_gaps()
+        self._check_gaps()
 
-    def check_gaps(self) -> None:
+    def _check_gaps(self) -> None:
         if not self._given_gap:
             return
         gaps = self.points.vertex_gaps
@@ -195,7 +195,7 @@ class ContactPair(ContactSurface):
             f"{self.name}: the {self._given_gap} is {worst:.3g}; interference=True for a press fit",
         )
 
-    def hold(self, fixed: npt.NDArray[np.bool_], crossing: npt.NDArray[np.bool_]) -> None:
+    def _hold(self, fixed: npt.NDArray[np.bool_], crossing: npt.NDArray[np.bool_]) -> None:
         """Give away the functions of nodes without a multiplier; see `held_ends`. Collective.
 
         Of faces that do not match these are the nodes whose jump is fixed.

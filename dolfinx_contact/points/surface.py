@@ -181,6 +181,8 @@ class ContactSurface(ReadOnly):
             check_section(domain, local, name)
         self._create_points(local, rule_degree)
         self.sliding = sliding
+        #: Gap and normal at displaced points; None where they stay.
+        #: Gap and normal at displaced points; None where they stay.
         self._displaced: DisplacedPoints | None = None
         self.memory: Memory | None = None
         #: Distances to the obstacle of the contact points where they are now, or None.
@@ -214,7 +216,7 @@ class ContactSurface(ReadOnly):
         #: Functions of the user in law and obstacle.
         every = (*fields, self.gap, self.normal)
         read = {f for e in every for f in ufl.algorithms.extract_coefficients(e)}
-        self._data = sorted(read - {self.u}, key=lambda f: f.count())
+        self._functions = sorted(read - {self.u}, key=lambda f: f.count())
 
     def _described_law(self) -> str:
         fields = [f"{k} {described(e, self.domain)}" for k, e in self.law.given.items()]
@@ -246,22 +248,22 @@ class ContactSurface(ReadOnly):
         self.statuses: npt.NDArray[np.int8] = np.full(number, self.law_at_points.codes[0], np.int8)
 
     def _scatter(self) -> None:
-        for f in self._data:
+        for f in self._functions:
             f.x.scatter_forward()
 
     def _marked(self) -> int:
         """A checksum of what is given on the surface, on this rank."""
         mark = mesh_mark(self.domain)
-        for values in (*(f.x.array for f in self._data), *(c.value for c in self._numbers)):
+        for values in (*(f.x.array for f in self._functions), *(c.value for c in self._numbers)):
             mark = zlib.crc32(np.ascontiguousarray(values), mark)
         return mark
 
     @property
-    def has_changed(self) -> bool:
+    def _has_changed(self) -> bool:
         """Whether on this rank what is given is not what it was when it was evaluated."""
         return self._marked() != self._mark
 
-    def update_geometry(self) -> None:
+    def _update_geometry(self) -> None:
         """Evaluate what is given on the surface anew, after an obstacle has moved. Collective.
 
         The equations do it by themselves, so that only what is looked at without them (gaps,
@@ -271,10 +273,10 @@ class ContactSurface(ReadOnly):
         self.points.update()
         self._mark = self._marked()
 
-    def check_gaps(self) -> None:
+    def _check_gaps(self) -> None:
         """Raise ``ValueError`` if gaps that were given are none as they are now. Collective."""
 
-    def hold(self, fixed: npt.NDArray[np.bool_], crossing: npt.NDArray[np.bool_]) -> None:
+    def _hold(self, fixed: npt.NDArray[np.bool_], crossing: npt.NDArray[np.bool_]) -> None:
         """Take notice of what has no multiplier of its own. Collective.
 
         Args:
@@ -292,22 +294,22 @@ class ContactSurface(ReadOnly):
             motion: of the rigid body; None where there is none.
         """
         operator = self.points.operator
-        reference = self.reference
-        jump = operator.apply(self.relative(u[: self.owned_nodes], motion))
+        reference = self._reference
+        jump = operator.apply(self._relative(u[: self.owned_nodes], motion))
         jump = jump - self.points.aside - reference
         return Kinematics(operator, jump, reference, self._data_at(jump))
 
-    def kinematics_now(self) -> Kinematics:
+    def _kinematics_now(self) -> Kinematics:
         """Those of the displacement in the Function, and of the rigid body."""
         body = self.rigid_body
         u = self.u.x.array.reshape(-1, self.dim)
         return self.kinematics(u, None if body is None else body.values)
 
-    def constant_operator(self, wanted_by: str) -> ConstantOperator:
+    def _constant_operator(self, needed_by: str) -> ConstantOperator:
         """B, for what needs it to be the same at every state.
 
         Args:
-            wanted_by: what needs it, for the message.
+            needed_by: what needs it, for the message.
 
         Raises:
             ValueError: on every rank, if B changes with the displacement.
@@ -315,17 +317,17 @@ class ContactSurface(ReadOnly):
         operator = self.points.operator
         if not isinstance(operator, ConstantOperator):
             raise ValueError(
-                f"{self.name}: {wanted_by} needs contact points that keep what is opposite to "
+                f"{self.name}: {needed_by} needs contact points that keep what is opposite to "
                 "them; here that changes with the displacement"
             )
         return operator
 
     @property
-    def linear(self) -> bool:
+    def _linear(self) -> bool:
         """Whether gap and slip are linear in the displacement."""
-        return self.displaced is None and isinstance(self.points.operator, ConstantOperator)
+        return self._displaced is None and isinstance(self.points.operator, ConstantOperator)
 
-    def slide(self, *, linear: bool) -> None:
+    def _slide(self, *, linear: bool) -> None:
         """Take notice of whether the body is linear, by which sliding is small. Collective.
 
         Raises:
@@ -333,11 +335,6 @@ class ContactSurface(ReadOnly):
         """
         given = self.points, self.domain, self.obstacle, self.law_at_points, self.sliding
         self._displaced = displaced_points(*given, linear=linear, name=self.name)
-
-    @property
-    def displaced(self) -> DisplacedPoints | None:
-        """Gap and normal at displaced points; None where they stay."""
-        return self._displaced
 
     # -- nodes and points ------------------------------------------------------------------------
 
@@ -347,18 +344,18 @@ class ContactSurface(ReadOnly):
         return self.obstacle.opposite is not None
 
     @property
-    def opposite_nodes(self) -> Opposite | None:
+    def _opposite_nodes(self) -> Opposite | None:
         """What lies opposite to the nodes, the same at every state; None without another body.
 
         Raises:
             ValueError: on every rank, if that changes with the displacement.
         """
         if self.between_bodies:
-            self.constant_operator("what lies opposite to nodes")
+            self._constant_operator("what lies opposite to nodes")
         opposite: Opposite | None = self.obstacle.opposite
         return opposite
 
-    def opposite(self, values: Array) -> Array:
+    def _opposite(self, values: Array) -> Array:
         """Values opposite to the local nodes, 0 where there is nothing. Collective.
 
         Args:
@@ -367,7 +364,7 @@ class ContactSurface(ReadOnly):
         Raises:
             ValueError: on every rank, if what lies opposite changes with the displacement.
         """
-        opposite = self.opposite_nodes
+        opposite = self._opposite_nodes
         if opposite is None:
             return np.zeros_like(values)
         return opposite.values(self.comm, values[: self.owned_nodes], len(values))
@@ -377,7 +374,7 @@ class ContactSurface(ReadOnly):
         """What may be touched, if it is a rigid body that moves."""
         return self.obstacle if isinstance(self.obstacle, RigidBody) else None
 
-    def relative(self, u: Array, motion: Array | None) -> Array:
+    def _relative(self, u: Array, motion: Array | None) -> Array:
         """Displacements seen from the rigid body; as they are where there is none.
 
         Args:
@@ -409,25 +406,25 @@ class ContactSurface(ReadOnly):
 
     def _data_at(self, jump: Array) -> PointData:
         """What the law is given at the points of this rank where jumps lead them. Collective."""
-        if self.displaced is None:
-            return self.data
-        return with_memory(self.law_at_points.compiled, self.memory, self.displaced.data(jump))
+        if self._displaced is None:
+            return self._point_data
+        return with_memory(self.law_at_points.compiled, self.memory, self._displaced.data(jump))
 
     @property
-    def data(self) -> PointData:
+    def _point_data(self) -> PointData:
         """What the law is given at the points of this rank where they are in the reference."""
         return with_memory(self.law_at_points.compiled, self.memory, self.points.data)
 
     @property
-    def reference(self) -> Array:
+    def _reference(self) -> Array:
         """What laws do not see of jumps: those along the surface that memory has (n, dim)."""
         n = self.points.data.n
-        memory = self.memory if self.displaced is None else None
+        memory = self.memory if self._displaced is None else None
         return np.zeros_like(n) if memory is None else memory.reference(n)
 
     def jump(self) -> Array:
         """Jump of the displacement at the contact points of this rank (n, dim). Collective."""
-        now = self.kinematics_now()
+        now = self._kinematics_now()
         return now.jump + now.reference
 
     def state(self) -> dict[str, Array]:
@@ -438,13 +435,13 @@ class ContactSurface(ReadOnly):
         ``traction`` on the body (n, dim), ``pressure``, ``shear`` (n, dim), ``bound`` radius of the
         friction disc at the pressure of the law.
         """
-        return self.state_of(self.kinematics_now(), self._traction())
+        return self._state_of(self._kinematics_now(), self._traction())
 
     def _traction(self) -> Array:
         owned = self.points.Q.dofmap.index_map.size_local * self.dim
         return self.points.traction(self.multiplier.x.array[:owned])
 
-    def state_of(self, at: Kinematics, traction: Array) -> dict[str, Array]:
+    def _state_of(self, at: Kinematics, traction: Array) -> dict[str, Array]:
         """The table of `state`, at given kinematics and tractions (n, dim). Collective."""
         points = self.points
         n = at.data.n
@@ -470,7 +467,7 @@ class ContactSurface(ReadOnly):
 
     def bond(self, name: str) -> Array:
         """What `Answers.bond` has at the points, of a law that remembers. Collective."""
-        now = self.kinematics_now()
+        now = self._kinematics_now()
         return self.law_at_points(now.jump, self._traction(), now.data).bond(name)
 
     def at_vertices(self, jump: Array) -> tuple[Array, Array]:
@@ -479,14 +476,14 @@ class ContactSurface(ReadOnly):
         Args:
             jump: at the local vertices (n, dim).
         """
-        if self.displaced is not None:
-            return self.displaced.at_vertices(jump)
+        if self._displaced is not None:
+            return self._displaced.at_vertices(jump)
         normal = self.points.vertex_normals
         return self.points.vertex_gaps - np.sum(jump * normal, axis=1), normal
 
     def friction_slope(self) -> Array:
         """Radius of the friction disc at unit pressure at the contact points. Collective."""
-        now = self.kinematics_now()
+        now = self._kinematics_now()
         return self.law_at_points(now.jump, self._traction(), now.data).unit_bound
 
 

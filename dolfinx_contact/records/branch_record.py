@@ -138,19 +138,19 @@ class BranchRecord(ProblemRecord[Journal]):
         self._branch = 0
         self._starts = False
         try:
-            driven = system.driven_expressions
+            driven = system._driven_expressions
             data = KeptData(
                 system.problem,
                 self._checkpoints,
                 more=data_within(driven),
-                but=[*system.driven_functions, system.constant],
+                but=[*system._driven_functions, system.constant],
             )
             known = identity(system.problem, but=[system.constant], more=data_within(driven))
             known |= {"functions": data.elements, "driven": driven_words(system.problem, driven)}
             self._require_same(known, functionals=list(self._functionals))
             gamma = float(self.journal.header.get("gamma", system.constant.value))
             with system.restored(always=True):
-                system.set(gamma)
+                system._set(gamma)
                 self._require_data(data)
                 self._begin(known, data, functionals=list(self._functionals), gamma=gamma)
         except Exception:
@@ -353,7 +353,7 @@ class BranchRecord(ProblemRecord[Journal]):
         y = self._layout.joined(x, p["gamma"])
         tangent = self._layout.joined(t, p["tangent_gamma"])
         piece = system.piece_of(p["status"])
-        error = self._scales_of(p, t).measure(system.evaluate(x, p["gamma"], b, piece)).worst
+        error = self._scales_of(p, t).measure(system._evaluate(x, p["gamma"], b, piece)).worst
         for v in (x, t, b):
             v.destroy()
         tolerance = self.journal.branches[branch].task["control"]["tolerance"]

@@ -77,7 +77,7 @@ class PathRecord(StepsRecord[PathJournal, PathState]):
             raise ValueError(f"an ArcLength is needed, got {type(path).__name__}")
         self.path = path
         self._layout = Layout(path.parametric)
-        driven = path.parametric.driven_expressions
+        driven = path.parametric._driven_expressions
         super().__init__(
             folder,
             path.parametric,
@@ -89,7 +89,7 @@ class PathRecord(StepsRecord[PathJournal, PathState]):
         )
 
     def _load(self, state: Mapping[str, Any]) -> None:
-        self.path.parametric.set(state["gamma"])
+        self.path.parametric._set(state["gamma"])
 
     def _entry_of(self, run_state: PathState) -> dict[str, Any]:
         point = run_state.arrived

@@ -95,7 +95,7 @@ def _places(system: ParametricContact, changes: Sequence[Change]) -> list[dict[s
     """Changes by place, in order of coordinates: the same on any number of ranks."""
     if not changes:
         return []
-    known = list(zip(system.positions, system.ids, strict=True))
+    known = list(zip(system.positions, system._ids, strict=True))
     mine = {i: known[c.point] for i, c in enumerate(changes) if c.rank == system.comm.rank}
     places = {i: place for part in system.comm.allgather(mine) for i, place in part.items()}
     x, ids = (np.array(v) for v in zip(*(places[i] for i in range(len(changes))), strict=True))

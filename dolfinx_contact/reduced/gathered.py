@@ -50,12 +50,12 @@ class GatheredPoints:
         self.local = np.flatnonzero(~system.clamped)
         self._surfaces = eq.surfaces
         columns: list[tuple[Any, ...]] = []
-        ids = system.ids[self.local]
+        ids = system._ids[self.local]
         for number, s in enumerate(eq.surfaces):
             n = s.points.number
             held = eq.constraints.held[number][s.points.vertex_trace_dofs[:n]].any(axis=1)
             at_rest = np.zeros((n, eq.dim))
-            answers = s.law_at_points(at_rest, at_rest, s.data)
+            answers = s.law_at_points(at_rest, at_rest, s._point_data)
             given = s.law.bound_kind == "given"
             slope = np.zeros(n) if given else answers.unit_bound
             bound = answers.bound * s.points.areas if given else np.zeros(n)

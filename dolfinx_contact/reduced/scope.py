@@ -54,16 +54,16 @@ def can_condense(
     """
     eq = system.equations
     points = eq.comm.allreduce(int((~system.clamped).sum()))
-    if eq.dim != 2 or not 0 < points <= _MOST_POINTS or not system.held_laws:
+    if eq.dim != 2 or not 0 < points <= _MOST_POINTS or not system._held_laws:
         return False
     nodes = []
     mixed = False
     polyhedral = True
     known = eq.constraints.clamped, eq.constraints.held
     for s, clamped, held in zip(eq.surfaces, *known, strict=True):
-        if s.points.E is not None or not s.linear or (partly and s.method != "nodal"):
+        if s.points.E is not None or not s._linear or (partly and s.method != "nodal"):
             return False
-        conic = is_polyhedral(s.law_at_points, s.data)
+        conic = is_polyhedral(s.law_at_points, s._point_data)
         polyhedral = polyhedral and (conic or (bounded and s.law.bound_kind == "given"))
         trace = s.points.vertex_trace_dofs
         nodes.append(trace)

@@ -60,11 +60,11 @@ class Loaded(ParametricEquations):
         size, off = (float(eq.comm.allreduce(v, op=max)) for v in (size, max(rows)))
         return off <= _STANDS * eq.stiffness_scale * size
 
-    def set(self, gamma: float) -> None:
+    def _set(self, gamma: float) -> None:
         self.equations.prescribed.part = gamma
 
-    def evaluate(self, x: PETSc.Vec, gamma: float, b: PETSc.Vec, piece: Piece | None) -> State:
-        state = super().evaluate(x, gamma, b, piece)
+    def _evaluate(self, x: PETSc.Vec, gamma: float, b: PETSc.Vec, piece: Piece | None) -> State:
+        state = super()._evaluate(x, gamma, b, piece)
         b.axpy(gamma - 1.0, self._rest)
         return replace(state, rows=self.equations.blocks(b))
 
@@ -74,7 +74,7 @@ class Loaded(ParametricEquations):
         super().parameter_derivative(x, gamma, c, piece)
         c.axpy(1.0, self._rest)
 
-    def dirichlet_rates(self) -> Array:
+    def _dirichlet_rates(self) -> Array:
         prescribed = self.equations.prescribed
         part = prescribed.part
         prescribed.part = 1.0
@@ -82,7 +82,7 @@ class Loaded(ParametricEquations):
         prescribed.part = part
         return rates.reshape(-1)
 
-    def rigid_rates(self) -> tuple[Array, Array]:
+    def _rates_of_rigid_bodies(self) -> tuple[Array, Array]:
         prescribed = self.equations.prescribed
         part = prescribed.part
         prescribed.part = 1.0
