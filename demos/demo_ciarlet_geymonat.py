@@ -39,7 +39,7 @@ from dolfinx_contact.materials import CiarletGeymonat
 from dolfinx_contact.records import leftmost, rightmost, total
 
 #: What is looked at: both corners, and the forces of the floor.
-SEEN = {
+FUNCTIONALS = {
     "ut_left": leftmost("ut"),
     "un_left": leftmost("un"),
     "ut_right": rightmost("ut"),
@@ -121,8 +121,8 @@ def main(argv=None):
     order = sorted(range(len(far)), key=by_load_and_statuses)
     ends = [far[k] for k in order]
     branches = [diagram.branches[k] for k in order]
-    journal = records.journal_of(system, branches, SEEN)
-    found = records.journal_of(system, [Branch(ends)], SEEN).rows()
+    journal = records.journal_of(system, branches, FUNCTIONALS)
+    found = records.journal_of(system, [Branch(ends)], FUNCTIONALS).rows()
     titles = [f"branch {k}: gamma = {p.gamma:g}" for k, p in enumerate(ends)]
     plot.picture_of_states(folder / "states.png", system, ends, titles=titles)
     if comm.rank == 0:

@@ -50,7 +50,9 @@ LAWS = {
 VEE = [(0, 0), (0.35, 0), (1.1, 1), (0.85, 1), (0.25, 0.25), (0.25, 1), (0, 1)]
 SIDES = {"contact": [0], "dirichlet": [2, 5]}
 #: What is looked at.
-SEEN = dict(ut_left=leftmost("ut"), un_left=leftmost("un"), sum_rt=total("rt"), sum_rn=total("rn"))
+FUNCTIONALS = dict(
+    ut_left=leftmost("ut"), un_left=leftmost("un"), sum_rt=total("rt"), sum_rn=total("rn")
+)
 
 
 def arguments(argv=None):
@@ -126,8 +128,10 @@ def followed(args, folder, body, x, first, way):
     steps = dict(max_steps=args.max_steps, progress=True)
     if not args.record:
         branch = follow(body, x, first, **way, **steps)
-        return branch, records.journal_of(body, [branch], SEEN)
-    with records.BranchRecord(args.record, body, SEEN, every=1, resume=args.resume) as record:
+        return branch, records.journal_of(body, [branch], FUNCTIONALS)
+    with records.BranchRecord(
+        args.record, body, FUNCTIONALS, every=1, resume=args.resume
+    ) as record:
         if record.journal.branches:
             branch = record.go_on(**steps)
         else:
@@ -155,7 +159,7 @@ def main(argv=None):
     io.Report(comm).branch(journal)
     if args.solutions_at is not None:
         there = points_at(body, branch, args.solutions_at, **way)
-        found = records.journal_of(body, [Branch(there)], SEEN).rows()
+        found = records.journal_of(body, [Branch(there)], FUNCTIONALS).rows()
         summary["solutions_at"] = {"gamma": args.solutions_at, "solutions": found}
     if comm.rank == 0:
         seen = {"ut_left": "$u_t$ of the leftmost contact point"}

@@ -24,7 +24,7 @@ from dolfinx_contact.continuation import Branch, find_solutions
 from dolfinx_contact.records import leftmost
 
 #: What is looked at: A is the leftmost contact point.
-SEEN = {name: leftmost(name) for name in ("ut", "un", "rt", "rn")}
+FUNCTIONALS = {name: leftmost(name) for name in ("ut", "un", "rt", "rn")}
 
 # ## All solutions at a load
 #
@@ -50,8 +50,8 @@ def solutions(system, gamma=1.0):
 
     def named(these):
         points = found.points(system, these)
-        journal = records.journal_of(system, [Branch(points)], SEEN)
-        names = ("status", *SEEN)
+        journal = records.journal_of(system, [Branch(points)], FUNCTIONALS)
+        names = ("status", *FUNCTIONALS)
         return [{name: row[name] for name in names} for row in journal.rows()]
 
     ends = [id(s) for c in found.continua for s in c.ends]

@@ -39,7 +39,7 @@ from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.records import leftmost, total
 
 #: What is looked at; A is the leftmost contact point.
-SEEN = dict(ut_A=leftmost("ut"), un_A=leftmost("un"), sum_rt=total("rt"), sum_rn=total("rn"))
+FUNCTIONALS = dict(ut_A=leftmost("ut"), un_A=leftmost("un"), sum_rt=total("rt"), sum_rn=total("rn"))
 
 # ## The body
 #
@@ -108,7 +108,7 @@ def draw(folder, comm, system, diagram, ends, found, titles, length):
     largest = max(abs(s["ut_A"]) for s in found)
     scale = 0.15 * length / (largest or 1.0)
     plot.picture_of_states(folder / "states.png", system, ends, titles=titles, scale=scale)
-    journal = records.journal_of(system, diagram.branches, SEEN)
+    journal = records.journal_of(system, diagram.branches, FUNCTIONALS)
     if comm.rank > 0:
         return
     names = []
@@ -146,11 +146,11 @@ def main(argv=None):
     seconds = explored - begun
 
     ends = ends_of(system, diagram)
-    found = records.journal_of(system, [Branch(ends)], SEEN).rows()
+    found = records.journal_of(system, [Branch(ends)], FUNCTIONALS).rows()
     titles = [f"gamma = {s['gamma']:g}: {described(s['status'])}" for s in found]
     draw(folder, comm, system, diagram, ends, found, titles, args.length)
     for title, s in zip(titles, found, strict=True):
-        values = [f"{name} = {s[name]:.7g}" for name in SEEN]
+        values = [f"{name} = {s[name]:.7g}" for name in FUNCTIONALS]
         say(f"{title}; {', '.join(values)}")
 
     # Nothing is missing if the proofs found as many solutions as branches end there.

@@ -39,7 +39,7 @@ from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.records import leftmost, rightmost
 
 MOVED = {(0.5, 0.5): (-0.02, 0.0), (1.5, 1.5): (0.01, -0.01)}
-SEEN = {"ut_A": leftmost("ut"), "un_A": leftmost("un"), "ut_B": rightmost("ut")}
+FUNCTIONALS = {"ut_A": leftmost("ut"), "un_A": leftmost("un"), "ut_B": rightmost("ut")}
 
 
 def body(friction, comm=MPI.COMM_WORLD):
@@ -100,7 +100,7 @@ def main(argv=None):
     x = system.create_vector()
     problem.write(x)
     branch = follow(system, x, low, gamma_range=(low, high))
-    journal = records.journal_of(system, [branch], SEEN)
+    journal = records.journal_of(system, [branch], FUNCTIONALS)
     folds = [s.gamma for s in branch.folds]
     ends = sorted({low, high, *folds})
     between = [(a + b) / 2 for a, b in pairwise(ends)]

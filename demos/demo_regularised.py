@@ -15,7 +15,7 @@ from mpi4py import MPI
 
 import numpy as np
 from _case import ScriptParser, number
-from demo_linear_triangle import SEEN, linear_triangle
+from demo_linear_triangle import FUNCTIONALS, linear_triangle
 
 from dolfinx import fem
 
@@ -108,11 +108,11 @@ def main(argv=None):
     folder = io.output_folder(comm, args.output)
     say = io.Report(comm)
     system, x, true, ends = creeping(args, args.n, "eps", args.width)
-    rows = records.journal_of(true, [Branch(ends)], SEEN).rows()
+    rows = records.journal_of(true, [Branch(ends)], FUNCTIONALS).rows()
     for row in rows:
         say(f"true: A {row['status'][0]}, slip {row['ut_A']:.7g}, gap {row['un_A']:.3g}")
     branch = follow(system, x, args.width, gamma_range=(0.1 * args.width, 1.0))
-    journal = records.journal_of(system, [branch], SEEN)
+    journal = records.journal_of(system, [branch], FUNCTIONALS)
     (lost,) = [s.gamma for s in branch.folds]
     last = journal.rows()[-1]
     say(f"two of them are lost in a fold at eps = {lost:.7g}; beyond it the branch goes back")

@@ -23,7 +23,7 @@ from dolfinx_contact.continuation import Branch, follower_for
 from dolfinx_contact.records import leftmost
 
 #: What is looked at, with labels; A is the leftmost contact point.
-SEEN = dict(
+FUNCTIONALS = dict(
     ut_left=leftmost("ut"), un_left=leftmost("un"), sum_rt=leftmost("rt"), sum_rn=leftmost("rn")
 )
 LABELS = dict(ut_left="$u_t$ at A", un_left="gap at A", sum_rt="$r_t$ at A", sum_rn="$r_n$ at A")
@@ -63,7 +63,7 @@ def main(argv=None):
         middle = sum(s.gamma for s in branch.folds) / (len(branch.folds) or 1)
         there = follower.at(branch, middle) if len(branch.folds) == 2 else []
 
-    journal = records.journal_of(system, [branch], SEEN)
+    journal = records.journal_of(system, [branch], FUNCTIONALS)
     special = [s for p in journal.branches[0].points for s in p["special"]]
     folds = [
         {
@@ -95,7 +95,7 @@ def main(argv=None):
             f"{fold['before']} -> {fold['after']}"
         )
     if there:
-        rows = records.journal_of(system, [Branch(there)], SEEN).rows()
+        rows = records.journal_of(system, [Branch(there)], FUNCTIONALS).rows()
         words = [{"status": system.letters(p.piece)} for p in there]
         found = [row | word for row, word in zip(rows, words, strict=True)]
         summary["solutions_at"] = {"gamma": middle, "solutions": found}

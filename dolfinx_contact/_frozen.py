@@ -79,8 +79,8 @@ class ReadOnly(metaclass=_SealedWhenMade):
         kind = type(self).__name__
         known = hasattr(self, name)
         what = f"{name} of {kind} cannot be set afterwards" if known else f"{kind} has no {name}"
-        way = self._instead.get(name, self._instead.get("", "make another one"))
-        raise AttributeError(f"{what}: {way.format(name=name)}")
+        instead = self._instead.get(name, self._instead.get("", "make another one"))
+        raise AttributeError(f"{what}: {instead.format(name=name)}")
 
 
 def seal(made: object) -> None:
@@ -122,12 +122,12 @@ class ReadOnlyList(list[_T]):
     Args:
         values: of it.
         what: it is.
-        way: to reach what a change of it is meant for.
+        instead: to reach what a change of it is meant for.
     """
 
-    def __init__(self, values: Any, what: str, way: str):
+    def __init__(self, values: Any, what: str, instead: str):
         super().__init__(values)
-        self._message = f"the {what} cannot be changed afterwards: {way}"
+        self._message = f"the {what} cannot be changed afterwards: {instead}"
 
     def __reduce__(self) -> Any:
         return list, (list(self),)
@@ -145,9 +145,9 @@ class ReadOnlyList(list[_T]):
 class ReadOnlyDict(dict[str, _T]):
     """A dictionary that says why it cannot be changed; see `ReadOnlyList`."""
 
-    def __init__(self, values: Any, what: str, way: str):
+    def __init__(self, values: Any, what: str, instead: str):
         super().__init__(values)
-        self._message = f"the {what} cannot be changed afterwards: {way}"
+        self._message = f"the {what} cannot be changed afterwards: {instead}"
 
     def __reduce__(self) -> Any:
         return dict, (dict(self),)

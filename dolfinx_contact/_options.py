@@ -164,7 +164,7 @@ class ProblemOptions:
         self.prefix = prefix
         self.given = given
         self._used = set[str]()
-        self._told = False
+        self._warned = False
         self._prefixes.add(prefix)
 
     def check(self) -> None:
@@ -181,7 +181,7 @@ class ProblemOptions:
 
     def note(self) -> None:
         """Take note of what has been read, while the options are in the database."""
-        if not self._told:
+        if not self._warned:
             self._used |= {k for k in self.given if option_is_used(self.prefix + k)}
 
     def unused(self, *, multigrid: bool) -> list[str]:
@@ -207,9 +207,9 @@ class ProblemOptions:
             multigrid: see `unused`.
             root: whether this rank speaks.
         """
-        if self._told:
+        if self._warned:
             return
-        self._told = True
+        self._warned = True
         given = {**self.given, **in_database(self.prefix)}
         words = [_with_hint(key) for key in self.unused(multigrid=multigrid)]
         words += [f"{k} (snes_rtol decides)" for k in _NO_EFFECT if k in given]

@@ -111,8 +111,8 @@ def test_adhesion_at_a_point(dim, exponent, end, viscosity):
         a, b = (p.to(0.1 * k, jump, traction) for p in points)
         assert b == pytest.approx(a, rel=1e-12)
         one, other = (p.answers for p in points)
-        codes = one.asked
-        np.testing.assert_array_equal(other.asked, codes)
+        codes = one.required
+        np.testing.assert_array_equal(other.required, codes)
         for name, size in (("traction", 10.0), ("by_jump", 1000.0), ("by_traction", 1.0)):
             x = getattr(one, name)(codes)
             y = getattr(other, name)(codes)
@@ -292,7 +292,7 @@ def test_cohesion_at_a_point():
         np.testing.assert_allclose(point.answers.bond("traction")[0], -secant * jump, atol=1e-13)
         spent += point.answers.bond("spent")[0]
         code = 0 if d <= a or d < far else DAMAGING if d < a + b else BROKEN
-        assert point.answers.asked[0] == (BROKEN if far >= a + b else code)
+        assert point.answers.required[0] == (BROKEN if far >= a + b else code)
         assert point.answers.bond("broken")[0] == (far >= a + b)
     assert spent == pytest.approx(strength * (a + b) / 2, rel=1e-13)
 
@@ -491,7 +491,7 @@ def test_an_end_that_is_never_reached():
         damage = point.to(k, (0.0, 0.1 * far))
         assert damage == pytest.approx(-np.expm1(-far), rel=1e-12, abs=2e-16)
         traction = point.answers.bond("traction")[0]
-        assert np.isfinite(point.answers.traction(point.answers.asked)).all()
+        assert np.isfinite(point.answers.traction(point.answers.required)).all()
         if far <= 20:
             assert traction[1] == pytest.approx(-2.0 * far * np.exp(-far), rel=1e-6)
         else:
@@ -580,7 +580,7 @@ def test_coupled_variables(dim):
         assert total(z) <= wanted.fun * (1 + 1e-12)
         y = z[:-1]
         damage = z[-1]
-        seen.add(int(point.answers.asked[0]))
+        seen.add(int(point.answers.required[0]))
     assert {0, DAMAGING} <= seen
 
 

@@ -154,7 +154,7 @@ def asked(law, dim, p, s):
     fields = {name: np.full(n, value) for name, value in law.given.items()}
     known = LawAtPoints(law, dim, n, COMM)
     found = known(np.zeros((n, dim)), traction, PointData(normals, np.zeros(n), np.ones(n), fields))
-    return "".join(status.letters(dim)[found.asked])
+    return "".join(status.letters(dim)[found.required])
 
 
 def test_classification():

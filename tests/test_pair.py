@@ -311,7 +311,7 @@ def triangle_on_a_body(n, friction):
 def test_branches_on_a_held_body(route):
     """All three solutions of the linear triangle, at the same forces."""
     ends = []
-    seen = demo_linear_triangle.SEEN
+    seen = demo_linear_triangle.FUNCTIONALS
     for system in (triangle_on_a_body(4, 2.5), demo_linear_triangle.linear_triangle(4, 2.5)):
         system.problem.solve()
         x = system.create_vector()

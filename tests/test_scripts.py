@@ -32,7 +32,7 @@ from dolfinx_contact.meshing import draw_polygon, mesh_from_gmsh
 from dolfinx_contact.records import BranchRecord, leftmost, rightmost, total
 
 COMM = MPI.COMM_WORLD
-SEEN = {"ut": leftmost("ut"), "un": rightmost("un"), "rn": total("rn"), "rt": total("rt")}
+FUNCTIONALS = {"ut": leftmost("ut"), "un": rightmost("un"), "rn": total("rn"), "rt": total("rt")}
 
 
 def pushed(cell="quad", n=3):
@@ -117,8 +117,8 @@ def test_bounds_of_numbers():
 
 def test_journal_in_memory_is_that_of_a_record(followed, folder):
     system, x, branch = followed
-    journal = records.journal_of(system, [branch], SEEN)
-    with BranchRecord(folder / "record", system, SEEN) as record:
+    journal = records.journal_of(system, [branch], FUNCTIONALS)
+    with BranchRecord(folder / "record", system, FUNCTIONALS) as record:
         follow(system, x, 0.0, gamma_range=(0.0, 1.0), route="steps", record=record)
         mine = journal.columns()
         other = record.journal.columns()
@@ -148,7 +148,7 @@ def test_functionals_are_those_of_the_table(cell):
     system = pushed(cell, 2)
     system.set_parameter(1.0)
     table = system.problem.solve().tables["contact"]
-    found = {name: f(system.problem) for name, f in SEEN.items()}
+    found = {name: f(system.problem) for name, f in FUNCTIONALS.items()}
     assert found["ut"] == pytest.approx(table.along(table.ut)[0])
     assert found["un"] == pytest.approx(table.un[-1])
     assert found["rn"] == pytest.approx(table.rn.sum())
@@ -185,9 +185,9 @@ def test_solutions_as_points(followed):
     system, x, branch = followed
     found = find_solutions(system, [x], 1.0)
     (point,) = found.points(system)
-    assert records.journal_of(system, [Branch([point])], SEEN).rows()[0]["rn"] == pytest.approx(
-        records.journal_of(system, [branch], SEEN).rows()[-1]["rn"], rel=1e-9
-    )
+    assert records.journal_of(system, [Branch([point])], FUNCTIONALS).rows()[0][
+        "rn"
+    ] == pytest.approx(records.journal_of(system, [branch], FUNCTIONALS).rows()[-1]["rn"], rel=1e-9)
     assert system.result_at(point).kkt_violation < 1e-9
     assert found.continua == ()
 
@@ -219,12 +219,12 @@ def test_pictures_of_curves_and_regions(folder):
 
 def test_diagrams_with_several_panels(followed, folder):
     system, _, branch = followed
-    journal = records.journal_of(system, [branch], SEEN)
+    journal = records.journal_of(system, [branch], FUNCTIONALS)
     if COMM.rank > 0:
         return
     sizes = []
     for i, names in enumerate(
-        [["ut"], ["ut", "rn"], {"ut": "$u_t$", "rn": "N", "rt": "T"}, [*SEEN]]
+        [["ut"], ["ut", "rn"], {"ut": "$u_t$", "rn": "N", "rt": "T"}, [*FUNCTIONALS]]
     ):
         for counts in (False, True):
             file = folder / f"{i}{counts}.png"

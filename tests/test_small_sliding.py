@@ -148,7 +148,7 @@ def test_far_and_turned(options, log):
     move(0.02 * facet)
     result = problem.solve()
     (small,) = result.slidings.values()
-    assert small.way < 0.03
+    assert small.distance < 0.03
     assert small.turn < 1
     assert result.misfit == small.misfit < 5e-4 * length
     assert result.doubts == {}
@@ -156,7 +156,7 @@ def test_far_and_turned(options, log):
     move(1.2 * facet)
     result = problem.solve()
     (far,) = result.slidings.values()
-    assert 0.9 < far.way < 1.8  # of the root of the area of a triangle
+    assert 0.9 < far.distance < 1.8  # of the root of the area of a triangle
     assert said(log) == 1
     assert "along the other body" in far.doubt
     assert result.unique == "not proved"
@@ -229,7 +229,7 @@ def test_a_history_says_it_once(log):
     move(0.0)
     problem.solve()
     history = evolution.run([0.0, 0.01, 0.5, 0.8, 1.0])
-    ways = [step.result.slidings["contact"].way for step in history.steps]
+    ways = [step.result.slidings["contact"].distance for step in history.steps]
     assert ways == sorted(ways)
     assert ways[0] < 0.05
     assert ways[-1] > 2.0
@@ -259,7 +259,7 @@ def test_a_motion_says_it_once(log):
     )
     motion = NSCD(problem, 1.0, dt=0.05, velocity=velocity)
     history = motion.run([0.0, 0.4])
-    ways = [step.result.slidings["contact"].way for step in history.steps]
+    ways = [step.result.slidings["contact"].distance for step in history.steps]
     assert ways[0] < 0.15
     assert ways[-1] > 0.7
     assert said(log) == 1

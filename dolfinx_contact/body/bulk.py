@@ -251,7 +251,7 @@ class Bulk:
 
         It is kept: the caller does not change it, and it is another array once the data are others.
         """
-        if not self._stands():
+        if not self._is_current():
             return None
         mark = self._mark(self._loads)
         if self._f is None or not self._same(mark, self._f_mark):
@@ -261,9 +261,9 @@ class Bulk:
 
     def product(self, u: npt.NDArray[np.float64]) -> npt.NDArray[np.float64] | None:
         """K u, as `affine_residual`. Collective."""
-        return self.times(u) if self._stands() else None
+        return self.times(u) if self._is_current() else None
 
-    def _stands(self) -> bool:
+    def _is_current(self) -> bool:
         """Whether K is that of all displacements, and of the data as they are. Collective."""
         if not self.linear or self._K is None:
             return False

@@ -516,8 +516,8 @@ def _variation(integral: ufl.Integral, u: fem.Function) -> str | None:
     first = form if tests else ufl.derivative(form, here, along)
     # Along (r, 0) a load without weight looks like one with it; what resists a strain does not.
     probes = [_uniform, _radial] if _has_gradient(e) else [_uniform]
-    for asked in (ufl.derivative(first, here, along), first):
-        found = _kinds(expand_derivatives(asked), along, copies, weights, probes)
+    for form in (ufl.derivative(first, here, along), first):
+        found = _kinds(expand_derivatives(form), along, copies, weights, probes)
         if found & {"r", "1/r"} and "constant" not in found:
             return "r" if "r" in found else "1/r"
     return None

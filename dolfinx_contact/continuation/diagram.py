@@ -38,7 +38,14 @@ from dolfinx_contact.continuation.branch import (
 )
 from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.continuation.follow import Follower, Route, follower_for
-from dolfinx_contact.continuation.observer import BranchStep, Guarded, Observer, Observers, Seen, Stop
+from dolfinx_contact.continuation.observer import (
+    BranchStep,
+    Guarded,
+    Observer,
+    Observers,
+    Seen,
+    Stop,
+)
 from dolfinx_contact.continuation.parameters import Direction, StepControl
 from dolfinx_contact.continuation.pivoting import Pivoting
 from dolfinx_contact.continuation.system import System

@@ -54,7 +54,7 @@ class Constraints:
     ):
         self._V = V
         self._bcs = list(bcs)
-        self._told = False
+        self._warned = False
         # A value may itself be NaN, so a component is fixed if either filling is overwritten.
         self.fixed = np.isfinite(self.values()) | np.isnan(self.values(fill=0.0))
         crossing, crossed = crossings(V, surfaces, self.fixed)
@@ -105,7 +105,7 @@ class Constraints:
         """Warn, once, of nodes with two values for one component. Collective."""
         V = self._V
         comm = self._V.mesh.comm
-        if self._told or len(self._bcs) < 2:
+        if self._warned or len(self._bcs) < 2:
             return
         bs = V.dofmap.index_map_bs
         n = V.dofmap.index_map.size_local * V.dofmap.index_map_bs
@@ -127,7 +127,7 @@ class Constraints:
             if abs(old - new) > _CONTRADICTION * size
         ]
         everyone = sorted(place for part in comm.allgather(found) for place in part)
-        self._told = bool(everyone)
+        self._warned = bool(everyone)
         if everyone and comm.rank == 0:
             where, i, old_value, new_value, last = everyone[0]
             logger.warning(

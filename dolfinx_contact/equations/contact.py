@@ -186,7 +186,7 @@ class ContactEquations:
             at = self.kinematics(s, u, q)
             traction = s.points.traction(multipliers)
             answers = s.law_at_points(at.jump, traction, at.data, codes)
-            codes = answers.asked if codes is None else codes
+            codes = answers.required if codes is None else codes
             found.append(ContactState(at, traction, codes, answers))
         return found
 

@@ -182,26 +182,26 @@ class RigidBodies:
                 found[part][: b.dim] = along / size
         return found
 
-    def free_ways(self, gaps: Sequence[Array], rates: Sequence[Array]) -> Array:
+    def free_distances(self, gaps: Sequence[Array], rates: Sequence[Array]) -> Array:
         """How far each body may go before it touches, by unknown: 0 if it does, or never will.
 
         Args:
             gaps: at the points of every surface.
             rates: at which a unit motion closes them. Collective.
         """
-        ways = np.zeros(self.size)
+        distances = np.zeros(self.size)
         for b, part in zip(self.bodies, self.slices, strict=True):
             nearest = np.inf
-            way = np.inf
+            least = np.inf
             for s, gap, rate in zip(self.surfaces, gaps, rates, strict=True):
                 if s.rigid_body is b:
                     nearest = min(nearest, float(np.min(gap, initial=np.inf)))
                     ahead = rate > _ASIDE
-                    way = min(way, float(np.min(gap[ahead] / rate[ahead], initial=np.inf)))
-            nearest, way = (self.comm.allreduce(v, op=min) for v in (nearest, way))
-            if nearest > 0 and np.isfinite(way):
-                ways[part] = way
-        return ways
+                    least = min(least, float(np.min(gap[ahead] / rate[ahead], initial=np.inf)))
+            nearest, least = (self.comm.allreduce(v, op=min) for v in (nearest, least))
+            if nearest > 0 and np.isfinite(least):
+                distances[part] = least
+        return distances
 
     def jump_matrix(self, s: ContactSurface) -> PETSc.Mat:
         """-Phi: jumps at the points of ``s`` by all unknowns. Collective."""

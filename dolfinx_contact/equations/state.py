@@ -111,7 +111,7 @@ class State:
     @property
     def asked(self) -> Statuses:
         """Those that the state asks for."""
-        return [s.answers.asked for s in self.surfaces]
+        return [s.answers.required for s in self.surfaces]
 
 
 def differs(a: Statuses, b: Statuses) -> list[npt.NDArray[np.bool_]]:

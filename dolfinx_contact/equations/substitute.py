@@ -52,7 +52,7 @@ class _Substitute(ContactEquations):
         found = []
         for i, state in enumerate(super()._contact(x, u, q, statuses)):
             answers = self._answers(i, state)
-            codes = answers.asked if statuses is None else statuses[i]
+            codes = answers.required if statuses is None else statuses[i]
             found.append(self._kind(state.kinematics, state.traction, codes, answers))
         return found
 

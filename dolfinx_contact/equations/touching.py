@@ -96,5 +96,5 @@ def bring_together(eq: ContactEquations, x: PETSc.Vec) -> None:
     closing = [
         _closing(eq, s, found, along) for s, found in zip(eq.surfaces, state.surfaces, strict=True)
     ]
-    moved = state.q + eq.rigid.free_ways(gaps, closing) * along
+    moved = state.q + eq.rigid.free_distances(gaps, closing) * along
     x.array[x.getLocalSize() - eq.rigid.owned :] = eq.rigid.here(moved)

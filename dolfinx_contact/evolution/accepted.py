@@ -199,7 +199,7 @@ class Stepper:
             state = self.problem.state()
         residual = Scales(eq, settled=True).measure(state).worst
         if residual > _SOLVED:  # before any solve the surfaces do not know their statuses
-            asked = self.problem.state([s.answers.asked for s in state.surfaces])
+            asked = self.problem.state([s.answers.required for s in state.surfaces])
             other = Scales(eq, settled=True).measure(asked).worst
             if other < residual:
                 state = asked
@@ -312,12 +312,12 @@ class Stepper:
         """
         self.put(accepted)
         try:
-            return self._taken(accepted, time, likely, guess)
+            return self._stepped(accepted, time, likely, guess)
         except BaseException:
             self.put(accepted)
             raise
 
-    def _taken(
+    def _stepped(
         self,
         accepted: AcceptedState,
         time: float,

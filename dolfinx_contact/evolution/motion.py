@@ -126,7 +126,7 @@ class MotionStepper(Stepper):
         self._velocity = velocity
         self._method = method
         self._constancy = constancy
-        self._said = False
+        self._warned = False
 
     def start(self, time: float) -> AcceptedState:
         """The state in the Functions. Collective.
@@ -169,7 +169,7 @@ class MotionStepper(Stepper):
         assert isinstance(accepted, MovingState)
         self._velocity.x.array[:] = accepted.motion.v
 
-    def _taken(
+    def _stepped(
         self,
         accepted: AcceptedState,
         time: float,
@@ -395,8 +395,8 @@ class MotionStepper(Stepper):
         turned = comm.allreduce(np.array(sizes), op=np.maximum)
         again = turned[1] < _TURNS * turned[0] and turned[0] > _PERCENT * max(turned[2:])
         times = times + 1 if again else 0
-        if times == _MOST_TURNS and not self._said:
-            self._said = True
+        if times == _MOST_TURNS and not self._warned:
+            self._warned = True
             words = self._worst(np.abs(off), 0.5 * turned[0], b.v[:n], mean)
             if comm.rank == 0:
                 logger.warning(

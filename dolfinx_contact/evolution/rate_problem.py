@@ -176,7 +176,7 @@ class RateProblem:
 
     def _pivoted(self, first: Piece, t: PETSc.Vec, oriented: bool, at_once: bool) -> Ray | None:
         seen: set[bytes] = set()
-        come_by = Ray(first, t)
+        incoming = Ray(first, t)
         piece = first
         for _ in range(_ROUNDS):
             known = b"".join(self._comm.allgather(piece.codes.tobytes()))
@@ -186,7 +186,7 @@ class RateProblem:
             tangent = self._corrector.tangent(self._y, t, piece)
             if tangent is None:
                 return None
-            if oriented and len(seen) > 1 and self._parity(come_by, Ray(piece, tangent)) < 0:
+            if oriented and len(seen) > 1 and self._parity(incoming, Ray(piece, tangent)) < 0:
                 tangent.scale(-1.0)
             ray = Ray(piece, tangent)
             points, targets, fall = self._falling(ray)

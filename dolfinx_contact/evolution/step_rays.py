@@ -65,7 +65,7 @@ def rays_of_step(problem: ContactProblem) -> StepRays | None:
             eq.prescribed.part = 0.0
             system = Loaded(eq, lambda: problem.linear_solver, x)
             try:
-                if not can_condense(system) or not system.surfaces_stand():
+                if not can_condense(system) or not system.leaves_surfaces_alone():
                     return None
                 try:
                     condensed = Reduction(system, x, 0.0, exact=False)

@@ -283,8 +283,8 @@ def _refuse_one_of_several(problem: ContactProblem, stress: Any) -> str:
             if name in ("everywhere", "otherwise"):
                 beside = True
             else:
-                materials.setdefault(name, []).append(_said_by(integral))
-    different = {repr(sorted(said)) for said in materials.values()}
+                materials.setdefault(name, []).append(_described(integral))
+    different = {repr(sorted(forms)) for forms in materials.values()}
     if len(different) < 2 and not (beside and different):
         return ""
     tags = ", ".join(map(str, sorted(materials)))
@@ -349,7 +349,7 @@ def _has_strain(problem: ContactProblem, integral: ufl.Integral) -> bool:
     return any(isinstance(n, ufl.classes.Grad) for n in nodes)
 
 
-def _said_by(integral: ufl.Integral) -> str:
+def _described(integral: ufl.Integral) -> str:
     """An integrand with the values of its Constants and the Functions in it."""
     form = ufl.Form([integral.reconstruct(subdomain_id="everywhere", metadata={})])
     values = [np.asarray(c.value).tolist() for c in form.constants()]

@@ -110,17 +110,17 @@ class Answers:
         return mine.reshape(-1, *shape)
 
     @cached_property
-    def asked(self) -> Codes:
+    def required(self) -> Codes:
         """Statuses that jumps and tractions ask for (n,)."""
-        return self._asked[0]
+        return self._nearest[0]
 
     @property
     def missed(self) -> Array:
         """By how much no status of the law holds the points, a traction (n,); 0 where one does."""
-        return np.maximum(-self._asked[1], 0.0)
+        return np.maximum(-self._nearest[1], 0.0)
 
     @cached_property
-    def _asked(self) -> tuple[Codes, Array]:
+    def _nearest(self) -> tuple[Codes, Array]:
         """Statuses, and the distance to the nearest of their borders."""
         least = np.empty((len(self._values), len(self._law.codes)))
         for i, code in enumerate(self._law.codes):

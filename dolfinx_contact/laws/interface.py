@@ -149,8 +149,8 @@ class Interface(Law):
                     if (code == OPEN or code > WHERE_OPEN) != is_open:
                         continue
                     borders = [Border(d, k + family, where) for d, k, where in piece.borders]
-                    borders += self._ways(sides, family, code)
-                    exists = _both(piece.exists, None if family == BROKEN else self._has_way)
+                    borders += self._outgoing(sides, family, code)
+                    exists = _both(piece.exists, None if family == BROKEN else self._can_change)
                     answer = piece.answer + side.traction
                     found[code + family] = StatusPiece(answer, borders, exists)
         return dict(sorted(found.items()))
@@ -267,7 +267,7 @@ class Interface(Law):
         x = self.weakening
         if x is None:
             return sides[OPEN].values
-        moves = _both(ufl.lt(self._slack(sides[OPEN]), 0.0), self._has_way)
+        moves = _both(ufl.lt(self._slack(sides[OPEN]), 0.0), self._can_change)
         found = sides[DAMAGING].values
         if x.end is not None:
             ends = ufl.lt(self._slack(sides[BROKEN]), 0.0)
@@ -278,7 +278,7 @@ class Interface(Law):
     # -- statuses of the monotone variable -------------------------------------------------------
 
     @property
-    def _has_way(self) -> Any:
+    def _can_change(self) -> Any:
         """Condition under which the monotone variable is not at its end; None if that is known."""
         x = self.weakening
         if x is None or x.end is None:
@@ -291,17 +291,19 @@ class Interface(Law):
         assert x is not None
         return x.sense * side.driven(x.name)
 
-    def _ways(self, sides: Mapping[int, InterfacePoint], family: int, code: int) -> list[Border]:
+    def _outgoing(
+        self, sides: Mapping[int, InterfacePoint], family: int, code: int
+    ) -> list[Border]:
         """Borders to other families."""
         x = self.weakening
         found = list[Border]()
         if x is None:
             return found
         scale = sides[OPEN].scale(x.name)
-        way = self._has_way
+        can = self._can_change
         rests = scale * self._slack(sides[OPEN])
         if family == OPEN:
-            found += _borders(sides[DAMAGING], rests, code, DAMAGING, way)
+            found += _borders(sides[DAMAGING], rests, code, DAMAGING, can)
         elif family == DAMAGING:
             found += _borders(sides[OPEN], -rests, code, OPEN, None)
         if x.end is not None and family != OPEN:
@@ -309,7 +311,7 @@ class Interface(Law):
             if family == DAMAGING:
                 found += _borders(sides[BROKEN], goes, code, BROKEN, None)
             else:
-                found += _borders(sides[DAMAGING], -goes, code, DAMAGING, way)
+                found += _borders(sides[DAMAGING], -goes, code, DAMAGING, can)
         return found
 
 

@@ -15,7 +15,7 @@ from dolfinx import fem, mesh
 
 from dolfinx_contact._errors import require
 from dolfinx_contact.points.clipping import Faces
-from dolfinx_contact.points.search import asked_ranks, exchanged, nearest
+from dolfinx_contact.points.search import exchanged, nearest, ranks_nearby
 from dolfinx_contact.points.trace import facet_closures, facet_normals
 
 __all__ = ["candidates", "faces_of", "measured", "refuse_aslant", "seen_along", "seen_in"]
@@ -58,8 +58,8 @@ def candidates(comm: MPI.Comm, slave: Faces, master: Faces) -> tuple[Faces, Node
     closest = nearest(comm, others, middles, dim)
     distance = np.linalg.norm(closest - middles, axis=1)
     reach = 2 * (distance + largest) + radius
-    asked, tree = asked_ranks(comm, others, middles, lambda near, _: near <= reach)
-    sent: Any = [np.column_stack([middles[i], reach[i], i]) for i in asked]
+    places, tree = ranks_nearby(comm, others, middles, lambda near, _: near <= reach)
+    sent: Any = [np.column_stack([middles[i], reach[i], i]) for i in places]
     answers: list[Array] = []
     corners = master.corners
     nodes = master.nodes.shape[1]

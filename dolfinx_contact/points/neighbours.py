@@ -25,7 +25,7 @@ from dolfinx_contact.laws.spreading import KERNELS, whole
 from dolfinx_contact.laws.status import closed
 from dolfinx_contact.laws.symbols import AROUND
 from dolfinx_contact.points.contact_points import ContactPoints
-from dolfinx_contact.points.search import asked_ranks, exchanged
+from dolfinx_contact.points.search import exchanged, ranks_nearby
 
 __all__ = ["LawAmongPoints", "Neighbours", "spreading_matrix"]
 
@@ -47,9 +47,9 @@ def spreading_matrix(comm: MPI.Comm, x: Array, areas: Array, kernel: Kernel) -> 
     n, dim = x.shape
     first = comm.exscan(n) or 0
     known = np.column_stack([x, areas, first + np.arange(n)])
-    asked, tree = asked_ranks(comm, x, x, lambda near, _: near <= kernel.radius)
+    places, tree = ranks_nearby(comm, x, x, lambda near, _: near <= kernel.radius)
     answers = []
-    for q in exchanged(comm, [np.column_stack([x[i], i]) for i in asked], (dim + 1,)):
+    for q in exchanged(comm, [np.column_stack([x[i], i]) for i in places], (dim + 1,)):
         found = []
         if tree is not None and len(q):
             found = tree.query_ball_point(q[:, :dim], kernel.radius)
@@ -165,7 +165,7 @@ class LawAmongPoints(LawAtPoints):
     ) -> Answers:
         alone = super().__call__(jump, traction, _with(data, np.zeros(self.number)))
         q, by_jump, by_traction = alone.pressure
-        acts = closed(alone.asked if codes is None else codes)
+        acts = closed(alone.required if codes is None else codes)
         around = self.neighbours(np.where(acts, q, 0.0))
         slopes = (np.where(acts[:, None], d, 0.0) for d in (by_jump, by_traction))
         values = self._evaluate(self.compiled.values, jump, traction, _with(data, around))

@@ -24,7 +24,7 @@ from dolfinx import fem, la
 
 from dolfinx_contact.points.clipping import basis, nodal_points
 from dolfinx_contact.points.contact_points import ContactPoints, Evaluator
-from dolfinx_contact.points.search import asked_ranks, exchanged, nearest
+from dolfinx_contact.points.search import exchanged, nearest, ranks_nearby
 from dolfinx_contact.points.trace import facet_closures, facet_normals
 
 __all__ = ["Moved", "PairMotion"]
@@ -40,7 +40,7 @@ class Moved:
     """What has happened to the contact points of this rank since the reference configuration.
 
     Attributes:
-        way: along the surface, relative to what was opposite (n,).
+        distance: along the surface, relative to what was opposite (n,).
         facet: width of the facet of the master that was opposite (n,).
         beyond: how far the point is beyond the edge of the master, more than it was (n,).
         turn: by how much the normal of slave or master there is farther from that of the law, an
@@ -50,7 +50,7 @@ class Moved:
         facing: whether a facet of the master lies opposite now (n,).
     """
 
-    way: Array
+    distance: Array
     facet: Array
     beyond: Array
     turn: Array
@@ -212,8 +212,8 @@ class PairMotion:
         largest = comm.allreduce(float(np.max(radius, initial=0.0)), op=max)
         near = np.linalg.norm(nearest(comm, middles, wanted, dim) - wanted, axis=1)
         reach = near * (1 + _SAME)
-        asked, _ = asked_ranks(comm, middles, wanted, lambda low, _: low <= reach + largest)
-        sent: Any = [np.column_stack([wanted[i], reach[i], i]) for i in asked]
+        places, _ = ranks_nearby(comm, middles, wanted, lambda low, _: low <= reach + largest)
+        sent: Any = [np.column_stack([wanted[i], reach[i], i]) for i in places]
         search = _Search(middles, radius)
         answers: list[Array] = []
         for q in exchanged(comm, sent, (dim + 2,)):

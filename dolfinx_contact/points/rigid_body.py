@@ -120,14 +120,16 @@ class RigidBody(Obstacle):
                 "motion, or is named in free or held"
             )
         prescribed = {**motions, **zeros[1]}
-        way = "loads and motions that are to change are Constants of the mesh"
-        self.given: dict[str, Any] = ReadOnlyDict(known, f"loads and motions of {name}", way)
+        instead = "loads and motions that are to change are Constants of the mesh"
+        self.given: dict[str, Any] = ReadOnlyDict(known, f"loads and motions of {name}", instead)
         self.fixed = np.array([c in prescribed for c in self.components])
         for array in (self.about, self.fixed):
             array.flags.writeable = False
         self.values: Array = np.zeros(len(self.components))
         self._places: list[tuple[fem.Constant, fem.Constant]] = []
-        self._taken: list[tuple[Any, Any]] = []  # loads and motions, given and without derivatives
+        self._expressions: list[
+            tuple[Any, Any]
+        ] = []  # loads and motions, given and without derivatives
 
     @property
     def displacement(self) -> Array:
@@ -234,12 +236,12 @@ class RigidBody(Obstacle):
     def _plain(self) -> list[Any]:
         """Loads and motions without derivatives, which take time and are taken once."""
         given = self.expressions
-        same = len(self._taken) == len(given) and all(
-            e is known for e, (known, _) in zip(given, self._taken, strict=True)
+        same = len(self._expressions) == len(given) and all(
+            e is known for e, (known, _) in zip(given, self._expressions, strict=True)
         )
         if not same:
-            self._taken = [(e, ufl.algorithms.expand_derivatives(e)) for e in given]
-        return [plain for _, plain in self._taken]
+            self._expressions = [(e, ufl.algorithms.expand_derivatives(e)) for e in given]
+        return [plain for _, plain in self._expressions]
 
     def described(self) -> str:
         """What is to be the same on every rank."""

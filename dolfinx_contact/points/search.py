@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-__all__ = ["asked_ranks", "exchanged", "nearest", "within"]
+__all__ = ["exchanged", "nearest", "ranks_nearby", "within"]
 
 Array = npt.NDArray[np.float64]
 Nodes = npt.NDArray[np.int64]
@@ -30,18 +30,18 @@ def nearest(comm: MPI.Comm, known: Array, wanted: Array, dim: int) -> Array:
         A row for every place; infinite places where there are none at all.
     """
     best = np.full((len(wanted), known.shape[1]), np.inf)
-    asked, tree = asked_ranks(
+    places, tree = ranks_nearby(
         comm,
         known[:, :dim],
         wanted,
         lambda near, far: near <= np.nanmin(far, axis=0, initial=np.inf) * (1 + 1e-12),
     )
-    questions = exchanged(comm, [wanted[i] for i in asked], (dim,))
+    questions = exchanged(comm, [wanted[i] for i in places], (dim,))
     answers = [
         known[tree.query(q)[1]] if tree is not None and len(q) else known[:0] for q in questions
     ]
     distance = np.full(len(wanted), np.inf)
-    for i, rows in zip(asked, exchanged(comm, answers, known.shape[1:]), strict=True):
+    for i, rows in zip(places, exchanged(comm, answers, known.shape[1:]), strict=True):
         d = np.linalg.norm(rows[:, :dim] - wanted[i], axis=1)
         closer = d < distance[i]
         best[i[closer]] = rows[closer]
@@ -51,8 +51,8 @@ def nearest(comm: MPI.Comm, known: Array, wanted: Array, dim: int) -> Array:
 
 def within(comm: MPI.Comm, known: Array, wanted: Array, radius: float) -> Nodes:
     """How many of the known places, of all ranks, lie around the wanted ones. Collective."""
-    asked, tree = asked_ranks(comm, known, wanted, lambda near, _: near <= radius)
-    questions = exchanged(comm, [wanted[i] for i in asked], wanted.shape[1:])
+    places, tree = ranks_nearby(comm, known, wanted, lambda near, _: near <= radius)
+    questions = exchanged(comm, [wanted[i] for i in places], wanted.shape[1:])
     answers = [
         np.array([float(len(p)) for p in tree.query_ball_point(q, radius)])
         if tree is not None and len(q)
@@ -60,12 +60,12 @@ def within(comm: MPI.Comm, known: Array, wanted: Array, radius: float) -> Nodes:
         for q in questions
     ]
     counts = np.zeros(len(wanted))
-    for i, found in zip(asked, exchanged(comm, answers, ()), strict=True):
+    for i, found in zip(places, exchanged(comm, answers, ()), strict=True):
         counts[i] += found
     return counts.astype(np.int64)
 
 
-def asked_ranks(
+def ranks_nearby(
     comm: MPI.Comm,
     known: Array,
     wanted: Array,

@@ -182,7 +182,6 @@ class ContactSurface(ReadOnly):
         self._create_points(local, rule_degree)
         self.sliding = sliding
         #: Gap and normal at displaced points; None where they stay.
-        #: Gap and normal at displaced points; None where they stay.
         self._displaced: DisplacedPoints | None = None
         self.memory: Memory | None = None
         #: Distances to the obstacle of the contact points where they are now, or None.
@@ -462,7 +461,7 @@ class ContactSurface(ReadOnly):
     def _bound(self, at: Kinematics, traction: Array) -> Array:
         """Radius of the friction disc (n,); 0 where nothing grips."""
         answers = self.law_at_points(at.jump, traction, at.data)
-        acts = closed(answers.asked) | (not self.law.needs_pressure)
+        acts = closed(answers.required) | (not self.law.needs_pressure)
         return np.where(acts, np.maximum(answers.bound, 0.0), 0.0)
 
     def bond(self, name: str) -> Array:

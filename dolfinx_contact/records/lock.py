@@ -54,7 +54,7 @@ class Lock:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
-            raise _taken(path, f"{_described(self._note)}. Their end frees the lock") from error
+            raise _acquired(path, f"{_described(self._note)}. Their end frees the lock") from error
         except OSError as error:
             if error.errno not in _WITHOUT:
                 raise
@@ -80,7 +80,7 @@ class Lock:
             descriptor = os.open(self._note, os.O_WRONLY | os.O_CREAT | how, 0o666)
         except FileExistsError as error:
             holder = f"{_described(self._note)}. If they are gone, remove {self._note}"
-            raise _taken(path, holder) from error
+            raise _acquired(path, holder) from error
         except OSError as error:  # a link, which may lead to a file of the user
             raise os_error(error, self._note) from None
         try:
@@ -106,7 +106,7 @@ def processes(comm: MPI.Comm) -> dict[str, list[int]]:
     return found
 
 
-def _taken(path: Path, holder: str) -> BlockingIOError:
+def _acquired(path: Path, holder: str) -> BlockingIOError:
     return BlockingIOError(errno.EAGAIN, f"another run records to {path}: {holder}")
 
 

@@ -157,7 +157,7 @@ class PointLaws:
             scale = self.scale[places, None]
             jump = np.einsum("iap,ip->ia", T, w[places, :2])
             traction = np.einsum("iap,ip->ia", T, w[places, 2:]) * scale
-            codes[places] = law(jump, traction, data).asked
+            codes[places] = law(jump, traction, data).required
         return codes
 
     def cones(self) -> tuple[Array, Array, npt.NDArray[np.bool_]]:

@@ -35,7 +35,7 @@ Array = npt.NDArray[np.float64]
 Marks = npt.NDArray[np.bool_]
 
 _LARGEST_MISFIT = 1e-3  # of the body's size, above which there is a warning
-_LARGEST_WAY = 0.5  # of a facet
+_LARGEST_PART = 0.5  # of a facet
 _LARGEST_TURN = 3.0  # degrees
 _CARRIES = 1e-3  # of the largest traction, above which an open point carries something
 _FAR = 10.0  # body sizes
@@ -73,9 +73,9 @@ class Sliding:
             which the law does not see. Of a pair that of the slave from the displaced master, which
             counts by how much it is off by more than in the reference configuration, and at points
             that have left the master's face the distance by which.
-        way: of a pair, how far a point that is closed, or carries something across a gap, has gone
-            along the master, in widths of the facet that was opposite, or of the whole face of the
-            slave where that is narrower; else 0.
+        distance: of a pair, how far a point that is closed, or carries something across a gap, has
+            moved along the master, in widths of the facet that was opposite, or of the whole face
+            of the slave where that is narrower; else 0.
         turn: of a pair, the angle in degrees by which normals have turned at closed points: its
             root mean square by the normal forces, or half the largest if that is more, which counts
             where a body bends to the shape of the other and the pressure falls off; else 0.
@@ -85,7 +85,7 @@ class Sliding:
     """
 
     misfit: float | None
-    way: float = 0.0
+    distance: float = 0.0
     turn: float = 0.0
     doubt: str = ""
 
@@ -179,7 +179,7 @@ def _of_pair(
         held: points that Dirichlet data hold.
         forces: normal forces.
     """
-    left = moved.beyond > _LARGEST_WAY * s.points.mean_width
+    left = moved.beyond > _LARGEST_PART * s.points.mean_width
     # What the law has at the gap of the reference configuration less -j.n is somewhere else.
     true = s.points.data.gap + moved.opened
     law = s.points.data.gap + moved.linear
@@ -190,8 +190,8 @@ def _of_pair(
     misfit, at, above = _worst(s, off, true)
     # One wide facet of the master is no measure for a small body that wanders along it.
     face = _width(s)
-    part = np.where(acting, moved.way / np.minimum(moved.facet, face), 0.0)
-    way, along, gone = _worst(s, part, moved.way)
+    part = np.where(acting, moved.distance / np.minimum(moved.facet, face), 0.0)
+    distance, along, moved_by = _worst(s, part, moved.distance)
     degrees = np.where(closed_points, np.degrees(moved.turn), 0.0)
     turn, turned, _ = _worst(s, degrees, degrees)
     sums = s.comm.allreduce(np.array([forces @ degrees**2, forces.sum()]))
@@ -199,15 +199,17 @@ def _of_pair(
         turn = max(turn / 2, float(np.sqrt(sums[0] / sums[1])))
     beyond, edge, _ = _worst(s, np.where(acting, moved.beyond, 0.0), moved.beyond)
     reasons = []
-    if way > _LARGEST_WAY:
+    if distance > _LARGEST_PART:
         measure = (
-            "the whole face" if way * face < gone * (1 + 1e-9) else "the facet that was opposite"
+            "the whole face"
+            if distance * face < moved_by * (1 + 1e-9)
+            else "the facet that was opposite"
         )
         reasons.append(
-            f"the point which was at {_shown(along)} has gone {gone:.3g} along the other body, "
-            f"{way:.2g} of {measure}"
+            f"the point which was at {_shown(along)} has gone {moved_by:.3g} along the other body, "
+            f"{distance:.2g} of {measure}"
         )
-    if beyond > _LARGEST_WAY * s.points.mean_width:
+    if beyond > _LARGEST_PART * s.points.mean_width:
         reasons.append(
             f"the point which was at {_shown(edge)} acts {beyond:.3g} beyond the edge of the master"
         )
@@ -220,12 +222,12 @@ def _of_pair(
             f"({misfit / eq.body_size:.2g} of the body's size), {abs(above):.3g} {where} the master"
         )
     if not reasons:
-        return Sliding(misfit, way, turn)
+        return Sliding(misfit, distance, turn)
     doubt = (
         "the sliding is not small: what is opposite, gap and normal are those of the reference "
         f"configuration; {'; '.join(reasons)}"
     )
-    return Sliding(misfit, way, turn, doubt)
+    return Sliding(misfit, distance, turn, doubt)
 
 
 def _worst(s: ContactSurface, values: Array, others: Array) -> tuple[float, Array, float]:

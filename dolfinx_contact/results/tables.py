@@ -225,7 +225,7 @@ def violation(eq: ContactEquations, state: State, force: float, length: float) -
         r = np.asarray(force / (length * points.areas), dtype=np.float64)
         answers = s.law_at_points(found.jump, found.traction, replace(found.data, r=r))
         held = answers.holds(found.statuses)
-        codes = np.where(held, found.statuses, answers.asked)
+        codes = np.where(held, found.statuses, answers.required)
         off = (found.traction - answers.traction(codes)) * points.areas[:, None]
         if s.method != "integral":
             off[eq.constraints.removed[number][: points.number]] = 0.0

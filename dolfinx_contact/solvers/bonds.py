@@ -32,7 +32,7 @@ __all__ = ["have_bonds", "let_go"]
 Array = npt.NDArray[np.float64]
 
 _NEAR = 1e-2, 1e-3, 1e-4, 1e-6, 1e-8  # changes of the strengths after which Newton's method may end
-_ON_THE_WAY = 1e-9  # residual with bonds that are held, which is none of the law's
+_HELD_RESIDUAL = 1e-9  # residual with bonds that are held, which is none of the law's
 _ROUNDS = 2000  # at most
 
 
@@ -89,8 +89,8 @@ def _solve(
     try:
         for run in (Newton.run, pivot):
             with Newton(held, linear(), "none", None) as solver:
-                asked = solver.snes.getTolerances()[0]
-                solver.snes.setTolerances(rtol=max(asked, _ON_THE_WAY))
+                tolerance = solver.snes.getTolerances()[0]
+                solver.snes.setTolerances(rtol=max(tolerance, _HELD_RESIDUAL))
                 if run(solver, x, attempt):
                     return True
             start.copy(x)

@@ -87,8 +87,8 @@ class LinearSolverChoice:
     def direct_instead(self) -> bool:
         """Let the direct solver take over from multigrid, if that was no wish and memory allows."""
         eq = self._equations
-        asked = (eq.options.value("linear_solver") or "auto") != "auto"
-        if asked or self().name == "direct":
+        given = (eq.options.value("linear_solver") or "auto") != "auto"
+        if given or self().name == "direct":
             return False
         needed = predicted_gigabytes("direct", sum(eq.global_sizes), eq.dim)
         free = available_gigabytes(eq.comm)

@@ -27,7 +27,7 @@ from dolfinx_contact.solvers.linear import LinearSolver
 __all__ = ["Loaded", "follow_load"]
 
 _MOST_STEPS = 400
-_STANDS = 1e-8  # rows of the surfaces that are round-off, over stiffness times displacement
+_ROUND_OFF = 1e-8  # rows of the surfaces that are round-off, over stiffness times displacement
 Array = npt.NDArray[np.float64]
 
 
@@ -52,13 +52,13 @@ class Loaded(ParametricEquations):
         self._rest = equations.create_vector()
         equations.residual(x0, self._rest)
 
-    def surfaces_stand(self) -> bool:
+    def leaves_surfaces_alone(self) -> bool:
         """Whether the load leaves alone what the surfaces are given, at the start. Collective."""
         eq = self.equations
         size = max(float(np.abs(f).max(initial=0.0)) for f in eq.blocks(self._x0))
         rows = [float(np.abs(f).max(initial=0.0)) for f in eq.blocks(self._rest)[1:-1]]
         size, off = (float(eq.comm.allreduce(v, op=max)) for v in (size, max(rows)))
-        return off <= _STANDS * eq.stiffness_scale * size
+        return off <= _ROUND_OFF * eq.stiffness_scale * size
 
     def _set(self, gamma: float) -> None:
         self.equations.prescribed.part = gamma

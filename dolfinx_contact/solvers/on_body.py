@@ -258,7 +258,7 @@ class OnBody:
         for i, (s, state) in enumerate(zip(eq.surfaces, self._state.surfaces, strict=True)):
             data = replace(state.data, r=np.full(s.points.number, rho))
             answers = s.law_at_points(state.jump, state.traction, data)
-            raised = answers.traction(answers.asked)
+            raised = answers.traction(answers.required)
             size = raised.size
             removed = eq.constraints.removed[i].reshape(-1)[:size]
             raised = np.where(removed, 0.0, raised.reshape(-1))

@@ -43,8 +43,8 @@ def pivot(solver: Newton, x: PETSc.Vec, attempt: Attempt) -> bool:
             return False
         if not solved and not np.isfinite(attempt.steps[-1].measures.worst):
             return False
-        asked = eq.contact(x).statuses
-        objecting = differs(asked, held)
+        required = eq.contact(x).statuses
+        objecting = differs(required, held)
         count = int(eq.comm.allreduce(sum(int(o.sum()) for o in objecting)))
         if count < fewest:
             fewest = count
@@ -53,21 +53,21 @@ def pivot(solver: Newton, x: PETSc.Vec, attempt: Attempt) -> bool:
             patience -= 1
         if count > 0 and patience < 0:
             objecting = _last(eq, objecting)
-            asked = [_by_stick(a, b) for a, b in zip(asked, held, strict=True)]
-        held = [np.where(o, a, b) for o, a, b in zip(objecting, asked, held, strict=True)]
+            required = [_by_stick(a, b) for a, b in zip(required, held, strict=True)]
+        held = [np.where(o, a, b) for o, a, b in zip(objecting, required, held, strict=True)]
         if count == 0:
-            # Every status is the one asked for: the piece's solution solves H.
+            # Every status is the required one: the piece's solution solves H.
             return solver.run(x, attempt)
     attempt.reason = f"{fewest} points keep objecting to their status"
     return False
 
 
-def _by_stick(asked: Codes, held: Codes) -> Codes:
-    """What is asked for, but stick where a slip is to turn round: the bound between comes first."""
+def _by_stick(required: Codes, held: Codes) -> Codes:
+    """The required statuses, but stick where slip is to reverse: the bound between comes first."""
     before = senses(held)
-    after = senses(asked)
+    after = senses(required)
     turns = (before != after) & np.isin(before, (PLUS, MINUS)) & np.isin(after, (PLUS, MINUS))
-    return np.where(turns, held + STICK - before, asked).astype(np.int8)
+    return np.where(turns, held + STICK - before, required).astype(np.int8)
 
 
 def _last(
