@@ -41,8 +41,7 @@ from dolfinx_contact.reduced.scope import can_condense
 from dolfinx_contact.results.checks import sliding_doubt, slidings
 from dolfinx_contact.results.result import Result
 from dolfinx_contact.results.uniqueness import checked_seconds
-from dolfinx_contact.solvers.errors import ConvergenceError
-from dolfinx_contact.solvers.history import Attempt
+from dolfinx_contact.solvers.history import Attempt, ConvergenceError
 
 __all__ = ["ParametricContact"]
 

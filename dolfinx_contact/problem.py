@@ -45,8 +45,7 @@ from dolfinx_contact.results.balance import forces_at_vertices, support_at_nodes
 from dolfinx_contact.results.checks import warn_of_obstacles
 from dolfinx_contact.results.result import Result, collect, warn_of_sliding
 from dolfinx_contact.results.tables import ContactTable, contact_table
-from dolfinx_contact.results.theory import Theory
-from dolfinx_contact.results.uniqueness import OTHER_DATA, Uniqueness, checked_seconds
+from dolfinx_contact.results.uniqueness import OTHER_DATA, Theory, Uniqueness, checked_seconds
 from dolfinx_contact.solvers.choice import LinearSolverChoice
 from dolfinx_contact.solvers.history import Attempt, Step
 from dolfinx_contact.solvers.ladder import check_data, solve

@@ -19,8 +19,7 @@ if TYPE_CHECKING:
     from dolfinx_contact.continuation.system import Proof, RayProof
     from dolfinx_contact.equations.contact import ContactEquations
     from dolfinx_contact.reduced.reduction import Reduction
-    from dolfinx_contact.results.theory import Theory
-    from dolfinx_contact.results.uniqueness import Uniqueness
+    from dolfinx_contact.results.uniqueness import Theory, Uniqueness
     from dolfinx_contact.solvers.linear import LinearSolver
 
 __all__ = ["obstacle_to_proof", "proved", "proved_rays", "theory_of", "uniqueness"]

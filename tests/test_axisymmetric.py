@@ -41,7 +41,7 @@ from dolfinx_contact.materials import (
     circumference,
 )
 from dolfinx_contact.meshing import join, mesh_from_gmsh
-from dolfinx_contact.solvers.errors import FloatingBodyError
+from dolfinx_contact.solvers.history import FloatingBodyError
 
 COMM = MPI.COMM_WORLD
 STEEL = Axisymmetric(LinearElastic.from_young(1000.0, 0.3))

@@ -26,7 +26,7 @@ from dolfinx_contact import (
 from dolfinx_contact.body.rigid import parts
 from dolfinx_contact.evolution import NSCD, NoContinuation
 from dolfinx_contact.materials import CiarletGeymonat, LinearElastic, lame
-from dolfinx_contact.solvers.errors import FloatingBodyError
+from dolfinx_contact.solvers.history import FloatingBodyError
 
 COMM = MPI.COMM_WORLD
 FLOOR = HalfSpace((0.0, 0.0), (0.0, 1.0))

@@ -23,8 +23,7 @@ from dolfinx_contact import (
     Sphere,
     Tresca,
 )
-from dolfinx_contact.body.cells import check_cells
-from dolfinx_contact.body.deformation import smallest_jacobian
+from dolfinx_contact.body.cells import check_cells, smallest_jacobian
 from dolfinx_contact.laws import status
 from dolfinx_contact.materials import LinearElastic, StVenantKirchhoff
 from dolfinx_contact.obstacles import Obstacle

@@ -31,7 +31,7 @@ from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.points.operators import Operator
 from dolfinx_contact.points.vertex_state import vertex_state
 from dolfinx_contact.reduced.scope import check_reducible
-from dolfinx_contact.results.pairs import pair_balance
+from dolfinx_contact.results.partners import pair_balance
 from dolfinx_contact.solvers.springs import springs
 
 COMM = MPI.COMM_WORLD

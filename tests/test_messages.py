@@ -20,8 +20,7 @@ from dolfinx_contact.continuation import Observer, find_solutions, follow, solut
 from dolfinx_contact.continuation.rays import Rays, outgoing
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.records import BranchRecord
-from dolfinx_contact.solvers.errors import LinearSolverError
-from dolfinx_contact.solvers.history import Attempt
+from dolfinx_contact.solvers.history import Attempt, LinearSolverError
 from dolfinx_contact.solvers.linear import Direct
 from dolfinx_contact.solvers.newton import Newton
 

@@ -28,8 +28,8 @@ from dolfinx_contact import (
     solve_nested,
 )
 from dolfinx_contact.body.bulk import Bulk
-from dolfinx_contact.equations.augmentation import softness
 from dolfinx_contact.equations.jacobian import Jacobian
+from dolfinx_contact.equations.scaling import softness
 from dolfinx_contact.laws.status import OPEN
 from dolfinx_contact.materials import LinearElastic, NeoHookean
 from dolfinx_contact.solvers import choice

@@ -33,9 +33,8 @@ from dolfinx_contact.continuation import find_solutions, follow
 from dolfinx_contact.obstacles import Obstacle
 from dolfinx_contact.points.vertex_state import vertex_state
 from dolfinx_contact.records import BranchRecord, resume
-from dolfinx_contact.solvers.errors import FloatingBodyError
 from dolfinx_contact.solvers.following import follow_load
-from dolfinx_contact.solvers.history import Attempt
+from dolfinx_contact.solvers.history import Attempt, FloatingBodyError
 from dolfinx_contact.solvers.newton import Newton
 from dolfinx_contact.solvers.reduced import solve_reduced
 from dolfinx_contact.solvers.strategies import raise_load

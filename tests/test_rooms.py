@@ -100,7 +100,7 @@ def test_what_a_static_solve_does_not_need_is_not_loaded():
     late = [f"{PACKAGE}.{room}" for room in (*above, *strategies)]
     late += ["scipy.integrate", "scipy.optimize"]
     assert not [name for name in loaded if name.startswith(tuple(late))]
-    assert len([name for name in loaded if name.split(".")[0] == PACKAGE]) <= 117
+    assert len([name for name in loaded if name.split(".")[0] == PACKAGE]) <= 100
 
 
 def test_no_circle():

@@ -11,7 +11,7 @@ from dolfinx import fem
 
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace
 from dolfinx_contact.materials import LinearElastic, NeoHookean
-from dolfinx_contact.solvers.errors import FloatingBodyError
+from dolfinx_contact.solvers.history import FloatingBodyError
 
 COMM = MPI.COMM_WORLD
 SHEARED = {2: (0.03, -0.01), 3: (0.03, 0.0, -0.01)}

@@ -25,7 +25,7 @@ from dolfinx_contact.io.master import MasterFace
 from dolfinx_contact.meshing import join
 from dolfinx_contact.plot import picture_of_body, picture_of_contact, pictures
 from dolfinx_contact.records import BranchRecord, write_series
-from dolfinx_contact.solvers.errors import FloatingBodyError
+from dolfinx_contact.solvers.history import FloatingBodyError
 
 COMM = MPI.COMM_WORLD
 MODULUS = 1000.0 * 0.7 / (1.3 * 0.4)  # of uniaxial strain

@@ -18,8 +18,8 @@ import numpy.typing as npt
 from dolfinx_contact._entries import Entries, matrix_of
 from dolfinx_contact._errors import require
 from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.given_data import check_times
 from dolfinx_contact.equations.state import State
-from dolfinx_contact.points.law_checks import check_times
 
 __all__ = [
     "Problem",
@@ -51,7 +51,7 @@ def static_equations(problem: Any) -> ContactEquations:
     """The equations of a contact problem, whose laws need no time. Collective.
 
     Raises:
-        ValueError: on every rank, if it is none, or a law needs one (`points.law_checks`).
+        ValueError: on every rank, if it is none, or a law needs one (`equations.given_data`).
     """
     eq = getattr(problem, "equations", None)
     if not isinstance(eq, ContactEquations):

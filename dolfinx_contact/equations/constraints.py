@@ -3,12 +3,15 @@
 
 Where Dirichlet data fix the displacement of a contact node, its multiplier has nothing to determine
 it: the reaction belongs to the support. Such multiplier components are removed (identity rows).
+Of what the user's Dirichlet data prescribe a part may be applied (`PrescribedDisplacement`).
 """
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import cached_property
 from itertools import combinations
 
 import numpy as np
@@ -23,7 +26,7 @@ from dolfinx_contact.points.held_ends import resting
 from dolfinx_contact.points.surface import ContactSurface
 from dolfinx_contact.points.trace import facet_closures
 
-__all__ = ["Constraints", "check_overlap"]
+__all__ = ["Constraints", "PrescribedDisplacement", "check_overlap"]
 
 logger = logging.getLogger(__name__)
 
@@ -316,3 +319,75 @@ def _fixed_on_support(s: ContactSurface, fixed: npt.NDArray[np.bool_]) -> npt.ND
     count.scatter_reverse(la.InsertMode.add)
     count.scatter_forward()
     return np.asarray(count.array.reshape(-1, s.dim) == 0)
+
+
+class PrescribedDisplacement:
+    """Dirichlet data of a body as conditions of the problem's own, which follow the user's.
+
+    Args:
+        V: space of the displacement.
+        constraints: which components are fixed, and to what.
+
+    Attributes:
+        part: of the way from a start to the user's data that is prescribed, 1 but in `ramped`.
+    """
+
+    def __init__(self, V: fem.FunctionSpace, constraints: Constraints):
+        self._V = V
+        self._constraints = constraints
+        self.part = 1.0
+        self._start: npt.NDArray[np.float64] | None = None
+        #: What the unknowns are where the displacement is what is prescribed, if they are not it.
+        self.unknowns: Callable[[npt.NDArray[np.float64]], npt.NDArray[np.float64]] | None = None
+
+    @cached_property
+    def _components(
+        self,
+    ) -> list[tuple[int, fem.Function, npt.NDArray[np.int32], fem.DirichletBC]]:
+        """Every component that is fixed somewhere: Function of values, nodes, condition."""
+        V = self._V
+        found = []
+        bs = V.dofmap.index_map_bs
+        for i in range(bs):
+            fixed = self._constraints.fixed[:, i]
+            if not V.mesh.comm.allreduce(int(fixed.any())):
+                continue
+            W, parents = V.sub(i).collapse()
+            # Since DOLFINx 0.11 a list with one array for each kind of cell.
+            nodes = np.asarray(parents, dtype=np.int32).reshape(-1) // bs
+            here = np.flatnonzero(fixed[nodes]).astype(np.int32)
+            f = fem.Function(W)
+            dofs = [(bs * nodes[here] + i).astype(np.int32), here]
+            found.append((i, f, nodes, fem.dirichletbc(f, dofs, V.sub(i))))
+        return found
+
+    @property
+    def conditions(self) -> list[fem.DirichletBC]:
+        """What is prescribed now, one for every component that is fixed somewhere. Collective."""
+        values = self.values()
+        for i, f, nodes, _ in self._components:
+            f.x.array[:] = values[nodes, i]
+        return [bc for *_, bc in self._components]
+
+    def values(self) -> npt.NDArray[np.float64]:
+        """What is prescribed at the local nodes x dim, 0 where the displacement is free."""
+        values = self._constraints.values(fill=0.0)
+        if self.unknowns is not None:
+            values = self.unknowns(values.reshape(-1)).reshape(values.shape)
+        if self._start is not None:
+            values = self._start + self.part * (values - self._start)
+        return np.where(self._constraints.fixed, values, 0.0)
+
+    @contextmanager
+    def ramped(self, start: npt.NDArray[np.float64]) -> Iterator[None]:
+        """Prescribe `part` of the way from ``start`` to the user's data while the context lasts.
+
+        Args:
+            start: displacement of the local nodes, (n, dim).
+        """
+        self._start = start.copy()
+        try:
+            yield
+        finally:
+            self._start = None
+            self.part = 1.0

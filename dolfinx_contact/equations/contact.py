@@ -33,8 +33,7 @@ from dolfinx_contact._options import ProblemOptions
 from dolfinx_contact._petsc import logged
 from dolfinx_contact.body.bulk import Bulk
 from dolfinx_contact.body.rigid import bounding_box
-from dolfinx_contact.equations.constraints import Constraints, check_overlap
-from dolfinx_contact.equations.prescribed import PrescribedDisplacement
+from dolfinx_contact.equations.constraints import Constraints, PrescribedDisplacement, check_overlap
 from dolfinx_contact.equations.rigid_bodies import RigidBodies
 from dolfinx_contact.equations.scaling import Scaling
 from dolfinx_contact.equations.state import ContactState, State, Statuses

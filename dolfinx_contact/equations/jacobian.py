@@ -4,10 +4,24 @@ r"""The Jacobian of H: the stiffness of the body, and contact terms that statuse
     J = [ K  0 ] + S,    S = [ 0               -B^T W E        ]
         [ 0  0 ]             [ -E^T W D_j B     E^T W (I - D_t) E ]
 
-S has rows at the contact nodes and multipliers alone, and those of rigid bodies (`rigid_terms`);
-laws that see other points add entries between points (`spread_terms`). Rows and columns of
-Dirichlet dofs are empty; those of removed multipliers have a typical stiffness on the diagonal. Its
-pattern never changes, so that new statuses cost no more than new numbers.
+S has rows at the contact nodes and multipliers alone, and those of rigid bodies. Rows and columns
+of Dirichlet dofs are empty; those of removed multipliers have a typical stiffness on the diagonal.
+Its pattern never changes, so that new statuses cost no more than new numbers.
+
+Of a rigid body the jump is B u - Phi q, so that the contact terms of a surface are bordered by
+
+    [ .                      Phi^T W E ]
+    [ E^T W D_j Phi          .         ]
+
+in the rows and columns of q and of the multipliers (`RigidTerms`).
+
+The answer of a law that sees the points around its own is tau(j, t; N q) with what points spread,
+q(j, t), and N of the surface, so that the contact rows gain
+
+    -E^T W D_s N (q_j B, q_t E)
+
+off the blocks of single points (`SpreadTerms`). N never changes, nor does the pattern of the
+product.
 """
 
 from __future__ import annotations
@@ -21,17 +35,17 @@ import numpy.typing as npt
 
 from dolfinx_contact._entries import Entries, matrix_of
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.rigid_terms import RigidTerms
-from dolfinx_contact.equations.spread_terms import SpreadTerms
 from dolfinx_contact.equations.state import ContactState, State
+from dolfinx_contact.points.neighbours import LawAmongPoints
 from dolfinx_contact.points.surface import ContactSurface
 from dolfinx_contact.points.trace import at_global_places
 
-__all__ = ["ContactTerms", "Jacobian"]
+__all__ = ["ContactTerms", "Jacobian", "RigidTerms", "SpreadTerms"]
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
 _NEEDED_BY = "the Jacobian, whose pattern never changes,"
+_NEEDED_BY_SPREADING = "a law that sees the points around its own"
 
 
 @dataclass(frozen=True)
@@ -240,3 +254,125 @@ class Jacobian:
     def destroy(self) -> None:
         """Free the matrix."""
         self.matrix.destroy()
+
+
+@dataclass(frozen=True)
+class RigidTerms:
+    """Entries of one surface that touches a rigid body.
+
+    Attributes:
+        surface: it.
+        unit: of its multipliers.
+        motions: places of the body's unknowns, -1 where they are prescribed (k,).
+        multipliers: places (groups, l, dim), -1 where there are none.
+        at_points: Phi (n, dim, k).
+    """
+
+    surface: ContactSurface
+    unit: float
+    motions: Indices
+    multipliers: Indices
+    at_points: Array
+
+    def entries(self) -> tuple[Indices, Indices]:
+        """Rows and columns, in the order of `values`."""
+        m = np.broadcast_to(
+            self.multipliers[..., None], (*self.multipliers.shape, len(self.motions))
+        )
+        q = np.broadcast_to(self.motions, m.shape)
+        rows, columns = (np.stack(pair).reshape(-1) for pair in ((q, m), (m, q)))
+        return rows, columns
+
+    def values(self, state: ContactState) -> Array:
+        """The entries at a state. Collective."""
+        stencils = self.surface._constant_operator("the Jacobian of a rigid body").stencils
+        areas = self.surface.points.areas
+        at = stencils.points
+        weighted = areas[at][..., None] * stencils.multiplier_weights
+        force = np.einsum("gpl,gpia->glia", weighted, self.at_points[at])
+        columns = range(self.at_points.shape[2])
+        answers = np.stack([state.along(self.at_points[:, :, a]) for a in columns], axis=2)
+        jump = np.einsum("gpl,gpia->glia", weighted, answers[at])
+        return np.concatenate([self.unit * force.reshape(-1), jump.reshape(-1)])
+
+
+class SpreadTerms:
+    """Entries of one surface. Collective, as its methods are.
+
+    Args:
+        surface: with a law that is not local.
+        unit: of its multipliers.
+        bodies: places of displacements among all unknowns (groups, k, dim), -1 where fixed.
+        multipliers: the same of its multipliers (groups, l, dim).
+        unknowns: of this rank.
+    """
+
+    def __init__(
+        self,
+        surface: ContactSurface,
+        unit: float,
+        bodies: Indices,
+        multipliers: Indices,
+        unknowns: int,
+    ):
+        self._surface = surface
+        self._unit = unit
+        comm = surface.comm
+        stencils = surface._constant_operator(_NEEDED_BY_SPREADING).stencils
+        n = surface.points.number
+        law = surface.law_at_points
+        assert isinstance(law, LawAmongPoints)
+        self._N = law.neighbours.matrix
+        point = (comm.exscan(n) or 0) + stencils.points[:, :, None, None]
+
+        def pairs(places: Indices) -> tuple[Indices, Indices]:
+            shape = *stencils.points.shape, *places.shape[1:]
+            at = np.broadcast_to(point, shape)
+            of = np.broadcast_to(places[:, None], shape)
+            return at.reshape(-1), of.reshape(-1)
+
+        at, of = pairs(multipliers)
+        self._left_entries = Entries(of, at)
+        self._left = matrix_of(comm, (unknowns, n), self._left_entries)
+        both = zip(pairs(bodies), (at, of), strict=True)
+        self._right_entries = Entries(*(np.concatenate(pair) for pair in both))
+        self._right = matrix_of(comm, (n, unknowns), self._right_entries)
+        self._number = 0
+        self._first: PETSc.Mat | None = None
+        self._product: PETSc.Mat | None = None
+
+    def _multiply(self) -> None:
+        self._first = self._left.matMult(self._N, self._first)
+        self._product = self._first.matMult(self._right, self._product)
+
+    def entries(self) -> tuple[Indices, Indices]:
+        """Rows and columns, in the order of `values`."""
+        self._multiply()
+        assert self._product is not None
+        indptr, columns, _ = self._product.getValuesCSR()
+        first, last = self._product.getOwnershipRange()
+        rows = np.repeat(np.arange(first, last, dtype=np.int64), np.diff(indptr))
+        self._number = len(rows)
+        return rows, columns.astype(np.int64)
+
+    def values(self, state: ContactState) -> Array:
+        """The entries at a state; none where another law, that is local, stands in."""
+        if state.answers.spreading is None:
+            return np.zeros(self._number)
+        stencils = self._surface._constant_operator(_NEEDED_BY_SPREADING).stencils
+        areas = self._surface.points.areas
+        at = stencils.points
+        e = stencils.multiplier_weights
+        by_jump, by_traction = state.spread_by
+        weighted = (areas[:, None] * state.by_around)[at]
+        left = e[..., None] * weighted[:, :, None, :]
+        jump = stencils.weights[..., None] * by_jump[at][:, :, None, :]
+        traction = self._unit * e[..., None] * by_traction[at][:, :, None, :]
+        self._left.zeroEntries(), self._right.zeroEntries()
+        self._left_entries.add(left.reshape(-1), self._left)
+        self._right_entries.add(
+            np.concatenate([jump.reshape(-1), traction.reshape(-1)]), self._right
+        )
+        self._multiply()
+        assert self._product is not None
+        return -np.asarray(self._product.getValuesCSR()[2])

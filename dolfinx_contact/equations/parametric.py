@@ -23,7 +23,7 @@ from dolfinx_contact._forms import compiled_form
 from dolfinx_contact._mesh_mark import mesh_mark
 from dolfinx_contact.continuation import Events, Piece, Preconditioner, System
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.given_data import given_data
+from dolfinx_contact.equations.given_data import check_law, check_times, given_data
 from dolfinx_contact.equations.measures import Scales
 from dolfinx_contact.equations.order import Gathered
 from dolfinx_contact.equations.rates import (
@@ -36,7 +36,6 @@ from dolfinx_contact.equations.rates import (
 )
 from dolfinx_contact.equations.state import State, Statuses
 from dolfinx_contact.laws.status import OPEN
-from dolfinx_contact.points.law_checks import check_law, check_times
 from dolfinx_contact.points.surface import ContactSurface
 
 __all__ = ["ParametricEquations"]

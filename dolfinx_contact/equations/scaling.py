@@ -1,30 +1,48 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What follows the stiffness of a body: its typical size, the r of surfaces, and loose motions."""
+"""What follows the stiffness of a body: its typical size, the r of surfaces, and loose motions.
+
+Loose motions are rigid motions that contact has to hold: of bodies without supports, and of rigid
+bodies.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from itertools import combinations
 from typing import TYPE_CHECKING
+
+from petsc4py import PETSc
 
 import numpy as np
 import numpy.typing as npt
 
 from dolfinx import fem
 
+from dolfinx_contact._errors import require
+from dolfinx_contact.body import rigid
 from dolfinx_contact.body.bulk import Bulk
-from dolfinx_contact.equations.augmentation import automatic_augmentation, require_hoop_stiffness
-from dolfinx_contact.equations.loose import LooseMotions
 from dolfinx_contact.equations.rigid_bodies import RigidBodies
+from dolfinx_contact.equations.state import State, Statuses
+from dolfinx_contact.laws.status import STICK, closed, senses
 from dolfinx_contact.points.surface import ContactSurface
 
 if TYPE_CHECKING:
     from dolfinx_contact.body.moving import MovingBody
 
-__all__ = ["Scaling"]
+__all__ = [
+    "LooseMotions",
+    "Scaling",
+    "automatic_augmentation",
+    "require_hoop_stiffness",
+    "softness",
+]
 
 Array = npt.NDArray[np.float64]
 _MUCH = 10.0  # times the stiffness, beyond which scales are taken anew
+_NO_HOOP = 1e-12  # of the stiffness, a resistance that is none
+_ROUND_OFF = 1e-12  # of the traction, a shear that has no direction
+_SHARE = 1e-6  # of a motion, below which a component has no part in it
 
 
 class Scaling:
@@ -116,3 +134,203 @@ class Scaling:
     def _augment(self, forced: float | None) -> None:
         for s, r in zip(self._surfaces, self.automatic_r, strict=True):
             s.points.set_augmentation(r if forced is None else np.full_like(r, forced))
+
+
+def automatic_augmentation(
+    K: PETSc.Mat, V: fem.FunctionSpace, surfaces: Sequence[ContactSurface], body_size: float
+) -> tuple[float, list[npt.NDArray[np.float64]], list[npt.NDArray[np.float64]]]:
+    """Mean diagonal entry of the stiffness; at the local vertices of each surface r, and stiffness.
+
+    The stiffness of a vertex is that of its node alone, over its area: a traction over it is what
+    the node would give way under that traction.
+
+    The automatic r is near Young's modulus over the size of the body, taken from the diagonal of
+    the stiffness. A small r sends a point that slips the wrong way to stick; a large one (the nodal
+    stiffness, say) sends it to slip the other way, and Newton's method into a cycle. The diagonal
+    of a nearly incompressible body is that of its resistance to compression, by which it hardly
+    yields to a contact: beyond Poisson's ratio 0.4 r falls with the square root of the `softness`,
+    between the two stiffnesses. At 0.499 full steps then converge where they cycled (measured).
+
+    Raises:
+        ValueError: if the stiffness is zero or not finite. Collective.
+    """
+    comm = V.mesh.comm
+    bs = V.dofmap.index_map_bs
+    n = V.dofmap.index_map.size_local * bs
+    diagonal = fem.Function(V)
+    diagonal.x.array[:n] = np.abs(K.getDiagonal().array)
+    diagonal.x.scatter_forward()
+    size = comm.allreduce(float(np.sum(diagonal.x.array[:n])))
+    require(
+        comm,
+        bool(np.isfinite(size)) and size > 0,
+        "the stiffness of the bulk is zero or not finite at the starting displacement",
+    )
+    per_node = diagonal.x.array.reshape(-1, bs).mean(axis=1)
+    around = surfaces[0].axisymmetric
+    automatic = []
+    at_vertices = []
+    soft = np.sqrt(min(2.0 * softness(K, V, axisymmetric=around), 1.0))
+    for s in surfaces:
+        # Of two bodies that touch both yield.
+        other = s._opposite(per_node)
+        pair = np.divide(per_node * other, per_node + other, where=other > 0, out=per_node.copy())
+        width = (s.points.vertex_areas / s.points.circumferences) ** (1 / (s.dim - 1))
+        stiffness = pair[s.points.vertex_trace_dofs] / s.points.vertex_areas
+        automatic.append(soft * stiffness * width / body_size)
+        at_vertices.append(stiffness)
+    return size / (V.dofmap.index_map.size_global * bs), automatic, at_vertices
+
+
+def require_hoop_stiffness(K: PETSc.Mat) -> None:
+    """``ValueError`` if a stiffness resists no radial translation, as that of a plane body does.
+
+    Collective.
+    """
+    u, f = K.createVecs()
+    u.array.reshape(-1, 2)[:, 0] = 1.0
+    K.mult(u, f)
+    resists = f.norm(PETSc.NormType.NORM_INFINITY)
+    u.destroy(), f.destroy()
+    require(
+        K.comm.tompi4py(),
+        resists > _NO_HOOP * K.norm(PETSc.NormType.NORM_INFINITY),
+        "the contact surfaces are axisymmetric, but the bulk is that of a plane body: take "
+        "materials.Axisymmetric, and circumference(mesh) as the weight of its energy",
+    )
+
+
+def softness(K: PETSc.Mat, V: fem.FunctionSpace, *, axisymmetric: bool = False) -> float:
+    """Median over mean eigenvalue of the stiffness of the body to uniform strains. Collective.
+
+    The energies of displacements E x with a constant symmetric E are those of Voigt's average of
+    the elasticity tensor (Hill, Proc. Phys. Soc. A 65, 1952), whose eigenvalues are 2 mu
+    (five times in 3D) and 3 lambda + 2 mu for an isotropic body: 4 mu / (4 mu + lambda), which is
+    0.73 for Poisson's ratio 0.3 and 0.008 for 0.499. Of a body of revolution they are (r, 0), with
+    the same strain around, (0, z) and (0, r).
+    """
+    dim = V.mesh.geometry.dim
+    n = V.dofmap.index_map.size_local
+    x = V.tabulate_dof_coordinates()[:n, :dim]
+    gradients = [np.diag(row) for row in np.eye(dim)]
+    for i, j in combinations(range(dim), 2):
+        gradients.append(np.zeros((dim, dim)))
+        gradients[-1][i, j] = gradients[-1][j, i] = np.sqrt(0.5)
+    if axisymmetric:
+        gradients = [np.diag([np.sqrt(0.5), 0.0]), gradients[1], np.sqrt(2.0) * np.eye(2, k=1)]
+    fields = [(x @ gradient).reshape(-1) for gradient in gradients]
+    u, f = K.createVecs()
+    energies = np.empty((len(fields), len(fields)))
+    for column, a in enumerate(fields):
+        u.array[:] = a
+        K.mult(u, f)
+        energies[:, column] = [b @ f.array_r for b in fields]
+    u.destroy(), f.destroy()
+    energies = V.mesh.comm.allreduce(energies)
+    eigenvalues = np.linalg.eigvalsh(0.5 * (energies + energies.T))
+    share = np.median(eigenvalues) / np.mean(eigenvalues)
+    # A body on the way to instability has no typical stiffness in this sense.
+    return float(max(share, 1e-4)) if eigenvalues[0] > 0 else 1.0
+
+
+class LooseMotions:
+    """Motions that neither stiffness nor prescribed data resist, and which of them statuses hold.
+
+    Args:
+        K: stiffness of the body without Dirichlet rows; None if its mass resists all motions.
+        V: displacement space.
+        surfaces: where contact may hold.
+        fixed: local nodes x dim, components that Dirichlet data fix.
+        bodies: the rigid bodies. Collective, as everything here.
+        axisymmetric: whether the body is one of revolution.
+
+    Attributes:
+        of_body: motions of elastic bodies, at the local nodes (motions, nodes, dim).
+    """
+
+    def __init__(
+        self,
+        K: PETSc.Mat | None,
+        V: fem.FunctionSpace,
+        surfaces: Sequence[ContactSurface],
+        fixed: npt.NDArray[np.bool_],
+        bodies: RigidBodies,
+        *,
+        axisymmetric: bool = False,
+    ):
+        self._V = V
+        self._surfaces = list(surfaces)
+        self._bodies = bodies
+        self._axisymmetric = axisymmetric
+        none = np.zeros((0, *fixed.shape))
+        self.of_body = (
+            none if K is None else rigid.free_motions(K, V, fixed, axisymmetric=axisymmetric)
+        )
+        self._free = np.flatnonzero(~bodies.fixed)
+        #: Jumps at the points by each motion (motions, n, dim), those of the rigid bodies last.
+        self._jumps = [
+            np.concatenate([self._by_body(s), self._by_rigid_bodies(s)]) for s in surfaces
+        ]
+
+    def _by_body(self, s: ContactSurface) -> Array:
+        jumps = np.zeros((len(self.of_body), s.points.number, s.dim))
+        if not len(self.of_body):
+            return jumps
+        operator = s._constant_operator("a body that Dirichlet data do not hold")
+        for i in range(len(self.of_body)):
+            jumps[i] = operator.apply(self.of_body[i, : s.owned_nodes])
+        return jumps
+
+    def _by_rigid_bodies(self, s: ContactSurface) -> Array:
+        jumps = np.zeros((self._bodies.size, s.points.number, s.dim))
+        jumps[self._bodies.slice_of(s.rigid_body)] = -np.moveaxis(self._bodies.at_points(s), 2, 0)
+        return jumps[self._free]
+
+    def not_held(self, statuses: Statuses, state: State | None = None) -> str:
+        """The motions that these statuses do not hold, in words; "" if there are none.
+
+        A point that slips in 3D holds across the direction of its shear, which turns with the
+        motion; where friction creeps every closed point holds.
+
+        Args:
+            statuses: of the points.
+            state: that has the shear; without one only points that stick hold.
+        """
+        count = len(self.of_body)
+        number = count + len(self._free)
+        if number == 0:
+            return ""
+        gram = np.zeros((number, number))
+        for i, (s, codes, jumps) in enumerate(
+            zip(self._surfaces, statuses, self._jumps, strict=True)
+        ):
+            n = s.points.data.n if state is None else state.surfaces[i].data.n
+            normal = np.einsum("and,nd->an", jumps, n)
+            along = jumps - normal[:, :, None] * n[None]
+            grips = closed(codes) if s.law.creeps else senses(codes) == STICK
+            if state is not None and s.dim == 3:
+                shear = _direction(state.surfaces[i].traction, n)
+                slips = ~grips & closed(codes) & shear.any(axis=1)
+                across = np.where(slips[:, None], shear, 0.0)
+                along -= np.einsum("and,nd->an", along, across)[:, :, None] * across[None]
+                grips |= slips
+            along *= grips[None, :, None]
+            gram += (normal * closed(codes)) @ normal.T + np.einsum("and,bnd->ab", along, along)
+        loose = rigid.loose(self._V.mesh.comm.allreduce(gram))
+        words = []
+        if np.any(np.abs(loose[:, :count]) > _SHARE):
+            body = np.einsum("ab,bnd->and", loose[:, :count], self.of_body)
+            words.append(rigid.describe(body, self._V, axisymmetric=self._axisymmetric))
+        rest = np.zeros((len(loose), self._bodies.size))
+        rest[:, self._free] = loose[:, count:]
+        if np.any(np.abs(rest) > _SHARE):
+            words.append(self._bodies.names(rest))
+        return ", ".join(words)
+
+
+def _direction(traction: Array, n: Array) -> Array:
+    """Unit vectors along the shear (n, dim), zero where there is none."""
+    shear = traction - np.sum(traction * n, axis=1)[:, None] * n
+    size = np.linalg.norm(shear, axis=1, keepdims=True)
+    least = _ROUND_OFF * np.linalg.norm(traction, axis=1, keepdims=True)
+    return np.divide(shear, size, out=np.zeros_like(shear), where=size > least)

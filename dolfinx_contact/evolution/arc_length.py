@@ -29,6 +29,7 @@ from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.observer import Observer, Seen, Stop
 from dolfinx_contact.continuation.parameters import StepControl
+from dolfinx_contact.equations.given_data import check_times
 from dolfinx_contact.evolution.arc_steps import ArcSteps
 from dolfinx_contact.evolution.by_arc_length import ByArcLength
 from dolfinx_contact.evolution.energy import Energies
@@ -44,7 +45,6 @@ from dolfinx_contact.evolution.path_state import (
 from dolfinx_contact.evolution.path_stepper import OnPath, PathStepper
 from dolfinx_contact.evolution.run import Run
 from dolfinx_contact.parametric import ParametricContact
-from dolfinx_contact.points.law_checks import check_times
 from dolfinx_contact.points.memory import Memory
 
 __all__ = ["ArcLength", "PathDirection"]

@@ -25,7 +25,7 @@ from dolfinx_contact.materials import circumference
 from dolfinx_contact.points.evaluation import point_space, vertex_function
 from dolfinx_contact.points.trace import outward_normals, trace_dofs
 from dolfinx_contact.results.balance import forces_at_vertices, support_at_nodes
-from dolfinx_contact.results.pairs import pair_forces
+from dolfinx_contact.results.partners import pair_forces
 
 if TYPE_CHECKING:
     from dolfinx_contact.points.surface import ContactSurface

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Meshes from gmsh with named groups, bodies joined in one mesh, and cracks."""
 
-from dolfinx_contact.meshing.cracks import crack
+from importlib import import_module
+from typing import TYPE_CHECKING
+
 from dolfinx_contact.meshing.gmsh import (
     GmshMesh,
     NamedTags,
@@ -10,7 +12,10 @@ from dolfinx_contact.meshing.gmsh import (
     read_mesh,
     tagged_facets,
 )
-from dolfinx_contact.meshing.whole import join
+
+if TYPE_CHECKING:
+    from dolfinx_contact.meshing.cracks import crack
+    from dolfinx_contact.meshing.whole import join
 
 __all__ = [
     "GmshMesh",
@@ -22,3 +27,12 @@ __all__ = [
     "read_mesh",
     "tagged_facets",
 ]
+
+#: What makes new meshes of others is loaded when it is used.
+_LATER = {"crack": "dolfinx_contact.meshing.cracks", "join": "dolfinx_contact.meshing.whole"}
+
+
+def __getattr__(name: str) -> object:
+    if name in _LATER:
+        return getattr(import_module(_LATER[name]), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -30,16 +30,22 @@ from dolfinx_contact._compat import FacetSubmesh, merge_entity_maps
 from dolfinx_contact.laws import PointData
 from dolfinx_contact.materials import circumference
 from dolfinx_contact.points.evaluation import (
+    Given,
     PointEvaluator,
+    ScatteredEvaluator,
     blocked_space,
+    fields_of,
     measure_of,
     point_space,
 )
-from dolfinx_contact.points.given import Given, fields_of
-from dolfinx_contact.points.operators import ConstantOperator, Operator
+from dolfinx_contact.points.operators import (
+    ConstantOperator,
+    Operator,
+    Stencils,
+    multiplied,
+    multiplied_transposed,
+)
 from dolfinx_contact.points.opposite import Opposite
-from dolfinx_contact.points.scattered import ScatteredEvaluator
-from dolfinx_contact.points.stencils import Stencils, multiplied, multiplied_transposed
 from dolfinx_contact.points.trace import trace_dofs
 
 __all__ = ["ContactPoints", "Evaluator", "Given", "Method", "Trace"]

@@ -12,6 +12,8 @@ in which dg/dx = -n where g is a distance, and dn/dx is then minus the Hessian o
 reference configuration, for every jump. The tangential jump is j - (j.n) n at the present normal:
 of a point that has gone around a curve that is no slip, which is why friction is refused. Functions
 of the user in an obstacle are taken where the body was.
+
+Whatever a law is given, `TrueGaps` has how far the points are from the obstacle where they are now.
 """
 
 from __future__ import annotations
@@ -28,13 +30,12 @@ from dolfinx_contact._compat import merge_entity_maps
 from dolfinx_contact._errors import require
 from dolfinx_contact.laws import LawAtPoints, PointData
 from dolfinx_contact.laws.status import STICK
-from dolfinx_contact.obstacles import Obstacle, known_displaced
+from dolfinx_contact.obstacles import Obstacle, gap_at, known_displaced
 from dolfinx_contact.points.contact_points import ContactPoints, Evaluator, Given
-from dolfinx_contact.points.evaluation import PointEvaluator, blocked_space, measure_of
-from dolfinx_contact.points.given import fields_of
+from dolfinx_contact.points.evaluation import PointEvaluator, blocked_space, fields_of, measure_of
 from dolfinx_contact.points.rigid_body import RigidBody
 
-__all__ = ["DisplacedPoints", "SlidingKind", "check_sliding", "displaced_points"]
+__all__ = ["DisplacedPoints", "SlidingKind", "TrueGaps", "check_sliding", "displaced_points"]
 
 Array = npt.NDArray[np.float64]
 #: How far points are expected to slide: small beside the curvature of the obstacle, or any way.
@@ -170,3 +171,36 @@ class DisplacedPoints:
         expressions: dict[str, Any] = dict(zip(("gap", "normal"), at, strict=True))
         maps = merge_entity_maps([submesh])
         return moved, PointEvaluator(W, ds, expressions, maps)
+
+
+class TrueGaps:
+    """Distances of displaced contact points, compiled when first asked for.
+
+    Args:
+        u: displacement of the body.
+        points: of a surface.
+        obstacle: that it may touch.
+    """
+
+    def __init__(self, u: fem.Function, points: ContactPoints, obstacle: Obstacle):
+        self._u = u
+        self._points = points
+        self._obstacle = obstacle
+        self._evaluate: Evaluator | None = None
+
+    def __call__(self) -> npt.NDArray[np.float64] | None:
+        """Distances of the points of this rank (n,), negative inside. Collective.
+
+        None if the obstacle does not say (`obstacles.gap_at`).
+        """
+        body = self._obstacle if isinstance(self._obstacle, RigidBody) else None
+        if self._evaluate is None:
+            domain = self._u.function_space.mesh
+            x = ufl.SpatialCoordinate(domain) + self._u
+            at = gap_at(self._obstacle, domain, x) if body is None else body.gap_of(domain, x)
+            if at is None:
+                return None
+            self._evaluate = self._points.evaluator({"gap": at})
+        if body is not None:
+            body.place()
+        return self._evaluate()["gap"][: self._points.number]

@@ -1,10 +1,18 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Values at contact points of what is given on the body."""
+"""What is given on a contact surface, and its values at the contact points.
+
+At points of no quadrature rule the coordinates, Functions and Constants in an expression give way
+to their values there: what is compiled is evaluated on the cells of a small mesh, with one value of
+everything per cell (`ScatteredEvaluator`).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
+
+from mpi4py import MPI
 
 import numpy as np
 import numpy.typing as npt
@@ -12,14 +20,28 @@ import numpy.typing as npt
 import basix.ufl
 import ufl
 from dolfinx import fem, la, mesh
+from ufl.algorithms import expand_derivatives
+from ufl.algorithms.analysis import extract_constants
+from ufl.classes import Derivative, GeometricQuantity, SpatialCoordinate
+from ufl.corealg.traversal import unique_pre_traversal
 
-from dolfinx_contact._compat import facet_integration_entities
-from dolfinx_contact._forms import compiled_form
+from dolfinx_contact._compat import facet_integration_entities, interpolation_points
+from dolfinx_contact._forms import compiled_expression, compiled_form
+from dolfinx_contact.obstacles import Obstacle
 from dolfinx_contact.points.trace import owned_exterior
 
-__all__ = ["PointEvaluator", "measure_of", "require_same_numbering"]
+__all__ = [
+    "Given",
+    "PointEvaluator",
+    "ScatteredEvaluator",
+    "at_nodes",
+    "fields_of",
+    "measure_of",
+    "require_same_numbering",
+]
 
 Array = npt.NDArray[np.float64]
+_CHUNK = 256  # points that are evaluated at once
 
 
 class PointEvaluator:
@@ -127,3 +149,151 @@ def vertex_function(
     f.x.array[:] = values.reshape(-1)
     f.x.scatter_forward()
     return f
+
+
+@dataclass(frozen=True)
+class Given:
+    """What is given on the surface, in UFL on the body.
+
+    Attributes:
+        gap: signed distance to the obstacle.
+        normal: unit normal, from the body into the obstacle.
+        fields: of the law, by name.
+    """
+
+    gap: Any
+    normal: Any
+    fields: Mapping[str, Any]
+
+    @property
+    def all(self) -> tuple[Any, ...]:
+        """All of it."""
+        return self.gap, self.normal, *self.fields.values()
+
+    @property
+    def at_points(self) -> dict[str, Any]:
+        """Everything by name; the fields of the law with a colon before theirs."""
+        fields = {f":{name}": e for name, e in self.fields.items()}
+        return {"gap": self.gap, "normal": self.normal, **fields}
+
+
+def fields_of(values: Mapping[str, Array]) -> dict[str, Array]:
+    """The fields of the law among values by the names of `Given.at_points`."""
+    return {name[1:]: v for name, v in values.items() if name.startswith(":")}
+
+
+def at_nodes(W: fem.FunctionSpace, surface: Obstacle) -> tuple[Array, Array]:
+    """Gap and normal of an obstacle at the local nodes of a scalar P1 space. Collective."""
+    domain = W.mesh
+    found = []
+    x = ufl.SpatialCoordinate(domain)
+    # FFCx compiles no expression in which nothing but constants occurs.
+    nothing = fem.Constant(domain, 0.0) * x
+    gap, normal = surface.on(domain)
+    for e, shape in ((gap + nothing[0], ()), (normal + nothing, (domain.geometry.dim,))):
+        V = fem.functionspace(domain, ("Lagrange", 1, shape)) if shape else W
+        f = fem.Function(V)
+        f.interpolate(compiled_expression(e, interpolation_points(V)))
+        f.x.scatter_forward()
+        found.append(f.x.array.reshape(-1, *shape))
+    return found[0], found[1]
+
+
+class ScatteredEvaluator:
+    """Values of UFL expressions at points in cells of a mesh; as `evaluation.PointEvaluator`.
+
+    Args:
+        domain: of the expressions.
+        cells: local, of the points (n,).
+        x: the points (n, dim).
+        areas: of the points (n,).
+        expressions: UFL scalars and vectors by name, of coordinates, Constants and Functions.
+
+    Raises:
+        ValueError: on every rank, if there are derivatives of Functions in an expression, a
+            geometric quantity but the coordinates, or a Function that only quadrature points have.
+    """
+
+    def __init__(
+        self,
+        domain: mesh.Mesh,
+        cells: npt.NDArray[np.int32],
+        x: Array,
+        areas: Array,
+        expressions: Mapping[str, Any],
+    ):
+        self.areas = areas
+        self._cells = cells
+        self._dim = x.shape[1]
+        self._x = np.zeros((len(x), 3))
+        self._x[:, : self._dim] = x
+        every = {name: expand_derivatives(ufl.as_ufl(e)) for name, e in expressions.items()}
+        for name, e in every.items():
+            _check(name.strip(":"), e)
+        parts = list(every.values())
+        self._functions = _once(f for e in parts for f in ufl.algorithms.extract_coefficients(e))
+        self._constants = _once(c for e in parts for c in extract_constants(e))
+        given = [ufl.SpatialCoordinate(domain), *self._functions, *self._constants]
+        ends = np.cumsum([int(np.prod(g.ufl_shape, dtype=int)) for g in given])
+        little = mesh.create_interval(MPI.COMM_SELF, _CHUNK, (0.0, 1.0))
+        element = basix.ufl.element("DG", "interval", 0, shape=(int(ends[-1]),))
+        self._w = w = fem.Function(fem.functionspace(little, element))
+        self._dofs = w.function_space.dofmap.list[:, 0]
+        columns = np.split(np.array(list(w)), ends[:-1])
+        known = {
+            g: ufl.as_tensor(part.reshape(g.ufl_shape).tolist()) if g.ufl_shape else part[0]
+            for g, part in zip(given, columns, strict=True)
+        }
+        # FFCx compiles no expression in which nothing but numbers occurs.
+        components = [w[0]]
+        self._places = dict[str, tuple[int, tuple[int, ...]]]()
+        for name, e in every.items():
+            self._places[name] = len(components), e.ufl_shape
+            e = ufl.replace(e, known)
+            components += [e[i] for i in np.ndindex(e.ufl_shape)] if e.ufl_shape else [e]
+        self._compiled = compiled_expression(
+            ufl.as_vector(components), np.array([[0.5]]), domain.comm
+        )
+        self._width = len(components)
+
+    def __call__(self) -> dict[str, Array]:
+        """One array per expression over the points of this rank. Not collective."""
+        n = len(self._cells)
+        columns = [self._x[:, : self._dim]]
+        for f in self._functions:
+            columns.append(f.eval(self._x, self._cells).reshape(n, -1) if n else np.empty((0, 0)))
+        columns += [
+            np.broadcast_to(np.ravel(c.value), (n, np.size(c.value))) for c in self._constants
+        ]
+        values = np.empty((n, self._width))
+        if n:
+            given = np.concatenate(columns, axis=1)
+            mine = self._w.x.array.reshape(_CHUNK, -1)
+            little = self._w.function_space.mesh
+            for a in range(0, n, _CHUNK):
+                part = given[a : a + _CHUNK]
+                mine[self._dofs[: len(part)]] = part
+                found = self._compiled.eval(little, np.arange(len(part), dtype=np.int32))
+                values[a : a + _CHUNK] = found.reshape(len(part), -1)
+        return {
+            name: values[:, first : first + int(np.prod(shape, dtype=int))].reshape(-1, *shape)
+            for name, (first, shape) in self._places.items()
+        }
+
+
+def _once(things: Any) -> list[Any]:
+    return list(dict.fromkeys(things))
+
+
+def _check(name: str, e: Any) -> None:
+    """Raise ``ValueError`` if an expression is not one of values at its point alone."""
+    where = f"the {name} of faces that do not match"
+    for part in unique_pre_traversal(e):
+        if isinstance(part, Derivative):
+            raise ValueError(f"{where} may not depend on derivatives: interpolate them first")
+        if isinstance(part, GeometricQuantity) and not isinstance(part, SpatialCoordinate):
+            raise ValueError(
+                f"{where} may depend on coordinates, Functions and Constants, not on {part}"
+            )
+        if isinstance(part, fem.Function) and part.ufl_element().has_custom_quadrature:
+            raise ValueError(f"{where} may not depend on values at quadrature points")

@@ -18,8 +18,8 @@ from dolfinx import fem
 
 from dolfinx_contact._compat import FacetSubmesh, geometry_dofmap
 from dolfinx_contact.points.clipping import basis, tabulated
+from dolfinx_contact.points.operators import Stencils
 from dolfinx_contact.points.opposite import Common
-from dolfinx_contact.points.stencils import Stencils
 from dolfinx_contact.points.trace import facet_closures
 
 __all__ = ["CommonPoints", "GaussPoints"]

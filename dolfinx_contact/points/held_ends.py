@@ -31,8 +31,8 @@ import numpy.typing as npt
 from dolfinx import fem, la
 
 from dolfinx_contact._entries import Entries, matrix_of
+from dolfinx_contact.points.operators import multiplied, rows_of
 from dolfinx_contact.points.opposite import Opposite
-from dolfinx_contact.points.stencils import multiplied, rows_of
 
 __all__ = ["held_in_place", "in_place", "resting", "shared", "takers"]
 

@@ -13,13 +13,17 @@ import numpy.typing as npt
 from dolfinx import fem, la
 
 from dolfinx_contact.points.contact_points import ContactPoints, Evaluator, Method, Trace
-from dolfinx_contact.points.evaluation import PointEvaluator, measure_of, point_space
+from dolfinx_contact.points.evaluation import (
+    PointEvaluator,
+    ScatteredEvaluator,
+    measure_of,
+    point_space,
+)
 from dolfinx_contact.points.gauss import CommonPoints, GaussPoints
 from dolfinx_contact.points.held_ends import takers
 from dolfinx_contact.points.ids import point_ids
+from dolfinx_contact.points.operators import Stencils
 from dolfinx_contact.points.opposite import Opposite
-from dolfinx_contact.points.scattered import ScatteredEvaluator
-from dolfinx_contact.points.stencils import Stencils
 from dolfinx_contact.points.trace import trace_dofs
 
 __all__ = ["CommonFacetPoints", "FacetPoints"]

@@ -15,12 +15,11 @@ import ufl
 from dolfinx_contact._forms import compiled_form
 from dolfinx_contact.materials import circumference
 from dolfinx_contact.points.contact_points import ContactPoints, Evaluator, Method, Trace
-from dolfinx_contact.points.evaluation import PointEvaluator
-from dolfinx_contact.points.given import Given
+from dolfinx_contact.points.evaluation import Given, PointEvaluator
 from dolfinx_contact.points.held_ends import shared
 from dolfinx_contact.points.ids import point_ids
+from dolfinx_contact.points.operators import Stencils, rows_of
 from dolfinx_contact.points.opposite import Opposite
-from dolfinx_contact.points.stencils import Stencils, rows_of
 
 __all__ = ["AveragedPoints", "NodePoints"]
 

@@ -30,6 +30,7 @@ from dolfinx_contact._errors import require
 from dolfinx_contact.body.rigid import bounding_box
 from dolfinx_contact.obstacles import Obstacle
 from dolfinx_contact.points.clipping import Cover, cover
+from dolfinx_contact.points.evaluation import at_nodes
 from dolfinx_contact.points.facing import (
     candidates,
     faces_of,
@@ -38,7 +39,6 @@ from dolfinx_contact.points.facing import (
     seen_along,
     seen_in,
 )
-from dolfinx_contact.points.given import at_nodes
 from dolfinx_contact.points.mortar import between, coupling
 from dolfinx_contact.points.revolution import mirrored
 from dolfinx_contact.points.search import nearest, within

@@ -29,6 +29,7 @@ from dolfinx_contact.points.contact_points import ContactPoints, Given, Method
 from dolfinx_contact.points.displaced import (
     DisplacedPoints,
     SlidingKind,
+    TrueGaps,
     check_sliding,
     displaced_points,
 )
@@ -49,7 +50,6 @@ from dolfinx_contact.points.pair_motion import PairMotion
 from dolfinx_contact.points.revolution import check_revolution, check_section
 from dolfinx_contact.points.rigid_body import RigidBody
 from dolfinx_contact.points.trace import exterior_facets
-from dolfinx_contact.points.true_gaps import TrueGaps
 
 __all__ = ["ContactSurface"]
 

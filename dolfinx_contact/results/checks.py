@@ -18,8 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.body.cells import midpoints
-from dolfinx_contact.body.deformation import smallest_jacobian
+from dolfinx_contact.body.cells import midpoints, smallest_jacobian
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.order import Gathered
 from dolfinx_contact.equations.state import State

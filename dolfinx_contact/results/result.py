@@ -19,19 +19,21 @@ from dolfinx_contact._errors import require
 from dolfinx_contact._named import Named
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.measures import held_back, least_scales
-from dolfinx_contact.equations.normals import without_normal
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.laws import status
 from dolfinx_contact.results.balance import balance, support_at_nodes
-from dolfinx_contact.results.between_nodes import warn_of_small_obstacles
 from dolfinx_contact.results.checks import Sliding, slidings, warn_of_inversion
-from dolfinx_contact.results.pairs import PairBalance, pair_balance
-from dolfinx_contact.results.penetration import Penetration, penetrations
-from dolfinx_contact.results.rigid import RigidBodyResult, rigid_body_results
+from dolfinx_contact.results.partners import (
+    PairBalance,
+    RigidBodyResult,
+    pair_balance,
+    rigid_body_results,
+)
+from dolfinx_contact.results.penetration import Penetration, penetrations, warn_of_small_obstacles
 from dolfinx_contact.results.tables import ContactTable, contact_table, violation
-from dolfinx_contact.results.theory import Theory
-from dolfinx_contact.results.uniqueness import Uniqueness
+from dolfinx_contact.results.uniqueness import Theory, Uniqueness
 from dolfinx_contact.solvers.history import Attempt, Step
+from dolfinx_contact.solvers.states import without_normal
 
 __all__ = ["Result", "collect", "warn_of_sliding"]
 

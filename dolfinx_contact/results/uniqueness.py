@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Whether a solution is the only one: what was found."""
+"""Whether a solution is the only one, and what theorems say: what was found."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from petsc4py import PETSc
 
 from dolfinx_contact._errors import everywhere, same_everywhere
 
-__all__ = ["OTHER_DATA", "Uniqueness", "checked_seconds"]
+__all__ = ["OTHER_DATA", "Theory", "Uniqueness", "checked_seconds"]
 
 #: Why nothing is stated of a problem with data of which the solution is none.
 OTHER_DATA = "the data have changed since the problem was solved"
@@ -43,3 +43,18 @@ def checked_seconds(comm: MPI.Comm, seconds: float) -> float:
             raise ValueError(f"seconds for a proof must not be negative, got {seconds!r}")
     same_everywhere(comm, proof_seconds=float(seconds))
     return float(seconds)
+
+
+@dataclass(frozen=True)
+class Theory:
+    """What theorems say of the solutions of a discrete contact problem, whatever its loads.
+
+    Attributes:
+        exists: whether there certainly is a solution; False leaves it open.
+        unique: whether there certainly is no more than one; False leaves it open.
+        reason: the theorem, or why none that can be checked applies, human-readable.
+    """
+
+    exists: bool
+    unique: bool
+    reason: str

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Solvers of the contact problem."""
 
-from dolfinx_contact.solvers.errors import ConvergenceError
+from dolfinx_contact.solvers.history import ConvergenceError
 from dolfinx_contact.solvers.ladder import solve
 
 __all__ = ["ConvergenceError", "solve"]

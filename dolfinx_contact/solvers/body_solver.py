@@ -15,8 +15,8 @@ import numpy.typing as npt
 from dolfinx_contact._factor import Factor
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.reduced.held_body import with_dirichlet_rows
-from dolfinx_contact.solvers.errors import LinearSolverError
 from dolfinx_contact.solvers.hierarchy import Hierarchy
+from dolfinx_contact.solvers.history import LinearSolverError
 from dolfinx_contact.solvers.linear import reasons_of
 
 __all__ = ["BodySolver"]

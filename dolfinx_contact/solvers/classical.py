@@ -31,12 +31,13 @@ from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.measures import Scales
 from dolfinx_contact.reduced.reduction import Reduction
 from dolfinx_contact.solvers.body_solver import BodySolver
-from dolfinx_contact.solvers.errors import (
+from dolfinx_contact.solvers.history import (
+    Attempt,
     ConvergenceError,
     FloatingBodyError,
     LinearSolverError,
+    Step,
 )
-from dolfinx_contact.solvers.history import Attempt, Step
 from dolfinx_contact.solvers.linear import LinearSolver
 from dolfinx_contact.solvers.on_body import OnBody
 from dolfinx_contact.solvers.progress import SolveProgress

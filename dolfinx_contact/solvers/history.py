@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What happened in a solve: Newton iterates, and the strategies that made them."""
+"""What happened in a solve: Newton iterates, the strategies that made them, and why it failed."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from dolfinx_contact.equations.measures import Measures
 
-__all__ = ["Attempt", "Step"]
+__all__ = ["Attempt", "ConvergenceError", "FloatingBodyError", "LinearSolverError", "Step"]
 
 
 @dataclass(frozen=True)
@@ -90,3 +91,23 @@ class Attempt:
     def krylov_iterations(self) -> int:
         """Iterations of the linear solver."""
         return sum(s.krylov for s in self.steps)
+
+
+class ConvergenceError(RuntimeError):
+    """No strategy solved the problem; the caller's Functions are as they were.
+
+    Attributes:
+        attempts: what was tried, with the history of each.
+    """
+
+    def __init__(self, message: str, attempts: Sequence[Attempt] = ()):
+        super().__init__(message)
+        self.attempts = list(attempts)
+
+
+class FloatingBodyError(ConvergenceError):
+    """A rigid motion of the body is held neither by Dirichlet data nor by contact."""
+
+
+class LinearSolverError(ArithmeticError):
+    """The linear system of a Newton step could not be solved; the message has the reason."""

@@ -41,16 +41,18 @@ from ufl.algorithms.analysis import extract_constants
 from dolfinx_contact._errors import require, same_everywhere
 from dolfinx_contact._petsc import staged
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.given_data import not_finite, placed_data, require_obstacles
-from dolfinx_contact.equations.normals import without_normal
+from dolfinx_contact.equations.given_data import (
+    check_law,
+    not_finite,
+    placed_data,
+    require_obstacles,
+)
 from dolfinx_contact.equations.state import State, Statuses
 from dolfinx_contact.equations.touching import bring_together
-from dolfinx_contact.points.law_checks import check_law
 from dolfinx_contact.solvers.choice import LinearSolverChoice
-from dolfinx_contact.solvers.errors import ConvergenceError, FloatingBodyError
-from dolfinx_contact.solvers.history import Attempt, Step
+from dolfinx_contact.solvers.history import Attempt, ConvergenceError, FloatingBodyError, Step
 from dolfinx_contact.solvers.progress import SolveProgress
-from dolfinx_contact.solvers.states import diverged, inverted
+from dolfinx_contact.solvers.states import diverged, inverted, without_normal
 from dolfinx_contact.solvers.strategies import BONDS, EXPECTED, INCREMENTS, strategies
 
 __all__ = ["check_data", "solve"]

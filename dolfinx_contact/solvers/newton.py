@@ -24,12 +24,11 @@ from dolfinx_contact._petsc import as_raised, logged, options_in_database
 from dolfinx_contact._settling import ROUNDS, settle
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.measures import Measures, Scales
-from dolfinx_contact.equations.normals import without_normal
 from dolfinx_contact.equations.state import State, Statuses, differs
 from dolfinx_contact.equations.touching import touching
-from dolfinx_contact.solvers.errors import FloatingBodyError, LinearSolverError
-from dolfinx_contact.solvers.history import Attempt, Step
+from dolfinx_contact.solvers.history import Attempt, FloatingBodyError, LinearSolverError, Step
 from dolfinx_contact.solvers.linear import LinearSolver
+from dolfinx_contact.solvers.states import without_normal
 
 __all__ = ["Newton"]
 

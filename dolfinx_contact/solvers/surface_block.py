@@ -15,7 +15,7 @@ from dolfinx import la
 from dolfinx_contact._factor import Factor
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.points.trace import facet_closures, owned_exterior
-from dolfinx_contact.solvers.errors import LinearSolverError
+from dolfinx_contact.solvers.history import LinearSolverError
 from dolfinx_contact.solvers.operator import ContactOperator
 
 __all__ = ["SurfaceBlock", "SurfaceFactor", "SurfaceSet", "combined", "contact_dofs", "copied"]

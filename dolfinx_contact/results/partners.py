@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Forces between the two faces of a pair: action and reaction.
+"""What acts on the partners of a body: the other face of a pair, and rigid bodies, which move.
 
 The contact forces B^T W t act on the nodes of both bodies. Their sums on the slave and on the
 master are taken apart, from the rows of the nodes that lie on either face. They balance where the
@@ -20,9 +20,10 @@ from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.points.surface import ContactSurface
 
-__all__ = ["PairBalance", "pair_balance", "pair_forces"]
+__all__ = ["PairBalance", "RigidBodyResult", "pair_balance", "pair_forces", "rigid_body_results"]
 
 _SAME_PLACE = 1e-9  # of the size of the faces, by which nodes may be off
+Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -102,3 +103,78 @@ def _apart(s: ContactSurface, x: npt.NDArray[np.float64]) -> float:
 def _in_space(vectors: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     """Three components."""
     return np.pad(vectors, ((0, 0), (0, 3 - vectors.shape[1])))
+
+
+@dataclass(frozen=True)
+class RigidBodyResult:
+    """A rigid body at a solution.
+
+    Forces act on the rigid body, moments about its reference point. In the components of its motion
+    that are free contact and load balance, in the others the support takes what is left:
+    contact + load + support = 0.
+
+    Attributes:
+        name: of the body.
+        components: names of the components of its motion.
+        motion: displacement and rotation by component.
+        contact: force and moment by contact on all surfaces that touch it.
+        load: given forces and moments, zero where the motion is prescribed.
+        support: reaction of what is prescribed, zero where the motion is free.
+        dim: 2 or 3.
+    """
+
+    name: str
+    components: tuple[str, ...]
+    motion: Array
+    contact: Array
+    load: Array
+    support: Array
+    dim: int
+
+    @property
+    def displacement(self) -> Array:
+        """Of the reference point (dim,)."""
+        return self.motion[: self.dim]
+
+    @property
+    def rotation(self) -> Array:
+        """About the reference point, in radians: (1,) in 2D, (3,) in 3D."""
+        return self.motion[self.dim :]
+
+    @property
+    def force(self) -> Array:
+        """Contact force on the body (dim,)."""
+        return self.contact[: self.dim]
+
+    @property
+    def moment(self) -> Array:
+        """Contact moment on the body: (1,) in 2D, (3,) in 3D."""
+        return self.contact[self.dim :]
+
+    def summary(self) -> dict[str, Any]:
+        """Numbers by component for `summary.json`."""
+        return {
+            name: {c: float(v) for c, v in zip(self.components, values, strict=True)}
+            for name, values in (
+                ("motion", self.motion),
+                ("contact", self.contact),
+                ("load", self.load),
+                ("support", self.support),
+            )
+        }
+
+
+def rigid_body_results(eq: ContactEquations, state: State) -> dict[str, RigidBodyResult]:
+    """The rigid bodies at a state with reactions, by name."""
+    found = {}
+    rigid = eq.rigid
+    assert state.pushes is not None
+    loads = rigid.loads()
+    support = np.where(rigid.fixed, -state.pushes, 0.0)
+    for b in rigid.bodies:
+        contact, load, held = (
+            rigid.forces_of_body(v, b) + 0.0 for v in (state.pushes, loads, support)
+        )
+        motion = rigid.of_body(state.q, b)
+        found[b.name] = RigidBodyResult(b.name, b.components, motion, contact, load, held, b.dim)
+    return found
