@@ -6,8 +6,11 @@ export OUTPUT
 # mpirun gives its ranks a terminal, so that pytest would colour what goes to a log.
 PYTEST = python3 -m pytest --color=no --durations=40 --durations-min=1 tests
 ATTACKS = python3 tests/attacks/run.py
+# The site is built in a small environment without DOLFINx, the same beside every DOLFINx.
+DOCS = DEBIAN=trixie DOLFINX_CONTACT_PACKAGES=docs $(RUN)
+SPHINX = python3 -m sphinx -q -W --keep-going -j auto
 
-.PHONY: help demo test test-long test-paraview attacks lint clean
+.PHONY: help demo test test-long test-paraview attacks docs docs-check docs-links lint clean
 
 help:
 	@echo "make demo       all branches of a triangle on a floor, and a body dragged over one, on two"
@@ -18,6 +21,10 @@ help:
 	@echo "                pictures in OUTPUT=$$OUTPUT/paraview"
 	@echo "make attacks    data for which an assumption may not hold: is every answer right, refused, or"
 	@echo "                doubted in words? on one and two ranks"
+	@echo "make docs       the site, in docs/_build/html: demos, recipes and tutorials are run, unless the"
+	@echo "                cache has what they show"
+	@echo "make docs-check the site without running anything; warnings and broken links are errors"
+	@echo "make docs-links addresses elsewhere that the site links to; this needs the network"
 	@echo "make lint       ruff and mypy alone"
 	@echo "make clean      remove what demos, tests and tools wrote"
 
@@ -30,6 +37,7 @@ test: lint
 	$(RUN) mpirun -n 2 $(PYTEST)
 	$(RUN) mpirun -n 3 $(PYTEST)
 	$(RUN) $(ATTACKS) --sample
+	$(MAKE) docs-check
 
 attacks:
 	$(RUN) $(ATTACKS)
@@ -46,6 +54,18 @@ test-paraview:
 	DOLFINX_CONTACT_RESULTS="$$OUTPUT/paraview" $(RUN) mpirun -n 2 $(PYTEST)/test_vtk.py --long -k for_paraview
 	DOLFINX_CONTACT_PACKAGES=paraview $(RUN) xvfb-run -a python3 tests/in_paraview.py "$$OUTPUT/paraview"
 
+docs:
+	$(RUN) python3 docs/run.py
+	$(DOCS) $(SPHINX) -D scripts_shown=_build/run -d docs/_build/doctrees docs docs/_build/html
+	$(DOCS) python3 docs/check_links.py docs/_build/html
+
+docs-check:
+	$(DOCS) $(SPHINX) -d docs/_build/check/.doctrees docs docs/_build/check
+	$(DOCS) python3 docs/check_links.py docs/_build/check
+
+docs-links:
+	$(DOCS) python3 -m sphinx -q -b linkcheck -d docs/_build/links/.doctrees docs docs/_build/links
+
 lint:
 	@$(RUN) sh -c 'for tool in ruff mypy pytest; do command -v $$tool >/dev/null || { \
 	  echo "$$tool is missing here: python3 -m pip install -e .[test]" >&2; exit 1; }; done'
@@ -54,5 +74,5 @@ lint:
 	$(RUN) mypy dolfinx_contact
 
 clean:
-	rm -rf output build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache
+	rm -rf output build dist docs/_build *.egg-info .pytest_cache .mypy_cache .ruff_cache
 	find . -name __pycache__ -prune -exec rm -rf {} +

@@ -1,0 +1,18 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+# # How do I get contact forces and moments?
+#
+# `resultants` has the contact force on the body by surface; reactions of Dirichlet data are apart,
+# in `support`. Moments follow from the table, which has positions and forces of all points. Forces
+# must balance: `imbalance` says how well they do.
+
+import numpy as np
+from common import Block
+
+result = Block().problem().solve()
+force = result.resultants["contact"]
+table = result.tables["contact"]
+arm = table.x - np.array([0.5, 0.0])  # about the middle of the bottom
+moment = np.sum(arm[:, 0] * table.force[:, 1] - arm[:, 1] * table.force[:, 0])
+print(f"force {force}, moment {moment:.5f}, support {result.support}")
+assert np.allclose(force + result.support, 0.0, atol=1e-9 * np.linalg.norm(force))
+assert result.imbalance < 1e-9

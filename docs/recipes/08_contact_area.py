@@ -1,0 +1,19 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+# # How do I get the true contact area?
+#
+# Sum the areas of the points that are closed: those with the letters k (stick), + and - (slip in
+# 2D) and s (slip in 3D). In 2D areas are lengths. Here a cube is pressed on a ball.
+
+import numpy as np
+from common import Block
+
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, Sphere
+
+block = Block(n=8, cell="hexahedron")
+ball = Sphere(centre=(0.5, 0.5, -5.0), radius=5.0)
+contact = ContactSurface(block.u, block.bottom, obstacle=ball, law=Coulomb(0.3))
+table = ContactProblem(block.energy, block.u, [contact], bcs=block.bcs).solve().tables["contact"]
+closed = np.isin(table.letters, list("k+-s"))
+area = table.area[closed].sum()
+print(f"{closed.sum()} of {len(closed)} points, {area:.4f} of {table.area.sum():.4f}")
+assert 0 < area < table.area.sum()

@@ -1,0 +1,15 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+# # How do I use quadrilaterals and hexahedra?
+#
+# Take a mesh of such cells; all else is the same. With gmsh set transfinite curves and
+# `gmsh.model.mesh.setRecombine`, as in `demo_press_fit.py`. Cells of a mesh are of one kind.
+
+from common import Block
+
+pressures = {}
+for cell in ("triangle", "quadrilateral", "tetrahedron", "hexahedron"):
+    result = Block(n=4, cell=cell).problem().solve()
+    pressures[cell] = result.resultants["contact"][-1]
+    print(f"{cell}: {result.dofs} unknowns, force {pressures[cell]:.3f}, {result.counts}")
+assert abs(pressures["triangle"] / pressures["quadrilateral"] - 1) < 0.05
+assert abs(pressures["tetrahedron"] / pressures["hexahedron"] - 1) < 0.05

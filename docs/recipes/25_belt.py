@@ -1,0 +1,32 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+# # How do I model a belt that moves under the body?
+#
+# Take the floor as a `RigidBody` whose motion is prescribed: its surface drags what touches it, and
+# friction knows the sliding between both. (Of a plain obstacle that Constants move, friction sees
+# the motion along the normal alone.) Here the belt drags the block until all that touches slips.
+
+import numpy as np
+from common import Block
+
+from dolfinx import fem
+
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, RigidBody
+from dolfinx_contact.evolution import QuasiStatic
+
+block = Block()
+block.moved.value[:] = 0.0, -0.01
+way = fem.Constant(block.mesh, 0.0)
+floor = HalfSpace((0.0, 0.0), (0.0, 1.0))
+belt = RigidBody(floor, about=(0, 0), motion={"x": way}, held=("y", "rz"), name="belt")
+contact = ContactSurface(block.u, block.bottom, obstacle=belt, law=Coulomb(0.3))
+problem = ContactProblem(block.energy, block.u, [contact], bcs=block.bcs)
+
+
+def load(t):
+    way.value = 0.02 * t
+
+
+run = QuasiStatic(problem, load).run(np.linspace(0, 1, 6))
+print([step.status for step in run.steps])
+shear, normal = run.steps[-1].result.resultants["contact"]
+assert np.isclose(shear, 0.3 * normal)

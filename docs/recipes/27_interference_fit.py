@@ -1,0 +1,17 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+# # How do I model an interference fit?
+#
+# Let the parts overlap in a `ContactPair` with `interference=True`: as drawn, or by a negative
+# `gap`. The solution presses them apart. Here two blocks overlap by 0.01 between fixed ends, with
+# nu = 0: the pressure is E times 0.01 over their common height. `demo_press_fit.py` has a ring on a
+# hub.
+
+import numpy as np
+from common import TwoBlocks
+
+blocks = TwoBlocks(moved=(0.0, 0.0), poisson=0.0)
+pair = blocks.pair(gap=-0.01, interference=True)
+result = blocks.problem(pair).solve()
+pressure = result.tables["contact"].pressure
+print(pressure, result.pairs["contact"])
+assert np.allclose(pressure, 1000.0 * 0.01 / 2.0)

@@ -1,0 +1,16 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+# # How do I choose the algorithm?
+#
+# Newton's method is the default and has fallbacks; leave it unless you compare. In 2D Lemke's
+# method ends in a solution whatever the friction. The others are the classical ones; what does not
+# converge fails with the reason.
+
+import numpy as np
+from common import Block
+
+forces = {}
+for name in ("newton", "tresca", "gauss-seidel", "projected-gradient", "lemke"):
+    result = Block().problem().solve(algorithm=name)
+    forces[name] = result.resultants["contact"]
+    print(f"{name:20} {result.iterations:5} iterations, {forces[name].round(6)}")
+assert np.allclose(list(forces.values()), forces["newton"], rtol=1e-5)

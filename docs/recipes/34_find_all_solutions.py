@@ -1,0 +1,21 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+# # How do I find all other solutions?
+#
+# Make the problem depend on a parameter and ask `find_solutions` for all at one value. For a linear
+# body in 2D it proves that there are no others, up to 128 contact points, and the proof can be kept
+# and checked by one file with numpy alone.
+
+from common import triangle
+
+from dolfinx_contact.analysis import check
+from dolfinx_contact.continuation import find_solutions
+
+system = triangle(friction=2.5, n=16)
+x = system.create_vector()
+found = find_solutions(system, [x], 1.0)
+for solution in found.found:
+    print(system.letters(solution.piece))
+print(f"{len(found.found)} solutions, complete: {found.complete}, {found.method}")
+print(check(found.proof.certificate).verdict)
+assert found.complete
+assert len(found.found) == 3

@@ -1,0 +1,25 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+# # How do I follow a branch over the friction coefficient instead of the load?
+#
+# Let a Constant be the coefficient of the law and the parameter of the `ParametricContact`.
+# `follow` goes from point to point, through changes of status and round folds. Here the block is
+# dragged, and points stop to slip one after the other as friction grows.
+
+from common import Block
+
+from dolfinx import fem
+
+from dolfinx_contact import Coulomb, ParametricContact
+from dolfinx_contact.continuation import follow
+
+block = Block()
+friction = fem.Constant(block.mesh, 0.05)
+system = ParametricContact(block.problem(Coulomb(friction)), friction)
+system.problem.solve()
+x = system.create_vector()
+system.problem.write(x)
+branch = follow(system, x, 0.05, gamma_range=(0.05, 1.0))
+for point in branch.points:
+    print(f"F = {point.gamma:.4f} {system.letters(point.piece)}")
+assert branch.points[-1].gamma == 1.0
+assert "k" in system.letters(branch.points[-1].piece)

@@ -1,0 +1,25 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+# # How do I make a convergence study?
+#
+# Solve on finer and finer meshes and compare a number. The order follows from three of them; what
+# friction and the ends of contact leave of the regularity bounds it. Here it is the work of the
+# load, which converges about as the square of the error in energy; the corners, where the block is
+# held, bound its order.
+
+import numpy as np
+from common import Block
+
+from dolfinx_contact.plot import draw_curves
+
+sizes = np.array([4, 8, 16, 32])
+energies = np.array([Block(n).problem().solve().energies["bulk"] for n in sizes])
+changes = np.abs(np.diff(energies))
+orders = np.log2(changes[:-1] / changes[1:])
+print("energies", energies, "orders", orders)
+draw_curves(
+    "convergence.png",
+    {"change of the energy": (1 / sizes[1:], changes)},
+    labels=("cell size", ""),
+    loglog=True,
+)
+assert np.all(orders > 0.7)

@@ -1,0 +1,16 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+# # How do I cite the package and the theory?
+#
+# `CITATION.cff` in the repository names the package and the papers whose methods it has;
+# [Citing](/citing.md) has them as BibTeX with what to cite for what. For the methods section of a
+# paper: what theorems say of your problem is in `result.theory()`.
+
+from common import Block
+
+import dolfinx_contact
+
+theory = Block().problem().solve().theory()
+print(f"dolfinx_contact {dolfinx_contact.__version__}")
+print(f"a solution exists: {theory.exists}; there is only one: {theory.unique}")
+print(theory.reason)
+assert theory.reason

@@ -1,0 +1,82 @@
+"""The site: every recipe and tutorial runs, and its page can be found and read."""
+
+import ast
+import re
+import runpy
+import sys
+from pathlib import Path
+
+from mpi4py import MPI
+
+import pytest
+
+DOCS = Path(__file__).parents[1] / "docs"
+RECIPES = sorted((DOCS / "recipes").glob("[0-9]*.py"))
+TUTORIALS = sorted((DOCS / "tutorials").glob("[0-9]*.py"))
+DEMOS = sorted((DOCS.parent / "demos").glob("demo_*.py"))
+#: Lines of code of a recipe, without imports and what is empty.
+MOST_LINES = 15
+
+
+def name_of(script):
+    return getattr(script, "stem", None)
+
+
+def run(script, tmp_path, monkeypatch):
+    """Run a script in a folder of its own; its assertions are the test."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(script.parent))
+    monkeypatch.setattr(sys, "argv", [str(script)])
+    return runpy.run_path(str(script))
+
+
+@pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="recipes write to a folder of one rank")
+@pytest.mark.parametrize("recipe", RECIPES, ids=name_of)
+def test_recipe(recipe, tmp_path, monkeypatch, capsys):
+    run(recipe, tmp_path, monkeypatch)
+    pictures = [f for f in tmp_path.rglob("*") if f.suffix in (".png", ".gif")]
+    assert capsys.readouterr().out or pictures  # the page has something to show
+
+
+@pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="tutorials write to a folder of one rank")
+@pytest.mark.parametrize("tutorial", TUTORIALS, ids=name_of)
+def test_tutorial(tutorial, tmp_path, monkeypatch):
+    run(tutorial, tmp_path, monkeypatch)
+    assert any(f.suffix == ".png" for f in tmp_path.rglob("*"))
+
+
+def code_lines(script):
+    """Lines of code without imports, comments and empty lines."""
+    text = script.read_text()
+    imports = set()
+    for node in ast.parse(text).body:
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            imports |= set(range(node.lineno, node.end_lineno + 1))
+    return [
+        line
+        for number, line in enumerate(text.splitlines(), 1)
+        if line.strip() and not line.lstrip().startswith("#") and number not in imports
+    ]
+
+
+@pytest.mark.parametrize("recipe", RECIPES, ids=name_of)
+def test_a_recipe_is_short_and_answers_a_question(recipe):
+    text = recipe.read_text()
+    title = re.search(r"^# # (.*)$", text, flags=re.MULTILINE)[1]
+    assert title.endswith("?")
+    assert len(code_lines(recipe)) <= MOST_LINES
+    assert re.search(r"^\s*assert ", text, flags=re.MULTILINE)
+
+
+def test_forty_questions_are_answered():
+    assert [path.stem[:2] for path in RECIPES] == [f"{i:02}" for i in range(1, 41)]
+
+
+def test_every_script_is_on_a_page():
+    """Recipes, tutorials and demos are in the tables of contents that lead to them."""
+    recipes = (DOCS / "recipes" / "index.md").read_text().split()
+    assert {path.stem for path in RECIPES} <= set(recipes)
+    tutorials = (DOCS / "tutorials" / "index.md").read_text().split()
+    assert {path.stem for path in TUTORIALS} <= set(tutorials)
+    demos = (DOCS / "demos.md").read_text().split()
+    assert {f"demos/{path.stem}" for path in DEMOS} <= set(demos)
