@@ -15,12 +15,15 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import sphinx_codeautolink.extension
 from docutils import nodes
 from docutils.parsers.rst import Directive
 from docutils.statemachine import StringList
 from sphinx.application import Sphinx
 from sphinx.ext.napoleon import Config
 from sphinx.ext.napoleon.docstring import GoogleDocstring
+from sphinx_codeautolink.extension.resolve import CouldNotResolve
+from sphinx_codeautolink.parse import NameBreak
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = "dolfinx_contact"
@@ -428,10 +431,64 @@ def find_name(
     return made
 
 
+def class_of(annotation: ast.expr | None) -> str:
+    """The full name of the public class that an annotation names, or ""."""
+    words = [] if annotation is None else re.findall(r"\w+", ast.unparse(annotation))
+    words = [word for word in words if word not in ("None", "ClassVar")]
+    full = by_last_word().get(words[0], "") if len(words) == 1 else ""
+    known = names().get(full)
+    return full if known and isinstance(known.node, ast.ClassDef) else ""
+
+
+@cache
+def type_of(full: str) -> str:
+    """The class of what a public name gives: of a call of a function, or of a property."""
+    known = names().get(full)
+    if known is not None:
+        if isinstance(known.node, ast.ClassDef):
+            return full
+        return class_of(known.node.returns) if isinstance(known.node, ast.FunctionDef) else ""
+    owner, _, name = full.rpartition(".")
+    known = names().get(owner)
+    if known is None or not isinstance(known.node, ast.ClassDef):
+        return ""
+    for member in members(known.node):
+        if member.name == name:
+            return class_of(member.returns)
+    for field in field_list(known.module, known.node):
+        if ast.unparse(field.target) == name:
+            return class_of(field.annotation)
+    return ""
+
+
+def resolve(chain: Any, inventory: Any) -> str:
+    """What a name in an example refers to, in place of sphinx_codeautolink's imports.
+
+    Its own way imports the package, which needs DOLFINx; here calls and properties are followed by
+    the annotations in the source.
+    """
+    found = ""
+    for part in chain.import_components:
+        if part == NameBreak.call:
+            found = type_of(found)
+        elif found:
+            owner = names().get(found)
+            is_object = owner is not None or found.rpartition(".")[0] in names()
+            is_class = owner is not None and isinstance(owner.node, ast.ClassDef)
+            found = found if is_class or not is_object else type_of(found)
+            found = found and f"{found}.{part}"
+        else:
+            found = part
+        if not found:
+            raise CouldNotResolve("the source does not say what it is")
+        if found in names():
+            found = names()[found].full
+    return found
+
+
 def setup(app: Sphinx) -> dict[str, Any]:
     """Called by Sphinx."""
     app.add_directive("public-names", PublicNames)
     app.connect("missing-reference", find_name)
-    aliases = {full: name.full for full, name in names().items() if full != name.full}
-    app.config.codeautolink_inventory_map = aliases
+    sphinx_codeautolink.extension.resolve_location = resolve
     return {"parallel_read_safe": True, "parallel_write_safe": True}
