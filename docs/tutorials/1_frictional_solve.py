@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+# # A frictional solve from a gmsh file
+#
+# A block with a round foot is pressed onto a floor and dragged along it. We draw it with gmsh, read
+# the mesh file, solve the Signorini-Coulomb problem, and look at forces, at what sticks and slips,
+# and at pictures. Lengths are in mm, forces in N, so that stresses are in MPa.
+#
+# Find $u$ in equilibrium with its loads such that at every point of the contact surface, with the
+# gap $u_n$, the pressure $p$, the tangential displacement $u_t$ and the shear $q$ on the body,
+#
+# $$u_n \ge 0, \quad p \ge 0, \quad u_n \, p = 0,$$
+#
+# $$|q| \le F p, \quad q = -F p \, \frac{u_t}{|u_t|} \ \text{ where } u_t \ne 0.$$
+#
+# The first line is Signorini's condition: no penetration, no tension, no pressure across a gap. The
+# second is Coulomb's law of the static problem.
+
+from mpi4py import MPI
+
+import gmsh
+import numpy as np
+
+import ufl
+from dolfinx import fem
+
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, plot
+from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.meshing import read_mesh
+
+# ## The mesh file
+#
+# The body is the lower part of a ball of radius 1, cut off at the height 0.6. Parts of a mesh are
+# named by physical groups: one for the volume, without which gmsh writes no cells, one for the top,
+# and one for the round face that may touch the floor.
+
+
+def draw(file):
+    gmsh.initialize()
+    gmsh.option.setNumber("General.Terminal", 0)
+    occ = gmsh.model.occ
+    ball = occ.addSphere(0, 0, 1, 1)
+    box = occ.addBox(-1, -1, 0, 2, 2, 0.6)
+    occ.intersect([(3, ball)], [(3, box)])
+    occ.synchronize()
+    (body,) = gmsh.model.getEntities(3)
+    faces = [tag for _, tag in gmsh.model.getBoundary([body], oriented=False)]
+    top = [face for face in faces if occ.getCenterOfMass(2, face)[2] > 0.59]
+    gmsh.model.addPhysicalGroup(3, [body[1]], name="body")
+    gmsh.model.addPhysicalGroup(2, top, name="top")
+    gmsh.model.addPhysicalGroup(2, [f for f in faces if f not in top], name="contact")
+    gmsh.option.setNumber("Mesh.MeshSizeMax", 0.11)
+    gmsh.model.mesh.generate(3)
+    gmsh.write(file)
+    gmsh.finalize()
+
+
+comm = MPI.COMM_WORLD
+if comm.rank == 0:
+    draw("body.msh")
+comm.barrier()
+body = read_mesh(comm, "body.msh", groups=("top", "contact"))
+print(f"{body.mesh.topology.index_map(3).size_global} cells, groups {sorted(body.names)}")
+
+# ## The problem
+#
+# It consists of DOLFINx objects: a displacement, an energy in UFL, Dirichlet conditions. What is
+# new is the contact surface, with an obstacle and a law. The top is pressed down by 0.02 mm and
+# moved aside by 0.01 mm.
+
+V = fem.functionspace(body.mesh, ("Lagrange", 1, (3,)))
+u = fem.Function(V, name="displacement")
+top = fem.Constant(body.mesh, (0.01, 0.0, -0.02))
+bcs = [fem.dirichletbc(top, body.dofs(V, "top"), V)]
+steel = LinearElastic.from_young(210e3, 0.3)
+floor = HalfSpace(point=(0, 0, 0), normal=(0, 0, 1))
+contact = ContactSurface(u, body, tag="contact", obstacle=floor, law=Coulomb(0.4))
+problem = ContactProblem(steel.energy(u) * ufl.dx, u, [contact], bcs=bcs)
+
+# ## The solution
+#
+# `solve` writes into `u` and returns a result. There is nothing to tune: no penalty parameter, no
+# regularisation. The result says how it was found, and has measures to judge it by: the violation
+# of the contact law, and by how much all forces on the body fail to balance.
+
+result = problem.solve()
+force = result.resultants["contact"]
+print(f"{result.reason}, {result.iterations} iterations, {result.dofs} unknowns")
+print(f"points: {result.counts}")
+print(
+    f"contact force on the body {force.round(2)} N, reaction of the top {result.support.round(2)}"
+)
+print(f"violation of the law {result.kkt_violation:.1e}, imbalance {result.imbalance:.1e}")
+assert result.kkt_violation < 1e-8
+assert np.allclose(force + result.support, 0.0, atol=1e-6 * np.linalg.norm(force))
+
+# The shear is no larger than friction allows, at every point and so for the whole body:
+
+table = result.tables["contact"]
+shear = np.linalg.norm(table.rt, axis=1)
+print(f"shear over pressure: {np.linalg.norm(force[:2]) / force[2]:.3f} of 0.4")
+assert np.all(shear <= 0.4 * table.rn + 1e-6 * force[2])
+
+# ## Pictures
+#
+# The deformed body, its displacement magnified five times, coloured by von Mises stress; and the
+# contact face with pressure and status. `io.write_fields` writes the same for ParaView.
+
+plot.picture_of_body("body.png", problem, stress=steel.full_stress(u), scale=5.0)
+plot.picture_of_contact("contact.png", problem)
+
+# ## Other loads
+#
+# Constants may change between two solves. Friction is a Constant too: `contact.law.friction`. Every
+# solve begins with the solution before. The farther the body is moved, the more points slip, until
+# all do and the shear is $F$ times the normal force.
+
+ratios = []
+for shift in (0.0, 0.005, 0.01, 0.02, 0.04):
+    top.value[0] = shift
+    moved = problem.solve()
+    f = moved.resultants["contact"]
+    ratios.append(abs(f[0]) / f[2])
+    print(f"shift {shift:.3f}: shear over pressure {ratios[-1]:.3f}, {moved.counts}")
+assert ratios[0] < 0.01
+assert np.isclose(ratios[-1], 0.4, rtol=1e-3)

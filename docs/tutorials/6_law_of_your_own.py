@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+# # A law of one's own
+#
+# Friction that weakens: where a point has slipped by some distance, the coefficient falls from a
+# static to a kinetic value, as on faults and brake pads. The law is a few lines of UFL; Newton's
+# method, histories and records need nothing else.
+
+from dataclasses import dataclass
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact import ContactProblem, ContactSurface, HalfSpace, plot
+from dolfinx_contact.evolution import QuasiStatic
+from dolfinx_contact.laws import FrictionLaw
+from dolfinx_contact.materials import LinearElastic
+
+# ## The law
+#
+# A `FrictionLaw` says how large the shear may be at a point where the pressure is $p$: the radius
+# of the friction disc,
+#
+# $$b(p, s) = \left(F_k + (F_s - F_k) e^{-s/D}\right) p,$$
+#
+# with the distance $s$ that the point has slipped. `a.slid` is that distance; a history remembers
+# it. Numbers of the law become Constants, which may be changed later; they may be Functions as
+# well.
+
+
+@dataclass(frozen=True)
+class SlipWeakening(FrictionLaw):
+    static: Any
+    kinetic: Any
+    distance: Any
+
+    def bound(self, a, p):
+        fade = ufl.exp(-a.slid / self.distance)
+        return (self.kinetic + (self.static - self.kinetic) * fade) * p
+
+
+# ## A block that is pulled
+#
+# The block of the third tutorial, pressed first and then pulled to the right. Its top moves by
+# 0.06, which is more than what it takes to slip everywhere. The friction falls within a slip of
+# some 0.02: if it fell faster than the block can relax, the block would jump, and `QuasiStatic`
+# would say that no solution continues.
+
+DISTANCE = 0.02
+
+comm = MPI.COMM_WORLD
+domain = mesh.create_rectangle(comm, [[0, 0], [2, 1]], (24, 12), mesh.CellType.quadrilateral)
+top = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 1))
+bottom = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 0))
+
+
+def pulled(static, kinetic):
+    """Ratios of shear to normal force along the way of the top, and the last table."""
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V, name="displacement")
+    moved = fem.Constant(domain, (0.0, -0.01))
+    bcs = [fem.dirichletbc(moved, fem.locate_dofs_topological(V, 1, top), V)]
+    law = SlipWeakening(static, kinetic, DISTANCE)
+    floor = HalfSpace((0.0, 0.0), (0.0, 1.0))
+    contact = ContactSurface(u, bottom, obstacle=floor, law=law)
+    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
+    problem = ContactProblem(energy, u, [contact], bcs=bcs)
+    problem.solve()
+
+    def load(t):
+        moved.value[0] = t
+
+    history = QuasiStatic(problem, load).run(np.linspace(0.0, 0.06, 31))
+    forces = np.array([step.result.resultants["contact"] for step in history.steps])
+    ways = np.array([step.time for step in history.steps])
+    plot.picture_of_contact("contact.png", problem)
+    return ways, -forces[:, 0] / forces[:, 1], history.steps[-1].result.tables["contact"]
+
+
+# ## What it does
+#
+# With equal coefficients the law is Coulomb's. With a smaller kinetic one the force rises, and
+# falls again while the block slips: the largest force lies below that of the static coefficient,
+# since points do not all slip at once.
+
+curves = {}
+for static, kinetic in ((0.4, 0.4), (0.4, 0.2)):
+    ways, ratios, table = pulled(static, kinetic)
+    curves[f"static {static}, kinetic {kinetic}"] = (ways, ratios)
+    print(f"static {static}, kinetic {kinetic}: largest {ratios.max():.4f}, last {ratios[-1]:.4f}")
+plot.draw_curves("force.png", curves, labels=("way of the top", "shear over normal force"))
+
+# ## Check
+#
+# Coulomb's friction ends at its coefficient. Of the weakening law every point that slips is at its
+# own bound, by the distance that it has slipped:
+
+coulomb = curves["static 0.4, kinetic 0.4"][1]
+weakened = curves["static 0.4, kinetic 0.2"][1]
+fade = np.exp(-table.slid / DISTANCE)
+slips = np.isin(table.letters, ["+", "-"])
+expected = (0.2 + 0.2 * fade) * table.rn
+print(f"{slips.sum()} of {len(slips)} points slip, by {table.slid[slips].max():.4f} at most")
+assert np.isclose(coulomb[-1], 0.4)
+assert 0.2 < weakened[-1] < weakened.max() < 0.4
+assert np.allclose(np.abs(table.along(table.rt))[slips], expected[slips], rtol=1e-6)
+
+# Laws that are no friction laws, with statuses of their own, are in `demo_own_law.py`; those that
+# store and dissipate energy, as glues do, in `demo_own_interface.py`.
