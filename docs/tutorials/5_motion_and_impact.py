@@ -80,13 +80,16 @@ plot.draw_curves(
 # ## Energy
 #
 # Kinetic energy becomes elastic energy and comes back. Every energy has a formula of its own; what
-# does not close is the residue.
+# does not close is the residue. The loss is in the step of the first touch: the lowest node stops at
+# once, with a share of the bar that falls with the size of cells. It is 0.7 % with 20 cells, 0.5 %
+# with 40 and 0.2 % with 80.
 
 kinetic = np.array([step.energies.kinetic for step in history.steps])
 stored = np.array([step.energies.stored for step in history.steps])
 residue = max(abs(step.energies.residue) for step in history.steps)
 print(f"energy at the end {(kinetic[-1] + stored[-1]) / start_energy:.6f} of that at the start")
 print(f"largest residue {residue / start_energy:.1e}")
+assert 0.99 < (kinetic[-1] + stored[-1]) / start_energy < 1.0
 assert residue < 1e-6 * start_energy
 plot.draw_curves(
     "energy.png",
