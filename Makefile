@@ -8,7 +8,8 @@ PYTEST = python3 -m pytest --color=no --durations=40 --durations-min=1 tests
 ATTACKS = python3 tests/attacks/run.py
 # The site is built in a small environment without DOLFINx, the same beside every DOLFINx.
 DOCS = DEBIAN=trixie DOLFINX_CONTACT_PACKAGES=docs $(RUN)
-SPHINX = python3 -m sphinx -q -W --keep-going -j auto
+# All pages anew: each has the titles of others in its margins.
+SPHINX = python3 -m sphinx -q -W --keep-going -E -a -j auto
 
 .PHONY: help demo test test-long test-paraview attacks docs docs-check docs-links lint clean
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # Is my solution the only one?
+# # Is my solution the only one (unique)?
 #
 # Read `result.unique`: "proved", "not proved" or "others exist". It is for linear bodies with
 # contact at nodes. `result.uniqueness(seconds=60)` tries harder and says why; in 2D it gives

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # How do I find all other solutions?
+# # How do I find the others: all solutions of a problem?
 #
 # Make the problem depend on a parameter and ask `find_solutions` for all at one value. For a linear
 # body in 2D it proves that there are no others, up to 128 contact points, and the proof can be kept

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # How much friction is critical?
+# # How much friction is critical, and up to which coefficient is the solution unique?
 #
 # `renard_criterion` says up to which coefficient the solution that was found is certainly the only
 # one; `weights=True` comes closer to where a second one appears. `critical_friction` gives the
