@@ -38,12 +38,12 @@ def linked(markdown: str, folder: Path) -> str:
 
 def below(outputs: list[dict[str, Any]], shown: str) -> list[str]:
     """What a cell printed and drew, as MyST."""
+    text = "".join(output.get("text", "") for output in outputs).rstrip()
     lines = []
+    if text:
+        fence = "`" * 4
+        lines += [":::{div} output", f"{fence}text", text, fence, ":::", ""]
     for output in outputs:
-        if output.get("text", "").strip():
-            fence = "`" * 4
-            text = output["text"].rstrip()
-            lines += [":::{div} output", f"{fence}text", text, fence, ":::", ""]
         for picture in output.get("pictures", []):
             name = Path(picture).stem.replace("_", " ")
             lines += [f"```{{image}} /{shown}/{picture}", f":alt: {name}", "```", ""]

@@ -80,9 +80,9 @@ plot.draw_curves(
 # ## Energy
 #
 # Kinetic energy becomes elastic energy and comes back. Every energy has a formula of its own; what
-# does not close is the residue. The loss is in the step of the first touch: the lowest node stops at
-# once, with a share of the bar that falls with the size of cells. It is 0.7 % with 20 cells, 0.5 %
-# with 40 and 0.2 % with 80.
+# does not close is the residue. The loss is in the step of the first touch: the lowest node stops
+# at once, with a share of the bar that falls with the size of cells. It is 0.7 % with 20 cells,
+# 0.5 % with 40 and 0.2 % with 80.
 
 kinetic = np.array([step.energies.kinetic for step in history.steps])
 stored = np.array([step.energies.stored for step in history.steps])
