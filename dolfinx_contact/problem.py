@@ -23,7 +23,7 @@ from dolfinx_contact._agreement import (
     described_number,
 )
 from dolfinx_contact._collective import Arguments, collective
-from dolfinx_contact._errors import everywhere, require, same_everywhere
+from dolfinx_contact._errors import require, same_everywhere
 from dolfinx_contact._frozen import ReadOnly, ReadOnlyList, copy_with
 from dolfinx_contact._kept import keep
 from dolfinx_contact._mesh_mark import mesh_stays
@@ -84,6 +84,30 @@ def _check_solve(a: Arguments) -> None:
     if a.monitor is not None and not callable(a.monitor):
         raise ValueError(f"monitor must be a function of a step, got {a.monitor!r}")
     check_progress(a.progress)
+
+
+def _check(a: Arguments) -> None:
+    require_real()
+    if not isinstance(a.u, fem.Function):
+        raise ValueError(f"the displacement must be a Function, got {type(a.u).__name__}")
+    a.surfaces, a.bcs = lists(a.surfaces, a.bcs)
+    check(a.bulk, a.u, a.surfaces, a.bcs)
+    if a.r is not None and not (is_number(a.r) and np.isfinite(a.r) and a.r > 0):
+        raise ValueError(f"the augmentation parameter r must be positive, got {a.r}")
+    a.petsc_options = {} if a.petsc_options is None else a.petsc_options
+    check_options(a.petsc_options_prefix, a.petsc_options)
+
+
+def _described(a: Arguments) -> dict[str, Any]:
+    return {
+        "contact_surfaces": [s.name for s in a.surfaces],
+        "Dirichlet_data": [described_condition(bc) for bc in a.bcs],
+        "bulk": lambda: described(a.bulk, a.u.function_space.mesh),
+        "r": described_number(a.r),
+        "rigid_bodies": [s.rigid_body and s.rigid_body.described() for s in a.surfaces],
+        "petsc_options": sorted((k, described_number(v)) for k, v in a.petsc_options.items()),
+        "PETSc_database": sorted(in_database(a.petsc_options_prefix).items()),
+    }
 
 
 class ContactProblem(ReadOnly):
@@ -152,6 +176,7 @@ class ContactProblem(ReadOnly):
         "": "give Constants and Functions and change their values, or " + _ANOTHER,
     }
 
+    @collective("a contact problem", _check, compare=_described, local=("surfaces", "bcs"))
     @staged("ContactSetUp")
     def __init__(
         self,
@@ -164,32 +189,13 @@ class ContactProblem(ReadOnly):
         petsc_options_prefix: str = "contact_",
         petsc_options: Mapping[str, Any] | None = None,
     ):
-        require_real()
-        if not isinstance(u, fem.Function):
-            raise ValueError(f"the displacement must be a Function, got {type(u).__name__}")
         self.u = u
         self.V = u.function_space
         self.comm = u.function_space.mesh.comm
         keep(self.V.mesh)
-        with everywhere(self.comm, "a contact problem"):
-            self.surfaces, self.bcs = lists(surfaces, bcs)
-            check(bulk, u, self.surfaces, self.bcs)
-            if r is not None and not (is_number(r) and np.isfinite(r) and r > 0):
-                raise ValueError(f"the augmentation parameter r must be positive, got {r}")
-            options = {} if petsc_options is None else petsc_options
-            check_options(petsc_options_prefix, options)
-        self.petsc_options = dict(options)
-        same_everywhere(
-            self.comm,
-            contact_surfaces=[s.name for s in self.surfaces],
-            Dirichlet_data=[described_condition(bc) for bc in self.bcs],
-            bulk=lambda: described(bulk, self.V.mesh),
-            r=described_number(r),
-            rigid_bodies=[s.rigid_body and s.rigid_body.described() for s in self.surfaces],
-            petsc_options_prefix=petsc_options_prefix,
-            petsc_options=sorted((k, described_number(v)) for k, v in options.items()),
-            PETSc_database=sorted(in_database(petsc_options_prefix).items()),
-        )
+        self.surfaces = surfaces
+        self.bcs = bcs
+        self.petsc_options = dict(petsc_options or {})
         PETSc.garbage_cleanup(self.comm)  # what earlier problems on several ranks have left
         finite = bool(np.isfinite(self.V.mesh.geometry.x).all())
         require(self.comm, finite, "the mesh has a coordinate that is not finite")

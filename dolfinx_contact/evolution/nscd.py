@@ -30,6 +30,7 @@ from dolfinx import fem
 
 from dolfinx_contact._affine import dependence
 from dolfinx_contact._agreement import described, refuse_other_mesh
+from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._errors import everywhere, same_everywhere
 from dolfinx_contact._forms import compiled_form
 from dolfinx_contact._numbers import is_number
@@ -52,6 +53,37 @@ from dolfinx_contact.problem import ContactProblem
 __all__ = ["NSCD"]
 
 logger = logging.getLogger(__name__)
+
+
+def _check(a: Arguments) -> None:
+    problem = a.problem
+    if not isinstance(problem, ContactProblem):
+        raise ValueError(f"a ContactProblem is needed, got {type(problem).__name__}")
+    a.dt = _positive("dt", a.dt)
+    _method(a.scheme, a.theta, a.level, a.mass, a.restitution)
+    _check_problem(problem, a.level)
+    if a.velocity is not None and getattr(a.velocity, "function_space", None) != problem.V:
+        raise ValueError("velocity must be a Function of the displacement's space")
+    refuse_other_mesh(ufl.as_ufl(a.density), problem.V.mesh, "the density")
+    _refuse_state(ufl.as_ufl(a.density), problem.u, a.velocity)
+    if isinstance(a.density, int | float) and not (math.isfinite(a.density) and a.density > 0):
+        raise ValueError(f"the density must be positive, got {a.density!r}")
+
+
+def _compared(a: Arguments) -> dict[str, Any]:
+    V = a.problem.V
+    return {
+        "theta": float(a.theta),
+        "restitution": float(a.restitution),
+        "damping": _described(a.damping, V),
+        "density": lambda: described(ufl.as_ufl(a.density), V.mesh),
+    }
+
+
+def _check_settle(a: Arguments) -> None:
+    a.max_time = _positive("max_time", a.max_time)
+    if not (is_number(a.rest) and 0 < a.rest < 1):
+        raise ValueError(f"rest must be between 0 and 1, got {a.rest!r}")
 
 
 class NSCD(Evolution):
@@ -117,6 +149,7 @@ class NSCD(Evolution):
 
     account = MotionEnergies
 
+    @collective("a motion", _check, compare=_compared)
     def __init__(
         self,
         problem: ContactProblem,
@@ -132,24 +165,10 @@ class NSCD(Evolution):
         damping: ufl.Form | tuple[Any, Any] | None = None,
         restitution: float = 0.0,
     ):
-        if not isinstance(problem, ContactProblem):
-            raise ValueError(f"a ContactProblem is needed, got {type(problem).__name__}")
         comm = problem.comm
         V = problem.V
-        with everywhere(comm, "a motion"):
-            self._dt = _positive("dt", dt)
-            method = _method(scheme, theta, level, mass, restitution)
-            _check_problem(problem, level)
-            if velocity is not None and getattr(velocity, "function_space", None) != V:
-                raise ValueError("velocity must be a Function of the displacement's space")
-            refuse_other_mesh(ufl.as_ufl(density), V.mesh, "the density")
-            _refuse_state(ufl.as_ufl(density), problem.u, velocity)
-            if isinstance(density, int | float) and not (math.isfinite(density) and density > 0):
-                raise ValueError(f"the density must be positive, got {density!r}")
-        same_everywhere(comm, a_velocity=velocity is not None, damping=_described(damping, V))
-        same_everywhere(comm, scheme=scheme, level=level, mass=mass, dt=self._dt)
-        same_everywhere(comm, theta=method.theta, restitution=method.restitution)
-        same_everywhere(comm, density=lambda: described(ufl.as_ufl(density), V.mesh))
+        self._dt = dt
+        method = _method(scheme, theta, level, mass, restitution)
         if method.alternates and comm.rank == 0:
             logger.warning(
                 "theta = 1/2 with mass at the nodes that may touch: contact forces alternate from "
@@ -232,6 +251,7 @@ class NSCD(Evolution):
         """What the last accepted state leaves to the next step, surface by surface."""
         return self.problem.equations.memory if self._accepted is None else self._accepted.memory
 
+    @collective("settling", _check_settle)
     def settle(
         self,
         max_time: float,
@@ -257,11 +277,6 @@ class NSCD(Evolution):
             NoContinuation: as `run`.
             ValueError: on every rank, for arguments that do not fit, and as `run`.
         """
-        with everywhere(self.problem.comm, "settling"):
-            max_time = _positive("max_time", max_time)
-            if not (is_number(rest) and 0 < rest < 1):
-                raise ValueError(f"rest must be between 0 and 1, got {rest!r}")
-        same_everywhere(self.problem.comm, max_time=max_time, rest=float(rest))
         start = 0.0 if self._accepted is None else self._accepted.time
         whole = None
         peak = 0.0

@@ -16,6 +16,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
+from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._errors import everywhere
 from dolfinx_contact.continuation.observer import Observer, Seen, Stop
 from dolfinx_contact.evolution.energy import Energies
@@ -33,6 +34,14 @@ from dolfinx_contact.evolution.through_times import (
 __all__ = ["QuasiStatic"]
 
 _HALVINGS = 20  # of the whole time, to the least step
+
+
+def _check_jump(a: Arguments) -> None:
+    before = a.self._run_state
+    if before is None or not a.time >= before.accepted.time:
+        raise ValueError("a jump begins where a run has ended, at its time or later")
+    if a.motion.problem.u is not a.self.problem.u:
+        raise ValueError("the motion is that of another body")
 
 
 class QuasiStatic(Evolution):
@@ -151,6 +160,7 @@ class QuasiStatic(Evolution):
             listeners.check("a records.EvolutionRecord")
         return self._begin(task, listeners)
 
+    @collective("a jump", _check_jump)
     def jump(self, motion: NSCD, time: float, max_time: float, *, rest: float = 1e-6) -> History:
         """Go on by dynamics where an evolution has come to its end. Collective.
 
@@ -175,11 +185,6 @@ class QuasiStatic(Evolution):
         """
         comm = self.problem.comm
         before = self._run_state
-        with everywhere(comm, "a jump"):
-            if before is None or not time >= before.accepted.time:
-                raise ValueError("a jump begins where a run has ended, at its time or later")
-            if motion.problem.u is not self.problem.u:
-                raise ValueError("the motion is that of another body")
         assert before is not None
         self.put(before)
         try:

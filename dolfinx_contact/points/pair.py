@@ -11,7 +11,8 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem, la, mesh
 
-from dolfinx_contact._errors import everywhere, require, same_everywhere
+from dolfinx_contact._collective import Arguments, collective
+from dolfinx_contact._errors import require
 from dolfinx_contact._kept import keep
 from dolfinx_contact._numbers import is_number
 from dolfinx_contact.laws import Law
@@ -28,6 +29,29 @@ from dolfinx_contact.points.surface import ContactSurface
 from dolfinx_contact.points.trace import exterior_facets
 
 __all__ = ["ContactPair"]
+
+
+#: Compared by `ContactSurface`, or those of a rank.
+_SIDES = ("facets", "master_facets", "law")
+
+
+def _check(a: Arguments) -> None:
+    if not isinstance(a.u, fem.Function):
+        raise ValueError(f"the displacement must be a Function, got {type(a.u).__name__}")
+    check_name(a.name, "pair")
+    displacement_degree(a.u)
+    for what, flag in (("interference", a.interference), ("axisymmetric", a.axisymmetric)):
+        if not isinstance(flag, bool | np.bool_):
+            raise ValueError(f"{a.name}: {what} is True or False, got {flag!r}")
+    by_index = isinstance(a.facets, np.ndarray)
+    _check_sides(a.name, (a.slave, a.master), a.master_facets, by_index=by_index)
+    a.gap = _checked_gap(a.gap, a.name)
+    _check_surface(a.name, a.surface, alone=a.gap is None and a.normal is None)
+    a.normal = _checked_normal(a.normal, a.u.function_space.mesh.geometry.dim, a.name)
+
+
+def _given(a: Arguments) -> dict[str, Any]:
+    return {"gap": a.gap is None, "surface": a.surface is None}
 
 
 class ContactPair(ContactSurface):
@@ -101,6 +125,7 @@ class ContactPair(ContactSurface):
             crossing can take its part, when they enter a problem.
     """
 
+    @collective("a contact pair", _check, compare=_given, local=_SIDES, where="name")
     def __init__(
         self,
         u: fem.Function,
@@ -120,31 +145,8 @@ class ContactPair(ContactSurface):
         axisymmetric: bool = False,
         name: str = "contact",
     ):
-        if not isinstance(u, fem.Function):
-            raise ValueError(f"the displacement must be a Function, got {type(u).__name__}")
         V = u.function_space
-        comm = u.function_space.mesh.comm
         keep(V.mesh)
-        with everywhere(comm, "a contact pair"):
-            check_name(name, "pair")
-            displacement_degree(u)
-            for what, flag in (("interference", interference), ("axisymmetric", axisymmetric)):
-                if not isinstance(flag, bool | np.bool_):
-                    raise ValueError(f"{name}: {what} is True or False, got {flag!r}")
-            by_index = isinstance(facets, np.ndarray)
-            _check_sides(name, (slave, master), master_facets, by_index=by_index)
-            gap = _checked_gap(gap, name)
-            _check_surface(name, surface, alone=gap is None and normal is None)
-            direction = _checked_normal(normal, V.mesh.geometry.dim, name)
-        same_everywhere(
-            comm,
-            name,
-            interference=bool(interference),
-            axisymmetric=bool(axisymmetric),
-            gap=gap is None,
-            surface=surface is None,
-            normal=None if direction is None else direction.tolist(),
-        )
         theirs = facets if master_facets is None else master_facets
         sides = [
             _facets_of_side(V.mesh, facets, slave, f"{name}, slave"),
@@ -162,7 +164,7 @@ class ContactPair(ContactSurface):
                 sides[1],
                 gap=gap,
                 surface=surface,
-                normal=direction,
+                normal=None if normal is None else np.asarray(normal, dtype=np.float64),
                 interference=interference,
                 must_match=method == "mixed",
                 axisymmetric=bool(axisymmetric),
