@@ -25,7 +25,7 @@ from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.plot import draw_diagram, picture_of_contact, picture_of_states
 from dolfinx_contact.records import BranchRecord, lock, read_journal, resume, write_series
 from dolfinx_contact.records.journal import Journal
-from dolfinx_contact.records.lines import FILE_NAME, JournalFile
+from dolfinx_contact.records.lines import FILE_NAME, FORMAT, JournalFile
 
 COMM = MPI.COMM_WORLD
 TREE = Path(__file__).resolve().parents[1]
@@ -330,7 +330,7 @@ def here(tmp_path):
         return JournalFile(tmp_path, Journal, new=new, holders={"a-host": [123, 456]})
 
     file = opened()
-    file.append({"type": "header", "format": 1})
+    file.append({"type": "header", "format": FORMAT, "of": Journal.kind})
     file.close()
     return tmp_path, opened
 

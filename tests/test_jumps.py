@@ -1,7 +1,6 @@
 """Jumps of histories that no mean over a body shows, and what is stated of them."""
 
 import importlib
-from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -143,15 +142,3 @@ def test_short_steps_after_a_jump_are_none(monkeypatch):
     ((start, end),) = jumps_of(history)
     assert start - 1e-5 < 0.6 < end + 1e-5
     assert sum(end < step.time < end + 1e-3 for step in history.steps) > 3
-
-
-@pytest.mark.chatty
-def test_a_run_that_goes_on_from_an_older_record():
-    """Its rates were others: the first step is looked at as that of a new evolution."""
-    evolution = pulled([1.0])
-    evolution.run([0.0, 1.0])
-    state = evolution._run_state
-    evolution._run_state = replace(state, rate=state.rate[:3])
-    history = evolution.run([1.0, 1.5, 2.5], at_jump="jump")
-    ((start, end),) = jumps_of(history)
-    assert start - 1e-4 < 2.0 < end + 1e-4

@@ -37,7 +37,7 @@ def test_cusp():
 
     system = with_parameter(lambda x, g: [1.0])
     other = with_parameter(lambda x, g: [x[0]])
-    other.set = lambda value: setattr(m, "value", value)
+    other.set_parameter = lambda value: setattr(m, "value", value)
     branch = follow(system, start(system, [-3.0]), -18.0, gamma_range=(-20.0, 20.0))
     assert [s.kind for s in branch.special] == ["fold", "fold"]
     curve = follow_special(
@@ -58,7 +58,7 @@ def one_node_with(set_other, derivative):
     system = one_node(2.0, 2.0, 1.0, F, load, (-1.0, 0.0))
     other = one_node(2.0, 2.0, 1.0, F, load, (-1.0, 0.0))
     other._c = derivative
-    other.set = lambda value: set_other(load, F, value)
+    other.set_parameter = lambda value: set_other(load, F, value)
     branch = follow(system, start(system, [0, 0, 0, 1.0]), 0.0, gamma_range=(-1.0, 5.0))
     return system, other, branch
 

@@ -2,7 +2,7 @@
 # # Is my solution the only one (unique)?
 #
 # Read `result.unique`: "proved", "not proved" or "others exist". It is for linear bodies with
-# contact at nodes. `result.uniqueness(seconds=60)` tries harder and says why; in 2D it gives
+# contact at nodes. `result.uniqueness(proof_seconds=60)` tries harder and says why; in 2D it gives
 # another solution where there is one.
 
 from common import Block, triangle
@@ -13,6 +13,6 @@ assert result.unique == "proved"
 
 system = triangle(friction=2.5, n=16)
 system.set_parameter(1.0)
-found = system.problem.solve().uniqueness(seconds=60)
+found = system.problem.solve().uniqueness(proof_seconds=60)
 print(found.verdict, "-", found.reason)
 assert found.verdict == "others exist"

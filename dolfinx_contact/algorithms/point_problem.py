@@ -30,6 +30,8 @@ from dolfinx_contact.laws import coulomb
 __all__ = ["PointProblem"]
 
 Array = npt.NDArray[np.float64]
+#: Eigenvalues that are round-off, over the largest entry and the size.
+_SINGULAR = 10 * 2.0**-52
 _HALVED = 5 * 2.0**-53 / (1 - 5 * 2.0**-53)  # of the round-off of a mean
 _ORTHOGONAL = 1e-8
 _ROUND_OFF = 1e-4  # of stiffness times displacement, forces beside which none is looked at
@@ -61,7 +63,7 @@ class PointProblem:
     Raises:
         ValueError: for what is no array of numbers, shapes that do not fit, numbers that are not
             finite, negative friction, bounds or errors, an augmentation that is not positive, or a
-            stiffness that is not positive definite.
+            stiffness that is not positive definite beyond round-off.
     """
 
     S: Array
@@ -94,8 +96,10 @@ class PointProblem:
             away = np.abs(self.S - self.S.T) + _HALVED * np.abs(self.S) * (self.S != self.S.T)
             put(self, "S_error", np.maximum(self.S_error, self.S_error.T) + away)
         put(self, "S", 0.5 * (self.S + self.S.T))
+        # Of a body that nothing holds S is singular, and its least eigenvalues are round-off.
+        round_off = _SINGULAR * len(self.S) * float(np.abs(np.diag(self.S)).max())
         try:
-            np.linalg.cholesky(self.S)
+            np.linalg.cholesky(self.S - round_off * np.eye(len(self.S)))
         except np.linalg.LinAlgError:
             raise ValueError("the reduced stiffness is not positive definite") from None
         if not self._is_given("augmentation"):

@@ -51,7 +51,7 @@ _LOST = 127  # status of the point of a `StatusChange` beyond the end of its bor
 class ParameterSystem(Protocol):
     """A system whose parameter can be set; two with one H and two parameters are followed."""
 
-    def set(self, gamma: float) -> None:
+    def set_parameter(self, gamma: float) -> None:
         """Take the parameter into H. Collective."""
 
     def parameter_derivative(
@@ -156,7 +156,7 @@ class _Extended(System):
 
     def residual(self, X: PETSc.Vec, mu: float, b: PETSc.Vec, piece: Piece | None) -> float:
         x, gamma = self._split(X)
-        self.other.set(mu)
+        self.other.set_parameter(mu)
         held = self._held(x, gamma, piece)
         phi, small = self.condition.value(x, gamma, held)
         size = self.system.residual(x, gamma, self._c, held)
@@ -165,7 +165,7 @@ class _Extended(System):
 
     def jacobian(self, X: PETSc.Vec, mu: float, piece: Piece | None) -> None:
         x, gamma = self._split(X)
-        self.other.set(mu)
+        self.other.set_parameter(mu)
         held = self._held(x, gamma, piece)
         self.condition.gradient(x, gamma, held, self._d)
         slope = self.condition.derivative(x, gamma, held, self._by_gamma(gamma))
@@ -179,7 +179,7 @@ class _Extended(System):
         self, X: PETSc.Vec, mu: float, c: PETSc.Vec, piece: Piece | None
     ) -> None:
         x, gamma = self._split(X)
-        self.other.set(mu)
+        self.other.set_parameter(mu)
         held = self._held(x, gamma, piece)
         self.system.residual(x, gamma, self._c, held)  # which takes gamma into H
 
@@ -207,13 +207,13 @@ class _Extended(System):
 
     def piece_at(self, X: PETSc.Vec, mu: float) -> Piece:
         x, gamma = self._split(X)
-        self.other.set(mu)
+        self.other.set_parameter(mu)
         return self._held(x, gamma, None)
 
     def events(self, X: PETSc.Vec, mu: float, piece: Piece) -> Events:
         """Those of H on both sides of the border, but for the change that is the condition."""
         x, gamma = self._split(X)
-        self.other.set(mu)
+        self.other.set_parameter(mu)
         found = self.system.events(x, gamma, self._held(x, gamma, piece))
         border = self._border
         if border is None:
@@ -248,7 +248,7 @@ class _Extended(System):
 
     def put(self, X: PETSc.Vec, mu: float, piece: Piece) -> None:
         x, gamma = self._split(X)
-        self.other.set(mu)
+        self.other.set_parameter(mu)
         self.system.put(x, gamma, self._held(x, gamma, piece))
 
     def check_parameter(self, gammas: Sequence[float]) -> None:
@@ -327,7 +327,7 @@ def follow_special(
     before = branch.points[special.index - 1]
     x, gamma = layout.split(special.y)
     x = x.copy()
-    other.set(mu)
+    other.set_parameter(mu)
     border = None if smooth else special.changes[0]
     condition = _condition(system, layout, before, border, x, gamma)
     weight = system.create_vector()
@@ -347,7 +347,7 @@ def follow_special(
             )
         return _curve(extended, down, up)
     finally:
-        other.set(mu)
+        other.set_parameter(mu)
         extended.destroy()
         for v in (x, X, weight, layout.x):
             v.destroy()
