@@ -50,6 +50,7 @@ import numpy as np
 
 import ufl
 from dolfinx import fem, mesh
+from ufl.corealg.traversal import traverse_unique_terminals
 
 from dolfinx_contact._frozen import ReadOnly
 from dolfinx_contact._numbers import require_kind
@@ -73,20 +74,25 @@ _NUMBER = int | float | np.integer | np.floating
 def lame(young: Any, poisson: Any) -> tuple[Any, Any]:
     """Lame coefficients (lambda, mu) of Young's modulus and Poisson's ratio (3D, plane strain).
 
-    Of Constants and other UFL scalars they are UFL, which follows the values of these.
+    Of Constants, Functions and other UFL scalars they are UFL, which follows the values of these.
+
+    Args:
+        young: in units of stress.
+        poisson: a number.
 
     Raises:
         ValueError: if one is neither a number nor a UFL scalar, ``young`` is not positive, or
-            ``poisson`` not in (-1, 1/2); of UFL that is not looked at.
+            ``poisson`` not in (-1, 1/2). Constants, and UFL of nothing else, are looked at as they
+            are now; of what varies in space the values are not.
     """
     for what, value in (("Young's modulus", young), ("Poisson's ratio", poisson)):
-        scalar = isinstance(value, ufl.core.expr.Expr) and value.ufl_shape == ()
-        if not scalar and not isinstance(value, _NUMBER):
+        if not _is_scalar(value):
             raise ValueError(f"{what} must be a number, got {value!r}")
-    if isinstance(young, _NUMBER) and (not np.isfinite(young) or young <= 0):
-        raise ValueError(f"Young's modulus must be positive, got {young}")
-    if isinstance(poisson, _NUMBER) and not -1 < poisson < 0.5:
-        raise ValueError(f"Poisson's ratio must lie in (-1, 1/2), got {poisson}")
+    E, nu = _value(young), _value(poisson)
+    if E is not None and not (np.isfinite(E) and E > 0):
+        raise ValueError(f"Young's modulus must be positive, got {E:g}")
+    if nu is not None and not -1 < nu < 0.5:
+        raise ValueError(f"Poisson's ratio must lie in (-1, 1/2), got {nu:g}")
     return young * poisson / ((1 + poisson) * (1 - 2 * poisson)), young / (2 * (1 + poisson))
 
 
@@ -102,20 +108,40 @@ def circumference(domain: mesh.Mesh) -> Any:
     return 2 * np.pi * ufl.SpatialCoordinate(domain)[0]
 
 
+def _is_scalar(value: Any) -> bool:
+    """Whether this is a number or a UFL scalar."""
+    of_ufl = isinstance(value, ufl.core.expr.Expr) and value.ufl_shape == ()
+    return of_ufl or isinstance(value, _NUMBER)
+
+
+def _value(scalar: Any) -> float | None:
+    """A number, a Constant or UFL of Constants alone, as it is now; None of any other UFL."""
+    if isinstance(scalar, _NUMBER):
+        return float(scalar)
+    constants = {}
+    for part in traverse_unique_terminals(scalar):
+        if isinstance(part, fem.Constant):
+            constants[part] = part.value
+        elif not isinstance(part, ufl.classes.ConstantValue | ufl.classes.MultiIndex):
+            return None
+    return float(scalar((), constants))
+
+
 def _check_lame(lmbda: Any, mu: Any) -> None:
-    """Raise ``ValueError`` if Lame coefficients that are numbers give no stable material."""
+    """Raise ``ValueError`` if Lame coefficients that are known give no stable material."""
     _check_coefficients(lmbda=lmbda, mu=mu)
-    if all(isinstance(v, _NUMBER) for v in (lmbda, mu)) and not (mu > 0 and 3 * lmbda + 2 * mu > 0):
+    first, shear = _value(lmbda), _value(mu)
+    if first is not None and shear is not None and not (shear > 0 and 3 * first + 2 * shear > 0):
         raise ValueError(
-            f"Lame coefficients need mu > 0 and 3 lambda + 2 mu > 0, got {lmbda} and {mu}"
+            f"Lame coefficients need mu > 0 and 3 lambda + 2 mu > 0, got {first} and {shear}"
         )
 
 
 def _check_coefficients(**values: Any) -> None:
     """Raise ``ValueError`` if one is neither a finite number nor a UFL scalar."""
     for name, value in values.items():
-        scalar = isinstance(value, ufl.core.expr.Expr) and value.ufl_shape == ()
-        if not scalar and not (isinstance(value, _NUMBER) and np.isfinite(value)):
+        known = _value(value) if _is_scalar(value) else np.nan
+        if known is not None and not np.isfinite(known):
             raise ValueError(
                 f"the coefficient {name.replace('lmbda', 'lambda')} must be a finite number or a "
                 f"UFL scalar, got {value!r}"
@@ -218,7 +244,23 @@ class LinearElastic(Material):
 
     @classmethod
     def from_young(cls, young: Any, poisson: Any, *, plane_stress: bool = False) -> LinearElastic:
-        """The material of Young's modulus and Poisson's ratio; errors as in `lame`."""
+        """The material of Young's modulus and Poisson's ratio.
+
+        Args:
+            young: in units of stress; as ``poisson`` a number, or a Constant, whose value may be
+                changed between two solves, a Function, or another UFL scalar.
+            poisson: a number, in (-1, 1/2).
+            plane_stress: as the attribute.
+
+        Raises:
+            ValueError: as `lame`.
+
+        Example:
+            ::
+
+                young = fem.Constant(domain, 210e3)
+                steel = LinearElastic.from_young(young, 0.3)
+        """
         return cls(*lame(young, poisson), plane_stress=plane_stress)
 
     def stress(self, u: fem.Function) -> Any:
@@ -306,10 +348,9 @@ class CiarletGeymonat(Elastic):
     def __post_init__(self) -> None:
         _check_lame(self.lmbda, self.mu)
         _check_coefficients(a=self.a)
-        if all(isinstance(v, _NUMBER) for v in (self.mu, self.a)) and not (
-            0 < self.a < self.mu / 2
-        ):
-            raise ValueError(f"a must lie between 0 and mu/2 = {self.mu / 2}, got {self.a}")
+        mu, a = _value(self.mu), _value(self.a)
+        if mu is not None and a is not None and not 0 < a < mu / 2:
+            raise ValueError(f"a must lie between 0 and mu/2 = {mu / 2}, got {a}")
 
     def _stored(self, u: fem.Function, F: Any) -> Any:
         lmbda, mu, a = _constants(u, self.lmbda, self.mu, self.a)

@@ -551,6 +551,38 @@ def test_materials_refuse_bad_numbers():
         lame(-1.0, 0.3)
     with pytest.raises(ValueError, match="Poisson's ratio"):
         lame(1.0, 0.5)
+    domain = mesh.create_unit_square(COMM, 2, 2)
+    young, poisson = fem.Constant(domain, -1.0), fem.Constant(domain, 0.5)
+    with pytest.raises(ValueError, match="Young's modulus must be positive, got -2"):
+        LinearElastic.from_young(2 * young, 0.3)
+    with pytest.raises(ValueError, match=r"Poisson's ratio must lie in \(-1, 1/2\), got 0.5"):
+        LinearElastic.from_young(1.0, poisson)
+    with pytest.raises(ValueError, match="mu > 0 and 3 lambda"):
+        LinearElastic(1.0, young)
+    with pytest.raises(ValueError, match="a must lie between 0 and mu/2"):
+        CiarletGeymonat(1.0, 1.0, poisson)
+
+
+def test_young_of_constants_and_functions():
+    """The energy follows their values, as if the material had been made with these numbers."""
+    domain = mesh.create_unit_square(COMM, 2, 2)
+    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
+    u.interpolate(lambda x: np.array([0.3 * x[0] + 0.1 * x[1], -0.2 * x[1]]))
+    young, poisson = fem.Constant(domain, 1.0), fem.Constant(domain, 0.0)
+    modulus = fem.Function(fem.functionspace(domain, ("DG", 0)))
+
+    def energy(*moduli, **options):
+        form = fem.form(LinearElastic.from_young(*moduli, **options).energy(u) * ufl.dx)
+        return form, lambda: COMM.allreduce(fem.assemble_scalar(form))
+
+    for options in ({}, {"plane_stress": True}):
+        _, of_constants = energy(young, poisson, **options)
+        _, of_function = energy(modulus, 2 * poisson / 2, **options)
+        for E, nu in ((3.0, 0.2), (7.0, -0.4)):
+            young.value, poisson.value, modulus.x.array[:] = E, nu, E
+            _, of_numbers = energy(E, nu, **options)
+            np.testing.assert_allclose(of_constants(), of_numbers())
+            np.testing.assert_allclose(of_function(), of_numbers())
 
 
 def test_a_rank_without_any_cell():

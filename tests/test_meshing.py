@@ -104,6 +104,45 @@ def test_solve_with_names():
     np.testing.assert_allclose(result.tables["below"].rn.sum(), 6.0)
 
 
+def halves():
+    """The square (0, 2) x (0, 1) of two groups, wheel and tyre, that meet at x = 0.5."""
+    occ = gmsh.model.occ
+    parts = [occ.addRectangle(0, 0, 0, 0.5, 1), occ.addRectangle(0.5, 0, 0, 1.5, 1)]
+    occ.fragment([(2, parts[0])], [(2, parts[1])])
+    occ.synchronize()
+    for name, part in zip(("wheel", "tyre"), parts, strict=True):
+        gmsh.model.addPhysicalGroup(2, [part], name=name)
+    gmsh.model.addPhysicalGroup(1, [1], name="rim")
+    gmsh.option.setNumber("Mesh.MeshSizeMax", 0.3)
+    gmsh.model.mesh.generate(2)
+
+
+def test_cells_by_name():
+    """Areas of groups of cells, and their energies; a name of facets is none of cells."""
+    body = mesh_from_gmsh(COMM, halves)
+    one = fem.Constant(body.mesh, 1.0)
+    x = ufl.SpatialCoordinate(body.mesh)
+
+    def integral(form):
+        return COMM.allreduce(fem.assemble_scalar(fem.form(form)))
+
+    np.testing.assert_allclose(integral(one * body.dx("wheel")), 0.5)
+    np.testing.assert_allclose(integral(one * body.dx("tyre")), 1.5)
+    np.testing.assert_allclose(integral(x[0] ** 2 * body.dx("wheel", quadrature_degree=2)), 1 / 24)
+    rule = body.dx("wheel", quadrature_degree=2).metadata()
+    assert rule == {"quadrature_degree": 2}
+    u = fem.Function(fem.functionspace(body.mesh, ("Lagrange", 1, (2,))))
+    u.interpolate(lambda x: np.array([0.1 * x[0], np.zeros_like(x[0])]))
+    # Stretch 0.1 of one modulus over each part: W = E e^2/2, as nu = 0.
+    soft = LinearElastic.from_young(1.0, 0.0).energy(u)
+    stiff = LinearElastic.from_young(10.0, 0.0).energy(u)
+    energy = integral(stiff * body.dx("wheel") + soft * body.dx("tyre"))
+    np.testing.assert_allclose(energy, (10.0 * 0.5 + 1.5) * 0.1**2 / 2)
+    for name in ("rim", "hub"):
+        match = rf"no group of cells is named '{name}'; names: \['tyre', 'wheel'\]"
+        refused(match, lambda name=name: body.dx(name))
+
+
 def test_dofs_by_name():
     body = mesh_from_gmsh(COMM, lambda: box(dim=2))
     V = fem.functionspace(body.mesh, ("Lagrange", 1, (2,)))

@@ -52,10 +52,15 @@ class NamedTags(mesh.MeshTags):  # type: ignore[misc]
 
     def tag(self, name: str) -> int:
         """Tag of the group ``name``, or ``ValueError``."""
-        if name not in self.names:
-            known = f"names: {sorted(self.names)}" if self.names else "no group has a name"
-            raise ValueError(f"no group of facets is named {name!r}; {known}")
-        return self.names[name]
+        return _tag_of(name, self.names, "facets")
+
+
+def _tag_of(name: str, names: Mapping[str, int], what: str) -> int:
+    """Tag of the group ``name`` of cells or facets, or ``ValueError`` with the names there are."""
+    if name not in names:
+        known = f"names: {sorted(names)}" if names else "no group has a name"
+        raise ValueError(f"no group of {what} is named {name!r}; {known}")
+    return names[name]
 
 
 def _check_space(a: Arguments) -> None:
@@ -80,6 +85,10 @@ class GmshMesh(NamedTuple):
             held = fem.dirichletbc(np.zeros(3), body.dofs(V, "top"), V)
             contact = ContactSurface(u, body, tag="contact", obstacle=floor, law=Coulomb(0.4))
             load = ufl.dot(traction, u) * body.ds("side")
+
+        and parts of the body, as of two materials::
+
+            energy = steel.energy(u) * body.dx("wheel") + rubber.energy(u) * body.dx("tyre")
     """
 
     mesh: mesh.Mesh
@@ -146,6 +155,27 @@ class GmshMesh(NamedTuple):
         tag = self._named_facets.tag(name)
         return ufl.Measure(
             "ds", self.mesh, subdomain_id=tag, subdomain_data=self.facet_tags, metadata=metadata
+        )
+
+    @collective("a measure of a group")
+    def dx(self, name: str, **metadata: Any) -> ufl.Measure:
+        """Measure of the cells of the group ``name``, for a material or a body force. Collective.
+
+        Args:
+            name: of the group.
+            metadata: of the measure, as ``quadrature_degree=4``.
+
+        Raises:
+            ValueError: on every rank, if there is no such group, or ranks ask for different ones.
+        """
+        dim = self.cell_tags.dim
+        known = {k: t for k, (d, t) in self.names.items() if d == dim}
+        return ufl.Measure(
+            "dx",
+            self.mesh,
+            subdomain_id=_tag_of(name, known, "cells"),
+            subdomain_data=self.cell_tags,
+            metadata=metadata,
         )
 
     @property
