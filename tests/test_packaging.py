@@ -77,6 +77,7 @@ def missing(monkeypatch, *packages):
     [
         ("pandas", "output", lambda: Journal().table()),
         ("pandas", "output", lambda: Journal().special()),
+        ("pandas", "output", lambda: block(n=2).solve().tables["contact"].to_pandas()),
         ("matplotlib", "output", lambda: draw_diagram("x.png", Journal())),
         ("gmsh", "gmsh", lambda: meshing.mesh_from_gmsh(COMM, lambda: None)),
     ],

@@ -12,7 +12,6 @@ from typing import Any
 
 from mpi4py import MPI
 
-import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact._errors import on_root
@@ -20,23 +19,7 @@ from dolfinx_contact._files import os_error
 from dolfinx_contact.io.disk import write_text
 from dolfinx_contact.results.tables import ContactTable
 
-__all__ = ["ADHESION", "COLUMNS", "GrowingTable", "write_contact_table", "write_rows"]
-
-COLUMNS = [
-    *("surface", "x", "y", "z", "un", "ut", "ut_x", "ut_y", "ut_z", "rn", "rt", "rt_x", "rt_y"),
-    *("rt_z", "pressure", "shear", "status", "support_x", "support_y", "support_z"),
-]
-#: Columns that follow where a law has adhesion, with its variables between them and the bond.
-ADHESION = ["rn_adh", "rt_adh", "bond"]
-
-
-def _padded(vectors: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Three components, the third 0 in 2D."""
-    return np.pad(vectors, ((0, 0), (0, 3 - vectors.shape[1])))
-
-
-def _written(numbers: Iterable[float]) -> list[str]:
-    return [repr(float(v)) for v in numbers]
+__all__ = ["GrowingTable", "write_contact_table", "write_rows"]
 
 
 def write_contact_table(
@@ -44,9 +27,8 @@ def write_contact_table(
 ) -> None:
     """Write ``folder/contact.csv``, a row a contact point, surface by surface. Collective.
 
-    Where a law has adhesion `ADHESION` follows: its part of ``rn`` and ``rt``, its variables (the
-    intensity ``beta``), and the letter of the bond; where a law depends on it ``slid``, the
-    distance slipped. Surfaces that have none have blanks there.
+    The columns are those of `ContactTable.columns`. Surfaces that have none of adhesion, or no
+    ``slid``, where others have, have blanks there.
 
     Forces, pressure and shear are those of contact; what Dirichlet data do to the body at a contact
     node is in the last columns.
@@ -54,51 +36,33 @@ def write_contact_table(
     Raises:
         OSError: on every rank, with the path, if it cannot be written; it is then as it was.
     """
-    known = list(tables)
-    adhesive = any(t.bond is not None for t in known)
-    names = list(dict.fromkeys(name for t in known for name in t.internal))
-    slides = any(t.slid is not None for t in known)
+    given = list(tables)
 
     def text() -> str:
-        more = [*ADHESION[:-1], *names, *ADHESION[-1:]] if adhesive else []
-        more += ["slid"] if slides else []
-        lines = [",".join([*COLUMNS, *more])]
-        for t in known:
-            bonds = _bonds(t, names) if adhesive else [[]] * len(t.letters)
-            columns = _columns(t)
-            for i in range(len(t.letters)):
-                row = [*(columns[name][i] for name in COLUMNS), *bonds[i]]
-                if slides:
-                    row += [""] if t.slid is None else _written(t.slid[i : i + 1])
-                lines.append(",".join(row))
+        known = [t.columns() for t in given]
+        names = _names(known)
+        lines = [",".join(names)]
+        for columns in known:
+            words = [_written(columns[name]) if name in columns else None for name in names]
+            count = len(columns["surface"])
+            every = [[""] * count if column is None else column for column in words]
+            lines += [",".join(row) for row in zip(*every, strict=True)]
         return "\n".join(lines) + "\n"
 
     write_text(comm, Path(folder) / "contact.csv", text)
 
 
-def _columns(t: ContactTable) -> dict[str, list[str]]:
-    """What `COLUMNS` are, point by point."""
-    vectors = {"": t.x, "ut_": t.ut, "rt_": t.rt, "support_": t.support}
-    numbers: dict[str, npt.NDArray[np.float64]] = {
-        f"{name}{axis}": _padded(of_points)[:, k]
-        for name, of_points in vectors.items()
-        for k, axis in enumerate("xyz")
-    }
-    numbers |= {"un": t.un, "ut": t.along(t.ut), "rn": t.rn, "rt": t.along(t.rt)}
-    numbers |= {"pressure": t.pressure, "shear": t.along(t.shear)}
-    words = {"surface": [t.name] * len(t.letters), "status": [str(c) for c in t.letters]}
-    return words | {name: _written(values) for name, values in numbers.items()}
+def _names(known: Sequence[Mapping[str, npt.NDArray[Any]]]) -> list[str]:
+    """Names of the columns of all tables, the bond after variables of laws, ``slid`` last."""
+    names = dict.fromkeys(name for columns in known for name in columns)
+    last = [name for name in ("bond", "slid") if name in names]
+    return [*(name for name in names if name not in last), *last]
 
 
-def _bonds(t: ContactTable, names: Sequence[str]) -> list[list[str]]:
-    """The columns of adhesion, point by point; ``names`` of the variables of all tables."""
-    if t.bond is None:
-        return [[""] * (len(ADHESION) + len(names))] * len(t.letters)
-    forces = t.rn_adh, t.along(t.rt - t.friction)
-    blank = [""] * len(t.letters)
-    columns = [_written(values) for values in forces]
-    columns += [_written(t.internal[name]) if name in t.internal else blank for name in names]
-    return [list(row) for row in zip(*columns, t.bond, strict=True)]
+def _written(column: npt.NDArray[Any]) -> list[str]:
+    """Numbers with all their digits; words as they are."""
+    numbers = column.dtype.kind == "f"
+    return [repr(float(v)) for v in column] if numbers else [str(v) for v in column]
 
 
 def write_rows(

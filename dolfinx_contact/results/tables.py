@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._optional import optional
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.order import Gathered
 from dolfinx_contact.equations.state import ContactState, State
@@ -127,6 +128,44 @@ class ContactTable:
         """All letters in one string."""
         return "".join(self.letters)
 
+    def columns(self) -> dict[str, npt.NDArray[Any]]:
+        """What ``contact.csv`` has, point by point (n,), by the names of its columns.
+
+        Vectors are split into three components, those along z 0 in 2D. Of a law with adhesion
+        follow ``rn_adh``, ``rt_adh``, its variables, and ``bond``; of one that depends on the
+        distance slipped ``slid``.
+        """
+        vectors = {"": self.x, "ut_": self.ut, "rt_": self.rt, "support_": self.support}
+        parts = {
+            head: {f"{head}{axis}": _padded(v)[:, k] for k, axis in enumerate("xyz")}
+            for head, v in vectors.items()
+        }
+        found: dict[str, npt.NDArray[Any]] = {"surface": np.full(len(self.letters), self.name)}
+        found |= parts[""]
+        found |= {"un": self.un, "ut": self.along(self.ut)} | parts["ut_"]
+        found |= {"rn": self.rn, "rt": self.along(self.rt)} | parts["rt_"]
+        found |= {"pressure": self.pressure, "shear": self.along(self.shear)}
+        found |= {"status": self.letters} | parts["support_"]
+        if self.bond is not None:
+            of_bond = self.along(self.rt - self.friction)
+            found |= {"rn_adh": self.rn_adh, "rt_adh": of_bond, **self.internal, "bond": self.bond}
+        if self.slid is not None:
+            found["slid"] = self.slid
+        return found
+
+    def to_pandas(self) -> Any:
+        """The contact points as a pandas DataFrame, a row a point; see `columns`.
+
+        Raises:
+            ModuleNotFoundError: if pandas is not installed.
+
+        Example:
+            Several surfaces in one, as in ``contact.csv``::
+
+                rows = pandas.concat([t.to_pandas() for t in result.tables.values()])
+        """
+        return optional("pandas", "output").DataFrame(self.columns())
+
     def count(self, letters: str) -> int:
         """Number of points whose letter is one of ``letters``."""
         return int(np.isin(self.letters, list(letters)).sum())
@@ -136,6 +175,11 @@ class ContactTable:
         if self.dim == 2:
             return np.asarray(-vectors[:, 0] * self.n[:, 1] + vectors[:, 1] * self.n[:, 0])
         return np.asarray(np.linalg.norm(vectors, axis=1))
+
+
+def _padded(vectors: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Three components, the third 0 in 2D."""
+    return np.pad(vectors, ((0, 0), (0, 3 - vectors.shape[1])))
 
 
 def contact_table(
