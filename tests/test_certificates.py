@@ -198,6 +198,28 @@ def test_data_with_errors():
     assert proved > 12
 
 
+def test_what_is_printed():
+    """How many solutions, whether they are all, what is open; of one node that has three."""
+    S = np.array([[2.0, 1.0], [1.0, 2.0]])
+    three = prove_solutions(ReducedProblem(S, np.array([-2.5, -1.0]), np.array([3.0])))
+    steps = len(three.certificate.steps)
+    words = "3 solutions, proved to be all there are"
+    assert str(three).startswith(f"{words} (a proof of {steps} step")
+    assert str(three).endswith(f"{three.seconds:.2g} s)")
+    assert three.seconds > 0
+    assert str(check(three.certificate)) == words
+    assert str(three.certificate) == (
+        f"a proof of {steps} step{'s' * (steps != 1)} about 1 contact point, to be checked"
+    )
+    rest = prove_solutions(ReducedProblem(S, np.zeros(2), np.array([3.0])))
+    assert str(rest).startswith("1 solution, proved to be all there are (")
+    rng = np.random.default_rng(3)
+    open_one = prove_solutions(ReducedProblem(*random_problem(rng, most=6)), proof_seconds=0.0)
+    regions = len(open_one.open_regions)
+    if regions:
+        assert f"not decided: {regions} set" in str(open_one)
+
+
 @pytest.mark.parametrize("scale", [1e-9, 1.0, 1e12])
 def test_units_do_not_matter(scale):
     problem, pieces = next(several(1))

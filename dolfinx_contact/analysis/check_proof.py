@@ -997,6 +997,11 @@ class Certificate:
             self.vectors.append(y)
         return len(self.vectors) - 1
 
+    def __str__(self) -> str:
+        steps = _number(len(self.steps), "step")
+        points = _number(self.problem.points, "contact point")
+        return f"a proof of {steps} about {points}, to be checked"
+
     @property
     def digest(self) -> str:
         """SHA-256 of the steps and vectors, hexadecimal."""
@@ -1076,6 +1081,25 @@ def _digest(arrays: dict[str, Array], text: str = "") -> str:
 MOST_PIECES = 256
 
 
+def in_words(solutions: int, border: int, singular: int, regions: int) -> str:
+    """How many solutions are proved, and what is not; numbers are those of `Proved`."""
+    known = f"{_number(solutions, 'solution')}, proved"
+    if not border + singular + regions:
+        return f"{known} to be all there are"
+    if regions:
+        return f"{known}; not decided: {_number(regions, 'set')} of statuses"
+    parts = [
+        f"{_number(number, word)} of statuses"
+        for number, word in ((border, "border"), (singular, "singular piece"))
+        if number
+    ]
+    return f"{known}; others, if any, are at {' and in '.join(parts)}"
+
+
+def _number(number: int, word: str) -> str:
+    return f"{number} {word}{'' if number == 1 else 's'}"
+
+
 @dataclass(eq=False)
 class Proved:
     """What is known of the solutions.
@@ -1100,6 +1124,10 @@ class Proved:
         if self.open_regions:
             return "open"
         return "degenerate" if self.border or self.singular else "complete"
+
+    def __str__(self) -> str:
+        number = len(self.inside) + int(self.at_rest)
+        return in_words(number, len(self.border), len(self.singular), len(self.open_regions))
 
     def add(self, piece: PieceSolution) -> None:
         """Take the solution of a piece, whose errors decide whether it is one."""
@@ -1333,7 +1361,7 @@ def report(certificate: Certificate, proved: Proved) -> list[str]:
         f"  {certificate.digest}",
     ]
     number = len(proved.inside) + int(proved.at_rest)
-    many = f"{number} solution{'' if number == 1 else 's'}"
+    many = _number(number, "solution")
     lines.append(f"for all S and p within these errors there are {many} as follows, and")
     lines.append(f"{_STATEMENT[proved.verdict]}:")
     if proved.at_rest:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from time import perf_counter
 
 from mpi4py import MPI
 
@@ -21,6 +22,7 @@ from dolfinx_contact.analysis.check_proof import (
     Proved,
     ReducedProblem,
     Verdict,
+    in_words,
 )
 from dolfinx_contact.laws.status import MINUS, OPEN, STICK, WHERE_OPEN
 
@@ -58,6 +60,7 @@ class ProvedSolutions:
         singular: statuses of pieces that hold one solution, none or a continuum.
         open_regions: sets of statuses, as bit masks (m,).
         certificate: the proof, to be kept (`Certificate.save`) and looked at again (`check`).
+        seconds: that the search took.
     """
 
     verdict: Verdict
@@ -66,6 +69,12 @@ class ProvedSolutions:
     singular: tuple[Codes, ...]
     open_regions: tuple[Masks, ...]
     certificate: Certificate
+    seconds: float = 0.0
+
+    def __str__(self) -> str:
+        """How many solutions there are, what is not decided, and how it is known."""
+        counts = map(len, (self.solutions, self.border, self.singular, self.open_regions))
+        return f"{in_words(*counts)} ({self.method}, {self.seconds:.2g} s)"
 
     @property
     def method(self) -> str:
@@ -112,15 +121,16 @@ def prove_solutions(
         if shown.due:
             shown.update(f"proof of all solutions: {text}, {shown.seconds:.0f} s")
 
+    begin = perf_counter()
     try:
         certificate, proved = search(reduced, starts, seconds=proof_seconds, progress=show)
     finally:
         shown.clear()
-    return _described(reduced, certificate, proved)
+    return _described(reduced, certificate, proved, perf_counter() - begin)
 
 
 def _described(
-    problem: ReducedProblem, certificate: Certificate, proved: Proved
+    problem: ReducedProblem, certificate: Certificate, proved: Proved, seconds: float
 ) -> ProvedSolutions:
     length, force = problem.units
     units = np.array([length, length, force, force])
@@ -140,4 +150,5 @@ def _described(
         tuple(proved.singular),
         tuple(proved.open_regions),
         certificate,
+        seconds,
     )

@@ -100,6 +100,16 @@ class Solutions:
     continua: tuple[Continuum, ...] = ()
     proof: Proof | None = None
 
+    def __str__(self) -> str:
+        number = len(self.found)
+        many = f"{number} solution{'' if number == 1 else 's'} at gamma = {self.gamma:.6g}"
+        ends = len(self.continua)
+        more = (
+            f", among them the ends of {ends} continu{'um' if ends == 1 else 'a'}" if ends else ""
+        )
+        known = "proved to be all there are" if self.complete else "others are not excluded"
+        return f"{many}{more}; {known}: {self.method}"
+
     def points(self, system: System, found: Sequence[Solution] | None = None) -> list[BranchPoint]:
         """Solutions as points without a tangent, for pictures and tables. Collective.
 

@@ -34,6 +34,14 @@ class Uniqueness:
     reason: str
     other: PETSc.Vec | None = None
 
+    def __str__(self) -> str:
+        words = {
+            "proved": "the only solution, proved",
+            "not proved": "not decided whether it is the only solution",
+            "others exist": "not the only solution",
+        }
+        return f"{words[self.verdict]}: {self.reason}"
+
 
 def checked_seconds(comm: MPI.Comm, seconds: float) -> float:
     """The seconds for a proof as a number, or ``ValueError`` on every rank. Collective."""
