@@ -43,6 +43,7 @@ from dolfinx_contact.points.surface import ContactSurface
 from dolfinx_contact.proofs import theory_of, uniqueness
 from dolfinx_contact.results.balance import forces_at_vertices, support_at_nodes
 from dolfinx_contact.results.checks import warn_of_obstacles
+from dolfinx_contact.results.fields import contact_fields
 from dolfinx_contact.results.result import Result, collect, warn_of_sliding
 from dolfinx_contact.results.tables import ContactTable, contact_table
 from dolfinx_contact.results.uniqueness import OTHER_DATA, Theory, Uniqueness, checked_seconds
@@ -316,6 +317,44 @@ class ContactProblem(ReadOnly):
         state = self.state()
         number = self.surfaces.index(s)
         return contact_table(self.equations, number, state, support_at_nodes(self.equations, state))
+
+    def contact_fields(self, s: ContactSurface) -> dict[str, fem.Function]:
+        """Pressure, shear, gap, ... on ``s`` at the state in the Functions. Collective.
+
+        They are Functions of their own, continuous and linear, on the mesh of the surface alone
+        (``s.submesh.mesh``): forms on that mesh integrate them, `io.write_fields` writes them.
+        Nodal pressures are forces over the areas of the nodes, so that the integral of the pressure
+        is the sum of the normal forces (on parallel quadrilaterals and in the integral method with
+        linear multipliers too; of bodies of revolution with the weight `materials.circumference`
+        up to an error that vanishes with the mesh size).
+
+        Args:
+            s: one of the surfaces.
+
+        Returns:
+            By name: ``displacement``; ``traction``, that of contact on the body, a vector, with its
+            parts ``pressure``, positive in compression, and ``shear``, a vector (units of stress);
+            ``gap``; ``slip``, the tangential displacement, a vector; ``status``, a number of
+            `io.STATUS_CODES`; ``support``, the reaction of Dirichlet data on the body over the area
+            of a vertex; and the variables of laws, as ``beta``, the intensity of adhesion.
+
+        Raises:
+            ValueError: if ``s`` is no surface of the problem.
+
+        Example:
+            The mean of the pressure where x < 1/2::
+
+                p = problem.contact_fields(contact)["pressure"]
+                domain = p.function_space.mesh
+                x = ufl.SpatialCoordinate(domain)
+                inside = ufl.conditional(ufl.lt(x[0], 0.5), 1.0, 0.0)
+                dx = ufl.Measure("dx", domain, metadata={"quadrature_degree": 8})
+                sums = [fem.assemble_scalar(fem.form(f * dx)) for f in (p * inside, inside)]
+                force, area = comm.allreduce(np.array(sums))
+                mean = force / area
+        """
+        self._require_mine(s)
+        return contact_fields(self.equations, self.surfaces.index(s), self.support_forces(s))
 
     def support_forces(self, s: ContactSurface) -> npt.NDArray[np.float64]:
         """Reactions of Dirichlet data on the body at the local vertices of ``s``. Collective."""

@@ -16,7 +16,6 @@ from dolfinx_contact import RCCM, ContactPair, ContactProblem, ContactSurface, H
 from dolfinx_contact.analysis import stability_at_rest
 from dolfinx_contact.continuation import follow
 from dolfinx_contact.evolution import QuasiStatic
-from dolfinx_contact.io.fields import contact_fields
 from dolfinx_contact.laws.status import DAMAGING
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.points.memory import Memory
@@ -430,7 +429,7 @@ def test_what_is_written(folder):
         assert lines[1][-1] == "d"
         assert float(lines[1][-2]) == t.beta[0]
         assert float(lines[1][-4]) == pytest.approx(float(lines[1][lines[0].index("rn")]))
-        f = contact_fields(problem, problem.surfaces[0])["beta"]
+        f = problem.contact_fields(problem.surfaces[0])["beta"]
         assert (f.x.array >= t.beta.min() * (1 - 1e-9)).all()
         assert (f.x.array <= t.beta.max() * (1 + 1e-9)).all()
     np.testing.assert_allclose(*seen, rtol=1e-9)

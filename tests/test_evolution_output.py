@@ -90,6 +90,63 @@ def test_a_series_that_is_stopped(folder):
     assert len(list((folder / "evolution_contact").iterdir())) == written
 
 
+def test_a_series_with_stresses_and_its_start(folder):
+    """Stresses are those of `write_fields` at the last step; the table begins before the first."""
+    pv = pytest.importorskip("pyvista")
+    evolution = pair(COMM, n=2)
+    problem = evolution.problem
+    steel = LinearElastic.from_young(1000.0, 0.3).full_stress(problem.u)
+    stress = {1: steel, 2: 2 * steel}
+    with EvolutionSeries(folder, problem, stress=stress, start=True, format="vtk") as series:
+        history = evolution.run(TIMES, observer=series)
+    assert "evolution_body_stress.pvd" in [f.name for f in series.files]
+    rows = [row.split(",") for row in lines(folder / "steps.csv")]
+    assert [row[:3] for row in rows[:3]] == [
+        ["step", "time", "length"],
+        ["0", "0.0", "0.0"],
+        ["1", "1.0", "1.0"],
+    ]
+    first = dict(zip(rows[0], rows[1], strict=True))
+    assert {first[name] for name in ("external", "stored", "dissipated", "residue")} == {"0.0"}
+    assert first["stick"] == first["strategy"] == ""
+    with_start = history.rows(start=True)
+    assert with_start[1:] == history.rows()
+    assert list(with_start[0]) == rows[0]
+    written = ["" if value is None else str(value) for value in with_start[0].values()]
+    assert written == rows[1]
+    later = evolution.run([3.0, 4.0])
+    assert later.rows(start=True)[0]["stored"] == history.energies.stored
+    io.write_fields(folder / "last", problem, stress=stress, format="vtk")
+    if COMM.rank == 0:
+        last = pv.read(folder / "last" / "body_stress.vtu").point_data
+        assert set(last) >= {"stress", "von_mises", "displacement"}
+        written = sorted((folder / "evolution_body_stress").glob("*.vtu"))
+        assert len(written) == len(history.steps)
+    COMM.barrier()
+    with EvolutionSeries(folder, problem, stress=stress, format="vtk") as series:
+        evolution.run([4.0, 4.5], observer=series)
+    io.write_fields(folder / "last", problem, stress=stress, format="vtk")
+    if COMM.rank == 0:
+        last = pv.read(folder / "last" / "body_stress.vtu").point_data
+        (file,) = sorted((folder / "evolution_body_stress").glob("*.vtu"))
+        found = pv.read(file).point_data
+        for name in ("stress", "von_mises", "displacement"):
+            np.testing.assert_array_equal(found[name], last[name])
+        assert np.max(found["von_mises"]) > 0
+    COMM.barrier()
+    # The steps of later runs begin in what the series has not seen.
+    with EvolutionSeries(folder, problem, start=True, format="vtk") as series:
+        evolution.run([4.5, 5.0], observer=series)
+    rows = [row.split(",") for row in lines(folder / "steps.csv")]
+    first = dict(zip(rows[0], rows[1], strict=True))
+    assert (first["time"], first["stored"]) == ("4.5", "")
+    assert not (folder / "evolution_body_stress").exists()
+    with pytest.raises(ValueError, match="start must be True or False"):
+        EvolutionSeries(folder, problem, start=1)
+    with pytest.raises(ValueError, match="3 x 3 UFL stress"):
+        EvolutionSeries(folder, problem, stress=problem.u)
+
+
 def test_a_series_outside_of_its_context(folder):
     evolution = pair(COMM, n=2)
     series = EvolutionSeries(folder, evolution.problem)

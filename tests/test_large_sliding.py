@@ -33,7 +33,6 @@ from dolfinx_contact.analysis.stability import stability_at_rest
 from dolfinx_contact.continuation import follow
 from dolfinx_contact.equations.jacobian import Jacobian
 from dolfinx_contact.io import write_contact_table
-from dolfinx_contact.io.fields import contact_fields
 from dolfinx_contact.io.outside import patch
 from dolfinx_contact.laws.status import closed
 from dolfinx_contact.plot import picture_of_body, picture_of_contact
@@ -510,7 +509,7 @@ def test_what_is_written(folder, method):
     length = np.linalg.norm(arm, axis=1)
     np.testing.assert_allclose(state["un"], length - 0.4, rtol=0, atol=1e-14)
     np.testing.assert_allclose(state["n"], -arm / length[:, None], rtol=0, atol=1e-13)
-    np.testing.assert_allclose(contact_fields(problem, s)["gap"].x.array, state["un"])
+    np.testing.assert_allclose(problem.contact_fields(s)["gap"].x.array, state["un"])
     floor = patch(s)
     if COMM.rank == 0:
         on = floor["floor"] + floor["moved"] - [0.0, -0.4]

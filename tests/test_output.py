@@ -32,7 +32,7 @@ from dolfinx_contact import (
 from dolfinx_contact.continuation import BranchPoint
 from dolfinx_contact.continuation.layout import Layout
 from dolfinx_contact.io import STATUS_CODES, output_folder, write_contact_table, write_fields
-from dolfinx_contact.io.fields import body_fields, contact_fields
+from dolfinx_contact.io.fields import body_fields
 from dolfinx_contact.materials import CiarletGeymonat, LinearElastic, NeoHookean, StVenantKirchhoff
 from dolfinx_contact.plot import picture_of_body, picture_of_contact, picture_of_states, pictures
 
@@ -179,7 +179,7 @@ def test_nodal_fields_are_the_table(cell, method):
     assert all(result.counts[k] > 0 for k in ("open", "slip"))
     (s,) = problem.surfaces
     table = result.tables["contact"]
-    fields = contact_fields(problem, s)
+    fields = problem.contact_fields(s)
     rows = at_points(table, s.points.vertices.tabulate_dof_coordinates())
     dim = table.dim
     force = np.abs(table.force).max() / table.area.min()
@@ -213,7 +213,7 @@ def test_clamped_nodes():
     table = problem.solve().tables["contact"]
     assert table.status[0] == "d"
     assert table.count("d") == 1
-    fields = contact_fields(problem, surface)
+    fields = problem.contact_fields(surface)
     rows = at_points(table, surface.points.vertices.tabulate_dof_coordinates())
     np.testing.assert_array_equal(fields["status"].x.array, codes(table)[rows])
     np.testing.assert_allclose(fields["pressure"].x.array, table.pressure[rows], atol=1e-12)
@@ -232,7 +232,7 @@ def test_integral_fields(cell, multiplier):
     assert result.counts["slip"] > 0
     (s,) = problem.surfaces
     table = result.tables["contact"]
-    fields = contact_fields(problem, s)
+    fields = problem.contact_fields(s)
     x = s.points.vertices.tabulate_dof_coordinates()[:, :dim]
     agreed = 0
     for code, p in zip(fields["status"].x.array, x, strict=True):
@@ -249,6 +249,38 @@ def test_integral_fields(cell, multiplier):
         form = fem.form(fields["pressure"] * ufl.dx)
         total = COMM.allreduce(fem.assemble_scalar(form))
         np.testing.assert_allclose(total, table.rn.sum(), rtol=1e-10)
+
+
+@pytest.mark.parametrize("cell", ["tri", "quad", "tet", "hex"])
+def test_pressure_as_a_function(cell):
+    """Its integral is the sum of the normal forces, its mean over a part that of the table."""
+    problem = dragged(cell, n=8 if cell in ("tri", "quad") else 4)
+    result = problem.solve()
+    (s,) = problem.surfaces
+    table = result.tables["contact"]
+    fields = problem.contact_fields(s)
+    p = fields["pressure"]
+    assert (p.name, p.ufl_shape, fields["shear"].ufl_shape) == ("pressure", (), (table.dim,))
+    domain = p.function_space.mesh
+    assert domain is s.submesh.mesh
+    x = ufl.SpatialCoordinate(domain)
+    inside = ufl.conditional(ufl.lt(x[0], 0.5), 1.0, 0.0)
+
+    def integral(form):
+        return COMM.allreduce(fem.assemble_scalar(fem.form(form)))
+
+    np.testing.assert_allclose(integral(p * ufl.dx), table.rn.sum(), rtol=1e-12)
+    shear = [integral(fields["shear"][i] * ufl.dx) for i in range(table.dim)]
+    np.testing.assert_allclose(shear, table.rt.sum(axis=0), atol=1e-12 * table.rn.sum())
+    mean = integral(p * inside * ufl.dx) / integral(inside * ufl.dx)
+    # Cells end at x = 1/2: points there have half of their pressure on each side.
+    share = np.where(np.isclose(table.x[:, 0], 0.5), 0.5, table.x[:, 0] < 0.5)
+    if cell != "tet":  # of tetrahedra facets are not the same on both sides
+        force = float(np.sum(share * table.rn))
+        np.testing.assert_allclose(mean, force / 0.5, rtol=1e-9)
+    assert mean > 0
+    with pytest.raises(ValueError, match="a surface of this problem is needed"):
+        problem.contact_fields(dragged(cell, n=2).surfaces[0])
 
 
 def read_back(file):
@@ -363,6 +395,11 @@ def test_contact_table(folder, cell):
     header = "surface,x,y,z,un,ut,ut_x,ut_y,ut_z,rn,rt,rt_x,rt_y,rt_z,pressure,shear,status,"
     assert list(rows[0]) == (header + "support_x,support_y,support_z").split(",")
     assert len(rows) == len(result.tables["contact"].x)
+    frame = result.tables["contact"].to_pandas()
+    assert list(frame.columns) == list(rows[0])
+    for name in frame.columns:
+        written = [r[name] if name in ("surface", "status") else float(r[name]) for r in rows]
+        assert frame[name].tolist() == written
     places = [[float(r[k]) for k in "xyz"] for r in rows]
     assert np.round(places, 9).tolist() == sorted(np.round(places, 9).tolist())
     letters = set()

@@ -14,7 +14,6 @@ from dolfinx import fem, mesh
 
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, Frictionless, HalfSpace
 from dolfinx_contact.io import write_contact_table
-from dolfinx_contact.io.fields import contact_fields
 from dolfinx_contact.materials import CiarletGeymonat, LinearElastic, NeoHookean
 from dolfinx_contact.results.result import collect
 
@@ -198,7 +197,7 @@ def test_support_as_a_field(degree):
         bcs=[fem.dirichletbc(np.array([0.001, 0.0, 0.0]), held, V)],
     )
     problem.solve()
-    fields = contact_fields(problem, surface)
+    fields = problem.contact_fields(surface)
     support = fields["support"].x.array.reshape(-1, 3)
     n = surface.points.vertices.dofmap.index_map.size_local
     found = COMM.allreduce((support * surface.points.vertex_areas[:, None])[:n].sum(axis=0))

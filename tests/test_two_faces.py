@@ -20,7 +20,6 @@ from dolfinx_contact import (
     HalfSpace,
 )
 from dolfinx_contact.io import Report, write_fields
-from dolfinx_contact.io.fields import contact_fields
 from dolfinx_contact.io.master import MasterFace
 from dolfinx_contact.meshing import join
 from dolfinx_contact.plot import picture_of_body, picture_of_contact, pictures
@@ -104,7 +103,7 @@ def test_uniform_pressure(case):
     face = MasterFace(problem, pair)
     fields = face.fields()
     wanted = 0.01 * MODULUS
-    slave = gathered(contact_fields(problem, pair)["pressure"])[1]
+    slave = gathered(problem.contact_fields(pair)["pressure"])[1]
     np.testing.assert_allclose(slave, wanted, rtol=1e-10)
     np.testing.assert_allclose(gathered(fields["pressure"])[1], wanted, rtol=1e-10)
     x, traction = gathered(fields["traction"])
@@ -148,7 +147,7 @@ def test_like_nodes_have_opposite_tractions(cell):
     face = MasterFace(problem, problem.surfaces[0])
     slave = problem.surfaces[0]
     fields = face.fields()
-    theirs = contact_fields(problem, slave)
+    theirs = problem.contact_fields(slave)
     for name, sign in (("traction", -1.0), ("pressure", 1.0)):
         x, mine = gathered(fields[name])
         y, other = gathered(theirs[name])

@@ -15,7 +15,6 @@ from test_two_faces import pressed
 from dolfinx import fem, io
 
 from dolfinx_contact.io import write_fields
-from dolfinx_contact.io.fields import contact_fields
 from dolfinx_contact.io.writers import vtu
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.records import BranchRecord, write_series
@@ -86,7 +85,7 @@ def test_fields_as_vtk(folder, cell, degree):
     stress = MATERIAL.full_stress(problem.u)
     files = write_fields(folder, problem, stress=stress, format="vtk")
     assert [f.name for f in files] == ["body.vtu", "body_stress.vtu", "contact.vtu"]
-    fields = contact_fields(problem, problem.surfaces[0])
+    fields = problem.contact_fields(problem.surfaces[0])
     x = problem.surfaces[0].points.vertices.tabulate_dof_coordinates()
     dim = problem.V.mesh.geometry.dim
     places = np.concatenate(COMM.allgather(x))

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -69,6 +70,15 @@ class EvolutionStep:
             "directions": self.directions,
         }
 
+    def row_before(self, known: Mapping[str, Any]) -> dict[str, Any]:
+        """A row of the state at its start, for the head of a table: the keys of `row`.
+
+        Args:
+            known: of that state; what is not in it, and is neither number nor time, is None.
+        """
+        given = {"step": self.number - 1, "time": self.start, "length": 0.0, **known}
+        return {name: given.get(name) for name in self.row()}
+
     def _bonds(self) -> dict[str, float]:
         """Means of the variables of laws, as the intensity of adhesion, over the areas."""
         tables = self.result.tables.items()
@@ -126,9 +136,19 @@ class History(Ends):
                 return step
         raise KeyError(f"no step ends at {time!r}")
 
-    def rows(self) -> list[dict[str, Any]]:
-        """The table of steps, for `io.write_rows`."""
-        return [step.row() for step in self.steps]
+    def rows(self, *, start: bool = False) -> list[dict[str, Any]]:
+        """The table of steps, for `io.write_rows`.
+
+        Args:
+            start: whether a row of the state at the start comes before that of the first step: its
+                time and energies, of a path its load, and None for what is known of steps alone.
+        """
+        rows = [step.row() for step in self.steps]
+        return [self.steps[0].row_before(self._at_start()), *rows] if start and rows else rows
+
+    def _at_start(self) -> dict[str, Any]:
+        """What is known at the start, by the names of a table of steps."""
+        return self.before.row()
 
 
 class NoContinuation(RuntimeError):

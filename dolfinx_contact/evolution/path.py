@@ -67,6 +67,9 @@ class PathHistory(History):
     gamma: float = 0.0
     steps: list[PathStep] = field(default_factory=list)  # type: ignore[assignment]
 
+    def _at_start(self) -> dict[str, Any]:
+        return super()._at_start() | {"gamma": self.gamma}
+
     @property
     def folds(self) -> list[PathStep]:
         """Points at which the load turns back."""

@@ -2,10 +2,11 @@
 """Files that others read: fields for ParaView, tables, summaries; reports of a script."""
 
 from dolfinx_contact.io.evolution import EvolutionSeries
-from dolfinx_contact.io.fields import STATUS_CODES, write_fields
+from dolfinx_contact.io.fields import write_fields
 from dolfinx_contact.io.folder import output_folder, write_summary
 from dolfinx_contact.io.report import Report
 from dolfinx_contact.io.table import write_contact_table, write_rows
+from dolfinx_contact.results.fields import STATUS_CODES
 
 __all__ = [
     "STATUS_CODES",

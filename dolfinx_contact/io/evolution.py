@@ -8,7 +8,9 @@ import re
 import shutil
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+from mpi4py import MPI
 
 import numpy as np
 
@@ -16,8 +18,9 @@ from dolfinx import fem
 
 from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._errors import on_root
+from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.io.disk import aside
-from dolfinx_contact.io.fields import faces
+from dolfinx_contact.io.fields import check_stress, faces, stress_fields
 from dolfinx_contact.io.folder import output_folder
 from dolfinx_contact.io.script import write_script
 from dolfinx_contact.io.table import GrowingTable
@@ -35,6 +38,8 @@ _TABLE = "steps.csv"
 def _check(a: Arguments) -> None:
     if not isinstance(a.every, int | np.integer) or isinstance(a.every, bool) or a.every < 1:
         raise ValueError(f"every must be a number of steps, got {a.every!r}")
+    if not isinstance(a.start, bool):
+        raise ValueError(f"start must be True or False, got {a.start!r}")
 
 
 class EvolutionSeries:
@@ -42,7 +47,8 @@ class EvolutionSeries:
 
     ``evolution_body.bp`` holds the displacement, ``evolution_contact.bp`` (or
     ``evolution_contact_NAME.bp``) the fields of a contact surface, ``..._opposite.bp`` those of the
-    master of a pair, over the time of the evolution; ``steps.csv`` is the table of steps. With
+    master of a pair, over the time of the evolution; ``evolution_body_stress.bp`` the stresses, if
+    they are wanted; ``steps.csv`` is the table of steps. With
     ``format="vtk"`` it is ``evolution_body.pvd`` and a folder of ``.vtu``, ... ``paraview.py``
     beside them shows them. Files of before are removed when the first step is accepted, or when the
     context ends without one. Every row of the table is on the disk before the next step is
@@ -53,6 +59,10 @@ class EvolutionSeries:
         folder: where to, made if need be.
         problem: whose evolution it is.
         every: so many steps are written; the table has all of them.
+        stress: 3 x 3 UFL stress, or one of each cell tag, as for `write_fields`, of which every
+            written step has the values; without it no stresses are written.
+        start: whether the table begins with a row of the state where the first step starts: its
+            time, and the energies 0 if it is the first step of the evolution; the rest is blank.
         format: "vtx" (``.bp``) or "vtk" (``.pvd``); by default as in `write_fields`.
 
     Attributes:
@@ -61,8 +71,9 @@ class EvolutionSeries:
     Raises:
         OSError: on every rank, with the path and the reason, if the folder cannot be written to,
             or has no room.
-        ValueError: on every rank, if the format cannot be written or arguments differ; from a run
-            whose observer it is outside of its context.
+        ValueError: on every rank, if the format cannot be written, the stress is refused as by
+            `write_fields`, or arguments differ; from a run whose observer it is outside of its
+            context.
 
     Example:
         ::
@@ -78,10 +89,14 @@ class EvolutionSeries:
         problem: ContactProblem,
         *,
         every: int = 1,
+        stress: Any = None,
+        start: bool = False,
         format: Format = None,
     ):
         self._problem = problem
         self._comm = problem.comm
+        self._start = start
+        self._stress, self._tags = stress, check_stress(problem, stress)
         self._every = every
         self._format = checked_format(self._comm, format)
         self._folder = output_folder(self._comm, folder)
@@ -108,26 +123,38 @@ class EvolutionSeries:
             )
         if self._count == 0:
             self._forget()
+        if self._start and self._count == 0:
+            self._table.add(step.row_before(Energies().row() if step.number == 1 else {}))
         self._table.add(step.row())
         self._count += 1
         if (self._count - 1) % self._every:
             return
-        fields = [[self._problem.u], *(list(f.fields().values()) for f in self._faces)]
+        files = self._fields()
+        fields = [functions for _, _, functions in files]
         first = not self._shown
         self._shown = self._shown or fields
         if self._format == "vtx":
             see_room(self._comm, self._folder / "evolution_body", self._shown)
         if first:
-            stems = ["body", *(f.stem for f in self._faces)]
-            comms = [self._comm, *(f.comm for f in self._faces)]
             self._opened = [
                 series(comm, self._part / f"evolution_{stem}", shown, self._format, single=False)
-                for comm, stem, shown in zip(comms, stems, self._shown, strict=True)
+                for stem, comm, shown in files
             ]
         for shown, now, each in zip(self._shown, fields, self._opened, strict=True):
             for f, g in zip(shown, now, strict=True):
                 f.x.array[:] = g.x.array
             each.write(step.time)
+
+    def _fields(self) -> list[tuple[str, MPI.Comm, list[fem.Function]]]:
+        """What is written at the state in the Functions: stem, communicator, Functions of a file.
+
+        Collective.
+        """
+        files = [("body", self._comm, [self._problem.u])]
+        if self._stress is not None:
+            stressed = stress_fields(self._problem.u, self._stress, self._tags)
+            files.append(("body_stress", self._comm, stressed))
+        return files + [(f.stem, f.comm, list(f.fields().values())) for f in self._faces]
 
     def __exit__(self, *_: object) -> None:
         assert self._stack is not None
@@ -151,7 +178,7 @@ def _remove_series(folder: Path) -> None:
     """Remove the files that a series writes, on this rank alone."""
     (folder / _TABLE).unlink(missing_ok=True)
     for path in folder.glob("evolution_*"):
-        if re.fullmatch(r"evolution_(body|contact.*)(\.bp|\.pvd)?", path.name):
+        if re.fullmatch(r"evolution_(body|body_stress|contact.*)(\.bp|\.pvd)?", path.name):
             if path.is_dir():
                 shutil.rmtree(path)
             else:

@@ -3,15 +3,8 @@
 
 On the body: the displacement, the Cauchy stress and the von Mises stress
 (3/2 dev s : dev s)^(1/2), both linear and discontinuous. On each contact surface, a mesh of its own
-so that it opens beside the body, at the vertices: displacement, contact traction on the body,
-normal pressure, gap, slip (the tangential displacement), status, and apart from contact the
-support, the force per area by which Dirichlet data hold the body there. A pair of bodies has these
-on the slave, and what can be said of the master (`master`) in another file.
-
-The status is a number, `STATUS_CODES`: 0 open, 1 stick, 2 slip, 3 clamped by Dirichlet data. In the
-integral method the contact points are Gauss points, which ParaView cannot show; a vertex then has
-the status of the largest share of the surface around it (weighted by its hat function), while
-traction, gap and slip are values at the vertex.
+so that it opens beside the body, what `ContactProblem.contact_fields` returns. A pair of bodies has
+these on the slave, and what can be said of the master (`master`) in another file.
 """
 
 from __future__ import annotations
@@ -45,20 +38,16 @@ from dolfinx_contact.io.folder import output_folder
 from dolfinx_contact.io.master import MasterFace
 from dolfinx_contact.io.script import write_script
 from dolfinx_contact.io.writers import Format, checked_format, see_room, series
-from dolfinx_contact.points.evaluation import vertex_function
-from dolfinx_contact.points.vertex_state import vertex_state
 
 if TYPE_CHECKING:
-    from dolfinx_contact.points.surface import ContactSurface
     from dolfinx_contact.problem import ContactProblem
 
 __all__ = [
-    "STATUS_CODES",
     "Face",
     "body_fields",
     "check_stress",
-    "contact_fields",
     "faces",
+    "stress_fields",
     "von_mises",
     "write_fields",
 ]
@@ -70,9 +59,6 @@ _ALL_STRAINS = np.array([[1.0, 0.4, -0.3], [-0.6, 0.8, 0.5], [0.2, -0.7, 0.9]]) 
 _BY_TAG = "stress={1: steel.full_stress(u), 2: rubber.full_stress(u)}"
 
 logger = logging.getLogger(__name__)
-
-#: Number of each status letter of the tables.
-STATUS_CODES = {"o": 0, "k": 1, "+": 2, "-": 2, "s": 2, "d": 3}
 
 
 @collective("write_fields")
@@ -120,8 +106,7 @@ def write_fields(
     on_faces = faces(problem)
     written = [("body", comm, [problem.u])]
     if stress is not None:
-        fields = [*body_fields(problem.u, stress, tags), _at_corners(problem.u)]
-        written.append(("body_stress", comm, fields))
+        written.append(("body_stress", comm, stress_fields(problem.u, stress, tags)))
     path = output_folder(comm, folder)
     written += [(face.stem, face.comm, list(face.fields().values())) for face in on_faces]
     files = []
@@ -135,6 +120,11 @@ def write_fields(
             files.append(path / each.file.name)
         write_script(comm, part, path)
     return files
+
+
+def stress_fields(u: fem.Function, stress: Any, tags: mesh.MeshTags | None) -> list[fem.Function]:
+    """The fields of a file of stresses: `body_fields`, and the displacement there. Collective."""
+    return [*body_fields(u, stress, tags), _at_corners(u)]
 
 
 def _at_corners(u: fem.Function) -> fem.Function:
@@ -170,7 +160,7 @@ def faces(problem: ContactProblem) -> list[Face]:
     for s in problem.surfaces:
         name = re.sub(r"[^\w.-]+", "_", s.name)
         stem = "contact" if name == "contact" else f"contact_{name}"
-        found.append(Face(stem, s.submesh.mesh.comm, partial(contact_fields, problem, s)))
+        found.append(Face(stem, s.submesh.mesh.comm, partial(problem.contact_fields, s)))
         if s.between_bodies:
             master = MasterFace(problem, s)
             found.append(Face(f"{stem}_opposite", master.submesh.mesh.comm, master.fields))
@@ -415,44 +405,3 @@ def _jumps_by_place(e: Any) -> bool:
         for condition in conditions
         for node in unique_pre_traversal(condition)
     )
-
-
-def contact_fields(problem: ContactProblem, surface: ContactSurface) -> dict[str, fem.Function]:
-    """What is known on a contact surface, as continuous linear Functions on its mesh. Collective.
-
-    Returns:
-        By name: ``displacement``, ``traction`` (of contact, on the body), ``pressure``, ``gap``,
-        ``slip``, a vector, ``status``, a number of `STATUS_CODES`, ``support``, the reaction of
-        Dirichlet data on the body over the area of a vertex, and the variables of laws, as
-        ``beta``, the intensity of adhesion.
-    """
-    s = surface
-    state = vertex_state(surface)
-    shares = np.stack([state["open"], 1 - state["open"] - state["slip"], state["slip"]])
-    status = np.argmax(np.round(shares, 9), axis=0).astype(float)
-    clamped = _at_vertices(s, problem.equations.constraints.clamped[problem.surfaces.index(s)])
-    status[clamped] = STATUS_CODES["d"]
-    if s.method != "integral":
-        state["traction"][clamped] = state["pressure"][clamped] = 0.0  # as in the table
-    values = {
-        "displacement": s.u.x.array.reshape(-1, s.dim)[s.points.vertex_trace_dofs],
-        "traction": state["traction"],
-        "pressure": state["pressure"],
-        "gap": state["un"],
-        "slip": state["ut"],
-        "status": status,
-        "support": problem.support_forces(s) / s.points.vertex_areas[:, None],
-    }
-    for name, inner in s.law.variables(s.dim).items():
-        values[name] = s.points.at_vertices(s.bond(f"after.{inner}"))
-    return {name: vertex_function(s.points.vertices, name, v) for name, v in values.items()}
-
-
-def _at_vertices(s: ContactSurface, marked: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-    """Local vertices among the ``marked`` multiplier nodes."""
-    f = fem.Function(s.points.Q)
-    f.x.array[:] = np.repeat(marked.astype(float), s.dim)
-    vertices = fem.Function(fem.functionspace(s.submesh.mesh, ("Lagrange", 1, (s.dim,))))
-    vertices.interpolate(f)
-    vertices.x.scatter_forward()
-    return np.asarray(vertices.x.array[:: s.dim] > 0.5)

@@ -35,10 +35,11 @@ from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._errors import same_everywhere
 from dolfinx_contact._files import hidden_beside
 from dolfinx_contact._numbers import is_number
-from dolfinx_contact.io.fields import STATUS_CODES, check_stress, contact_fields, von_mises
+from dolfinx_contact.io.fields import check_stress, von_mises
 from dolfinx_contact.io.gathering import Arrays, gather_cells
 from dolfinx_contact.io.outside import OuterSurface, Outside, SurfaceState
 from dolfinx_contact.points.vertex_state import vertex_state
+from dolfinx_contact.results.fields import STATUS_CODES
 
 if TYPE_CHECKING:
     from dolfinx_contact.points.surface import ContactSurface
@@ -163,7 +164,7 @@ def picture_of_contact(
 
     In 3D two maps of the surface, projected along its mean normal; in 2D the tractions and the
     friction bound against the position along the surface. Status and values are those of the
-    vertices (`fields.contact_fields`).
+    vertices (`ContactProblem.contact_fields`).
 
     Args:
         file: the picture, ``.png``.
@@ -180,7 +181,7 @@ def picture_of_contact(
     """
     s = problem.surfaces[0] if surface is None else surface
     same_everywhere(problem.comm, surface=s.name)
-    fields = contact_fields(problem, s)
+    fields = problem.contact_fields(s)
     pressure = fields["pressure"].x.array
     status = fields["status"].x.array
     at_vertices = vertex_state(s)
