@@ -7,6 +7,7 @@ import subprocess
 import sys
 import tomllib
 import warnings
+from importlib import import_module
 from pathlib import Path
 
 from mpi4py import MPI
@@ -70,6 +71,17 @@ def missing(monkeypatch, *packages):
                 raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 
     monkeypatch.setattr(sys, "meta_path", [Nowhere(), *sys.meta_path])
+
+
+@serial
+def test_the_command_that_pip_installs(monkeypatch, capsys):
+    """It is `python3 -m dolfinx_contact`, with the words of its command line."""
+    project = tomllib.loads((TREE / "pyproject.toml").read_text())["project"]
+    module, _, function = project["scripts"]["dolfinx_contact"].partition(":")
+    command = getattr(import_module(module), function)
+    monkeypatch.setattr(sys, "argv", ["dolfinx_contact", "check", "no_such_proof.npz"])
+    assert command() == 2
+    assert "no_such_proof.npz" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
