@@ -141,6 +141,15 @@ class Outside:
         """Values at the local vertices, on rank 0 as `gather_cells` has them. Collective."""
         return gather_cells(self.problem.comm, self.V, self.cells, values, self.numbers)
 
+    def inside(self, values: Mapping[str, npt.NDArray[Any]]) -> Arrays:
+        """Values and the displacement ``u`` at the vertices of all cells, likewise. Collective."""
+        domain = self.V.mesh
+        self._moved.interpolate(self.problem.u)
+        u = self._moved.x.array.reshape(-1, domain.topology.dim)
+        cells = self.V.dofmap.list[: domain.topology.index_map(domain.topology.dim).size_local]
+        every = {"u": u, **values}
+        return gather_cells(self.problem.comm, self.V, cells, every, self.numbers)
+
     def surface(self) -> OuterSurface | None:
         """The outer surface, on rank 0. Collective."""
         problem = self.problem

@@ -4,10 +4,12 @@
 from dolfinx_contact.plot.animation import animate, draw_record, film
 from dolfinx_contact.plot.curves import draw_chart, draw_curves
 from dolfinx_contact.plot.diagrams import draw_diagram
+from dolfinx_contact.plot.look import Look
 from dolfinx_contact.plot.pictures import picture_of_body, picture_of_contact
 from dolfinx_contact.plot.states import picture_of_states
 
 __all__ = [
+    "Look",
     "animate",
     "draw_chart",
     "draw_curves",

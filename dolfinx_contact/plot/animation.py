@@ -11,7 +11,7 @@ import os
 from collections.abc import Iterable, Iterator, Sequence
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 from mpi4py import MPI
 
@@ -20,7 +20,9 @@ import numpy as np
 from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._errors import everywhere, on_root, require, same_everywhere
 from dolfinx_contact._numbers import is_number
-from dolfinx_contact.plot.pictures import body_seen, checked_scale, draw, surface_seen
+from dolfinx_contact.plot.floors import lay_floors
+from dolfinx_contact.plot.look import Look, checked_look, checked_scale
+from dolfinx_contact.plot.pictures import body_seen, check_look, draw, surface_seen
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.records.lines import Lines
 from dolfinx_contact.records.steps_record import StepsRecord
@@ -32,6 +34,7 @@ _WRITERS = {
     ".gif": ("imageio", "imageio, or python3-imageio of Debian"),
     ".mp4": ("imageio_ffmpeg", "imageio-ffmpeg; .gif does not need it"),
 }
+PICTURES = (".png", ".pdf", ".svg")
 _SLOWEST = 0.01  # pictures a second, which the format of .gif can say
 _FASTEST = 1000.0
 _SKIN = 0.04  # of the size, by which obstacles are thick in a picture
@@ -41,6 +44,7 @@ def _check_film(a: Arguments) -> None:
     a.file = _film_path(a.file)
     a.scale = checked_scale(a.scale)
     a.rate = _checked_rate(a.rate)
+    check_look(a)
     if not isinstance(a.title, str):
         raise ValueError(f"the title must be a str, got {a.title!r}")
 
@@ -73,6 +77,7 @@ def film(
     scale: float = 1.0,
     title: str = "",
     rate: float = 10.0,
+    **look: Unpack[Look],
 ) -> Path | None:
     """Draw states of a body one after the other as an animation, without a display. Collective.
 
@@ -86,6 +91,7 @@ def film(
         scale: factor of the displacement.
         title: above the pictures.
         rate: pictures a second.
+        look: as for `picture_of_body`.
 
     Returns:
         The file, on every rank; None where it could not be drawn, as for `picture_of_body`.
@@ -117,7 +123,7 @@ def film(
             finite = bool(np.isfinite(problem.u.x.array).all())
             message = f"the displacement of state {len(frames)} has an entry that is not finite"
             require(comm, finite, message)
-            kind, data = body_seen(problem, stress, scale, beside)
+            kind, data = body_seen(problem, stress, scale, beside, look)
             frames.append(data)
     finally:
         problem.u.x.array[:] = before
@@ -127,7 +133,7 @@ def film(
 
 def _check_animation(a: Arguments) -> None:
     if a.steps is not None:
-        a.steps = _checked_numbers(a.steps, "steps")
+        a.steps = _checked_numbers(a.steps, "steps", len(a.record.journal.states))
 
 
 @collective("a film of a record", _check_animation)
@@ -135,22 +141,25 @@ def animate(
     file: str | os.PathLike[str],
     record: StepsRecord[Any, Any],
     *,
-    steps: Sequence[int] | None = None,
+    steps: Sequence[int] | slice | None = None,
     stress: Any = None,
     scale: float = 1.0,
     title: str = "",
     rate: float = 10.0,
+    **look: Unpack[Look],
 ) -> Path | None:
     """Draw a recorded history as an animation, with its times. Collective.
 
     Args:
         file: as for `film`.
         record: an `EvolutionRecord` or `PathRecord`. The problem stays as it is.
-        steps: which are shown, in this order, 0 the start; by default all.
+        steps: which are shown, in this order, 0 the start; or a slice of all of them, as
+            ``slice(100, 200, 5)``; by default all.
         stress: as for `film`, like the following.
         scale: factor of the displacement.
         title: above the pictures, before the time.
         rate: pictures a second.
+        look: as for `picture_of_body`.
 
     Returns:
         The file, on every rank; None where it could not be drawn, as for `picture_of_body`.
@@ -167,27 +176,28 @@ def animate(
                 plot.animate("output/path.gif", record, stress=steel.full_stress(u))
     """
     states = record.journal.states
-    shown = range(len(states)) if steps is None else steps
+    shown = range(len(states)) if steps is None else _checked_numbers(steps, "steps", len(states))
 
     def times() -> Iterator[str]:
         for index in shown:
             record.show(index)
             yield f"time {states[index]['time']:.4g}"
 
-    look = dict(stress=stress, scale=scale, title=title, rate=rate)
+    shows = dict(stress=stress, scale=scale, title=title, rate=rate)
     with record.looking():
-        return film(file, record.problem, times(), **look)
+        return film(file, record.problem, times(), **shows, **look)
 
 
 def draw_record(
     file: str | os.PathLike[str],
     journal: Lines,
     *,
-    points: Sequence[int] | None = None,
+    points: Sequence[int] | slice | None = None,
     branch: int = 0,
     scale: float = 1.0,
     title: str = "",
     rate: float = 10.0,
+    **look: Unpack[Look],
 ) -> Path | None:
     """Draw recorded bodies at a point, or as an animation; on this rank alone.
 
@@ -195,14 +205,17 @@ def draw_record(
     must have been recorded (``surface_displacement=True``). Facets are linear.
 
     Args:
-        file: ``.png``, the picture of one point, or an animation as for `film`.
+        file: ``.png``, ``.pdf`` or ``.svg``, the picture of one point, or an animation as for
+            `film`.
         journal: what `records.read_journal` returned.
-        points: which are shown, in this order; of a history or path steps, 0 the start. By default
-            those with a displacement: the last one in a picture, all in an animation.
+        points: which are shown, in this order; of a history or path steps, 0 the start; or a slice
+            of all of them. By default those with a displacement: the last one in a picture, all in
+            an animation.
         branch: its number; histories and paths have branch 0 alone.
         scale: factor of the displacement.
         title: above the pictures, before gamma or the time.
         rate: pictures a second.
+        look: as for `picture_of_body`; the only field is ``"displacement"``.
 
     Returns:
         The file; None where it could not be drawn, as for `picture_of_body`.
@@ -224,7 +237,7 @@ def draw_record(
         kind = type(journal).__name__
         raise ValueError(f"the journal must be one of records.read_journal, got {kind}")
     path = Path(file)
-    is_picture = path.suffix == ".png"
+    is_picture = path.suffix in PICTURES
     scale = checked_scale(scale)
     if not is_picture:
         path = _film_path(file)
@@ -235,7 +248,7 @@ def draw_record(
         known = [i for i, entry in enumerate(entries) if "surface" in entry]
         points = known[-1:] if is_picture else known
     else:
-        points = _checked_numbers(points, "points")
+        points = _checked_numbers(points, "points", len(entries))
     if not points:
         raise ValueError("no displacement was recorded: record with surface_displacement=True")
     if is_picture and len(points) > 1:
@@ -243,21 +256,30 @@ def draw_record(
             f"a picture shows one point, not {len(points)}: .gif and .mp4 show several"
         )
     surface = journal.surface()
-    frames = []
+    dim = 2 if np.ptp(surface.x[:, 2]) == 0 else 3
+    shown = checked_look(look, dim, stress=False)
+    if any(e is not None for e in shown["fields"].values()):
+        raise ValueError("of a record displacements are known, and no other fields")
+    frames: list[dict[str, Any]] = []
     for index in points:
         state = journal.surface_at(index, branch)
         entry = entries[index]
         words = f"time {entry['time']:.4g}" if "time" in entry else f"gamma {entry['gamma']:.4g}"
         beside = ", ".join(part for part in (title, words) if part)
-        frames.append({"title": beside} | surface_seen(surface, state, scale))
-    kind = f"body_{state.u.shape[1]}d"
+        frame = {"title": beside, "look": shown | {"fields": None}}
+        frame["colours"] = {name: np.linalg.norm(state.u, axis=1) for name in shown["fields"]}
+        frames.append(frame | surface_seen(surface, state, scale, shown["apart"]))
+    kind = f"body_{dim}d"
     if is_picture:
+        lay_floors(frames, dim)
         return draw(MPI.COMM_SELF, kind, frames[0], path)
     return _draw_film(MPI.COMM_SELF, path, kind, frames, rate)
 
 
-def _checked_numbers(numbers: Any, what: str) -> list[int]:
-    """Numbers of points or steps as a list, or ``ValueError``. Not collective."""
+def _checked_numbers(numbers: Any, what: str, count: int) -> list[int]:
+    """Numbers of points or steps, of ``count``, as a list, or ``ValueError``. Not collective."""
+    if isinstance(numbers, slice):
+        numbers = range(count)[numbers]
     known = isinstance(numbers, Iterable) and not isinstance(numbers, str | bytes)
     chosen = list(numbers) if known else []
     whole = all(isinstance(i, int | np.integer) and not isinstance(i, bool) for i in chosen)
@@ -274,10 +296,15 @@ def _draw_film(
     """Draw frames of one kind, in which the same is seen in the same colours. Collective."""
     common: dict[str, Any] = {}
     if comm.rank == 0:
+        lay_floors(frames, int(kind[-2]))
         common["reach"] = _reach(frames)
-        if "von_mises" in frames[0]:
-            values = [frame["von_mises"] for frame in frames]
-            common["colours"] = min(map(np.min, values)), max(map(np.max, values))
+        common["limits"] = {
+            name: (
+                min(float(np.min(frame["colours"][name])) for frame in frames),
+                max(float(np.max(frame["colours"][name])) for frame in frames),
+            )
+            for name in frames[0]["colours"]
+        }
     data = {"kind": kind, "frames": [frame | common for frame in frames], "rate": float(rate)}
     return draw(comm, "film", data, path, count=len(frames))
 
@@ -309,9 +336,10 @@ def _reach(frames: Sequence[dict[str, Any]]) -> np.ndarray[Any, np.dtype[np.floa
     body = np.concatenate([frame["x"] for frame in frames])
     skin = _SKIN * np.linalg.norm(np.ptp(body, axis=0))
     parts = [body]
+    flat = bool(np.ptp(body[:, 2]) == 0)
     for frame in frames:
         pairs = zip(frame["obstacle_x"], frame["obstacle_normals"], strict=True)
-        parts += [points + skin * n for points, n in pairs] if np.ptp(body[:, 2]) == 0 else []
+        parts += [part for x, n in pairs for part in (x, x + skin * n)] if flat else []
     seen = np.concatenate(parts)
     ends = np.array([seen.min(axis=0), seen.max(axis=0)])
     return np.array([[ends[i, 0], ends[j, 1], ends[k, 2]] for i, j, k in np.ndindex(2, 2, 2)])

@@ -21,7 +21,7 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias, Unpack
 
 from mpi4py import MPI
 
@@ -31,13 +31,23 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem, la, mesh
 
+from dolfinx_contact._agreement import refuse_other_mesh
 from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._errors import same_everywhere
 from dolfinx_contact._files import hidden_beside
-from dolfinx_contact._numbers import is_number
 from dolfinx_contact.io.fields import check_stress, von_mises
 from dolfinx_contact.io.gathering import Arrays, gather_cells
 from dolfinx_contact.io.outside import OuterSurface, Outside, SurfaceState
+from dolfinx_contact.plot.faces import (
+    along_curve,
+    flat_axes,
+    is_straight,
+    near_contact,
+    spacing_of,
+    turned_to,
+)
+from dolfinx_contact.plot.floors import lay_floors, moved_apart, on_plane, parts_of
+from dolfinx_contact.plot.look import Look, checked_look, checked_scale, checked_units
 from dolfinx_contact.points.vertex_state import vertex_state
 from dolfinx_contact.results.fields import STATUS_CODES
 
@@ -45,7 +55,16 @@ if TYPE_CHECKING:
     from dolfinx_contact.points.surface import ContactSurface
     from dolfinx_contact.problem import ContactProblem
 
-__all__ = ["body_seen", "draw", "picture_of_body", "picture_of_contact", "surface_seen"]
+__all__ = [
+    "body_seen",
+    "check_look",
+    "draw",
+    "picture_of_body",
+    "picture_of_contact",
+    "surface_seen",
+]
+
+Floats: TypeAlias = npt.NDArray[np.float64]
 
 logger = logging.getLogger(__name__)
 
@@ -56,6 +75,16 @@ _NOTHING = 1e-10  # of a force, what counts as none
 def _check_body(a: Arguments) -> None:
     a.file = Path(a.file)
     a.scale = checked_scale(a.scale)
+    check_look(a)
+
+
+def check_look(a: Arguments) -> None:
+    """See that the look of a body can be drawn, or ``ValueError``. Not collective."""
+    domain = a.problem.V.mesh
+    known = checked_look(a.look, domain.topology.dim, stress=a.stress is not None)
+    for name, e in known["fields"].items():
+        if e is not None:
+            refuse_other_mesh(e, domain, f"the field {name!r}")
 
 
 @collective("a picture", _check_body)
@@ -66,68 +95,125 @@ def picture_of_body(
     stress: Any = None,
     scale: float = 1.0,
     title: str | None = None,
+    **look: Unpack[Look],
 ) -> Path | None:
     """Draw the deformed body with its obstacles and the rims of its contact surfaces. Collective.
 
-    Of a pair of bodies the rim of the slave is thick, that of the master thin.
+    Of a pair of bodies the rim of the slave is thick, that of the master thin. Plane obstacles are
+    drawn where the body is, and let what is behind them be seen.
 
     Args:
-        file: the picture, ``.png``.
+        file: the picture, ``.png``; ``.pdf`` or ``.svg``, in which a plane body is drawn by lines,
+            and one in 3D is a picture.
         problem: a contact problem, usually solved.
         stress: 3 x 3 UFL stress (``material.full_stress(u)``), of several materials one of each
             cell tag as for `write_fields`, for the colours: von Mises stress, averaged to the
             vertices.
         scale: factor of the displacement.
         title: above the picture.
+        look: ``fields``, ``view``, ``up``, ``clip``, ``zoom``, ``cmap``, ``apart``, ``units``: see
+            `Look`.
 
     Returns:
         The file, on every rank; None where it could not be drawn.
 
     Raises:
+        ModuleNotFoundError: on every rank, for a ``cmap`` without matplotlib.
         ValueError: on every rank, if the stress is not 3 x 3 or of another mesh, the scale is not
-            finite, or arguments differ between ranks.
+            finite, the look is none, or arguments differ between ranks.
+
+    Example:
+        ::
+
+            plot.picture_of_body("block.pdf", problem, stress=steel.full_stress(u), view="front")
+            plot.picture_of_body("inside.png", problem, fields="displacement", clip="-y")
     """
-    return draw(problem.comm, *body_seen(problem, stress, scale, title), Path(file))
+    kind, data = body_seen(problem, stress, scale, title, look)
+    if data:
+        lay_floors([data], problem.V.mesh.topology.dim)
+    return draw(problem.comm, kind, data, Path(file))
 
 
 def body_seen(
-    problem: ContactProblem, stress: Any, scale: float, title: str | None
+    problem: ContactProblem,
+    stress: Any,
+    scale: float,
+    title: str | None,
+    look: Mapping[str, Any],
 ) -> tuple[str, dict[str, Any]]:
     """What a picture of the body shows, for rank 0: its kind and data. Collective.
 
     Arguments and errors are those of `picture_of_body`.
     """
     tags = check_stress(problem, stress)
+    dim = problem.V.mesh.topology.dim
+    known = checked_look(look, dim, stress=stress is not None)
     outside = Outside(problem)
     surface = outside.surface()
     state = outside.state()
-    colours: Arrays = {}
-    if stress is not None:
-        averaged = outside.gather({"von_mises": _averaged(outside.V, stress, tags)})
-        colours = {"von_mises": averaged["von_mises"]} if averaged else {}
-    kind = f"body_{problem.V.mesh.topology.dim}d"
+    values = {
+        name: _averaged(outside.V, stress if e is None else e, tags if e is None else None, e)
+        for name, e in known["fields"].items()
+        if name != "displacement" or e is not None
+    }
+    numbered = {f"field {i}": v for i, v in enumerate(values.values())}
+    averaged = outside.gather(numbered)
+    inside = outside.inside(numbered) if known["clip"] is not None else {}
+    kind = f"body_{dim}d"
     if surface is None or state is None:
         return kind, {}
-    words = title or _title(scale)
-    return kind, {"title": words, **colours, **surface_seen(surface, state, scale)}
+    data = surface_seen(surface, state, scale, known["apart"])
+
+    def colours(found: Arrays, u: npt.NDArray[Any]) -> Arrays:
+        every = dict(zip(values, (found[k] for k in numbered), strict=True))
+        size = np.linalg.norm(u, axis=1)
+        return {name: every.get(name, size) for name in known["fields"]}
+
+    data["colours"] = colours(averaged, state.u)
+    if inside:
+        x = inside["x"] + scale * inside["u"] + _off(surface, data["off"], inside)
+        of_cells = colours(inside, inside["u"])
+        data["inside"] = {"x": x, "cells": inside["cells"], "colours": of_cells}
+    return kind, {"title": title or _title(scale), "look": known | {"fields": None}, **data}
 
 
-def surface_seen(surface: OuterSurface, state: SurfaceState, scale: float) -> dict[str, Any]:
+def _off(surface: OuterSurface, off: Floats, inside: Arrays) -> Floats:
+    """How far vertices inside of bodies are drawn apart, as those of their surface (n, 3)."""
+    part = parts_of(inside["cells"], len(inside["x"]))
+    places = np.searchsorted(inside["nodes"], surface.nodes)
+    of_parts = np.zeros((part.max() + 1, 3))
+    of_parts[part[places]] = off
+    return np.asarray(of_parts[part])
+
+
+def surface_seen(
+    surface: OuterSurface, state: SurfaceState, scale: float, apart: float = 0.0
+) -> dict[str, Any]:
     """What a picture shows of an outer surface at a state. Not collective.
 
     Args:
         surface: of the bodies.
         state: where they are.
         scale: factor of the displacement.
+        apart: as of a `Look`.
     """
     x = _in_space(surface.x + scale * _in_space(state.u))
-    obstacles = [state.obstacles[name] for name in surface.obstacles]
-    data: dict[str, Any] = {"x": x, "cells": surface.cells}
-    data["contact_x"], data["contact_cells"] = _faces(x, surface.contact)
-    data["master_x"], data["master_cells"] = _faces(x, surface.opposite)
-    data["obstacle_x"] = [_in_space(floor + scale * moved) for floor, moved, _ in obstacles]
+    obstacles = {name: state.obstacles[name] for name in surface.obstacles}
+    normals = {name: _in_space(n) for name, (_, _, n) in obstacles.items()}
+    off, off_obstacles = moved_apart(surface, x, normals, apart)
+    data: dict[str, Any] = {"x": x + off, "cells": surface.cells, "off": off}
+    data["part"] = parts_of(surface.cells, len(x))  # bodies that are not coloured differ in tint
+    data["contact_x"], data["contact_cells"] = _faces(x + off, surface.contact)
+    data["master_x"], data["master_cells"] = _faces(x + off, surface.opposite)
     data["obstacle_cells"] = list(surface.obstacles.values())
-    data["obstacle_normals"] = [_in_space(n) for _, _, n in obstacles]
+    data["obstacle_normals"] = list(normals.values())
+    data["obstacle_x"] = []
+    data["obstacle_flat"] = []
+    for name, (floor, moved, _) in obstacles.items():
+        points = _in_space(floor + scale * moved)
+        below = on_plane(points, normals[name], x[np.unique(surface.contact[name])])
+        data["obstacle_flat"].append(below is not None)
+        data["obstacle_x"].append((points if below is None else below) + off_obstacles[name])
     return data
 
 
@@ -146,6 +232,7 @@ def _faces(
 
 def _check_contact(a: Arguments) -> None:
     a.file = Path(a.file)
+    a.units = checked_units(a.units)
     known = a.surface is None or any(a.surface is s for s in a.problem.surfaces)
     if not known:
         name = getattr(a.surface, "name", a.surface)
@@ -159,25 +246,28 @@ def picture_of_contact(
     *,
     surface: ContactSurface | None = None,
     title: str | None = None,
+    units: tuple[str, str] = ("", ""),
 ) -> Path | None:
     """Draw pressure, shear and status of a contact surface. Collective.
 
-    In 3D two maps of the surface, projected along its mean normal; in 2D the tractions and the
-    friction bound against the position along the surface. Status and values are those of the
-    vertices (`ContactProblem.contact_fields`).
+    In 3D two maps of the surface, projected along the mean normal of what touches; in 2D the
+    tractions and the friction bound over the length along the surface, or the coordinate if it is
+    straight. Where little of it touches, that and what is beside it are shown. Status and values
+    are those of the vertices (`ContactProblem.contact_fields`).
 
     Args:
-        file: the picture, ``.png``.
+        file: the picture, ``.png``, ``.pdf`` or ``.svg``.
         problem: a contact problem, usually solved.
         surface: one of its surfaces, by default the first.
         title: above the picture.
+        units: of length and stress, for the labels.
 
     Returns:
         The file, on every rank; None where it could not be drawn.
 
     Raises:
-        ValueError: on every rank, if the surface is not one of the problem, or arguments differ
-            between ranks.
+        ValueError: on every rank, if the surface is not one of the problem, units are none, or
+            arguments differ between ranks.
     """
     s = problem.surfaces[0] if surface is None else surface
     same_everywhere(problem.comm, surface=s.name)
@@ -198,28 +288,18 @@ def picture_of_contact(
     }
     cells = s.points.vertices.dofmap.list[: s.submesh.mesh.topology.index_map(s.dim - 1).size_local]
     seen = gather_cells(s.comm, s.points.vertices, cells, values)
-    data: dict[str, Any] = {"title": title or f"Contact surface: {s.name}"}
+    data: dict[str, Any] = {"title": title or f"Contact surface: {s.name}", "units": units}
     data["body"] = "slave" if s.between_bodies else "body"
     # So are nodes that a crack has not doubled, and those that have nothing opposite.
     data["clamped"] = "without contact" if s.between_bodies else "clamped"
     if s.comm.rank == 0:
-        axes, labels = _flat_axes(seen["n"].mean(axis=0), s.dim)
-        shear = seen["shear"] @ axes
-        data |= {**seen, "x": seen["x"][:, : s.dim] @ axes, "labels": labels}
-        data["shear"] = shear if s.dim == 3 else shear[:, 0]
+        data |= seen | (_flat_curve(seen) if s.dim == 2 else _flat_surface(seen))
         codes = np.bincount(seen["status"].astype(int), minlength=len(set(STATUS_CODES.values())))
         data["counts"] = codes
     return draw(s.comm, f"contact_{s.dim}d", data, Path(file))
 
 
 # -- what is seen --------------------------------------------------------------------------------
-
-
-def checked_scale(scale: Any) -> float:
-    """The factor of a displacement as a number, or ``ValueError``. Not collective."""
-    if not (is_number(scale) and np.isfinite(scale)):
-        raise ValueError(f"the scale of the displacement must be a finite number, got {scale!r}")
-    return float(scale)
 
 
 def _title(scale: float) -> str:
@@ -231,19 +311,67 @@ def _in_space(vectors: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     return np.pad(vectors, ((0, 0), (0, 3 - vectors.shape[1])))
 
 
+def _flat_curve(seen: Arrays) -> dict[str, Any]:
+    """Positions along a face in 2D, their label, the shear along it, and what is shown."""
+    n = seen["n"]
+    x = seen["x"][:, :2]
+    touching = _touching(seen)
+    if is_straight(x, seen["cells"]):
+        edge = np.subtract(*x[seen["cells"][0]])
+        across = np.array([-edge[1], edge[0]]) / np.linalg.norm(edge)
+        axes, labels = flat_axes(across * np.sign(n.mean(axis=0) @ across), 2)
+        at = x @ axes[:, 0]
+        at_ends = at[seen["cells"]]
+        shear = seen["shear"] @ axes[:, 0]
+    else:
+        at, at_ends, label = along_curve(x, seen["cells"], n, touching)
+        labels = [label]
+        shear = seen["shear"][:, 1] * n[:, 0] - seen["shear"][:, 0] * n[:, 1]
+    near = near_contact(at, touching, float(np.abs(np.diff(at_ends)).mean()))
+    return {"x": at, "ends": at_ends, "labels": labels, "shear": shear, "near": near}
+
+
+def _flat_surface(seen: Arrays) -> dict[str, Any]:
+    """The plane picture of a face in 3D, labels of its axes, the shear in it, and what is shown."""
+    touching = _touching(seen)
+    mean, cells = turned_to(seen["x"], seen["cells"], seen["n"], touching)
+    axes, labels = flat_axes(mean, 3)
+    nodes, places = np.unique(cells, return_inverse=True)
+    flat = {name: seen[name][nodes] for name in ("pressure", "status", "bound")}
+    x = seen["x"][nodes] @ axes
+    cells = places.reshape(cells.shape)
+    spacing = spacing_of(x, cells)
+    near = [near_contact(x[:, k], touching[nodes], spacing) for k in range(2)]
+    return flat | {
+        "x": x,
+        "cells": cells,
+        "labels": labels,
+        "shear": seen["shear"][nodes] @ axes,
+        "near": near,
+    }
+
+
+def _touching(seen: Arrays) -> npt.NDArray[np.bool_]:
+    """Vertices of a face where it sticks or slips."""
+    return np.isin(seen["status"], [STATUS_CODES["k"], STATUS_CODES["s"]])
+
+
 def _averaged(
-    V: fem.FunctionSpace, stress: Any, tags: mesh.MeshTags | None
+    V: fem.FunctionSpace, stress: Any, tags: mesh.MeshTags | None, scalar: Any = None
 ) -> npt.NDArray[np.float64]:
-    """Means of the von Mises stress around the local vertices, weighted by their hat functions.
+    """Means of a field around the local vertices, weighted by their hat functions. Collective.
 
     Args:
         V: of the vertices.
-        stress: UFL, or UFL by cell tags.
+        stress: UFL, or UFL by cell tags, whose von Mises stress it is.
         tags: of cells, for the latter.
+        scalar: UFL, which it is instead.
     """
     q = ufl.TestFunction(V)
     dx = ufl.Measure("dx", V.mesh, subdomain_data=tags, metadata={"quadrature_degree": 2})
-    if tags is None:
+    if scalar is not None:
+        whole = scalar * q * dx
+    elif tags is None:
         whole = von_mises(stress) * q * dx
     else:
         whole = sum(von_mises(stress[tag]) * q * dx(tag) for tag in sorted(stress))
@@ -268,22 +396,6 @@ def _is_seen(
     u = s.comm.allreduce(float(np.max(np.abs(s.u.x.array), initial=0.0)), op=max)
     force = np.linalg.norm(traction, axis=1) * s.points.vertex_areas
     return np.asarray(force > _NOTHING * problem.equations.stiffness_scale * u)
-
-
-def _flat_axes(n: npt.NDArray[np.float64], dim: int) -> tuple[npt.NDArray[np.float64], list[str]]:
-    """Axes (dim, dim - 1) of the plane across ``n`` with labels: coordinate axes if nearly one."""
-    size = np.linalg.norm(n)
-    names = "xyz"[:dim]
-    n = n / size if size > 0.1 else np.eye(dim)[-1]  # a closed surface has no side to look at
-    across = np.abs(n) < 0.05
-    if across.sum() == dim - 1:
-        return np.eye(dim)[:, across], [name for name, a in zip(names, across, strict=True) if a]
-    if dim == 2:
-        return np.array([[-n[1]], [n[0]]]), ["position along the surface"]
-    first = np.eye(3)[np.argmin(np.abs(n))]
-    first = first - (first @ n) * n
-    first /= np.linalg.norm(first)
-    return np.stack([first, np.cross(first, n)], axis=1), ["along the surface", "across"]
 
 
 # -- drawing -------------------------------------------------------------------------------------

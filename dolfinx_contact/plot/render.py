@@ -20,6 +20,9 @@ Data = dict[str, Any]
 #: Status by code: name, colour.
 STATUS = [("open", "#dfe3e8"), ("stick", "#2f6db3"), ("slip", "#f08a24"), ("clamped", "#3d3d3d")]
 INK = "#22262b"
+FLOOR = "#c9ced4"
+SHADES = "Spectral_r"
+TINTS = ["#c3d0dc", "#e3d3b4", "#c9dcc3", "#d9cbdf"]  # of bodies, one after the other
 _LONG = 2.5  # a surface that is so many times longer than wide lies along the page
 _THINNEST = 0.1  # height over width to which a surface is stretched across
 
@@ -101,12 +104,15 @@ def contact_3d(data: Data, file: str) -> None:
     x = data["x"]
     cells = data["cells"]
     shear = data["shear"]
-    labels = [str(label) for label in data["labels"]]
-    extent = np.ptp(x, axis=0)
+    labels = [_with_unit(str(label), data["units"][0]) for label in data["labels"]]
+    whole = zip(x.min(axis=0), x.max(axis=0), strict=True)
+    window = np.array([near or ends for near, ends in zip(data["near"], whole, strict=True)])
+    extent = window[:, 1] - window[:, 0]
     if extent[1] > _LONG * extent[0]:
         x = x[:, ::-1]
         shear = shear[:, ::-1]
         extent = extent[::-1]
+        window = window[::-1]
         labels = labels[::-1] if len(labels[0]) == 1 else labels  # along is where it is long
     ratio = extent[1] / extent[0]
     is_long = ratio < 1 / _LONG
@@ -134,14 +140,17 @@ def contact_3d(data: Data, file: str) -> None:
     bar.outline.set_linewidth(0.5)
     _statuses(right, x, cells, data["status"].astype(int))
     right.set_title(f"Status, and shear traction on the {data['body']}")
-    _arrows(right, x, shear, stretch)
+    inside = ((x >= window[:, 0]) & (x <= window[:, 1])).all(axis=1)
+    if inside.any():
+        _arrows(right, x[inside], shear[inside], stretch)
     legend.axis("off")
     _status_legend(legend, data, loc="center", ncols=4)
+    bar.set_label(_with_unit("pressure", data["units"][1]))
     for axes in (left, right):
         axes.set_aspect(stretch)
         rim = (0.02 if is_long else 0.08) * extent[0]
-        axes.set_xlim(x[:, 0].min() - rim, x[:, 0].max() + rim)
-        axes.set_ylim(x[:, 1].min() - over * extent[1], x[:, 1].max() + over * extent[1])
+        axes.set_xlim(window[0, 0] - rim, window[0, 1] + rim)
+        axes.set_ylim(window[1, 0] - over * extent[1], window[1, 1] + over * extent[1])
         axes.triplot(*x.T, _triangles(cells), color=INK, lw=0.15, alpha=0.25)
         axes.spines[["top", "right"]].set_visible(False)
         axes.locator_params(axis="y", nbins=4 if is_long else 6)
@@ -210,7 +219,7 @@ def contact_2d(data: Data, file: str) -> None:
     plt = _pyplot()
     from matplotlib.collections import LineCollection
 
-    s = data["x"][:, 0]
+    s = data["x"]
     cells = data["cells"]
     status = data["status"].astype(int)
     figure, axes = plt.subplots(figsize=(8.6, 5.0), layout="constrained")
@@ -224,7 +233,8 @@ def contact_2d(data: Data, file: str) -> None:
     for key, label, style in lines:
         for sign in (1, -1) if key == "bound" else (1,):
             value = sign * data[key]
-            line = LineCollection(np.stack([s, value], axis=1)[cells], label=label, **style)
+            ends = np.stack([data["ends"], value[cells]], axis=2)
+            line = LineCollection(ends, label=label, **style)
             axes.add_collection(line)
         handles.append(line)
     colours = np.array([colour for _, colour in STATUS])[status]
@@ -237,8 +247,10 @@ def contact_2d(data: Data, file: str) -> None:
     span = high - low
     if span > 0:
         axes.set_ylim(low - 0.06 * span, high + 0.3 * span)  # room for the legends
-    axes.set_xlabel(str(data["labels"][0]))
-    axes.set_ylabel("traction")
+    if data["near"] is not None:
+        axes.set_xlim(*data["near"])
+    axes.set_xlabel(_with_unit(str(data["labels"][0]), data["units"][0]))
+    axes.set_ylabel(_with_unit("traction", data["units"][1]))
     axes.spines[["top", "right"]].set_visible(False)
     axes.add_artist(axes.legend(handles=handles, frameon=False, loc="upper left"))
     _status_legend(axes, data, loc="upper right")
@@ -246,19 +258,23 @@ def contact_2d(data: Data, file: str) -> None:
 
 
 def body_2d(data: Data, file: str) -> None:
-    """The deformed plane body in the colours of its von Mises stress, on the obstacle."""
+    """The deformed plane body in the colours of a field, on the obstacle."""
+    if len(data["colours"]) > 1:
+        _side_by_side(body_2d, data, file)
+        return
     plt = _pyplot()
     from matplotlib.collections import LineCollection, PolyCollection
+    from matplotlib.colors import ListedColormap
 
     x = data["x"][:, :2]
     cells = data["cells"]
+    look = data["look"]
     triangles = _triangles(data["cells"])
     length, height = np.ptp(x, axis=0)
     bands = _bands(data, 0.04 * np.hypot(length, height))
     seen = np.concatenate([x, *(band.reshape(-1, 2) for band in bands)])
     seen = data["reach"][:, :2] if "reach" in data else seen
-    low = seen.min(axis=0)
-    high = seen.max(axis=0)
+    low, high = _window(data, seen)
     margin = 0.03 * (high - low).max()
     wide, tall = high - low + 2 * margin
     # The body fills the picture: the bar of the colours goes where there is room.
@@ -266,33 +282,86 @@ def body_2d(data: Data, file: str) -> None:
     room = 8.6 * np.array([wide, tall]) / max(wide, tall)
     size = np.maximum(room, (2.2, 0.9)) + ((0.9, 2.0) if flat else (1.9, 1.1))
     figure, axes = plt.subplots(figsize=size, layout="constrained")
-    figure.suptitle(str(data["title"]), fontsize=13 if size[0] > 5 else 10, fontweight="bold")
-    if "von_mises" in data:
-        look = dict(zip(("vmin", "vmax"), data.get("colours", ()), strict=False))
-        look |= dict(shading="gouraud", cmap="Spectral_r")
-        shades = axes.tripcolor(*x.T, triangles, data["von_mises"], **look)
+    words = "\n".join(_wrapped(str(data["title"]), size[0]))
+    axes.set_title(words, fontsize=13 if size[0] > 5 else 10, pad=8)
+    if data["colours"]:
+        ((name, values),) = data["colours"].items()
+        shade: Data = dict(zip(("vmin", "vmax"), _limits(data, name), strict=False))
+        shade |= dict(shading="gouraud", cmap=look["cmap"] or SHADES)
+        shades = axes.tripcolor(*x.T, triangles, values, **shade)
         where = dict(location="bottom", shrink=0.6) if flat else dict(location="right", shrink=0.8)
         bar = figure.colorbar(shades, ax=axes, aspect=30, pad=0.02, **where)
-        bar.set_label("von Mises stress")
+        bar.set_label(_label(name, data))
         bar.outline.set_linewidth(0.5)
     else:
-        axes.tripcolor(*x.T, triangles, np.zeros(len(x)), cmap="Greys", vmin=-1, vmax=3)
+        of_bodies = ListedColormap(TINTS)
+        tint = data["part"][triangles[:, 0]] % len(TINTS)
+        axes.tripcolor(*x.T, triangles, tint, cmap=of_bodies, vmin=-0.5, vmax=len(TINTS) - 0.5)
     loop = around(cells)
     edges = np.stack([loop, np.roll(loop, -1, axis=1)], axis=2).reshape(-1, 2)
-    axes.add_collection(LineCollection(x[edges], colors=INK, linewidths=0.2, alpha=0.4))
-    for key, width in (("contact", 2.4), ("master", 1.2), ("obstacle", 1.2)):
+    # Of a fine mesh lines would hide the colours.
+    thin = float(np.clip(20 / np.sqrt(len(cells)), 0.05, 0.3))
+    axes.add_collection(LineCollection(x[edges], colors=INK, linewidths=thin, alpha=0.4))
+    for quads in bands:
+        axes.add_collection(PolyCollection(quads, facecolors=FLOOR, edgecolors=FLOOR, zorder=0))
+    for key, width in (("contact", 2.0), ("master", 1.2), ("obstacle", 1.2)):
         for points, segments in zip(data[f"{key}_x"], data[f"{key}_cells"], strict=True):
             axes.add_collection(LineCollection(points[segments, :2], colors=INK, linewidths=width))
-    for quads in bands:
-        axes.add_collection(PolyCollection(quads, facecolors="#c9ced4", edgecolors="#c9ced4"))
     axes.set_aspect("equal")
     axes.set_xlim(low[0] - margin, high[0] + margin)
     axes.set_ylim(low[1] - margin, high[1] + margin)
     axes.locator_params(axis="y" if flat else "x", nbins=4 if min(room) < 2 else 8)
-    axes.set_xlabel("x")
-    axes.set_ylabel("y")
+    axes.set_xlabel(_with_unit("x", data["look"]["units"][0]))
+    axes.set_ylabel(_with_unit("y", data["look"]["units"][0]))
     axes.spines[["top", "right"]].set_visible(False)
-    figure.savefig(file)
+    # Frames of a film have one size; else nothing is left around what is drawn.
+    whole: Data = {} if "reach" in data else dict(bbox_inches="tight", pad_inches=0.12)
+    figure.savefig(file, **whole)
+    plt.close(figure)
+
+
+def _window(data: Data, seen: npt.NDArray[Any]) -> tuple[Any, Any]:
+    """Least and largest coordinates of what a picture shows, as the zoom has it."""
+    zoom = data["look"]["zoom"]
+    low = seen.min(axis=0)
+    high = seen.max(axis=0)
+    if isinstance(zoom, list):
+        low, high = (np.array(corner)[: len(low)] for corner in zoom)
+    elif zoom == "contact":
+        faces = np.concatenate([*data["contact_x"], *data["master_x"]])[:, : len(low)]
+        rim = 0.15 * np.ptp(faces, axis=0).max()
+        low = np.maximum(low, faces.min(axis=0) - rim)
+        high = np.minimum(high, faces.max(axis=0) + rim)
+    else:
+        middle = (low + high) / 2
+        low, high = (middle + (end - middle) / zoom for end in (low, high))
+    return low, high
+
+
+def _limits(data: Data, name: str) -> tuple[float, float]:
+    """Ends of the colours of a field, those of all frames of a film."""
+    values = data["colours"][name]
+    low, high = data.get("limits", {}).get(name, (float(values.min()), float(values.max())))
+    return (low, high) if high > low else (low, low + (abs(low) or 1.0))
+
+
+def _label(name: str, data: Data) -> str:
+    """A field with its unit, which is known of those of this package."""
+    length, stress = data["look"]["units"]
+    known = {"displacement": length, "von Mises stress": stress}
+    return _with_unit(name, known.get(name, ""))
+
+
+def _with_unit(name: str, unit: str) -> str:
+    return f"{name} [{unit}]" if unit else name
+
+
+def _wrapped(text: str, width: float) -> list[str]:
+    """A title in lines that are not wider than a figure of a width in inches."""
+    import textwrap
+
+    letters = max(12, int(width * (9 if width > 5 else 11)))
+    return [line for part in text.split("\n") for line in textwrap.wrap(part, letters)]
 
 
 def _bands(data: Data, depth: float) -> list[npt.NDArray[Any]]:
@@ -306,6 +375,51 @@ def _bands(data: Data, depth: float) -> list[npt.NDArray[Any]]:
     return bands
 
 
+def _side_by_side(draw: Callable[[Data, str], None], data: Data, file: str) -> None:
+    """Pictures of the same body in the colours of several fields, as one."""
+    pictures = []
+    for name, values in data["colours"].items():
+        part = data | {"colours": {name: values}}
+        if "inside" in data:
+            inside = data["inside"]
+            part["inside"] = inside | {"colours": {name: inside["colours"][name]}}
+        draw(part, f"{file}.png")
+        pictures.append(_read(f"{file}.png"))
+    wide = max(p.shape[1] for p in pictures)
+    tall = max(p.shape[0] for p in pictures)
+    below = wide > 1.4 * tall
+    joined = []
+    for picture in pictures:
+        missing = (wide - picture.shape[1], 0) if below else (0, tall - picture.shape[0])
+        sides = [(m // 2, m - m // 2) for m in reversed(missing)]
+        joined.append(np.pad(picture, [*sides, (0, 0)], constant_values=255))
+    _save(np.concatenate(joined, axis=0 if below else 1), file)
+
+
+def _read(file: str) -> npt.NDArray[Any]:
+    """A picture as bytes (height, width, 3)."""
+    from matplotlib import image
+
+    return np.asarray(np.round(image.imread(file)[..., :3] * 255), dtype=np.uint8)
+
+
+def _save(picture: npt.NDArray[Any], file: str) -> None:
+    """Write a picture, also as the whole of a page of .pdf or .svg."""
+    if file.endswith(".png"):
+        from matplotlib import image
+
+        image.imsave(file, np.ascontiguousarray(picture))
+        return
+    plt = _pyplot()
+    tall, wide = picture.shape[:2]
+    figure = plt.figure(figsize=(wide / 200, tall / 200))
+    axes = figure.add_axes((0, 0, 1, 1))
+    axes.imshow(picture, interpolation="none")
+    axes.set_axis_off()
+    figure.savefig(file, dpi=200)
+    plt.close(figure)
+
+
 # -- pyvista -------------------------------------------------------------------------------------
 
 
@@ -316,26 +430,24 @@ def _surface(x: npt.NDArray[Any], cells: npt.NDArray[np.int64]) -> Any:
     return pyvista.PolyData(x, np.insert(loop, 0, loop.shape[1], axis=1).reshape(-1))
 
 
-def _floor(points: npt.NDArray[Any], normal: npt.NDArray[Any], size: float) -> Any:
-    """A rectangle in the plane across ``normal``, somewhat larger than ``points`` on it."""
+def _solid(x: npt.NDArray[Any], cells: npt.NDArray[np.int64]) -> Any:
+    """Tetrahedra, or hexahedra in tensor order."""
     import pyvista
 
-    centred = points - points.mean(axis=0)
-    axes = np.linalg.svd(centred, full_matrices=False)[2][:2]
-    axes -= np.outer(axes @ normal, normal) / (normal @ normal)
-    low = (centred @ axes.T).min(axis=0)
-    high = (centred @ axes.T).max(axis=0)
-    rim = max(0.3 * float((high - low).min()), 0.05 * size)
-    a, b = low - rim
-    c, d = high + rim
-    corners = np.array([[a, b], [c, b], [c, d], [a, d]]) @ axes + points.mean(axis=0)
-    return pyvista.PolyData(corners, [4, 0, 1, 2, 3])
+    kind = 10 if cells.shape[1] == 4 else 12
+    around = cells if kind == 10 else cells[:, [0, 1, 3, 2, 4, 5, 7, 6]]
+    every = np.insert(around, 0, around.shape[1], axis=1).reshape(-1)
+    return pyvista.UnstructuredGrid(every, np.full(len(cells), kind, dtype=np.uint8), x)
 
 
-def _frame(
-    plotter: Any, x: npt.NDArray[Any], position: npt.NDArray[Any], up: npt.NDArray[Any]
+def _framed(
+    plotter: Any,
+    x: npt.NDArray[Any],
+    position: npt.NDArray[Any],
+    up: npt.NDArray[Any],
+    zoom: float,
 ) -> None:
-    """Look at ``x`` from ``position`` so that it fills the picture between title and colour bar."""
+    """Look at ``x`` from ``position`` so that it fills the picture."""
     ahead = x.mean(axis=0) - position
     ahead /= np.linalg.norm(ahead)
     right = np.cross(ahead, up) / np.linalg.norm(np.cross(ahead, up))
@@ -345,43 +457,97 @@ def _frame(
     low = seen.min(axis=0)
     high = seen.max(axis=0)
     wide, tall = high - low
-    # Of the picture the body takes 88 % of the width or 68 % of the height, whatever is reached.
-    height = np.clip(1600 * 0.88 * tall / wide / 0.68, 700, 1300)
-    width = np.clip(height * 0.68 * wide / tall / 0.88, 900, 1600)
+    share = 0.96  # of the picture
+    height = np.clip(1600 * tall / wide, 350, 1200)
+    width = np.clip(height * wide / tall, 500, 1600)
     plotter.window_size = round(width), round(height)
-    field = max(tall / 0.68, wide / 0.88 * height / width)  # tangents over the picture's height
-    middle = (low + high) / 2 - (0.0, 0.05 * field)
+    field = max(tall, wide * height / width) / share / zoom  # tangents over the picture's height
+    middle = (low + high) / 2
     focus = position + ahead + middle[0] * right + middle[1] * above
     plotter.camera_position = [position, focus, above]
     plotter.camera.view_angle = 2 * np.degrees(np.arctan(field / 2))
-    plotter.camera.clipping_range = 0.2 * depth.min(), 3 * depth.max()
+    plotter.camera.clipping_range = 0.1 * depth.min(), 4 * depth.max()
+
+
+def _eye(look: Data, extent: npt.NDArray[Any]) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
+    """Where a body is seen from, and what is drawn upwards: unit vectors."""
+    up = np.array(look["up"])
+    along = np.eye(3)[np.argmax(extent * (1 - np.abs(up)))]
+    along = (along - (along @ up) * up) / np.linalg.norm(along - (along @ up) * up)
+    across = np.cross(up, along)
+    eye = 0.5 * along - across + 0.33 * up
+    if look["view"] is not None:
+        eye = np.array(look["view"])
+    elif look["clip"] is not None:
+        n = np.array(look["clip"]["normal"])
+        if abs(n @ up) > 0.9:  # a section across the vertical is seen from above, or below
+            eye = 1.2 * n + 0.25 * along - 0.7 * across
+        else:
+            side = np.cross(n, up) / np.linalg.norm(np.cross(n, up))
+            eye = n + 0.35 * side + 0.33 * up
+    eye = eye / np.linalg.norm(eye)
+    if abs(eye @ up) > 0.99:  # then another one is up: y from above
+        up = np.eye(3)[1] if abs(eye[1]) < 0.9 else np.eye(3)[0]
+    return eye, up
 
 
 def body_3d(data: Data, file: str) -> None:
-    """The deformed body in the colours of its von Mises stress, on the obstacle."""
+    """The deformed body in the colours of a field, on the obstacle."""
+    if len(data["colours"]) > 1:
+        _side_by_side(body_3d, data, file)
+        return
     import pyvista
 
     pyvista.OFF_SCREEN = True
-    body = _surface(data["x"], data["cells"])
+    look = data["look"]
     reach = data.get("reach", data["x"])
+    if look["apart"] > 0:
+        reach = np.concatenate([reach, *data["obstacle_x"]])
     box = pyvista.PolyData(reach)
     centre = np.array(box.center)
-    size = box.length
+    size = float(box.length)
+    extent = np.ptp(reach, axis=0)
+    eye, up = _eye(look, extent)
+    cut = look["clip"]
+
+    def clipped(part: Any) -> Any:
+        if cut is None:
+            return part
+        point = centre if cut["point"] is None else np.array(cut["point"])
+        return part.clip(normal=cut["normal"], origin=point)
+
+    body = _surface(data["x"], data["cells"])
+    colours = data["colours"]
+    if "inside" in data:
+        body = _solid(data["inside"]["x"], data["inside"]["cells"])
+        colours = data["inside"]["colours"]
+    for name, values in colours.items():
+        body.point_data[name] = values
+    body = clipped(body)
+    if "inside" in data:
+        body = body.extract_surface()
     plotter = pyvista.Plotter(off_screen=True, window_size=(1600, 1200), lighting="light kit")
     plotter.set_background("white")
-    look: Data = dict(smooth_shading=True, split_sharp_edges=True, feature_angle=35)
-    look |= dict(specular=0.1, ambient=0.4, diffuse=0.7)
+    style: Data = dict(smooth_shading=True, split_sharp_edges=True, feature_angle=35)
+    # Little shade, so that colours are those of the bar.
+    style |= dict(specular=0.0, ambient=0.72, diffuse=0.32)
     if len(data["cells"]) < 20000:
-        look |= dict(show_edges=True, edge_color=INK, edge_opacity=0.3, line_width=1.5)
-    if "von_mises" in data:
-        body.point_data["von_mises"] = data["von_mises"]
-        bar = dict(title="", n_labels=5, fmt="%.3g", color=INK, label_font_size=26)
-        bar |= dict(position_x=0.25, position_y=0.02, width=0.5, height=0.06)
-        look["clim"] = data.get("colours")
-        plotter.add_mesh(body, cmap="Spectral_r", scalar_bar_args=bar, **look)
-        plotter.add_text("von Mises stress", (0.437, 0.09), viewport=True, font_size=13, color=INK)
+        style |= dict(show_edges=True, edge_color=INK, edge_opacity=0.3, line_width=1.5)
+    if body.n_points == 0:
+        raise SystemExit("the section leaves nothing of the body to be seen")
+    if colours:
+        (name,) = colours
+        style["clim"] = _limits(data, name)
+        shades = look["cmap"] or SHADES
+        plotter.add_mesh(body, scalars=name, cmap=shades, show_scalar_bar=False, **style)
     else:
-        plotter.add_mesh(body, color="#9db4c8", **look)
+        if "inside" not in data:
+            tints = np.array([[int(c[i : i + 2], 16) for i in (1, 3, 5)] for c in TINTS], np.uint8)
+            whole = _surface(data["x"], data["cells"])
+            whole.point_data["tint"] = tints[data["part"] % len(TINTS)]
+            plotter.add_mesh(clipped(whole), scalars="tint", rgb=True, **style)
+        else:
+            plotter.add_mesh(body, color=TINTS[0], **style)
     for key, width in (("contact", 0.0025), ("master", 0.0012)):
         for points, cells in zip(data[f"{key}_x"], data[f"{key}_cells"], strict=True):
             rim = _surface(points, cells).extract_feature_edges(
@@ -390,27 +556,79 @@ def body_3d(data: Data, file: str) -> None:
                 manifold_edges=False,
                 non_manifold_edges=False,
             )
-            plotter.add_mesh(rim.tube(radius=width * size), color=INK, ambient=0.4)
-    up = np.zeros(3)
+            rim = clipped(rim)
+            if rim.n_points:
+                tube = rim.tube(radius=width * size / max(1.0, _factor(look)))
+                plotter.add_mesh(tube, color=INK, ambient=0.4)
+    floors = []
     for points, cells, normals in zip(
         data["obstacle_x"], data["obstacle_cells"], data["obstacle_normals"], strict=True
     ):
-        mean = normals.mean(axis=0)
-        up -= mean
-        is_flat = np.ptp(normals, axis=0).max() < 1e-9
-        patch = _floor(points, mean, size) if is_flat else _surface(points, cells)
-        plotter.add_mesh(patch, color="#c9ced4", opacity=0.75, specular=0.0, ambient=0.25)
-    up = up / np.linalg.norm(up) if np.linalg.norm(up) > 0.1 else np.eye(3)[2]
-    extent = np.ptp(reach, axis=0)
-    along = np.eye(3)[np.argmax(extent * (1 - np.abs(up)))]
-    along = (along - (along @ up) * up) / np.linalg.norm(along - (along @ up) * up)
-    across = np.cross(up, along)
-    eye = 0.5 * along - across + 0.33 * up
-    _frame(plotter, reach, centre + 2.3 * size * eye, up)
+        patch = clipped(_surface(points, cells))
+        floors.append(np.asarray(patch.points))
+        if not patch.n_points:
+            continue
+        # What is seen through its obstacle is not to be hidden by it.
+        through = float(normals.mean(axis=0) @ eye) > 0.05
+        plotter.add_mesh(
+            patch, color=FLOOR, opacity=0.18 if through else 0.75, specular=0.0, ambient=0.25
+        )
+        edge = patch.extract_feature_edges(feature_edges=False, non_manifold_edges=False)
+        edge = edge if edge.n_points else patch
+        plotter.add_mesh(edge, color="#7d858c", line_width=2.5, style="wireframe")
+    zoom = look["zoom"]
+    framed = reach
+    if isinstance(zoom, list) or zoom == "contact":
+        low, high = _window(data, reach)
+        framed = np.array(np.meshgrid(*np.stack([low, high], axis=1))).reshape(3, -1).T
+        centre = framed.mean(axis=0)
+    elif "reach" not in data:
+        floors = [x for x, flat in zip(floors, data["obstacle_flat"], strict=True) if flat]
+        framed = np.concatenate([np.asarray(body.points), *floors])
+    position = centre + 2.7 * size * eye
+    _framed(plotter, framed, position, up, _factor(look))
     plotter.enable_anti_aliasing("ssaa")
-    plotter.add_text(str(data["title"]), position="upper_edge", font_size=16, color=INK)
-    plotter.screenshot(file)
+    picture = np.asarray(plotter.screenshot(None, return_img=True))[..., :3]
     plotter.close()
+    _composed(picture, data, file)
+
+
+def _composed(picture: npt.NDArray[Any], data: Data, file: str) -> None:
+    """A picture of a body under its title and above the bar of its colours."""
+    plt = _pyplot()
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
+    tall, wide = picture.shape[:2]
+    width = wide / 180
+    height = tall / 180
+    bar_height = 0.75 if data["colours"] else 0.0
+    lines = _wrapped(str(data["title"]), width)
+    head = 0.1 + 0.24 * len(lines)
+    figure = plt.figure(figsize=(width, height + head + bar_height))
+    whole = height + head + bar_height
+    axes = figure.add_axes((0.0, bar_height / whole, 1.0, height / whole))
+    axes.imshow(picture, interpolation="none", aspect="auto")
+    axes.set_axis_off()
+    middle = 1 - head / 2 / whole
+    words = dict(ha="center", va="center", fontsize=13 if width > 5 else 10, fontweight="bold")
+    figure.text(0.5, middle, "\n".join(lines), **words)
+    if data["colours"]:
+        ((name, _),) = data["colours"].items()
+        shades = ScalarMappable(Normalize(*_limits(data, name)), data["look"]["cmap"] or SHADES)
+        share = min(0.6, 5.0 / width) if width > 4 else 0.8
+        place = ((1 - share) / 2, (bar_height - 0.18) / whole, share, 0.14 / whole)
+        bar = figure.colorbar(shades, cax=figure.add_axes(place), orientation="horizontal")
+        bar.set_label(_label(name, data))
+        bar.outline.set_linewidth(0.5)
+        bar.ax.locator_params(nbins=6)
+    figure.savefig(file, dpi=180)
+    plt.close(figure)
+
+
+def _factor(look: Data) -> float:
+    """By which the picture is enlarged about its middle."""
+    return look["zoom"] if isinstance(look["zoom"], float) else 1.0
 
 
 def film(data: Data, file: str) -> None:
@@ -420,7 +638,7 @@ def film(data: Data, file: str) -> None:
     frames = []
     for frame in data["frames"]:
         KINDS[data["kind"]](frame, f"{file}.png")
-        picture = np.asarray(imageio.imread(f"{file}.png"))[..., :3]
+        picture = _read(f"{file}.png")
         tall, wide = (2 * (n // 2) for n in picture.shape[:2])
         quarters = picture[:tall, :wide].reshape(tall // 2, 2, wide // 2, 2, 3)
         frames.append(quarters.mean(axis=(1, 3)).round().astype(np.uint8))

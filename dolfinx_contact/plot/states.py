@@ -22,7 +22,7 @@ from dolfinx_contact.io.gathering import gather_cells
 from dolfinx_contact.io.outside import patch
 from dolfinx_contact.laws.status import COLOURS, NAMES
 from dolfinx_contact.parametric import ParametricContact
-from dolfinx_contact.plot.pictures import checked_scale
+from dolfinx_contact.plot.look import checked_scale
 from dolfinx_contact.plot.render import around
 
 __all__ = ["picture_of_states"]

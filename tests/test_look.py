@@ -1,0 +1,222 @@
+"""How bodies and contact faces are drawn: what is shown of them, and from where."""
+
+import shutil
+
+from mpi4py import MPI
+
+import matplotlib.image
+import numpy as np
+import pytest
+from blocks import block
+
+import ufl
+from dolfinx import fem
+
+from dolfinx_contact import HalfSpace, plot
+from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.plot import faces, floors, pictures, render
+
+COMM = MPI.COMM_WORLD
+MATERIAL = LinearElastic.from_young(1000.0, 0.3)
+needs_display = pytest.mark.skipif(shutil.which("xvfb-run") is None, reason="VTK needs a display")
+
+
+@pytest.fixture
+def drawn(monkeypatch):
+    """What is drawn, by kind, in place of the pictures."""
+    seen = {}
+
+    def draw(comm, kind, data, file, **more):
+        seen[kind] = data
+        return file
+
+    monkeypatch.setattr(pictures, "draw", draw)
+    return seen
+
+
+def ring(count):
+    """A circle about (0, 1): vertices, edges in no order, normals of the floor below."""
+    angle = 2 * np.pi * np.arange(count) / count
+    x = np.stack([np.sin(angle), 1 - np.cos(angle)], axis=1)
+    order = np.random.default_rng(1).permutation(count)
+    cells = np.stack([order, (order + 1) % count], axis=1)
+    cells[::2] = cells[::2, ::-1]
+    return x, cells, np.tile([0.0, -1.0], (count, 1))
+
+
+def test_a_wheel_by_its_length():
+    """From the middle of what touches, along t = (-n_y, n_x), cut where that is farthest."""
+    count = 60
+    x, cells, n = ring(count)
+    touching = np.zeros(count, dtype=bool)
+    touching[[58, 59, 0, 1, 2, 3]] = True
+    at, ends, label = faces.along_curve(x, cells, n, touching)
+    step = 2 * np.sin(np.pi / count)
+    numbers = (np.arange(count) + count // 2) % count - count // 2
+    np.testing.assert_allclose(at[touching], step * (numbers[touching] - 0.5), atol=1e-12)
+    np.testing.assert_allclose(np.abs(np.diff(ends, axis=1)), step)
+    assert "middle of contact" in label
+    low, high = faces.near_contact(at, touching, step)
+    assert low < at[touching].min() < at[touching].max() < high
+    assert high - low < 0.3 * np.ptp(at)
+
+
+def test_straight_and_bent_faces():
+    x = np.array([[0.0, 0.0], [1.0, 0.5], [2.0, 1.0]])
+    cells = np.array([[2, 1], [0, 1]])
+    assert faces.is_straight(x, cells)
+    bent = x + np.array([[0.0, 0.0], [0.0, 0.5], [0.0, 0.0]])
+    assert not faces.is_straight(bent, cells)
+    n = np.tile([0.0, -1.0], (3, 1))
+    at, ends, label = faces.along_curve(bent, cells, n, np.ones(3, dtype=bool))
+    lengths = np.hypot([1.0, 1.0], [1.0, 0.0])
+    np.testing.assert_allclose(at, [0.0, lengths[0], lengths.sum()])
+    np.testing.assert_allclose(ends, at[cells])
+    assert label == "length along the surface"
+    assert faces.near_contact(at, np.ones(3, dtype=bool), 0.1) is None
+
+
+def test_a_floor_under_the_body(drawn):
+    """It reaches from one end of the contact face to the other wherever the body is."""
+    problem = block(n=4, top=(0.0, -0.01))
+    problem.u.interpolate(lambda x: np.stack([np.full_like(x[0], 5.0), np.zeros_like(x[0])]))
+    plot.picture_of_body("body.png", problem)
+    if COMM.rank == 0:
+        (floor,) = drawn["body_2d"]["obstacle_x"]
+        assert floor[:, 0].min() < 5.0 < 6.0 < floor[:, 0].max() < 6.5
+        np.testing.assert_allclose(floor[:, 1], 0.0, atol=1e-12)
+
+
+def test_floors_of_a_film_are_one():
+    """All frames have the same floor under all states."""
+    frames = [
+        {
+            "x": np.array([[at, 0.0, 0.0], [at + 1, 1.0, 0.0]]),
+            "obstacle_x": [np.array([[at, 0.0, 0.0], [at + 1.0, 0.0, 0.0]])],
+            "obstacle_cells": [np.array([[0, 1]])],
+            "obstacle_normals": [np.tile([0.0, -1.0, 0.0], (2, 1))],
+            "obstacle_flat": [True],
+        }
+        for at in (0.0, 3.0)
+    ]
+    floors.lay_floors(frames, 2)
+    first, last = (np.sort(frame["obstacle_x"][0][:, 0]) for frame in frames)
+    np.testing.assert_allclose(first, last)
+    assert first[0] < 0.0
+    assert first[1] > 4.0
+
+
+def test_z_is_up():
+    """Also of a body that is pressed from above, whose contact is seen through the plate."""
+    look = pictures.checked_look({}, 3, stress=False)
+    eye, up = render._eye(look, np.array([2.0, 1.0, 1.0]))
+    np.testing.assert_allclose(up, [0.0, 0.0, 1.0])
+    assert eye[2] > 0 > eye[1]
+    turned, up = render._eye(
+        pictures.checked_look({"up": "x", "view": "above"}, 3, stress=False), np.ones(3)
+    )
+    np.testing.assert_allclose((turned, up), [[0, 0, 1], [1, 0, 0]])
+    cut, _ = render._eye(pictures.checked_look({"clip": "-y"}, 3, stress=False), np.ones(3))
+    assert cut[1] < -0.5
+
+
+def test_bodies_apart(drawn):
+    """An obstacle is moved off the body by a part of their size."""
+    problem = block(n=3, cell="hex", top=(0.0, 0.0, -0.01))
+    plot.picture_of_body("body.png", problem, apart=0.5)
+    if COMM.rank == 0:
+        (floor,) = drawn["body_3d"]["obstacle_x"]
+        np.testing.assert_allclose(floor[:, 2], -0.5 * np.sqrt(3.0), atol=1e-12)
+
+
+def test_fields_and_sections(drawn):
+    """Colours by name or UFL, with the values inside of a body that is cut open."""
+    problem = block(n=3, cell="tet", top=(0.0, 0.0, -0.01))
+    problem.u.interpolate(lambda x: 0.1 * x)
+    x = ufl.SpatialCoordinate(problem.V.mesh)
+    plot.picture_of_body("a.png", problem, fields={"height": x[2]}, clip="x")
+    plot.picture_of_body("b.png", problem, fields="displacement")
+    if COMM.rank > 0:
+        return
+    inside = drawn["body_3d"]
+    assert list(inside["colours"]) == ["displacement"]
+    size = np.linalg.norm(inside["x"], axis=1) / 11
+    np.testing.assert_allclose(inside["colours"]["displacement"], size, atol=1e-12)
+
+
+def test_the_inside_is_gathered(drawn):
+    problem = block(n=3, cell="tet", top=(0.0, 0.0, -0.01))
+    one = fem.Constant(problem.V.mesh, 2.0)
+    plot.picture_of_body("a.png", problem, fields={"two": 1.0 * one, "four": 2.0 * one}, clip="x")
+    if COMM.rank == 0:
+        inside = drawn["body_3d"]["inside"]
+        assert (len(inside["x"]), inside["cells"].shape) == (64, (162, 4))
+        np.testing.assert_allclose(inside["colours"]["two"], 2.0)
+        np.testing.assert_allclose(drawn["body_3d"]["colours"]["four"], 4.0)
+
+
+@pytest.mark.parametrize(
+    ("look", "words"),
+    [
+        ({"view": "front"}, "a body in 2D has no view"),
+        ({"clip": "x"}, "a body in 2D has no clip"),
+        ({"zoom": 0.0}, "the factor of zoom must be positive"),
+        ({"zoom": "all"}, "zoom must be a factor, 'contact' or a box"),
+        ({"zoom": [[0, 0], [0, 1]]}, "least and largest coordinates of a box in 2D"),
+        ({"cmap": "no colours"}, "cmap must be a name"),
+        ({"fields": "heat"}, "no field is named 'heat'"),
+        ({"fields": "von Mises stress"}, "needs a stress="),
+        ({"fields": {"u": 1.0}}, "fields must be UFL scalars by names"),
+        ({"apart": -1.0}, "apart must be a number from 0 on"),
+        ({"units": "mm"}, "units must be those of length and stress"),
+        ({"colour": "red"}, "'colour' is no look"),
+    ],
+)
+def test_looks_that_are_refused(look, words):
+    problem = block(n=2)
+    with pytest.raises(ValueError, match=words) as info:
+        plot.picture_of_body("body.png", problem, **look)
+    assert len(set(COMM.allgather(str(info.value)))) == 1
+
+
+def test_directions_that_are_refused():
+    for look, words in (
+        ({"view": "sideways"}, "the view must be a vector or one of x, -x"),
+        ({"up": (0, 0, 0)}, "up must not be the vector 0"),
+        ({"clip": ((0, 0), "x")}, "the point of clip must be three finite numbers"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            pictures.checked_look(look, 3, stress=False)
+
+
+def size_of(file):
+    """Rows and columns of a picture."""
+    return COMM.bcast(matplotlib.image.imread(file).shape[:2] if COMM.rank == 0 else None)
+
+
+def test_plane_bodies_are_drawn(folder):
+    """Panels one below the other; PDF has lines, no picture."""
+    problem = block(n=4, top=(0.02, -0.05))
+    problem.solve()
+    stress = MATERIAL.full_stress(problem.u)
+    look = dict(stress=stress, cmap="viridis", units=("mm", "MPa"), zoom="contact")
+    one = plot.picture_of_body(folder / "one.png", problem, **look)
+    both = ["displacement", "von Mises stress"]
+    two = plot.picture_of_body(folder / "two.png", problem, fields=both, **look)
+    assert max(np.array(size_of(two)) / size_of(one)) > 1.6
+    pdf = plot.picture_of_body(folder / "body.pdf", problem)
+    assert pdf.read_bytes().startswith(b"%PDF")
+    assert plot.picture_of_contact(folder / "contact.pdf", problem, units=("mm", "MPa")) is not None
+
+
+@needs_display
+@pytest.mark.parametrize("look", [{"clip": "-y", "zoom": 2.0}, {"view": "below", "apart": 0.2}])
+def test_bodies_are_drawn(folder, look):
+    above = HalfSpace((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+    problem = block(n=3, cell="hex", obstacle=above, top=(0.02, 0.0, -0.05))
+    problem.solve()
+    stress = MATERIAL.full_stress(problem.u)
+    for name in ("body.png", "body.pdf"):
+        file = plot.picture_of_body(folder / name, problem, stress=stress, **look)
+        assert file == folder / name
+        assert file.stat().st_size > 10_000
