@@ -176,8 +176,8 @@ def test_what_cannot_be_drawn(folder):
     ]:
         with pytest.raises(ValueError, match=message):
             plot.draw_record(folder / "a.png", journal, **options)
-    with pytest.raises(ValueError, match=r"animations are .gif or .mp4, not a.svg"):
-        plot.draw_record(folder / "a.svg", journal)
+    with pytest.raises(ValueError, match=r"animations are .gif or .mp4, not a.bmp"):
+        plot.draw_record(folder / "a.bmp", journal)
     with pytest.raises(ValueError, match=r"must be one of records\.read_journal, got str"):
         plot.draw_record(folder / "a.png", str(folder / "all"))
     COMM.barrier()
