@@ -14,10 +14,10 @@ import ufl
 from dolfinx_contact._numbers import is_number
 from dolfinx_contact._optional import optional
 
-__all__ = ["Direction", "Fields", "Look", "checked_look", "checked_scale", "checked_units"]
+__all__ = ["Fields", "Heading", "Look", "checked_look", "checked_scale", "checked_units"]
 
 #: An axis by its name, with a sign, or a vector.
-Direction: TypeAlias = str | Sequence[float]
+Heading: TypeAlias = str | Sequence[float]
 #: What colours a body: names, or UFL scalars by their names.
 Fields: TypeAlias = str | Sequence[str] | Mapping[str, Any]
 
@@ -52,9 +52,9 @@ class Look(TypedDict, total=False):
     """
 
     fields: Fields | None
-    view: Direction | None
-    up: Direction
-    clip: Direction | tuple[Sequence[float], Sequence[float]] | None
+    view: Heading | None
+    up: Heading
+    clip: Heading | tuple[Sequence[float], Sequence[float]] | None
     zoom: float | str | Sequence[Sequence[float]]
     cmap: str | None
     apart: float
