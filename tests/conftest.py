@@ -22,8 +22,8 @@ EVERY_CASE = (
 ON_ANY = ("test_golden",)
 #: Tests on three ranks, of what depends on who owns what; the rest is seen on two.
 ON_THREE = {
-    "test_affine": ("a_bulk_that_jumps_is_refused", "a_kink_that_becomes_a_jump"),
     "test_adhesion": ("as_on_one_rank",),
+    "test_affine": ("a_bulk_that_jumps_is_refused", "a_kink_that_becomes_a_jump"),
     "test_arc_length": ("of_two_that_are_alike",),
     "test_bad_input": ("bad_numbers_on_one_rank_only", "a_rank_without_any_cell"),
     "test_blocks": ("oracle_forces", "ranks_and_ghost_modes", "patch"),
@@ -35,14 +35,17 @@ ON_THREE = {
     "test_crossing_cracks": ("blocks_under_unequal_pressures", "planes_that_cross"),
     "test_doubled_nodes": ("tables_do_not_depend_on_ranks",),
     "test_evolution": ("energy", "a_load_that_fails_on_one_rank"),
+    "test_evolution_output": ("a_series_with_stresses_and_its_start",),
     "test_held_ends": ("patch",),
     "test_interfaces": ("adhesion_of_a_block", "jacobian_by_taylor"),
     "test_kept_data": ("an_honest_resume_on_other_ranks",),
     "test_large_sliding": ("jacobian_by_taylor",),
     "test_law": ("jacobian_by_taylor",),
+    "test_look": ("the_inside_is_gathered",),
     "test_mortar": ("patch", "patch_in_space", "a_slave_that_is_held"),
     "test_multigrid": ("same_as_direct", "filter_leaves_nothing_on_the_surface"),
     "test_nonlocal": ("ranks", "a_surface_on_one_rank_alone"),
+    "test_output": ("pressure_as_a_function",),
     "test_pair": ("mirrored_bodies", "one_side_is_clamped"),
     "test_pair_multigrid": ("same_as_direct",),
     "test_parametric": ("derivative_by_gamma", "single_element"),
