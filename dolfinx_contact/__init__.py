@@ -10,6 +10,11 @@ from dolfinx_contact._name import refuse_mixture, warn_of_namesake
 refuse_mixture()  # before anything is imported that may be another's
 warn_of_namesake()
 
+# MPI comes first: compiled modules of wheels find the library that mpi4py has loaded.
+from dolfinx_contact._launcher import refuse_serial_copies
+
+refuse_serial_copies()
+
 from dolfinx_contact import materials, obstacles
 from dolfinx_contact._petsc import parse_arguments
 from dolfinx_contact.laws import (

@@ -215,13 +215,13 @@ def write_checkpoint(file: Path, functions: dict[str, fem.Function]) -> None:
     Values are stored by the cells of the mesh as it was given to DOLFINx, so that reading needs the
     same mesh, made in the same way. ``file`` must not exist. (Functions of submeshes are refused.)
     """
-    adios4dolfinx = optional("adios4dolfinx", "output")
+    adios4dolfinx = optional("adios4dolfinx", "bp")
     for name, f in functions.items():
         adios4dolfinx.write_function_on_input_mesh(file, f, name=name)
 
 
 def read_checkpoint(file: Path, functions: dict[str, fem.Function]) -> None:
     """Fill Functions from what `write_checkpoint` wrote, ghosts included. Collective."""
-    adios4dolfinx = optional("adios4dolfinx", "output")
+    adios4dolfinx = optional("adios4dolfinx", "bp")
     for name, f in functions.items():
         adios4dolfinx.read_function(file, f, name=name)

@@ -8,6 +8,8 @@ import sys
 import tomllib
 import warnings
 from importlib import import_module
+from importlib.metadata import PackageNotFoundError, requires
+from itertools import chain
 from pathlib import Path
 
 from mpi4py import MPI
@@ -16,6 +18,7 @@ import pytest
 from blocks import block
 
 from dolfinx_contact import meshing
+from dolfinx_contact._launcher import refuse_serial_copies
 from dolfinx_contact._name import warn_of_namesake
 from dolfinx_contact._optional import optional
 from dolfinx_contact.plot import draw_diagram, picture_of_contact, picture_of_states
@@ -51,12 +54,81 @@ def imported(text):
 def test_everything_that_is_imported_is_declared():
     project = tomllib.loads((TREE / "pyproject.toml").read_text())["project"]
     extras = project["optional-dependencies"]
-    declared = {*project["dependencies"], *extras["output"], *extras["gmsh"]}
+    ours = [extras[name] for name in ("pictures", "records", "bp", "gmsh")]
+    declared = {*project["dependencies"], *chain(*ours)}
     everything = (TREE / "dolfinx_contact").rglob("*.py")
     files = [f for f in everything if f.name != "in_paraview.py"]  # which ParaView runs
     asked = set().union(*(imported(f.read_text()) for f in files))
     assert asked - SYSTEM - set(sys.stdlib_module_names) - {"dolfinx_contact"} == declared
     assert (TREE / "dolfinx_contact" / "py.typed").exists()
+
+
+@serial
+def test_the_wheel_and_checkpoints_by_adios_exclude_each_other():
+    """adios4dolfinx requires DOLFINx by a name that the wheel of `solver` does not have."""
+    extras = tomllib.loads((TREE / "pyproject.toml").read_text())["project"][
+        "optional-dependencies"
+    ]
+    assert extras["bp"] == ["adios4dolfinx"]
+    wheel = extras["solver"][0]
+    assert wheel.startswith("dolfinx-solver-real>=0.11,<0.12;")
+    for condition in ("linux", "x86_64", "python_version >= '3.12'"):
+        assert condition in wheel
+    others = [name for name in extras if name != "bp"]
+    assert not any(word.startswith("adios4dolfinx") for name in others for word in extras[name])
+    try:
+        wanted = requires("adios4dolfinx")
+    except PackageNotFoundError:
+        pytest.skip("adios4dolfinx is not installed")
+    always = [word for word in wanted if "extra ==" not in word]
+    assert any(word.startswith("fenics-dolfinx") for word in always)
+    assert not any(word.startswith("dolfinx-solver") for word in always)
+
+
+@serial
+def test_mpi_is_loaded_before_compiled_modules():
+    """Also where a script begins with this package; wheels do not find their MPI otherwise."""
+    code = """
+import sys
+class Seen:
+    def find_spec(self, name, path=None, target=None):
+        if name in ("petsc4py.PETSc", "dolfinx", "basix"):
+            assert "mpi4py.MPI" in sys.modules, name
+sys.meta_path.insert(0, Seen())
+import dolfinx_contact
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+@serial
+@pytest.mark.parametrize(
+    ("name", "value"), [("OMPI_COMM_WORLD_SIZE", "2"), ("PMI_SIZE", "3"), ("PMIX_RANK", "1")]
+)
+def test_serial_copies_are_refused(name, value):
+    """N copies that another MPI's launcher has started."""
+    said = rf"one of several \({name}={value}\), but mpi4py sees one rank.*Start the ranks with"
+    with pytest.raises(RuntimeError, match=said):
+        refuse_serial_copies({name: value})
+    refuse_serial_copies({"OMPI_COMM_WORLD_SIZE": "1", "PMI_SIZE": "1", "PMIX_RANK": "0"})
+    refuse_serial_copies({"PMI_SIZE": "many"})
+
+
+@serial
+def test_serial_copies_are_refused_at_import():
+    done = subprocess.run(
+        [sys.executable, "-c", "import dolfinx_contact"],
+        env=os.environ | {"PMI_SIZE": "2"},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 1
+    assert done.stderr.splitlines()[-1].startswith("RuntimeError: this process is one of several")
+
+
+def test_ranks_of_one_run_are_not_copies():
+    if COMM.size > 1:
+        refuse_serial_copies({"PMI_SIZE": str(COMM.size)})
 
 
 def missing(monkeypatch, *packages):
@@ -87,10 +159,10 @@ def test_the_command_that_pip_installs(monkeypatch, capsys):
 @pytest.mark.parametrize(
     ("package", "extra", "do"),
     [
-        ("pandas", "output", lambda: Journal().table()),
-        ("pandas", "output", lambda: Journal().special()),
-        ("pandas", "output", lambda: block(n=2).solve().tables["contact"].to_pandas()),
-        ("matplotlib", "output", lambda: draw_diagram("x.png", Journal())),
+        ("pandas", "records", lambda: Journal().table()),
+        ("pandas", "records", lambda: Journal().special()),
+        ("pandas", "records", lambda: block(n=2).solve().tables["contact"].to_pandas()),
+        ("matplotlib", "pictures", lambda: draw_diagram("x.png", Journal())),
         ("gmsh", "gmsh", lambda: meshing.mesh_from_gmsh(COMM, lambda: None)),
     ],
 )
@@ -118,7 +190,7 @@ def test_what_a_package_lacks_itself(folder, monkeypatch):
     COMM.barrier()
     monkeypatch.syspath_prepend(str(folder))
     with pytest.raises(ModuleNotFoundError, match="No module named 'no_such_package'"):
-        optional("broken_package", "output")
+        optional("broken_package", "records")
 
 
 def test_no_picture_without_matplotlib(folder, monkeypatch, caplog):

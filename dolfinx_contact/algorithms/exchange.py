@@ -62,7 +62,7 @@ def save_points(file: str | os.PathLike[str], problem: PointProblem) -> None:
             np.savez(part, **arrays)
     elif path.suffix in _HDF5:
         local = fclib_local(problem)
-        h5py = optional("h5py", "output")
+        h5py = optional("h5py", "records")
         with part_of(path) as part, h5py.File(part, "w") as data:
             for name, values in local.items():
                 data.create_dataset(name, data=values)

@@ -153,7 +153,7 @@ def figure_of(size: tuple[float, float]) -> Any:
     Raises:
         ModuleNotFoundError: if matplotlib is not installed.
     """
-    optional("matplotlib", "output")
+    optional("matplotlib", "pictures")
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

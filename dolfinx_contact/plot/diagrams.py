@@ -74,7 +74,7 @@ def draw_diagram(
         ValueError: if no point was recorded, a branch or a functional is not known, or there are
             not as many names as branches.
     """
-    optional("matplotlib", "output")
+    optional("matplotlib", "pictures")
     chosen = sorted(journal.branches) if branches is None else list(branches)
     chosen = [b for b in chosen if len(journal.columns(b)["gamma"])]
     if not chosen:

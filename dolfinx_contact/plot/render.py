@@ -656,5 +656,5 @@ if __name__ == "__main__":
     try:
         KINDS[kind](pickle.load(sys.stdin.buffer), file)
     except ModuleNotFoundError as error:
-        extra = "python3 -m pip install 'signorini-coulomb[output]'"
+        extra = "python3 -m pip install 'signorini-coulomb[pictures]'"
         sys.exit(f"{error.name} is not installed: {extra}, or python3-{error.name} of Debian")

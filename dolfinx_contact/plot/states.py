@@ -64,7 +64,7 @@ def picture_of_states(
     """
     comm = system.comm
     path = Path(file)
-    optional("matplotlib", "output")  # on every rank, although one draws
+    optional("matplotlib", "pictures")  # on every rank, although one draws
     seen = [_seen(system, point) for point in points]
 
     def draw() -> None:

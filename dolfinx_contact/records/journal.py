@@ -219,7 +219,7 @@ class Journal(Lines):
 
     def table(self, branch: int | None = None) -> Any:
         """All points as a pandas DataFrame; see `columns`."""
-        return optional("pandas", "output").DataFrame(self.columns(branch))
+        return optional("pandas", "records").DataFrame(self.columns(branch))
 
     def special(self, branch: int | None = None) -> Any:
         """Special points as a pandas DataFrame.
@@ -236,7 +236,7 @@ class Journal(Lines):
             for p in self.branches[b].points
             for s in p["special"]
         ]
-        return optional("pandas", "output").DataFrame(rows, columns=names)
+        return optional("pandas", "records").DataFrame(rows, columns=names)
 
     @property
     def is_empty(self) -> bool:
