@@ -22,8 +22,6 @@ import numpy.typing as npt
 
 from dolfinx import fem, graph, io, mesh
 
-from dolfinx_contact._optional import optional
-
 try:  # DOLFINx >= 0.10
     from dolfinx.io import gmsh as gmsh_io
 except ImportError:  # DOLFINx 0.9
@@ -45,9 +43,7 @@ __all__ = [
     "is_value_of",
     "merge_entity_maps",
     "option_is_used",
-    "read_checkpoint",
     "tags_of_entities",
-    "write_checkpoint",
 ]
 
 # Debian's ADIOS2 takes its serial Python bindings in a process without mpirun, once and for all at
@@ -207,21 +203,3 @@ def geometry_dofmap(domain: mesh.Mesh) -> npt.NDArray[np.int32]:
     if several is None:
         return np.asarray(geometry.dofmap)
     return np.asarray(several(0) if callable(several) else several[0])
-
-
-def write_checkpoint(file: Path, functions: dict[str, fem.Function]) -> None:
-    """Write Functions so that they can be read on another number of ranks. Collective.
-
-    Values are stored by the cells of the mesh as it was given to DOLFINx, so that reading needs the
-    same mesh, made in the same way. ``file`` must not exist. (Functions of submeshes are refused.)
-    """
-    adios4dolfinx = optional("adios4dolfinx", "bp")
-    for name, f in functions.items():
-        adios4dolfinx.write_function_on_input_mesh(file, f, name=name)
-
-
-def read_checkpoint(file: Path, functions: dict[str, fem.Function]) -> None:
-    """Fill Functions from what `write_checkpoint` wrote, ghosts included. Collective."""
-    adios4dolfinx = optional("adios4dolfinx", "bp")
-    for name, f in functions.items():
-        adios4dolfinx.read_function(file, f, name=name)

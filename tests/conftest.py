@@ -27,6 +27,7 @@ ON_THREE = {
     "test_arc_length": ("of_two_that_are_alike",),
     "test_bad_input": ("bad_numbers_on_one_rank_only", "a_rank_without_any_cell"),
     "test_blocks": ("oracle_forces", "ranks_and_ghost_modes", "patch"),
+    "test_checkpoint_files": ("on_any_ranks", "resumed_on_one_rank_and_on_all"),
     "test_classical": ("in_space",),
     "test_common_points": ("patch", "patch_of_a_short_block"),
     "test_compliant": ("jacobian_by_taylor",),

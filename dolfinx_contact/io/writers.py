@@ -116,11 +116,11 @@ def see_room(
 
 @contextmanager
 def disk_errors(comm: MPI.Comm, path: Path) -> Iterator[None]:
-    """Raise errors of ADIOS2 as ``OSError`` on every rank. Collective."""
+    """Raise errors of ADIOS2 and of files as ``OSError`` of ``path`` on every rank. Collective."""
     with everywhere(comm, f"writing {path}"):
         try:
             yield
-        except RuntimeError as error:
+        except (OSError, RuntimeError) as error:
             raise os_error(error, path) from error
 
 

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Fields of a branch point or a step on the disk, to be read on any number of ranks.
 
-The unknowns of a point and its tangent are written by adios4dolfinx, cell by cell of the mesh as it
-was given to DOLFINx. It writes no Functions of submeshes: those of a contact surface are put into a
-Function of the body's mesh at the same nodes, and taken from there when they are read. A checkpoint
-is a folder of its own, written under another name and renamed when it is complete.
+The unknowns of a point and its tangent are written cell by cell of the mesh as it was given to
+DOLFINx (`checkpoint_files.py`). That is not done for Functions of submeshes: those of a contact
+surface are put into a Function of the body's mesh at the same nodes, and taken from there when they
+are read. A checkpoint is a folder of its own, written under another name and renamed when it is
+complete.
 """
 
 from __future__ import annotations
@@ -24,12 +25,16 @@ import numpy.typing as npt
 
 from dolfinx import fem, la
 
-from dolfinx_contact._compat import read_checkpoint, write_checkpoint
 from dolfinx_contact._errors import on_root
 from dolfinx_contact._files import os_error, sync
 from dolfinx_contact.io.disk import reserve
 from dolfinx_contact.io.writers import disk_errors
 from dolfinx_contact.points.trace import trace_dofs
+from dolfinx_contact.records.checkpoint_files import (
+    checkpoint_format,
+    read_checkpoint,
+    write_checkpoint,
+)
 
 if TYPE_CHECKING:
     from dolfinx_contact.problem import ContactProblem
@@ -50,12 +55,16 @@ class Checkpoints:
     Args:
         folder: made when something is written.
         problem: whose unknowns are kept. Its Functions follow what is written and read.
+
+    Attributes:
+        format: in which checkpoints are written here; any is read.
     """
 
     def __init__(self, folder: Path, problem: ContactProblem):
         self.folder = folder
         self.problem = problem
         self.comm = problem.comm
+        self.format = checkpoint_format(self.comm)
         self._whole: list[fem.Function | None] = [None]
         self._nodes: list[npt.NDArray[np.int32]] = [np.zeros(0, dtype=np.int32)]
         for s in problem.surfaces:
@@ -114,9 +123,9 @@ class Checkpoints:
             for i, f in enumerate(self.problem.fields):
                 functions[f"{prefix}_{i}"] = self._on_the_body(i, f)
             with disk_errors(self.comm, final):
-                write_checkpoint(part, functions)
+                write_checkpoint(part, functions, self.format)
         with disk_errors(self.comm, final):
-            write_checkpoint(part, dict(others))
+            write_checkpoint(part, others, self.format)
 
         def finish() -> str:
             if arrays:

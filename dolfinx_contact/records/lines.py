@@ -68,7 +68,8 @@ class Lines:
     Attributes:
         header: what identifies the problem, and the places of the contact points.
         data: the checkpoint with the nodes of the mesh and, of branches, the values of Functions.
-        sessions: one dictionary for every run that recorded: ranks, versions, time of its start.
+        sessions: one dictionary for every run that recorded: ranks, versions, time of its
+            start, and the format of its ``checkpoints``, bp or npy.
         length: of the file in bytes, without a last line that was not finished.
         torn: whether there is such a line.
         folder: of the record; None of what is in memory only.

@@ -171,6 +171,7 @@ class ProblemRecord(Observer, Generic[J]):
             self.journal.header = header
         self._shows = self.journal.header["surface_displacement"]
         session = {"time": time.time(), "ranks": self.comm.size, "package": __version__}
+        session["checkpoints"] = self._checkpoints.format
         more_of_it = {}
         if not self.journal.data:
             more_of_it["data"] = self.journal.data = self._keep_data(data)
