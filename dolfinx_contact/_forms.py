@@ -7,6 +7,8 @@ Here the cache has a folder for every first two letters of a signature.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +19,9 @@ import numpy.typing as npt
 
 import ufl
 from dolfinx import fem, jit
+from ufl.domain import extract_unique_domain
+
+from dolfinx_contact._errors import everywhere
 
 __all__ = ["compiled_expression", "compiled_form"]
 
@@ -29,7 +34,9 @@ def compiled_form(form: ufl.Form, entity_maps: Any = None) -> fem.Form:
         entity_maps: of submeshes that occur in it.
     """
     maps = {} if entity_maps is None else {"entity_maps": entity_maps}
-    return fem.form(form, jit_options=_folder(form.signature()[:2]), **maps)
+    (domain,) = form.subdomain_data()
+    with _compiler_named(domain.ufl_cargo().comm):
+        return fem.form(form, jit_options=_folder(form.signature()[:2]), **maps)
 
 
 def compiled_expression(
@@ -42,7 +49,26 @@ def compiled_expression(
         points: of the reference cell.
         comm: of the ranks, by default those of the mesh.
     """
-    return fem.Expression(e, points, comm=comm, jit_options=_folder("expressions"))
+    with _compiler_named(comm or extract_unique_domain(e).ufl_cargo().comm):
+        return fem.Expression(e, points, comm=comm, jit_options=_folder("expressions"))
+
+
+@contextmanager
+def _compiler_named(comm: MPI.Comm) -> Iterator[None]:
+    """Say on every rank what FFCx needs where its C is not compiled. Collective."""
+    # Rank 0 compiles, and only there is known what has failed.
+    with everywhere(comm, "compiling a form"):
+        try:
+            yield
+        except Exception as error:
+            kinds = ("CompileError", "LinkError", "PlatformError")  # in messages of cffi
+            if not any(kind in str(error) for kind in kinds):
+                raise
+            raise RuntimeError(
+                "FFCx could not compile a form. It needs a C compiler (gcc, or the one that CC "
+                "names) and the headers of Python (Python.h): apt install gcc libc6-dev "
+                f"python3-dev, or conda install c-compiler. What was said: {error}"
+            ) from error
 
 
 def _folder(name: str) -> dict[str, Any]:

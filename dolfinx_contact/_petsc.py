@@ -13,6 +13,7 @@ from petsc4py import PETSc
 
 __all__ = [
     "as_raised",
+    "has_package",
     "logged",
     "options_in_database",
     "parse_arguments",
@@ -96,6 +97,11 @@ def half_of(A: PETSc.Mat) -> PETSc.Mat:
     """
     A.setOption(PETSc.Mat.Option.SYMMETRIC, True)
     return A.convert("sbaij", PETSc.Mat())
+
+
+def has_package(name: str) -> bool:
+    """Whether PETSc was built with a package, as ``hypre``."""
+    return bool(PETSc.Sys.hasExternalPackage(name))
 
 
 def require_real() -> None:

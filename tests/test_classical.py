@@ -24,6 +24,7 @@ from dolfinx_contact import (
     HalfSpace,
     Tresca,
 )
+from dolfinx_contact._petsc import has_package
 from dolfinx_contact.algorithms import (
     GaussSeidel,
     InteriorPoint,
@@ -129,7 +130,16 @@ def test_uzawa_without_augmentation():
 
 
 @pytest.mark.chatty
-@pytest.mark.parametrize("kind", ["gamg", "hypre"])
+@pytest.mark.parametrize(
+    "kind",
+    [
+        "gamg",
+        pytest.param(
+            "hypre",
+            marks=pytest.mark.skipif(not has_package("hypre"), reason="PETSc without hypre"),
+        ),
+    ],
+)
 def test_uzawa_with_a_hierarchy(kind):
     """The body by conjugate gradients with a hierarchy that is kept."""
     options = PETSc.Options()

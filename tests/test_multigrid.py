@@ -27,12 +27,13 @@ from dolfinx_contact import (
     Tresca,
     solve_nested,
 )
+from dolfinx_contact._petsc import has_package
 from dolfinx_contact.body.bulk import Bulk
 from dolfinx_contact.equations.jacobian import Jacobian
 from dolfinx_contact.equations.scaling import softness
 from dolfinx_contact.laws.status import OPEN
 from dolfinx_contact.materials import LinearElastic, NeoHookean
-from dolfinx_contact.solvers import choice
+from dolfinx_contact.solvers import choice, hierarchy, multigrid
 from dolfinx_contact.solvers.forcing import Forcing
 from dolfinx_contact.solvers.multigrid import Multigrid
 
@@ -223,7 +224,17 @@ def test_preconditioner_for_other_systems():
     assert r.norm() < 1e-3 * size
 
 
-@pytest.mark.parametrize("options", [{"surface_condensed": 0}, {"amg_pc_type": "hypre"}], ids=str)
+without_hypre = pytest.mark.skipif(not has_package("hypre"), reason="PETSc without hypre")
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"surface_condensed": 0},
+        pytest.param({"amg_pc_type": "hypre"}, marks=without_hypre),
+    ],
+    ids=str,
+)
 def test_options(options):
     database = PETSc.Options()
     for key, value in options.items():
@@ -277,6 +288,20 @@ def test_a_direct_solver_takes_over(monkeypatch, caplog):
     with pytest.raises(ConvergenceError, match="stagnated"):
         problem.solve()
     assert problem.linear_solver.name == "amg"
+
+
+def test_without_hypre(monkeypatch):
+    """It is not proposed, and who asks for it is told."""
+    for module in (hierarchy, multigrid):
+        monkeypatch.setattr(module, "has_package", lambda name: name != "hypre")
+    options = {**AMG, "ksp_rtol": 1e-12, "ksp_max_it": 1, "snes_max_it": 3}
+    PETSc.Options()["continuation_ksp_max_it"] = 1
+    with pytest.raises(ConvergenceError, match="try -contact_ksp_max_it"):
+        block(cell="tet", n=4, options=options).solve(increments=1)
+    PETSc.Options()["contact_amg_pc_type"] = "hypre"
+    said = "built without hypre: -contact_amg_pc_type gamg, the default"
+    with pytest.raises(ValueError, match=said):
+        block(cell="tet", n=4, options=AMG).solve()
 
 
 def test_stagnation_says_what_to_try():

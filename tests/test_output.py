@@ -359,11 +359,15 @@ def test_two_surfaces(folder, degree):
         write_fields(folder, two_surfaces(("a b", "a_b")))
 
 
-def test_without_adios2(folder, monkeypatch):
+def test_without_adios2(folder, monkeypatch, caplog):
+    """VTK by default, which the log says."""
     monkeypatch.delattr(io, "VTXWriter")
     problem = two_surfaces()
-    files = write_fields(folder, problem, stress=MATERIAL.full_stress(problem.u))
+    with caplog.at_level(logging.INFO, "dolfinx_contact"):
+        files = write_fields(folder, problem, stress=MATERIAL.full_stress(problem.u))
     assert [f.suffix for f in files] == [".vtu"] * 4
+    said = "built without ADIOS2: fields are written as .vtu"
+    assert caplog.text.count(said) == (1 if COMM.rank == 0 else 0)
     assert all(f.stat().st_size > 100 for f in files)
 
 

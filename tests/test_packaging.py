@@ -5,6 +5,7 @@ import os
 import shutil
 import subprocess
 import sys
+import time
 import tomllib
 import warnings
 from importlib import import_module
@@ -14,10 +15,13 @@ from pathlib import Path
 
 from mpi4py import MPI
 
+import numpy as np
 import pytest
 from blocks import block
 
-from dolfinx_contact import meshing
+import ufl
+
+from dolfinx_contact import _forms, meshing
 from dolfinx_contact._launcher import refuse_serial_copies
 from dolfinx_contact._name import warn_of_namesake
 from dolfinx_contact._optional import optional
@@ -129,6 +133,27 @@ def test_serial_copies_are_refused_at_import():
 def test_ranks_of_one_run_are_not_copies():
     if COMM.size > 1:
         refuse_serial_copies({"PMI_SIZE": str(COMM.size)})
+
+
+@pytest.mark.parametrize("kind", ["form", "expression"])
+def test_the_compiler_that_is_missing_is_named(folder, monkeypatch, kind):
+    """With what it said, on every rank."""
+    u = block(n=2).u
+    monkeypatch.setattr(_forms, "_folder", lambda _: {"cache_dir": folder})
+    monkeypatch.setenv("CC", "no-such-compiler")
+    number = ufl.as_ufl(COMM.bcast(time.time()))  # no cache has seen it
+    calls = {
+        "form": lambda: _forms.compiled_form(number * ufl.inner(u, u) * ufl.dx),
+        "expression": lambda: _forms.compiled_expression(number * u, np.array([[0.25] * 2])),
+    }
+    said = r"needs a C compiler .* Python \(Python.h\): .*no-such-compiler"
+    with pytest.raises(RuntimeError, match=said):
+        calls[kind]()
+
+
+def test_other_errors_of_forms_pass():
+    with pytest.raises(ValueError, match=r"^of another kind"), _forms._compiler_named(COMM):
+        raise ValueError("of another kind")
 
 
 def missing(monkeypatch, *packages):

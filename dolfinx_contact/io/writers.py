@@ -10,6 +10,7 @@ one file have one mesh and one Lagrange element.
 from __future__ import annotations
 
 import base64
+import logging
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -40,6 +41,8 @@ __all__ = [
     "series",
 ]
 
+logger = logging.getLogger(__name__)
+
 #: Of files; None is VTX, or VTK where DOLFINx was built without ADIOS2.
 Format: TypeAlias = Literal["vtx", "vtk"] | None
 
@@ -57,7 +60,11 @@ def checked_format(comm: MPI.Comm, format: Format) -> Literal["vtx", "vtk"]:
     same_everywhere(comm, format=format)
     require(comm, format in ("vtx", "vtk", None), f"format is {format!r}: vtx and vtk are known")
     require(comm, format != "vtx" or has_vtx(), "DOLFINx was built without ADIOS2: format='vtk'")
-    return format or ("vtx" if has_vtx() else "vtk")
+    if format is None and not has_vtx():
+        if comm.rank == 0:
+            logger.info("DOLFINx was built without ADIOS2: fields are written as .vtu (VTK)")
+        return "vtk"
+    return format or "vtx"
 
 
 class Series:

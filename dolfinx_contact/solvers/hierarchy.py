@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from dolfinx import fem, la
 
-from dolfinx_contact._petsc import half_of, logged, options_in_database
+from dolfinx_contact._petsc import half_of, has_package, logged, options_in_database
 
 __all__ = ["Hierarchy", "condition", "rigid_body_space"]
 
@@ -141,7 +141,15 @@ class Hierarchy:
         return self.pc
 
     def set_up(self, pc: PETSc.PC) -> None:
-        """Set up a PC, whose operators are set, with the options of the hierarchy. Collective."""
+        """Set up a PC, whose operators are set, with the options of the hierarchy. Collective.
+
+        Raises:
+            ValueError: on every rank, if it is hypre's and this PETSc was built without.
+        """
+        if self.kind == "hypre" and not has_package("hypre"):
+            raise ValueError(
+                f"this PETSc was built without hypre: -{self.prefix}pc_type gamg, the default"
+            )
         pc.setOptionsPrefix(self.prefix)
         products = _PRODUCTS if self.comm.size == 1 else {}
         with options_in_database(self.prefix, self.options), options_in_database("", products):

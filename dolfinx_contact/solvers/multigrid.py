@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from dolfinx import la
 
-from dolfinx_contact._petsc import logged
+from dolfinx_contact._petsc import has_package, logged
 from dolfinx_contact.laws.status import closed
 from dolfinx_contact.points.trace import facet_closures
 from dolfinx_contact.solvers.forcing import Forcing
@@ -239,9 +239,10 @@ class Multigrid(LinearSolver):
 
     def explain(self, ksp: PETSc.KSP) -> str:
         prefix = self._equations.options.prefix
+        other = f"another -{prefix}amg_pc_type (gamg, hypre), " if has_package("hypre") else ""
         return (
             f"the Krylov method stagnated after {ksp.getIterationNumber()} iterations "
-            f"({reasons_of(ksp)}); try another -{prefix}amg_pc_type (gamg, hypre), "
+            f"({reasons_of(ksp)}); try {other}"
             f"-{prefix}ksp_max_it, or -{prefix}linear_solver direct if memory allows"
         )
 
