@@ -89,7 +89,7 @@ def checked_look(look: Mapping[str, Any], dim: int, *, stress: bool) -> dict[str
             raise ValueError(f"a body in 2D has no {name}")
     cmap = look.get("cmap")
     if cmap is not None:
-        known = optional("matplotlib", "output").colormaps
+        known = optional("matplotlib", "pictures").colormaps
         if not isinstance(cmap, str) or cmap not in known:
             raise ValueError(f"cmap must be a name of colours that matplotlib has, got {cmap!r}")
     apart = look.get("apart", 0.0)

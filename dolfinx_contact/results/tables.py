@@ -164,7 +164,7 @@ class ContactTable:
 
                 rows = pandas.concat([t.to_pandas() for t in result.tables.values()])
         """
-        return optional("pandas", "output").DataFrame(self.columns())
+        return optional("pandas", "records").DataFrame(self.columns())
 
     def count(self, letters: str) -> int:
         """Number of points whose letter is one of ``letters``."""
