@@ -106,6 +106,43 @@ def test_on_another_number_of_ranks(folder):
     COMM.barrier()
 
 
+def same_table(found, table):
+    """Whether columns of a record are those of a `ContactTable`, to the last bit."""
+    for name, values in found.items():
+        wanted = (
+            table.internal[name.removeprefix("internal.")]
+            if name.startswith("internal.")
+            else getattr(table, name)
+        )
+        assert values.dtype == wanted.dtype, name
+        np.testing.assert_array_equal(values, wanted, err_msg=name)
+    assert {"x", "un", "ut", "force", "pressure", "shear", "letters"} <= set(found)
+
+
+def test_tables_of_contact_points(folder):
+    """Those of the points of a branch, of steps and of a motion are kept in all their digits."""
+    system, functionals = moved_block(COMM)
+    record(system, functionals, folder / "branch", every=2, max_steps=3, **KEPT)
+    journal = read_journal(folder / "branch")
+    with BranchRecord(folder / "branch", system, functionals, resume=True) as kept:
+        for index in (0, 2):
+            point, _ = kept.state(0, index)
+            (table,) = system.result_at(point).tables.values()
+            found = journal.surface_at(index).tables["contact"]
+            assert "".join(found["letters"]) == journal.entries()[index]["status"]
+            same_table(found, table)
+    for name in ("pair", "moving"):
+        evolution = getattr(recorded_evolution, name)(COMM)
+        with EvolutionRecord(folder / name, evolution, **KEPT) as kept:
+            history = evolution.run([0.0, 0.25, 0.5], record=kept)
+        journal = read_journal(folder / name)
+        for index, step in enumerate(history.steps, 1):
+            found = journal.surface_at(index).tables
+            assert list(found) == list(step.result.tables)
+            for surface, table in step.result.tables.items():
+                same_table(found[surface], table)
+
+
 def test_both_faces_of_a_pair(folder):
     """Of a history; drawn in a process that knows nothing of the problem."""
     evolution = recorded_evolution.pair(COMM)

@@ -24,10 +24,18 @@ from dolfinx_contact.points.trace import facet_closures
 if TYPE_CHECKING:
     from dolfinx_contact.points.surface import ContactSurface
     from dolfinx_contact.problem import ContactProblem
+    from dolfinx_contact.results.tables import ContactTable
 
 __all__ = ["OuterSurface", "Outside", "SurfaceState", "patch"]
 
 Cells = npt.NDArray[np.int64]
+
+#: Of a `ContactTable`, what is kept of every surface.
+_COLUMNS = (
+    *("x", "area", "un", "ut", "n", "force", "pressure", "shear", "letters", "bound", "support"),
+)
+#: What is kept where a law has it.
+_OF_LAWS = ("adhesion", "bond", "slid")
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,23 +93,30 @@ class OuterSurface:
 
 @dataclass(frozen=True, eq=False)
 class SurfaceState:
-    """Where an outer surface and obstacles are at a state.
+    """Where an outer surface and obstacles are at a state, and what is known of contact points.
 
     Attributes:
         u: displacement of the vertices (n, dim).
         obstacles: by the name of a surface without a master, the vertices of its obstacle at the
             contact points, their motion, and the normals there (3, m, dim).
+        tables: by the name of a contact surface, columns of its `ContactTable` by their names, in
+            double precision; None of a file that an earlier version wrote.
     """
 
     u: npt.NDArray[Any]
     obstacles: dict[str, npt.NDArray[Any]]
+    tables: dict[str, Arrays] | None = None
 
     def arrays(self) -> Arrays:
-        """All of it as arrays of single precision by name, for a file."""
+        """All of it as arrays by name, for a file; of single precision but for the tables."""
         found: Arrays = {"u": self.u.astype(np.float32)}
         found["obstacles"] = np.array(list(self.obstacles), dtype=np.str_)
         for i, values in enumerate(self.obstacles.values()):
             found[f"obstacle_{i}"] = values.astype(np.float32)
+        if self.tables is not None:
+            found["tables"] = np.array(list(self.tables), dtype=np.str_)
+            for i, columns in enumerate(self.tables.values()):
+                found |= {f"table_{i}.{name}": values for name, values in columns.items()}
         return found
 
     @staticmethod
@@ -113,7 +128,17 @@ class SurfaceState:
         """
         names = [str(name) for name in found["obstacles"]]
         obstacles = {name: found[f"obstacle_{i}"] for i, name in enumerate(names)}
-        return SurfaceState(found["u"], obstacles)
+        tables: dict[str, Arrays] | None = None
+        if "tables" in found:
+            tables = {}
+            for i, name in enumerate(found["tables"]):
+                prefix = f"table_{i}."
+                columns = {k.removeprefix(prefix): v for k, v in found.items() if prefix in k}
+                missing = set(_COLUMNS) - set(columns)
+                if missing:
+                    raise KeyError(f"{prefix}{min(missing)}")
+                tables[str(name)] = columns
+        return SurfaceState(found["u"], obstacles, tables)
 
 
 class Outside:
@@ -187,10 +212,11 @@ class Outside:
         dim = problem.V.mesh.topology.dim
         seen = self.gather({"u": self._moved.x.array.reshape(-1, dim)})
         patches = {s.name: patch(s) for s in problem.surfaces if not s.between_bodies}
+        tables = {s.name: _columns(problem.table(s)) for s in problem.surfaces}
         if not seen:
             return None
         obstacles = {k: np.array([p["floor"], p["moved"], p["n"]]) for k, p in patches.items()}
-        return SurfaceState(seen["u"], obstacles)
+        return SurfaceState(seen["u"], obstacles, tables)
 
     def _face(self, facets: npt.NDArray[np.int32]) -> Arrays:
         """Facets of the body that this rank owns, of all ranks on rank 0. Collective."""
@@ -198,6 +224,14 @@ class Outside:
         owned = facets[facets < topology.index_map(topology.dim - 1).size_local]
         closures = facet_closures(self.V, owned)
         return gather_cells(self.problem.comm, self.V, closures, {}, self.numbers)
+
+
+def _columns(table: ContactTable) -> Arrays:
+    """What is kept of a table of contact points, by the names of its columns."""
+    found: Arrays = {name: getattr(table, name) for name in _COLUMNS}
+    of_law = {name: getattr(table, name) for name in _OF_LAWS}
+    found |= {name: values for name, values in of_law.items() if values is not None}
+    return found | {f"internal.{name}": values for name, values in table.internal.items()}
 
 
 def patch(s: ContactSurface) -> Arrays:

@@ -2,8 +2,9 @@
 """The outer surface of bodies in a record, by which it can be looked at without the problem.
 
 As it is before anything moves it is in one file, written at the beginning; where it is at a point
-or step is in a file of its own, in single precision. All have the vertices in the order of their
-numbers in the mesh as it was given to DOLFINx, whatever the number of ranks.
+or step is in a file of its own, in single precision, with the tables of contact points there in
+double precision. All have the vertices in the order of their numbers in the mesh as it was given to
+DOLFINx, and contact points in the order of their coordinates, whatever the number of ranks.
 """
 
 from __future__ import annotations
