@@ -11,15 +11,18 @@ DOCS = DEBIAN=trixie DOLFINX_CONTACT_PACKAGES=docs $(RUN)
 # All pages anew: each has the titles of others in its margins.
 SPHINX = python3 -m sphinx -q -W --keep-going -E -a -j auto
 
-.PHONY: help demo test test-long test-paraview attacks docs docs-check docs-links lint clean
+.PHONY: help demo test test-long test-paraview test-browser attacks docs docs-check docs-links lint \
+	clean
 
 help:
 	@echo "make demo       all branches of a triangle on a floor, and a body dragged over one, on two"
 	@echo "                ranks; pictures in OUTPUT=$$OUTPUT"
 	@echo "make test       lint, types, and the tests on one, two and three ranks"
-	@echo "make test-long  all tests in all cases, on one and two ranks, and test-paraview"
+	@echo "make test-long  all tests in all cases, on one and two ranks, test-paraview, test-browser"
 	@echo "make test-paraview  results opened in ParaView (an environment of its own, 3 GB more);"
 	@echo "                pictures in OUTPUT=$$OUTPUT/paraview"
+	@echo "make test-browser   pages of records opened in Chromium (an environment of its own, 1 GB"
+	@echo "                more); pictures in OUTPUT=$$OUTPUT/browser"
 	@echo "make attacks    data for which an assumption may not hold: is every answer right, refused, or"
 	@echo "                doubted in words? on one and two ranks"
 	@echo "make docs       the site, in docs/_build/html: demos, recipes and tutorials are run, unless the"
@@ -48,12 +51,19 @@ test-long:
 	$(RUN) $(PYTEST) --long --numprocesses 2 --dist worksteal
 	$(RUN) mpirun -n 2 $(PYTEST) --long
 	$(MAKE) test-paraview
+	$(MAKE) test-browser
 
 test-paraview:
 	rm -rf "$$OUTPUT/paraview"
 	mkdir -p "$$OUTPUT/paraview"
 	DOLFINX_CONTACT_RESULTS="$$OUTPUT/paraview" $(RUN) mpirun -n 2 $(PYTEST)/test_vtk.py --long -k for_paraview
 	DOLFINX_CONTACT_PACKAGES=paraview $(RUN) xvfb-run -a python3 tests/in_paraview.py "$$OUTPUT/paraview"
+
+test-browser:
+	rm -rf "$$OUTPUT/browser"
+	mkdir -p "$$OUTPUT/browser"
+	DOLFINX_CONTACT_RESULTS="$$OUTPUT/browser" $(RUN) $(PYTEST)/test_explorer.py --long -k for_a_browser
+	DOLFINX_CONTACT_PACKAGES=browser $(RUN) python3 tests/in_browser.py "$$OUTPUT/browser"
 
 docs:
 	$(RUN) python3 docs/run.py

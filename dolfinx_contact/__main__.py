@@ -1,28 +1,186 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""``python3 -m dolfinx_contact check PROOF``: what a stored proof proves.
+"""``python3 -m dolfinx_contact``: explore a record, check a stored proof, list what is installed.
 
-It is the same code as ``python3 dolfinx_contact/analysis/check_proof.py PROOF``, which needs numpy
-alone; this way imports the package, and so needs DOLFINx. Where the package is installed by pip,
-``dolfinx_contact check PROOF`` is the same command.
+``check`` is the same code as ``python3 dolfinx_contact/analysis/check_proof.py PROOF``, which needs
+numpy alone; this way imports the package, and so needs DOLFINx. Where the package is
+installed by pip, ``dolfinx_contact`` is the same command.
 """
 
 from __future__ import annotations
 
+import argparse
 import sys
 from collections.abc import Sequence
+from importlib.metadata import PackageNotFoundError, version
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
 
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import dolfinx
+
+import dolfinx_contact
+from dolfinx_contact._errors import on_root
+from dolfinx_contact.analysis.check_proof import Certificate
+from dolfinx_contact.analysis.check_proof import check as follow_proof
 from dolfinx_contact.analysis.check_proof import main as check
+from dolfinx_contact.plot import SolutionCount, explorer, watch
 
 __all__ = ["main"]
 
+#: What parts of the package need, by module, with what they are for.
+_OPTIONAL = {
+    "matplotlib": "pictures",
+    "pyvista": "pictures of bodies",
+    "imageio": "films",
+    "imageio_ffmpeg": "films in .mp4",
+    "plotly": "pages of records",
+    "pandas": "tables of journals",
+    "h5py": "point problems in HDF5",
+    "adios4dolfinx": "checkpoints",
+    "gmsh": "meshes",
+    "slepc4py": "large eigenproblems",
+}
+_SOLVERS = ("mumps", "hypre", "superlu_dist", "ml")
+
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run a command, by default that of the command line; its exit status."""
-    argv = sys.argv[1:] if argv is None else argv
-    if list(argv[:1]) == ["check"]:
-        return check(argv[1:])
-    print("usage: python3 -m dolfinx_contact check PROOF", file=sys.stderr)
-    return 0 if list(argv) in (["-h"], ["--help"]) else 2
+    """Run a command.
+
+    Args:
+        argv: words, by default those of the command line.
+
+    Returns:
+        Its exit status.
+    """
+    words = list(sys.argv[1:] if argv is None else argv)
+    if words[:1] == ["check"]:
+        return check(words[1:])
+    parser = _parser()
+    args = parser.parse_args(words)
+    if args.command == "info":
+        return _info(MPI.COMM_WORLD)
+    return _explore(args, MPI.COMM_WORLD)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python3 -m dolfinx_contact", description="Frictional contact mechanics on DOLFINx."
+    )
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    commands.add_parser("check", help="check a stored proof", add_help=False)
+    commands.add_parser("info", help="list versions, and what is installed")
+    about = "Write a page in which a record is explored: one HTML file that needs no network."
+    explore = commands.add_parser("explore", help="write a page of a record", description=about)
+    add = explore.add_argument
+    add("record", metavar="RECORD", help="folder of a record, or a file of Chart.save")
+    add("-o", "--output", default="diagram.html", metavar="FILE", help="default: %(default)s")
+    add("--title", default="", help="of the page (default: the name of the record)")
+    pair: dict[str, Any] = dict(action="append", default=[])
+    add("--label", **pair, metavar="COLUMN=TEXT", help="of a column, may be given several times")
+    units = "of length, force or stress, may be given several times"
+    add("--unit", **pair, metavar="QUANTITY=UNIT", help=units)
+    proof = "a stored proof of the solutions at a gamma, which is checked"
+    add("--proof", **pair, metavar="GAMMA=FILE", help=proof)
+    error = "of displacements, over the largest one (default: %(default)s)"
+    add("--error", type=float, default=0.005, help=error)
+    add(
+        "--watch",
+        type=float,
+        nargs="?",
+        const=5.0,
+        metavar="SECONDS",
+        help="write the page anew as the record grows, until its run has ended",
+    )
+    return parser
+
+
+def _pairs(words: Sequence[str], option: str) -> dict[str, str]:
+    """``NAME=VALUE`` by name.
+
+    Raises:
+        ValueError: for a word without ``=``.
+    """
+    for word in words:
+        if "=" not in word:
+            raise ValueError(f"{option} is NAME=VALUE, got {word!r}")
+    return {name: value for name, _, value in (word.partition("=") for word in words)}
+
+
+def _proofs(words: Sequence[str]) -> list[SolutionCount]:
+    """What stored proofs prove, each of which is checked. On one rank."""
+    found = []
+    for gamma, file in _pairs(words, "--proof").items():
+        try:
+            number = float(gamma)
+        except ValueError:
+            raise ValueError(f"--proof is GAMMA=FILE with a number, got {gamma!r}") from None
+        proved = follow_proof(Certificate.load(file))
+        count = len(proved.inside) + proved.at_rest
+        method = f"{Path(file).name}, which was checked"
+        found.append(SolutionCount(number, count, proved.verdict == "complete", method))
+    return found
+
+
+def _explore(args: argparse.Namespace, comm: MPI.Comm) -> int:
+    try:
+        look: dict[str, Any] = {
+            "title": args.title,
+            "labels": _pairs(args.label, "--label"),
+            "units": _pairs(args.unit, "--unit"),
+            "counts": on_root(comm, lambda: _proofs(args.proof)),
+            "error": args.error,
+        }
+        if args.watch is None:
+            explorer(args.output, args.record, **look)
+        elif comm.size > 1:
+            raise ValueError("--watch runs on one rank")
+        else:
+            print("Ctrl-C ends the watch", file=sys.stderr)
+            watch(args.output, args.record, seconds=args.watch, told=print, **look)
+    except (OSError, ValueError, ModuleNotFoundError) as error:
+        if comm.rank == 0:
+            print(f"refused: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        return 130
+    if comm.rank == 0 and args.watch is None:
+        print(args.output)
+    return 0
+
+
+def _info(comm: MPI.Comm) -> int:
+    """Print versions, and what is installed of what parts of the package need."""
+    if comm.rank != 0:
+        return 0
+    scalar = PETSc.ScalarType.__name__  # type: ignore[attr-defined]
+    petsc = ".".join(map(str, PETSc.Sys.getVersion()))
+    library = MPI.Get_library_version().replace("\0", "").splitlines()[0].split(",")[0]
+    print(f"dolfinx_contact  {dolfinx_contact.__version__}")
+    print(f"DOLFINx          {dolfinx.__version__}")
+    print(f"PETSc            {petsc}, {scalar}")
+    print(f"MPI              {library}, {comm.size} rank{'s' * (comm.size > 1)}")
+    print(f"Python           {sys.version.split()[0]}")
+    for name in ("numpy", "scipy"):
+        print(f"{name:16} {_version(name)}")
+    print("solvers of PETSc")
+    for name in _SOLVERS:
+        has = PETSc.Sys.hasExternalPackage(name)
+        print(f"  {name:14} {'installed' if has else 'not installed'}")
+    print("for parts of the package")
+    for name, purpose in _OPTIONAL.items():
+        known = _version(name) if find_spec(name) else "not installed"
+        print(f"  {name:14} {known:16} {purpose}")
+    return 0
+
+
+def _version(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:  # Debian's modules may have no metadata of that name
+        return "installed"
 
 
 if __name__ == "__main__":

@@ -9,12 +9,13 @@ from typing import Any
 __all__ = ["optional", "slepc"]
 
 
-def optional(package: str, extra: str) -> Any:
+def optional(package: str, extra: str, *, in_debian: bool = True) -> Any:
     """Import a package or one of its modules.
 
     Args:
         package: its name, with dots where a module is wanted.
         extra: of this distribution, that has it.
+        in_debian: whether the package of Debian will do.
 
     Raises:
         ModuleNotFoundError: naming the package and the extra, if it is not installed.
@@ -25,9 +26,9 @@ def optional(package: str, extra: str) -> Any:
         name = package.partition(".")[0]
         if error.name != name:  # it is there, and lacks something itself
             raise
+        other = f", or python3-{name} of Debian" if in_debian else ""
         raise ModuleNotFoundError(
-            f"{name} is not installed: python3 -m pip install 'signorini-coulomb[{extra}]', or "
-            f"python3-{name} of Debian",
+            f"{name} is not installed: python3 -m pip install 'signorini-coulomb[{extra}]'{other}",
             name=name,
         ) from None
 

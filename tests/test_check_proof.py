@@ -106,6 +106,7 @@ def test_without_numpy(stored):
 def run(arguments, monkeypatch, capsys):
     """The exit status, output and errors of `python3 -m dolfinx_contact`."""
     monkeypatch.setattr(sys, "argv", ["dolfinx_contact", *map(str, arguments)])
+    monkeypatch.delitem(sys.modules, "dolfinx_contact.__main__", raising=False)
     with pytest.raises(SystemExit) as end:
         runpy.run_module("dolfinx_contact", run_name="__main__")
     return end.value.code, *capsys.readouterr()

@@ -58,7 +58,7 @@ def imported(text):
 def test_everything_that_is_imported_is_declared():
     project = tomllib.loads((TREE / "pyproject.toml").read_text())["project"]
     extras = project["optional-dependencies"]
-    ours = [extras[name] for name in ("pictures", "records", "bp", "gmsh")]
+    ours = [extras[name] for name in ("pictures", "records", "explorer", "bp", "gmsh")]
     declared = {*project["dependencies"], *chain(*ours)}
     everything = (TREE / "dolfinx_contact").rglob("*.py")
     files = [f for f in everything if f.name != "in_paraview.py"]  # which ParaView runs

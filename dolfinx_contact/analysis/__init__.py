@@ -5,7 +5,7 @@ Of the proofs what has to be trusted is in one file, `check_proof.py`, which nee
 rest looks for proofs.
 """
 
-from dolfinx_contact.analysis.charts import Chart, ChartCell, count_solutions
+from dolfinx_contact.analysis.charts import Chart, ChartCell, ChartCurve, count_solutions
 from dolfinx_contact.analysis.check_proof import (
     Certificate,
     InvalidCertificate,
@@ -26,6 +26,7 @@ __all__ = [
     "Certificate",
     "Chart",
     "ChartCell",
+    "ChartCurve",
     "CriticalFriction",
     "EventCurve",
     "EventCurves",

@@ -16,7 +16,7 @@ import zlib
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -26,20 +26,22 @@ from dolfinx_contact._errors import everywhere
 from dolfinx_contact._files import part_of
 from dolfinx_contact._numbers import is_number
 from dolfinx_contact._progress import Line
-from dolfinx_contact.analysis.event_curves import EventCurves
+from dolfinx_contact.analysis.event_curves import EventCurve, EventCurves
 from dolfinx_contact.analysis.family import ContactFamily
 from dolfinx_contact.analysis.solutions import prove_solutions
 from dolfinx_contact.continuation.arguments import checked_range
 from dolfinx_contact.laws import status
 
-__all__ = ["Chart", "ChartCell", "count_solutions"]
+__all__ = ["Chart", "ChartCell", "ChartCurve", "count_solutions"]
 
 Array = npt.NDArray[np.float64]
+T = TypeVar("T", "ChartCell", "ChartCurve")
 
 _PATIENCE = 3.0  # seconds before progress is shown
 _LETTERS = status.word([status.OPEN, status.STICK, status.PLUS, status.MINUS])
 _KIND = "a chart of solutions"
-_FORMAT = 1
+_FORMAT = 2
+_STEPS = 32  # of a curve, between two points at which its statuses change
 
 
 @dataclass(frozen=True)
@@ -93,15 +95,55 @@ class ChartCell:
         return np.array(self.mu), np.full(2, low), np.full(2, high)
 
 
+@dataclass(frozen=True)
+class ChartCurve:
+    """A curve of folds or events in a chart, by points of it.
+
+    Attributes:
+        kind: ``"fold"`` where gamma turns back, ``"event"`` where it goes on.
+        points: (mu, gamma), at least two, mu rising.
+
+    Raises:
+        ValueError: for another kind, or points that are not finite or not in order.
+    """
+
+    kind: str
+    points: tuple[tuple[float, float], ...]
+
+    def __post_init__(self) -> None:
+        if self.kind not in ("fold", "event"):
+            raise ValueError(f"a curve is of folds or events, not {self.kind!r}")
+        try:
+            points = np.array(self.points, dtype=float)
+        except (TypeError, ValueError) as error:
+            raise ValueError(f"points of a curve must be pairs of numbers: {error}") from None
+        if points.ndim != 2 or points.shape[1:] != (2,) or len(points) < 2:
+            raise ValueError(f"points of a curve must be two pairs or more, got {self.points!r}")
+        if not np.isfinite(points).all() or not (np.diff(points[:, 0]) >= 0).all():
+            raise ValueError("points of a curve must be finite, and mu must not fall along it")
+        pairs = tuple((float(mu), float(gamma)) for mu, gamma in points)
+        object.__setattr__(self, "points", pairs)
+
+    @classmethod
+    def of(cls, curve: EventCurve) -> ChartCurve:
+        """Points of a curve, which lie on it to round-off."""
+        points = curve.points(_STEPS)
+        # At its own end a curve may have no gamma.
+        known = points[np.isfinite(points).all(axis=1)]
+        return cls(curve.kind, tuple((float(mu), float(gamma)) for mu, gamma in known))
+
+
 @dataclass(frozen=True, eq=False)
 class Chart:
     """Numbers of solutions over two parameters.
 
     Attributes:
         cells: that fill the ranges, without overlap, by mu and gamma.
+        curves: along whose folds cells were divided.
     """
 
     cells: tuple[ChartCell, ...]
+    curves: tuple[ChartCurve, ...] = ()
 
     @property
     def proved(self) -> bool:
@@ -138,7 +180,10 @@ class Chart:
         file = Path(path)
         if file.exists() and not overwrite:
             raise FileExistsError(f"{file} exists: save with overwrite=True, or to another file")
-        content = {"cells": [asdict(cell) for cell in self.cells]}
+        content = {
+            "cells": [asdict(cell) for cell in self.cells],
+            "curves": [asdict(curve) for curve in self.curves],
+        }
         words = {"of": _KIND, "format": _FORMAT, "crc": _check_sum(content), **content}
         with part_of(file) as part:
             part.write_text(json.dumps(words))
@@ -160,11 +205,13 @@ class Chart:
             raise ValueError(f"{path} is no chart")
         if words.get("format") != _FORMAT:
             raise ValueError(f"{path} has the format {words.get('format')}, known is {_FORMAT}")
-        cells = words.get("cells", [])
-        if words.get("crc") != _check_sum({"cells": cells}):
+        content = {name: words.get(name, []) for name in ("cells", "curves")}
+        if words.get("crc") != _check_sum(content):
             raise ValueError(f"{path} is damaged: its check sum is wrong")
         try:
-            return Chart(tuple(_cell_of(cell) for cell in cells))
+            cells = tuple(_made(ChartCell, "a cell", cell) for cell in content["cells"])
+            curves = tuple(_made(ChartCurve, "a curve", curve) for curve in content["curves"])
+            return Chart(cells, curves)
         except (TypeError, ValueError) as error:
             raise ValueError(f"{path} is no chart: {error}") from None
 
@@ -184,12 +231,12 @@ def _ends(name: str, values: Any) -> tuple[float, float]:
     return low, high
 
 
-def _cell_of(content: Any) -> ChartCell:
-    """A cell, as a file has it, or ``ValueError``."""
-    names = [f.name for f in fields(ChartCell)]
+def _made(kind: type[T], what: str, content: Any) -> T:
+    """A part of a chart, as a file has it, or ``ValueError``."""
+    names = [f.name for f in fields(kind)]
     if not isinstance(content, dict) or sorted(content) != sorted(names):
-        raise ValueError(f"a cell has {', '.join(names)}, not {content!r}")
-    return ChartCell(**content)
+        raise ValueError(f"{what} has {', '.join(names)}, not {content!r}")
+    return kind(**content)
 
 
 def _check(a: Arguments) -> None:
@@ -224,7 +271,7 @@ def count_solutions(
         gamma_range: least and largest gamma.
         cells: numbers of cells to begin with, by mu and by gamma.
         depth: how often cells are divided by two.
-        curves: along whose folds cells are divided as well.
+        curves: along whose folds cells are divided as well; the chart keeps them.
         proof_seconds: for the proof in a cell.
 
     Raises:
@@ -294,7 +341,8 @@ class _Counting:
             self._count([part for leaf in divided for part in leaf.parts()])
             size //= 2
         self.found.sort(key=lambda leaf: (leaf.i, leaf.j))
-        return Chart(tuple(self._cell(leaf) for leaf in self.found))
+        kept = () if curves is None else tuple(map(ChartCurve.of, curves.curves))
+        return Chart(tuple(self._cell(leaf) for leaf in self.found), kept)
 
     def _count(self, leaves: Sequence[_Leaf]) -> None:
         """Count the solutions in new cells, from what these know."""

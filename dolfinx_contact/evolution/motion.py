@@ -27,7 +27,6 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from dolfinx_contact._errors import require
-from dolfinx_contact._named import Named
 from dolfinx_contact.body.moving import MovingBody, Scheme, TimeStep
 from dolfinx_contact.equations.given_data import Constancy, GivenData, require_obstacles
 from dolfinx_contact.equations.state import State, Statuses
@@ -38,7 +37,7 @@ from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.results.balance import support_at_nodes
 from dolfinx_contact.results.checks import slidings
-from dolfinx_contact.results.result import Result
+from dolfinx_contact.results.result import Named, Result
 from dolfinx_contact.results.tables import contact_table
 
 __all__ = ["Level", "Method", "MotionStepper", "MovingState"]

@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx import fem, mesh
+import ufl
+from dolfinx import fem, la, mesh
 
 from dolfinx_contact.io.gathering import Arrays, gather_cells
 from dolfinx_contact.points.ids import vertex_numbers
@@ -101,11 +102,13 @@ class SurfaceState:
             contact points, their motion, and the normals there (3, m, dim).
         tables: by the name of a contact surface, columns of its `ContactTable` by their names, in
             double precision; None of a file that an earlier version wrote.
+        strain: equivalent strain at the vertices (n,), see `Outside`; None likewise.
     """
 
     u: npt.NDArray[Any]
     obstacles: dict[str, npt.NDArray[Any]]
     tables: dict[str, Arrays] | None = None
+    strain: npt.NDArray[Any] | None = None
 
     def arrays(self) -> Arrays:
         """All of it as arrays by name, for a file; of single precision but for the tables."""
@@ -113,6 +116,8 @@ class SurfaceState:
         found["obstacles"] = np.array(list(self.obstacles), dtype=np.str_)
         for i, values in enumerate(self.obstacles.values()):
             found[f"obstacle_{i}"] = values.astype(np.float32)
+        if self.strain is not None:
+            found["strain"] = self.strain.astype(np.float32)
         if self.tables is not None:
             found["tables"] = np.array(list(self.tables), dtype=np.str_)
             for i, columns in enumerate(self.tables.values()):
@@ -138,11 +143,15 @@ class SurfaceState:
                 if missing:
                     raise KeyError(f"{prefix}{min(missing)}")
                 tables[str(name)] = columns
-        return SurfaceState(found["u"], obstacles, tables)
+        return SurfaceState(found["u"], obstacles, tables, found.get("strain"))
 
 
 class Outside:
     """Looks at the bodies of a problem from outside. Collective.
+
+    The equivalent strain is sqrt(2/3 e : e), with e the deviator of the Green-Lagrange strain (in
+    2D plane, of a body of revolution with that around the axis): at a vertex its mean over the
+    cells around it, weighted by the function that is 1 there.
 
     Args:
         problem: whose displacement is shown.
@@ -161,6 +170,19 @@ class Outside:
         self.cells = _outer_cells(self.V)
         vectors = fem.functionspace(domain, ("Lagrange", 1, (domain.topology.dim,)))
         self._moved = fem.Function(vectors)
+        self._strain: tuple[fem.Form, npt.NDArray[np.float64]] | None = None
+
+    def strain(self) -> npt.NDArray[np.float64]:
+        """Equivalent strain at the local vertices at the present displacement. Collective."""
+        if self._strain is None:
+            w = ufl.TestFunction(self.V)
+            dx = ufl.dx(domain=self.V.mesh, metadata={"quadrature_degree": 2})
+            weights = _assembled(fem.form(w * dx))
+            revolves = any(s.axisymmetric for s in self.problem.surfaces)
+            equivalent = _equivalent_strain(self.problem.u, revolves)
+            self._strain = fem.form(equivalent * w * dx), weights
+        form, weights = self._strain
+        return _assembled(form) / weights
 
     def gather(self, values: Mapping[str, npt.NDArray[Any]]) -> Arrays:
         """Values at the local vertices, on rank 0 as `gather_cells` has them. Collective."""
@@ -210,13 +232,13 @@ class Outside:
         problem = self.problem
         self._moved.interpolate(problem.u)
         dim = problem.V.mesh.topology.dim
-        seen = self.gather({"u": self._moved.x.array.reshape(-1, dim)})
+        seen = self.gather({"u": self._moved.x.array.reshape(-1, dim), "strain": self.strain()})
         patches = {s.name: patch(s) for s in problem.surfaces if not s.between_bodies}
         tables = {s.name: _columns(problem.table(s)) for s in problem.surfaces}
         if not seen:
             return None
         obstacles = {k: np.array([p["floor"], p["moved"], p["n"]]) for k, p in patches.items()}
-        return SurfaceState(seen["u"], obstacles, tables)
+        return SurfaceState(seen["u"], obstacles, tables, seen["strain"])
 
     def _face(self, facets: npt.NDArray[np.int32]) -> Arrays:
         """Facets of the body that this rank owns, of all ranks on rank 0. Collective."""
@@ -250,6 +272,32 @@ def patch(s: ContactSurface) -> Arrays:
     V = points.vertices
     cells = V.dofmap.list[: s.submesh.mesh.topology.index_map(s.dim - 1).size_local]
     return gather_cells(s.comm, V, cells, values, vertex_numbers(V))
+
+
+def _assembled(form: fem.Form) -> npt.NDArray[np.float64]:
+    """A linear form at all local nodes. Collective."""
+    b = fem.assemble_vector(form)
+    b.scatter_reverse(la.InsertMode.add)
+    b.scatter_forward()
+    return np.array(b.array)
+
+
+def _equivalent_strain(u: fem.Function, revolves: bool) -> ufl.core.expr.Expr:
+    """sqrt(2/3 e : e) of the deviator e of the Green-Lagrange strain of a displacement."""
+    dim = len(u)
+    gradient = ufl.grad(u)
+    F = ufl.as_matrix(
+        [
+            [gradient[i, j] + (i == j) if max(i, j) < dim else float(i == j) for j in range(3)]
+            for i in range(3)
+        ]
+    )
+    E = (F.T * F - ufl.Identity(3)) / 2
+    if revolves:
+        around = 1 + u[0] / ufl.SpatialCoordinate(u.function_space.mesh)[0]
+        E += ufl.as_matrix([[0, 0, 0], [0, 0, 0], [0, 0, (around**2 - 1) / 2]])
+    e = ufl.dev(E)
+    return ufl.sqrt(2 / 3 * ufl.inner(e, e))
 
 
 def _outer_cells(V: fem.FunctionSpace) -> npt.NDArray[np.int32]:

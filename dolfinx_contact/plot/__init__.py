@@ -1,22 +1,26 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Pictures: curves, diagrams, bodies, contact faces, films."""
+"""Pictures: curves, diagrams, bodies, contact faces, films, and pages that explore records."""
 
 from dolfinx_contact.plot.animation import animate, draw_record, film
 from dolfinx_contact.plot.curves import draw_chart, draw_curves
 from dolfinx_contact.plot.diagrams import draw_diagram
 from dolfinx_contact.plot.look import Look
+from dolfinx_contact.plot.page import SolutionCount, explorer, watch
 from dolfinx_contact.plot.pictures import picture_of_body, picture_of_contact
 from dolfinx_contact.plot.states import picture_of_states
 
 __all__ = [
     "Look",
+    "SolutionCount",
     "animate",
     "draw_chart",
     "draw_curves",
     "draw_diagram",
     "draw_record",
+    "explorer",
     "film",
     "picture_of_body",
     "picture_of_contact",
     "picture_of_states",
+    "watch",
 ]

@@ -10,13 +10,12 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NoReturn, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact._errors import require
-from dolfinx_contact._named import Named
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.measures import held_back, least_scales
 from dolfinx_contact.equations.state import State
@@ -35,11 +34,20 @@ from dolfinx_contact.results.uniqueness import Theory, Uniqueness
 from dolfinx_contact.solvers.history import Attempt, Step
 from dolfinx_contact.solvers.states import without_normal
 
-__all__ = ["Result", "collect", "warn_of_sliding"]
+__all__ = ["Named", "Result", "collect", "warn_of_sliding"]
 
 logger = logging.getLogger(__name__)
 
 _LARGEST_VIOLATION = 1e-4  # of the largest force, above which there is a warning
+_T = TypeVar("_T")
+
+
+class Named(dict[str, _T]):
+    """What surfaces and bodies have, by their names; its errors say which names there are."""
+
+    def __missing__(self, name: object) -> NoReturn:
+        known = ", ".join(map(repr, self)) or "none"
+        raise KeyError(f"nothing is named {name!r} here; names: {known}")
 
 
 @dataclass(frozen=True)

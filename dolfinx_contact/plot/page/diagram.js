@@ -1,0 +1,198 @@
+// The diagram: any column over any other, series coloured by what is known of their points.
+"use strict";
+
+const MOST_MARKED = 1500; // points that have a marker and a tooltip each
+const SYMBOLS = {
+  fold: "circle", bifurcation: "star", end: "x", event: "line-ns-open", kink: "diamond",
+  jump: "triangle-up",
+};
+const STABILITY = "stable"; // a functional that is 1 or 0, NaN where it is not decided
+const diagram = { ring: 0, columns: null, words: [], listens: false };
+
+function column(name) {
+  const at = META.columns.findIndex((c) => c.name === name);
+  return diagram.columns.subarray(at * META.points, (at + 1) * META.points);
+}
+
+function valueAt(series, index, name) {
+  return column(name)[META.series[series].first + index];
+}
+
+/** What is present at a point: "stick + slip", in the order of the words of statuses. */
+function kindsOf(word) {
+  const present = new Set();
+  for (const letter of word) present.add(statusOf(letter).kind);
+  const order = ["open", "stick", "slip"];
+  const found = order.filter((kind) => present.has(kind));
+  return found.join(" + ") || "clamped";
+}
+
+/** The class of every point, for a colour by classes; null for a colour by a number. */
+function classes(by) {
+  if (by === "series") {
+    return META.series.flatMap((s) => Array(s.count).fill(s.name));
+  }
+  if (by === "status") return diagram.words.map(kindsOf);
+  if (by === STABILITY) {
+    return Array.from(column(by), (v) => (v > 0 ? "stable" : v <= 0 ? "unstable" : "not decided"));
+  }
+  return null;
+}
+
+const OF_CLASSES = {
+  stable: "#0072B2", unstable: "#D55E00", "not decided": "#8a949e",
+  open: "#8a949e", stick: "#0072B2", slip: "#E69F00", "stick + slip": "#009E73",
+  "open + stick": "#56B4E9", "open + slip": "#D55E00", "open + stick + slip": "#CC79A7",
+  clamped: "#555555",
+};
+
+/** The colour of every class; those without one of their own in the order of their appearance. */
+function coloursOf(kinds) {
+  const colours = new Map();
+  let number = 0;
+  for (const kind of kinds) {
+    if (colours.has(kind)) continue;
+    colours.set(kind, OF_CLASSES[kind] || LINES[number % LINES.length]);
+    number += 1;
+  }
+  return colours;
+}
+
+/** Lines of one class each, and one trace of markers with tooltips. */
+function traces(x, y, by) {
+  const found = [];
+  const kinds = classes(by);
+  const colours = kinds ? coloursOf(kinds) : null;
+  if (kinds) {
+    const lines = new Map();
+    META.series.forEach((s) => {
+      for (let i = 0; i < s.count; i++) {
+        const kind = kinds[s.first + i];
+        if (!lines.has(kind)) lines.set(kind, { x: [], y: [], last: -2 });
+        const line = lines.get(kind);
+        const at = s.first + i;
+        // The part up to a point has what is known of the point.
+        if (i > 0 && line.last === at - 1) { line.x.push(x[at]); line.y.push(y[at]); }
+        else {
+          if (line.x.length) { line.x.push(null); line.y.push(null); }
+          if (i > 0) { line.x.push(x[at - 1]); line.y.push(y[at - 1]); }
+          line.x.push(x[at]); line.y.push(y[at]);
+        }
+        line.last = at;
+      }
+    });
+    let number = 0;
+    for (const [kind, line] of lines) {
+      const dash = by === "series" ? ["solid", "dash", "dashdot", "dot"][
+        Math.floor(number / LINES.length) % 4] : kind === "unstable" ? "dash" : "solid";
+      found.push({ type: "scatter", mode: "lines", x: line.x, y: line.y, name: plain(kind),
+        line: { color: colours.get(kind), width: 2.2, dash }, hoverinfo: "skip", connectgaps: false });
+      number += 1;
+    }
+  } else {
+    META.series.forEach((s) => found.push({ type: "scatter", mode: "lines", showlegend: false,
+      x: Array.from(x.subarray(s.first, s.first + s.count)),
+      y: Array.from(y.subarray(s.first, s.first + s.count)),
+      line: { color: "#b6bec6", width: 1.4 }, hoverinfo: "skip" }));
+  }
+  found.push(pointsTrace(x, y, by, kinds, colours));
+  return found;
+}
+
+/** Markers with tooltips: all points, or every so many of a long record. */
+function pointsTrace(x, y, by, kinds, colours) {
+  const every = Math.ceil(META.points / MOST_MARKED);
+  const xs = [], ys = [], data = [], texts = [], shown = [];
+  META.series.forEach((s, number) => {
+    for (let i = 0; i < s.count; i++) {
+      if (i % every && i !== s.count - 1) continue;
+      const at = s.first + i;
+      xs.push(x[at]); ys.push(y[at]); data.push([number, i]);
+      texts.push(tooltip(number, i));
+      shown.push(kinds ? colours.get(kinds[at]) : column(by)[at]);
+    }
+  });
+  return { type: "scatter", mode: "markers", x: xs, y: ys, customdata: data, text: texts,
+    hovertemplate: "%{text}<extra></extra>", showlegend: false, name: "points",
+    marker: { size: META.points > 400 ? 4 : 5.5, color: shown, line: { width: 0 },
+      ...(kinds ? {} : { colorscale: SCALE, showscale: true,
+        colorbar: { title: { text: plain(label(by)), side: "right" }, thickness: 12 } }) } };
+}
+
+function tooltip(series, index) {
+  const s = META.series[series];
+  const names = [...new Set([META.along, byId("axis-x").value, byId("axis-y").value])];
+  const lines = [`<b>${plain(s.name)}</b>, point ${index}`];
+  for (const name of names) lines.push(`${plain(label(name))} = ${written(valueAt(series, index, name))}`);
+  lines.push(plain(runs(diagram.words[s.first + index])).replace(/(.{50,70}?,) /g, "$1<br>"));
+  return lines.join("<br>");
+}
+
+function markTraces(x, y, xName, yName, names) {
+  const kinds = new Map();
+  META.series.forEach((s, number) => s.marks.forEach((mark) => {
+    if (!kinds.has(mark.kind)) kinds.set(mark.kind, []);
+    kinds.get(mark.kind).push([number, mark]);
+  }));
+  return [...kinds].map(([kind, marks]) => {
+    const exact = (name, values) => marks.map(([number, mark]) => {
+      if (name in mark.at) return mark.at[name];
+      // Between the point before and its own.
+      const at = META.series[number].first + mark.index;
+      return mark.share < 1 ? values[at - 1] + mark.share * (values[at] - values[at - 1]) : values[at];
+    });
+    const small = kind === "event";
+    const known = Object.keys(SYMBOLS).find((k) => kind.endsWith(k));
+    return { type: "scatter", mode: names && !small ? "markers+text" : "markers",
+      x: exact(xName, x), y: exact(yName, y), name: plain(kind),
+      text: marks.map(() => plain(kind)), textposition: "top center",
+      textfont: { size: 11, color: "#3e4c59" }, customdata: marks.map(([n, m]) => [n, m.index]),
+      hovertext: marks.map(([n, m]) => `<b>${plain(kind)}</b>, ${plain(META.series[n].name)}, ` +
+        `point ${m.index}<br>${plain(m.text).replace(/; /g, "<br>")}`),
+      hovertemplate: "%{hovertext}<extra></extra>",
+      visible: small && marks.length > 300 ? "legendonly" : true,
+      marker: { symbol: SYMBOLS[known] || "square", size: small ? 7 : kind === "bifurcation" ? 13 : 9,
+        color: small ? "#52606d" : "#F0E442", line: { color: "#1f2933", width: small ? 1 : 1.2 } } };
+  });
+}
+
+async function drawDiagram() {
+  const [xName, yName, by] = ["axis-x", "axis-y", "colour"].map((id) => byId(id).value);
+  const x = column(xName), y = column(yName);
+  const data = traces(x, y, by);
+  data.push(...markTraces(x, y, xName, yName, byId("names").checked));
+  data.push(...countTraces(xName, y));
+  diagram.ring = data.length;
+  data.push({ type: "scatter", mode: "markers", x: [null], y: [null], showlegend: false,
+    hoverinfo: "skip", marker: { symbol: "circle-open", size: 17, color: "#c0392b",
+      line: { width: 3 } } });
+  const layout = plainLayout({
+    xaxis: axis(label(xName)), yaxis: axis(label(yName)), uirevision: `${xName} ${yName}`,
+    legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0, font: { size: 11.5 } },
+    margin: { l: 64, r: 16, t: 30, b: 46 },
+  });
+  await Plotly.react("diagram", data, layout, CONFIG);
+  if (!diagram.listens) {
+    byId("diagram").on("plotly_click", (event) => {
+      const point = event.points.find((p) => p.customdata);
+      if (point) choose(point.customdata[0], point.customdata[1]);
+    });
+    diagram.listens = true;
+  }
+  await ringAt();
+}
+
+/** A dotted line at every gamma at which solutions were counted. */
+function countTraces(xName, y) {
+  if (xName !== "gamma") return [];
+  let low = Infinity, high = -Infinity;
+  for (const value of y) { if (value < low) low = value; if (value > high) high = value; }
+  return META.counts.map((count) => ({ type: "scatter", mode: "lines", showlegend: false,
+    x: [count.gamma, count.gamma], y: [low, high], hoverinfo: "skip",
+    line: { color: count.proved ? "#00694b" : "#9a5b00", width: 1.2, dash: "dot" } }));
+}
+
+async function ringAt() {
+  const [x, y] = ["axis-x", "axis-y"].map((id) => valueAt(now.series, now.index, byId(id).value));
+  await Plotly.restyle("diagram", { x: [[x]], y: [[y]] }, [diagram.ring]);
+}

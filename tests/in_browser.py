@@ -1,0 +1,322 @@
+"""Clicks in pages of records: python3 in_browser.py FOLDER, where Chromium is (make test-browser).
+
+The pages are those that `test_explorer.py` wrote there. Every one is opened from its file, without
+a network, in a browser that draws in software; what a click or key brings about is read from the
+page, and no error may stand on its console. Pictures of the pages are put beside them.
+"""
+
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from selenium import webdriver
+from selenium.common.exceptions import StaleElementReferenceException
+from selenium.webdriver import ActionChains, Keys
+from selenium.webdriver.chrome.options import Options
+from selenium.webdriver.chrome.service import Service
+from selenium.webdriver.common.by import By
+from selenium.webdriver.support.ui import Select
+
+FLAGS = (
+    *("--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--no-first-run"),
+    *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
+    *("--disable-quic", "--host-resolver-rules=MAP * ~NOTFOUND"),
+)
+SOFTWARE = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+NO_WEBGL = ("--disable-gpu", "--disable-3d-apis")
+PATIENCE = 60.0
+
+
+class Browser:
+    """A page that is open, and what is asked of it."""
+
+    def __init__(self, folder, flags, size=(1400, 1000)):
+        self.folder = folder
+        self._profile = tempfile.TemporaryDirectory()
+        options = Options()
+        options.binary_location = "/usr/bin/chromium"
+        for flag in (*FLAGS, *flags, f"--user-data-dir={self._profile.name}"):
+            options.add_argument(flag)
+        options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+        self.driver = webdriver.Chrome(options=options, service=Service("/usr/bin/chromedriver"))
+        self.driver.set_window_size(*size)
+
+    def close(self):
+        self.driver.quit()
+        self._profile.cleanup()
+
+    def open(self, name, more=""):
+        self.driver.get("about:blank")
+        self.driver.get((self.folder / f"{name}.html").resolve().as_uri() + more)
+        self.wait("document.body.dataset.ready === 'true'")
+
+    def ask(self, expression):
+        return self.driver.execute_script(f"return {expression}")
+
+    def wait(self, expression):
+        end = time.monotonic() + PATIENCE
+        while not self.ask(expression):
+            said = self.ask("byId('message').textContent")
+            assert time.monotonic() < end, f"not so: {expression}; the page says {said!r}"
+            time.sleep(0.05)
+
+    def find(self, selector):
+        return self.driver.find_element(By.CSS_SELECTOR, selector)
+
+    def click(self, selector):
+        """Click on an element, which may be drawn anew meanwhile."""
+        end = time.monotonic() + PATIENCE
+        while True:
+            try:
+                return self.find(selector).click()
+            except StaleElementReferenceException:
+                assert time.monotonic() < end, selector
+
+    def choose(self, name, value):
+        Select(self.find(f"#{name}")).select_by_value(value)
+
+    def where(self):
+        return self.ask("[now.series, now.index]")
+
+    def settled(self):
+        self.wait("drawing === null")
+
+    def click_at(self, plot, x, y):
+        """Click in a plot at a place in units of its axes."""
+        left, top = self.ask(
+            f"(() => {{ const p = byId('{plot}'), r = p.getBoundingClientRect(),"
+            f" l = p._fullLayout; return [r.left + l.xaxis._offset + l.xaxis.d2p({x}),"
+            f" r.top + l.yaxis._offset + l.yaxis.d2p({y})]; }})()"
+        )
+        body = self.find("body")
+        width, height = body.size["width"], body.size["height"]
+        offset = (left - width / 2 - body.rect["x"], top - height / 2 - body.rect["y"])
+        actions = ActionChains(self.driver)
+        actions.move_to_element_with_offset(body, *map(round, offset)).pause(0.3).click().perform()
+
+    def press(self, *keys):
+        ActionChains(self.driver).send_keys(*keys).perform()
+
+    def picture(self, name):
+        self.driver.save_screenshot(str(self.folder / f"{name}.png"))
+
+    def no_errors(self):
+        log = [line for line in self.driver.get_log("browser") if line["level"] == "SEVERE"]
+        assert not log, log
+
+
+def along_a_branch(b, name, dim):
+    """A click on a point, the slider, keys, and what they show."""
+    b.open(name)
+    count = b.ask("META.series[0].count")
+    assert b.find("#title").text == "<b>Block</b> & γ"
+    target = count // 2
+    x, y = b.ask(f"[valueAt(0, {target}, 'gamma'), valueAt(0, {target}, byId('axis-y').value)]")
+    b.click_at("diagram", x, y)
+    b.wait(f"now.index === {target}")
+    b.settled()
+    assert b.ask("byId('body').dataset.state") == str(target)
+    ring = b.ask(
+        "[byId('diagram').data[diagram.ring].x[0], byId('diagram').data[diagram.ring].y[0]]"
+    )
+    assert ring == [x, y]
+    drawn = b.ask("byId('body').data.map((t) => t.type)")
+    assert ("mesh3d" in drawn) == (dim == 3)
+    b.press(Keys.ARROW_RIGHT)
+    b.wait(f"now.index === {target + 1}")
+    b.press(Keys.HOME)
+    b.wait("now.index === 0")
+    b.press(Keys.END)
+    b.wait(f"now.index === {count - 1}")
+    b.settled()
+    # The slider by its own keys, and the button that plays.
+    b.find("#slider").send_keys(Keys.ARROW_LEFT)
+    b.wait(f"now.index === {count - 2}")
+    b.find("#play").click()
+    b.wait(f"!now.playing && now.index === {count - 1}")
+    b.settled()
+    b.no_errors()
+
+
+def tables(b, name, dim):
+    """The table is sorted by a click, and a click on a row finds the point in the face."""
+    b.open(name)
+    rows = "[...document.querySelectorAll('#points tbody tr')]"
+    column = dim + 4  # the pressure
+    head = f"#points th[data-column='{column}']"
+    assert "pressure" in b.find(head).text
+    b.click(head)
+    b.wait(f"document.querySelector(\"{head}\").textContent.endsWith('▴')")
+    b.click(head)
+    b.wait(f"document.querySelector(\"{head}\").textContent.endsWith('▾')")
+    shown = b.ask(f"{rows}.map((r) => Number(r.cells[{column}].title))")
+    exact = b.driver.execute_async_script(
+        "const done = arguments[0];"
+        "tableAt(faceNow(), stateNow()).then((table) => done([...table.pressure]))"
+    )
+    assert shown == sorted(exact, reverse=True)
+    assert max(exact) > 0
+    b.click("#points tbody tr")
+    b.wait("now.point >= 0")
+    b.settled()
+    assert b.ask("now.point") == exact.index(max(exact))
+    assert b.find("#points tr.chosen")
+    picked = b.ask("byId('face').data.filter((t) => t.marker?.symbol === 'circle-open')[0].x[0]")
+    assert picked is not None
+    b.no_errors()
+
+
+def controls(b, name):
+    """Axes, colours and the scale; what is chosen stays when the page is loaded anew."""
+    b.open(name)
+    b.choose("axis-y", "distance")
+    b.wait("byId('diagram').layout.yaxis.title.text === 'distance'")
+    for colour in ("series", "status", "gamma"):
+        b.choose("colour", colour)
+    b.wait("byId('diagram').data.some((t) => t.marker?.showscale)")
+    b.settled()
+    for colour in ("strain", "ux", "none", "displacement"):
+        b.choose("body-colour", colour)
+        b.settled()
+    for colour in ("pressure", "shear", "un", "none", "status"):
+        b.choose("face-colour", colour)
+        b.settled()
+    scale = b.find("#scale")
+    scale.clear()
+    scale.send_keys("0", Keys.TAB)
+    b.settled()
+    for box in ("edges", "arrows", "before", "obstacles", "names"):
+        b.find(f"#{box}").click()
+        b.settled()
+    b.find("#back").click()
+    b.settled()
+    before = b.where()
+    b.driver.refresh()
+    b.wait("document.body.dataset.ready === 'true'")
+    assert b.where() == before
+    assert b.ask("byId('axis-y').value") == "distance"
+    assert b.ask("byId('scale').value") == "0"
+    b.no_errors()
+
+
+def solutions(b, name):
+    """The list at a gamma, with what is proved and what is not."""
+    b.open(name)
+    b.find("[data-tab='solutions']").click()
+    b.wait("!byId('solutions').hidden")
+    assert "3 solutions, proved (by a proof)" in b.find("#solutions").text
+    given = b.find("#gamma")
+    given.clear()
+    given.send_keys("0.033", Keys.TAB)
+    b.wait("byId('solutions').textContent.includes('no proof was given')")
+    assert "1 solution on the recorded branches" in b.find("#solutions").text
+    b.click("#solutions tbody tr")
+    b.settled()
+    gammas = b.ask("Array.from(column('gamma'))")
+    assert b.where() == [0, min(range(len(gammas)), key=lambda i: abs(gammas[i] - 0.033))]
+    b.find("[data-tab='values']").click()
+    b.wait("!byId('values').hidden")
+    assert f"{b.ask('now.index')} of" in b.find("#values").text
+    b.no_errors()
+
+
+def chart(b):
+    """A click on a place lists its solutions."""
+    b.open("chart")
+    assert "1 solution, proved" in b.find("#chart-side").text
+    b.click_at("chart", 3.25, 2.75)
+    b.wait("byId('chart-side').textContent.includes('mu = 3.25, gamma = 2.75')")
+    text = b.find("#chart-side").text
+    assert "3 solutions, proved" in text
+    for word in ("1 open", "1 stick", "1 slip"):
+        assert word in text
+    b.no_errors()
+
+
+def odd(b):
+    """Records without bodies, of one point, and of ten thousand."""
+    b.open("bare")
+    assert "record with surface_displacement=True" in b.find("#notes").text
+    b.press(Keys.END)
+    b.settled()
+    assert b.find("#values").text
+    b.open("one")
+    assert "point 0 of 0" in b.ask("byId('where').textContent")
+    b.open("long")
+    begun = time.monotonic()
+    assert (
+        b.ask("byId('diagram').data.reduce((n, t) => n + (t.customdata ? t.x.length : 0), 0)")
+        < 2000
+    )
+    lines = (
+        "byId('diagram').data.filter((t) => t.mode === 'lines').reduce((n, t) => n + t.x.length, 0)"
+    )
+    assert b.ask(lines) >= 10_000
+    assert b.ask("byId('diagram').data.map((t) => t.name)")[:2] == ["stable", "unstable"]
+    b.press(Keys.END, Keys.ARROW_LEFT)
+    b.wait("now.index === 9998")
+    b.settled()
+    assert time.monotonic() - begun < 20
+    assert "–" in b.find("#values").text
+    b.no_errors()
+
+
+def without_webgl(b):
+    """The diagram, the contact face and the table of a body in 3D work, and the page says so."""
+    b.open("branch_hex")
+    assert "no WebGL" in b.find("#body").text
+    x, y = b.ask("[valueAt(0, 3, 'gamma'), valueAt(0, 3, byId('axis-y').value)]")
+    b.click_at("diagram", x, y)
+    b.wait("now.index === 3")
+    b.settled()
+    assert len(b.driver.find_elements(By.CSS_SELECTOR, "#points tbody tr")) == 16
+    assert b.ask("byId('face').data.length") > 2
+    b.no_errors()
+    b.open("branch_quad")
+    assert b.ask("byId('body').data.length") > 2
+    b.no_errors()
+
+
+def narrow(b):
+    """On a telephone nothing is wider than the screen."""
+    for name in ("branch_quad", "chart", "bare"):
+        b.open(name)
+        time.sleep(0.3)
+        wide = b.ask("document.documentElement.scrollWidth - window.innerWidth")
+        assert wide <= 0, (name, wide)
+        b.no_errors()
+
+
+def main():
+    folder = Path(sys.argv[1])
+    b = Browser(folder, SOFTWARE)
+    try:
+        for name, dim in (("branch_quad", 2), ("branch_hex", 3)):
+            along_a_branch(b, name, dim)
+            tables(b, name, dim)
+            controls(b, name)
+            solutions(b, name)
+            b.open(name)
+            b.picture(name)
+        chart(b)
+        b.picture("chart")
+        odd(b)
+        b.open("history")
+        b.picture("history")
+        b.no_errors()
+    finally:
+        b.close()
+    for check, flags, size in (
+        (without_webgl, NO_WEBGL, (1400, 1000)),
+        (narrow, SOFTWARE, (500, 900)),
+    ):
+        b = Browser(folder, flags, size)
+        try:
+            check(b)
+        finally:
+            b.close()
+    print(f"pages of {folder} were clicked in")
+
+
+main()
