@@ -53,7 +53,7 @@ async function drawChart() {
     xaxis: axis(label("mu"), { range: across, showgrid: false, zeroline: false }),
     yaxis: axis(label("gamma"), { range: up, showgrid: false, zeroline: false }),
     annotations, hoverdistance: 40, legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0 },
-    margin: { l: 64, r: 16, t: 34, b: 50 },
+    margin: { l: 64, r: 16, t: 54, b: 50 },
   }), CONFIG);
   byId("chart").on("plotly_click", (event) => {
     const point = event.points.find((p) => p.customdata !== undefined);

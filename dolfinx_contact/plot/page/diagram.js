@@ -169,7 +169,7 @@ async function drawDiagram() {
   const layout = plainLayout({
     xaxis: axis(label(xName)), yaxis: axis(label(yName)), uirevision: `${xName} ${yName}`,
     legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0, font: { size: 11.5 } },
-    margin: { l: 64, r: 16, t: 30, b: 46 },
+    margin: { l: 64, r: 16, t: 54, b: 46 },
   });
   await Plotly.react("diagram", data, layout, CONFIG);
   if (!diagram.listens) {

@@ -1,6 +1,7 @@
 // The contact face by itself: in 2D tractions along it, in 3D a map of it.
 "use strict";
 
+const MOST_ARROWS = 300; // of a map
 const TITLES = { un: "gap", ut: "tangential displacement", pressure: "pressure", shear: "shear",
   status: "status", area: "area", slid: "distance slipped", bound: "friction bound" };
 const UNITS = { un: "length", ut: "length", pressure: "stress", shear: "stress", rn: "force",
@@ -134,7 +135,8 @@ function shearTrace(face, table, xs, ys) {
   const [p, q] = face.across;
   const factor = face.ranges.shear[1] > 0 ? 0.1 * META.body.size / face.ranges.shear[1] : 0;
   const line = { x: [], y: [] };
-  for (let i = 0; i < face.points; i++) {
+  const every = Math.ceil(face.points / MOST_ARROWS);
+  for (let i = 0; i < face.points; i += every) {
     const [a, b] = [table.shear[3 * i + p] * factor, table.shear[3 * i + q] * factor];
     if (!(Math.hypot(a, b) > 0)) continue;
     line.x.push(xs[i], xs[i] + a, null); line.y.push(ys[i], ys[i] + b, null);

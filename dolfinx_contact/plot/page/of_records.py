@@ -104,7 +104,7 @@ def _of_branches(journal: Journal) -> Scene:
     if journal.edges:
         scene.goes_on = scene.goes_on or journal.explored.ending is None
         share = "all" if journal.explored.complete else "not all"
-        scene.kind = f"a diagram, {share} of whose rays were followed"
+        scene.kind = f"a diagram, {share} of its rays followed"
     return scene
 
 

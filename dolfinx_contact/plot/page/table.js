@@ -171,7 +171,7 @@ function drawSolutions() {
         const high = one.share ? valueAt(one.series, one.from + 1, name) : low;
         line.append(element("td", written(low + one.share * (high - low))));
       }
-      line.append(element("td", runs(diagram.words[s.first + one.index]), "words"));
+      line.append(element("td", runs(diagram.words[s.first + one.index]), "words long"));
       line.addEventListener("click", () => choose(one.series, one.index));
     });
     parts.push(made);

@@ -361,7 +361,7 @@ def _about(scene: Scene) -> str:
     parts = [scene.kind]
     if scene.series:
         count = sum(len(s.statuses) for s in scene.series)
-        many = f"{len(scene.series)} of them, " if len(scene.series) > 1 else ""
+        many = f"{len(scene.series)} branches, " if len(scene.series) > 1 else ""
         parts.append(f"{many}{count} point{'s' * (count != 1)}")
     if scene.package:
         parts.append(f"recorded by dolfinx_contact {scene.package}")
