@@ -1,22 +1,20 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 # # How do I get the contact pressure as a Function?
 #
-# `contact_fields` gives pressure, traction, gap, slip and status as Functions on the mesh of the
-# contact facets. The multiplier of the surface is the traction on the body, a vector Function of
-# the same mesh. The normal points from the body into the obstacle, so that the pressure is minus
-# its normal part.
+# `problem.contact_fields` gives pressure, traction, gap, slip and status as Functions on the mesh
+# of the contact facets. The multiplier of the surface is the traction on the body, a vector
+# Function of the same mesh. The normal points from the body into the obstacle, so that the
+# pressure is minus its normal part.
 
 from common import Block
 
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact.io.fields import contact_fields
-
 problem = Block().problem()
 result = problem.solve()
 (surface,) = problem.surfaces
-pressure = contact_fields(problem, surface)["pressure"]
+pressure = problem.contact_fields(surface)["pressure"]
 force = fem.assemble_scalar(fem.form(pressure * ufl.dx(pressure.function_space.mesh)))
 print(pressure.x.array.max(), force, result.resultants["contact"][1])
 assert abs(force - result.resultants["contact"][1]) < 1e-6 * force
