@@ -3,6 +3,11 @@ RUN = docker/run
 OUTPUT = output
 # The shell takes it from its environment as it is, blanks and all.
 export OUTPUT
+# A virtual environment where pip has installed DOLFINx, with an MPI of its own.
+WHEEL = DEBIAN="$${DEBIAN:-trixie}" $(RUN) docker/wheel solver,pictures,records,gmsh,test
+# What runs there, and `-rs` lists what is skipped and why: `make test-long` takes all of it.
+WHEEL_TESTS = tests/test_checkpoint_files.py tests/test_blocks.py tests/test_linear_triangle.py
+WHEEL_PYTEST = python3 -m pytest --color=no -rs $(WHEEL_TESTS)
 # mpirun gives its ranks a terminal, so that pytest would colour what goes to a log.
 PYTEST = python3 -m pytest --color=no --durations=40 --durations-min=1 tests
 ATTACKS = python3 tests/attacks/run.py
@@ -11,14 +16,16 @@ DOCS = DEBIAN=trixie DOLFINX_CONTACT_PACKAGES=docs $(RUN)
 # All pages anew: each has the titles of others in its margins.
 SPHINX = python3 -m sphinx -q -W --keep-going -E -a -j auto
 
-.PHONY: help demo test test-long test-paraview test-browser attacks docs docs-check docs-links lint \
-	clean
+.PHONY: help demo test test-pip test-long test-paraview test-browser attacks docs docs-check docs-links \
+	lint clean
 
 help:
 	@echo "make demo       all branches of a triangle on a floor, and a body dragged over one, on two"
 	@echo "                ranks; pictures in OUTPUT=$$OUTPUT"
-	@echo "make test       lint, types, and the tests on one, two and three ranks"
-	@echo "make test-long  all tests in all cases, on one and two ranks, test-paraview, test-browser"
+	@echo "make test       lint, types, the tests on one, two and three ranks, and test-pip"
+	@echo "make test-pip   three test files where pip has installed DOLFINx, on one and two ranks"
+	@echo "make test-long  all tests in all cases, on one and two ranks, those by pip among them,"
+	@echo "                test-paraview and test-browser"
 	@echo "make test-paraview  results opened in ParaView (an environment of its own, 3 GB more);"
 	@echo "                pictures in OUTPUT=$$OUTPUT/paraview"
 	@echo "make test-browser   pages of records opened in Chromium (an environment of its own, 1 GB"
@@ -33,8 +40,8 @@ help:
 	@echo "make clean      remove what demos, tests and tools wrote"
 
 demo:
-	$(RUN) mpirun -n 2 python3 demos/demo_linear_triangle.py --output "$$OUTPUT/linear_triangle"
-	$(RUN) mpirun -n 2 python3 demos/demo_dragged_body.py --output "$$OUTPUT/dragged_body"
+	DOLFINX_CONTACT_WHEEL=yes $(RUN) mpirun -n 2 python3 demos/demo_linear_triangle.py --output "$$OUTPUT/linear_triangle"
+	DOLFINX_CONTACT_WHEEL=yes $(RUN) mpirun -n 2 python3 demos/demo_dragged_body.py --output "$$OUTPUT/dragged_body"
 
 test: lint
 	$(RUN) $(PYTEST) --numprocesses 2 --dist worksteal
@@ -42,6 +49,14 @@ test: lint
 	$(RUN) mpirun -n 3 $(PYTEST)
 	$(RUN) $(ATTACKS) --sample
 	$(MAKE) docs-check
+	$(MAKE) test-pip
+
+# Wheels are for x86_64 alone.
+test-pip:
+ifeq ($(shell uname -m),x86_64)
+	$(WHEEL) $(WHEEL_PYTEST)
+	$(WHEEL) mpiexec -n 2 $(WHEEL_PYTEST)
+endif
 
 attacks:
 	$(RUN) $(ATTACKS)
@@ -50,6 +65,7 @@ attacks:
 test-long:
 	$(RUN) $(PYTEST) --long --numprocesses 2 --dist worksteal
 	$(RUN) mpirun -n 2 $(PYTEST) --long
+	$(MAKE) test-pip WHEEL_TESTS="tests --long"
 	$(MAKE) test-paraview
 	$(MAKE) test-browser
 

@@ -174,6 +174,60 @@ def test_root_is_built_once_and_entered(launch, stubs, tmp_path):
     assert any(TREE.is_relative_to(b) for b in binds)
 
 
+def test_the_wheel_serves_demos_before_a_root_is_built(launch, stubs, tmp_path):
+    """Where that is asked for, and Python allows it; a root that is there is taken."""
+    for name in ("python3", "docker", "podman"):
+        write_program(stubs / name, "#!/bin/sh\nexit 1\n")
+    tree = tmp_path / "tree"
+    shutil.copytree(TREE / "docker", tree / "docker")
+    wheel = """
+        #!/bin/sh
+        echo "$DOLFINX_CONTACT_CACHE" "$@"
+        [ "$1" != --serves ] || exit "${STUB_SERVES:-0}"
+        [ "$2" != true ] || exit "${STUB_PIP:-0}"
+        exit 6
+    """
+    write_program(tree / "docker/wheel", textwrap.dedent(wheel).lstrip())
+    asked = {"tree": tree, "DOLFINX_CONTACT_WHEEL": "yes"}
+    result = launch("echo", "a b", **asked)
+    assert result.returncode == 6
+    assert result.stdout.splitlines()[-1] == f"{tmp_path}/the cache solver,pictures echo a b"
+    assert not calls(stubs / "mmdebstrap")
+    for number, failing in enumerate(["STUB_SERVES", "STUB_PIP", "asked", "there"], start=1):
+        how = {"DOLFINX_CONTACT_WHEEL": ""} if failing == "asked" else {failing: "1"}
+        if failing != "there":
+            shutil.rmtree(tmp_path / "the cache")
+        result = launch("echo", "ours", **asked | how)
+        assert result.returncode == 0
+        assert result.stdout.splitlines()[-1] == "ours"
+        assert len(calls(stubs / "mmdebstrap")) == min(number, 3)
+
+
+def test_what_the_wheel_refuses(stubs, tmp_path):
+    def call(*words, **variables):
+        env = os.environ | {"DOLFINX_CONTACT_CACHE": str(tmp_path)} | variables
+        done = subprocess.run(
+            [TREE / "docker/wheel", *words], env=env, capture_output=True, text=True
+        )
+        return done.returncode, done.stderr
+
+    for words, message in [
+        ((), "usage"),
+        (("solver",), "usage"),
+        (("a b", "true"), "usage"),
+        (("solver,wheels", "true"), "does not have all the extras solver,wheels"),
+    ]:
+        code, said = call(*words)
+        assert code == 125
+        assert message in said
+    write_program(stubs / "python3", "#!/bin/sh\nexit 1\n")
+    code, said = call("solver", "true", PATH=f"{stubs}:{os.environ['PATH']}")
+    assert (code, said.count("needs Python 3.12")) == (125, 1)
+    code, said = call("solver", "true", CC="no-such-compiler")
+    assert (code, said.count("and gcc")) == (125, 1)
+    assert not list(tmp_path.glob("wheel-*"))
+
+
 def test_a_failed_build_is_started_afresh(launch, tmp_path):
     switch = tmp_path / "fails"
     switch.touch()
