@@ -2,6 +2,7 @@
 
 import ast
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -103,6 +104,32 @@ import dolfinx_contact
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
+
+
+def first_compiled(text, folder):
+    """The first of the packages that a script loads, itself or by a module beside it."""
+    for name in re.findall(r"^(?:from|import) (\w+)", text, flags=re.MULTILINE):
+        if name in ("mpi4py", "petsc4py", "slepc4py", "dolfinx", "basix", "dolfinx_contact"):
+            return name
+        beside = folder / f"{name}.py"
+        found = first_compiled(beside.read_text(), folder) if beside.exists() else None
+        if found:
+            return found
+    return None
+
+
+@serial
+def test_scripts_begin_with_mpi():
+    """Demos, recipes, tutorials and examples, so that they run on wheels."""
+    first = {}
+    for path in [*(TREE / "demos").glob("*.py"), *(TREE / "docs").glob("[rt]*/*.py")]:
+        first[path.name] = first_compiled(path.read_text(), path.parent)
+    blocks = re.findall(r"```python\n(.*?)```", (TREE / "README.md").read_text(), flags=re.DOTALL)
+    for number, text in enumerate(blocks):
+        first[f"README.md, example {number}"] = first_compiled(text, TREE)
+    assert sum(name == "mpi4py" for name in first.values()) > 60
+    # This package loads MPI before all others.
+    assert set(first.values()) <= {"mpi4py", "dolfinx_contact", None}, first
 
 
 @serial
