@@ -67,7 +67,8 @@ class ReadOnly(metaclass=_SealedWhenMade):
         super().__setattr__(name, value)
 
     def __delattr__(self, name: str) -> None:
-        self._refuse(name)
+        if not isfunction(getattr(type(self), name, None)):
+            self._refuse(name)
         super().__delattr__(name)
 
     def _refuse(self, name: str) -> None:

@@ -2,6 +2,7 @@
 
 import os
 import sys
+from importlib.util import find_spec
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -58,6 +59,16 @@ ON_THREE = {
     "test_surface": ("points_lie_where_they_should", "facets_named_on_one_rank_only"),
     "test_uniqueness": ("the_only_solution",),
 }
+#: Tests that the wheel of DOLFINx (`docker/wheel`) cannot run, and why; `pytest -rs` lists them.
+NOT_ON_WHEEL = {
+    "test_ratio_of_contact_to_elasticity": "the PETSc of the wheel has no hypre",
+    "test_bodies_that_are_tied": "the PETSc of the wheel has no hypre",
+    "test_ranks_that_outlive_a_killed_mpirun": "MPICH has processes between mpiexec and its ranks",
+}
+#: Those that it cannot run on several ranks.
+NOT_ON_RANKS_OF_WHEEL = {
+    "test_the_record[multigrid]": "GAMG of PETSc 3.25 takes 17 iterations on two ranks, of 3.22 19",
+}
 
 
 @pytest.hookimpl(trylast=True)
@@ -79,6 +90,13 @@ def pytest_collection_modifyitems(config, items):
     for tests of what ranks do to each other and the golden record. What sends many messages runs
     serially alone, and on three ranks only what `ON_THREE` names.
     """
+    if find_spec("dolfinx_solver"):
+        for item in items:
+            why = NOT_ON_WHEEL.get(item.originalname) or (
+                COMM.size > 1 and NOT_ON_RANKS_OF_WHEEL.get(item.name)
+            )
+            if why:
+                item.add_marker(pytest.mark.skip(reason=why))
     if config.getoption("--long"):
         return
     cases = {}

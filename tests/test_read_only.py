@@ -84,6 +84,17 @@ def test_a_study_of_friction_load_material_and_place():
     assert len(set(seen)) == len(cases)
 
 
+def test_a_function_in_the_place_of_a_method_can_be_taken_away_again():
+    """As pytest does; what is data cannot be."""
+    problem = Study().problem
+    problem.solve = lambda: "another"
+    assert problem.solve() == "another"
+    del problem.solve
+    assert problem.solve().kkt_violation < 1e-9
+    with pytest.raises(AttributeError, match="surfaces"):
+        del problem.surfaces
+
+
 def test_the_natural_loops_are_refused():
     """They gave one answer three times."""
     study = Study()

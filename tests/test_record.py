@@ -4,6 +4,7 @@ import io
 import os
 import random
 import time
+from importlib.util import find_spec
 
 from mpi4py import MPI
 
@@ -299,7 +300,8 @@ def test_a_damaged_checkpoint_is_passed_over(whole, folder):
     require_same(read_journal(folder), whole[2])
     if COMM.rank == 0:
         for name in os.listdir(folder / "checkpoints"):
-            (folder / "checkpoints" / name / "md.0").unlink()
+            kept = folder / "checkpoints" / name
+            next(file for file in sorted(kept.iterdir()) if file.suffix in (".0", ".npy")).unlink()
     COMM.barrier()
     with pytest.raises(ValueError, match="is damaged or missing"):
         resume(folder, system, functionals)
@@ -502,7 +504,7 @@ def test_several_branches_in_one_record(folder):
             write_series(folder, r, 4)
     names = [f.stem for f in files]
     assert names == ["branch_0003_body", "branch_0003_contact"]
-    if COMM.rank == 0 and files[0].suffix == ".bp":
+    if COMM.rank == 0 and files[0].suffix == ".bp" and find_spec("adios2"):
         import adios2
 
         with adios2.FileReader(str(files[1])) as f:
