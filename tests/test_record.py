@@ -278,6 +278,11 @@ def task(r, **changes):
 # -- resuming --------------------------------------------------------------------------------------
 
 
+def fields(checkpoint):
+    """A file with values of a checkpoint, in either format."""
+    return next(file for file in sorted(checkpoint.iterdir()) if file.suffix in (".0", ".npy"))
+
+
 @pytest.mark.chatty
 def test_a_damaged_checkpoint_is_passed_over(whole, folder):
     """The run goes on from the checkpoint before; if all are damaged, an error says so."""
@@ -286,7 +291,7 @@ def test_a_damaged_checkpoint_is_passed_over(whole, folder):
     points = read_journal(folder).branches[0].points
     kept = [p["checkpoint"] for p in points if "checkpoint" in p]
     if COMM.rank == 0:
-        (folder / "checkpoints" / kept[-1] / "data.0").write_bytes(b"nothing")
+        fields(folder / "checkpoints" / kept[-1]).write_bytes(b"nothing")
     COMM.barrier()
     seen = []
 
@@ -300,8 +305,7 @@ def test_a_damaged_checkpoint_is_passed_over(whole, folder):
     require_same(read_journal(folder), whole[2])
     if COMM.rank == 0:
         for name in os.listdir(folder / "checkpoints"):
-            kept = folder / "checkpoints" / name
-            next(file for file in sorted(kept.iterdir()) if file.suffix in (".0", ".npy")).unlink()
+            fields(folder / "checkpoints" / name).unlink()
     COMM.barrier()
     with pytest.raises(ValueError, match="is damaged or missing"):
         resume(folder, system, functionals)
