@@ -47,7 +47,7 @@ def body(friction, comm=MPI.COMM_WORLD):
     cells = np.array([[0, 1, 2], [1, 3, 2]] if comm.rank == 0 else np.zeros((0, 3)), np.int64)
     points = np.array(corners if comm.rank == 0 else np.zeros((0, 2)))
     shape = basix.ufl.element("Lagrange", "triangle", 1, shape=(2,))
-    domain = mesh.create_mesh(comm, cells, points, shape)
+    domain = mesh.create_mesh(comm, cells=cells, x=points, e=shape)
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
     u = fem.Function(V, name="displacement")
     bcs = [

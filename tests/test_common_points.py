@@ -304,7 +304,7 @@ def of_second_order(body):
     cells = nodes.local_to_global(W.dofmap.list[:n].reshape(-1)).reshape(n, -1)
     x = W.tabulate_dof_coordinates()[: nodes.size_local, :2]
     element = basix.ufl.element("Lagrange", "quadrilateral", 2, shape=(2,))
-    domain = mesh.create_mesh(COMM, cells, x=x, e=element)
+    domain = mesh.create_mesh(COMM, cells=cells, x=x, e=element)
     face = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 0.0))
     domain.topology.create_connectivity(1, 2)
     to_cells = domain.topology.connectivity(1, 2)

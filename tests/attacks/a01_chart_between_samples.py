@@ -30,9 +30,9 @@ def numbers(load, at):
     corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
     domain = mesh.create_mesh(
         MPI.COMM_SELF,
-        np.array([[0, 1, 2]]),
-        corners,
-        element("Lagrange", "triangle", 1, shape=(2,)),
+        cells=np.array([[0, 1, 2]]),
+        x=corners,
+        e=element("Lagrange", "triangle", 1, shape=(2,)),
     )
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
     u = fem.Function(V)

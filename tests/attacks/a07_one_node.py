@@ -24,7 +24,7 @@ def attack(case):
     # A triangle is a mesh of its own on every rank.
     corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
     element = basix.ufl.element("Lagrange", "triangle", 1, shape=(2,))
-    domain = mesh.create_mesh(MPI.COMM_SELF, np.array([[0, 1, 2]]), corners, element)
+    domain = mesh.create_mesh(MPI.COMM_SELF, cells=np.array([[0, 1, 2]]), x=corners, e=element)
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
     slope = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[0] + x[1], 1))
     bottom = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 0))

@@ -19,7 +19,8 @@ def triangle(comm, at):
     corners = np.array([[at, 0.0], [at + 1.0, 0.0], [at, 1.0]])
     element = basix.ufl.element("Lagrange", "triangle", 1, shape=(2,))
     cells = np.array([[0, 1, 2]]) if comm.rank == 0 else np.zeros((0, 3), dtype=np.int64)
-    return mesh.create_mesh(comm, cells, corners if comm.rank == 0 else corners[:0], element)
+    x = corners if comm.rank == 0 else corners[:0]
+    return mesh.create_mesh(comm, cells=cells, x=x, e=element)
 
 
 def attack(case):
