@@ -9,6 +9,9 @@ from petsc4py import PETSc
 
 import pytest
 
+# With more threads SCOTCH parts the same mesh otherwise every time; it looks at its first call.
+os.environ.setdefault("SCOTCH_PTHREAD_NUMBER", "1")
+
 COMM = MPI.COMM_WORLD
 #: Tests of what ranks do to each other, on two of them in all cases.
 EVERY_CASE = (
@@ -65,12 +68,6 @@ NOT_ON_WHEEL = {
     "test_bodies_that_are_tied": "the PETSc of the wheel has no hypre",
     "test_ranks_that_outlive_a_killed_mpirun": "MPICH has processes between mpiexec and its ranks",
 }
-#: Those that it cannot run on several ranks.
-NOT_ON_RANKS_OF_WHEEL = {
-    "test_the_record[multigrid]": "GAMG of PETSc 3.25 takes 17 iterations on two ranks, of 3.22 19",
-}
-
-
 @pytest.hookimpl(trylast=True)
 def pytest_configure(config):
     if COMM.rank > 0:
@@ -92,9 +89,7 @@ def pytest_collection_modifyitems(config, items):
     """
     if find_spec("dolfinx_solver"):
         for item in items:
-            why = NOT_ON_WHEEL.get(item.originalname) or (
-                COMM.size > 1 and NOT_ON_RANKS_OF_WHEEL.get(item.name)
-            )
+            why = NOT_ON_WHEEL.get(item.originalname)
             if why:
                 item.add_marker(pytest.mark.skip(reason=why))
     if config.getoption("--long"):
