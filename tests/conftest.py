@@ -68,6 +68,8 @@ NOT_ON_WHEEL = {
     "test_bodies_that_are_tied": "the PETSc of the wheel has no hypre",
     "test_ranks_that_outlive_a_killed_mpirun": "MPICH has processes between mpiexec and its ranks",
 }
+
+
 @pytest.hookimpl(trylast=True)
 def pytest_configure(config):
     if COMM.rank > 0:
