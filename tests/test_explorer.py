@@ -24,6 +24,7 @@ from dolfinx_contact.__main__ import main
 from dolfinx_contact.analysis import Chart, ChartCell, ChartCurve
 from dolfinx_contact.continuation import StepControl
 from dolfinx_contact.io.outside import OuterSurface, SurfaceState
+from dolfinx_contact.plot.curves import FILLS
 from dolfinx_contact.plot.page import writing
 from dolfinx_contact.plot.page.faces import points_on_face
 from dolfinx_contact.plot.page.of_charts import scene_of_chart
@@ -473,6 +474,19 @@ def test_a_chart(tmp_path, no_library):
     np.testing.assert_allclose(area(one), 14.0)
     x, y = three["place"]
     assert 2 < y < x
+
+
+@serial
+def test_a_picture_of_a_chart(tmp_path):
+    """It is filled up to the curves too, by areas: 2 of 16, and not the 1.5 of the cells."""
+    image = pytest.importorskip("matplotlib.image")
+    file = plot.draw_chart(tmp_path / "chart.png", chart_of_a_wedge())
+    pixels = image.imread(file)[:700, 60:, :3]  # without the legend
+    areas = []
+    for count in (1, 3):
+        colour = [int(FILLS[count][i : i + 2], 16) / 255 for i in (1, 3, 5)]
+        areas.append((np.abs(pixels - colour).max(axis=2) < 2 / 255).sum())
+    assert abs(areas[1] / areas[0] - 2 / 14) < 0.01
 
 
 @serial

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from dolfinx_contact._files import part_of
 from dolfinx_contact._optional import optional
 from dolfinx_contact.analysis import Chart, EventCurves, Regions
+from dolfinx_contact.plot.page.of_charts import chart_scene
 
 __all__ = ["FILLS", "LINES", "draw_chart", "draw_curves", "figure_of", "written"]
 
@@ -89,52 +90,57 @@ def draw_chart(
     labels: tuple[str, str] = ("", ""),
     title: str | None = None,
 ) -> Path:
-    """Draw the solutions over two parameters, cell by cell; on this rank alone.
+    """Draw the solutions over two parameters; on this rank alone.
 
-    Cells whose number of solutions is not proved are hatched: there are at least so many. Curves of
-    folds are drawn thick, of events thin, and where two curves of folds end there is a dot.
+    Without ``names`` it is drawn by regions of as many solutions, whose borders are the curves of
+    folds where they are known, and their numbers are shown; with ``names`` cell by cell. Where the
+    number of solutions is not proved it is hatched: there are at least so many. Curves of folds are
+    drawn thick, of events thin, and where two curves of folds end there is a dot.
 
     Args:
         file: the picture, of any kind that matplotlib writes.
         chart: what `count_solutions` or `solution_regions` returned.
-        curves: of folds and events.
+        curves: of folds and events; by default those that the chart has.
         names: of sets of statuses, for the legend; by default numbers of solutions are shown.
         labels: of the axes, TeX between dollars.
         title: above the picture.
 
     Raises:
         OSError: with the path, if it cannot be written; it is then as it was.
-        ValueError: if a set of statuses has no name.
+        ValueError: if a set of statuses has no name, or the chart has no cells.
     """
-    present = {c.solutions for c in chart.cells}
-    if names is None:
-        counts = sorted({len(solutions) for solutions in present})
-        words = {n: f"{n} solution" + "s" * (n != 1) for n in counts}
-        kinds = {solutions: words[len(solutions)] for solutions in present}
-        colours = {words[n]: FILLS[n % len(FILLS)] for n in counts}
-    elif present - set(names):
-        raise ValueError(f"no names are given for {sorted(present - set(names))}")
-    else:
-        kinds = dict(names)
-        colours = {word: FILLS[i % len(FILLS)] for i, word in enumerate(names.values())}
+    scene = chart_scene(chart, curves)
     figure = figure_of((6.4, 6.0))
     from matplotlib.patches import Patch
 
     axes = figure.subplots()
-    for c in chart.cells:
-        look = dict(facecolor=colours[kinds[c.solutions]], hatch=None if c.proved else "///")
-        axes.fill_between(*c.outline(), lw=0, antialiased=False, **look)
-    for curve in curves.curves if curves is not None else ():
+    if names is None:
+        counts = sorted({len(region.solutions[0]) for region in scene.regions})
+        words = {n: f"{n} solution" + "s" * (n != 1) for n in counts}
+        colours = {words[n]: FILLS[n % len(FILLS)] for n in counts}
+        shown = set(colours)
+        for region in scene.regions:
+            colour = colours[words[len(region.solutions[0])]]
+            for outline in region.outlines:
+                axes.fill(*outline.T, lw=0, antialiased=False, **_filling(colour, region.proved))
+    else:
+        present = {c.solutions for c in chart.cells}
+        if present - set(names):
+            raise ValueError(f"no names are given for {sorted(present - set(names))}")
+        colours = {word: FILLS[i % len(FILLS)] for i, word in enumerate(names.values())}
+        shown = {names[solutions] for solutions in present}
+        for c in chart.cells:
+            look = _filling(colours[names[c.solutions]], c.proved)
+            axes.fill_between(*c.outline(), lw=0, antialiased=False, **look)
+    for curve in scene.curves:
         width = 1.8 if curve.kind == "fold" else 0.7
-        axes.plot(*curve.points(32).T, color="black", lw=width)
+        axes.plot(*curve.points.T, color="black", lw=width)
     if curves is not None and curves.cusps:
         axes.plot(*np.array(curves.cusps).T, "o", color="black", ms=5)
-    for side, limits in (("mu", axes.set_xlim), ("gamma", axes.set_ylim)):
-        ends = [getattr(c, side) for c in chart.cells]
-        limits(min(a for a, _ in ends), max(b for _, b in ends))
+    axes.set_xlim(*scene.ranges[0])
+    axes.set_ylim(*scene.ranges[1])
     axes.set(xlabel=labels[0], ylabel=labels[1])
     axes.set_title(title or "", loc="left")
-    shown = {kinds[solutions] for solutions in present}
     handles = [
         Patch(facecolor=colour, edgecolor="0.4", label=word)
         for word, colour in colours.items()
@@ -145,6 +151,10 @@ def draw_chart(
     columns = 4 if names is None else 2
     figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False)
     return written(figure, file)
+
+
+def _filling(colour: str, proved: bool) -> dict[str, Any]:
+    return dict(facecolor=colour, hatch=None if proved else "///")
 
 
 def figure_of(size: tuple[float, float]) -> Any:

@@ -19,7 +19,7 @@ import numpy.typing as npt
 from dolfinx_contact.analysis import Chart, ChartCurve, EventCurves, Regions
 from dolfinx_contact.plot.page.scene import Array, ChartScene, CurveShown, RegionShown, Scene
 
-__all__ = ["scene_of_chart"]
+__all__ = ["chart_scene", "scene_of_chart"]
 
 _SAME = 1e-9  # of the ranges: ends of strips and curves so close are one
 _STEPS = 64  # of the outline of a region
@@ -30,7 +30,19 @@ Cell = tuple[Array, Array, Array]
 
 
 def scene_of_chart(chart: Chart | Regions, curves: EventCurves | None = None) -> Scene:
-    """The scene of a chart, on this rank alone.
+    """The scene of a chart, on this rank alone; what it raises is that of `chart_scene`."""
+    scene = Scene("a chart")
+    scene.chart = chart_scene(chart, curves)
+    if not scene.chart.exact:
+        scene.notes.append(
+            "The chart has no curves: regions end at cells. count_solutions(..., curves=) keeps "
+            "the curves beside the cells."
+        )
+    return scene
+
+
+def chart_scene(chart: Chart | Regions, curves: EventCurves | None = None) -> ChartScene:
+    """Curves of a chart, and the regions between them; on this rank alone.
 
     Args:
         chart: what `count_solutions` or `solution_regions` returned, or `Chart.load`.
@@ -63,14 +75,7 @@ def scene_of_chart(chart: Chart | Regions, curves: EventCurves | None = None) ->
         cells = [cell.outline() for cell in chart.cells]
     exact = bool(folds) or isinstance(chart, Regions)
     regions = _regions(cells, middles, words, ranges)
-    scene = Scene("a chart")
-    scene.chart = ChartScene(ranges, regions, shown, chart.cells, exact)
-    if not exact:
-        scene.notes.append(
-            "The chart has no curves: regions end at cells. count_solutions(..., curves=) keeps "
-            "the curves beside the cells."
-        )
-    return scene
+    return ChartScene(ranges, regions, shown, chart.cells, exact)
 
 
 def _ranges(chart: Chart | Regions) -> Ranges:
