@@ -136,7 +136,7 @@ def our_steps(system, x, gamma, gamma_range, *, route, count=1000, direction="in
     with follower_for(system, x, gamma, StepControl(), gamma_scale=scale, route=route) as follower:
         watch = Stopwatch(follower.bordered)
         point = follower.start(x, gamma, direction=direction)
-        branch = follower.run(point, gamma_range, max_steps=count, observer=watch)
+        branch = follower.run(point, gamma_range=gamma_range, max_steps=count, observer=watch)
     return branch, watch.steps
 
 

@@ -124,7 +124,7 @@ def follow(args, system, comm):
     with Follower(system, control, gamma_scale=1.0) as follower:
         clock = Clock(comm, follower.bordered.solver)
         start = follower.start(x, 0.0)
-        branch = follower.run(start, (0.0, 1.0), max_steps=args.steps, observer=clock)
+        branch = follower.run(start, gamma_range=(0.0, 1.0), max_steps=args.steps, observer=clock)
     steps = [
         {
             "gamma": point.gamma,

@@ -125,7 +125,9 @@ def main(argv=None):
     control = StepControl(kinks=args.kinks)
     with Follower(system, control, gamma_scale=1.0, locate=locate) as follower:
         start = follower.start(x, 0.0)
-        branch = follower.run(start, (0.0, 1.0), max_steps=args.max_steps, progress=True)
+        branch = follower.run(
+            start, gamma_range=(0.0, 1.0), max_steps=args.max_steps, progress=True
+        )
     forces = {"sum_rn": records.total("rn"), "sum_rt": records.total("rt")}
     journal = records.journal_of(system, [branch], forces)
     draw(folder, comm, system, material, branch, journal)

@@ -132,7 +132,7 @@ def snapped(K):
     system, _ = node(stiffness, 0.0)
     u0 = np.sqrt(WORK / stiffness)
     scale = 1e-3 / free
-    way = ArcLength(system).run((0.0, 8 * u0 * scale))
+    way = ArcLength(system).run(gamma_range=(0.0, 8 * u0 * scale))
     folds = []
     for step in way.folds:
         table = step.result.tables["contact"]

@@ -117,8 +117,8 @@ def main(argv=None):
     path = ArcLength(system)
     control = StepControl(maximum=args.step)
     with io.EvolutionSeries(folder, system.problem, every=20) as series:
-        there = path.run((0.0, most), control=control, observer=seen, stop=stop)
-    back = path.run((1e-3 * most, most), control=control, direction="back")
+        there = path.run(gamma_range=(0.0, most), control=control, observer=seen, stop=stop)
+    back = path.run(gamma_range=(1e-3 * most, most), control=control, direction="back")
 
     gamma = np.array([s.gamma for s in there.steps])
     area = np.array([peeled(s) for s in there.steps])

@@ -59,7 +59,7 @@ def main(argv=None):
     low = -0.1 * args.gamma_max
     high = args.gamma_max
     with follower_for(system, x, 0.0, gamma_scale=high - low, route=args.route) as follower:
-        branch = follower.run(follower.start(x, 0.0), (low, high))
+        branch = follower.run(follower.start(x, 0.0), gamma_range=(low, high))
         middle = sum(s.gamma for s in branch.folds) / (len(branch.folds) or 1)
         there = follower.at(branch, middle) if len(branch.folds) == 2 else []
 

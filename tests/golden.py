@@ -400,7 +400,9 @@ def snapping_bar():
     """A bar that snaps back on a bond, by arc length."""
     system = test_arc_length.bar(0.5, 2, free=True)
     history = recorded_path.ArcLength(system).run(
-        (0.0, 0.4), control=StepControl(maximum=0.05), stop=test_arc_length.broken_by_half
+        gamma_range=(0.0, 0.4),
+        control=StepControl(maximum=0.05),
+        stop=test_arc_length.broken_by_half,
     )
     return steps(history)
 

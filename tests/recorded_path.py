@@ -110,9 +110,9 @@ def on(case, path, kept, *, longest=LONGEST, observer=None):
     if runs:
         kept.go_on(stop=None if len(runs) > 1 else enough, **told)
     else:
-        path.run(there, control=control, record=kept, stop=enough, **told)
+        path.run(gamma_range=there, control=control, record=kept, stop=enough, **told)
     if len(runs) == 1:
-        path.run(back, direction="back", control=control, record=kept, **told)
+        path.run(gamma_range=back, direction="back", control=control, record=kept, **told)
     return kept.journal
 
 

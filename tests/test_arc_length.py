@@ -70,7 +70,7 @@ def opening(step):
 )
 def test_bar_in_series(k, n):
     """Snap-back: a nonsmooth fold where damage begins, a smooth one at 4/3 u0 (3/k)^(1/4)."""
-    history = ArcLength(bar(k, n)).run(ENDS)
+    history = ArcLength(bar(k, n)).run(gamma_range=ENDS)
     assert history.complete
     kink, fold = history.folds
     assert (kink.event, fold.event) == ("nonsmooth fold", "smooth fold")
@@ -109,11 +109,11 @@ def test_a_range_that_ends_at_a_fold(off):
     lowest = 4 / 3 * 3**0.25 * U0
     path = ArcLength(bar(1.0, 2))
     for ends, last in [((0.0, highest * (1 + off)), highest), ((lowest * (1 + off), 1.0), lowest)]:
-        history = path.run(ends)
+        history = path.run(gamma_range=ends)
         assert history.complete
         assert not history.folds
         assert history.steps[-1].gamma == pytest.approx(last, rel=1e-12)
-    assert path.run((0.0, 1.0), max_steps=3).steps[-1].gamma > lowest
+    assert path.run(gamma_range=(0.0, 1.0), max_steps=3).steps[-1].gamma > lowest
 
 
 @pytest.mark.chatty
@@ -124,7 +124,7 @@ def test_energy():
         cosine = 1 - 0.1 / part**2
         control = StepControl(initial=0.02 / part, maximum=0.1 / part, cosine=cosine)
         path = ArcLength(bar(1.0, 1, comm=MPI.COMM_SELF))
-        energies = path.run(ENDS, control=control, stop=broken_by_half).energies
+        energies = path.run(gamma_range=ENDS, control=control, stop=broken_by_half).energies
         residues.append(abs(energies.residue))
         assert energies.damage > 0.5 * 0.05 * W
     assert residues[1] < 0.4 * residues[0] < 0.002 * 0.05 * W
@@ -135,13 +135,13 @@ def test_going_back_unloads():
     """Along the secant, to nothing and up again, where damage goes on from where it was."""
     path = ArcLength(bar(1.0, 2))
     k = 1.0
-    there = path.run(ENDS, stop=broken_by_half)
+    there = path.run(gamma_range=ENDS, stop=broken_by_half)
     assert there.reason == "far enough"
     assert there.ending is Ending.STOPPED
     assert not there.complete
     (r,) = set(np.round(opening(there.steps[-1]), 12))
     beta = there.steps[-1]
-    back = path.run(ENDS, direction="back")
+    back = path.run(gamma_range=ENDS, direction="back")
     assert back.complete
     assert back.steps[-1].gamma == pytest.approx(0.0, abs=1e-12)
     assert back.steps[-1].number == len(there.steps) + len(back.steps)
@@ -150,7 +150,7 @@ def test_going_back_unloads():
         np.testing.assert_allclose(step.result.tables["contact"].beta, r**-2, rtol=1e-9)
     assert back.energies.damage == pytest.approx(beta.energies.damage, rel=1e-12)
     assert abs(back.energies.residue - there.energies.residue) < 1e-9 * W
-    again = path.run(ENDS, direction="back")
+    again = path.run(gamma_range=ENDS, direction="back")
     (kink,) = (s for s in again.steps if s.event)
     assert kink.event == "kink"
     np.testing.assert_allclose(opening(kink), r, rtol=1e-8)
@@ -162,15 +162,15 @@ def test_going_back_unloads():
 def test_back_to_nothing(k, n, event):
     """The path ends at gamma = 0, where all bonds close at once, and begins there again."""
     path = ArcLength(bar(k, n))
-    there = path.run(ENDS, stop=broken_by_half)
+    there = path.run(gamma_range=ENDS, stop=broken_by_half)
     r = opening(there.steps[-1])[0]
-    back = path.run(ENDS, direction="back")
+    back = path.run(gamma_range=ENDS, direction="back")
     assert back.reason == "gamma reached the end of its range"
     assert back.ending is Ending.REACHED
     assert back.steps[-1].gamma == 0.0
     assert [s.event for s in back.steps if s.event] == []
     np.testing.assert_allclose(opening(back.steps[-1]), 0.0, atol=1e-12)
-    again = path.run(ENDS, direction="back", stop=lambda s: s.event)
+    again = path.run(gamma_range=ENDS, direction="back", stop=lambda s: s.event)
     assert again.reason == event
     np.testing.assert_allclose(opening(again.steps[-1]), r, rtol=1e-8)
 
@@ -180,8 +180,8 @@ def test_back_through_nothing(k, n):
     """Beyond the state without forces the bar is pressed, as hard as its stiffness says."""
     path = ArcLength(bar(k, n))
     ends = (-0.5 * U0, ENDS[1])
-    path.run(ends, stop=broken_by_half)
-    back = path.run(ends, direction="back")
+    path.run(gamma_range=ends, stop=broken_by_half)
+    back = path.run(gamma_range=ends, direction="back")
     assert back.reason == "gamma reached the end of its range"
     (kink,) = (s for s in back.steps if s.event)
     assert (kink.event, kink.before) == ("kink", "oo")
@@ -206,7 +206,7 @@ def test_one_node():
     system = drawn_node(spring / k)
     system.set_parameter(0.0)
     system.problem.solve()
-    folds = ArcLength(system).run((0.0, 8 * u0 / free)).folds
+    folds = ArcLength(system).run(gamma_range=(0.0, 8 * u0 / free)).folds
     wanted = [1 + 1 / k, 4 / 3 * (3 / k) ** 0.25]
     np.testing.assert_allclose([s.gamma * free / u0 for s in folds], wanted, rtol=1e-8)
     assert [s.event for s in folds] == ["nonsmooth fold", "smooth fold"]
@@ -220,7 +220,7 @@ def test_ways_on(free, ways):
     which the corners soften: it bends to either side. Held aside it shears, which is far stiffer.
     """
     history = ArcLength(bar(1.0, 16, free=free)).run(
-        ENDS, rays=True, max_steps=8, control=StepControl(kinks="exact")
+        gamma_range=ENDS, rays=True, max_steps=8, control=StepControl(kinks="exact")
     )
     (fold,) = history.folds
     assert (fold.before, fold.directions) == ("oo", ways)
@@ -232,7 +232,7 @@ def test_ways_on(free, ways):
 def test_of_two_that_are_alike():
     """Where the corners would take turns one of them damages: the left one, whatever the ranks."""
     history = ArcLength(bar(1.0, 16, free=True)).run(
-        ENDS, max_steps=8, control=StepControl(kinks="exact")
+        gamma_range=ENDS, max_steps=8, control=StepControl(kinks="exact")
     )
     (fold,) = history.folds
     assert (fold.before, fold.after) == ("oo", "ao")
@@ -245,7 +245,7 @@ def test_klarbring():
     system = element((1.0, 1.0), 3.0, 1.0, (-2.0, 0.0), (0.0, -2.0))
     system.set_parameter(0.0)
     system.problem.solve()
-    history = ArcLength(system).run((0.0, 4.0))
+    history = ArcLength(system).run(gamma_range=(0.0, 4.0))
     assert history.complete
     assert [(s.event, s.before[0], s.after[0]) for s in history.folds] == [
         ("nonsmooth fold", "k", "-"),
@@ -272,8 +272,8 @@ def test_friction_as_quasi_static(cell, tolerance):
         driven = [(top, ufl.as_vector(motion))]
         path = ArcLength(ParametricContact(problem, gamma, driven=driven))
         control = StepControl(maximum=longest)
-        there = path.run((-1.0, 1.0), control=control)
-        back = path.run((-1.0, 1.0), direction="back", control=control)
+        there = path.run(gamma_range=(-1.0, 1.0), control=control)
+        back = path.run(gamma_range=(-1.0, 1.0), direction="back", control=control)
         found = [h.steps[-1].result.tables["contact"] for h in (there, back)]
         events.append([s.gamma for h in (there, back) for s in h.steps if s.event == "kink"])
         assert there.folds == back.folds == []
@@ -292,8 +292,8 @@ def test_friction_as_quasi_static(cell, tolerance):
 def test_a_wider_range_later():
     """A later run has its own unit of gamma, and finds the fold where it is."""
     path = ArcLength(bar(1.0, 2))
-    path.run(ENDS, max_steps=30)
-    folds = path.run((0.0, 3 * ENDS[1]), stop=broken_by_half).folds
+    path.run(gamma_range=ENDS, max_steps=30)
+    folds = path.run(gamma_range=(0.0, 3 * ENDS[1]), stop=broken_by_half).folds
     assert [s.event for s in folds] == ["nonsmooth fold", "smooth fold"]
     np.testing.assert_allclose(folds[1].gamma / U0, 4 / 3 * 3**0.25, rtol=1e-8)
 
@@ -309,14 +309,14 @@ def test_what_is_written(folder):
             series(step)
             seen.append((step.number, float(system.constant.value)))
 
-        history = path.run(ENDS, observer=observer, max_steps=3)
+        history = path.run(gamma_range=ENDS, observer=observer, max_steps=3)
     assert history.reason == "the budget of 3 steps is exhausted"
     assert history.ending is Ending.BUDGET
     assert seen == [(s.number, s.gamma) for s in history.steps]
     rows = (folder / "steps.csv").read_text().splitlines()
     assert len(rows) == 4
     assert {"gamma", "event", "directions", "damage", "beta_contact"} <= set(rows[0].split(","))
-    onwards = path.run(ENDS)
+    onwards = path.run(gamma_range=ENDS)
     assert onwards.steps[0].number == 4
     assert onwards.steps[0].start == history.steps[-1].time
     assert [s.event for s in onwards.folds] == ["nonsmooth fold", "smooth fold"]
@@ -356,10 +356,10 @@ def test_bad_input():
         if "stop" not in given:
             np.testing.assert_array_equal(system.problem.u.x.array, before)
     with pytest.raises(ValueError, match="the direction of a later run must be one of"):
-        path.run(ENDS, direction="decreasing")
+        path.run(gamma_range=ENDS, direction="decreasing")
     system.problem.surfaces[0].law.viscosity.value = 1.0
     with pytest.raises(ValueError, match="answers to the time or length of a step"):
-        path.run(ENDS)
+        path.run(gamma_range=ENDS)
 
 
 @pytest.mark.chatty
@@ -385,7 +385,7 @@ def test_two_bonds_one_after_the_other():
     problem = ContactProblem(energy, u, [surface], bcs=bcs)
     rise = ufl.as_vector((0 * x[0], gamma * (1 + 0.2 * x[0])))
     system = ParametricContact(problem, gamma, driven=[(lid, rise)])
-    history = ArcLength(system).run((0, 0.3))
+    history = ArcLength(system).run(gamma_range=(0, 0.3))
     assert history.complete
     assert max(s.result.kkt_violation for s in history.steps) < 1e-8
     at = [(s.gamma, s.event) for s in history.steps if s.event]
@@ -484,7 +484,7 @@ def test_every_longest_step_gives_the_same_folds(body, longest):
         return "enough was seen" if len(seen) == len(loads) else ""
 
     control = StepControl(initial=longest, maximum=longest)
-    history = ArcLength(tilted_lid(*body)).run((0, 0.3), control=control, stop=enough)
+    history = ArcLength(tilted_lid(*body)).run(gamma_range=(0, 0.3), control=control, stop=enough)
     assert history.reason == "enough was seen"
     assert "".join(letters[s.event] for s in seen) == kinds
     np.testing.assert_allclose([s.gamma for s in seen], loads, rtol=1e-6)

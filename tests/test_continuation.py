@@ -286,7 +286,7 @@ def test_smooth_bifurcations(name, H, J, c, other):
     system = smooth(1, H, J, c)
     with Follower(system, StepControl(), gamma_scale=2.0) as follower:
         begin = follower.start(start(system, [0.0]), -1.0)
-        branch = follower.run(begin, (-1.0, 1.013))
+        branch = follower.run(begin, gamma_range=(-1.0, 1.013))
         (special,) = branch.special
         assert special.kind == "bifurcation"
         assert special.smooth
@@ -294,7 +294,7 @@ def test_smooth_bifurcations(name, H, J, c, other):
         ends = []
         for ray in special.others:
             point = follower.branch_off(special, ray)
-            away = follower.run(point, (-0.5, 0.5))
+            away = follower.run(point, gamma_range=(-0.5, 0.5))
             x, g = values(system, away.points[-1])
             assert abs(x[0]) > 0.1
             assert abs(other(x[0], g)) < 1e-9

@@ -44,7 +44,7 @@ def test_every_solution_satisfies_the_contact_law():
     x = followed.create_vector()
     problem.write(x)
     with Follower(followed, StepControl(), gamma_scale=1.0) as follower:
-        branch = follower.run(follower.start(x, 0.0), (0.0, 1.0))
+        branch = follower.run(follower.start(x, 0.0), gamma_range=(0.0, 1.0))
         there = follower.at(branch, 0.7)
         assert len(there) == 3
         for point in there:

@@ -317,7 +317,7 @@ def test_a_path(folder, no_library):
     path = recorded_path.made("bonds")
     with PathRecord(folder / "path", path, **KEPT) as kept:
         control = StepControl(initial=0.1, maximum=0.2)
-        history = path.run((0.0, 0.7), control=control, record=kept, max_steps=8)
+        history = path.run(gamma_range=(0.0, 0.7), control=control, record=kept, max_steps=8)
     plot.explorer(folder / "page.html", folder / "path")
     if COMM.rank == 0:
         page = read(folder / "page.html")

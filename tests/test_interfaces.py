@@ -506,7 +506,7 @@ def test_a_bar_on_cohesion(k):
     a = 0.1
     b = 0.3
     law = BilinearCohesive(strength, a, b)
-    history = ArcLength(bar(k, 4, law=law)).run((0.0, 3.0))
+    history = ArcLength(bar(k, 4, law=law)).run(gamma_range=(0.0, 3.0))
     assert history.complete
     stiffness = k * C
     seen = set()
@@ -533,7 +533,7 @@ class Torn(Interface):
 def test_energies_that_are_no_numbers():
     """A path ends before, and says why."""
     path = ArcLength(bar(1.0, 2, law=Torn(C, 0.5)))
-    history = path.run((0.0, 3.0))
+    history = path.run(gamma_range=(0.0, 3.0))
     assert not history.complete
     assert "a law gives a number that is not finite" in history.reason
     assert 0.9 < history.steps[-1].gamma < 1.0

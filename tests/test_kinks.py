@@ -56,7 +56,7 @@ def test_vee(kinks):
         x = body.create_vector()
         body.problem.write(x)
         with Follower(body, StepControl(kinks=mode, minimum=1e-6), gamma_scale=1.0) as follower:
-            branch = follower.run(follower.start(x, 0.0), (0.0, 1.0))
+            branch = follower.run(follower.start(x, 0.0), gamma_range=(0.0, 1.0))
             there = follower.at(branch, 0.7)
             runs[mode] = branch, [body.letters(p.piece) for p in there]
             assert branch.reason == "gamma reached the end of its range"
@@ -128,7 +128,7 @@ def test_events_that_are_asked_for_are_located():
         system, control, gamma_scale=2.0, locate=lambda change: change.point in wanted
     ) as follower:
         begin = follower.start(start(system, np.zeros(n)), 0.0)
-        branch = follower.run(begin, (0.0, 2.0))
+        branch = follower.run(begin, gamma_range=(0.0, 2.0))
     assert len(branch.special) == n
     located = {s.changes[0].point: s.gamma for s in branch.special if s.located}
     assert wanted <= set(located)
@@ -185,7 +185,7 @@ def test_reuse_of_a_factorisation_changes_nothing():
         body.problem.write(x)
         with Follower(body, StepControl(), gamma_scale=1.0) as follower:
             follower.bordered.solver.reuse = reuse
-            branches.append(follower.run(follower.start(x, 0.0), (0.0, 1.0)))
+            branches.append(follower.run(follower.start(x, 0.0), gamma_range=(0.0, 1.0)))
     each, reused = branches
     assert [s.kind for s in reused.special] == [s.kind for s in each.special]
     for values in ([s.gamma for s in b.special] for b in branches):
@@ -224,7 +224,7 @@ def test_3d_branch(folder):
         locate = demo_3d_branch.first_contact(system) if kinks == "batched" else None
         control = StepControl(kinks=kinks)
         with Follower(system, control, gamma_scale=1.0, locate=locate) as follower:
-            branch = follower.run(follower.start(x, 0.0), (0.0, 1.0))
+            branch = follower.run(follower.start(x, 0.0), gamma_range=(0.0, 1.0))
         gammas.append([p.gamma for p in branch.points])
         located = [s.gamma for s in branch.special if s.located]
         if kinks == "batched":

@@ -60,7 +60,7 @@ def follow_vee(solver, kinks, *options):
     body.problem.write(x)
     with Follower(body, StepControl(kinks=kinks), gamma_scale=1.0) as follower:
         assert (type(follower.bordered.solver) is Krylov) == (solver == "amg")
-        branch = follower.run(follower.start(x, 0.0), (0.0, 1.0))
+        branch = follower.run(follower.start(x, 0.0), gamma_range=(0.0, 1.0))
         signs = []
         for point in branch.points[::5]:
             follower.corrector.tangent(point.y, point.tangent, point.piece, factorise=True)
@@ -119,7 +119,7 @@ def test_3d_branch():
         x = system.create_vector()
         x.set(0.0)
         with Follower(system, StepControl(kinks="exact"), gamma_scale=1.0) as follower:
-            branches.append(follower.run(follower.start(x, 0.0), (0.0, 0.4)))
+            branches.append(follower.run(follower.start(x, 0.0), gamma_range=(0.0, 0.4)))
         if solver == "amg":
             builds = system.problem.linear_solver.builds
     mine, direct = branches

@@ -293,7 +293,7 @@ def test_one_observer_for_all(folder):
 
     path = recorded_path.made("bonds")
     with PathRecord(folder, path) as record, pytest.raises(Killed):
-        path.run((0.0, 0.7), record=record, observer=stopping, max_steps=4)
+        path.run(gamma_range=(0.0, 0.7), record=record, observer=stopping, max_steps=4)
     notes = Notes()
     with PathRecord(folder, recorded_path.made("bonds"), resume=True) as record:
         rest = record.go_on(observer=notes)

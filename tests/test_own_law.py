@@ -120,7 +120,7 @@ def test_static_and_kinetic_friction_of_one_element(distance, monkeypatch):
     x = system.create_vector()
     system.problem.write(x)
     with Follower(system, StepControl(), gamma_scale=1.0) as follower:
-        branch = follower.run(follower.start(x, 0.0), (0.0, 0.4))
+        branch = follower.run(follower.start(x, 0.0), gamma_range=(0.0, 0.4))
     assert branch.points[-1].gamma == pytest.approx(0.4)
     starts = static * 0.5 / 2.0  # where the shear reaches the static bound
     slips = np.linspace(-0.4, 0.0, 40_001)

@@ -61,7 +61,7 @@ def test_the_journal_says_what_was_followed(folder):
     control = StepControl(maximum=LONGEST)
     ends = CASES["bonds"][1]
     with PathRecord(folder, path) as kept:
-        history = path.run(ends, control=control, record=kept, max_steps=16)
+        history = path.run(gamma_range=ends, control=control, record=kept, max_steps=16)
         journal = read_journal(folder)
         assert journal.rows() == [s.row() | {"status": s.status} for s in history.steps]
         np.testing.assert_array_equal(journal.gammas, [0.0, *(s.gamma for s in history.steps)])
@@ -88,7 +88,9 @@ def test_the_journal_says_what_was_followed(folder):
         assert (again.reason, again.steps) == (history.reason, [])
         assert again.energies == history.energies
         stop = {"stop": lambda step: "far enough" if step.number == 18 else ""}
-        assert path.run(ends, control=control, record=kept, **stop).reason == "far enough"
+        assert (
+            path.run(gamma_range=ends, control=control, record=kept, **stop).reason == "far enough"
+        )
     assert [r.after for r in read_journal(folder).runs] == [0, 16]
 
 
@@ -190,17 +192,17 @@ def test_what_is_refused(whole, folder):
         with pytest.raises(ValueError, match="no run is in"):
             kept.go_on()
         with pytest.raises(Stop):
-            path.run((-1.0, 1.0), record=kept, observer=stopping(2))
+            path.run(gamma_range=(-1.0, 1.0), record=kept, observer=stopping(2))
         with pytest.raises(ValueError, match="steps 0 to 2 are recorded, not 3"):
             kept.show(3)
     with PathRecord(folder / "run", made("crack"), resume=True) as kept:
         with pytest.raises(ValueError, match=r"has gamma_range \(-1.0, 1.0\), not \(-1.0, 2.0\)"):
-            kept.path.run((-1.0, 2.0), record=kept)
+            kept.path.run(gamma_range=(-1.0, 2.0), record=kept)
         with pytest.raises(ValueError, match="the path is at the arc length 0 and not at the end"):
-            kept.path.run((-1.0, 1.0), record=kept)
+            kept.path.run(gamma_range=(-1.0, 1.0), record=kept)
     before = (folder / "run" / FILE_NAME).read_bytes()
     with pytest.raises(ValueError, match="is closed: open it with resume=True"):
-        kept.path.run((-1.0, 1.0), record=kept)
+        kept.path.run(gamma_range=(-1.0, 1.0), record=kept)
     assert (folder / "run" / FILE_NAME).read_bytes() == before
 
 

@@ -482,7 +482,9 @@ def test_several_branches_in_one_record(folder):
     ):
         for branch, steps, direction in ((0, 12, "increasing"), (3, 4, "decreasing")):
             start = follower.start(x, 0.0, direction=direction)
-            follower.run(start, (-0.2, 0.2), max_steps=steps, record=r, branch_id=branch)
+            follower.run(
+                start, gamma_range=(-0.2, 0.2), max_steps=steps, record=r, branch_id=branch
+            )
     journal = read_journal(folder)
     assert sorted(journal.branches) == [0, 3]
     assert len(journal.table()) == 13 + 5

@@ -170,7 +170,7 @@ def test_points_of_a_branch_at_one_gamma(route):
     branch = follow(system, x, 0.0, **way)
     (point,) = points_at(system, branch, 0.73, **way)
     with follower_for(system, x, 0.0, gamma_scale=1.0, route=route) as follower:
-        again = follower.run(follower.start(x, 0.0), (0.0, 1.0))
+        again = follower.run(follower.start(x, 0.0), gamma_range=(0.0, 1.0))
         (known,) = follower.at(again, 0.73)
     assert point.gamma == known.gamma == 0.73
     assert (point.y - known.y).norm() < 1e-10 * known.y.norm()

@@ -74,7 +74,7 @@ def test_corrections_of_the_surface_save_those_of_a_branch(monkeypatch):
         x = system.create_vector()
         x.set(0.0)
         with Follower(system, StepControl(kinks="batched"), gamma_scale=1.0) as follower:
-            branch = follower.run(follower.start(x, 0.0), (0.0, 0.5))
+            branch = follower.run(follower.start(x, 0.0), gamma_range=(0.0, 0.5))
         efforts.append(sum(p.corrections for p in branch.points))
         assert branch.points[-1].gamma == 0.5
         ends.append(branch.points[-1].y.norm())

@@ -207,7 +207,7 @@ class _Explorer:
         number = len(self.diagram.edges)
         branch = self.follower.run(
             point,
-            self.range,
+            gamma_range=self.range,
             max_steps=self.max_steps,
             to_node=True,
             branch_id=number,

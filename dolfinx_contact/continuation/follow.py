@@ -128,7 +128,7 @@ def follow(
         start = follower.start(x, gamma, direction=direction)
         return follower.run(
             start,
-            (low, high),
+            gamma_range=(low, high),
             max_steps=max_steps,
             stop=stop,
             observer=observer,

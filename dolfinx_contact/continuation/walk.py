@@ -83,8 +83,8 @@ class Walker(ABC):
     def run(
         self,
         start: BranchPoint,
-        gamma_range: tuple[float, float],
         *,
+        gamma_range: tuple[float, float],
         max_steps: int = 1000,
         to_node: bool = False,
         stop: Stop[BranchStep] | None = None,

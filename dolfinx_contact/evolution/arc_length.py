@@ -71,9 +71,9 @@ class ArcLength(ReadOnly):
         ::
 
             path = ArcLength(ParametricContact(problem, lift, driven=[(top, as_vector((0, lift)))]))
-            history = path.run((0.0, 1.0))
+            history = path.run(gamma_range=(0.0, 1.0))
             print([(p.gamma, p.event) for p in history.folds], history.reason)
-            back = path.run((0.0, 1.0), direction="back")
+            back = path.run(gamma_range=(0.0, 1.0), direction="back")
     """
 
     _instead: ClassVar[Mapping[str, str]] = {
@@ -120,8 +120,8 @@ class ArcLength(ReadOnly):
 
     def run(
         self,
-        gamma_range: tuple[float, float],
         *,
+        gamma_range: tuple[float, float],
         direction: PathDirection | None = None,
         control: StepControl | None = None,
         max_steps: int = 1000,

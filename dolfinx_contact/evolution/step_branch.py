@@ -87,7 +87,9 @@ def _followed(follower: Follower, system: Loaded, start: BranchPoint) -> StepBra
     why = ""
     unknown = ""
     while starts:
-        branch = follower.run(starts.pop(), (0.0, 1.0), max_steps=_MOST_STEPS, stop=_turned)
+        branch = follower.run(
+            starts.pop(), gamma_range=(0.0, 1.0), max_steps=_MOST_STEPS, stop=_turned
+        )
         last = branch.points[-1]
         if last.gamma >= 1.0:
             x, _ = follower.bordered.split(last.y)

@@ -445,7 +445,7 @@ class BranchRecord(ProblemRecord[Journal]):
         ):
             return follower.run(
                 point,
-                (task["gamma_range"][0], task["gamma_range"][1]),
+                gamma_range=(task["gamma_range"][0], task["gamma_range"][1]),
                 max_steps=budget,
                 to_node=task["to_node"],
                 stop=stop,

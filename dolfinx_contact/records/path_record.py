@@ -52,14 +52,14 @@ class PathRecord(StepsRecord[PathJournal, PathState]):
         Record a path, and look at it::
 
             with PathRecord("output/path", path) as record:
-                history = path.run((0.0, 1.0), record=record)
+                history = path.run(gamma_range=(0.0, 1.0), record=record)
             folds = read_journal("output/path").folds
 
         If it is killed, a script that has made the same `ArcLength` goes on::
 
             with PathRecord("output/path", path, resume=True) as record:
                 history = record.go_on()
-                back = path.run((0.0, 1.0), direction="back", record=record)
+                back = path.run(gamma_range=(0.0, 1.0), direction="back", record=record)
     """
 
     _what = "path"

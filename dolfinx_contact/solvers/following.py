@@ -118,7 +118,9 @@ def follow_load(
 def _follow(system: Loaded, x: PETSc.Vec, attempt: Attempt, control: StepControl) -> bool:
     try:
         with Follower(system, control, gamma_scale=1.0) as follower:
-            branch = follower.run(follower.start(x, 0.0), (0.0, 1.0), max_steps=_MOST_STEPS)
+            branch = follower.run(
+                follower.start(x, 0.0), gamma_range=(0.0, 1.0), max_steps=_MOST_STEPS
+            )
             last = branch.points[-1]
             if last.gamma < 1.0:
                 attempt.reason = f"{branch.reason}, at {last.gamma:.4g} of the load"

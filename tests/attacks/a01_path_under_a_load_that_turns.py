@@ -51,7 +51,7 @@ def compared(case, symbolic, number):
     system.set_parameter(0.0)
     problem.solve()
     control = StepControl(initial=0.05, maximum=0.2, minimum=1e-4)
-    path = ArcLength(system).run((0.0, 1.6), control=control, max_steps=200)
+    path = ArcLength(system).run(gamma_range=(0.0, 1.6), control=control, max_steps=200)
     case.unpromised(path.reason, not path.complete and "kinks or jumps in gamma" in path.reason)
     case.equal("force", path.steps[-1].result.resultants["contact"], expected, 1e-5)
 

@@ -25,7 +25,7 @@ def _lifted(case, then):
     system = ParametricContact(problem, gamma, driven=[(body.moved, lift)])
     path = ArcLength(system)
     viscosity.value = then
-    history = path.run((0.0, 0.005), control=StepControl(maximum=0.2))
+    history = path.run(gamma_range=(0.0, 0.005), control=StepControl(maximum=0.2))
     peak = max(np.max(-s.result.tables[contact.name].rn_adh) for s in history.steps)
     case.equal("load", history.steps[-1].gamma, 0.005)
     # elastic: springs of the interface and of the body in series

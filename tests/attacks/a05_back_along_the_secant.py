@@ -20,9 +20,9 @@ def attack(case):
     K = 4.0
     path = bonded(case, K)
     control = StepControl(initial=0.05, maximum=0.1)
-    path.run((-0.1, 0.2), control=control)
+    path.run(gamma_range=(-0.1, 0.2), control=control)
     beta = (U0 / opening(0.2, K)) ** 2
-    back = path.run((-0.1, 0.2), direction="back", control=control)
+    back = path.run(gamma_range=(-0.1, 0.2), direction="back", control=control)
     for step in back.steps:
         table = step.result.tables["contact"]
         u = max(step.gamma, 0.0) * K / (K + beta**2)
@@ -30,7 +30,7 @@ def attack(case):
     case.equal("gamma", back.steps[-1].gamma, -0.1)
     case.equal("intensity", table.beta[free_point(table)], beta, 1e-4)
     case.equal("pressure", table.pressure[free_point(table)], 0.1 * K * C, 1e-6)
-    again = path.run((-0.1, 0.3), direction="back", control=control)
+    again = path.run(gamma_range=(-0.1, 0.3), direction="back", control=control)
     table = again.steps[-1].result.tables["contact"]
     case.equal("gamma again", again.steps[-1].gamma, 0.3)
     case.equal("opening again", table.un[free_point(table)], opening(0.3, K), 1e-4)

@@ -33,7 +33,7 @@ def folded(case, force, length):
     gamma = fem.Constant(body.domain, 0.0)
     system = ParametricContact(problem, gamma, driven=[(body.moved, ufl.as_vector((0, gamma)))])
     control = StepControl(initial=0.05, maximum=0.1)
-    history = ArcLength(system).run((0.0, 0.1 * length), control=control)
+    history = ArcLength(system).run(gamma_range=(0.0, 0.1 * length), control=control)
     case.unpromised(f"not complete: {history.reason}", not history.complete)
     folds = history.folds
     case.equal("folds", [p.gamma for p in folds], [a + s / k, a + b], 1e-6)

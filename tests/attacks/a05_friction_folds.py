@@ -34,7 +34,7 @@ def followed(case, S, aside, friction, folds, longest):
     k = free_point(start)
     case.equal("pressed at the start", start.force[k, -1], 5.5)
     control = StepControl(initial=longest / 2, maximum=longest)
-    history = ArcLength(system).run((-1.0, 1.0), control=control)
+    history = ArcLength(system).run(gamma_range=(-1.0, 1.0), control=control)
     case.unpromised(f"not complete: {history.reason}", not history.complete)
     found = [p.gamma for p in history.folds]
     end = history.steps[-1]

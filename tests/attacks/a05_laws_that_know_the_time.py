@@ -39,6 +39,6 @@ def attack(case):
     system = ParametricContact(problem, gamma, driven=driven)
     system.set_parameter(0.0)
     problem.solve()
-    path = ArcLength(system).run((0.0, 0.02), control=StepControl(maximum=0.2))
+    path = ArcLength(system).run(gamma_range=(0.0, 0.02), control=StepControl(maximum=0.2))
     shear = path.steps[-1].result.resultants["contact"][0]
     case.equal("shear", shear, -0.05)

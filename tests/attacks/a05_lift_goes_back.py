@@ -17,7 +17,7 @@ def followed(case, shape, end=2.0):
     roots = np.roots([1.0, -largest, 0, 0, U0**4 / K])
     u = max(r.real for r in roots if abs(r.imag) < 1e-12)
     path = bonded(case, K, lambda gamma: largest * shape(gamma))
-    history = path.run((0.0, end), control=StepControl(initial=0.05, maximum=0.05))
+    history = path.run(gamma_range=(0.0, end), control=StepControl(initial=0.05, maximum=0.05))
     case.unpromised(f"not complete: {history.reason}", not history.complete)
     table = history.steps[-1].result.tables["contact"]
     case.equal("gamma at the end", history.steps[-1].gamma, end)

@@ -35,7 +35,7 @@ def followed(case, lift, inverse):
     driven = [(body.moved, ufl.as_vector((0, lift(gamma))))]
     path = ArcLength(ParametricContact(problem, gamma, driven=driven))
     control = StepControl(initial=0.05, maximum=0.1)
-    history = path.run((0.0, inverse(0.1)), control=control)
+    history = path.run(gamma_range=(0.0, inverse(0.1)), control=control)
     case.unpromised(f"not complete: {history.reason}", not history.complete)
     expected = [inverse(A + S / K), inverse(A + B)]
     case.equal("folds", [p.gamma for p in history.folds], expected, 1e-6)

@@ -35,7 +35,7 @@ def folded(case, K, longest):
     for maximum in longest:
         path = bonded(case, K)
         control = StepControl(initial=maximum / 2, maximum=maximum)
-        history = path.run((0.0, 8 * U0), control=control)
+        history = path.run(gamma_range=(0.0, 8 * U0), control=control)
         expected = [U0 * (1 + 1 / K), 4 / 3 * U0 * (3 / K) ** 0.25]
         case.unpromised(f"not complete: {history.reason}", not history.complete)
         folds = [step.gamma for step in history.folds]

@@ -18,7 +18,7 @@ def attack(case):
     control = StepControl(initial=0.05, maximum=0.1)
     found = []
     for end in (0.5 * folds[0], folds[0] * (1 - 1e-4), folds[0] * (1 + 1e-4), 0.6):
-        history = path.run((0.0, end), control=control)
+        history = path.run(gamma_range=(0.0, end), control=control)
         case.unpromised(f"not complete: {history.reason}", not history.complete)
         found += [p.gamma for p in history.folds]
     case.equal("folds", found, folds, 1e-5)

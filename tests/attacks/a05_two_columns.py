@@ -53,7 +53,7 @@ def followed(case, soft, stiff):
     gamma = fem.Constant(body.mesh, 0.0)
     system = ParametricContact(problem, gamma, driven=[(moved, ufl.as_vector((0, gamma)))])
     control = StepControl(initial=0.05, maximum=0.1)
-    history = ArcLength(system).run((0.0, 0.15), control=control)
+    history = ArcLength(system).run(gamma_range=(0.0, 0.15), control=control)
     expected = []
     for stiffness in (stiff, soft):
         expected += [ELASTIC + STRENGTH / stiffness, ELASTIC + SOFTENING]

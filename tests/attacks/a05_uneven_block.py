@@ -41,7 +41,9 @@ def attack(case):
         X = ufl.SpatialCoordinate(body.domain)
         driven = [(body.moved, ufl.as_vector((0, gamma * (1 + 0.6 * X[0]))))]
         path = ArcLength(ParametricContact(problem, gamma, driven=driven))
-        history = path.run((0.0, 0.3), control=StepControl(maximum=maximum, initial=maximum))
+        history = path.run(
+            gamma_range=(0.0, 0.3), control=StepControl(maximum=maximum, initial=maximum)
+        )
         case.unpromised(f"not complete: {history.reason}", not history.complete)
         ends = history.steps[-1].result.tables["contact"].un
         found.append((np.array([p.gamma for p in history.folds]), ends, history.steps[-1].gamma))

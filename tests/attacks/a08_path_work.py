@@ -45,7 +45,7 @@ def make(comm, left, right):
 def recorded(comm, where, after, left, right):
     path = make(comm, left, right)
     with PathRecord(where, path) as record, contextlib.suppress(Killed):
-        path.run(RANGE, record=record, control=CONTROL, observer=Killer(after))
+        path.run(gamma_range=RANGE, record=record, control=CONTROL, observer=Killer(after))
 
 
 def history(case, first, second):

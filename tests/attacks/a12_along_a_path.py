@@ -28,7 +28,7 @@ def attack(case):
         seen.append((step.gamma, float(gamma.value), np.sum(table.rn_adh), np.min(table.beta)))
 
     path = ArcLength(system)
-    path.run((0.0, 0.005), observer=path_observer, control=StepControl(maximum=0.2))
+    path.run(gamma_range=(0.0, 0.005), observer=path_observer, control=StepControl(maximum=0.2))
     seen = np.array(seen)
     case.equal("gamma", seen[:, 1], seen[:, 0])
     case.equal("traction", -seen[:, 2], seen[:, 0] / (1 / 100.0 + 1 / 1000.0))
