@@ -6,7 +6,7 @@ from __future__ import annotations
 import zlib
 from collections.abc import Mapping
 from functools import cached_property
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -16,8 +16,8 @@ from dolfinx import fem, mesh
 from ufl.algorithms.analysis import extract_constants
 
 from dolfinx_contact._agreement import described, refuse_displacement, refuse_other_mesh
+from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._compat import create_facet_submesh
-from dolfinx_contact._errors import everywhere, same_everywhere
 from dolfinx_contact._frozen import ReadOnly, seal
 from dolfinx_contact._kept import keep
 from dolfinx_contact._mesh_mark import mesh_mark
@@ -58,6 +58,34 @@ Array = npt.NDArray[np.float64]
 
 _ANOTHER = "make another surface, and a problem with it"
 _NUMBERS = "surface.law.friction.value = 0.5, by the name that it has in the law, changes a number"
+
+
+def _check(a: Arguments) -> None:
+    if not isinstance(a.u, fem.Function):
+        raise ValueError(f"the displacement must be a Function, got {type(a.u).__name__}")
+    check_name(a.name, "surface")
+    check_sliding(a.name, a.sliding)
+    degree = displacement_degree(a.u)
+    degrees = (degree, a.multiplier_degree)
+    a.method = a.method or ("nodal" if degree == 1 else "integral")
+    a.self._take_law_and_obstacle(a.u, a.name, a.law, a.obstacle)
+    check_elements(a.name, a.method, degrees)
+    check_revolution(a.name, a.axisymmetric, a.obstacle, a.law)
+    a.axisymmetric = bool(a.axisymmetric)
+    a.quadrature_degree = check_quadrature(
+        a.name, degrees, a.quadrature_degree, weighted=a.axisymmetric
+    )
+
+
+def _compared(a: Arguments) -> dict[str, Any]:
+    surface: ContactSurface = a.self
+    return {
+        "displacement": str(a.u.function_space.ufl_element()),
+        "kind_of_facets": isinstance(a.facets, mesh.MeshTags),
+        "law": surface._described_law,
+        "obstacle": lambda: f"{type(a.obstacle).__name__} {described(surface.gap, surface.domain)}",
+        "normal": lambda: described(surface.normal, surface.domain),
+    }
 
 
 class ContactSurface(ReadOnly):
@@ -125,6 +153,7 @@ class ContactSurface(ReadOnly):
         "": _ANOTHER,
     }
 
+    @collective("a contact surface", _check, compare=_compared, local=("facets",), where="name")
     def __init__(
         self,
         u: fem.Function,
@@ -140,46 +169,19 @@ class ContactSurface(ReadOnly):
         axisymmetric: bool = False,
         name: str = "contact",
     ):
-        if not isinstance(u, fem.Function):
-            raise ValueError(f"the displacement must be a Function, got {type(u).__name__}")
-        domain = u.function_space.mesh
+        assert method is not None
+        assert quadrature_degree is not None
+        domain = self.domain
         keep(domain)
-        self.u = u
-        self.domain = domain
-        self.name = name
         self.dim = domain.geometry.dim
         self.comm = domain.comm
-        with everywhere(self.comm, "a contact surface"):
-            check_name(name, "surface")
-            check_sliding(name, sliding)
-            degree = displacement_degree(u)
-            self.method: Method = method or ("nodal" if degree == 1 else "integral")
-            self.degrees = (degree, multiplier_degree)
-            self._take_law_and_obstacle(law, obstacle)
-            check_elements(name, self.method, self.degrees)
-            check_revolution(name, axisymmetric, obstacle, law)
-            self.axisymmetric = turned = bool(axisymmetric)
-            rule_degree = check_quadrature(name, self.degrees, quadrature_degree, weighted=turned)
-        same_everywhere(self.comm, name=name)
-        same_everywhere(
-            self.comm,
-            name,
-            displacement=str(u.function_space.ufl_element()),
-            kind_of_facets=isinstance(facets, mesh.MeshTags),
-            tag=None if tag is None else int(tag) if isinstance(tag, np.integer) else tag,
-            method=self.method,
-            multiplier_degree=int(multiplier_degree),
-            quadrature_degree=int(rule_degree),
-            sliding=sliding,
-            axisymmetric=self.axisymmetric,
-            law=self._described_law,
-            obstacle=lambda: f"{type(obstacle).__name__} {described(self.gap, domain)}",
-            normal=lambda: described(self.normal, domain),
-        )
+        self.method: Method = method
+        self.degrees = (displacement_degree(u), multiplier_degree)
+        self.axisymmetric = axisymmetric
         local = exterior_facets(domain, *tagged_facets(self.comm, facets, tag, name), name)
         if self.axisymmetric:
             check_section(domain, local, name)
-        self._create_points(local, rule_degree)
+        self._create_points(local, quadrature_degree)
         self.sliding = sliding
         #: Gap and normal at displaced points; None where they stay.
         self._displaced: DisplacedPoints | None = None
@@ -191,10 +193,14 @@ class ContactSurface(ReadOnly):
         self._numbers = [c for e in self.given.all for c in extract_constants(e)]
         self._mark = self._marked()
 
-    def _take_law_and_obstacle(self, law: Law, obstacle: Obstacle) -> None:
+    def _take_law_and_obstacle(
+        self, u: fem.Function, name: str, law: Law, obstacle: Obstacle
+    ) -> None:
         """Bind them to the mesh, or ``ValueError`` if they do not fit. Not collective."""
-        name = self.name
-        domain = self.domain
+        domain = u.function_space.mesh
+        self.u = u
+        self.domain = domain
+        self.name = name
         if not isinstance(law, Law):
             raise ValueError(
                 f"{name}: the law must be Frictionless(), Coulomb(F), Tresca(g) or a Law"
@@ -208,14 +214,14 @@ class ContactSurface(ReadOnly):
             seal(given_object)
         self.gap, self.normal = obstacle.on(domain)
         fields = self.law.given.values()
-        refuse_displacement(self.u, f"{name}: the obstacle", self.gap, self.normal)
-        refuse_displacement(self.u, f"{name}: the law", *fields)
+        refuse_displacement(u, f"{name}: the obstacle", self.gap, self.normal)
+        refuse_displacement(u, f"{name}: the law", *fields)
         for what, e in [("obstacle", self.gap), *(("law", e) for e in fields)]:
             refuse_other_mesh(e, domain, f"{name}: the {what}")
         #: Functions of the user in law and obstacle.
         every = (*fields, self.gap, self.normal)
         read = {f for e in every for f in ufl.algorithms.extract_coefficients(e)}
-        self._functions = sorted(read - {self.u}, key=lambda f: f.count())
+        self._functions = sorted(read - {u}, key=lambda f: f.count())
 
     def _described_law(self) -> str:
         fields = [f"{k} {described(e, self.domain)}" for k, e in self.law.given.items()]

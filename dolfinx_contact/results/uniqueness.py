@@ -11,7 +11,7 @@ from typing import Literal
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from dolfinx_contact._errors import everywhere, same_everywhere
+from dolfinx_contact._collective import Arguments, collective
 
 __all__ = ["OTHER_DATA", "Theory", "Uniqueness", "checked_seconds"]
 
@@ -43,14 +43,18 @@ class Uniqueness:
         return f"{words[self.verdict]}: {self.reason}"
 
 
-def checked_seconds(comm: MPI.Comm, seconds: float) -> float:
+def _check_seconds(a: Arguments) -> None:
+    seconds = a.proof_seconds
+    number = isinstance(seconds, Real) and not isinstance(seconds, bool)
+    if not number or math.isnan(seconds) or seconds < 0:
+        raise ValueError(f"seconds for a proof must not be negative, got {seconds!r}")
+    a.proof_seconds = float(seconds)
+
+
+@collective("seconds", _check_seconds)
+def checked_seconds(comm: MPI.Comm, proof_seconds: float) -> float:
     """The seconds for a proof as a number, or ``ValueError`` on every rank. Collective."""
-    with everywhere(comm, "seconds"):
-        number = isinstance(seconds, Real) and not isinstance(seconds, bool)
-        if not number or math.isnan(seconds) or seconds < 0:
-            raise ValueError(f"seconds for a proof must not be negative, got {seconds!r}")
-    same_everywhere(comm, proof_seconds=float(seconds))
-    return float(seconds)
+    return proof_seconds
 
 
 @dataclass(frozen=True)
