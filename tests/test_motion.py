@@ -22,7 +22,7 @@ from dolfinx_contact import (
     RigidBody,
 )
 from dolfinx_contact.body.inertia import mass_matrix
-from dolfinx_contact.continuation import Ending
+from dolfinx_contact.continuation import Ending, Observer
 from dolfinx_contact.evolution import NSCD
 from dolfinx_contact.materials import LinearElastic, NeoHookean
 
@@ -225,6 +225,44 @@ def test_what_turns_back_is_not_at_rest():
     assert not history.complete
     slow = [s.energies.kinetic <= 1e-2 * 0.5 for s in history.steps]
     assert sum(slow) > 12
+
+
+def test_settling_is_one_run():
+    """An observer sees one run, whose states know the largest kinetic energy and quiet steps."""
+
+    class Looks(Observer):
+        def __init__(self):
+            self.begins = []
+            self.states = []
+            self.ends = []
+
+        def begin(self, task, state):
+            self.begins.append((task.max_time, task.rest))
+
+        def step(self, step, state):
+            self.states.append(state)
+
+        def end(self, ended):
+            self.ends.append(ended)
+
+    problem, _ = block(weight=10.0)
+    velocity = at_speed(problem, 0.0, -0.1)
+    motion = NSCD(problem, 1.0, dt=2e-3, velocity=velocity, damping=(200.0, 1e-2))
+    seen = Looks()
+    history = motion.settle(1.0, rest=1e-4, observer=seen, progress=False)
+    assert history.ending is Ending.REACHED
+    assert seen.begins == [(1.0, 1e-4)]
+    assert seen.ends == [history]
+    energies = [s.energies.kinetic for s in history.steps]
+    assert [s.peak for s in seen.states] == list(np.maximum.accumulate(energies))
+    last = seen.states[-1]
+    assert last.ending is Ending.REACHED
+    assert last.quiet >= 10
+    assert all(e <= 1e-4 * last.peak for e in energies[-last.quiet :])
+    assert energies[-last.quiet - 1] > 1e-4 * last.peak
+    # The next run begins with neither.
+    assert motion.settle(0.01, rest=1e-4, observer=seen, progress=False).ending is Ending.BUDGET
+    assert seen.states[-1].quiet <= 5
 
 
 def shaken(problem, size=1.0):

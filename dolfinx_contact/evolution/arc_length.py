@@ -22,8 +22,8 @@ from typing import ClassVar, get_args
 
 import numpy as np
 
-from dolfinx_contact._errors import everywhere, require, same_everywhere
-from dolfinx_contact._frozen import ReadOnly
+from dolfinx_contact._collective import Arguments, collective
+from dolfinx_contact._errors import require
 from dolfinx_contact.continuation.arguments import check_steps, checked_range, require_smooth
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.corrector import Corrector
@@ -33,7 +33,7 @@ from dolfinx_contact.equations.given_data import check_times
 from dolfinx_contact.evolution.arc_steps import ArcSteps
 from dolfinx_contact.evolution.by_arc_length import ByArcLength
 from dolfinx_contact.evolution.energy import Energies
-from dolfinx_contact.evolution.listeners import Listeners
+from dolfinx_contact.evolution.listeners import NOT_BY_VALUE, Listeners
 from dolfinx_contact.evolution.path import PathHistory, PathStep
 from dolfinx_contact.evolution.path_state import (
     Known,
@@ -44,6 +44,7 @@ from dolfinx_contact.evolution.path_state import (
 )
 from dolfinx_contact.evolution.path_stepper import OnPath, PathStepper
 from dolfinx_contact.evolution.run import Run
+from dolfinx_contact.evolution.runnable import Runnable
 from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.points.memory import Memory
 
@@ -52,7 +53,24 @@ __all__ = ["ArcLength", "PathDirection"]
 _LONGEST = 0.005  # of the range of gamma and the first tangent
 
 
-class ArcLength(ReadOnly):
+def _check_run(a: Arguments) -> None:
+    path: ArcLength = a.self
+    a.gamma_range = checked_range(a.gamma_range, [path._gamma])
+    check_steps(a.control, a.max_steps)
+    a.rays = bool(a.rays)
+    Listeners.of(a).check(path._record)
+    a.control = a.control or StepControl(kinks="exact", initial=_LONGEST, maximum=_LONGEST)
+    if a.control.kinks not in (None, "exact"):
+        raise ValueError(f"a path with memory passes kinks exactly, not {a.control.kinks!r}")
+    first = path._run_state is None or path._run_state.arrived is None
+    a.direction = a.direction or ("increasing" if first else "onwards")
+    known = get_args(PathDirection)[:2] if first else get_args(PathDirection)[2:]
+    if a.direction not in known:
+        run = "the first run" if first else "a later run"
+        raise ValueError(f"the direction of {run} must be one of {known}: {a.direction!r}")
+
+
+class ArcLength(Runnable[PathTask, PathState, PathHistory]):
     """The path of a contact problem with a memory under a load that is unknown.
 
     It begins with the state in the problem's Functions, a solution under the load at which the
@@ -79,7 +97,7 @@ class ArcLength(ReadOnly):
     _instead: ClassVar[Mapping[str, str]] = {
         "": "make another ArcLength; what may be changed are values of Constants and Functions"
     }
-    account: type[Energies] = Energies
+    _record = "a records.PathRecord"
 
     def __init__(self, parametric: ParametricContact):
         if not isinstance(parametric, ParametricContact):
@@ -87,9 +105,7 @@ class ArcLength(ReadOnly):
         self.parametric = parametric
         self.problem = parametric.problem
         require_smooth(parametric)
-        self._stepper = PathStepper(parametric)
         self._require_no_time()
-        self._run_state: PathState | None = None
 
     def _require_no_time(self) -> None:
         check_times(self.problem.surfaces)
@@ -118,6 +134,12 @@ class ArcLength(ReadOnly):
                 "(a.slid), of which an evolution has no memory yet",
             )
 
+    @collective(
+        "a path by arc length",
+        _check_run,
+        compare=lambda a: Listeners.of(a).compared(),
+        local=NOT_BY_VALUE,
+    )
     def run(
         self,
         *,
@@ -161,66 +183,17 @@ class ArcLength(ReadOnly):
                 time, or a start that is no solution; what ``stop`` or ``observer`` raises.
             OSError: on every rank, if a point cannot be recorded.
         """
-        comm = self.problem.comm
-        run_state = self._run_state
-        first = run_state is None or run_state.arrived is None
-        gamma = float(self.parametric.constant.value) if run_state is None else run_state.gamma
-        listeners = Listeners(None, stop, observer, record, progress)
-        with everywhere(comm, "a path by arc length"):
-            limits = checked_range(gamma_range, [gamma])
-            check_steps(control, max_steps)
-            listeners.check("a records.PathRecord")
-            control = control or StepControl(kinks="exact", initial=_LONGEST, maximum=_LONGEST)
-            if control.kinks not in (None, "exact"):
-                raise ValueError(f"a path with memory passes kinks exactly, not {control.kinks!r}")
-            direction = direction or ("increasing" if first else "onwards")
-            known = get_args(PathDirection)[:2] if first else get_args(PathDirection)[2:]
-            if direction not in known:
-                run = "the first run" if first else "a later run"
-                raise ValueError(f"the direction of {run} must be one of {known}: {direction!r}")
-        same_everywhere(
-            comm, gamma_range=limits, direction=direction, control=control, max_steps=max_steps
-        )
-        same_everywhere(comm, rays=bool(rays))
-        listeners.require_same(comm)
+        assert control is not None
+        assert direction is not None
         self._require_no_time()
-        self.parametric.check_parameter(limits)
+        self.parametric.check_parameter(gamma_range)
+        run_state = self._run_state
         if run_state is None:
-            start = self._stepper.start(0.0)
+            start = self._stepper(None).start(0.0)
             run_state = PathState(start, 0.0, known=Known(scales=self.parametric.scales))
-        task = PathTask(limits, direction, control, max_steps, bool(rays))
-        return self._run(task, begun(task, run_state), listeners)
-
-    def go_on(
-        self,
-        task: PathTask,
-        run_state: PathState,
-        *,
-        stop: Stop[PathStep] | None = None,
-        observer: Seen[PathStep] | None = None,
-        record: Observer | None = None,
-        progress: bool | None = None,
-    ) -> PathHistory:
-        """Go on with a run from where it was, as a record does. Collective.
-
-        Args:
-            task: what the run is to do.
-            run_state: where it was.
-            stop: as in the run, as for what follows, the errors and the result.
-            observer: called with the points from there on.
-            record: keeps them.
-            progress: whether to report where it is.
-        """
+        task = PathTask(gamma_range, direction, control, max_steps, rays)
         listeners = Listeners(None, stop, observer, record, progress)
-        with everywhere(self.problem.comm, "a path by arc length"):
-            listeners.check("a records.PathRecord")
-        listeners.require_same(self.problem.comm)
-        return self._run(task, run_state, listeners)
-
-    def put(self, run_state: PathState) -> None:
-        """Put the path where a run of it ended, from which the next goes on. Collective."""
-        self._run_state = run_state
-        self._stepper.put(run_state.accepted)
+        return self._run(task, begun(task, run_state), listeners)
 
     def recalled(
         self,
@@ -240,7 +213,16 @@ class ArcLength(ReadOnly):
             energies: since the start.
             first: whether it is a start whose statuses are not known.
         """
-        return self._stepper.recalled_under(gamma, time, memory, energies, first=first)
+        return self._stepper(None).recalled_under(gamma, time, memory, energies, first=first)
+
+    @property
+    def _gamma(self) -> float:
+        """The load at the last accepted state, or as it stands before the first run."""
+        value = self.parametric.constant.value
+        return float(value) if self._run_state is None else self._run_state.gamma
+
+    def _stepper(self, progress: bool | None) -> PathStepper:
+        return PathStepper(self.parametric)
 
     def _run(self, task: PathTask, run_state: PathState, listeners: Listeners) -> PathHistory:
         """A run from where it is to its end. Collective."""
@@ -248,12 +230,12 @@ class ArcLength(ReadOnly):
         accepted = run_state.accepted
         bordered = Bordered(self.parametric, gamma_scale=high - low)
         steps = ArcSteps(Corrector(bordered, task.control))
-        rule = ByArcLength(self.parametric, self._stepper, steps, task, run_state)
+        stepper = self._stepper(listeners.progress)
+        rule = ByArcLength(self.parametric, stepper, steps, task, run_state)
         history = PathHistory(accepted.time, accepted.energies, gamma=accepted.gamma)
-        run = Run(self._stepper, rule, listeners, history)
         try:
-            return run.go()
+            self._follow(Run(stepper, rule, listeners, history))
         finally:
-            self._run_state = run.run_state or self._run_state
             for thing in (steps, steps.corrector, bordered):
                 thing.destroy()
+        return history

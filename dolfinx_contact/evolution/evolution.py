@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
 from typing import ClassVar
 
 from mpi4py import MPI
@@ -12,17 +11,16 @@ from mpi4py import MPI
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact._errors import everywhere, same_everywhere
-from dolfinx_contact._frozen import ReadOnly
+from dolfinx_contact._errors import everywhere
 from dolfinx_contact.continuation.ending import Ending
-from dolfinx_contact.continuation.observer import Observer, Seen, Stop
 from dolfinx_contact.equations.given_data import Datum
 from dolfinx_contact.evolution.accepted import AcceptedState, Stepper, Taken
 from dolfinx_contact.evolution.energy import Energies
-from dolfinx_contact.evolution.history import EvolutionStep, History, NoContinuation
+from dolfinx_contact.evolution.history import History, NoContinuation
 from dolfinx_contact.evolution.listeners import Listeners
 from dolfinx_contact.evolution.run import Run
 from dolfinx_contact.evolution.run_state import RunState
+from dolfinx_contact.evolution.runnable import Runnable
 from dolfinx_contact.evolution.through_times import Accept, HistoryTask, ThroughTimes
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.problem import ContactProblem
@@ -32,7 +30,7 @@ __all__ = ["Evolution"]
 _MOST_FORKS = 16  # evolutions along other rays
 
 
-class Evolution(ReadOnly):
+class Evolution(Runnable[HistoryTask, RunState, History]):
     """A contact problem in time: runs through times, step by step, which a `Stepper` takes.
 
     Args:
@@ -43,7 +41,6 @@ class Evolution(ReadOnly):
     Attributes:
         problem: as given.
         load: as given; it may be set between two runs, all else is read-only.
-        account: what its energies are.
         method: what it is known by beside the problem, in words.
         kept: Functions that a state has beside those of the problem, by name.
         data: Functions and Constants beside those of the problem, as in a density.
@@ -58,7 +55,7 @@ class Evolution(ReadOnly):
         "": "what changes in time are values of Constants and Functions, which the load sets; else "
         "make another evolution"
     }
-    account: type[Energies] = Energies
+    _record = "a records.EvolutionRecord"
     method: Sequence[str] = ()
     kept: Mapping[str, fem.Function] = {}
     data: Sequence[Datum] = ()
@@ -76,40 +73,6 @@ class Evolution(ReadOnly):
                     raise ValueError(f"{s.name}: the law {s.law.name} lacks {lack}")
         self.problem = problem
         self.load = load
-        self._run_state: RunState | None = None
-
-    def go_on(
-        self,
-        task: HistoryTask,
-        run_state: RunState,
-        *,
-        accept: Accept | None = None,
-        stop: Stop[EvolutionStep] | None = None,
-        observer: Seen[EvolutionStep] | None = None,
-        record: Observer | None = None,
-        progress: bool | None = None,
-    ) -> History:
-        """Go on with a run from where it was, as a record does. Collective.
-
-        Args:
-            task: what the run is to do.
-            run_state: where it was.
-            accept: as in the run, as for what follows, the errors and the result.
-            stop: likewise.
-            observer: called with the steps from there on.
-            record: keeps them.
-            progress: whether to report where it is.
-        """
-        listeners = Listeners(accept, stop, observer, record, progress)
-        with everywhere(self.problem.comm, "an evolution"):
-            listeners.check("a records.EvolutionRecord")
-        listeners.require_same(self.problem.comm)
-        return self._run(task, run_state, listeners)
-
-    def put(self, run_state: RunState) -> None:
-        """Put the evolution where a run of it ended, from which the next goes on. Collective."""
-        self._run_state = run_state
-        self._stepper(None).put(run_state.accepted)
 
     def recalled(
         self, time: float, memory: Sequence[Memory | None], energies: Energies, *, first: bool
@@ -124,11 +87,6 @@ class Evolution(ReadOnly):
         """
         return self._stepper(None).recalled(time, memory, energies, first=first)
 
-    @property
-    def _accepted(self) -> AcceptedState | None:
-        """The last accepted state; None before the first run."""
-        return None if self._run_state is None else self._run_state.accepted
-
     def _stepper(self, progress: bool | None) -> Stepper:
         return Stepper(self.problem, self.load, False if progress is False else None)
 
@@ -137,33 +95,32 @@ class Evolution(ReadOnly):
 
         Args:
             task: of the run, whose times begin at that state.
-            listeners: checked.
+            listeners: checked, as the task is, and the same on every rank.
         """
-        comm = self.problem.comm
-        same_everywhere(comm, **asdict(task))
-        listeners.require_same(comm)
         stepper = self._stepper(listeners.progress)
         before = self._run_state
         if before is None:
             accepted = stepper.start(task.times[0])
             return self._run(task, RunState(accepted, task.longest), listeners)
         accepted = before.accepted
-        if not comm.allreduce(int(accepted.data.stands()), op=MPI.MIN):
+        if not self.problem.comm.allreduce(int(accepted.data.stands()), op=MPI.MIN):
             # Data that were changed between two runs are those of the next.
             accepted = stepper.renewed(accepted)
         run_state = RunState(accepted, task.longest, before.rate, before.number)
         return self._run(task, run_state, listeners)
 
+    def _rule(
+        self, stepper: Stepper, task: HistoryTask, run_state: RunState, accept: Accept | None
+    ) -> ThroughTimes:
+        """What finds the steps of a run."""
+        return ThroughTimes(stepper, task, run_state, accept)
+
     def _run(self, task: HistoryTask, run_state: RunState, listeners: Listeners) -> History:
         """A run from where it is to its end. Collective."""
         stepper = self._stepper(listeners.progress)
-        rule = ThroughTimes(stepper, task, run_state, listeners.accept)
+        rule = self._rule(stepper, task, run_state, listeners.accept)
         history = _history_from(run_state.accepted)
-        run = Run(stepper, rule, listeners, history)
-        try:
-            run.go()
-        finally:
-            self._run_state = run.run_state or self._run_state
+        self._follow(Run(stepper, rule, listeners, history))
         history.others = _followed(rule.forks, stepper, task)
         stepper.put(rule.run_state.accepted)
         if rule.failed and task.at_jump != "stop":

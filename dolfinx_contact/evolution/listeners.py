@@ -7,13 +7,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from mpi4py import MPI
-
-from dolfinx_contact._errors import same_everywhere
+from dolfinx_contact._collective import Arguments
 from dolfinx_contact.continuation.arguments import check_functions, check_listeners
 from dolfinx_contact.continuation.observer import Observer, Seen, Stop
 
-__all__ = ["Listeners"]
+__all__ = ["NOT_BY_VALUE", "Listeners"]
+
+#: Arguments of a run that are compared as `Listeners.compared` says, or may differ.
+NOT_BY_VALUE = ("accept", "stop", "record")
 
 
 @dataclass(frozen=True)
@@ -34,6 +35,11 @@ class Listeners:
     record: Observer | None = None
     progress: bool | None = None
 
+    @classmethod
+    def of(cls, a: Arguments) -> Listeners:
+        """Those among the arguments of a run."""
+        return cls(getattr(a, "accept", None), a.stop, a.observer, a.record, a.progress)
+
     def check(self, record: str) -> None:
         """Raise ``ValueError`` for what is none. Not collective.
 
@@ -49,8 +55,6 @@ class Listeners:
             of=record,
         )
 
-    def require_same(self, comm: MPI.Comm) -> None:
-        """Raise ``ValueError`` on every rank where some ranks have what others lack. Collective."""
-        same_everywhere(
-            comm, stop_condition=self.stop is not None, a_record=self.record is not None
-        )
+    def compared(self) -> dict[str, Any]:
+        """Whether there are those that every rank must have or lack, by names in messages."""
+        return {"stop_condition": self.stop is not None, "a_record": self.record is not None}

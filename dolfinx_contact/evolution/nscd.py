@@ -31,22 +31,29 @@ from dolfinx import fem
 from dolfinx_contact._affine import dependence
 from dolfinx_contact._agreement import described, refuse_other_mesh
 from dolfinx_contact._collective import Arguments, collective
-from dolfinx_contact._errors import everywhere, same_everywhere
+from dolfinx_contact._errors import everywhere
 from dolfinx_contact._forms import compiled_form
 from dolfinx_contact._numbers import is_number
 from dolfinx_contact.body.circumference import check_circumference
 from dolfinx_contact.body.inertia import Mass, mass_matrix, rigid_errors
 from dolfinx_contact.body.moving import MovingBody, Scheme, TimeStep
-from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.continuation.observer import Observer, Seen, Stop
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.given_data import Constancy, Datum, data_in, placed_data
+from dolfinx_contact.evolution.accepted import Stepper
 from dolfinx_contact.evolution.evolution import Evolution
-from dolfinx_contact.evolution.history import EvolutionStep, History, NoContinuation
-from dolfinx_contact.evolution.listeners import Listeners
+from dolfinx_contact.evolution.history import EvolutionStep, History
+from dolfinx_contact.evolution.listeners import NOT_BY_VALUE, Listeners
 from dolfinx_contact.evolution.motion import Level, Method, MotionStepper
 from dolfinx_contact.evolution.motion_energy import MotionEnergies
-from dolfinx_contact.evolution.through_times import Accept, HistoryTask, checked_times
+from dolfinx_contact.evolution.run_state import RunState
+from dolfinx_contact.evolution.through_times import (
+    Accept,
+    HistoryTask,
+    ThroughTimes,
+    checked_times,
+)
+from dolfinx_contact.evolution.to_rest import RestTask, ToRest
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.problem import ContactProblem
 
@@ -84,6 +91,18 @@ def _check_settle(a: Arguments) -> None:
     a.max_time = _positive("max_time", a.max_time)
     if not (is_number(a.rest) and 0 < a.rest < 1):
         raise ValueError(f"rest must be between 0 and 1, got {a.rest!r}")
+    time = a.self._time
+    checked_times((time, time + a.self._dt), a.self._accepted)
+    Listeners(observer=a.observer, progress=a.progress).check(a.self._record)
+
+
+def _check_run(a: Arguments) -> None:
+    if a.locate is not None:
+        a.locate = _positive("locate", a.locate)
+        if a.locate > a.self._dt:
+            raise ValueError(f"locate must be no longer than dt, got {a.locate!r}")
+    a.times = checked_times(a.times, a.self._accepted)
+    Listeners.of(a).check(a.self._record)
 
 
 class NSCD(Evolution):
@@ -189,6 +208,12 @@ class NSCD(Evolution):
         of = f"density {described(ufl.as_ufl(density), V.mesh)}"
         self.method = (of, *words, restores, f"damping {_described(damping, V)}")
 
+    @collective(
+        "the times of a motion",
+        _check_run,
+        compare=lambda a: Listeners.of(a).compared(),
+        local=NOT_BY_VALUE,
+    )
     def run(
         self,
         times: Sequence[float],
@@ -232,19 +257,9 @@ class NSCD(Evolution):
                 ``accept``, ``stop`` or ``observer`` raises on any rank.
             OSError: on every rank, if a step cannot be recorded.
         """
-        comm = self.problem.comm
-        least = self._dt / 2**_HALVINGS
-        listeners = Listeners(accept, stop, observer, record, progress)
-        with everywhere(comm, "the times of a motion"):
-            if locate is not None:
-                least = _positive("locate", locate)
-                if least > self._dt:
-                    raise ValueError(f"locate must be no longer than dt, got {locate!r}")
-            given = checked_times(times, self._accepted)
-            task = HistoryTask(given, self._dt, least, locate=locate is not None)
-            listeners.check("a records.EvolutionRecord")
-        same_everywhere(comm, locate=least)
-        return self._begin(task, listeners)
+        least = self._least if locate is None else locate
+        task = HistoryTask(tuple(times), self._dt, least, locate=locate is not None)
+        return self._begin(task, Listeners(accept, stop, observer, record, progress))
 
     @property
     def memory(self) -> tuple[Memory | None, ...]:
@@ -277,36 +292,25 @@ class NSCD(Evolution):
             NoContinuation: as `run`.
             ValueError: on every rank, for arguments that do not fit, and as `run`.
         """
-        start = 0.0 if self._accepted is None else self._accepted.time
-        whole = None
-        peak = 0.0
-        quiet = 0
-        at_rest = False
-        while not at_rest and (whole is None or whole.time < start + max_time):
-            time = start if whole is None else whole.time
-            try:
-                part = self.run([time, time + self._dt], observer=observer, progress=progress)
-            except NoContinuation as error:
-                if whole is not None:
-                    whole.steps += error.history.steps
-                    whole.end(error.history.ending or Ending.NOT_SOLVED, error.history.reason)
-                    error.history = whole
-                raise
-            kinetic = part.energies.kinetic  # type: ignore[attr-defined]
-            peak = max(peak, kinetic)
-            quiet = quiet + 1 if kinetic <= rest * peak else 0
-            if whole is None:
-                whole = part
-            else:
-                whole.steps += part.steps
-            turning = _TURNING * math.sqrt(rest) * (whole.time - start)
-            at_rest = quiet >= _QUIET and quiet * self._dt >= turning
-        assert whole is not None
-        if at_rest:
-            whole.end(Ending.REACHED, "the body is at rest")
-        else:
-            whole.end(Ending.BUDGET, f"not at rest after {whole.time - start:.6g}")
-        return whole
+        task = RestTask((self._time,), self._dt, self._least, max_time=max_time, rest=float(rest))
+        return self._begin(task, Listeners(observer=observer, progress=progress))
+
+    @property
+    def _time(self) -> float:
+        """Of the last accepted state, or of the start, if no run gives it another."""
+        return 0.0 if self._accepted is None else self._accepted.time
+
+    @property
+    def _least(self) -> float:
+        """Length of the shortest step."""
+        return self._dt / 2**_HALVINGS
+
+    def _rule(
+        self, stepper: Stepper, task: HistoryTask, run_state: RunState, accept: Accept | None
+    ) -> ThroughTimes:
+        if isinstance(task, RestTask):
+            return ToRest(stepper, task, run_state)
+        return super()._rule(stepper, task, run_state, accept)
 
     def _stepper(self, progress: bool | None) -> MotionStepper:
         wanted = False if progress is False else None
@@ -316,8 +320,6 @@ class NSCD(Evolution):
 
 _HALVINGS = 20  # of dt, to the least step
 _WRONG_INERTIA = 0.01  # of an acceleration, which is said
-_TURNING = 4.0  # sqrt(rest) of the way there: twice as long as one that turns back is slow
-_QUIET = 10  # steps in which a body at rest does not move
 
 
 def _constant(_: float) -> None:

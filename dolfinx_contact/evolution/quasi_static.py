@@ -22,7 +22,7 @@ from dolfinx_contact.continuation.observer import Observer, Seen, Stop
 from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.evolution.evolution import Evolution
 from dolfinx_contact.evolution.history import EvolutionStep, History, NoContinuation
-from dolfinx_contact.evolution.listeners import Listeners
+from dolfinx_contact.evolution.listeners import NOT_BY_VALUE, Listeners
 from dolfinx_contact.evolution.nscd import NSCD
 from dolfinx_contact.evolution.through_times import (
     Accept,
@@ -42,6 +42,25 @@ def _check_jump(a: Arguments) -> None:
         raise ValueError("a jump begins where a run has ended, at its time or later")
     if a.motion.problem.u is not a.self.problem.u:
         raise ValueError("the motion is that of another body")
+
+
+def _check_run(a: Arguments) -> None:
+    a.times = checked_times(a.times, a.self._accepted)
+    if a.shortest is None:
+        a.shortest = (a.times[-1] - a.times[0]) / 2**_HALVINGS
+    a.follow_rays = bool(a.follow_rays)
+    task = HistoryTask(
+        a.times,
+        a.longest,
+        a.shortest,
+        a.at_jump,
+        a.sudden,
+        rays=a.rays,
+        follow_rays=a.follow_rays,
+    )
+    for name in ("longest", "shortest", "sudden"):  # as numbers
+        setattr(a, name, getattr(task, name))
+    Listeners.of(a).check(a.self._record)
 
 
 class QuasiStatic(Evolution):
@@ -75,6 +94,12 @@ class QuasiStatic(Evolution):
             print(history.steps[-1].status, history.energies.dissipated)
     """
 
+    @collective(
+        "the times of an evolution",
+        _check_run,
+        compare=lambda a: Listeners.of(a).compared(),
+        local=NOT_BY_VALUE,
+    )
     def run(
         self,
         times: Sequence[float],
@@ -143,22 +168,11 @@ class QuasiStatic(Evolution):
                 solved with; what ``load``, ``accept``, ``stop`` or ``observer`` raises on any rank.
             OSError: on every rank, if a step cannot be recorded.
         """
-        listeners = Listeners(accept, stop, observer, record, progress)
-        with everywhere(self.problem.comm, "the times of an evolution"):
-            given = checked_times(times, self._accepted)
-            if shortest is None:
-                shortest = (given[-1] - given[0]) / 2**_HALVINGS
-            task = HistoryTask(
-                given,
-                longest,
-                shortest,
-                at_jump,
-                sudden,
-                rays=rays,
-                follow_rays=bool(follow_rays),
-            )
-            listeners.check("a records.EvolutionRecord")
-        return self._begin(task, listeners)
+        assert shortest is not None
+        task = HistoryTask(
+            tuple(times), longest, shortest, at_jump, sudden, rays=rays, follow_rays=follow_rays
+        )
+        return self._begin(task, Listeners(accept, stop, observer, record, progress))
 
     @collective("a jump", _check_jump)
     def jump(self, motion: NSCD, time: float, max_time: float, *, rest: float = 1e-6) -> History:

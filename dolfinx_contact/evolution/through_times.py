@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias, get_args
 
@@ -177,7 +177,7 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
         try:
             if self._first is not None:
                 yield self._accept(Forked(self._first))
-            for end in self.task.times:
+            for end in self._goals():
                 yield from self._to(end)
         except _Ended as ended:
             self.end(ended.ending, str(ended))
@@ -192,9 +192,13 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
             f"{step.time - step.start:.2g}"
         )
 
-    def part(self, step: EvolutionStep) -> float:
+    def part(self, step: EvolutionStep) -> float | None:
         start = self.start.accepted.time
         return (step.time - start) / (self.task.times[-1] - start)
+
+    def _goals(self) -> Iterable[float]:
+        """Times that are hit exactly."""
+        return self.task.times
 
     def _to(self, end: float) -> Iterator[Advance]:
         """The steps to a time."""
@@ -233,9 +237,13 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
         self._settled = settled
         self._rejected = 0
         self._length = min(2 * self._length, self.task.longest)
+        self._end_if_reached(taken)
+        return Advance(step, taken)
+
+    def _end_if_reached(self, taken: Taken) -> None:
+        """End the run if a step that was accepted leads to where it is to go."""
         if taken.after.time >= self.task.times[-1]:
             self.end(Ending.REACHED, _REACHED)
-        return Advance(step, taken)
 
     def _step(self, taken: Taken, jump: bool, directions: int | None = None) -> EvolutionStep:
         return EvolutionStep(

@@ -22,6 +22,7 @@ from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.continuation.observer import Seen, Stop
 from dolfinx_contact.evolution import EvolutionStep, History, NoContinuation
 from dolfinx_contact.evolution.evolution import Evolution
+from dolfinx_contact.evolution.listeners import Listeners
 from dolfinx_contact.evolution.run_state import RunState
 from dolfinx_contact.evolution.through_times import Accept, HistoryTask
 from dolfinx_contact.records.journal import EvolutionJournal
@@ -187,12 +188,5 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, RunState]):
         if self._index == run.after:
             run_state = replace(run_state, length=task.longest, ending=None, reason="")
         self._goes_on = run_state
-        return self.evolution.go_on(
-            task,
-            run_state,
-            accept=accept,
-            stop=stop,
-            observer=observer,
-            record=self,
-            progress=progress,
-        )
+        listeners = Listeners(accept, stop, observer, self, progress)
+        return self.evolution.go_on(task, run_state, listeners)

@@ -23,6 +23,7 @@ from dolfinx_contact.continuation.layout import Layout
 from dolfinx_contact.continuation.observer import Seen, Stop
 from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.evolution import ArcLength, PathHistory, PathStep
+from dolfinx_contact.evolution.listeners import Listeners
 from dolfinx_contact.evolution.path_state import Known, PathState, PathTask, begun
 from dolfinx_contact.records.journal import PathJournal
 from dolfinx_contact.records.steps_record import StepsRecord
@@ -209,9 +210,8 @@ class PathRecord(StepsRecord[PathJournal, PathState]):
         if self._index == run.after:
             run_state = begun(task, run_state)
         self._goes_on = run_state
-        return self.path.go_on(
-            task, run_state, stop=stop, observer=observer, record=self, progress=progress
-        )
+        listeners = Listeners(None, stop, observer, self, progress)
+        return self.path.go_on(task, run_state, listeners)
 
 
 def _task(words: Mapping[str, Any]) -> PathTask:

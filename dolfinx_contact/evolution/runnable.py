@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""What goes on run by run: what histories, motions and paths have in common."""
+
+from __future__ import annotations
+
+from typing import ClassVar, Generic, TypeVar
+
+from dolfinx_contact._collective import Arguments, collective
+from dolfinx_contact._frozen import ReadOnly
+from dolfinx_contact.evolution.accepted import AcceptedState, Stepper
+from dolfinx_contact.evolution.energy import Energies
+from dolfinx_contact.evolution.history import History
+from dolfinx_contact.evolution.listeners import Listeners
+from dolfinx_contact.evolution.run import Run
+from dolfinx_contact.evolution.run_state import RunState
+from dolfinx_contact.problem import ContactProblem
+
+__all__ = ["Runnable"]
+
+T = TypeVar("T")
+S = TypeVar("S", bound=RunState)
+H = TypeVar("H", bound=History)
+
+
+def _check(a: Arguments) -> None:
+    a.listeners.check(a.self._record)
+
+
+class Runnable(ReadOnly, Generic[T, S, H]):
+    """A contact problem that goes on run by run: each begins where the one before has ended.
+
+    Attributes:
+        problem: whose Functions follow the accepted steps.
+        account: what its energies are.
+    """
+
+    account: type[Energies] = Energies
+    problem: ContactProblem
+    #: What keeps its steps, in words.
+    _record: ClassVar[str]
+    #: Where the last run has ended; None before the first.
+    _run_state: S | None = None
+
+    @collective(
+        "a run that goes on",
+        _check,
+        compare=lambda a: a.listeners.compared(),
+        local=("task", "run_state", "listeners"),
+    )
+    def go_on(self, task: T, run_state: S, listeners: Listeners) -> H:
+        """Go on with a run from where it was, as a record does. Collective.
+
+        Args:
+            task: what the run is to do.
+            run_state: where it was.
+            listeners: of the steps from there on.
+
+        Returns:
+            As the run, whose errors are those of this, too.
+        """
+        return self._run(task, run_state, listeners)
+
+    def put(self, run_state: S) -> None:
+        """Put the problem where a run of it ended, from which the next goes on. Collective."""
+        self._run_state = run_state
+        self._stepper(None).put(run_state.accepted)
+
+    @property
+    def _accepted(self) -> AcceptedState | None:
+        """The last accepted state; None before the first run."""
+        return None if self._run_state is None else self._run_state.accepted
+
+    def _stepper(self, progress: bool | None) -> Stepper:
+        """What takes steps of the problem.
+
+        Args:
+            progress: whether solves show theirs; see `QuasiStatic.run`.
+        """
+        raise NotImplementedError
+
+    def _run(self, task: T, run_state: S, listeners: Listeners) -> H:
+        """A run from where it is to its end. Collective."""
+        raise NotImplementedError
+
+    def _follow(self, run: Run[T, S, H]) -> None:
+        """Go on to the end of a run, and know where that is, also if it fails. Collective."""
+        try:
+            run.go()
+        finally:
+            self._run_state = run.run_state or self._run_state
