@@ -124,7 +124,6 @@ def run(name, make, algorithms, frictions, comm):
             records.append(record)
             if comm.rank == 0:
                 print(shown(record), flush=True)
-    problem.destroy()
     return records
 
 

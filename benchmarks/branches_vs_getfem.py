@@ -24,7 +24,7 @@ from getfem_side import GetFEM
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "demos"))
 import demo_ciarlet_geymonat
-import demo_linear_triangle
+from _triangle import linear_triangle
 
 from dolfinx_contact.continuation import StepControl, explore
 from dolfinx_contact.continuation.follow import follower_for
@@ -193,7 +193,7 @@ def triangle_side(args, preload=(0.0, 0.0), load=LOAD):
 
 def triangle_steps(args):
     """Seed load, from gamma = -1 towards 0: nothing happens on the way."""
-    system = demo_linear_triangle.linear_triangle(args.n, FRICTION)
+    system = linear_triangle(args.n, FRICTION)
     side = triangle_side(args)
     side.ask("solve", gammas=[-1.0], tolerance=TRIANGLE["max_res"])
     # Steps that are long enough would come to gamma = 0 at once.
@@ -214,12 +214,12 @@ def triangle_steps(args):
 
 def condensation(system, x, gamma):
     """The problem condensed onto its contact points, anew."""
-    Reduction(system, x, gamma, exact=True).destroy()
+    Reduction(system, x, gamma, exact=True)
 
 
 def triangle_kinks(args):
     """A pressed triangle sheared to and fro: many changes of status, one after the other."""
-    system = demo_linear_triangle.linear_triangle(args.n, FRICTION, SHEAR, preload=PRELOAD)
+    system = linear_triangle(args.n, FRICTION, SHEAR, preload=PRELOAD)
     x = start_of(system, -1.0)
     side = triangle_side(args, PRELOAD, SHEAR)
     side.ask("solve", gammas=[-1.0], tolerance=TRIANGLE["max_res"])
@@ -426,13 +426,11 @@ def rays(args, system, start, make, gammas, sense, tolerances):
 def bare_search(system, x):
     """Condensation at the undeformed state and the rays of its tangent cone."""
     condensed = Reduction(system, x, 0.0, exact=False)
-    ways = outgoing(condensed.system.tangent_cone(condensed.contract(x), 1e-12))
-    condensed.destroy()
-    return ways
+    return outgoing(condensed.system.tangent_cone(condensed.contract(x), 1e-12))
 
 
 def triangle_rays(args):
-    system = demo_linear_triangle.linear_triangle(args.n, FRICTION)
+    system = linear_triangle(args.n, FRICTION)
     gammas = [-1.0, -0.02]
     return rays(args, system, -1.0, lambda: triangle_side(args), gammas, 1.0, TRIANGLE)
 

@@ -79,7 +79,6 @@ def ours(dim, n, solver):
         "unknowns": result.dofs,
         "linear_solver": problem.linear_solver.name,
     }
-    problem.destroy()
     return record
 
 

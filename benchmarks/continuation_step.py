@@ -183,7 +183,6 @@ def main(argv=None):
         rounds.append((steps, static(system, branch, comm)))
         unknowns = system.create_vector().getSize()
         solver = system.problem.linear_solver.name
-        system.destroy(), system.problem.destroy()
     steps, solves = (
         [median(runs) for runs in zip(*side, strict=True)] for side in zip(*rounds, strict=True)
     )

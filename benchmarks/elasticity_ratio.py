@@ -36,7 +36,7 @@ from mpi4py import MPI
 
 import elastic_solve
 import numpy as np
-from timing import REPEATS, Timer, in_turns, peak_gigabytes, save
+from timing import REPEATS, Timer, clean, in_turns, peak_gigabytes, save
 
 import ufl
 from dolfinx import fem, mesh
@@ -159,6 +159,12 @@ BLOCK = Case(block, elasticity, contact_problem)
 
 def contact(args, body, coarse=(), case=BLOCK):
     """The frictional solve from zero, by way of coarser meshes if there are any."""
+    record = _contact(args, body, coarse, case)
+    clean(body[0].mesh.comm)  # before the run that is next in turn
+    return record
+
+
+def _contact(args, body, coarse, case):
     timer = Timer(body[0].mesh.comm)
     before = None
     levels = []
@@ -169,7 +175,9 @@ def contact(args, body, coarse=(), case=BLOCK):
             problem = case.problem(args, lambda _, function: function(), *part)
             if last is not None:
                 prolong(last, problem)
-                last.destroy()
+                coarser = last.comm
+                last = None
+                clean(coarser)
             result = problem.solve()
             levels.append({"unknowns": result.dofs, "newton_iterations": result.iterations})
             last = problem
@@ -181,7 +189,9 @@ def contact(args, body, coarse=(), case=BLOCK):
     timer("linear solver", lambda: problem.linear_solver)
     if before is not None:
         timer("prolongation", lambda: prolong(before, problem))
-        before.destroy()
+        coarser = before.comm
+        before = None
+        clean(coarser)
     result = timer("solve", problem.solve)
     record = {
         **timer.record,
@@ -199,7 +209,6 @@ def contact(args, body, coarse=(), case=BLOCK):
         "unknowns": result.dofs,
         "sum_rn": float(result.tables["contact"].rn.sum()),
     }
-    problem.destroy()
     return record
 
 

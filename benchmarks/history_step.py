@@ -179,8 +179,6 @@ def turn(args, body, comm):
         "residue": found.energies.residue / found.energies.external,
         "dissipated": found.energies.dissipated / found.energies.external,
     }
-    for system in (history, static):
-        system.destroy(), system.problem.destroy()
     return steps, solves, record
 
 

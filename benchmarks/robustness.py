@@ -73,7 +73,6 @@ def main() -> None:
                 if comm.rank == 0:
                     print("FAILED", record, flush=True)
             records.append(record)
-        problem.destroy()
     if comm.rank == 0:
         report(records)
         Path(args.output).write_text(json.dumps(records, indent=1) + "\n")

@@ -73,7 +73,6 @@ def surface_seconds(args, n, comm):
         return timer.record
 
     found = in_turns(comm, {"surface": factorise}, args.repeats)
-    problem.destroy()
     return found["surface"]["seconds"]
 
 

@@ -19,14 +19,14 @@ from dolfinx_contact import ContactSurface, ConvergenceError, parse_arguments
 from dolfinx_contact.continuation import find_solutions
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "demos"))
-import demo_linear_triangle as demo
+import _triangle
 
 STRONG = 4.0
 
 
 def triangle(n, method, friction):
-    demo.ContactSurface = functools.partial(ContactSurface, method=method)
-    system = demo.linear_triangle(n, friction)
+    _triangle.ContactSurface = functools.partial(ContactSurface, method=method)
+    system = _triangle.linear_triangle(n, friction)
     system.set_parameter(1.0)
     return system
 

@@ -25,7 +25,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "demos"))
 
 import demo_block
 import demo_greco_block
-import demo_linear_triangle
+from _triangle import linear_triangle
 
 
 def block(dim, n, comm):
@@ -37,7 +37,7 @@ def greco(n, comm):
 
 
 def triangle(n, gamma, comm):
-    system = demo_linear_triangle.linear_triangle(n, 1.7, comm=comm)
+    system = linear_triangle(n, 1.7, comm=comm)
     system.set_parameter(gamma)
     return system.problem
 
@@ -64,7 +64,6 @@ def measured(make, comm):
         "points": sum(result.counts.values()),
         "dofs": result.dofs,
     }
-    problem.destroy()
     return record
 
 

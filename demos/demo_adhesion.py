@@ -18,7 +18,7 @@ from mpi4py import MPI
 
 import numpy as np
 from _case import ScriptParser, number
-from demo_linear_triangle import linear_triangle
+from _triangle import linear_triangle
 
 import ufl
 from dolfinx import fem, mesh

@@ -11,8 +11,8 @@
 # Without a mesh the body is Hild's triangle (see `demo_hild_triangle.py`) with lambda = mu = 1, of
 # which one node moves, under the nodal force (-gamma, -1). Its folds lie at gamma = F, where stick
 # ends, and at gamma = kt/k = 2, where the pressure vanishes. The two lines cross at the critical
-# coefficient F = 2: below it the solution is unique. With a mesh it is a body as in
-# `demo_followed_mesh.py`, under the body force (1 - gamma) (FX, FY) + gamma (GX, GY).
+# coefficient F = 2: below it the solution is unique. With a mesh, of groups as in
+# `demo_followed_mesh.py`, it is a body under the body force (1 - gamma) (FX, FY) + gamma (GX, GY).
 #
 # A linear body is condensed onto its contact points, once. In that problem F multiplies the
 # pressures of slipping points, so that along a fold gamma is a rational function of F until another
@@ -20,13 +20,26 @@
 
 from mpi4py import MPI
 
-import demo_followed_mesh
+import numpy as np
 from _case import ScriptParser, number
-from demo_hild_triangle import element
+from _triangle import element
 
-from dolfinx_contact import io, plot
+import ufl
+from dolfinx import fem
+
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    HalfSpace,
+    ParametricContact,
+    io,
+    plot,
+)
 from dolfinx_contact.analysis import contact_family, count_solutions, event_curves
 from dolfinx_contact.continuation import follow
+from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.meshing import read_mesh
 
 
 def arguments(argv=None):
@@ -53,20 +66,33 @@ def arguments(argv=None):
     return args
 
 
+def meshed(args):
+    """A meshed body with the parameter gamma, held on `dirichlet`; `contact` is above the floor."""
+    body = read_mesh(MPI.COMM_WORLD, args.mesh, dim=2, groups=("dirichlet", "contact"))
+    domain = body.mesh
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V, name="displacement")
+    gamma = fem.Constant(domain, 0.0)
+    first = fem.Constant(domain, np.array(args.body_force[:2]))
+    last = fem.Constant(domain, np.array(args.body_force[2:]))
+    force = (1 - gamma) * first + gamma * last
+    material = LinearElastic(*(args.lame or (100.0, 82.0)))
+    energy = material.energy(u) * ufl.dx - ufl.dot(force, u) * ufl.dx
+    clamped = fem.dirichletbc(np.zeros(2), body.dofs(V, "dirichlet"), V)
+    floor = HalfSpace((0.0, body.bounds("contact")[0, 1]), (0.0, 1.0))
+    law = Coulomb(args.friction[1])
+    surface = ContactSurface(u, body, tag="contact", obstacle=floor, law=law)
+    return ParametricContact(ContactProblem(energy, u, [surface], bcs=[clamped]), gamma)
+
+
 def problem(args):
     """The problem with gamma, and the range of that."""
+    if args.mesh is not None:
+        return meshed(args), (0.0, 1.0)
     largest = args.friction[1]
-    if args.mesh is None:
-        lame = args.lame or (1.0, 1.0)
-        triangle = element(lame, largest, 1.0, (-2.0, 0.0), (0.0, -2.0))
-        return triangle, (0.0, 1.2 * largest)
-    lame = args.lame or (100.0, 82.0)
-    words = ["--mesh", args.mesh, "--friction", largest]
-    words += ["--lame", *lame]
-    words += ["--body-force", *args.body_force]
-    options = demo_followed_mesh.arguments([str(word) for word in words])
-    body = demo_followed_mesh.system(options, MPI.COMM_WORLD)
-    return body, (0.0, 1.0)
+    lame = args.lame or (1.0, 1.0)
+    triangle = element(lame, largest, 1.0, (-2.0, 0.0), (0.0, -2.0))
+    return triangle, (0.0, 1.2 * largest)
 
 
 # ## Branches at some coefficients, and the curves that pass through their folds

@@ -19,7 +19,6 @@ from mpi4py import MPI
 import gmsh
 import numpy as np
 from _case import ScriptParser, number
-from demo_dragged_body import WIDTH, draw_rocker
 
 import ufl
 from dolfinx import fem
@@ -36,8 +35,12 @@ from dolfinx_contact import (
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.meshing import mesh_from_gmsh
 
-LENGTH = 1.3  # half of the base's
-DEPTH = 0.6  # its height
+RADIUS = 1.0  # of the rocker
+HALF_LENGTH = 0.8
+HEIGHT = 0.8
+WIDTH = 1.0
+BASE_LENGTH = 1.3  # half of it
+DEPTH = 0.6  # of the base
 
 
 def arguments(argv=None):
@@ -52,14 +55,37 @@ def arguments(argv=None):
 
 # ## The mesh
 #
-# The base is a box below the rocker, as wide as this. It is drawn beside what the other demo
-# draws, and both are meshed anew with the sizes of cells that this has set.
+# The rocker is a section, an arc and three straight lines, that is extruded; the base is a box
+# below, as wide as this, and shares no node with it. Cells are small where both touch.
 
 
-def draw(size):
-    draw_rocker(size)
+def add_rocker(size):
     occ = gmsh.model.occ
-    base = occ.addBox(-LENGTH, 0, -DEPTH, 2 * LENGTH, WIDTH, DEPTH)
+    rise = RADIUS - np.sqrt(RADIUS**2 - HALF_LENGTH**2)
+    left = occ.addPoint(-HALF_LENGTH, 0, rise)
+    right = occ.addPoint(HALF_LENGTH, 0, rise)
+    top_right = occ.addPoint(HALF_LENGTH, 0, HEIGHT)
+    top_left = occ.addPoint(-HALF_LENGTH, 0, HEIGHT)
+    lowest = occ.addPoint(0, 0, 0)
+    arc = occ.addCircleArc(left, lowest, right, center=False)
+    occ.remove([(0, lowest)])
+    up = occ.addLine(right, top_right)
+    back = occ.addLine(top_right, top_left)
+    down = occ.addLine(top_left, left)
+    outline = occ.addCurveLoop([arc, up, back, down])
+    section = occ.addPlaneSurface([outline])
+    layers = round(WIDTH / (1.4 * size))
+    # The faces come in the order of the curves, after the opposite section and the volume.
+    _, block, contact, _, top, _ = occ.extrude([(2, section)], 0, WIDTH, 0, numElements=[layers])
+    occ.synchronize()
+    groups = {"rocker": block, "contact": contact, "top": top}
+    for name, (dim, tag) in groups.items():
+        gmsh.model.addPhysicalGroup(dim, [tag], name=name)
+
+
+def add_base():
+    occ = gmsh.model.occ
+    base = occ.addBox(-BASE_LENGTH, 0, -DEPTH, 2 * BASE_LENGTH, WIDTH, DEPTH)
     occ.synchronize()
     gmsh.model.addPhysicalGroup(3, [base], name="base")
     faces = {-DEPTH: "bottom", 0.0: "face"}
@@ -67,7 +93,17 @@ def draw(size):
         z = round(occ.getCenterOfMass(2, face)[2], 6)
         if z in faces:
             gmsh.model.addPhysicalGroup(2, [face], name=faces[z])
-    gmsh.model.mesh.clear()
+
+
+def draw(size, with_base):
+    add_rocker(size)
+    if with_base:
+        add_base()
+    field = gmsh.model.mesh.field.add("MathEval")
+    gmsh.model.mesh.field.setString(field, "F", f"{size} * (1 + 2 * Sqrt(x^2 + z^2))")
+    gmsh.model.mesh.field.setAsBackgroundMesh(field)
+    for option in ("MeshSizeFromPoints", "MeshSizeFromCurvature", "MeshSizeExtendFromBoundary"):
+        gmsh.option.setNumber(f"Mesh.{option}", 0)
     gmsh.model.mesh.generate(3)
 
 
@@ -77,7 +113,7 @@ def draw(size):
 
 
 def problem(args, comm):
-    body = mesh_from_gmsh(comm, lambda: draw_rocker(args.size) if args.rigid else draw(args.size))
+    body = mesh_from_gmsh(comm, lambda: draw(args.size, not args.rigid))
     V = fem.functionspace(body.mesh, ("Lagrange", 1, (3,)))
     u = fem.Function(V, name="displacement")
     young = fem.Function(fem.functionspace(body.mesh, ("DG", 0)))

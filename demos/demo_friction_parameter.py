@@ -18,7 +18,7 @@ from mpi4py import MPI
 
 import numpy as np
 from _case import ScriptParser, number
-from demo_hild_triangle import element
+from _triangle import element
 
 from dolfinx_contact import ParametricContact, io, plot, records
 from dolfinx_contact.continuation import find_solutions, follow

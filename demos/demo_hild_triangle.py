@@ -17,7 +17,7 @@ from mpi4py import MPI
 import numpy as np
 from _case import ScriptParser, number
 from _plots import draw_maps
-from demo_linear_triangle import linear_triangle
+from _triangle import element
 
 from dolfinx_contact import io, plot, records
 from dolfinx_contact.continuation import Branch, find_solutions
@@ -29,13 +29,8 @@ FUNCTIONALS = {name: leftmost(name) for name in ("ut", "un", "rt", "rn")}
 # ## All solutions at a load
 #
 # Only A can change its status, so that there are four pieces. `find_solutions` looks at all of them
-# and finds the ends of continua too. The element is so small that every rank solves it alone.
-
-
-def element(lame, friction, length, load, preload=(0.0, 0.0)):
-    """The triangle under the traction preload + gamma load."""
-    minus = -np.array(load, dtype=float)
-    return linear_triangle(1, friction, minus, lame, length, preload=preload, comm=MPI.COMM_SELF)
+# and finds the ends of continua too. The element is so small that every rank solves it alone; its
+# traction is preload + gamma load.
 
 
 def critical_friction(lame):

@@ -9,6 +9,7 @@
 #
 # The triangle A = (0, 0), B = (1, 0), C = (0, 1), clamped on BC, may touch a rigid floor along AB.
 # A traction -gamma (26, 7.5) acts on AC (Ligursky and Renard's example of a linear elastic body).
+# Its n * n congruent triangles are half of a square; other demos have the same body (`_triangle`).
 # Without load the body just grazes the floor, so that at gamma = 0 every node of AB is open, stuck
 # and slipping at the same time: 4^n pieces of the nonsmooth problem meet there. For gamma < 0 there
 # is one solution, for gamma > 0 and a large friction coefficient there are three.
@@ -18,68 +19,15 @@ import time
 
 from mpi4py import MPI
 
-import numpy as np
 from _case import ScriptParser
+from _triangle import linear_triangle
 
-import ufl
-from dolfinx import fem, mesh
-
-from dolfinx_contact import (
-    ContactProblem,
-    ContactSurface,
-    Coulomb,
-    HalfSpace,
-    ParametricContact,
-    io,
-    plot,
-    records,
-)
+from dolfinx_contact import io, plot, records
 from dolfinx_contact.continuation import Branch, explore, find_solutions
-from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.records import leftmost, total
 
 #: What is looked at; A is the leftmost contact point.
 FUNCTIONALS = dict(ut_A=leftmost("ut"), un_A=leftmost("un"), sum_rt=total("rt"), sum_rn=total("rn"))
-
-# ## The body
-#
-# n * n congruent triangles, half of a square. The traction on AC is preload - gamma load.
-
-
-def linear_triangle(
-    n, friction, load=(26.0, 7.5), lame=(100.0, 82.0), length=1.0, *, preload=(0, 0), law=None,
-    comm=None,
-):  # fmt: skip
-    comm = comm or MPI.COMM_WORLD
-    square = mesh.create_unit_square(comm, n, n, diagonal=mesh.DiagonalType.left)
-    half = mesh.locate_entities(square, 2, lambda x: x[0] + x[1] < 1 + 1e-9)
-    domain = mesh.create_submesh(square, 2, half)[0]
-    slope = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[0] + x[1], 1))
-    side = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[0], 0))
-    bottom = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 0))
-    domain.geometry.x[:] *= length
-
-    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u = fem.Function(V, name="displacement")
-    gamma = fem.Constant(domain, -1.0)
-    ones = np.ones(len(side), dtype=np.int32)
-    tags = mesh.meshtags(domain, 1, np.sort(side), ones)
-    ds = ufl.Measure("ds", domain, subdomain_data=tags)(1)
-    if callable(preload):
-        first = preload(domain)
-    else:
-        constant = np.array(preload, float)
-        first = fem.Constant(domain, constant)
-    traction = first - gamma * fem.Constant(domain, load)
-    stored = LinearElastic(*lame).energy(u)
-    energy = stored * ufl.dx - ufl.dot(traction, u) * ds
-    held = fem.locate_dofs_topological(V, 1, slope)
-    clamped = fem.dirichletbc(np.zeros(2), held, V)
-    floor = HalfSpace((0, 0), (0, 1))
-    law = Coulomb(friction) if law is None else law(domain)
-    surface = ContactSurface(u, bottom, obstacle=floor, law=law)
-    problem = ContactProblem(energy, u, [surface], bcs=[clamped])
-    return ParametricContact(problem, gamma)
 
 
 def described(status):

@@ -16,10 +16,52 @@
 from mpi4py import MPI
 
 import numpy as np
-from demo_regularised import arguments, creeping
+from _case import ScriptParser, number
+from _triangle import linear_triangle, true_solutions
 
-from dolfinx_contact import io, plot
+from dolfinx import fem
+
+from dolfinx_contact import Coulomb, ParametricContact, Regularised, io, plot
 from dolfinx_contact.continuation import follow
+
+
+def arguments(argv=None):
+    parser = ScriptParser("The only solution", output="output/only_solution", n=16, friction=2.0)
+    parser.add_argument("--width", type=number(above=0), default=1e-4, help="eps, small")
+    parser.add_argument("--shape", choices=["tanh", "sqrt", "polynomial"], default="tanh")
+    return parser.parse(argv)
+
+
+# ## The smooth problem, with F as the parameter
+#
+# Newton's method begins at the true solution in which A sticks. In the smooth one it creeps.
+
+
+def creeping(args, n, width):
+    true, ends = true_solutions(n, args.friction)
+    stuck = next(point for point in ends if true.letters(point.piece)[0] == "k")
+    true.result_at(stuck)
+    given = []
+
+    def law(domain):
+        F = fem.Constant(domain, args.friction)
+        given.append(F)
+        eps = fem.Constant(domain, width)
+        return Regularised(Coulomb(F), eps, args.shape)
+
+    loaded = linear_triangle(n, args.friction, law=law)
+    loaded.set_parameter(1.0)
+    problem = loaded.problem
+    problem.u.x.array[:] = true.problem.u.x.array
+    force = problem.surfaces[0].multiplier
+    true_force = true.problem.surfaces[0].multiplier
+    force.x.array[:] = true_force.x.array
+    problem.solve()
+    system = ParametricContact(problem, given[0])
+    x = system.create_vector()
+    problem.write(x)
+    return system, x
+
 
 # ## One mesh, one width
 #
@@ -28,7 +70,7 @@ from dolfinx_contact.continuation import follow
 
 def only_up_to(args, n, width):
     """The friction coefficient of the fold; None if the branch has none."""
-    system, x, _, _ = creeping(args, n, "F", width)
+    system, x = creeping(args, n, width)
     reach = (0.1, 1.1 * args.friction)
     way = follow(system, x, args.friction, gamma_range=reach, direction="decreasing")
     return way.folds[0].gamma if way.folds else None

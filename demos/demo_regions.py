@@ -21,7 +21,7 @@
 from mpi4py import MPI
 
 from _case import ScriptParser, number
-from demo_linear_triangle import linear_triangle
+from _triangle import linear_triangle
 
 import ufl
 from dolfinx import fem

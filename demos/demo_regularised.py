@@ -15,12 +15,16 @@ from mpi4py import MPI
 
 import numpy as np
 from _case import ScriptParser, number
-from demo_linear_triangle import FUNCTIONALS, linear_triangle
+from _triangle import linear_triangle, true_solutions
 
 from dolfinx import fem
 
 from dolfinx_contact import Coulomb, ParametricContact, Regularised, io, plot, records
-from dolfinx_contact.continuation import Branch, explore, follow
+from dolfinx_contact.continuation import Branch, follow
+from dolfinx_contact.records import leftmost, total
+
+#: What is looked at; A is the leftmost contact point.
+FUNCTIONALS = dict(ut_A=leftmost("ut"), un_A=leftmost("un"), sum_rt=total("rt"), sum_rn=total("rn"))
 
 
 def arguments(argv=None):
@@ -30,40 +34,23 @@ def arguments(argv=None):
     return parser.parse(argv)
 
 
-# ## The true solutions: ends of the branches of the linear triangle
-
-
-def true_solutions(n, friction):
-    system = linear_triangle(n, friction)
-    system.problem.solve()
-    x = system.create_vector()
-    system.problem.write(x)
-    diagram = explore(system, [(x, -1.0)], gamma_range=(-1.0, 1.0))
-    ends = []
-    for branch in diagram.branches:
-        both = (branch.points[0], branch.points[-1])
-        ends += [point for point in both if point.gamma == 1.0]
-    return system, sorted(ends, key=lambda point: system.letters(point.piece))
-
-
-# ## The smooth problem, with eps or F as the parameter
+# ## The smooth problem, with eps as the parameter
 #
-# Newton's method begins at the true solution in which A sticks.
+# Newton's method begins at the true solution in which A sticks; the true ones are the ends of the
+# branches of the linear triangle.
 
 
-def creeping(args, n, by, width):
-    true, ends = true_solutions(n, args.friction)
-    stuck = [point for point in ends if true.letters(point.piece)[0] == "k"]
-    true.result_at(stuck[0])
-    given = {}
+def creeping(args, true, stuck):
+    true.result_at(stuck)
+    given = []
 
     def law(domain):
-        given["eps"] = fem.Constant(domain, width)
-        given["F"] = fem.Constant(domain, args.friction)
-        coulomb = Coulomb(given["F"])
-        return Regularised(coulomb, given["eps"], args.shape)
+        eps = fem.Constant(domain, args.width)
+        given.append(eps)
+        coulomb = Coulomb(fem.Constant(domain, args.friction))
+        return Regularised(coulomb, eps, args.shape)
 
-    loaded = linear_triangle(n, args.friction, law=law)
+    loaded = linear_triangle(args.n, args.friction, law=law)
     loaded.set_parameter(1.0)
     problem = loaded.problem
     problem.u.x.array[:] = true.problem.u.x.array
@@ -71,10 +58,10 @@ def creeping(args, n, by, width):
     true_force = true.problem.surfaces[0].multiplier
     force.x.array[:] = true_force.x.array
     problem.solve()
-    system = ParametricContact(problem, given[by])
+    system = ParametricContact(problem, given[0])
     x = system.create_vector()
     problem.write(x)
-    return system, x, true, ends
+    return system, x
 
 
 # ## As others do it: from rest at a large eps, which falls step by step
@@ -107,10 +94,12 @@ def main(argv=None):
     comm = MPI.COMM_WORLD
     folder = io.output_folder(comm, args.output)
     say = io.Report(comm)
-    system, x, true, ends = creeping(args, args.n, "eps", args.width)
+    true, ends = true_solutions(args.n, args.friction)
     rows = records.journal_of(true, [Branch(ends)], FUNCTIONALS).rows()
     for row in rows:
         say(f"true: A {row['status'][0]}, slip {row['ut_A']:.7g}, gap {row['un_A']:.3g}")
+    stuck = next(point for point in ends if true.letters(point.piece)[0] == "k")
+    system, x = creeping(args, true, stuck)
     branch = follow(system, x, args.width, gamma_range=(0.1 * args.width, 1.0))
     journal = records.journal_of(system, [branch], FUNCTIONALS)
     (lost,) = [s.gamma for s in branch.folds]

@@ -16,7 +16,7 @@
 from mpi4py import MPI
 
 from _case import ScriptParser, number
-from demo_hild_triangle import element
+from _triangle import element
 
 from dolfinx_contact import io, plot, records
 from dolfinx_contact.continuation import Branch, follower_for

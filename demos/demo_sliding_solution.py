@@ -15,14 +15,19 @@ from mpi4py import MPI
 import numpy as np
 from _case import ScriptParser, number
 from _plots import draw_maps
-from demo_which_solution import ALGORITHMS, NAMES, end_of, reduced
+from _triangle import ENDS, end_of, reduced
 
 from dolfinx_contact import algorithms, io
 
-PATIENT = ALGORITHMS | {
+ALGORITHMS = {
+    "newton": algorithms.SemismoothNewton(),
     "tresca": algorithms.TrescaFixedPoint(max_iterations=1000),
+    "uzawa": algorithms.Uzawa(max_iterations=1000),
+    "penalty": algorithms.Penalty(),
     "gauss-seidel": algorithms.GaussSeidel(max_iterations=1000),
     "cg": algorithms.ProjectedGradient(max_iterations=3000),
+    "lemke": algorithms.Lemke(),
+    "interior-point": algorithms.InteriorPoint(max_iterations=60),
 }
 
 # ## The node A
@@ -76,18 +81,18 @@ def triangle(friction, n):
 def sweep(problem, n, frictions, starts):
     """By algorithm the words and the pressures rn/pn of the ends, (frictions, starts)."""
     size = len(frictions), len(starts)
-    words = {name: np.full(size, "n") for name in PATIENT}
-    pressures = {name: np.full(size, np.nan) for name in PATIENT}
+    words = {name: np.full(size, "n") for name in ALGORITHMS}
+    pressures = {name: np.full(size, np.nan) for name in ALGORITHMS}
     for i, friction in enumerate(frictions):
         contact = problem(friction, n)
         _, _, pn = corner(contact)
         direction = np.array([friction, 1.0])
-        for name, algorithm in PATIENT.items():
+        for name, algorithm in ALGORITHMS.items():
             for j, s in enumerate(starts):
                 start = np.zeros((contact.number, 2))
                 start[0] = s * pn * direction
-                word, outcome = end_of(algorithm, contact, start)
-                words[name][i, j] = word
+                outcome = algorithm.run(contact, start=start)
+                words[name][i, j] = end_of(contact, outcome)
                 pressures[name][i, j] = outcome.r[0, 1] / pn
     return words, pressures
 
@@ -117,7 +122,7 @@ def main(argv=None):
         if comm.rank == 0:
             labels = ("$F$", "$r_n/p_n$ of A at the start")
             file = folder / f"{title}.png"
-            draw_maps(file, frictions, starts, words, NAMES, labels=labels)
+            draw_maps(file, frictions, starts, words, ENDS, labels=labels)
         problems[title] = {
             "critical": critical,
             "frictions": frictions.tolist(),

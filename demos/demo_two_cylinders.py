@@ -13,23 +13,25 @@
 # cells grow with the distance from the contact. Hertz's half-spaces have the contact radius 6.21 mm
 # and the peak 3585.37 MPa; with friction that holds approximately.
 #
-# `--case spheres` is the demo of two spheres, in which the bodies are drawn.
+# `--case spheres` is the problem of `demo_two_spheres.py`.
 
 import numpy as np
 from _hertz import Hertz
-from demo_two_spheres import RADIUS, draw, parser, quarter, study
+from _round import draw, parser, quarter, study
 
 import ufl
 from dolfinx import fem
 
 from dolfinx_contact import ContactPair, ContactProblem, Coulomb, Frictionless
-from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.materials import Axisymmetric, LinearElastic, circumference
 from dolfinx_contact.meshing import mesh_from_gmsh
 
-HEIGHT = 200.0  # mm
+RADIUS = 50.0  # mm
+HEIGHT = 200.0
 LOAD = 35e3  # N/mm
 STEEL_YOUNG = 210e3  # MPa
 ALUMINIUM_YOUNG = 70e3
+SPHERES_YOUNG = 20e3
 POISSON = 0.3
 STEEL = LinearElastic.from_young(STEEL_YOUNG, POISSON)
 ALUMINIUM = LinearElastic.from_young(ALUMINIUM_YOUNG, POISSON)
@@ -45,14 +47,14 @@ HERTZ = Hertz(2, RADIUS, 1 / COMPLIANCE, parts=2)
 
 
 def block(size):
-    face, corners = quarter(size, -1)
+    face, corners = quarter(size, -1, RADIUS)
     top = [(x, 0.0) for x, _ in corners[: face + 1]]
     outer = [(HEIGHT, 0.0), (HEIGHT, -HEIGHT), (0.0, -HEIGHT)]
     return face, top + outer
 
 
 def problem(size, args, comm):
-    cylinder = quarter(size, 1)
+    cylinder = quarter(size, 1, RADIUS)
     bodies = {"upper": cylinder, "lower": block(args.ratio * size)}
     body = mesh_from_gmsh(comm, lambda: draw(bodies))
     V = fem.functionspace(body.mesh, ("Lagrange", 1, (2,)))
@@ -77,13 +79,37 @@ def problem(size, args, comm):
     return ContactProblem(energy, u, [pair], bcs=bcs)
 
 
+# ## Two spheres, for comparison
+#
+# Bodies of revolution of one material, whose equators approach each other by 4 mm.
+
+
+def spheres(size, args, comm):
+    bodies = {"upper": quarter(size, 1, RADIUS), "lower": quarter(args.ratio * size, -1, RADIUS)}
+    body = mesh_from_gmsh(comm, lambda: draw(bodies))
+    V = fem.functionspace(body.mesh, ("Lagrange", 1, (2,)))
+    u = fem.Function(V, name="displacement")
+    material = Axisymmetric(LinearElastic.from_young(SPHERES_YOUNG, POISSON))
+    energy = material.energy(u) * circumference(body.mesh) * ufl.dx
+    along = V.sub(1)
+    bcs = []
+    for end, value in (("upper end", -4.0), ("lower end", 0.0)):
+        dofs = body.dofs(along, end)
+        bcs.append(fem.dirichletbc(value, dofs, along))
+    law = Coulomb(args.friction) if args.friction > 0 else Frictionless()
+    faces = dict(slave="upper face", master="lower face", normal=(0, -1))
+    pair = ContactPair(u, body, law=law, axisymmetric=True, **faces)
+    return ContactProblem(energy, u, [pair], bcs=bcs)
+
+
 def main(argv=None):
     words = parser("two_cylinders", None)
     words.add_argument("--case", choices=("cb1", "spheres"), default="cb1", help="of both demos")
     args = words.parse(argv)
     if args.case == "spheres":
         args.ratio = args.ratio or 1.0
-        return study(args)
+        hertz = Hertz(3, RADIUS / 2, SPHERES_YOUNG / (2 * (1 - POISSON**2)))
+        return study(args, spheres, hertz)
     args.ratio = args.ratio or 0.8
     return study(args, problem, HERTZ)
 

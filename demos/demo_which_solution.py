@@ -16,10 +16,9 @@ from mpi4py import MPI
 import numpy as np
 from _case import ScriptParser, number
 from _plots import draw_maps
-from demo_linear_triangle import linear_triangle
+from _triangle import ENDS, end_of, reduced
 
 from dolfinx_contact import algorithms, io
-from dolfinx_contact.laws.status import letters
 
 ALGORITHMS = {
     "newton": algorithms.SemismoothNewton(),
@@ -31,23 +30,11 @@ ALGORITHMS = {
     "lemke": algorithms.Lemke(),
     "interior-point": algorithms.InteriorPoint(max_iterations=60),
 }
-NAMES = {
-    **{"o": "A opens", "k": "A sticks", "-": "A slips to the left", "+": "A slips to the right"},
-    **{"c": "a cycle", "d": "diverges", "n": "does not converge"},
-}
 
 # ## Where an algorithm ends
 #
 # The status of A in the solution, or what else happened. Starts are contact forces (rt, rn) at A,
 # from a grid. Lemke's method knows no start.
-
-
-def end_of(algorithm, contact, start=None):
-    outcome = algorithm.run(contact, start=start)
-    if outcome.converged:
-        return str(letters(2)[contact.statuses(outcome.a, outcome.r)[0]]), outcome
-    kinds = {"cycle": "c", "diverges": "d", "not finite": "d"}
-    return next((k for word, k in kinds.items() if word in outcome.reason), "n"), outcome
 
 
 def basins(contact, size):
@@ -56,12 +43,13 @@ def basins(contact, size):
     rt = np.linspace(-largest, largest, size)
     rn = np.linspace(0.0, largest, size)
     panels = {name: np.full((size, size), "n") for name in ALGORITHMS}
-    panels["lemke"][:] = end_of(ALGORITHMS["lemke"], contact)[0]
+    panels["lemke"][:] = end_of(contact, ALGORITHMS["lemke"].run(contact))
     for name in set(ALGORITHMS) - {"lemke"}:
         for i, j in np.ndindex(size, size):
             start = np.zeros((contact.number, 2))
             start[0] = rt[i], rn[j]
-            panels[name][i, j] = end_of(ALGORITHMS[name], contact, start)[0]
+            outcome = ALGORITHMS[name].run(contact, start=start)
+            panels[name][i, j] = end_of(contact, outcome)
     return (rt, rn), panels
 
 
@@ -70,12 +58,6 @@ def basins(contact, size):
 # At F = (lambda + 3 mu)/(lambda + mu) = 2 the element has a continuum of solutions under the
 # traction (-2, -1): every slip between stick and separation. They are so small that every rank
 # solves them alone.
-
-
-def reduced(n, friction, load, lame):
-    system = linear_triangle(n, friction, load, lame, comm=MPI.COMM_SELF)
-    system.constant.value = 1.0
-    return system.problem.reduced()
 
 
 def main(argv=None):
@@ -92,21 +74,23 @@ def main(argv=None):
     }
     found = {}
     for title, (contact, size) in problems.items():
-        ends = {name: end_of(algorithm, contact) for name, algorithm in ALGORITHMS.items()}
+        outcomes = {name: algorithm.run(contact) for name, algorithm in ALGORITHMS.items()}
+        words = {name: end_of(contact, o) for name, o in outcomes.items()}
         found[title] = {
-            "converged": {name: o.converged for name, (_, o) in ends.items()},
-            "iterations": {name: o.iterations for name, (_, o) in ends.items()},
-            "solution": {name: word for name, (word, _) in ends.items()},
+            "converged": {name: o.converged for name, o in outcomes.items()},
+            "iterations": {name: o.iterations for name, o in outcomes.items()},
+            "solution": words,
         }
-        for name, (word, o) in ends.items():
-            say(f"{title}, {name} from zero: {NAMES[word]} ({o.iterations}; {o.reason})")
+        for name, o in outcomes.items():
+            what = ENDS[words[name]]
+            say(f"{title}, {name} from zero: {what} ({o.iterations}; {o.reason})")
         if size:
             axes, panels = basins(contact, size)
             found[title]["basins"] = {k: "".join(cells.ravel()) for k, cells in panels.items()}
             labels = ("$r_t$ of A at the start", "$r_n$ of A at the start")
             if comm.rank == 0:
                 file = folder / f"basins_{title}.png"
-                draw_maps(file, *axes, panels, NAMES, labels=labels)
+                draw_maps(file, *axes, panels, ENDS, labels=labels)
     return io.write_summary(comm, folder, found["triangle"] | {"problems": found})
 
 

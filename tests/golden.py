@@ -21,8 +21,6 @@ from pathlib import Path
 
 from mpi4py import MPI
 
-import demo_hild_triangle
-import demo_linear_triangle
 import demo_regions
 import numpy as np
 import recorded_evolution
@@ -34,6 +32,7 @@ import test_motion
 import test_pair
 import test_rigid_body
 import test_steady_sliding
+from _triangle import element, linear_triangle
 from blocks import block, box, facets
 from demo_own_law import SlipWeakening
 
@@ -418,7 +417,7 @@ def block_in_motion():
 
 
 def triangle(n=4):
-    return demo_linear_triangle.linear_triangle(n, 3.0)
+    return linear_triangle(n, 3.0)
 
 
 def started(system, gamma):
@@ -542,7 +541,7 @@ def regions():
 
 
 def folds_with_friction():
-    system = demo_hild_triangle.element((1.0, 1.0), 3.0, 1.0, (-2.0, 0.0), (0.0, -2.0))
+    system = element((1.0, 1.0), 3.0, 1.0, (-2.0, 0.0), (0.0, -2.0))
     followed = follow(system, started(system, 0.0), 0.0, gamma_range=(0.0, 10.0))
     F = system.problem.surfaces[0].law.friction
     curves = event_curves(

@@ -4,8 +4,8 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
+from _triangle import linear_triangle
 from blocks import block, box, facets
-from demo_linear_triangle import linear_triangle
 from test_law import randomise, remainders
 from test_pair import displacement, held, stacked
 

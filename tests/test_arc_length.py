@@ -4,7 +4,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from demo_hild_triangle import element
+from _triangle import element
 from test_adhesion import drawn_node, gap_of_node
 from test_evolution import cycle, dragged
 

@@ -7,6 +7,7 @@ import demo_two_spheres
 import numpy as np
 import pytest
 from _hertz import Hertz
+from _round import draw, quarter
 from blocks import box, facets, same_tables
 from scipy.optimize import brentq
 from test_pair import tagged
@@ -157,9 +158,7 @@ def test_hertz_rigid_sphere():
 def test_hertz_sphere_on_a_plane():
     """SSNV104 by symmetry: one sphere pressed by half, as two: 660.7 kN, 2912 MPa, 10.2 mm."""
     size = 0.5
-    body = mesh_from_gmsh(
-        COMM, lambda: demo_two_spheres.draw({"upper": demo_two_spheres.quarter(size, 1)})
-    )
+    body = mesh_from_gmsh(COMM, lambda: draw({"upper": quarter(size, 1, 50.0)}))
     V = fem.functionspace(body.mesh, ("Lagrange", 1, (2,)))
     u = fem.Function(V)
     floor = ContactSurface(

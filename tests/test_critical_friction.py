@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import scipy.linalg
 import scipy.sparse
+from _triangle import linear_triangle
 from demo_critical_friction import main as demo
-from demo_linear_triangle import linear_triangle
 
 import ufl
 from dolfinx import fem, mesh

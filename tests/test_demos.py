@@ -10,6 +10,7 @@ import demo_sliding_solution
 import demo_which_solution
 import numpy as np
 import pytest
+from _triangle import element
 
 HILD = json.loads((Path(__file__).parent / "data" / "hild_triangle.json").read_text())["records"]
 
@@ -48,7 +49,7 @@ def test_hild_triangle_all_solutions(friction):
     """Every record of an independent enumeration: the same solutions, and no others."""
     for record in (r for r in HILD if r["F"] == friction):
         load = record["F1"], record["F2"]
-        system = demo_hild_triangle.element((100.0, 82.0), friction, 1.0, load)
+        system = element((100.0, 82.0), friction, 1.0, load)
         found = demo_hild_triangle.solutions(system)
         expected = sorted(record["solutions"], key=lambda s: "ok+-".index(STATES[s["state"]]))
         assert [s["status"] for s in found] == [STATES[s["state"]] for s in expected], record
@@ -124,8 +125,10 @@ DEMOS = Path(__file__).parents[1] / "demos"
 
 @pytest.mark.parametrize("demo", sorted(DEMOS.glob("demo_*.py")), ids=lambda path: path.stem)
 def test_a_demo_is_narrated(demo):
-    """What a user copies: narrated, without private names."""
+    """What a user copies: narrated, without private names, another demo or a `destroy`."""
     text = demo.read_text()
+    assert not re.search(r"^\s*(import|from) demo_", text, re.MULTILINE)
+    assert "destroy()" not in text
     assert "# This demo illustrates how to:" in text
     assert not re.search(r"[a-z)]\._[a-z]", text)
 

@@ -12,8 +12,8 @@ from petsc4py import PETSc
 import demo_two_blocks
 import numpy as np
 import pytest
+from _triangle import element
 from blocks import box, facets, same_tables
-from demo_hild_triangle import element
 
 import ufl
 from dolfinx import fem, mesh

@@ -2,9 +2,9 @@
 
 from mpi4py import MPI
 
-import demo_linear_triangle
 import numpy as np
 import pytest
+from _triangle import linear_triangle
 from blocks import KINDS, block, same_tables
 
 from dolfinx_contact.laws.status import STICK
@@ -34,9 +34,7 @@ def test_past_a_fold(only_following):
 
     With F = 2.5 under (-4 gamma, -1) the branch of stick ends in a fold at gamma = F / 4.
     """
-    system = demo_linear_triangle.linear_triangle(
-        1, 2.5, (4.0, 0.0), preload=(0.0, -1.0), comm=MPI.COMM_SELF
-    )
+    system = linear_triangle(1, 2.5, (4.0, 0.0), preload=(0.0, -1.0), comm=MPI.COMM_SELF)
     problem = system.problem
     system.set_parameter(0.0)
     problem.solve()

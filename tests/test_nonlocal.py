@@ -6,8 +6,8 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
+from _triangle import linear_triangle
 from blocks import block, box, facets, same_tables
-from demo_linear_triangle import linear_triangle
 from scipy.spatial.distance import cdist
 from test_compliant import sheared_block
 from test_law import randomise, remainders

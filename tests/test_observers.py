@@ -2,11 +2,11 @@
 
 from mpi4py import MPI
 
-import demo_linear_triangle
 import numpy as np
 import pytest
 import recorded_evolution
 import recorded_path
+from _triangle import linear_triangle
 from recorded_run import CONTROL, moved_block, start
 from test_pair import triangle_on_a_body
 from test_parametric import driven_block
@@ -119,7 +119,7 @@ def test_every_point_stands_in_the_problem(kind):
 @pytest.mark.parametrize("route", [pytest.param("steps", marks=pytest.mark.long), "pivoting"])
 def test_points_of_all_branches(route):
     """An exploration leaves the problem as it was."""
-    system = demo_linear_triangle.linear_triangle(8, 2.0)
+    system = linear_triangle(8, 2.0)
     system.set_parameter(-1.0)
     x = start_of(system)
     looks = Looks(system)
@@ -205,7 +205,7 @@ def test_after_a_kill(folder):
 @pytest.mark.parametrize("route", ["steps", "pivoting"])
 def test_a_function_looks_on(route):
     """It is called as `stop` is, and with both ends; on one rank alone, too, and beside a class."""
-    system = demo_linear_triangle.linear_triangle(8, 2.0)
+    system = linear_triangle(8, 2.0)
     system.set_parameter(-1.0)
     x = start_of(system)
     found = []

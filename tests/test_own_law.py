@@ -5,11 +5,11 @@ from typing import Any
 
 from mpi4py import MPI
 
-import demo_linear_triangle
+import _triangle
 import numpy as np
 import pytest
+from _triangle import element
 from blocks import block, same_tables
-from demo_hild_triangle import element
 from demo_own_law import Orthotropic, SlipWeakening
 from demo_own_law import main as demo
 from scipy.optimize import minimize_scalar
@@ -104,7 +104,7 @@ def test_static_and_kinetic_friction_of_one_element(distance, monkeypatch):
     static = 0.9
     kinetic = 0.3
     law = SlipWeakening(static, kinetic, distance)
-    monkeypatch.setattr(demo_linear_triangle, "Coulomb", lambda _: law)
+    monkeypatch.setattr(_triangle, "Coulomb", lambda _: law)
     system = element((1.0, 1.0), None, 1.0, (-4.0, 0.0), (0.0, -1.0))
     kt = 2.0
     k = 1.0

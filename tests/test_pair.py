@@ -11,6 +11,7 @@ import demo_linear_triangle
 import demo_two_blocks
 import numpy as np
 import pytest
+from _triangle import linear_triangle
 from blocks import CELLS, KINDS, box, facets
 
 import ufl
@@ -282,8 +283,8 @@ def test_one_side_is_clamped(side):
 
 def triangle_on_a_body(n, friction):
     """The linear triangle on its mirror image, which is held."""
-    upper = demo_linear_triangle.linear_triangle(n, friction).problem.V.mesh
-    lower = demo_linear_triangle.linear_triangle(n, friction).problem.V.mesh
+    upper = linear_triangle(n, friction).problem.V.mesh
+    lower = linear_triangle(n, friction).problem.V.mesh
     lower.geometry.x[:, 1] *= -1.0
     tags = [
         tagged(upper, t1=(1, 0.0), t2=(0, 0.0)),
@@ -312,7 +313,7 @@ def test_branches_on_a_held_body(route):
     """All three solutions of the linear triangle, at the same forces."""
     ends = []
     seen = demo_linear_triangle.FUNCTIONALS
-    for system in (triangle_on_a_body(4, 2.5), demo_linear_triangle.linear_triangle(4, 2.5)):
+    for system in (triangle_on_a_body(4, 2.5), linear_triangle(4, 2.5)):
         system.problem.solve()
         x = system.create_vector()
         system.problem.write(x)

@@ -3,10 +3,10 @@
 from mpi4py import MPI
 
 import demo_friction_parameter
-import demo_linear_triangle
 import demo_single_element
 import numpy as np
 import pytest
+from _triangle import linear_triangle
 from blocks import box, facets
 from harness import varied
 
@@ -322,9 +322,7 @@ def test_friction_that_gamma_makes_negative():
 
 def test_a_singular_piece_and_a_continuum():
     """Hild's element at the critical friction: more solutions than the two that are found."""
-    system = demo_linear_triangle.linear_triangle(
-        1, 2.0, (4.0, 2.0), (1.0, 1.0), comm=MPI.COMM_SELF
-    )
+    system = linear_triangle(1, 2.0, (4.0, 2.0), (1.0, 1.0), comm=MPI.COMM_SELF)
     x = system.create_vector()
     found = find_solutions(system, [x], 1.0)
     assert len(found.found) == 2

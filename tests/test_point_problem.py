@@ -8,8 +8,8 @@ from petsc4py import PETSc
 
 import numpy as np
 import pytest
+from _triangle import linear_triangle
 from blocks import block, half_block
-from demo_linear_triangle import linear_triangle
 
 from dolfinx_contact import Coulomb, HalfSpace, Tresca
 from dolfinx_contact.algorithms import GaussSeidel, PointProblem, load_points, save_points

@@ -6,10 +6,10 @@ from functools import partial
 from mpi4py import MPI
 
 import demo_followed_mesh
-import demo_linear_triangle
 import demo_own_law
 import numpy as np
 import pytest
+from _triangle import linear_triangle
 from blocks import block, facets
 
 import ufl
@@ -45,7 +45,7 @@ def words(system, solutions):
 @pytest.mark.parametrize(("gamma", "count"), [(1.0, 3), (-1.0, 1), (0.0, 1)])
 def test_all_solutions_of_a_triangle(gamma, count):
     """16 nodes, F = 1.9: three solutions, one under the opposite load, and none but rest."""
-    system = demo_linear_triangle.linear_triangle(16, 1.9)
+    system = linear_triangle(16, 1.9)
     solutions = found_at(system, gamma)
     assert solutions.complete
     assert "a proof of" in solutions.method
@@ -69,7 +69,7 @@ def test_all_solutions_of_a_triangle(gamma, count):
 )
 def test_the_seed_example_is_complete(n, friction):
     """The three solutions of the linear triangle are all there are."""
-    system = demo_linear_triangle.linear_triangle(n, friction)
+    system = linear_triangle(n, friction)
     solutions = found_at(system, 1.0, proof_seconds=600)
     assert solutions.complete
     rest = (n - 1) * "o" + "d"
@@ -111,7 +111,7 @@ def test_the_vee_of_the_literature(gamma, count, monkeypatch):
 
 
 def test_without_a_proof():
-    system = demo_linear_triangle.linear_triangle(10, 1.9)
+    system = linear_triangle(10, 1.9)
     solutions = found_at(system, 1.0, proof_seconds=0)
     assert not solutions.complete
     assert solutions.proof is None
@@ -124,7 +124,7 @@ def test_errors_of_the_factorisation(monkeypatch):
     found = []
     for ordering in (0, 7):
         monkeypatch.setitem(_factor.DEFAULTS, "mat_mumps_icntl_7", ordering)
-        system = demo_linear_triangle.linear_triangle(12, 1.7, preload=(3.0, -2.0))
+        system = linear_triangle(12, 1.7, preload=(3.0, -2.0))
         found.append(reduced_problem(system.condensed(system.create_vector(), 0.3), 0.3))
     one, other = found
     assert (np.abs(one.S - other.S) <= one.dS + other.dS).all()
@@ -204,7 +204,7 @@ def test_a_bound_given_in_advance(right):
 
 
 def triangle(n, friction, gamma):
-    system = demo_linear_triangle.linear_triangle(n, friction)
+    system = linear_triangle(n, friction)
     system.set_parameter(gamma)
     return system.problem
 
@@ -242,7 +242,7 @@ def test_a_proof_by_search():
 
 
 def test_data_that_have_changed():
-    system = demo_linear_triangle.linear_triangle(8, 1.7)
+    system = linear_triangle(8, 1.7)
     result = system.problem.solve()
     system.set_parameter(1.0)
     found = result.uniqueness()
@@ -268,7 +268,7 @@ def test_where_no_certificate_applies(make, reason):
 
 
 def test_a_result_of_a_branch_has_no_proof():
-    system = demo_linear_triangle.linear_triangle(4, 1.7)
+    system = linear_triangle(4, 1.7)
     solutions = found_at(system, 1.0)
     result = system.result_at(solutions.points(system)[0])
     with pytest.raises(ValueError, match="results of ContactProblem"):

@@ -5,7 +5,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 import scipy.sparse
-from demo_linear_triangle import linear_triangle
+from _triangle import linear_triangle
 from demo_own_law import SlipWeakening
 from test_critical_friction import block, in_plane, on_box
 

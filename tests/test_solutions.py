@@ -2,9 +2,9 @@
 
 from mpi4py import MPI
 
-import demo_linear_triangle
 import numpy as np
 import pytest
+from _triangle import linear_triangle
 from blocks import block
 from textbook import smooth
 
@@ -69,9 +69,7 @@ def test_gould():
 @pytest.mark.parametrize("deflation", [False, pytest.param(True, marks=[serial, pytest.mark.long])])
 def test_one_element(deflation):
     """Hild's element between its folds: open, stick and slip, by enumeration and by deflation."""
-    system = demo_linear_triangle.linear_triangle(
-        1, 2.5, (4.0, 0.0), preload=(0.0, -1.0), comm=MPI.COMM_SELF
-    )
+    system = linear_triangle(1, 2.5, (4.0, 0.0), preload=(0.0, -1.0), comm=MPI.COMM_SELF)
     gamma = 0.55  # between 0.4752747 and 0.625
     x = system.create_vector()
     x.set(0.0)
@@ -94,7 +92,7 @@ def test_one_element(deflation):
 )
 def test_three_solutions_of_a_triangle(n, vertical, deflation):
     """F = 1.8: three solutions at gamma = 1; the enumeration of 4^n pieces is a proof."""
-    system = demo_linear_triangle.linear_triangle(n, 1.8, load=(26.0, vertical))
+    system = linear_triangle(n, 1.8, load=(26.0, vertical))
     x = system.create_vector()
     x.set(0.0)
     solutions = find_solutions(system, [x], 1.0, deflation=deflation)

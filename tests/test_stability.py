@@ -4,7 +4,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from demo_linear_triangle import linear_triangle
+from _triangle import linear_triangle
 from test_critical_friction import block, leaning, on_box
 
 import ufl

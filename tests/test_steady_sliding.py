@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 import scipy.sparse
-from demo_linear_triangle import linear_triangle
+from _triangle import linear_triangle
 from test_critical_friction import block, on_box
 
 import dolfinx.fem.petsc

@@ -11,7 +11,7 @@ import demo_chart
 import demo_followed_mesh
 import numpy as np
 import pytest
-from demo_hild_triangle import element
+from _triangle import element
 
 import ufl
 from dolfinx import fem, mesh

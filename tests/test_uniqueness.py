@@ -7,9 +7,9 @@ from mpi4py import MPI
 
 import demo_block
 import demo_greco_block
-import demo_linear_triangle
 import numpy as np
 import pytest
+from _triangle import linear_triangle
 from blocks import block
 
 import ufl
@@ -157,7 +157,7 @@ def test_theory_looks_at_the_stiffness(soft, unique):
 
 
 def test_no_theory_of_a_result_of_a_branch():
-    system = demo_linear_triangle.linear_triangle(4, 1.7)
+    system = linear_triangle(4, 1.7)
     x = system.create_vector()
     result = system.result_at(find_solutions(system, [x], 1.0).points(system)[0])
     with pytest.raises(ValueError, match="results of ContactProblem"):
@@ -172,7 +172,7 @@ def test_nothing_is_proved_of_bad_friction(value):
         friction.append(fem.Constant(domain, 0.3))
         return Coulomb(friction[0])
 
-    result = demo_linear_triangle.linear_triangle(2, 0.3, law=law).problem.solve()
+    result = linear_triangle(2, 0.3, law=law).problem.solve()
     friction[0].value = value
     for ask in (result.theory, result.uniqueness):
         with pytest.raises(ValueError, match="friction"):

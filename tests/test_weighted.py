@@ -4,8 +4,8 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
+from _triangle import linear_triangle
 from blocks import block as body
-from demo_linear_triangle import linear_triangle
 from scipy.optimize import root
 from test_critical_friction import block
 from test_renard import stiffness_of_points, swirl, to_the
