@@ -51,6 +51,7 @@ from dolfinx_contact.solvers.choice import LinearSolverChoice
 from dolfinx_contact.solvers.history import Attempt, Step
 from dolfinx_contact.solvers.ladder import check_data, solve
 from dolfinx_contact.solvers.linear import LinearSolver
+from dolfinx_contact.solvers.newton import Newton
 from dolfinx_contact.solvers.progress import SolveProgress
 
 if TYPE_CHECKING:
@@ -307,6 +308,33 @@ class ContactProblem(ReadOnly):
         return state
 
     @property
+    def solver(self) -> PETSc.SNES:
+        """A SNES that shows how Newton's method is set, and how it ended. Collective when new.
+
+        Its options prefix, type and tolerances, and those of its KSP, are those by which a solve
+        goes (`petsc_options` and the command line); its reason, iterations and norm those of the
+        last Newton run, of which a solve may need several (`Result.attempts` has all). It is the
+        same object before and after solves, and collective only where it is asked for before the
+        first one.
+
+        It is to be looked at: in every strategy a SNES of its own runs, and is freed with the
+        factorisation that it holds. So nothing that is set here changes a solve; `petsc_options`
+        does. The relative tolerance is that of the measures of the residual (`equations.measures`),
+        not of its norm.
+
+        Example:
+            ::
+
+                problem.solve()
+                assert problem.solver.getConvergedReason() > 0
+                print(problem.solver.getIterationNumber(), problem.solver.getTolerances())
+        """
+        if not self.equations.snes:
+            with Newton(self.equations, self._linear(), "none", None):
+                pass
+        return self.equations.snes
+
+    @property
     def linear_solver(self) -> LinearSolver:
         """What solves for Newton steps; it lasts as long as the problem. Collective."""
         return self._linear()
@@ -525,4 +553,5 @@ class ContactProblem(ReadOnly):
         several ranks, each with a mesh of its own, need this.
         """
         self._linear.destroy()
+        self.equations.snes.destroy()
         self.equations.bulk.destroy()

@@ -175,8 +175,8 @@ PUBLIC = {
     """,
     "ContactProblem": """
         collect contact_fields create_vector destroy fields linear_solver moving put read reduced
-        residual restored rigid_bodies solve state support_forces table warn_of_sliding warning_once
-        write
+        residual restored rigid_bodies solve solver state support_forces table warn_of_sliding
+        warning_once write
     """,
     "ParametricContact": """
         check_parameter condensed contact correct create_vector destroy doubt events has_many_pieces

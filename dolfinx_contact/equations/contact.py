@@ -68,6 +68,7 @@ class ContactEquations:
         body_size: diagonal of the bounding box of the body.
         rigid: the rigid bodies that surfaces touch.
         scaling: what follows the stiffness.
+        snes: what users see of Newton's method; empty before it is made for the first time.
         axisymmetric: whether the body is one of revolution.
     """
 
@@ -88,6 +89,7 @@ class ContactEquations:
         self.surfaces = list(surfaces)
         self.bcs = list(bcs)
         self.options = options
+        self.snes = PETSc.SNES()
         check_overlap(self.surfaces)
         self.axisymmetric = self.surfaces[0].axisymmetric
         for s in self.surfaces:

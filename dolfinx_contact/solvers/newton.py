@@ -117,6 +117,32 @@ class Newton:
                 f"-{given.prefix}snes_type {self.snes.getType()} needs an assembled matrix; "
                 f"with the linear solver {self.linear.name} only newtonls goes"
             )
+        self._show()
+
+    def _show(self) -> None:
+        """Show users the options and the outcome, without what takes memory. Collective.
+
+        What they look at (`ContactProblem.solver`) stays when this SNES, whose KSP holds a
+        factorisation, is freed at the end of a strategy.
+        """
+        shown = self.equations.snes
+        if not shown:
+            shown.create(self.comm)
+            shown.setOptionsPrefix(self.equations.options.prefix)
+        ksp = self.snes.getKSP()
+        shown_ksp = shown.getKSP()
+        shown.setType(self.snes.getType())
+        shown.setTolerances(*self.snes.getTolerances())
+        shown_ksp.setType(ksp.getType())
+        shown_ksp.setTolerances(*ksp.getTolerances())
+        shown_ksp.getPC().setType(ksp.getPC().getType())
+        if self.snes.getConvergedReason() == PETSc.SNES.ConvergedReason.ITERATING:
+            return  # nothing has run
+        shown.setConvergedReason(self.snes.getConvergedReason())
+        shown.setIterationNumber(self.snes.getIterationNumber())
+        shown.setFunctionNorm(self.snes.getFunctionNorm())
+        shown_ksp.setConvergedReason(ksp.getConvergedReason())
+        shown_ksp.setIterationNumber(ksp.getIterationNumber())
 
     def _discard(self) -> None:
         for thing in (self.snes, self.b):
@@ -153,11 +179,13 @@ class Newton:
             y.copy(x)
         except LinearSolverError as error:
             attempt.reason = str(error)
+            self.equations.snes.setConvergedReason(_LINEAR)
             self._discard()  # what was at work when the error came stays locked
             self._create()
             return False
         finally:
             y.destroy()
+        self._show()
         self._warn_of_options()
         if not attempt.steps and self.snes.getConvergedReason() == _NOT_A_NUMBER:
             raise ValueError(
