@@ -33,10 +33,10 @@ from dolfinx_contact.continuation import find_solutions, follow
 from dolfinx_contact.obstacles import Obstacle
 from dolfinx_contact.points.vertex_state import vertex_state
 from dolfinx_contact.records import BranchRecord, resume
+from dolfinx_contact.solvers.classical import start_by_lemke
 from dolfinx_contact.solvers.following import follow_load
 from dolfinx_contact.solvers.history import Attempt, FloatingBodyError
 from dolfinx_contact.solvers.newton import Newton
-from dolfinx_contact.solvers.reduced import solve_reduced
 from dolfinx_contact.solvers.strategies import raise_load
 
 COMM = MPI.COMM_WORLD
@@ -646,12 +646,12 @@ def test_lemke():
     u = problem.u.x.array.copy()
     x = problem.create_vector()
     attempt = Attempt("Lemke's method", "")
-    assert solve_reduced(problem.equations, lambda: problem.linear_solver, x, attempt)
+    assert start_by_lemke(problem.equations, lambda: problem.linear_solver, x, attempt)
     problem.read(x)
     np.testing.assert_allclose(problem.u.x.array, u, atol=1e-12)
     problem, _, _ = parametric()
     x = problem.create_vector()
-    assert not solve_reduced(problem.equations, lambda: problem.linear_solver, x, attempt)
+    assert not start_by_lemke(problem.equations, lambda: problem.linear_solver, x, attempt)
     assert "not positive definite" in attempt.reason
 
 

@@ -17,6 +17,8 @@ from petsc4py import PETSc
 
 import numpy as np
 
+from dolfinx import fem
+
 from dolfinx_contact._errors import on_root
 from dolfinx_contact._petsc import staged
 from dolfinx_contact.algorithms import (
@@ -24,12 +26,16 @@ from dolfinx_contact.algorithms import (
     Algorithm,
     Penalty,
     PointProblem,
+    RayTermination,
     TrescaFixedPoint,
     Uzawa,
+    coulomb_by_lemke,
 )
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.measures import Scales
+from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.reduced.reduction import Reduction
+from dolfinx_contact.reduced.scope import can_condense
 from dolfinx_contact.solvers.body_solver import BodySolver
 from dolfinx_contact.solvers.history import (
     Attempt,
@@ -43,7 +49,7 @@ from dolfinx_contact.solvers.on_body import OnBody
 from dolfinx_contact.solvers.progress import SolveProgress
 from dolfinx_contact.solvers.states import diverged
 
-__all__ = ["algorithm_named", "reduced_contact", "solve_by"]
+__all__ = ["algorithm_named", "reduced_contact", "solve_by", "start_by_lemke"]
 
 logger = logging.getLogger(__name__)
 
@@ -259,3 +265,37 @@ def _on_points(
         attempt.converged = False
         attempt.reason = f"the points are in equilibrium, the body is not: {measures.worst:.1e}"
     attempt.steps[-1] = replace(last, measures=measures)
+
+
+def start_by_lemke(
+    equations: ContactEquations,
+    linear: Callable[[], LinearSolver],
+    x: PETSc.Vec,
+    attempt: Attempt,
+) -> bool:
+    """Put a solution by Lemke's method into ``x``, at which the body is condensed. Collective.
+
+    It ends in a solution for every friction if the reduced stiffness is positive definite
+    (`algorithms.lemke`). Where the problem is not one that it solves the attempt has the reason.
+    """
+    system = ParametricEquations(equations, fem.Constant(equations.V.mesh, 0.0), linear)
+    reduction: Reduction | None = None
+    known = all(s.law.bound_kind == "proportional" for s in equations.surfaces)
+    try:
+        if not known or not can_condense(system, partly=True):
+            attempt.reason = "needs contact at the nodes with Coulomb's law or without friction"
+            return False
+        reduction = Reduction(system, x, 0.0, exact=True)
+        problem = reduction.problem(unit=reduction.force_unit)
+        w, _ = on_root(
+            equations.comm, lambda: coulomb_by_lemke(problem.S, problem.p, problem.friction)
+        )
+        reduction.expand(w, 0.0, x)
+    except (RayTermination, ValueError, RuntimeError) as error:
+        attempt.reason = str(error)
+        return False
+    finally:
+        if reduction is not None:
+            reduction.destroy()
+        system.destroy()
+    return True

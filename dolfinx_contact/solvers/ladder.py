@@ -14,7 +14,7 @@ ones first and each from the caller's state:
    wrong status stops shrinking only one point changes at a time (`pivoting.py`); last but one where
    the body is not linear, since every piece then takes a Newton solve of its own;
 4. a backtracking line search on the norm of H;
-5. Lemke's method on the reduced problem (`reduced.py`), which ends in a solution whatever the
+5. Lemke's method on the reduced problem (`classical.py`), which ends in a solution whatever the
    friction: in 2D, for linear bodies held by Dirichlet data and contact at the nodes;
 6. the load applied in increments that shrink and grow; before the line search where the body is
    not linear;

@@ -151,13 +151,13 @@ class _Strategies:
 
     def lemke(self, x: PETSc.Vec, attempt: Attempt, monitor: Monitor) -> bool:
         """Lemke's method on the reduced problem."""
-        from dolfinx_contact.solvers.reduced import solve_reduced
+        from dolfinx_contact.solvers.classical import start_by_lemke
 
         with Newton(self.eq, self.linear(), "none", monitor) as solver:
             if solver.snes.getTolerances()[3] < 1:
                 attempt.reason = "no convergence in 0 iterations"
                 return False
-            return solve_reduced(self.eq, self.linear, x, attempt) and solver.run(x, attempt)
+            return start_by_lemke(self.eq, self.linear, x, attempt) and solver.run(x, attempt)
 
     def letting_bonds_go(self, x: PETSc.Vec, attempt: Attempt, monitor: Monitor) -> bool:
         """Bonds that weaken are all held, and let go in turn."""
