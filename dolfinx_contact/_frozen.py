@@ -23,7 +23,13 @@ _SEALED = "_sealed"
 
 
 class _SealedWhenMade(type):
-    """Seals what it makes, or leaves that to `seal`."""
+    """Seals what it makes, or leaves that to `seal`, and lists what users call."""
+
+    def __dir__(cls) -> list[str]:
+        """What `help` and completion show: of public names those in `_listed`, if that is given."""
+        listed: tuple[str, ...] | None = cls._listed  # type: ignore[attr-defined]
+        names = super().__dir__()
+        return [n for n in names if n.startswith("_") or listed is None or n in listed]
 
     @property
     def __signature__(cls) -> Signature:
@@ -52,14 +58,22 @@ class ReadOnly(metaclass=_SealedWhenMade):
     Names that begin with an underscore, properties that can be set, those in `_may_be_set`, and
     functions in place of methods can. Of frozen dataclasses arrays and lists are kept as private
     copies.
+
+    What users call is in `_listed`; other names without an underscore are for the rooms of the
+    package, which may use them as they are.
     """
 
+    #: Public methods and properties that `help`, completion and the reference list; None for all.
+    _listed: ClassVar[tuple[str, ...] | None] = None
     #: Whether it is read-only when made, as frozen dataclasses always are; else from `seal` on.
     _sealed_when_made: ClassVar[bool] = True
     #: Attributes that may be set.
     _may_be_set: ClassVar[tuple[str, ...]] = ()
     #: What to do instead of setting an attribute, by its name; under "" for any other.
     _instead: ClassVar[Mapping[str, str]] = {}
+
+    def __dir__(self) -> list[str]:
+        return sorted({*dir(type(self)), *vars(self)})
 
     def __setattr__(self, name: str, value: Any) -> None:
         if not (callable(value) and isfunction(getattr(type(self), name, None))):

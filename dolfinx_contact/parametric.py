@@ -76,6 +76,8 @@ class ParametricContact(ReadOnly, ParametricEquations):
     The Constant gamma and the driven Functions follow every evaluation (`residual`, `piece_at`) and
     are left at its gamma: `set_parameter` before a solve of the problem itself.
 
+    It is a `continuation.System`, which says what a continuation asks for besides.
+
     Args:
         problem: the contact problem; its Functions receive what is `put` there, as every point is
             that an observer is called with, and the last one of a branch.
@@ -93,6 +95,24 @@ class ParametricContact(ReadOnly, ParametricEquations):
             ``driven`` is of another mesh or shape or in no Dirichlet condition, or ranks differ.
     """
 
+    _listed = (
+        "condensed",
+        "create_vector",
+        "destroy",
+        "events",
+        "is_piecewise_affine",
+        "letters",
+        "piece",
+        "piece_at",
+        "piece_of",
+        "positions",
+        "put",
+        "residual",
+        "restored",
+        "result_at",
+        "set_parameter",
+        "statuses_of",
+    )
     _may_be_set = ("proof_seconds",)
     _instead: ClassVar[Mapping[str, str]] = {
         "": "set_parameter(gamma) sets the parameter; for another one, other driven Functions or "

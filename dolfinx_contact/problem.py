@@ -171,6 +171,25 @@ class ContactProblem(ReadOnly):
                 result = problem.solve()
     """
 
+    _listed = (
+        "contact_fields",
+        "create_vector",
+        "destroy",
+        "fields",
+        "linear_solver",
+        "put",
+        "read",
+        "reduced",
+        "residual",
+        "restored",
+        "rigid_bodies",
+        "solve",
+        "solver",
+        "state",
+        "support_forces",
+        "table",
+        "write",
+    )
     _instead: ClassVar[Mapping[str, str]] = {
         "bcs": _CONDITIONS,
         "surfaces": _SURFACES,

@@ -291,7 +291,7 @@ def test_fields_of_the_law():
     factor.value = 3.0
     field.x.array[:] *= 2
     factor.value = 1.5
-    pair._update_geometry()
+    pair.update_geometry()
     factor.value = 3.0
     check()
 

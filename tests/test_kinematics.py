@@ -190,7 +190,7 @@ def test_derivatives_by_taylor(name):
         size = largest(rate)
         assert size > 0.1
         coarse, fine = (largest(case.difference(what, h) - rate) / size for h in (1e-2, 1e-3))
-        if case.s._linear:
+        if case.s.linear:
             assert coarse < 1e-12
             assert fine < 1e-11
         else:
@@ -213,7 +213,7 @@ def test_forces_do_the_work_of_pressure_and_shear(name):
     shear = wave(s.positions, 1.7)
     shear -= np.sum(shear * n, axis=1)[:, None] * n
     # No law has shear on a curved obstacle, where the slip turns with the normal.
-    shear *= s._linear
+    shear *= s.linear
     forces = at.operator.transpose(shear - pressure[:, None] * n)
     nodes = case.v[: s.owned_nodes].reshape(-1)
     work = case.sum(forces * nodes) - case.sum(case.eq.rigid.reactions(s, forces) * case.p)
@@ -222,7 +222,7 @@ def test_forces_do_the_work_of_pressure_and_shear(name):
     areas = s.points.areas
     if name == "wave":
         # The level set is divided by the size of its gradient, a distance to first order alone.
-        assert s._displaced is not None
+        assert s.displaced is not None
         gap = -np.sum(at.operator.rate(case.seen) * n, axis=1)
     expected = case.sum(areas * pressure * gap) + case.sum(areas[:, None] * shear * slip)
     size = case.sum(areas * pressure * np.abs(gap)) + case.sum(

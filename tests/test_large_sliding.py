@@ -215,8 +215,8 @@ def test_a_plane_is_a_plane(cell):
             (plane, None),
         )
     )
-    assert a.surfaces[0]._displaced is b.surfaces[0]._displaced is None
-    assert c.surfaces[0]._displaced is not None
+    assert a.surfaces[0].displaced is b.surfaces[0].displaced is None
+    assert c.surfaces[0].displaced is not None
     tables = [p.solve().tables["contact"] for p in (a, b, c)]
     assert 0 < tables[0].count("o") < len(tables[0].x)
     for other in tables[1:]:
@@ -237,7 +237,7 @@ def test_which_sliding():
         (RUBBER, "small", False),
     ):
         problem = block(disc, material=material, sliding=sliding)
-        assert (problem.surfaces[0]._displaced is not None) is follows
+        assert (problem.surfaces[0].displaced is not None) is follows
         # With small sliding friction is as ever.
         if not follows:
             block(disc, material=material, sliding=sliding, law=Coulomb(0.3))
@@ -439,7 +439,7 @@ def test_a_rigid_body(dim):
     )
     pressed = problem(body)
     result = pressed.solve()
-    assert pressed.surfaces[0]._displaced is not None
+    assert pressed.surfaces[0].displaced is not None
     assert quadratic(result.history)
     assert result.kkt_violation < 1e-9
     assert result.misfit < 1e-9 * 0.5
@@ -456,7 +456,7 @@ def test_a_rigid_body(dim):
         free=others[-1:],
         held=["x", *others[:-1]],
     )
-    assert problem(turning).surfaces[0]._displaced is None
+    assert problem(turning).surfaces[0].displaced is None
     with pytest.raises(ValueError, match="rotation of the rigid body is small"):
         problem(turning, "large")
 

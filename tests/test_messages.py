@@ -273,7 +273,7 @@ def test_ghosts_of_a_friction_field_follow_their_owners():
     (s,) = block(domain=domain, law=Coulomb(F)).surfaces
     np.testing.assert_allclose(s.friction_slope(), 0.2 + 0.2 * s.positions[:, 0], rtol=1e-12)
     F.x.array[:n] *= 2
-    s._update_geometry()
+    s.update_geometry()
     np.testing.assert_allclose(s.friction_slope(), 0.4 + 0.4 * s.positions[:, 0], rtol=1e-12)
 
 

@@ -1,6 +1,7 @@
 """The rooms of the package: what imports what."""
 
 import ast
+import pydoc
 import re
 import subprocess
 import sys
@@ -12,6 +13,7 @@ import pytest
 from conftest import ON_THREE
 
 import dolfinx_contact
+from dolfinx_contact import ContactSurface
 
 PACKAGE = "dolfinx_contact"
 ROOT = Path(__file__).parents[1] / PACKAGE
@@ -174,22 +176,34 @@ PUBLIC = {
         positions rigid_body state
     """,
     "ContactProblem": """
-        collect contact_fields create_vector destroy fields linear_solver moving put read reduced
-        residual restored rigid_bodies solve solver state support_forces table warn_of_sliding
-        warning_once write
+        contact_fields create_vector destroy fields linear_solver put read reduced residual restored
+        rigid_bodies solve solver state support_forces table write
     """,
     "ParametricContact": """
-        check_parameter condensed contact correct create_vector destroy doubt events has_many_pieces
-        is_piecewise_affine jacobian kinks kinks_in_gamma letters matrix metric order
-        parameter_derivative parts piece piece_at piece_of positions preconditioner probe prove
-        prove_rays put residual restored result_at scales set_parameter solution_from statuses
-        statuses_of
+        condensed create_vector destroy events is_piecewise_affine letters piece piece_at piece_of
+        positions put residual restored result_at set_parameter statuses_of
     """,
 }
 
 
 @pytest.mark.parametrize("name", [*PUBLIC, "ContactPair"])
 def test_what_users_see_of_a_class(name):
+    """`help`, completion at an object's class, and no name of a list that is none of the class."""
     cls = getattr(dolfinx_contact, name)
-    known = PUBLIC.get(name, PUBLIC["ContactSurface"])
-    assert sorted(n for n in dir(cls) if not n.startswith("_")) == sorted(known.split())
+    known = sorted(PUBLIC.get(name, PUBLIC["ContactSurface"]).split())
+    assert sorted(n for n in dir(cls) if not n.startswith("_")) == known
+    assert sorted(cls._listed) == known
+    text = pydoc.plain(pydoc.render_doc(cls))
+    shown = set(re.findall(r"^ \|  (\w+)\b", text, re.MULTILINE))
+    assert shown >= set(known)
+    hidden = {n for kind in cls.__mro__ for n in vars(kind) if not n.startswith("_")} - set(known)
+    assert hidden
+    assert not [n for n in hidden if re.search(rf"^ \|  {n}(\(|$)", text, re.MULTILINE)]
+
+
+def test_rooms_use_no_private_members_of_surfaces():
+    """What other rooms need of a surface has no underscore (`ReadOnly._listed` hides it)."""
+    for name, file in MODULES.items():
+        if not name.startswith(f"{PACKAGE}.points"):
+            found = re.findall(r"\b(?:s|surface|pair)\._[a-z]\w*", file.read_text())
+            assert not [word for word in found if hasattr(ContactSurface, word.split(".")[1])]

@@ -160,7 +160,7 @@ def test_constants_in_a_tuple_move_the_obstacle():
     np.testing.assert_allclose(s.points.vertex_gaps, 0.1, atol=1e-14)
     height.value = -0.3
     tilt.value = 0.75
-    s._update_geometry()
+    s.update_geometry()
     x = s.positions[:, 0]
     gaps = s.points.vertex_gaps[: len(x)]
     normals = s.points.vertex_normals[: len(x)]

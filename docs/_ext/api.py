@@ -179,6 +179,19 @@ def members(node: ast.ClassDef) -> list[ast.FunctionDef]:
     ]
 
 
+def listed(module: str, node: ast.ClassDef) -> tuple[str, ...] | None:
+    """Members that a class lists for its users (`_listed`, its own or of a base); None for all."""
+    for part in node.body:
+        names_of = part.targets if isinstance(part, ast.Assign) else [getattr(part, "target", None)]
+        if any(isinstance(n, ast.Name) and n.id == "_listed" for n in names_of):
+            assert isinstance(part, ast.Assign | ast.AnnAssign)
+            assert part.value is not None
+            found: tuple[str, ...] | None = ast.literal_eval(part.value)
+            return found
+    of_bases = (listed(where, base) for where, base in base_nodes(module, node))
+    return next((names for names in of_bases if names is not None), None)
+
+
 def is_dataclass(node: ast.ClassDef) -> bool:
     """Whether a class is a dataclass."""
     return any("dataclass" in ast.unparse(d) for d in node.decorator_list)
@@ -335,18 +348,27 @@ def described_member(node: ast.FunctionDef) -> list[str]:
     return [*head, "", *indented(docstring(node, "method")), ""]
 
 
-def inherited(module: str, node: ast.ClassDef, known: set[str]) -> list[str]:
-    """Public methods of bases that are described nowhere else, each as a directive."""
+def inherited(
+    module: str, node: ast.ClassDef, known: set[str], shown: tuple[str, ...] | None
+) -> list[str]:
+    """Public methods of bases that are described nowhere else, each as a directive.
+
+    Args:
+        module: of the class.
+        node: the class.
+        known: names that are described already, to which those found here are added.
+        shown: names that are described at all; None for every name.
+    """
     lines: list[str] = []
     described = {(name.module, name.name) for name in names().values()}
     for where, base in base_nodes(module, node):
         if (where, base.name) in described:
             continue
         for member in members(base):
-            if member.name not in known:
+            if member.name not in known and (shown is None or member.name in shown):
                 known.add(member.name)
                 lines += described_member(member)
-        lines += inherited(where, base, known)
+        lines += inherited(where, base, known, shown)
     return lines
 
 
@@ -366,9 +388,11 @@ def described(name: Name) -> list[str]:
         if bases:
             body += ["", "Bases: " + ", ".join(f"`{b.split('[')[0]}`" for b in bases), ""]
         known = {member.name for member in members(node)}
+        shown = listed(name.module, node)
         for member in members(node):
-            body += ["", *described_member(member)]
-        body += inherited(name.module, node, known)
+            if shown is None or member.name in shown:
+                body += ["", *described_member(member)]
+        body += inherited(name.module, node, known, shown)
         return [first, *head, "", *indented(body), ""]
     assert isinstance(node, ast.AnnAssign | ast.Assign)
     value = "" if node.value is None else ast.unparse(node.value)

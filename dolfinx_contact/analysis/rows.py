@@ -93,7 +93,7 @@ def component_rows(eq: ContactEquations, places: npt.NDArray[np.intp], along: Ar
         places: of points of this rank among all its points (k,).
         along: vectors there (k, dim).
     """
-    B = stacked([s._constant_operator("what is known of jumps by rows").B for s in eq.surfaces])
+    B = stacked([s.constant_operator("what is known of jumps by rows").B for s in eq.surfaces])
     comm = eq.comm
     dim = eq.dim
     n, _ = B.getLocalSize()
@@ -121,7 +121,7 @@ def require_nodes(eq: ContactEquations) -> None:
     for s in eq.surfaces:
         still = s.rigid_body is None
         require(eq.comm, still, f"{s.name}: not with rigid bodies that have unknowns of their own")
-        require(eq.comm, s._linear, f"{s.name}: this needs small sliding")
+        require(eq.comm, s.linear, f"{s.name}: this needs small sliding")
         fits = s.points.E is None
         require(eq.comm, fits, f"{s.name}: this needs nodal or mixed contact, not {s.method}")
         local = s.law.averaging is None

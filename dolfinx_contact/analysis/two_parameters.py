@@ -108,7 +108,7 @@ def _condensed(
         with system.restored(always=True):
             system._set(0.0)
             for s in system.equations.surfaces:
-                s._update_geometry()
+                s.update_geometry()
                 check_law(s, f" where the second parameter is {mu:g}")
             fits = system.is_linear and can_condense(system)
             fits = fits and not any(s.law.bound_kind == "given" for s in system.equations.surfaces)

@@ -62,7 +62,7 @@ class Constraints:
         self.fixed = np.isfinite(self.values()) | np.isnan(self.values(fill=0.0))
         crossing, crossed = crossings(V, surfaces, self.fixed)
         for s, vertices in zip(surfaces, crossing, strict=True):
-            s._hold(self.fixed, vertices)
+            s.hold(self.fixed, vertices)
         _warn_of_common_nodes(surfaces, crossed)
         self.held = [self._held(s) for s in surfaces]
         self.clamped: list[npt.NDArray[np.bool_]] = []
@@ -158,19 +158,19 @@ class Constraints:
             turned = np.abs(s.points.vertex_normals - normals).max(axis=1, initial=0.0) > _TOLERANCE
             require(
                 s.comm,
-                s._displaced is not None or not bool((touched & turned).any()),
+                s.displaced is not None or not bool((touched & turned).any()),
                 f"{s.name}: the obstacle has turned at a contact node with Dirichlet data since "
                 "the problem was made; make a new problem",
             )
-            moved = prescribed - s._opposite(prescribed)
+            moved = prescribed - s.opposite(prescribed)
             if s.rigid_body is not None:
                 motion = np.where(s.rigid_body.fixed, s.rigid_body.numbers(), 0.0)
-                moved = s._relative(moved, motion)
+                moved = s.relative(moved, motion)
             gap, normal = s.at_vertices(moved[s.points.vertex_trace_dofs])
             closing = np.linalg.norm(np.where(fixed, 0.0, normal), axis=1) < _TOLERANCE
-            if s._displaced is not None:
+            if s.displaced is not None:
                 closing = fixed.all(axis=1)
-            opposite = s._opposite_nodes
+            opposite = s.opposite_nodes
             if opposite is not None:
                 alone = opposite.none[s.points.vertex_trace_dofs]
                 least = s.comm.allreduce(float(np.min(gap[alone], initial=np.inf)), op=min)
@@ -212,7 +212,7 @@ class Constraints:
 
     def _held(self, s: ContactSurface) -> npt.NDArray[np.bool_]:
         """Local nodes x dim, True where the jump is fixed. Collective."""
-        opposite = s._opposite_nodes
+        opposite = s.opposite_nodes
         if s.rigid_body is not None:
             return np.asarray(self.fixed & ~s.rigid_body.moves(s.node_positions))
         if opposite is None:
@@ -222,7 +222,7 @@ class Constraints:
 
 def _why_none_is_left(s: ContactSurface) -> str:
     """Why no contact node of a surface may carry anything. Not collective."""
-    opposite = s._opposite_nodes
+    opposite = s.opposite_nodes
     if opposite is None or not opposite.none.any():
         return f"{s.name}: Dirichlet data clamp every contact node"
     return (
@@ -236,9 +236,7 @@ def _removed(s: ContactSurface, held: npt.NDArray[np.bool_]) -> npt.NDArray[np.b
     fixed = held[s.points.trace_dofs]
     if s.degrees[0] != s.degrees[1]:
         fixed = fixed & _fixed_on_support(s, held)
-    if (
-        s._displaced is not None
-    ):  # the normal turns: what is held in part may carry in any direction
+    if s.displaced is not None:  # the normal turns: what is held in part may carry in any direction
         return np.repeat(np.all(fixed, axis=1)[:, None], s.dim, axis=1)
     normal = _node_normals(s)
     along_fixed = np.linalg.norm(np.where(fixed, normal, 0.0), axis=1)

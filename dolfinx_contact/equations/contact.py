@@ -93,9 +93,9 @@ class ContactEquations:
         check_overlap(self.surfaces)
         self.axisymmetric = self.surfaces[0].axisymmetric
         for s in self.surfaces:
-            s._slide(linear=bulk.linear)
+            s.slide(linear=bulk.linear)
         #: Whether H is linear in the displacement as long as no status changes.
-        self.linear = bulk.linear and all(s._linear for s in self.surfaces)
+        self.linear = bulk.linear and all(s.linear for s in self.surfaces)
         self.constraints = Constraints(V, self.surfaces, bcs)
         self.prescribed = PrescribedDisplacement(V, self.constraints)
         spaces = [V, *(s.points.Q for s in self.surfaces)]
@@ -170,10 +170,10 @@ class ContactEquations:
 
     def refresh(self) -> None:
         """Evaluate anew what is given on surfaces where the user has changed it. Collective."""
-        changed = np.array([s._has_changed for s in self.surfaces], dtype=np.int32)
+        changed = np.array([s.has_changed for s in self.surfaces], dtype=np.int32)
         for s, other in zip(self.surfaces, self.comm.allreduce(changed), strict=True):
             if other:
-                s._update_geometry()
+                s.update_geometry()
 
     def _contact(
         self, x: PETSc.Vec, u: Array, q: Array, statuses: Statuses | None
@@ -326,7 +326,7 @@ class ContactEquations:
         if s.method != "mixed":
             return self.kinematics(s, u, q).gap
         nodes = self.rigid.relative(s, u.reshape(-1, self.dim), q)
-        at = (nodes - s._opposite(nodes))[points.trace_dofs[: points.number]]
+        at = (nodes - s.opposite(nodes))[points.trace_dofs[: points.number]]
         return np.asarray(points.gaps - np.sum(at * points.data.n, axis=1))
 
     def reach(self, s: ContactSurface, u: Array) -> float:

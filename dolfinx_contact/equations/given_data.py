@@ -232,7 +232,7 @@ def check_law(s: ContactSurface, where: str = "") -> None:
         what = f"{x.name} of {s.law.name}{where}"
         require(s.comm, good, f"{s.name}: {what} is beyond its end {x.end:g}")
     at_rest = np.zeros_like(s.points.data.n)
-    radius = s.law_at_points(at_rest, at_rest, s._point_data).unit_bound
+    radius = s.law_at_points(at_rest, at_rest, s.point_data).unit_bound
     message = f"{s.name}: the law {s.law.name} has a negative radius{where}"
     require(s.comm, not bool((radius < -1e-14).any()), message)
 

@@ -76,7 +76,7 @@ class _Block:
 
     def values(self, state: ContactState) -> Array:
         """Entries of S at a state."""
-        stencils = self.surface._constant_operator(_NEEDED_BY).stencils
+        stencils = self.surface.constant_operator(_NEEDED_BY).stencils
         areas = self.surface.points.areas
         at = stencils.points
         e = stencils.multiplier_weights
@@ -126,7 +126,7 @@ class ContactTerms:
         rows = [held, mine]
         columns = [held, mine]
         for i, s in enumerate(eq.surfaces):
-            stencils = s._constant_operator(_NEEDED_BY).stencils
+            stencils = s.constant_operator(_NEEDED_BY).stencils
             areas = s.points.areas
             coupling = np.einsum(
                 "gp,gpk,gpl->gkl",
@@ -285,7 +285,7 @@ class RigidTerms:
 
     def values(self, state: ContactState) -> Array:
         """The entries at a state. Collective."""
-        stencils = self.surface._constant_operator("the Jacobian of a rigid body").stencils
+        stencils = self.surface.constant_operator("the Jacobian of a rigid body").stencils
         areas = self.surface.points.areas
         at = stencils.points
         weighted = areas[at][..., None] * stencils.multiplier_weights
@@ -318,7 +318,7 @@ class SpreadTerms:
         self._surface = surface
         self._unit = unit
         comm = surface.comm
-        stencils = surface._constant_operator(_NEEDED_BY_SPREADING).stencils
+        stencils = surface.constant_operator(_NEEDED_BY_SPREADING).stencils
         n = surface.points.number
         law = surface.law_at_points
         assert isinstance(law, LawAmongPoints)
@@ -359,7 +359,7 @@ class SpreadTerms:
         """The entries at a state; none where another law, that is local, stands in."""
         if state.answers.spreading is None:
             return np.zeros(self._number)
-        stencils = self._surface._constant_operator(_NEEDED_BY_SPREADING).stencils
+        stencils = self._surface.constant_operator(_NEEDED_BY_SPREADING).stencils
         areas = self._surface.points.areas
         at = stencils.points
         e = stencils.multiplier_weights

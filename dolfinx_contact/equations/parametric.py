@@ -218,8 +218,8 @@ class ParametricEquations(System):
                 for gamma in gammas:
                     self._set(gamma)
                     for s in looked_at:
-                        s._update_geometry()
-                        s._check_gaps()
+                        s.update_geometry()
+                        s.check_gaps()
                         if s in varying:
                             check_law(s, f" at gamma = {gamma:g}")
 

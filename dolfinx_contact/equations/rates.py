@@ -121,7 +121,7 @@ class SurfaceRates:
 
     def __init__(self, s: ContactSurface, rate: Rate):
         self._surface = s
-        given = s.given if s._displaced is None else s._displaced.given
+        given = s.given if s.displaced is None else s.displaced.given
         self.moves = depends_on(rate.gamma, given.gap, given.normal)
         self.law_changes = depends_on(rate.gamma, *given.fields.values())
         self.kinks = ""
@@ -147,8 +147,8 @@ class SurfaceRates:
             return None
         s = self._surface
         data = state.data
-        if s._displaced is not None:
-            rates = s._displaced.rates(self._evaluators[0], state.jump)
+        if s.displaced is not None:
+            rates = s.displaced.rates(self._evaluators[0], state.jump)
             return s.law_at_points.rate(state.jump, state.traction, data, rates, state.statuses)
         rates, aside = s.points.rates(self._evaluators)
         if s.memory is not None:

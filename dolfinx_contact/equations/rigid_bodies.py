@@ -126,7 +126,7 @@ class RigidBodies:
     def relative(self, s: ContactSurface, u: Array, q: Array) -> Array:
         """Displacements (n, dim) at the first local nodes, seen from what ``s`` touches."""
         body = s.rigid_body
-        return u if body is None else s._relative(u, self.of_body(q, body))
+        return u if body is None else s.relative(u, self.of_body(q, body))
 
     def reactions(self, s: ContactSurface, forces: Array) -> Array:
         """This rank's part of Phi^T f by the forces B^T W t of ``s`` on its owned nodes."""
@@ -148,7 +148,7 @@ class RigidBodies:
         moved = np.zeros((s.points.number, s.dim, width))
         if body is None:
             return moved
-        operator = s._constant_operator("a rigid body that moves")
+        operator = s.constant_operator("a rigid body that moves")
         x = s.node_positions[: s.owned_nodes]
         for k, unit in enumerate(np.diag(1.0 / self._units[part])):
             moved[:, :, k] = operator.apply(body.field(x, unit))
@@ -208,7 +208,7 @@ class RigidBodies:
         moved = self.at_points(s)
         part = self.slice_of(s.rigid_body)
         n = s.points.number * s.dim
-        first = s._constant_operator("the condensed problem").B.getOwnershipRange()[0]
+        first = s.constant_operator("the condensed problem").B.getOwnershipRange()[0]
         columns = np.arange(part.start, part.stop)
         rows = np.broadcast_to(first + np.arange(n)[:, None], (n, len(columns)))
         places = np.broadcast_to(columns, rows.shape)

@@ -173,7 +173,7 @@ def automatic_augmentation(
     soft = np.sqrt(min(2.0 * softness(K, V, axisymmetric=around), 1.0))
     for s in surfaces:
         # Of two bodies that touch both yield.
-        other = s._opposite(per_node)
+        other = s.opposite(per_node)
         pair = np.divide(per_node * other, per_node + other, where=other > 0, out=per_node.copy())
         width = (s.points.vertex_areas / s.points.circumferences) ** (1 / (s.dim - 1))
         stiffness = pair[s.points.vertex_trace_dofs] / s.points.vertex_areas
@@ -276,7 +276,7 @@ class LooseMotions:
         jumps = np.zeros((len(self.of_body), s.points.number, s.dim))
         if not len(self.of_body):
             return jumps
-        operator = s._constant_operator("a body that Dirichlet data do not hold")
+        operator = s.constant_operator("a body that Dirichlet data do not hold")
         for i in range(len(self.of_body)):
             jumps[i] = operator.apply(self.of_body[i, : s.owned_nodes])
         return jumps

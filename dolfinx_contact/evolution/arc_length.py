@@ -110,7 +110,7 @@ class ArcLength(Runnable[PathTask, PathState, PathHistory]):
     def _require_no_time(self) -> None:
         check_times(self.problem.surfaces)
         for s in self.problem.surfaces:
-            s._update_geometry()
+            s.update_geometry()
             fields = s.points.data.fields
             slow = [n for n in s.law.needs_time if np.any(fields[n] != 0)]
             require(

@@ -369,7 +369,7 @@ def _check_problem(problem: ContactProblem, level: Level) -> None:
         for what, wrong in (
             ("a compliant law", s.law.compliant),
             ("adhesion", s.law_at_points.compiled.bonded),
-            ("large sliding on a curved obstacle", s._displaced is not None),
+            ("large sliding on a curved obstacle", s.displaced is not None),
         ):
             if wrong:
                 raise ValueError(f"{s.name}: {what} is about positions; take level='position'")
@@ -379,7 +379,7 @@ def _touching(eq: ContactEquations) -> npt.NDArray[np.bool_]:
     """Owned dofs of nodes that may touch, of either body. Collective."""
     marks = np.zeros(eq.owned_sizes[0])
     for s in eq.surfaces:
-        B = s._constant_operator("a motion").B
+        B = s.constant_operator("a motion").B
         weights = B.copy()
         indptr, indices, values = weights.getValuesCSR()
         weights.setValuesCSR(indptr, indices, np.abs(values))

@@ -263,9 +263,9 @@ def patch(s: ContactSurface) -> Arrays:
     body = s.rigid_body
     gap = points.vertex_gaps
     n = points.vertex_normals
-    if s._displaced is not None:
+    if s.displaced is not None:
         x = x + (u if body is None else u - body.field(x, body.values))
-        gap, n = s._displaced.at_vertices(x - s.node_positions[points.vertex_trace_dofs])
+        gap, n = s.displaced.at_vertices(x - s.node_positions[points.vertex_trace_dofs])
     floor = x + gap[:, None] * n
     moved = np.zeros_like(floor) if body is None else body.field(floor, body.values)
     values = {"u": u, "n": n, "floor": floor, "moved": moved, "ids": points.vertex_ids}

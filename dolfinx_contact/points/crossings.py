@@ -56,7 +56,7 @@ def crossings(
     index_map = V.dofmap.index_map
     parts: list[Edges] = [np.zeros((0, 4), dtype=np.int64)]
     for i, s in enumerate(surfaces):
-        opposite = s._opposite_nodes
+        opposite = s.opposite_nodes
         if opposite is None or not opposite.matching:
             continue
         vertices = np.arange(s.points.vertices.dofmap.index_map.size_local)

@@ -184,9 +184,9 @@ class ContactPair(ContactSurface):
         self._given_gap = ""
         if not interference and (gap is not None or surface is not None):
             self._given_gap = "given gap" if surface is None else "gap to the given surface"
-        self._check_gaps()
+        self.check_gaps()
 
-    def _check_gaps(self) -> None:
+    def check_gaps(self) -> None:
         if not self._given_gap:
             return
         gaps = self.points.vertex_gaps
@@ -197,7 +197,7 @@ class ContactPair(ContactSurface):
             f"{self.name}: the {self._given_gap} is {worst:.3g}; interference=True for a press fit",
         )
 
-    def _hold(self, fixed: npt.NDArray[np.bool_], crossing: npt.NDArray[np.bool_]) -> None:
+    def hold(self, fixed: npt.NDArray[np.bool_], crossing: npt.NDArray[np.bool_]) -> None:
         """Give away the functions of nodes without a multiplier; see `held_ends`. Collective.
 
         Of faces that do not match these are the nodes whose jump is fixed.

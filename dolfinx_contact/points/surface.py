@@ -145,6 +145,19 @@ class ContactSurface(ReadOnly):
                 result = problem.solve()
     """
 
+    _listed = (
+        "at_vertices",
+        "between_bodies",
+        "bond",
+        "friction_slope",
+        "jump",
+        "kinematics",
+        "node_positions",
+        "owned_nodes",
+        "positions",
+        "rigid_body",
+        "state",
+    )
     _may_be_set = ("memory", "statuses")
     _instead: ClassVar[Mapping[str, str]] = {
         "law": f"{_NUMBERS}; for another law {_ANOTHER}",
@@ -183,7 +196,6 @@ class ContactSurface(ReadOnly):
             check_section(domain, local, name)
         self._create_points(local, quadrature_degree)
         self.sliding = sliding
-        #: Gap and normal at displaced points; None where they stay.
         self._displaced: DisplacedPoints | None = None
         self.memory: Memory | None = None
         #: Distances to the obstacle of the contact points where they are now, or None.
@@ -264,11 +276,11 @@ class ContactSurface(ReadOnly):
         return mark
 
     @property
-    def _has_changed(self) -> bool:
+    def has_changed(self) -> bool:
         """Whether on this rank what is given is not what it was when it was evaluated."""
         return self._marked() != self._mark
 
-    def _update_geometry(self) -> None:
+    def update_geometry(self) -> None:
         """Evaluate what is given on the surface anew, after an obstacle has moved. Collective.
 
         The equations do it by themselves, so that only what is looked at without them (gaps,
@@ -278,10 +290,10 @@ class ContactSurface(ReadOnly):
         self.points.update()
         self._mark = self._marked()
 
-    def _check_gaps(self) -> None:
+    def check_gaps(self) -> None:
         """Raise ``ValueError`` if gaps that were given are none as they are now. Collective."""
 
-    def _hold(self, fixed: npt.NDArray[np.bool_], crossing: npt.NDArray[np.bool_]) -> None:
+    def hold(self, fixed: npt.NDArray[np.bool_], crossing: npt.NDArray[np.bool_]) -> None:
         """Take notice of what has no multiplier of its own. Collective.
 
         Args:
@@ -300,7 +312,7 @@ class ContactSurface(ReadOnly):
         """
         operator = self.points.operator
         reference = self._reference
-        jump = operator.apply(self._relative(u[: self.owned_nodes], motion))
+        jump = operator.apply(self.relative(u[: self.owned_nodes], motion))
         jump = jump - self.points.aside - reference
         return Kinematics(operator, jump, reference, self._data_at(jump))
 
@@ -310,7 +322,7 @@ class ContactSurface(ReadOnly):
         u = self.u.x.array.reshape(-1, self.dim)
         return self.kinematics(u, None if body is None else body.values)
 
-    def _constant_operator(self, needed_by: str) -> ConstantOperator:
+    def constant_operator(self, needed_by: str) -> ConstantOperator:
         """B, for what needs it to be the same at every state.
 
         Args:
@@ -328,11 +340,16 @@ class ContactSurface(ReadOnly):
         return operator
 
     @property
-    def _linear(self) -> bool:
+    def displaced(self) -> DisplacedPoints | None:
+        """Gap and normal at displaced points; None where they stay."""
+        return self._displaced
+
+    @property
+    def linear(self) -> bool:
         """Whether gap and slip are linear in the displacement."""
         return self._displaced is None and isinstance(self.points.operator, ConstantOperator)
 
-    def _slide(self, *, linear: bool) -> None:
+    def slide(self, *, linear: bool) -> None:
         """Take notice of whether the body is linear, by which sliding is small. Collective.
 
         Raises:
@@ -349,18 +366,18 @@ class ContactSurface(ReadOnly):
         return self.obstacle.opposite is not None
 
     @property
-    def _opposite_nodes(self) -> Opposite | None:
+    def opposite_nodes(self) -> Opposite | None:
         """What lies opposite to the nodes, the same at every state; None without another body.
 
         Raises:
             ValueError: on every rank, if that changes with the displacement.
         """
         if self.between_bodies:
-            self._constant_operator("what lies opposite to nodes")
+            self.constant_operator("what lies opposite to nodes")
         opposite: Opposite | None = self.obstacle.opposite
         return opposite
 
-    def _opposite(self, values: Array) -> Array:
+    def opposite(self, values: Array) -> Array:
         """Values opposite to the local nodes, 0 where there is nothing. Collective.
 
         Args:
@@ -369,7 +386,7 @@ class ContactSurface(ReadOnly):
         Raises:
             ValueError: on every rank, if what lies opposite changes with the displacement.
         """
-        opposite = self._opposite_nodes
+        opposite = self.opposite_nodes
         if opposite is None:
             return np.zeros_like(values)
         return opposite.values(self.comm, values[: self.owned_nodes], len(values))
@@ -379,7 +396,7 @@ class ContactSurface(ReadOnly):
         """What may be touched, if it is a rigid body that moves."""
         return self.obstacle if isinstance(self.obstacle, RigidBody) else None
 
-    def _relative(self, u: Array, motion: Array | None) -> Array:
+    def relative(self, u: Array, motion: Array | None) -> Array:
         """Displacements seen from the rigid body; as they are where there is none.
 
         Args:
@@ -412,11 +429,11 @@ class ContactSurface(ReadOnly):
     def _data_at(self, jump: Array) -> PointData:
         """What the law is given at the points of this rank where jumps lead them. Collective."""
         if self._displaced is None:
-            return self._point_data
+            return self.point_data
         return with_memory(self.law_at_points.compiled, self.memory, self._displaced.data(jump))
 
     @property
-    def _point_data(self) -> PointData:
+    def point_data(self) -> PointData:
         """What the law is given at the points of this rank where they are in the reference."""
         return with_memory(self.law_at_points.compiled, self.memory, self.points.data)
 
@@ -440,13 +457,13 @@ class ContactSurface(ReadOnly):
         ``traction`` on the body (n, dim), ``pressure``, ``shear`` (n, dim), ``bound`` radius of the
         friction disc at the pressure of the law.
         """
-        return self._state_of(self._kinematics_now(), self._traction())
+        return self.state_of(self._kinematics_now(), self._traction())
 
     def _traction(self) -> Array:
         owned = self.points.Q.dofmap.index_map.size_local * self.dim
         return self.points.traction(self.multiplier.x.array[:owned])
 
-    def _state_of(self, at: Kinematics, traction: Array) -> dict[str, Array]:
+    def state_of(self, at: Kinematics, traction: Array) -> dict[str, Array]:
         """The table of `state`, at given kinematics and tractions (n, dim). Collective."""
         points = self.points
         n = at.data.n

@@ -35,8 +35,8 @@ def vertex_state(s: ContactSurface) -> dict[str, Array]:
         return {**found, **{k: points.with_ghosts(state[k]) for k in kept}}
     # Of Functions the values at the vertices, not the means around them.
     motion = None if s.rigid_body is None else s.rigid_body.values
-    u = s._relative(s.u.x.array.reshape(-1, s.dim), motion)
-    u = (u - s._opposite(u))[points.vertex_trace_dofs]
+    u = s.relative(s.u.x.array.reshape(-1, s.dim), motion)
+    u = (u - s.opposite(u))[points.vertex_trace_dofs]
     gap, n = s.at_vertices(u)
     traction = _multiplier_at_vertices(s)
     along = np.sum(u * n, axis=1)

@@ -202,7 +202,7 @@ def identity(
             [s.name, s.method, problem.comm.allreduce(s.points.number)] for s in problem.surfaces
         ],
         "faces": [_faces(s) for s in problem.surfaces],
-        "kinds": [[*s.degrees, s._displaced is not None] for s in problem.surfaces],
+        "kinds": [[*s.degrees, s.displaced is not None] for s in problem.surfaces],
         "parts": _parts(eq.bulk.residual, domain),
         "other parts": [part for form in forms for part in _parts(form, domain)],
         "fixed": problem.comm.allreduce(int(fixed.sum())),

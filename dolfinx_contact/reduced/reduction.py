@@ -305,7 +305,7 @@ class Reduction:
         for s in eq.surfaces:
             inside = wanted[(wanted >= first) & (wanted < first + s.points.number)] - first
             rows = (self._dim * inside[:, None] + np.arange(self._dim)).reshape(-1)
-            B = s._constant_operator("the condensed problem").B
+            B = s.constant_operator("the condensed problem").B
             here = PETSc.IS().createGeneral(
                 (rows + B.getOwnershipRange()[0]).astype(PETSc.IntType), comm=self.comm
             )

@@ -93,10 +93,10 @@ def _apart(s: ContactSurface, x: npt.NDArray[np.float64]) -> float:
         s: the pair.
         x: positions of the local nodes (n, dim).
     """
-    opposite = s._opposite_nodes
+    opposite = s.opposite_nodes
     assert opposite is not None
     on = (opposite.rows >= 0) & ~opposite.none
-    off = np.linalg.norm((s._opposite(x) - x)[on], axis=1)
+    off = np.linalg.norm((s.opposite(x) - x)[on], axis=1)
     return float(s.comm.allreduce(float(np.max(off, initial=0.0)), op=max))
 
 

@@ -200,7 +200,7 @@ def contact_table(
     found = state.surfaces[number]
     clamped = eq.constraints.clamped[number]
     removed = eq.constraints.removed[number]
-    known = s._state_of(found.kinematics, found.traction)
+    known = s.state_of(found.kinematics, found.traction)
     n = s.points.number
     area = known["area"]
     normal = known["n"]
@@ -220,7 +220,7 @@ def contact_table(
         letters = np.where(guided & (letters != "o"), moved, letters)
     pressure = -np.sum(traction * normal, axis=1) + 0.0
     gap = known["un"] + 0.0
-    opposite = s._opposite_nodes
+    opposite = s.opposite_nodes
     if s.method != "integral" and opposite is not None and not opposite.matching:
         gap[opposite.none[s.points.vertex_trace_dofs[:n]]] = np.nan
     columns = {

@@ -179,8 +179,8 @@ def check_data(eq: ContactEquations, x0: PETSc.Vec) -> None:
     eq.require_same_mesh()
     eq.bulk.require_continuous()
     for s in eq.surfaces:
-        s._update_geometry()
-        s._check_gaps()
+        s.update_geometry()
+        s.check_gaps()
         check_law(s)
     _require_start(eq, x0)
     require_obstacles(eq)

@@ -270,7 +270,7 @@ class OnBody:
         eq = self.equations
         # Pressure and shear in every direction, uneven.
         t = [s.points.data.n + np.cos(s.positions / eq.body_size) for s in eq.surfaces]
-        operators = [s._constant_operator("a step of an algorithm") for s in eq.surfaces]
+        operators = [s.constant_operator("a step of an algorithm") for s in eq.surfaces]
         value = 0.0
         for _ in range(_POWER):
             load = np.sum([B.transpose(v) for B, v in zip(operators, t, strict=True)], axis=0)

@@ -51,7 +51,7 @@ def springs(
     columns = []
     values = []
     for s, points in zip(pairs, closed, strict=True):
-        stencils = s._constant_operator("multigrid of bodies that touch").stencils
+        stencils = s.constant_operator("multigrid of bodies that touch").stencils
         b = stencils.weights
         nodes = stencils.nodes
         soft = at_global_places(equations.comm, compliance, nodes)
