@@ -10,21 +10,18 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mpi4py import MPI
-
 import numpy as np
-
-from dolfinx import fem
 
 from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._errors import on_root
 from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.io.disk import aside
-from dolfinx_contact.io.fields import check_stress, faces, stress_fields
+from dolfinx_contact.io.fields import check_stress, faces, state_fields
 from dolfinx_contact.io.folder import output_folder
 from dolfinx_contact.io.script import write_script
+from dolfinx_contact.io.several import FieldSeries
 from dolfinx_contact.io.table import GrowingTable
-from dolfinx_contact.io.writers import Format, Series, checked_format, see_room, series
+from dolfinx_contact.io.writers import Format, checked_format
 
 if TYPE_CHECKING:
     from dolfinx_contact.evolution.history import EvolutionStep
@@ -101,22 +98,20 @@ class EvolutionSeries:
         self._format = checked_format(self._comm, format)
         self._folder = output_folder(self._comm, folder)
         self._faces = faces(problem)
-        self._shown: list[list[fem.Function]] = []
-        self._opened: list[Series] = []
+        self._series: FieldSeries | None = None
         self._stack: ExitStack | None = None
         self.files: list[Path] = []
 
     def __enter__(self) -> EvolutionSeries:
-        self._shown = []
-        self._opened = []
         self._count = 0
         self._table = GrowingTable(self._comm, self._folder / _TABLE)
         self._stack = ExitStack()
         self._part = self._stack.enter_context(aside(self._comm, self._folder, "evolution"))
+        self._series = FieldSeries(self._comm, self._part, self._folder, self._format)
         return self
 
     def __call__(self, step: EvolutionStep) -> None:
-        if self._stack is None:
+        if self._series is None:
             raise ValueError(
                 "an EvolutionSeries writes in its context alone: with EvolutionSeries(...) as "
                 "series: evolution.run(times, observer=series)"
@@ -129,45 +124,25 @@ class EvolutionSeries:
         self._count += 1
         if (self._count - 1) % self._every:
             return
-        files = self._fields()
-        fields = [functions for _, _, functions in files]
-        first = not self._shown
-        self._shown = self._shown or fields
-        if self._format == "vtx":
-            see_room(self._comm, self._folder / "evolution_body", self._shown)
-        if first:
-            self._opened = [
-                series(comm, self._part / f"evolution_{stem}", shown, self._format, single=False)
-                for stem, comm, shown in files
-            ]
-        for shown, now, each in zip(self._shown, fields, self._opened, strict=True):
-            for f, g in zip(shown, now, strict=True):
-                f.x.array[:] = g.x.array
-            each.write(step.time)
-
-    def _fields(self) -> list[tuple[str, MPI.Comm, list[fem.Function]]]:
-        """What is written at the state in the Functions: stem, communicator, Functions of a file.
-
-        Collective.
-        """
-        files = [("body", self._comm, [self._problem.u])]
-        if self._stress is not None:
-            stressed = stress_fields(self._problem.u, self._stress, self._tags)
-            files.append(("body_stress", self._comm, stressed))
-        return files + [(f.stem, f.comm, list(f.fields().values())) for f in self._faces]
+        state = state_fields(
+            self._problem, self._faces, self._stress, self._tags, prefix="evolution_"
+        )
+        self._series.write(step.time, state)
 
     def __exit__(self, *_: object) -> None:
         assert self._stack is not None
+        assert self._series is not None
         stack = self._stack
+        written = self._series
         self._stack = None
+        self._series = None
         with stack:
-            for each in self._opened:
-                each.close()
+            written.close()
             if self._count:
                 write_script(self._comm, self._part, self._folder)
             else:
                 self._forget()
-        self.files = [self._folder / each.file.name for each in self._opened]
+        self.files = written.files
 
     def _forget(self) -> None:
         """Remove what a series of before has left in the folder. Collective."""

@@ -12,7 +12,7 @@ from __future__ import annotations
 import logging
 import os
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -37,7 +37,8 @@ from dolfinx_contact.io.disk import aside
 from dolfinx_contact.io.folder import output_folder
 from dolfinx_contact.io.master import MasterFace
 from dolfinx_contact.io.script import write_script
-from dolfinx_contact.io.writers import Format, checked_format, see_room, series
+from dolfinx_contact.io.several import Fields, FieldSeries
+from dolfinx_contact.io.writers import Format, checked_format
 
 if TYPE_CHECKING:
     from dolfinx_contact.problem import ContactProblem
@@ -47,7 +48,7 @@ __all__ = [
     "body_fields",
     "check_stress",
     "faces",
-    "stress_fields",
+    "state_fields",
     "von_mises",
     "write_fields",
 ]
@@ -103,28 +104,45 @@ def write_fields(
     tags = check_stress(problem, stress)
     comm = problem.comm
     kind = checked_format(problem.comm, format)
-    on_faces = faces(problem)
-    written = [("body", comm, [problem.u])]
-    if stress is not None:
-        written.append(("body_stress", comm, stress_fields(problem.u, stress, tags)))
+    state = state_fields(problem, faces(problem), stress, tags)
     path = output_folder(comm, folder)
-    written += [(face.stem, face.comm, list(face.fields().values())) for face in on_faces]
-    files = []
     with aside(comm, path, "write_fields") as part:
-        if kind == "vtx":
-            see_room(comm, path / "body", [functions for *_, functions in written])
-        for stem, of_mesh, fields in written:
-            each = series(of_mesh, part / stem, fields, kind)
-            each.write(0.0)
-            each.close()
-            files.append(path / each.file.name)
+        written = FieldSeries(comm, part, path, kind, single=True)
+        try:
+            written.write(0.0, state)
+        finally:
+            written.close()
         write_script(comm, part, path)
-    return files
+    return written.files
 
 
-def stress_fields(u: fem.Function, stress: Any, tags: mesh.MeshTags | None) -> list[fem.Function]:
-    """The fields of a file of stresses: `body_fields`, and the displacement there. Collective."""
-    return [*body_fields(u, stress, tags), _at_corners(u)]
+def state_fields(
+    problem: ContactProblem,
+    on_faces: Sequence[Face],
+    stress: Any = None,
+    tags: mesh.MeshTags | None = None,
+    prefix: str = "",
+) -> list[Fields]:
+    """What files have of the state in a problem's Functions. Collective.
+
+    Args:
+        problem: the problem.
+        on_faces: its `faces`.
+        stress: see `write_fields`.
+        tags: as `check_stress` returned them.
+        prefix: of the stems.
+
+    Returns:
+        The displacement, the stresses if they are wanted, and the fields of every face.
+    """
+    found = [Fields(f"{prefix}body", problem.comm, [problem.u])]
+    if stress is not None:
+        u = problem.u
+        stresses = [*body_fields(u, stress, tags), _at_corners(u)]
+        found.append(Fields(f"{prefix}body_stress", problem.comm, stresses))
+    for face in on_faces:
+        found.append(Fields(prefix + face.stem, face.comm, list(face.fields().values())))
+    return found
 
 
 def _at_corners(u: fem.Function) -> fem.Function:

@@ -8,16 +8,19 @@ killed leaves no half of a series behind.
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from dolfinx import fem
 
 from dolfinx_contact._errors import same_everywhere
 from dolfinx_contact.io.disk import aside
-from dolfinx_contact.io.fields import Face, faces
+from dolfinx_contact.io.fields import Face, faces, state_fields
 from dolfinx_contact.io.folder import output_folder
 from dolfinx_contact.io.script import write_script
-from dolfinx_contact.io.writers import Format, Series, checked_format, see_room, series
+from dolfinx_contact.io.several import Fields, FieldSeries
+from dolfinx_contact.io.writers import Format, checked_format
 from dolfinx_contact.records.branch_record import BranchRecord
 
 __all__ = ["write_series"]
@@ -64,47 +67,34 @@ def write_series(
     kind = checked_format(comm, format)
     path = output_folder(comm, folder)
     on_faces = faces(problem)
-    stems = [f"branch_{branch:04d}_{stem}" for stem in ("body", *(f.stem for f in on_faces))]
-    comms = [comm, *(face.comm for face in on_faces)]
-    shown: list[list[fem.Function]] = []
-    opened: list[Series] = []
     with aside(comm, path, "write_series") as part:
+        written = FieldSeries(comm, part, path, kind)
         try:
-            for index in kept:
-                fields = _fields(record, on_faces, branch, index)
-                # The Functions of the first point are those of the series.
-                shown = shown or fields
-                if kind == "vtx":  # for all that is to come: a disk may fill up on the way
-                    see_room(comm, path / stems[0], shown, len(kept) - kept.index(index))
-                for i, stem in enumerate(stems):
-                    if i == len(opened):
-                        opened.append(series(comms[i], part / stem, shown[i], kind, single=False))
-                    for mine, f in zip(shown[i], fields[i], strict=True):
-                        mine.x.array[:] = f.x.array
-                    opened[i].write(float(index))
+            for number, index in enumerate(kept):
+                state = _fields(record, on_faces, branch, index)
+                written.write(float(index), state, left=len(kept) - number)
         finally:
-            for each in opened:
-                each.close()
+            written.close()
         write_script(comm, part, path)
-    return [path / each.file.name for each in opened]
+    return written.files
 
 
 def _fields(
-    record: BranchRecord, on_faces: list[Face], branch: int, index: int
-) -> list[list[fem.Function]]:
-    """Functions of the body and of every face at a recorded point. Collective."""
+    record: BranchRecord, on_faces: Sequence[Face], branch: int, index: int
+) -> list[Fields]:
+    """What files have of a recorded point: of faces gamma too. Collective."""
     system = record.system
-    problem = record.system.problem
     point, _ = record.state(branch, index)
     x = system.create_vector()
     x.array[:] = point.y.array_r[: x.getLocalSize()]
     system.put(x, point.gamma, point.piece)
     for v in (x, point.y, point.tangent):
         v.destroy()
-    found = [[problem.u]]
-    for face in on_faces:
-        fields = face.fields()
-        gamma = fem.Function(fields["pressure"].function_space, name="gamma")
+    body, *others = state_fields(system.problem, on_faces, prefix=f"branch_{branch:04d}_")
+    found = [body]
+    for fields in others:
+        pressure = next(f for f in fields.functions if f.name == "pressure")
+        gamma = fem.Function(pressure.function_space, name="gamma")
         gamma.x.array[:] = point.gamma
-        found.append([*fields.values(), gamma])
+        found.append(replace(fields, functions=[*fields.functions, gamma]))
     return found
