@@ -39,7 +39,7 @@ from dolfinx_contact.continuation.arguments import check_listeners, check_steps
 from dolfinx_contact.continuation.layout import Layout
 from dolfinx_contact.equations.given_data import data_within
 from dolfinx_contact.equations.measures import Scales
-from dolfinx_contact.records.identity import driven_words, identity
+from dolfinx_contact.records.identity import identity
 from dolfinx_contact.records.journal import (
     Explored,
     Journal,
@@ -145,13 +145,21 @@ class BranchRecord(ProblemRecord[Journal]):
                 more=data_within(driven),
                 but=[*system._driven_functions, system.constant],
             )
-            known = identity(system.problem, but=[system.constant], more=data_within(driven))
-            known |= {"functions": data.elements, "driven": driven_words(system.problem, driven)}
+            known = identity(
+                system.problem,
+                but=[system.constant],
+                more=data_within(driven),
+                functions=data.elements,
+                driven=driven,
+            )
             self._require_same(known, functionals=list(self._functionals))
             gamma = float(self.journal.header.get("gamma", system.constant.value))
             with system.restored(always=True):
                 system._set(gamma)
-                self._require_data(data)
+                if not self.journal.is_empty:
+                    kept = self.journal.data
+                    sums = {kept["checkpoint"]: kept["sum"]}
+                    self._require_data(data, kept["values"], sums)
                 self._begin(known, data, functionals=list(self._functionals), gamma=gamma)
         except Exception:
             self.close()
@@ -162,18 +170,6 @@ class BranchRecord(ProblemRecord[Journal]):
         super().close()
         for v in (self._x, self._mx):
             v.destroy()
-
-    def _require_data(self, data: KeptData) -> None:
-        """Refuse Functions that are not those that were recorded. Collective."""
-        kept = self.journal.data
-        if self.journal.is_empty:
-            return
-        other = data.difference(kept["values"], {kept["checkpoint"]: kept["sum"]})
-        message = (
-            f"the journal in {self.folder} is that of another problem: other loads, materials or "
-            f"friction{other}"
-        )
-        require(self.comm, other is None, message)
 
     # -- Observer --------------------------------------------------------------------------------
 
@@ -192,10 +188,8 @@ class BranchRecord(ProblemRecord[Journal]):
             self._append({"type": "branch", "branch": branch, "task": new})
             self.journal.branches[branch] = JournalBranch(new)
             return
-        for key in ("gamma_range", "gamma_scale", "control"):
-            same = known.task[key] == new[key]
-            message = f"branch {branch} was recorded with {key} {known.task[key]}, not {new[key]}"
-            require(self.comm, same, message)
+        lasting = {name: new[name] for name in ("gamma_range", "gamma_scale", "control")}
+        self._require_task(f"branch {branch}", known.task, lasting)
 
     def step(self, step: BranchStep, state: Stepping) -> None:
         branch = step.branch
@@ -304,23 +298,23 @@ class BranchRecord(ProblemRecord[Journal]):
         return {"checkpoint": name, "sum": check_sum}
 
     def _compare(self, branch: int, recorded: Mapping[str, Any], found: Mapping[str, Any]) -> None:
-        """Refuse a point that is not the one that was recorded."""
+        """Refuse a point that is not the one that was recorded. Collective."""
         scale = self.journal.branches[branch].task["gamma_scale"]
         pairs = [(recorded["gamma"] / scale, found["gamma"] / scale)]
         pairs += [(recorded["norm"], found["norm"])]
         kinds = [[(s["kind"], s["smooth"]) for s in p["special"]] for p in (recorded, found)]
-        same = kinds[0] == kinds[1] and recorded["status"] == found["status"]
-        if same:
+        if kinds[0] == kinds[1]:
             gammas = [[s["gamma"] / scale for s in p["special"]] for p in (recorded, found)]
             pairs += zip(*gammas, strict=True)
         # Beside the range of gamma, and the length of x that counts as 1.
-        same = same and coincide((a, b, 1 + abs(a)) for a, b in pairs)
-        message = (
-            f"point {found['index']} of branch {branch} was recorded at gamma = "
-            f"{recorded['gamma']:.12g}, status {recorded['status']}, and is now found at gamma = "
-            f"{found['gamma']:.12g}, status {found['status']}: the problem has changed"
+        numbers = [(a, b, 1 + abs(a)) for a, b in pairs]
+        self._require_again(
+            f"point {found['index']} of branch {branch}",
+            "gamma =",
+            (recorded["gamma"], recorded["status"]),
+            (found["gamma"], found["status"]),
+            numbers if kinds[0] == kinds[1] else None,
         )
-        require(self.comm, same, message)
 
     # -- going on --------------------------------------------------------------------------------
 

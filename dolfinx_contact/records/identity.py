@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from dolfinx_contact.points.surface import ContactSurface
     from dolfinx_contact.problem import ContactProblem
 
-__all__ = ["difference", "driven_words", "identity", "mesh_hash", "other_data", "same_words"]
+__all__ = ["difference", "identity", "mesh_hash", "other_data", "same_words"]
 
 _TOLERANCE = 1e-9  # of numbers that are given
 _ROUND_OFF = 1e-14  # of the largest of the numbers of a Constant
@@ -164,6 +164,8 @@ def identity(
     but: Sequence[Any] = (),
     forms: Sequence[ufl.Form] = (),
     more: Sequence[Datum] = (),
+    functions: Sequence[str] = (),
+    driven: Sequence[Any] = (),
 ) -> dict[str, Any]:
     """What the problem is known by, in words and numbers for the journal. Collective.
 
@@ -174,6 +176,8 @@ def identity(
         but: Constants whose values vary.
         forms: others that go with it, as one of damping.
         more: data beside those of the problem, of which the Constants are taken.
+        functions: elements of the Functions of which values are kept.
+        driven: expressions by which a load drives Dirichlet data.
     """
     eq = problem.equations
     domain = problem.V.mesh
@@ -212,6 +216,8 @@ def identity(
         "forms": hashlib.sha256("".join(words).encode()).hexdigest()[:32],
         "numbers": [float(v) for d in constants for v in np.real(np.ravel(d.value.value))],
         "places": [d.place for d in constants for _ in np.ravel(d.value.value)],
+        "functions": list(functions),
+        "driven": [hashlib.sha256(_signature(e, domain).encode()).hexdigest()[:32] for e in driven],
     }
 
 
@@ -221,13 +227,6 @@ def _signature(e: Any, domain: mesh.Mesh) -> str:
     if isinstance(e, ufl.constantvalue.Zero):
         return "0"
     return str((ufl.inner(e, e) * ufl.dx(domain=domain)).signature())
-
-
-def driven_words(problem: ContactProblem, expressions: Sequence[Any]) -> list[str]:
-    """What expressions by which a load drives Dirichlet data are known by."""
-    return [
-        hashlib.sha256(_signature(e, problem.V.mesh).encode()).hexdigest()[:32] for e in expressions
-    ]
 
 
 _NUMBER = re.compile(r"(?<![\w.])([-+]?\d+\.?\d*(?:e[-+]?\d+)?)(?![\w.])")
@@ -295,7 +294,11 @@ def difference(recorded: Mapping[str, Any], present: Mapping[str, Any]) -> str:
         a = recorded[key]
         b = present[key]
         if key == "numbers":
-            other = _other_number(a, b, present["places"])
+            places = present["places"]
+            if len(a) != len(b):
+                return words
+            names_of = list(dict.fromkeys(places))
+            other = _other_numbers(names_of, _by_place(places, a), _by_place(places, b))
             if other is not None:
                 return words + other
         elif key == "held":
@@ -305,22 +308,6 @@ def difference(recorded: Mapping[str, Any], present: Mapping[str, Any]) -> str:
         elif a != b:
             return words
     return ""
-
-
-def _other_number(
-    recorded: Sequence[float], found: Sequence[float], places: Sequence[str]
-) -> str | None:
-    """Where numbers differ first, in words that begin with a colon; None if they do not."""
-    if len(recorded) != len(found):
-        return ""
-    a = np.array(recorded)
-    b = np.array(found)
-    # Every one by itself: moduli and loads are of different sizes.
-    other = np.abs(a - b) > _TOLERANCE * np.maximum(np.abs(a), np.abs(b))
-    if not other.any():
-        return None
-    mine = np.array(places) == places[int(np.argmax(other))]
-    return f": {_changed(places[int(np.argmax(other))], a[mine], b[mine])}"
 
 
 def other_data(
@@ -336,23 +323,52 @@ def other_data(
         found: the same of those that are given.
     """
     places = [d.place for d in placed_data(problem.equations) if not hasattr(d.value, "x")]
+    return _other_numbers(places, recorded, found, round_off=_ROUND_OFF)
+
+
+def _other_numbers(
+    places: Sequence[str],
+    recorded: Sequence[Sequence[float]],
+    found: Sequence[Sequence[float]],
+    round_off: float = 0.0,
+) -> str | None:
+    """Where numbers differ first, in words that begin with a colon; None if they do not.
+
+    Args:
+        places: where they stand.
+        recorded: those of every place.
+        found: likewise.
+        round_off: of numbers that were computed, relative to the largest at their place.
+    """
     if not len(recorded) == len(found) == len(places):
         return ""
     for place, a, b in zip(places, recorded, found, strict=True):
-        if len(a) != len(b) or _differ(a, b):
+        if len(a) != len(b) or _differ(a, b, round_off):
             return f": {_changed(place, a, b)}"
     return None
 
 
-def _differ(recorded: Sequence[float], found: Sequence[float]) -> bool:
+def _by_place(places: Sequence[str], numbers: Sequence[float]) -> list[list[float]]:
+    """Numbers that stand in one place beside each other, in its order of first mention."""
+    found: dict[str, list[float]] = {place: [] for place in places}
+    for place, number in zip(places, numbers, strict=True):
+        found[place].append(number)
+    return list(found.values())
+
+
+def _differ(recorded: Sequence[float], found: Sequence[float], round_off: float) -> bool:
     """Whether numbers differ, each beside itself but for the round-off of the largest."""
     a = np.array(recorded)
     b = np.array(found)
     size = float(np.max(np.abs(a), initial=0.0))
-    # Components of one Constant may be moduli and ratios.
+    # Moduli, ratios and loads are of different sizes, also as components of one Constant.
     own = np.maximum(np.abs(a), np.abs(b))
-    tolerance = np.maximum(_TOLERANCE * own, _ROUND_OFF * size)
-    return not bool((np.abs(a - b) <= tolerance).all())
+    tolerance = np.maximum(_TOLERANCE * own, round_off * size)
+    # What is not finite is the same where it is of one kind.
+    same = (a == b) | (np.isnan(a) & np.isnan(b))
+    with np.errstate(invalid="ignore"):
+        same |= np.abs(a - b) <= tolerance
+    return not bool(same.all())
 
 
 def _changed(place: str, recorded: Sequence[float], found: Sequence[float]) -> str:

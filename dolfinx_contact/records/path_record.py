@@ -16,7 +16,6 @@ from petsc4py import PETSc
 
 import numpy.typing as npt
 
-from dolfinx_contact._errors import require
 from dolfinx_contact.continuation.branch import BranchPoint
 from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.continuation.layout import Layout
@@ -165,10 +164,8 @@ class PathRecord(StepsRecord[PathJournal, PathState]):
         """
         runs = self.journal.runs
         if runs and runs[-1].ending is None and self._last is None:
-            known = asdict(_task(runs[-1].task))
-            for name, value in asdict(task).items():
-                message = f"the run in {self.folder} has {name} {known[name]}, not {value}"
-                require(self.comm, known[name] == value, message)
+            recorded = asdict(_task(runs[-1].task))
+            self._require_task(f"the run in {self.folder}", recorded, asdict(task))
         super().begin(task, state)
 
     def go_on(

@@ -113,8 +113,79 @@ class ProblemRecord(Observer, Generic[J]):
             for name, value in more.items():
                 if not differs and not same_words(recorded[name], value):
                     differs = f"other {name} ({', '.join(recorded[name])})"
-            message = f"the journal in {self.folder} is that of another problem: {differs}"
-            require(self.comm, not differs, message)
+            self._require_no_other(differs)
+
+    def _require_data(
+        self,
+        data: KeptData,
+        where: Sequence[str],
+        sums: Mapping[str, str],
+        *,
+        other: str | None = None,
+        at: str = "",
+    ) -> None:
+        """Refuse Functions, or Constants, that are not those that were recorded. Collective.
+
+        Args:
+            data: the Functions of the problem.
+            where: checkpoints with the values that were recorded, as `KeptData.are_kept` had it.
+            sums: check sums of the checkpoints by name.
+            other: where Constants differ (`identity.other_data`); None if they do not.
+            at: the state they are of, in words.
+        """
+        if other is None:
+            other = data.difference(where, sums)
+        differs = "" if other is None else f"other loads, materials or friction{at}{other}"
+        self._require_no_other(differs)
+
+    def _require_no_other(self, differs: str) -> None:
+        """Refuse another problem than that of the journal. Collective.
+
+        Args:
+            differs: in which respect it is another, the same on every rank; "" if it is not.
+        """
+        message = f"the journal in {self.folder} is that of another problem: {differs}"
+        require(self.comm, not differs, message)
+
+    def _require_task(
+        self, what: str, recorded: Mapping[str, Any], found: Mapping[str, Any]
+    ) -> None:
+        """Refuse to go on with something that was begun in another way. Collective.
+
+        Args:
+            what: it is, in words.
+            recorded: what it was to do.
+            found: what it is to do now; of what is not in it anything may have been recorded.
+        """
+        for name, value in found.items():
+            message = f"{what} was recorded with {name} {recorded[name]}, not {value}"
+            require(self.comm, recorded[name] == value, message)
+
+    def _require_again(
+        self,
+        what: str,
+        along: str,
+        recorded: tuple[float, str],
+        found: tuple[float, str],
+        numbers: Iterable[tuple[float, float, float]] | None,
+    ) -> None:
+        """Refuse what is computed once more and is not what was recorded. Collective.
+
+        Args:
+            what: it is, in words.
+            along: by what its place is known, in words.
+            recorded: the place and the statuses that were recorded.
+            found: those that are found.
+            numbers: that must be the same (`coincide`); None if it is another anyway.
+        """
+        place, status = recorded
+        place_now, status_now = found
+        same = numbers is not None and status == status_now and coincide(numbers)
+        message = (
+            f"{what} was recorded at {along} {place:.12g}, status {status}, and is now found at "
+            f"{along} {place_now:.12g}, status {status_now}: the problem has changed"
+        )
+        require(self.comm, same, message)
 
     def _nodes_differ(self, recorded: Mapping[str, Any], problem: Mapping[str, Any]) -> str:
         """In which respect the meshes differ, "" if they are the same. Collective.

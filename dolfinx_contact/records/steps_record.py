@@ -38,10 +38,10 @@ from dolfinx_contact.io.table import write_contact_table
 from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.problem import ContactProblem
-from dolfinx_contact.records.identity import driven_words, identity, other_data
+from dolfinx_contact.records.identity import identity, other_data
 from dolfinx_contact.records.journal import EvolutionJournal, EvolutionRun
 from dolfinx_contact.records.kept_data import KeptData
-from dolfinx_contact.records.problem_record import ProblemRecord, coincide
+from dolfinx_contact.records.problem_record import ProblemRecord
 
 __all__ = ["StepsRecord"]
 
@@ -114,8 +114,13 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         try:
             self._data = KeptData(problem, self._checkpoints, more=data)
             # The values of all data are compared state by state.
-            known = identity(problem, but=given_data(problem.equations), forms=forms)
-            known |= {"functions": self._data.elements, "driven": driven_words(problem, driven)}
+            known = identity(
+                problem,
+                but=given_data(problem.equations),
+                forms=forms,
+                functions=self._data.elements,
+                driven=driven,
+            )
             words = list(method)
             self._require_same(known, method=words)
             if self.journal.states:
@@ -130,19 +135,17 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         with self.looking():
             with everywhere(self.comm, f"the load at {self._along} {state['time']:g}"):
                 self._load(state)
-            self._require_data(state, numbers_of(self.problem.equations))
+            self._require_data_of(state, numbers_of(self.problem.equations))
 
-    def _require_data(self, state: Mapping[str, Any], found: list[list[float]]) -> None:
+    def _require_data_of(self, state: Mapping[str, Any], found: list[list[float]]) -> None:
         """Refuse data that are not those of a state. Collective."""
-        other = other_data(self.problem, state["data"], found)
-        if other is None:
-            sums = {s["checkpoint"]: s["sum"] for s in self.journal.states}
-            other = self._data.difference(state["values"], sums)
-        message = (
-            f"the journal in {self.folder} is that of another problem: other loads, materials or "
-            f"friction at {self._along} {state['time']:.10g}{other}"
+        self._require_data(
+            self._data,
+            state["values"],
+            {s["checkpoint"]: s["sum"] for s in self.journal.states},
+            other=other_data(self.problem, state["data"], found),
+            at=f" at {self._along} {state['time']:.10g}",
         )
-        require(self.comm, other is None, message)
 
     # -- what records of one kind have ---------------------------------------------------------
 
@@ -273,16 +276,16 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
     def _compare(self, index: int, found: Mapping[str, Any]) -> None:
         """Refuse a state that is not the one that was recorded. Collective."""
         recorded = self.journal.states[index]
-        self._require_data(recorded, found["data"])
+        self._require_data_of(recorded, found["data"])
         a, b = ([s["time"], s["norm"], *s["energies"].values()] for s in (recorded, found))
         scales = [abs(a[0]), a[1], *[max(map(abs, a[2:]))] * len(a[2:])]
-        same = recorded["status"] == found["status"] and coincide(zip(a, b, scales, strict=True))
-        message = (
-            f"step {index} was recorded at {self._along} {recorded['time']:.12g}, status "
-            f"{recorded['status']}, and is now found at {found['time']:.12g}, status "
-            f"{found['status']}: the problem has changed"
+        self._require_again(
+            f"step {index}",
+            self._along,
+            (recorded["time"], recorded["status"]),
+            (found["time"], found["status"]),
+            zip(a, b, scales, strict=True),
         )
-        require(self.comm, same, message)
 
     # -- going on --------------------------------------------------------------------------------
 
@@ -331,7 +334,7 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         run_state = self._stood(state, vectors, found, state["first"])
         for x in vectors.values():
             x.destroy()
-        self._require_data(state, numbers_of(problem.equations))
+        self._require_data_of(state, numbers_of(problem.equations))
         self._require_forces(state, run_state.accepted)
         return run_state
 
@@ -348,12 +351,11 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
             size = max(abs(a), abs(b), unit)
             allowed = _BALANCED * size + (least if name == "rows" else 0.0)
             same = abs(a - b) <= allowed or (np.isnan(a) and np.isnan(b))
-            message = (
-                f"the journal in {self.folder} is that of another problem: at {self._along} "
-                f"{state['time']:.10g} {words} was {a:.6g} and is now {b:.6g}: something is not "
-                "as it was recorded that data and forms do not show"
+            other = (
+                f"at {self._along} {state['time']:.10g} {words} was {a:.6g} and is now {b:.6g}: "
+                "something is not as it was recorded that data and forms do not show"
             )
-            require(self.comm, bool(same), message)
+            self._require_no_other("" if same else other)
 
     def _forces(self, accepted: AcceptedState) -> dict[str, float]:
         """What forces at a state, which is in the problem, are known by. Collective."""
