@@ -37,7 +37,7 @@ from dolfinx_contact.io.disk import aside
 from dolfinx_contact.io.folder import output_folder
 from dolfinx_contact.io.master import MasterFace
 from dolfinx_contact.io.script import write_script
-from dolfinx_contact.io.several import Fields, FieldSeries
+from dolfinx_contact.io.several import FieldSeries, FieldsOfFile
 from dolfinx_contact.io.writers import Format, checked_format
 
 if TYPE_CHECKING:
@@ -122,7 +122,7 @@ def state_fields(
     stress: Any = None,
     tags: mesh.MeshTags | None = None,
     prefix: str = "",
-) -> list[Fields]:
+) -> list[FieldsOfFile]:
     """What files have of the state in a problem's Functions. Collective.
 
     Args:
@@ -135,13 +135,13 @@ def state_fields(
     Returns:
         The displacement, the stresses if they are wanted, and the fields of every face.
     """
-    found = [Fields(f"{prefix}body", problem.comm, [problem.u])]
+    found = [FieldsOfFile(f"{prefix}body", problem.comm, [problem.u])]
     if stress is not None:
         u = problem.u
         stresses = [*body_fields(u, stress, tags), _at_corners(u)]
-        found.append(Fields(f"{prefix}body_stress", problem.comm, stresses))
+        found.append(FieldsOfFile(f"{prefix}body_stress", problem.comm, stresses))
     for face in on_faces:
-        found.append(Fields(prefix + face.stem, face.comm, list(face.fields().values())))
+        found.append(FieldsOfFile(prefix + face.stem, face.comm, list(face.fields().values())))
     return found
 
 

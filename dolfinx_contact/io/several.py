@@ -14,11 +14,11 @@ from dolfinx import fem
 
 from dolfinx_contact.io.writers import Series, see_room, series
 
-__all__ = ["FieldSeries", "Fields"]
+__all__ = ["FieldSeries", "FieldsOfFile"]
 
 
 @dataclass(frozen=True, eq=False)
-class Fields:
+class FieldsOfFile:
     """What one file has of a state.
 
     Attributes:
@@ -60,7 +60,7 @@ class FieldSeries:
         self._folder = folder
         self._format = format
         self._single = single
-        self._shown: list[Fields] = []
+        self._shown: list[FieldsOfFile] = []
         self._opened: list[Series] = []
 
     @property
@@ -68,7 +68,7 @@ class FieldSeries:
         """Their names, where they are going to be; none before the first state."""
         return [self._folder / each.file.name for each in self._opened]
 
-    def write(self, time: float, state: Sequence[Fields], *, left: int = 1) -> None:
+    def write(self, time: float, state: Sequence[FieldsOfFile], *, left: int = 1) -> None:
         """Write a state. Collective.
 
         Args:

@@ -19,7 +19,7 @@ from dolfinx_contact.io.disk import aside
 from dolfinx_contact.io.fields import Face, faces, state_fields
 from dolfinx_contact.io.folder import output_folder
 from dolfinx_contact.io.script import write_script
-from dolfinx_contact.io.several import Fields, FieldSeries
+from dolfinx_contact.io.several import FieldSeries, FieldsOfFile
 from dolfinx_contact.io.writers import Format, checked_format
 from dolfinx_contact.records.branch_record import BranchRecord
 
@@ -81,7 +81,7 @@ def write_series(
 
 def _fields(
     record: BranchRecord, on_faces: Sequence[Face], branch: int, index: int
-) -> list[Fields]:
+) -> list[FieldsOfFile]:
     """What files have of a recorded point: of faces gamma too. Collective."""
     system = record.system
     point, _ = record.state(branch, index)
