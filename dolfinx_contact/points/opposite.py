@@ -311,14 +311,9 @@ def _matched(
     missing, total = comm.allreduce(np.array([int((unmatched & owned).sum()), int(owned.sum())]))
     if missing:
         return None, f"{missing} of {total} nodes of the slave have none of the master opposite"
-    # Nodes of finer facets lie between those that have one opposite.
-    ours = measured(V.mesh, slave, given)
-    others = measured(V.mesh, master, None if given is None else -given)
-    facing = nearest(comm, others, ours[:, :dim], dim)
-    off = np.abs(facing[:, dim] / ours[:, dim] - 1) > _TANGENTIAL
-    missing, total = comm.allreduce(np.array([int(off.sum()), len(ours)]))
-    if missing:
-        return None, f"{missing} of {total} facets of the slave have no like one opposite"
+    unlike = _unlike_facets(V, slave, master, given)
+    if unlike:
+        return None, unlike
     ids = found[:, 2 * dim].astype(np.int64)
     itself = ids == index_map.local_to_global(mine.astype(np.int32))
     turned = np.sum(found[:, dim : 2 * dim] * n, axis=1) > 0.5
@@ -342,6 +337,26 @@ def _matched(
     none[mine] = itself
     sides = nodes_on(V, slave), nodes_on(V, master)
     return Opposite(rows, ids[:, None], np.ones((len(mine), 1)), none, None, sides, master), ""
+
+
+def _unlike_facets(
+    V: fem.FunctionSpace,
+    slave: npt.NDArray[np.int32],
+    master: npt.NDArray[np.int32],
+    given: Array | None,
+) -> str:
+    """How many facets of the slave have another size than what is opposite; "" if none. Collective.
+
+    Nodes of finer facets lie between those that have one opposite.
+    """
+    comm = V.mesh.comm
+    dim = V.mesh.geometry.dim
+    ours = measured(V.mesh, slave, given)
+    others = measured(V.mesh, master, None if given is None else -given)
+    facing = nearest(comm, others, ours[:, :dim], dim)
+    off = np.abs(facing[:, dim] / ours[:, dim] - 1) > _TANGENTIAL
+    missing, total = comm.allreduce(np.array([int(off.sum()), len(ours)]))
+    return f"{missing} of {total} facets of the slave have no like one opposite" if missing else ""
 
 
 def _mortar(

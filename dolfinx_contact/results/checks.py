@@ -178,32 +178,17 @@ def _of_pair(
         held: points that Dirichlet data hold.
         forces: normal forces.
     """
-    left = moved.beyond > _LARGEST_PART * s.points.mean_width
-    # What the law has at the gap of the reference configuration less -j.n is somewhere else.
-    true = s.points.data.gap + moved.opened
-    law = s.points.data.gap + moved.linear
-    depth = np.maximum(np.maximum(-true, 0) - np.maximum(-law, 0), 0)
-    depth = np.where(moved.facing & ~held, depth, 0.0)
-    off = np.where(closed_points, np.abs(true - law), depth)
-    off = np.where(closed_points & left, np.hypot(moved.beyond, true), off)
-    misfit, at, above = _worst(s, off, true)
+    misfit, at, above = _misfit(s, moved, closed_points, held)
     # One wide facet of the master is no measure for a small body that wanders along it.
     face = _width(s)
     part = np.where(acting, moved.distance / np.minimum(moved.facet, face), 0.0)
     distance, along, moved_by = _worst(s, part, moved.distance)
-    degrees = np.where(closed_points, np.degrees(moved.turn), 0.0)
-    turn, turned, _ = _worst(s, degrees, degrees)
-    sums = s.comm.allreduce(np.array([forces @ degrees**2, forces.sum()]))
-    if sums[1] > 0:
-        turn = max(turn / 2, float(np.sqrt(sums[0] / sums[1])))
+    turn, turned = _turn(s, moved, closed_points, forces)
     beyond, edge, _ = _worst(s, np.where(acting, moved.beyond, 0.0), moved.beyond)
     reasons = []
     if distance > _LARGEST_PART:
-        measure = (
-            "the whole face"
-            if distance * face < moved_by * (1 + 1e-9)
-            else "the facet that was opposite"
-        )
+        whole = distance * face < moved_by * (1 + 1e-9)
+        measure = "the whole face" if whole else "the facet that was opposite"
         reasons.append(
             f"the point which was at {_shown(along)} has gone {moved_by:.3g} along the other body, "
             f"{distance:.2g} of {measure}"
@@ -227,6 +212,35 @@ def _of_pair(
         f"configuration; {'; '.join(reasons)}"
     )
     return Sliding(misfit, distance, turn, doubt)
+
+
+def _misfit(
+    s: ContactSurface, moved: Moved, closed_points: Marks, held: Marks
+) -> tuple[float, Array, float]:
+    """By how much the gap of the law is off at worst, where, and the gap there. Collective.
+
+    What the law has at the gap of the reference configuration less -j.n is somewhere else.
+    """
+    left = moved.beyond > _LARGEST_PART * s.points.mean_width
+    true = s.points.data.gap + moved.opened
+    law = s.points.data.gap + moved.linear
+    depth = np.maximum(np.maximum(-true, 0) - np.maximum(-law, 0), 0)
+    depth = np.where(moved.facing & ~held, depth, 0.0)
+    off = np.where(closed_points, np.abs(true - law), depth)
+    off = np.where(closed_points & left, np.hypot(moved.beyond, true), off)
+    return _worst(s, off, true)
+
+
+def _turn(
+    s: ContactSurface, moved: Moved, closed_points: Marks, forces: Array
+) -> tuple[float, Array]:
+    """By how many degrees normals have turned, weighted by forces, and where most. Collective."""
+    degrees = np.where(closed_points, np.degrees(moved.turn), 0.0)
+    turn, turned, _ = _worst(s, degrees, degrees)
+    sums = s.comm.allreduce(np.array([forces @ degrees**2, forces.sum()]))
+    if sums[1] > 0:
+        turn = max(turn / 2, float(np.sqrt(sums[0] / sums[1])))
+    return turn, turned
 
 
 def _worst(s: ContactSurface, values: Array, others: Array) -> tuple[float, Array, float]:

@@ -8,7 +8,7 @@ Dirichlet data.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NoReturn, TypeVar
 
@@ -248,7 +248,6 @@ def collect(eq: ContactEquations, state: State, attempts: Sequence[Attempt]) -> 
     assert state.reactions is not None
     lost = without_normal(eq, state)
     require(eq.comm, not lost, lost)
-    comm = eq.comm
     supports = support_at_nodes(eq, state)
     warn_of_small_obstacles(eq, state)
     tables = {
@@ -257,21 +256,11 @@ def collect(eq: ContactEquations, state: State, attempts: Sequence[Attempt]) -> 
     energy = eq.bulk.energy_at(state.u)
     energies = {} if energy is None else {"bulk": energy}
     energies["friction"] = float(-sum(np.sum(t.friction * t.increment) for t in tables.values()))
-    force = max(
-        max(float(np.max(np.abs(t.force), initial=0.0)) for t in tables.values()),
-        comm.allreduce(float(np.max(np.abs(state.reactions), initial=0.0)), op=max),
-    )
-    moved = float(np.max(np.abs(state.u), initial=0.0))
-    contacts = zip(eq.surfaces, state.surfaces, eq.scaling.at_vertices, strict=True)
-    kept = max(held_back(s, found, stiffness) for s, found, stiffness in contacts)
-    u = comm.allreduce(max(moved, kept), op=max)
-    none = least_scales(eq, u)
-    force = max(force, eq.round_off_force(u), none[0])
-    length = max(u, none[1])
+    force, length = _scales(eq, state, tables.values())
     forces = balance(eq, state, tables.values())
     violated = violation(eq, state, force, length)
     weak = any(s.points.E is not None for s in eq.surfaces)
-    if not weak and not violated <= _LARGEST_VIOLATION and comm.rank == 0:
+    if not weak and not violated <= _LARGEST_VIOLATION and eq.comm.rank == 0:
         logger.warning(
             "the law of contact is violated by %.1e of the forces: a law that leaves states "
             "without a status, or a tolerance snes_rtol that is too large",
@@ -298,6 +287,22 @@ def collect(eq: ContactEquations, state: State, attempts: Sequence[Attempt]) -> 
         Named(penetrations(eq, tables)),
         Named(rigid_body_results(eq, state)),
     )
+
+
+def _scales(
+    eq: ContactEquations, state: State, tables: Collection[ContactTable]
+) -> tuple[float, float]:
+    """The force and the length beside which the violation of a law is judged. Collective."""
+    assert state.reactions is not None
+    largest = max(float(np.max(np.abs(t.force), initial=0.0)) for t in tables)
+    reaction = float(np.max(np.abs(state.reactions), initial=0.0))
+    moved = float(np.max(np.abs(state.u), initial=0.0))
+    contacts = zip(eq.surfaces, state.surfaces, eq.scaling.at_vertices, strict=True)
+    kept = max(held_back(s, found, stiffness) for s, found, stiffness in contacts)
+    force = max(largest, eq.comm.allreduce(reaction, op=max))
+    u = eq.comm.allreduce(max(moved, kept), op=max)
+    none = least_scales(eq, u)
+    return max(force, eq.round_off_force(u), none[0]), max(u, none[1])
 
 
 def warn_of_sliding(result: Result, known: set[str] | None = None) -> None:

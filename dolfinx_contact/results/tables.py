@@ -237,20 +237,34 @@ def contact_table(
         "bound": bound,
         "support": support,
     }
+    columns |= _of_memory(s, found, area, letters)
+    internal = s.law.variables(s.dim)
+    gathered = Gathered(s.comm, known["x"], s.points.ids)
+    ordered = {k: gathered(v) for k, v in columns.items()}
+    mine = {name: ordered.pop(f"internal.{name}") for name in internal}
+    return ContactTable(s.name, s.dim, **ordered, internal=mine, axisymmetric=s.axisymmetric)
+
+
+def _of_memory(
+    s: ContactSurface,
+    found: ContactState,
+    area: npt.NDArray[np.float64],
+    letters: npt.NDArray[np.str_],
+) -> dict[str, npt.NDArray[Any]]:
+    """Columns of laws that remember: their variables, bonds, and the distance slipped."""
     internal = {
         name: found.answers.bond(f"after.{inner}") for name, inner in s.law.variables(s.dim).items()
     }
-    columns |= {f"internal.{name}": values for name, values in internal.items()}
+    columns: dict[str, npt.NDArray[Any]] = {
+        f"internal.{k}": values for k, values in internal.items()
+    }
     if s.law_at_points.compiled.bonded:
         columns["bond"] = _letters_of_bonds(s, found, internal)
         force = found.answers.bond("traction") * area[:, None]
         columns["adhesion"] = np.where((letters == "d")[:, None], 0.0, force)
     if s.law_at_points.compiled.knows_slip:
         columns["slid"] = slid_after(found.data, found.jump, found.statuses)
-    gathered = Gathered(s.comm, known["x"], s.points.ids)
-    ordered = {k: gathered(v) for k, v in columns.items()}
-    mine = {name: ordered.pop(f"internal.{name}") for name in internal}
-    return ContactTable(s.name, s.dim, **ordered, internal=mine, axisymmetric=s.axisymmetric)
+    return columns
 
 
 def violation(eq: ContactEquations, state: State, force: float, length: float) -> float:
