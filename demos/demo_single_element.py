@@ -64,16 +64,16 @@ def main(argv=None):
         there = follower.at(branch, middle) if len(branch.folds) == 2 else []
 
     journal = records.journal_of(system, [branch], FUNCTIONALS)
-    special = [s for p in journal.branches[0].points for s in p["special"]]
+    special = [s for p in journal.branches[0].points for s in p.special]
     folds = [
         {
-            "gamma": s["gamma"],
-            "kind": "smooth" if s["smooth"] else "nonsmooth",
-            "before": s["changes"][0]["before"],
-            "after": s["changes"][0]["after"],
+            "gamma": s.gamma,
+            "kind": "smooth" if s.smooth else "nonsmooth",
+            "before": s.changes[0].before,
+            "after": s.changes[0].after,
         }
         for s in special
-        if s["kind"] == "fold"
+        if s.kind == "fold"
     ]
     # The closed form, for a horizontal load that grows to the left: S = [[kt, k], [k, kt]].
     kt = (args.lame[0] + 3 * args.lame[1]) / 2
@@ -86,7 +86,7 @@ def main(argv=None):
         "folds": folds,
         "folds_closed_form": closed,
         "bifurcations": len(branch.bifurcations),
-        "events": sum(not s["smooth"] for s in special),
+        "events": sum(not s.smooth for s in special),
         "augmentation": system.problem.surfaces[0].points.mean_augmentation,
     }
     for fold, exact in zip(folds, closed, strict=False):

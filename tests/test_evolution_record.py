@@ -37,7 +37,7 @@ NUMBERS = ("time", "length", "external", "stored", "dissipated")
 def require_same(folder, other, tolerance=1e-10):
     """The same states, in the journals and in what was kept of the points."""
     a, b = (read_journal(path) for path in (folder, other))
-    assert [s["status"] for s in a.states] == [s["status"] for s in b.states]
+    assert [s.status for s in a.states] == [s.status for s in b.states]
     rows = a.rows(), b.rows()
     for name in rows[0][0]:
         found, wanted = (np.array([row[name] for row in each]) for each in rows)
@@ -48,9 +48,9 @@ def require_same(folder, other, tolerance=1e-10):
         energy = name in ENERGIES
         scale = max(r["external"] for r in rows[1]) if energy else np.abs(wanted).max(initial=0)
         np.testing.assert_allclose(found, wanted, rtol=0, atol=tolerance * scale, err_msg=name)
-    norm = max(s["norm"] for s in b.states)
+    norm = max(s.size for s in b.states)
     for s, t in zip(a.states, b.states, strict=True):
-        assert abs(s["norm"] - t["norm"]) <= tolerance * norm
+        assert abs(s.size - t.size) <= tolerance * norm
     found = kept_of(folder, a)
     wanted = kept_of(other, b)
     length = max(np.abs(w[name]).max(initial=0.0) for w in wanted for name in w if "jump" in name)
@@ -64,7 +64,7 @@ def require_same(folder, other, tolerance=1e-10):
 
 def kept_of(folder, journal):
     """The arrays of all states: statuses and memory."""
-    files = [folder / "checkpoints" / s["checkpoint"] / "arrays.npz" for s in journal.states]
+    files = [folder / "checkpoints" / s.checkpoint / "arrays.npz" for s in journal.states]
     return [dict(np.load(file)) for file in files]
 
 
@@ -105,12 +105,12 @@ def test_the_journal_says_what_was_run(folder):
     np.testing.assert_array_equal(columns["time"], [s.time for s in history.steps])
     assert columns["status"].tolist() == [s.status for s in history.steps]
     assert columns["directions"].tolist() == [s.directions for s in history.steps]
-    assert [s["time"] for s in journal.states] == [0.0, *(s.time for s in history.steps)]
+    assert [s.time for s in journal.states] == [0.0, *(s.time for s in history.steps)]
     assert (journal.runs[0].reason, journal.runs[0].complete) == ("the last time is reached", True)
     assert journal.runs[0].ending is Ending.REACHED
     assert journal.runs[0].task["times"] == TIMES.tolist()
     np.testing.assert_allclose(journal.places["contact"], [(x, 0) for x in np.arange(5) / 4])
-    letters = set("".join(s["status"] for s in journal.states))
+    letters = set("".join(s.status for s in journal.states))
     assert {"o", "k", "+", "-"} <= letters
     # A step that is shown is the step that was.
     with EvolutionRecord(folder, evolution, resume=True) as kept:
@@ -263,7 +263,7 @@ def test_steps_up_to_a_jump(at_jump, folder):
     with EvolutionRecord(folder / "whole", klarbring()) as kept:
         history = kept.evolution.run(times, record=kept, **given)
     journal = read_journal(folder / "whole")
-    between = [i for i, s in enumerate(journal.states[1:], 1) if not s["settled"]]
+    between = [i for i, s in enumerate(journal.states[1:], 1) if not s.run.settled]
     assert len(between) > 2
     assert history.steps[between[-1] - 1].time == pytest.approx(3.0, abs=0.02)
     stop = stopping(between[1])
@@ -302,7 +302,7 @@ def test_a_rigid_body_and_three_dimensions(folder):
     path = evolution()
     with EvolutionRecord(folder / "parts", path, resume=True) as kept:
         assert kept.go_on().complete
-    assert "s" in read_journal(folder / "whole").states[-1]["status"]
+    assert "s" in read_journal(folder / "whole").states[-1].status
     require_same(folder / "parts", folder / "whole")
 
 

@@ -276,7 +276,7 @@ def test_a_branch(cell, folder, no_library):
         np.testing.assert_array_equal(page.column("distance"), np.cumsum(columns["step"]))
         assert page.array("words").split("\n") == columns["status"].tolist()
         assert page.array("states").tolist() == list(range(len(columns["gamma"])))
-        special = [(s["kind"], s["gamma"]) for p in journal.entries() for s in p["special"]]
+        special = [(s.kind, s.gamma) for p in journal.entries() for s in p.special]
         marks = page.meta["series"][0]["marks"]
         assert [(m["kind"], m["at"]["gamma"]) for m in marks] == special
         gammas = columns["gamma"]

@@ -241,7 +241,7 @@ def test_a_record_comes_first(folder):
     x = start(system)
 
     def observer(step):
-        assert record.journal.branches[0].points[-1]["gamma"] == pytest.approx(step.point.gamma)
+        assert record.journal.branches[0].points[-1].gamma == pytest.approx(step.point.gamma)
         if len(record.journal.branches[0].points) == 4:
             raise Killed
 
@@ -338,7 +338,7 @@ def test_a_recorded_diagram(route, folder):
         layout = Layout(record.system)
         letters = record.system.letters
         rays = [
-            [{"status": letters(r.piece), "gamma": layout.gamma(r.tangent)} for r in node.rays]
+            [(letters(r.piece), layout.gamma(r.tangent)) for r in node.rays]
             for node in diagram.nodes
         ]
         for number, branch in enumerate(diagram.branches):
@@ -348,8 +348,8 @@ def test_a_recorded_diagram(route, folder):
     journal = read_journal(folder / "whole")
     assert [n.gamma for n in journal.nodes] == [n.point.gamma for n in diagram.nodes]
     assert [n.edges for n in journal.nodes] == [n.edges for n in diagram.nodes]
-    assert [n.point["complete"] for n in journal.nodes] == [n.point.complete for n in diagram.nodes]
-    assert [n.rays for n in journal.nodes] == rays
+    assert [n.point.complete for n in journal.nodes] == [n.point.complete for n in diagram.nodes]
+    assert [[(r.status, r.gamma) for r in n.rays] for n in journal.nodes] == rays
     assert [(e.branch, e.start, e.end) for e in journal.edges] == [
         (i, e.start, e.end) for i, e in enumerate(diagram.edges)
     ]

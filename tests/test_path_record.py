@@ -25,10 +25,10 @@ def require_same_path(folder, other):
     a, b = (read_journal(path) for path in (folder, other))
     np.testing.assert_allclose(a.gammas, b.gammas, rtol=0, atol=1e-10 * np.ptp(b.gammas))
     for s, t in zip(a.states, b.states, strict=True):
-        assert s["reason"] == t["reason"]
-        for name in ("tangent", "piece", "step") if t["arrived"] else ():
-            found = s["arrived"][name]
-            wanted = t["arrived"][name]
+        assert s.run.reason == t.run.reason
+        for name in ("tangent", "piece", "step") if t.run.arrived else ():
+            found = getattr(s.run.arrived, name)
+            wanted = getattr(t.run.arrived, name)
             assert found == (wanted if name == "piece" else pytest.approx(wanted, abs=1e-10))
     assert [(r.reason, r.after) for r in a.runs] == [(r.reason, r.after) for r in b.runs]
 
@@ -103,7 +103,7 @@ def test_an_interrupted_path_resumes(case, whole, folder):
     known = read_journal(whole(case))
     seen = []
     # A point that shows other statuses than those by which it was come to, if there is one.
-    shows = [s["index"] for s in known.states[7:] if s["status"] != s["arrived"]["piece"]]
+    shows = [s.index for s in known.states[7:] if s.status != s.run.arrived.piece]
     later = min(shows, default=7)
     assert (later > 7) == (case == "bonds")
     with pytest.raises(Stop):

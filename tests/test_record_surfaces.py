@@ -63,7 +63,7 @@ def test_the_displacement_of_every_point(cell, degree, folder):
     for index, entry in enumerate(journal.entries()):
         state = journal.surface_at(index)
         assert state.u.dtype == np.float32
-        gamma = entry["gamma"]
+        gamma = entry.gamma
         down = -0.02 * gamma * (1 + 0.1 * x[:, 0] + 0.037 * x[:, dim - 2])
         np.testing.assert_allclose(state.u[top, 0], 0.02 * gamma**2, rtol=1e-6, atol=1e-12)
         np.testing.assert_allclose(state.u[top, dim - 1], down, rtol=1e-6, atol=1e-12)
@@ -129,7 +129,7 @@ def test_tables_of_contact_points(folder):
             point, _ = kept.state(0, index)
             (table,) = system.result_at(point).tables.values()
             found = journal.surface_at(index).tables["contact"]
-            assert "".join(found["letters"]) == journal.entries()[index]["status"]
+            assert "".join(found["letters"]) == journal.entries()[index].status
             same_table(found, table)
     for name in ("pair", "moving"):
         evolution = getattr(recorded_evolution, name)(COMM)
@@ -256,5 +256,5 @@ def test_a_disk_that_cannot_be_written_to(folder):
     COMM.barrier()
     resume(folder / "known", *moved_block(COMM), max_steps=4)
     journal = read_journal(folder / "known")
-    assert ["surface" in entry for entry in journal.entries()] == [True] * 5
+    assert [entry.surface is not None for entry in journal.entries()] == [True] * 5
     COMM.barrier()

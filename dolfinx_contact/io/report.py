@@ -77,9 +77,9 @@ class Report:
         rows = journal.rows(branch)
         known = journal.branches[branch]
         for p in known.points:
-            for s in p["special"]:
-                word = rows[p["index"]]["status"]
-                self(f"{s['kind']:11s} gamma {s['gamma']:.12f}  {word if len(word) < 65 else ''}")
+            for s in p.special:
+                word = rows[p.index]["status"]
+                self(f"{s.kind:11s} gamma {s.gamma:.12f}  {word if len(word) < 65 else ''}")
         self(f"{len(known.points)} points: {known.reason}")
 
     def files(self, files: Iterable[str | os.PathLike[str] | None]) -> None:

@@ -24,6 +24,7 @@ from dolfinx_contact.plot.floors import lay_floors
 from dolfinx_contact.plot.look import Look, checked_look, checked_scale
 from dolfinx_contact.plot.pictures import body_seen, check_look, draw, surface_seen
 from dolfinx_contact.problem import ContactProblem
+from dolfinx_contact.records.entries import StateEntry
 from dolfinx_contact.records.lines import Lines
 from dolfinx_contact.records.steps_record import StepsRecord
 
@@ -181,7 +182,7 @@ def animate(
     def times() -> Iterator[str]:
         for index in shown:
             record.show(index)
-            yield f"time {states[index]['time']:.4g}"
+            yield f"time {states[index].time:.4g}"
 
     shows = dict(stress=stress, scale=scale, title=title, rate=rate)
     with record.looking():
@@ -245,7 +246,7 @@ def draw_record(
         _require_writer(path.suffix)
     entries = journal.entries(branch)
     if points is None:
-        known = [i for i, entry in enumerate(entries) if "surface" in entry]
+        known = [i for i, entry in enumerate(entries) if entry.surface is not None]
         points = known[-1:] if is_picture else known
     else:
         points = _checked_numbers(points, "points", len(entries))
@@ -264,7 +265,10 @@ def draw_record(
     for index in points:
         state = journal.surface_at(index, branch)
         entry = entries[index]
-        words = f"time {entry['time']:.4g}" if "time" in entry else f"gamma {entry['gamma']:.4g}"
+        if isinstance(entry, StateEntry):
+            words = f"time {entry.time:.4g}"
+        else:
+            words = f"gamma {entry.gamma:.4g}"
         beside = ", ".join(part for part in (title, words) if part)
         frame = {"title": beside, "look": shown | {"fields": None}}
         frame["colours"] = {name: np.linalg.norm(state.u, axis=1) for name in shown["fields"]}

@@ -153,19 +153,19 @@ def _marks(axes: Any, journal: Journal, branches: Sequence[int], name: str) -> N
         c = journal.columns(b)
         points = journal.branches[b].points
         for p in points:
-            for s in p["special"]:
-                mark = _MARKS.get((s["kind"], s["smooth"]))
+            for s in p.special:
+                mark = _MARKS.get((s.kind, s.smooth))
                 if mark is None:
                     continue
                 # A nonsmooth special point is a point of the branch, a smooth one lies before it.
-                i = p["index"]
-                near = c["gamma"][max(i - 1, 0) : i + 1] - s["gamma"]
-                i = i - len(near) + 1 + int(np.argmin(np.abs(near))) if s["smooth"] else i
+                i = p.index
+                near = c["gamma"][max(i - 1, 0) : i + 1] - s.gamma
+                i = i - len(near) + 1 + int(np.argmin(np.abs(near))) if s.smooth else i
                 value = c[name][i]
                 shape, filling, label = mark
                 known = None if label in named else label
                 look = dict(ms=10 if shape == "*" else 7, mfc=filling, mec="black", ls="")
-                axes.plot(s["gamma"], value, shape, zorder=5, label=known, **look)
+                axes.plot(s.gamma, value, shape, zorder=5, label=known, **look)
                 named.add(label)
 
 
@@ -232,9 +232,9 @@ def _counts(axes: Any, journal: Journal, branch: int, parameter: str) -> None:
     colours = [status.COLOURS[letters.get(k, "o")] for k in kinds]
     axes.stackplot(along, [c[k] for k in kinds], labels=kinds, colors=colours, ec="0.5", lw=0.5)
     for i, p in enumerate(journal.branches[branch].points):
-        for s in p["special"]:
-            at = s["gamma"] if grows else along[i]
-            if s["kind"] == "event" and s["bracket"]:
+        for s in p.special:
+            at = s.gamma if grows else along[i]
+            if s.kind == "event" and s.bracket:
                 axes.plot(at, 0, "|", color="0.2", ms=9, clip_on=False)
             else:
                 axes.axvline(at, color="black", lw=1.0, ls=(0, (4, 2)))
@@ -263,9 +263,9 @@ def _strip(axes: Any, journal: Journal, branch: int, _parameter: str) -> None:
     for height in rows.borders:
         axes.axhline(height, color="white", lw=2.0)
     for p in journal.branches[branch].points:
-        for s in p["special"]:
-            if s["kind"] != "event":
-                axes.axvline(along[p["index"]], color="black", lw=1.0, ls=(0, (4, 2)))
+        for s in p.special:
+            if s.kind != "event":
+                axes.axvline(along[p.index], color="black", lw=1.0, ls=(0, (4, 2)))
     axes.set_ylabel(rows.title)
     axes.set_title(f"Statuses along branch {branch} (dashed: folds, bifurcations)", loc="left")
     axes.title.set_fontsize(10)

@@ -12,8 +12,8 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from dataclasses import asdict, replace
+from typing import TYPE_CHECKING
 
 from petsc4py import PETSc
 
@@ -29,7 +29,6 @@ from dolfinx_contact.continuation import (
     Ends,
     Route,
     Seen,
-    StepControl,
     Stepping,
     Stop,
     Task,
@@ -39,16 +38,21 @@ from dolfinx_contact.continuation.arguments import check_listeners, check_steps
 from dolfinx_contact.continuation.layout import Layout
 from dolfinx_contact.equations.given_data import data_within
 from dolfinx_contact.equations.measures import Scales
+from dolfinx_contact.records.entries import (
+    BranchTask,
+    EndEntry,
+    JournalEdge,
+    JournalNode,
+    PointEntry,
+)
 from dolfinx_contact.records.identity import identity
 from dolfinx_contact.records.journal import (
     Explored,
     Journal,
     JournalBranch,
-    JournalEdge,
-    JournalNode,
 )
 from dolfinx_contact.records.kept_data import KeptData
-from dolfinx_contact.records.points import Functional, columns_of, compiled, node_of
+from dolfinx_contact.records.points import Functional, compiled, entry_of, node_of
 from dolfinx_contact.records.problem_record import ProblemRecord, coincide
 
 if TYPE_CHECKING:
@@ -175,21 +179,22 @@ class BranchRecord(ProblemRecord[Journal]):
 
     def begin(self, task: Task, state: Stepping) -> None:
         branch = self._branch = task.branch
-        new = {
-            "gamma_range": [float(g) for g in task.gamma_range],
-            "gamma_scale": float(task.gamma_scale),
-            "control": asdict(task.control),
-            "max_steps": task.max_steps,
-            "to_node": task.to_node,
-        }
+        new = BranchTask(
+            gamma_range=[float(g) for g in task.gamma_range],
+            gamma_scale=float(task.gamma_scale),
+            control=task.control,
+            max_steps=task.max_steps,
+            to_node=task.to_node,
+        )
         known = self.journal.branches.get(branch)
         self._starts = True
         if known is None:
-            self._append({"type": "branch", "branch": branch, "task": new})
-            self.journal.branches[branch] = JournalBranch(new)
+            self._append({"type": "branch", "branch": branch, "task": new.line()})
+            self.journal.branches[branch] = JournalBranch(task=new)
             return
-        lasting = {name: new[name] for name in ("gamma_range", "gamma_scale", "control")}
-        self._require_task(f"branch {branch}", known.task, lasting)
+        recorded = self._task(branch).line()
+        lasting = {k: v for k, v in new.line().items() if k not in ("max_steps", "to_node")}
+        self._require_task(f"branch {branch}", recorded, lasting)
 
     def step(self, step: BranchStep, state: Stepping) -> None:
         branch = step.branch
@@ -199,11 +204,11 @@ class BranchRecord(ProblemRecord[Journal]):
         self._last = point, state
         starts = self._starts
         self._starts = False
-        entry = columns_of(self.system, index, point, step.special)
-        entry["norm"] = self._norm(point.y, state)
+        norm = self._norm(point.y, state)
+        entry = entry_of(self.system, index, point, step.special, norm)
         if index < len(recorded):
             if starts:  # what lies before it is not looked at again
-                entry["special"] = recorded[index]["special"]
+                entry = replace(entry, special=recorded[index].special)
             self._compare(branch, recorded[index], entry)
             return
         follows = index == len(recorded)
@@ -211,25 +216,24 @@ class BranchRecord(ProblemRecord[Journal]):
         require(self.comm, follows, message)
         ends = state.ending is not None
         if index % self.every == 0 or step.special or ends:
-            entry |= self._checkpoint(branch, index, point)
+            name, check_sum = self._checkpoint(branch, index, point)
+            entry = replace(entry, checkpoint=name, sum=check_sum)
         self._unknowns(point.y)
         self.system.put(self._x, point.gamma, point.piece)
-        entry |= {
-            "functionals": {name: f() for name, f in self._functionals.items()},
-            "next_step": state.next_step,
-            "x_scale": state.x_scale,
-            "largest_distance": state.largest_distance,
-            "scales": list(self.system.scales),
-            "tangent_gamma": self._layout.gamma(point.tangent),
-        }
-        if self._shows:
-            entry["surface"] = f"branch_{branch:04d}_point_{index:06d}"
-        if state.ending is not None:
-            entry |= {"ending": state.ending.name, "reason": state.reason}
-        written = dict(entry)
-        if recorded and recorded[-1]["status"] == entry["status"]:
-            del written["status"]
-        self._append({"type": "point", "branch": branch, **written})
+        entry = replace(
+            entry,
+            functionals={name: f() for name, f in self._functionals.items()},
+            next_step=state.next_step,
+            x_scale=state.x_scale,
+            largest_distance=state.largest_distance,
+            scales=list(self.system.scales),
+            tangent_gamma=self._layout.gamma(point.tangent),
+            surface=_name(branch, index) if self._shows else None,
+            ending=state.ending,
+            reason=state.reason if ends else None,
+        )
+        line = entry.line_after(recorded[-1] if recorded else None)
+        self._append({"type": "point", "branch": branch, **line})
         recorded.append(entry)
         known = self.journal.branches[branch]
         known.go_on()
@@ -241,78 +245,82 @@ class BranchRecord(ProblemRecord[Journal]):
         known = self.journal.branches[branch]
         if known.ending is ended.ending or self._last is None or ended.ending is None:
             return
-        entry: dict[str, Any] = {}
         point, stepping = self._last
         if stepping.index < len(known.points) - 1:
             return  # more was recorded before, behind which this is no end
-        if "checkpoint" not in known.points[-1]:
-            entry = self._checkpoint(branch, stepping.index, point)
-        words = {"ending": ended.ending.name, "reason": ended.reason}
-        self._append({"type": "end", "branch": branch, **words, **entry})
-        known.points[-1] |= entry
-        known.end(ended.ending, ended.reason)
+        end = EndEntry(ending=ended.ending, reason=ended.reason)
+        if known.points[-1].checkpoint is None:
+            name, check_sum = self._checkpoint(branch, stepping.index, point)
+            end = replace(end, checkpoint=name, sum=check_sum)
+        self._append({"type": "end", "branch": branch, **end.line()})
+        known.end_with(end)
 
     def explored(self, diagram: Diagram) -> None:
         journal = self.journal
         for number, node in enumerate(diagram.nodes):
             self._keep_node(number, node_of(self.system, self._layout, node))
         for number, edge in enumerate(diagram.edges):
-            found = JournalEdge(number, edge.start, edge.end)
+            found = JournalEdge(branch=number, start=edge.start, end=edge.end)
             if number < len(journal.edges):
                 same = journal.edges[number] == found
                 message = f"branch {number} was recorded as {journal.edges[number]}, not {found}"
                 require(self.comm, same, message)
                 continue
-            self._append({"type": "edge", **asdict(found)})
+            self._append({"type": "edge", **found.line()})
             journal.edges.append(found)
         ended = Explored(diagram.ending, diagram.reason, diagram.complete)
         if diagram.ending is not None and ended != journal.explored:
             self._append({"type": "explored", **asdict(ended), "ending": diagram.ending.name})
             journal.explored = ended
 
-    def _keep_node(self, number: int, found: Mapping[str, Any]) -> None:
+    def _keep_node(self, number: int, found: JournalNode) -> None:
         """Write a node, where not all of it is known. Collective."""
         nodes = self.journal.nodes
         if number < len(nodes):
             known = nodes[number]
-            scale = self.journal.branches[0].task["gamma_scale"]
+            scale = self._task(0).gamma_scale
             a = known.gamma / scale
-            same = coincide([(a, found["point"]["gamma"] / scale, 1 + abs(a))])
+            same = coincide([(a, found.gamma / scale, 1 + abs(a))])
             message = f"node {number} was recorded at gamma = {known.gamma:.12g}: it has changed"
             require(self.comm, same, message)
             # What is explored again comes to fewer rays at first.
-            told = zip(found["edges"], known.edges, strict=False)
-            if len(found["rays"]) <= len(known.rays) and all(e in (None, k) for e, k in told):
+            told = zip(found.edges, known.edges, strict=False)
+            if len(found.rays) <= len(known.rays) and all(e in (None, k) for e, k in told):
                 return
-        self._append({"type": "node", "node": number, **found})
-        nodes[number : number + 1] = [JournalNode(**found)]
+        self._append({"type": "node", "node": number, **found.line()})
+        nodes[number : number + 1] = [found]
 
-    def _checkpoint(self, branch: int, index: int, point: BranchPoint) -> dict[str, str]:
-        """Keep unknowns and tangent of a point; what the journal says of it."""
-        name = f"branch_{branch:04d}_point_{index:06d}"
+    def _checkpoint(self, branch: int, index: int, point: BranchPoint) -> tuple[str, str]:
+        """Keep unknowns and tangent of a point; name and check sum of the checkpoint."""
+        name = _name(branch, index)
         t = self.system.create_vector()
         t.array[:] = point.tangent.array_r[: t.getLocalSize()]
         self._unknowns(point.y)
         check_sum = self._checkpoints.write(name, {"tangent": t, "x": self._x})
         t.destroy()
-        return {"checkpoint": name, "sum": check_sum}
+        return name, check_sum
 
-    def _compare(self, branch: int, recorded: Mapping[str, Any], found: Mapping[str, Any]) -> None:
+    def _task(self, branch: int) -> BranchTask:
+        task = self.journal.branches[branch].task
+        assert task is not None
+        return task
+
+    def _compare(self, branch: int, recorded: PointEntry, found: PointEntry) -> None:
         """Refuse a point that is not the one that was recorded. Collective."""
-        scale = self.journal.branches[branch].task["gamma_scale"]
-        pairs = [(recorded["gamma"] / scale, found["gamma"] / scale)]
-        pairs += [(recorded["norm"], found["norm"])]
-        kinds = [[(s["kind"], s["smooth"]) for s in p["special"]] for p in (recorded, found)]
+        scale = self._task(branch).gamma_scale
+        pairs = [(recorded.gamma / scale, found.gamma / scale)]
+        pairs += [(recorded.norm, found.norm)]
+        kinds = [[(s.kind, s.smooth) for s in p.special] for p in (recorded, found)]
         if kinds[0] == kinds[1]:
-            gammas = [[s["gamma"] / scale for s in p["special"]] for p in (recorded, found)]
+            gammas = [[s.gamma / scale for s in p.special] for p in (recorded, found)]
             pairs += zip(*gammas, strict=True)
         # Beside the range of gamma, and the length of x that counts as 1.
         numbers = [(a, b, 1 + abs(a)) for a, b in pairs]
         self._require_again(
-            f"point {found['index']} of branch {branch}",
+            f"point {found.index} of branch {branch}",
             "gamma =",
-            (recorded["gamma"], recorded["status"]),
-            (found["gamma"], found["status"]),
+            (recorded.gamma, recorded.status),
+            (found.gamma, found.status),
             numbers if kinds[0] == kinds[1] else None,
         )
 
@@ -327,7 +335,7 @@ class BranchRecord(ProblemRecord[Journal]):
             ValueError: on every rank, if it is no solution of the problem, or all are damaged.
         """
         known = self.journal.branches.get(branch)
-        kept = [p["index"] for p in known.points if "checkpoint" in p] if known else []
+        kept = known.kept if known else []
         if not kept:
             return None
         return self._last_whole(kept[::-1], lambda index: self.state(branch, index))
@@ -340,29 +348,29 @@ class BranchRecord(ProblemRecord[Journal]):
         """
         system = self.system
         p = self.journal.branches[branch].points[index]
-        if "checkpoint" not in p:
+        if p.checkpoint is None or p.sum is None:
             raise ValueError(f"no fields were kept at point {index} of branch {branch}")
         x, t, b = (system.create_vector() for _ in range(3))
-        self._checkpoints.read(p["checkpoint"], p["sum"], {"tangent": t, "x": x})
-        y = self._layout.joined(x, p["gamma"])
-        tangent = self._layout.joined(t, p["tangent_gamma"])
-        piece = system.piece_of(p["status"])
-        error = self._scales_of(p, t).measure(system._evaluate(x, p["gamma"], b, piece)).worst
+        self._checkpoints.read(p.checkpoint, p.sum, {"tangent": t, "x": x})
+        y = self._layout.joined(x, p.gamma)
+        tangent = self._layout.joined(t, p.tangent_gamma)
+        piece = system.piece_of(p.status)
+        error = self._scales_of(p, t).measure(system._evaluate(x, p.gamma, b, piece)).worst
         for v in (x, t, b):
             v.destroy()
-        tolerance = self.journal.branches[branch].task["control"]["tolerance"]
+        tolerance = self._task(branch).control.tolerance
         require(
             self.comm,
             error <= 10 * tolerance,
             f"point {index} of branch {branch} is no solution of this problem (residual "
             f"{error:.1e}): other loads, materials or conditions than recorded",
         )
-        system.scales = p["scales"]
-        point = BranchPoint(y, tangent, piece, p["gamma"], p["step"], p["corrections"], p["tau"])
-        stepping = Stepping(index, p["next_step"], p["x_scale"], p["largest_distance"])
+        system.scales = tuple(p.scales)
+        point = BranchPoint(y, tangent, piece, p.gamma, p.step, p.corrections, p.tau)
+        stepping = Stepping(index, p.next_step, p.x_scale, p.largest_distance)
         return point, stepping
 
-    def _scales_of(self, recorded: Mapping[str, Any], tangent: PETSc.Vec) -> Scales:
+    def _scales_of(self, recorded: PointEntry, tangent: PETSc.Vec) -> Scales:
         """What the residual at a recorded point is compared with. Collective.
 
         Where nothing is loaded yet the state is round-off, which is not compared with itself but
@@ -372,15 +380,14 @@ class BranchRecord(ProblemRecord[Journal]):
         displacement = tangent.array_r[: eq.owned_sizes[0]]
         moved = self.comm.allreduce(float(np.max(np.abs(displacement), initial=0.0)), op=max)
         scales = Scales(eq, settled=True)
-        force, length = recorded["scales"]
+        force, length = recorded.scales
         scales.length = max(length, _UNLOADED * moved)
         scales.force = max(force, _UNLOADED * moved * eq.stiffness_scale)
         return scales
 
     def points(self, branch: int = 0) -> list[BranchPoint]:
         """All points of a branch whose fields were kept. Collective."""
-        recorded = self.journal.branches[branch].points
-        return [self.state(branch, p["index"])[0] for p in recorded if "checkpoint" in p]
+        return [self.state(branch, index)[0] for index in self.journal.branches[branch].kept]
 
     def go_on(
         self,
@@ -419,29 +426,32 @@ class BranchRecord(ProblemRecord[Journal]):
             )
         point, stepping = state
         known = self.journal.branches[branch]
-        task = known.task
-        budget = task["max_steps"] if max_steps is None else max_steps
+        task = self._task(branch)
+        budget = task.max_steps if max_steps is None else max_steps
         exhausted = known.ending is Ending.BUDGET and budget >= len(known.points)
         if known.ending is not None and not exhausted:
             return Branch([point], ending=known.ending, reason=known.reason)
         origin = self.state(branch, 0)[0] if stepping.index else None
-        self.system.scales = known.points[stepping.index]["scales"]
-        control = StepControl(**task["control"])
-        scale = task["gamma_scale"]
+        self.system.scales = tuple(known.points[stepping.index].scales)
         # Pivoting has no length of steps.
         route: Route = "steps" if stepping.next_step > 0 else "pivoting"
         self._unknowns(point.y)
         with (
             self.system.restored(),
             follower_for(
-                self.system, self._x, point.gamma, control, gamma_scale=scale, route=route
+                self.system,
+                self._x,
+                point.gamma,
+                task.control,
+                gamma_scale=task.gamma_scale,
+                route=route,
             ) as follower,
         ):
             return follower.run(
                 point,
-                gamma_range=(task["gamma_range"][0], task["gamma_range"][1]),
+                gamma_range=(task.gamma_range[0], task.gamma_range[1]),
                 max_steps=budget,
-                to_node=task["to_node"],
+                to_node=task.to_node,
                 stop=stop,
                 observer=observer,
                 record=self,
@@ -464,6 +474,11 @@ class BranchRecord(ProblemRecord[Journal]):
         self._unknowns(y)
         self.system.metric(self._x, self._mx)
         return float(np.sqrt(max(float(self._x.dot(self._mx)), 0.0) / stepping.x_scale))
+
+
+def _name(branch: int, index: int) -> str:
+    """Of the checkpoint of a point, and of the file with its outer surface."""
+    return f"branch_{branch:04d}_point_{index:06d}"
 
 
 def resume(

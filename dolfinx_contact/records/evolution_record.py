@@ -25,6 +25,7 @@ from dolfinx_contact.evolution.evolution import Evolution
 from dolfinx_contact.evolution.listeners import Listeners
 from dolfinx_contact.evolution.run_state import RunState
 from dolfinx_contact.evolution.through_times import Accept, HistoryTask
+from dolfinx_contact.records.entries import HistoryGoesOn, StateEntry
 from dolfinx_contact.records.journal import EvolutionJournal
 from dolfinx_contact.records.steps_record import StepsRecord
 
@@ -102,18 +103,18 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, RunState]):
             forms=evolution.forms,
         )
 
-    def _load(self, state: Mapping[str, Any]) -> None:
-        self.evolution.load(state["time"])
+    def _load(self, state: StateEntry[HistoryGoesOn]) -> None:
+        self.evolution.load(state.time)
 
-    def _entry_of(self, run_state: RunState) -> dict[str, Any]:
-        return {
-            "number": run_state.number,
-            "length": run_state.length,
-            "rate": None if run_state.rate is None else run_state.rate.tolist(),
-            "settled": run_state.settled,
-            "ending": None if run_state.ending is None else run_state.ending.name,
-            "reason": run_state.reason,
-        }
+    def _entry_of(self, run_state: RunState) -> HistoryGoesOn:
+        return HistoryGoesOn(
+            number=run_state.number,
+            length=run_state.length,
+            rate=None if run_state.rate is None else [float(r) for r in run_state.rate],
+            settled=run_state.settled,
+            ending=run_state.ending,
+            reason=run_state.reason,
+        )
 
     def _names(self) -> Iterable[str]:
         return self.evolution.kept
@@ -125,7 +126,7 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, RunState]):
 
     def _stood(
         self,
-        state: Mapping[str, Any],
+        state: StateEntry[HistoryGoesOn],
         vectors: Mapping[str, PETSc.Vec],
         found: Mapping[str, npt.NDArray[Any]],
         first: bool,
@@ -135,15 +136,15 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, RunState]):
             f.x.array[:n] = vectors[name].array_r[:n]
             f.x.scatter_forward()
         memory = self._points.memory(found)
-        energies = self.evolution.account(**state["energies"])
-        accepted = self.evolution.recalled(state["time"], memory, energies, first=first)
+        energies = self.evolution.account(**state.energies)
+        accepted = self.evolution.recalled(state.time, memory, energies, first=first)
         return RunState(
             accepted,
-            state["length"],
-            None if state["rate"] is None else np.array(state["rate"]),
-            state["number"],
-            ending=None if state["ending"] is None else Ending[state["ending"]],
-            reason=state["reason"],
+            state.run.length,
+            None if state.run.rate is None else np.array(state.run.rate),
+            state.run.number,
+            ending=state.run.ending,
+            reason=state.run.reason,
         )
 
     def go_on(
@@ -183,7 +184,7 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, RunState]):
             return history
         task = HistoryTask(**run.task | {"times": tuple(run.task["times"])})
         states = self.journal.states
-        known = [i for i in range(run.after + 1, len(states)) if states[i]["settled"]]
+        known = [i for i in range(run.after + 1, len(states)) if states[i].run.settled]
         run_state = self._resumed(run, known)
         if self._index == run.after:
             run_state = replace(run_state, length=task.longest, ending=None, reason="")

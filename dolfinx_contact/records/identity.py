@@ -181,15 +181,7 @@ def identity(
     """
     eq = problem.equations
     domain = problem.V.mesh
-    words = [eq.bulk.residual.signature()]
-    for s in problem.surfaces:
-        words += [_signature(e, domain) for e in s.given.all]
-        words.append(s.law_at_points.compiled.signature)
-        words += [] if s.law.averaging is None else [repr(s.law.averaging)]
-        words += ["axisymmetric"] if s.axisymmetric else []
-    for body in problem.rigid_bodies:
-        words.append(f"{body.about.tolist()} {body.fixed.tolist()}")
-        words += [_signature(e, domain) for e in body.expressions]
+    words = _words(problem)
     fixed = eq.fixed[: eq.owned_sizes[0]]
     constants = _constants(problem, but, more)
     x = problem.create_vector()
@@ -219,6 +211,21 @@ def identity(
         "functions": list(functions),
         "driven": [hashlib.sha256(_signature(e, domain).encode()).hexdigest()[:32] for e in driven],
     }
+
+
+def _words(problem: ContactProblem) -> list[str]:
+    """What forms, surfaces, laws and rigid bodies are known by."""
+    domain = problem.V.mesh
+    words = [problem.equations.bulk.residual.signature()]
+    for s in problem.surfaces:
+        words += [_signature(e, domain) for e in s.given.all]
+        words.append(s.law_at_points.compiled.signature)
+        words += [] if s.law.averaging is None else [repr(s.law.averaging)]
+        words += ["axisymmetric"] if s.axisymmetric else []
+    for body in problem.rigid_bodies:
+        words.append(f"{body.about.tolist()} {body.fixed.tolist()}")
+        words += [_signature(e, domain) for e in body.expressions]
+    return words
 
 
 def _signature(e: Any, domain: mesh.Mesh) -> str:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -22,6 +22,18 @@ import numpy.typing as npt
 from dolfinx_contact._numbers import is_number
 from dolfinx_contact._optional import optional
 from dolfinx_contact.continuation.ending import Ending, Ends
+from dolfinx_contact.records.entries import (
+    BranchTask,
+    EndEntry,
+    Entry,
+    HistoryGoesOn,
+    JournalEdge,
+    JournalNode,
+    PathGoesOn,
+    PointEntry,
+    SpecialEntry,
+    StateEntry,
+)
 from dolfinx_contact.records.lines import (
     FILE_NAME,
     Followed,
@@ -36,63 +48,34 @@ __all__ = [
     "Explored",
     "Journal",
     "JournalBranch",
-    "JournalEdge",
-    "JournalNode",
     "PathJournal",
     "read_journal",
 ]
 
-_SPECIAL = ("kind", "smooth", "gamma", "parity", "others", "complete", "bracket")
-
 
 @dataclass
 class JournalBranch(Followed):
-    """What is known of one branch; its ``task`` is range and scale of gamma, control and budget.
+    """What is known of one branch.
 
     Attributes:
-        points: one dictionary a point, in order: ``index``, ``gamma``, ``step``, ``corrections``,
-            ``tau``, ``norm``, ``status``, ``counts``, ``functionals``, ``special``, ``next_step``,
-            ``x_scale``, ``largest_distance`` and, where fields were kept, ``checkpoint``.
+        task: what it is to do; None of what is in memory only.
+        points: in order.
     """
 
-    points: list[dict[str, Any]] = field(default_factory=list)
-
-
-@dataclass
-class JournalNode:
-    """A bifurcation of a recorded diagram; see `continuation.Node`.
-
-    Attributes:
-        point: the special point, as in the ``special`` of points of branches, and the ``method`` by
-            which its rays were looked for.
-        rays: one dictionary a ray: the ``status`` of its piece, and ``gamma``, the part of its unit
-            tangent along gamma.
-        edges: number of the branch along each ray; None if none has taken it.
-    """
-
-    point: dict[str, Any]
-    rays: list[dict[str, Any]]
-    edges: list[int | None]
+    task: BranchTask | None = None
+    points: list[PointEntry] = field(default_factory=list)
 
     @property
-    def gamma(self) -> float:
-        """Where it is."""
-        return float(self.point["gamma"])
+    def kept(self) -> list[int]:
+        """Indices of the points of which fields were kept."""
+        return [p.index for p in self.points if p.checkpoint is not None]
 
-
-@dataclass
-class JournalEdge:
-    """A branch of a recorded diagram, with the numbers of nodes; see `continuation.Edge`.
-
-    Attributes:
-        branch: its number; one that could not be begun is not among the branches.
-        start: number of a node, None at a start of the exploration.
-        end: number of a node, None where the branch ends otherwise.
-    """
-
-    branch: int
-    start: int | None
-    end: int | None
+    def end_with(self, end: EndEntry) -> None:
+        """End it at its last point, of which a checkpoint may have been kept since."""
+        self.end(end.ending, end.reason)
+        if end.checkpoint is not None:
+            last = replace(self.points[-1], checkpoint=end.checkpoint, sum=end.sum)
+            self.points[-1] = last
 
 
 @dataclass
@@ -112,12 +95,14 @@ class Explored(Ends):
 
 @dataclass
 class EvolutionRun(Followed):
-    """What is known of one run; its ``task`` is what it was to do, as times or a range of gamma.
+    """What is known of one run.
 
     Attributes:
+        task: what it was to do, as times or a range of gamma.
         after: index of the state at which it begins.
     """
 
+    task: dict[str, Any] = field(default_factory=dict)
     after: int = 0
 
     @property
@@ -159,16 +144,16 @@ class Journal(Lines):
         rows = [(b, p) for b in chosen for p in self.branches[b].points]
         columns: dict[str, npt.NDArray[Any]] = {"branch": np.array([b for b, _ in rows], int)}
         for name in ("index", "corrections"):
-            columns[name] = np.array([p[name] for _, p in rows], int)
+            columns[name] = np.array([getattr(p, name) for _, p in rows], int)
         for name in ("gamma", "step", "tau", "norm"):
-            columns[name] = np.array([p[name] for _, p in rows], float)
+            columns[name] = np.array([getattr(p, name) for _, p in rows], float)
         for name in self.functionals:
-            columns[name] = np.array([p["functionals"][name] for _, p in rows], float)
+            columns[name] = np.array([p.functionals[name] for _, p in rows], float)
         for name in ("open", "stick", "slip", "clamped"):
-            columns[name] = np.array([p["counts"][name] for _, p in rows], int)
-        kinds = [" ".join(s["kind"] for s in p["special"]) for _, p in rows]
+            columns[name] = np.array([p.counts[name] for _, p in rows], int)
+        kinds = [" ".join(s.kind for s in p.special) for _, p in rows]
         columns["special"] = np.array(kinds, dtype=object)
-        columns["status"] = np.array([p["status"] for _, p in rows], dtype=object)
+        columns["status"] = np.array([p.status for _, p in rows], dtype=object)
         return columns
 
     def rows(
@@ -199,21 +184,21 @@ class Journal(Lines):
         """
         rows = self.rows(branch)
         points = self.branches[branch].points
-        special = [(s, p["index"]) for p in points for s in p["special"]]
+        special = [(s, p.index) for p in points for s in p.special]
         folds = [
             {
-                "gamma": s["gamma"],
-                "kind": "smooth" if s["smooth"] else "nonsmooth",
+                "gamma": s.gamma,
+                "kind": "smooth" if s.smooth else "nonsmooth",
                 "before": rows[i - 1]["status"],
                 "after": rows[i]["status"],
             }
             for s, i in special
-            if s["kind"] == "fold"
+            if s.kind == "fold"
         ]
         return {
             "folds": folds,
-            "events": sum(bool(s["changes"]) for s, _ in special),
-            "bifurcations": [s["gamma"] for s, _ in special if s["kind"] == "bifurcation"],
+            "events": sum(bool(s.changes) for s, _ in special),
+            "bifurcations": [s.gamma for s, _ in special if s.kind == "bifurcation"],
             "end": rows[-1],
         }
 
@@ -229,12 +214,12 @@ class Journal(Lines):
         of gamma between which it lies; None if it is located), and ``changes``, a list of
         dictionaries with the place ``x`` and the status ``before`` and ``after``.
         """
-        names = ["branch", "index", *_SPECIAL, "changes"]
+        names = ["branch", "index", *(f.name for f in fields(SpecialEntry))]
         rows = [
-            {"branch": b, "index": p["index"], **{k: s[k] for k in names[2:]}}
+            {"branch": b, "index": p.index, **s.line()}
             for b in self._chosen(branch)
             for p in self.branches[b].points
-            for s in p["special"]
+            for s in p.special
         ]
         return optional("pandas", "records").DataFrame(rows, columns=names)
 
@@ -242,7 +227,7 @@ class Journal(Lines):
     def is_empty(self) -> bool:
         return not self.branches
 
-    def entries(self, branch: int = 0) -> list[dict[str, Any]]:
+    def entries(self, branch: int = 0) -> list[PointEntry]:
         (chosen,) = self._chosen(branch)
         return self.branches[chosen].points
 
@@ -250,32 +235,28 @@ class Journal(Lines):
         if kind == "branch":
             if entry["branch"] in self.branches:
                 raise ValueError(f"branch {entry['branch']} begins twice")
-            self.branches[entry["branch"]] = JournalBranch(entry["task"])
+            task = BranchTask.of_line(entry["task"])
+            self.branches[entry["branch"]] = JournalBranch(task=task)
         elif kind == "point":
-            branch = self.branches[entry.pop("branch")]
-            if entry["index"] != len(branch.points):
-                raise ValueError(
-                    f"point {entry['index']} follows after {len(branch.points)} points"
-                )
-            for name in ("gamma", "next_step", "status", "special", "functionals", "counts"):
-                if name == "status" and name not in entry:
-                    entry[name] = branch.points[-1][name]  # written when it changes
-                entry[name]
-            branch.points.append(entry)
+            branch = self.branches[entry["branch"]]
+            point = PointEntry.of_line_after(entry, branch.points)
+            if point.index != len(branch.points):
+                raise ValueError(f"point {point.index} follows after {len(branch.points)} points")
+            branch.points.append(point)
             branch.go_on()
-            if "ending" in entry:
-                branch.end(Ending[entry["ending"]], entry["reason"])
+            if point.ending is not None:
+                branch.end(point.ending, point.reason or "")
         elif kind == "end":
             branch = self.branches[entry["branch"]]
-            branch.end(Ending[entry["ending"]], entry["reason"])
-            branch.points[-1].update({k: entry[k] for k in ("checkpoint", "sum") if k in entry})
+            branch.end_with(EndEntry.of_line(entry))
         elif kind == "node":
-            number = entry.pop("node")
-            self.nodes[number : number + 1] = [JournalNode(**entry)]  # anew when it changes
+            number = entry["node"]
+            self.nodes[number : number + 1] = [JournalNode.of_line(entry)]  # anew when it changes
         elif kind == "edge":
-            if entry["branch"] != len(self.edges):
-                raise ValueError(f"edge {entry['branch']} follows after {len(self.edges)} edges")
-            self.edges.append(JournalEdge(**entry))
+            edge = JournalEdge.of_line(entry)
+            if edge.branch != len(self.edges):
+                raise ValueError(f"edge {edge.branch} follows after {len(self.edges)} edges")
+            self.edges.append(edge)
         elif kind == "explored":
             self.explored = Explored(Ending[entry["ending"]], entry["reason"], entry["complete"])
         else:
@@ -293,25 +274,19 @@ class EvolutionJournal(Lines):
     """What was recorded of the runs of an evolution.
 
     Attributes:
-        states: one dictionary for the start and for every accepted step, in order: ``time``,
-            ``status`` (letters of all contact points, surface by surface, in the order of their
-            tables), ``norm`` of all unknowns, ``energies``, and how the run goes on from there; of
-            steps ``row``, that of the table of steps.
+        states: the start and every accepted step, in order.
         runs: in order.
     """
 
     kind: ClassVar[str] = "an evolution"
-    #: What lines must have.
-    of_states: ClassVar[tuple[str, ...]] = (
-        *("time", "status", "norm", "energies", "data", "checkpoint", "sum"),
-    )
-    of_steps: ClassVar[tuple[str, ...]] = ("row", "number", "length", "rate", "settled")
-    states: list[dict[str, Any]] = field(default_factory=list)
+    #: How a run goes on from a state.
+    goes_on: ClassVar[type[Entry]] = HistoryGoesOn
+    states: list[StateEntry[Any]] = field(default_factory=list)
     runs: list[EvolutionRun] = field(default_factory=list)
 
     def rows(self) -> list[dict[str, Any]]:
         """The table of all steps, with their ``status``, for `write_rows`."""
-        return [s["row"] | {"status": s["status"]} for s in self.states[1:]]
+        return [s.row | {"status": s.status} for s in self.states if s.row is not None]
 
     def columns(self) -> dict[str, npt.NDArray[Any]]:
         """The same as numpy arrays by name; those that hold words or None are of objects."""
@@ -327,26 +302,28 @@ class EvolutionJournal(Lines):
     def is_empty(self) -> bool:
         return not self.states
 
-    def entries(self, branch: int = 0) -> list[dict[str, Any]]:
+    def entries(self, branch: int = 0) -> list[StateEntry[Any]]:
         if branch != 0:
             raise ValueError(f"{self.kind} has no branches, so no branch {branch}")
         return self.states
 
     def _take(self, kind: str, entry: dict[str, Any]) -> None:
         if kind == "state":
-            if entry["index"] != len(self.states):
-                raise ValueError(f"state {entry['index']} follows after {len(self.states)} states")
-            for name in (*self.of_states, *(self.of_steps if self.states else ())):
-                entry[name]
+            state: StateEntry[Any] = StateEntry.of_line(entry, run=self.goes_on)
+            if state.index != len(self.states):
+                raise ValueError(f"state {state.index} follows after {len(self.states)} states")
+            if (state.row is None) != (not self.states):
+                raise ValueError("steps have a row of the table, and the start has none")
             if self.states:
                 self.runs[-1].go_on()
-            self.states.append(entry)
+            self.states.append(state)
         elif kind == "run":
             if not entry["after"] == len(self.states) - 1 >= 0:
                 raise ValueError(f"a run begins at state {entry['after']}")
-            self.runs.append(EvolutionRun(entry["task"], after=entry["after"]))
+            self.runs.append(EvolutionRun(task=entry["task"], after=entry["after"]))
         elif kind == "end":
-            self.runs[-1].end(Ending[entry["ending"]], entry["reason"])
+            end = EndEntry.of_line(entry)
+            self.runs[-1].end(end.ending, end.reason)
         else:
             raise ValueError(f"lines of the kind {kind!r} are not known")
 
@@ -356,16 +333,12 @@ class PathJournal(EvolutionJournal):
     """What was recorded of a path by arc length, as an `EvolutionJournal`; times are lengths."""
 
     kind: ClassVar[str] = "a path"
-    of_states: ClassVar[tuple[str, ...]] = (
-        *EvolutionJournal.of_states,
-        *("gamma", "arrived", "number", "length", "known", "reason"),
-    )
-    of_steps: ClassVar[tuple[str, ...]] = ("row",)
+    goes_on: ClassVar[type[Entry]] = PathGoesOn
 
     @property
     def gammas(self) -> npt.NDArray[np.float64]:
         """The load at the start and at all accepted points."""
-        return np.array([s["gamma"] for s in self.states])
+        return np.array([s.run.gamma for s in self.states])
 
     @property
     def folds(self) -> list[dict[str, Any]]:

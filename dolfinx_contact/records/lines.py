@@ -24,6 +24,7 @@ import numpy.typing as npt
 from dolfinx_contact._files import os_error, sync
 from dolfinx_contact.continuation.ending import Ending, Ends
 from dolfinx_contact.io.outside import OuterSurface, SurfaceState
+from dolfinx_contact.records.entries import PointEntry, StateEntry
 from dolfinx_contact.records.lock import Lock
 from dolfinx_contact.records.surfaces import read_state, read_surface
 
@@ -51,12 +52,10 @@ class Followed(Ends):
     """What is known of one branch or run.
 
     Attributes:
-        task: what it is to do.
         ending: how it ended; None if it has not.
         reason: why, in words.
     """
 
-    task: dict[str, Any]
     ending: Ending | None = None
     reason: str = ""
 
@@ -109,19 +108,20 @@ class Lines:
         entries = self.entries(branch)
         if not 0 <= index < len(entries):
             raise ValueError(f"points 0 to {len(entries) - 1} are recorded, not {index}")
-        if "surface" not in entries[index]:
+        surface = entries[index].surface
+        if surface is None:
             raise ValueError(
                 f"no displacement was recorded at point {index}: record with "
                 "surface_displacement=True"
             )
-        return read_state(self._on_disk(), entries[index]["surface"])
+        return read_state(self._on_disk(), surface)
 
     def _on_disk(self) -> Path:
         if self.folder is None:
             raise ValueError("the journal is in memory only, and has no surface")
         return self.folder
 
-    def entries(self, branch: int = 0) -> list[dict[str, Any]]:
+    def entries(self, branch: int = 0) -> Sequence[PointEntry | StateEntry[Any]]:
         """What is known of every point of a branch, or every state of a history or path.
 
         Raises:

@@ -17,13 +17,13 @@ from petsc4py import PETSc
 import numpy.typing as npt
 
 from dolfinx_contact.continuation.branch import BranchPoint
-from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.continuation.layout import Layout
 from dolfinx_contact.continuation.observer import Seen, Stop
 from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.evolution import ArcLength, PathHistory, PathStep
 from dolfinx_contact.evolution.listeners import Listeners
-from dolfinx_contact.evolution.path_state import Known, PathState, PathTask, begun
+from dolfinx_contact.evolution.path_state import PathState, PathTask, begun
+from dolfinx_contact.records.entries import Arrived, PathGoesOn, StateEntry
 from dolfinx_contact.records.journal import PathJournal
 from dolfinx_contact.records.steps_record import StepsRecord
 
@@ -88,29 +88,29 @@ class PathRecord(StepsRecord[PathJournal, PathState]):
             driven=driven,
         )
 
-    def _load(self, state: Mapping[str, Any]) -> None:
-        self.path.parametric._set(state["gamma"])
+    def _load(self, state: StateEntry[PathGoesOn]) -> None:
+        self.path.parametric._set(state.run.gamma)
 
-    def _entry_of(self, run_state: PathState) -> dict[str, Any]:
+    def _entry_of(self, run_state: PathState) -> PathGoesOn:
         point = run_state.arrived
         arrived = None
         if point is not None:
-            arrived = {
-                "tangent": self._layout.gamma(point.tangent),
-                "piece": self.path.parametric.letters(point.piece),
-                "step": point.step,
-                "corrections": point.corrections,
-                "tau": point.tau,
-            }
-        return {
-            "gamma": run_state.gamma,
-            "arrived": arrived,
-            "number": run_state.number,
-            "length": run_state.length,
-            "known": asdict(run_state.known),
-            "ending": None if run_state.ending is None else run_state.ending.name,
-            "reason": run_state.reason,
-        }
+            arrived = Arrived(
+                tangent=self._layout.gamma(point.tangent),
+                piece=self.path.parametric.letters(point.piece),
+                step=point.step,
+                corrections=point.corrections,
+                tau=point.tau,
+            )
+        return PathGoesOn(
+            gamma=run_state.gamma,
+            arrived=arrived,
+            number=run_state.number,
+            length=run_state.length,
+            known=run_state.known,
+            ending=run_state.ending,
+            reason=run_state.reason,
+        )
 
     def _names(self) -> Iterable[str]:
         return ("tangent",)
@@ -122,36 +122,34 @@ class PathRecord(StepsRecord[PathJournal, PathState]):
 
     def _stood(
         self,
-        state: Mapping[str, Any],
+        state: StateEntry[PathGoesOn],
         vectors: Mapping[str, PETSc.Vec],
         found: Mapping[str, npt.NDArray[Any]],
         first: bool,
     ) -> PathState:
-        gamma = state["gamma"]
+        gamma = state.run.gamma
         arrived = None
-        energies = self.path.account(**state["energies"])
+        energies = self.path.account(**state.energies)
         memory = self._points.memory(found)
-        accepted = self.path.recalled(state["time"], gamma, memory, energies, first=first)
-        if (at := state["arrived"]) is not None:
+        accepted = self.path.recalled(state.time, gamma, memory, energies, first=first)
+        if (at := state.run.arrived) is not None:
             arrived = BranchPoint(
                 self._layout.joined(vectors["x"], gamma),
-                self._layout.joined(vectors["tangent"], at["tangent"]),
-                self.path.parametric.piece_of(at["piece"]),
+                self._layout.joined(vectors["tangent"], at.tangent),
+                self.path.parametric.piece_of(at.piece),
                 gamma,
-                at["step"],
-                at["corrections"],
-                at["tau"],
+                at.step,
+                at.corrections,
+                at.tau,
             )
-        known = Known(**state["known"])
-        number = state["number"]
         return PathState(
             accepted,
-            state["length"],
-            number=number,
-            ending=None if state["ending"] is None else Ending[state["ending"]],
-            reason=state["reason"],
+            state.run.length,
+            number=state.run.number,
+            ending=state.run.ending,
+            reason=state.run.reason,
             arrived=arrived,
-            known=known,
+            known=state.run.known,
             passed=(accepted.time,),
         )
 
@@ -202,7 +200,7 @@ class PathRecord(StepsRecord[PathJournal, PathState]):
         task = _task(run.task)
         states = self.journal.states
         run_state = self._resumed(run, range(run.after + 1, len(states)))
-        passed = tuple(s["time"] for s in states[run.after : self._index + 1])
+        passed = tuple(s.time for s in states[run.after : self._index + 1])
         run_state = replace(run_state, passed=passed)
         if self._index == run.after:
             run_state = begun(task, run_state)

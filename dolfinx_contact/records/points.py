@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The entry of the journal for a branch point: functionals, numbers of statuses, special points."""
+"""Entries of journals for points of branches: functionals, numbers of statuses, special points."""
 
 from __future__ import annotations
 
@@ -18,12 +18,20 @@ from dolfinx_contact.continuation import BranchPoint, Change, Node, SpecialPoint
 from dolfinx_contact.continuation.layout import Layout
 from dolfinx_contact.equations.order import Gathered, by_coordinates
 from dolfinx_contact.laws import status
+from dolfinx_contact.records.entries import (
+    ChangeEntry,
+    JournalNode,
+    NodePoint,
+    PointEntry,
+    RayEntry,
+    SpecialEntry,
+)
 
 if TYPE_CHECKING:
     from dolfinx_contact.parametric import ParametricContact
     from dolfinx_contact.problem import ContactProblem
 
-__all__ = ["Functional", "columns_of", "compiled", "node_of", "places"]
+__all__ = ["Functional", "compiled", "entry_of", "node_of", "places"]
 
 #: A scalar UFL form in the problem's Functions, or a function of the problem.
 Functional: TypeAlias = "ufl.Form | Callable[[ContactProblem], float]"
@@ -39,46 +47,49 @@ def places(problem: ContactProblem) -> dict[str, list[list[float]]]:
     }
 
 
-def columns_of(
-    system: ParametricContact, index: int, point: BranchPoint, special: Sequence[SpecialPoint]
-) -> dict[str, Any]:
-    """The entry of the journal for every point, but for its norm and functionals. Collective.
+def entry_of(
+    system: ParametricContact,
+    index: int,
+    point: BranchPoint,
+    special: Sequence[SpecialPoint],
+    norm: float,
+) -> PointEntry:
+    """The entry of the journal for a point, but for its functionals. Collective.
 
     Args:
         system: the problem.
         index: of the point on its branch.
         point: the point.
         special: points on the way to it.
+        norm: of the unknowns.
     """
     letters = system.letters(point.piece)
-    return {
-        "index": index,
-        "gamma": point.gamma,
-        "step": point.step,
-        "corrections": point.corrections,
-        "tau": point.tau,
-        "status": letters,
-        "counts": status.count(letters),
-        "special": [_described(system, s) for s in special],
-    }
+    return PointEntry(
+        index=index,
+        gamma=point.gamma,
+        step=point.step,
+        corrections=point.corrections,
+        tau=point.tau,
+        status=letters,
+        counts=status.count(letters),
+        special=[SpecialEntry(**_described(system, s)) for s in special],
+        norm=norm,
+        functionals={},
+    )
 
 
-def node_of(system: ParametricContact, layout: Layout, node: Node) -> dict[str, Any]:
-    """The entry of the journal for a node of a diagram. Collective.
-
-    Its rays have the ``status`` of their piece, and ``gamma``, by which that changes along the unit
-    tangent; its ``edges`` the number of the branch along each ray, or None.
-    """
+def node_of(system: ParametricContact, layout: Layout, node: Node) -> JournalNode:
+    """The entry of the journal for a node of a diagram. Collective."""
     rays = [
-        {"status": system.letters(ray.piece), "gamma": layout.gamma(ray.tangent)}
+        RayEntry(status=system.letters(ray.piece), gamma=layout.gamma(ray.tangent))
         for ray in node.rays
     ]
-    point = _described(system, node.point) | {"method": node.point.method}
-    return {"point": point, "rays": rays, "edges": list(node.edges)}
+    point = NodePoint(**_described(system, node.point), method=node.point.method)
+    return JournalNode(point=point, rays=rays, edges=list(node.edges))
 
 
 def _described(system: ParametricContact, s: SpecialPoint) -> dict[str, Any]:
-    """The entry of the journal for a special point. Collective."""
+    """Fields of the entry of a special point. Collective."""
     return {
         "kind": s.kind,
         "smooth": s.smooth,
@@ -91,7 +102,7 @@ def _described(system: ParametricContact, s: SpecialPoint) -> dict[str, Any]:
     }
 
 
-def _places(system: ParametricContact, changes: Sequence[Change]) -> list[dict[str, Any]]:
+def _places(system: ParametricContact, changes: Sequence[Change]) -> list[ChangeEntry]:
     """Changes by place, in order of coordinates: the same on any number of ranks."""
     if not changes:
         return []
@@ -99,15 +110,15 @@ def _places(system: ParametricContact, changes: Sequence[Change]) -> list[dict[s
     mine = {i: known[c.point] for i, c in enumerate(changes) if c.rank == system.comm.rank}
     places = {i: place for part in system.comm.allgather(mine) for i, place in part.items()}
     x, ids = (np.array(v) for v in zip(*(places[i] for i in range(len(changes))), strict=True))
-    names = status.letters(x.shape[1]).tolist()
+    names = [str(letter) for letter in status.letters(x.shape[1])]
     surfaces = [s.name for s in system.problem.surfaces]
     return [
-        {
-            "surface": surfaces[ids[i, 0]],
-            "x": x[i].tolist(),
-            "before": names[changes[i].before],
-            "after": names[changes[i].after],
-        }
+        ChangeEntry(
+            surface=surfaces[ids[i, 0]],
+            x=x[i].tolist(),
+            before=names[changes[i].before],
+            after=names[changes[i].after],
+        )
         for i in by_coordinates(x, ids)
     ]
 

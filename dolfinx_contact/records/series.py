@@ -61,7 +61,7 @@ def write_series(
     comm = record.comm
     same_everywhere(comm, branch=branch)
     known = record.journal.branches.get(branch)
-    kept = [p["index"] for p in known.points if "checkpoint" in p] if known else []
+    kept = known.kept if known else []
     if not kept:
         raise ValueError(f"no fields of branch {branch} were kept in {record.folder}")
     kind = checked_format(comm, format)

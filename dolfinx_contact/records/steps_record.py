@@ -14,7 +14,7 @@ import logging
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from typing import Any, ClassVar, Generic, TypeVar
 
 from petsc4py import PETSc
@@ -38,6 +38,7 @@ from dolfinx_contact.io.table import write_contact_table
 from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.problem import ContactProblem
+from dolfinx_contact.records.entries import EndEntry, Entry, StateEntry
 from dolfinx_contact.records.identity import identity, other_data
 from dolfinx_contact.records.journal import EvolutionJournal, EvolutionRun
 from dolfinx_contact.records.kept_data import KeptData
@@ -57,6 +58,18 @@ _FORCES = {
     "rows": ("the norm of the forces of the body", 0.0),
     "kinetic": ("the kinetic energy", 0.0),
 }
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Found:
+    """What a state that is computed once more is known by; see `StateEntry`."""
+
+    index: int
+    time: float
+    status: str
+    size: float
+    energies: dict[str, float]
+    data: list[list[float]]
 
 
 J = TypeVar("J", bound=EvolutionJournal)
@@ -130,30 +143,30 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
             self.close()
             raise
 
-    def _require_load(self, state: Mapping[str, Any]) -> None:
+    def _require_load(self, state: StateEntry[Any]) -> None:
         """Refuse a load that is not the recorded one at a state. Collective."""
         with self.looking():
-            with everywhere(self.comm, f"the load at {self._along} {state['time']:g}"):
+            with everywhere(self.comm, f"the load at {self._along} {state.time:g}"):
                 self._load(state)
             self._require_data_of(state, numbers_of(self.problem.equations))
 
-    def _require_data_of(self, state: Mapping[str, Any], found: list[list[float]]) -> None:
+    def _require_data_of(self, state: StateEntry[Any], found: list[list[float]]) -> None:
         """Refuse data that are not those of a state. Collective."""
         self._require_data(
             self._data,
-            state["values"],
-            {s["checkpoint"]: s["sum"] for s in self.journal.states},
-            other=other_data(self.problem, state["data"], found),
-            at=f" at {self._along} {state['time']:.10g}",
+            state.values,
+            {s.checkpoint: s.sum for s in self.journal.states},
+            other=other_data(self.problem, state.data, found),
+            at=f" at {self._along} {state.time:.10g}",
         )
 
     # -- what records of one kind have ---------------------------------------------------------
 
-    def _load(self, state: Mapping[str, Any]) -> None:
+    def _load(self, state: StateEntry[Any]) -> None:
         """Put the load of a state into the data of the problem. Collective."""
         raise NotImplementedError
 
-    def _entry_of(self, run_state: S) -> dict[str, Any]:
+    def _entry_of(self, run_state: S) -> Entry:
         """The entry of the journal for how a run goes on. Collective."""
         raise NotImplementedError
 
@@ -167,7 +180,7 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
 
     def _stood(
         self,
-        state: Mapping[str, Any],
+        state: StateEntry[Any],
         vectors: Mapping[str, PETSc.Vec],
         found: Mapping[str, npt.NDArray[Any]],
         first: bool,
@@ -197,30 +210,31 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         states = self.journal.states
         accepted = state.accepted
         if not states:
-            self._keep(0, state, self._letters(), {})
+            self._keep(state, self._found(0, accepted, self._letters()))
         elif len(states) == 1 and self._last is None:
-            self._compare(0, self._entry(accepted, self._letters()))
+            self._compare(self._found(0, accepted, self._letters()))
             self._index = 0
             self._last = accepted
         goes_on = self._index == len(states) - 1 and self._last is accepted
         message = (
             f"the {self._what} is at {self._along} {accepted.time:.10g} and not at the end of the "
-            f"record in {self.folder}, which is at {states[-1]['time']:.10g}: go on with "
+            f"record in {self.folder}, which is at {states[-1].time:.10g}: go on with "
             f"{type(self).__name__}(..., resume=True).go_on(), or record to another folder"
         )
         require(self.comm, goes_on, message)
-        run = EvolutionRun(asdict(task), after=self._index)
+        run = EvolutionRun(task=asdict(task), after=self._index)
         self._append({"type": "run", "task": run.task, "after": run.after})
         self.journal.runs.append(run)
 
     def step(self, step: EvolutionStep, state: S) -> None:
         index = self._index + 1
+        found = self._found(index, state.accepted, step.status)
         if index < len(self.journal.states):
-            self._compare(index, self._entry(state.accepted, step.status))
+            self._compare(found)
             self._index = index
             self._last = state.accepted
             return
-        self._keep(index, state, step.status, {"row": step.row()})
+        self._keep(state, found, step.row())
 
     def end(self, ended: Ends) -> None:
         run = self.journal.runs[-1]
@@ -228,15 +242,15 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         message = f"the run ends {left} steps before the one that was recorded: {ended.reason}"
         require(self.comm, left == 0, message)
         if ended.ending is not None:
-            self._append({"type": "end", "ending": ended.ending.name, "reason": ended.reason})
+            end = EndEntry(ending=ended.ending, reason=ended.reason)
+            self._append({"type": "end", **end.line()})
             run.end(ended.ending, ended.reason)
 
-    def _keep(self, index: int, run_state: S, letters: str, more: Mapping[str, Any]) -> None:
+    def _keep(self, run_state: S, found: _Found, row: dict[str, Any] | None = None) -> None:
         """Put a state on the disk, which is in the problem. Collective."""
-        entry = {"index": index} | self._entry(run_state.accepted, letters) | dict(more)
-        entry |= {"forces": self._forces(run_state.accepted)}
-        entry |= {"first": run_state.accepted.statuses is None} | self._entry_of(run_state)
-        name = f"state_{index:06d}"
+        forces = self._forces(run_state.accepted)
+        run = self._entry_of(run_state)
+        name = f"state_{found.index:06d}"
         vectors = self._vectors()
         self._fill(vectors, run_state)
         self.problem.write(vectors["x"])
@@ -245,45 +259,53 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         check_sum = self._checkpoints.write(name, vectors, arrays, functions)
         for x in vectors.values():
             x.destroy()
-        entry |= {"checkpoint": name, "sum": check_sum}
-        entry |= {"values": self._data.are_kept(name, functions)}
-        if self._shows:
-            entry["surface"] = name
-        self._append({"type": "state", **entry})
+        entry = StateEntry(
+            **vars(found),
+            row=row,
+            forces=forces,
+            first=run_state.accepted.statuses is None,
+            run=run,
+            checkpoint=name,
+            sum=check_sum,
+            values=self._data.are_kept(name, functions),
+            surface=name if self._shows else None,
+        )
+        self._append({"type": "state", **entry.line()})
         self.journal.states.append(entry)
-        self._index = index
+        self._index = found.index
         self._last = run_state.accepted
 
     def _vectors(self) -> dict[str, PETSc.Vec]:
         """For what a state has, the unknowns last. Collective."""
         return {name: self.problem.create_vector() for name in (*self._names(), "x")}
 
-    def _entry(self, accepted: AcceptedState, letters: str) -> dict[str, Any]:
-        """The entry of the journal for every state. Collective."""
+    def _found(self, index: int, accepted: AcceptedState, letters: str) -> _Found:
+        """What is compared of a state. Collective."""
         square = self.comm.allreduce(float(np.dot(accepted.unknowns, accepted.unknowns)))
-        return {
-            "time": accepted.time,
-            "status": letters,
-            "norm": float(np.sqrt(square)),
-            "energies": asdict(accepted.energies),
-            "data": numbers_of(self.problem.equations),
-        }
+        return _Found(
+            index=index,
+            time=accepted.time,
+            status=letters,
+            size=float(np.sqrt(square)),
+            energies=asdict(accepted.energies),
+            data=numbers_of(self.problem.equations),
+        )
 
     def _letters(self) -> str:
         """Letters of the statuses that stand in the surfaces, as those of a step. Collective."""
         return "".join(self.problem.table(s).status for s in self.problem.surfaces)
 
-    def _compare(self, index: int, found: Mapping[str, Any]) -> None:
+    def _compare(self, found: _Found) -> None:
         """Refuse a state that is not the one that was recorded. Collective."""
-        recorded = self.journal.states[index]
-        self._require_data_of(recorded, found["data"])
-        a, b = ([s["time"], s["norm"], *s["energies"].values()] for s in (recorded, found))
+        recorded = self.journal.states[found.index]
+        self._require_data_of(recorded, found.data)
+        a, b = ([s.time, s.size, *s.energies.values()] for s in (recorded, found))
         scales = [abs(a[0]), a[1], *[max(map(abs, a[2:]))] * len(a[2:])]
         self._require_again(
-            f"step {index}",
+            f"step {found.index}",
             self._along,
-            (recorded["time"], recorded["status"]),
-            (found["time"], found["status"]),
+            (recorded.time, recorded.status),
+            (found.time, found.status),
             zip(a, b, scales, strict=True),
         )
 
@@ -328,19 +350,19 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         problem = self.problem
         state = self.journal.states[index]
         vectors = self._vectors()
-        self._checkpoints.read(state["checkpoint"], state["sum"], vectors)
-        found = self._checkpoints.arrays(state["checkpoint"])
+        self._checkpoints.read(state.checkpoint, state.sum, vectors)
+        found = self._checkpoints.arrays(state.checkpoint)
         problem.put(vectors["x"], self._points.statuses(found))
-        run_state = self._stood(state, vectors, found, state["first"])
+        run_state = self._stood(state, vectors, found, state.first)
         for x in vectors.values():
             x.destroy()
         self._require_data_of(state, numbers_of(problem.equations))
         self._require_forces(state, run_state.accepted)
         return run_state
 
-    def _require_forces(self, state: Mapping[str, Any], accepted: AcceptedState) -> None:
+    def _require_forces(self, state: StateEntry[Any], accepted: AcceptedState) -> None:
         """Refuse a problem whose forces at a recorded state are not those of then. Collective."""
-        recorded = state["forces"]
+        recorded = state.forces
         found = self._forces(accepted)
         least = found["least"]
         for name, (words, unit) in _FORCES.items():
@@ -352,7 +374,7 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
             allowed = _BALANCED * size + (least if name == "rows" else 0.0)
             same = abs(a - b) <= allowed or (np.isnan(a) and np.isnan(b))
             other = (
-                f"at {self._along} {state['time']:.10g} {words} was {a:.6g} and is now {b:.6g}: "
+                f"at {self._along} {state.time:.10g} {words} was {a:.6g} and is now {b:.6g}: "
                 "something is not as it was recorded that data and forms do not show"
             )
             self._require_no_other("" if same else other)

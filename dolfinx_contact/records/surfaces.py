@@ -11,8 +11,9 @@ from __future__ import annotations
 
 import zipfile
 import zlib
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
     from dolfinx_contact.problem import ContactProblem
 
 __all__ = ["SurfaceFiles", "read_state", "read_surface"]
+
+T = TypeVar("T")
 
 _SURFACE = "surface.npz"
 _STATES = "surface"
@@ -83,12 +86,7 @@ def read_surface(folder: Path) -> OuterSurface:
     Raises:
         ValueError: if it is damaged or missing.
     """
-    file = folder / _SURFACE
-    found = _load(file)
-    try:
-        return OuterSurface.of_arrays(found)
-    except KeyError as error:
-        raise ValueError(f"{file} is damaged: {error} is missing") from None
+    return _read(folder / _SURFACE, OuterSurface.of_arrays)
 
 
 def read_state(folder: Path, name: str) -> SurfaceState:
@@ -97,12 +95,7 @@ def read_state(folder: Path, name: str) -> SurfaceState:
     Raises:
         ValueError: if it is damaged or missing.
     """
-    file = _file_of(folder, name)
-    found = _load(file)
-    try:
-        return SurfaceState.of_arrays(found)
-    except KeyError as error:
-        raise ValueError(f"{file} is damaged: {error} is missing") from None
+    return _read(_file_of(folder, name), SurfaceState.of_arrays)
 
 
 def _file_of(folder: Path, name: str) -> Path:
@@ -116,11 +109,20 @@ def _save(file: Path, arrays: Arrays) -> None:
     sync(file.parent)
 
 
-def _load(file: Path) -> Arrays:
+def _read(file: Path, made_of: Callable[[Arrays], T]) -> T:
+    """What is made of the arrays of a file.
+
+    Raises:
+        ValueError: if it is missing, damaged, or lacks an array.
+    """
     try:
         with np.load(file, allow_pickle=False) as found:
-            return dict(found)
+            arrays = dict(found)
     except FileNotFoundError:
         raise ValueError(f"{file} is missing") from None
     except (zipfile.BadZipFile, zlib.error, EOFError, ValueError, NotImplementedError) as error:
         raise ValueError(f"{file} is damaged: {error}") from None
+    try:
+        return made_of(arrays)
+    except KeyError as error:
+        raise ValueError(f"{file} is damaged: {error} is missing") from None

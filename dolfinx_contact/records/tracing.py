@@ -4,15 +4,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dolfinx_contact._errors import everywhere, same_everywhere
 from dolfinx_contact.continuation import Branch, SpecialPoint
+from dolfinx_contact.records.entries import PointEntry
 from dolfinx_contact.records.journal import Journal, JournalBranch
 from dolfinx_contact.records.lines import FORMAT
-from dolfinx_contact.records.points import Functional, columns_of, compiled, places
+from dolfinx_contact.records.points import Functional, compiled, entry_of, places
 
 if TYPE_CHECKING:
     from dolfinx_contact.parametric import ParametricContact
@@ -60,16 +62,18 @@ def journal_of(
     mx = system.create_vector()
     with system.restored(always=True):
         for number, branch in enumerate(branches):
-            entries: list[dict[str, Any]] = []
+            entries: list[PointEntry] = []
             for index, point in enumerate(branch.points):
-                entry = columns_of(system, index, point, _before(branch, index))
                 x.array[:] = point.y.array_r[: x.getLocalSize()]
                 system.put(x, point.gamma, point.piece)
                 system.metric(x, mx)
-                entry["norm"] = float(np.sqrt(max(float(x.dot(mx)), 0.0)))
-                entry["functionals"] = {name: f() for name, f in values.items()}
-                entries.append(entry)
-            journal.branches[number] = JournalBranch({}, branch.ending, branch.reason, entries)
+                norm = float(np.sqrt(max(float(x.dot(mx)), 0.0)))
+                entry = entry_of(system, index, point, _before(branch, index), norm)
+                functionals_there = {name: f() for name, f in values.items()}
+                entries.append(replace(entry, functionals=functionals_there))
+            journal.branches[number] = JournalBranch(
+                ending=branch.ending, reason=branch.reason, points=entries
+            )
     x.destroy()
     mx.destroy()
     return journal

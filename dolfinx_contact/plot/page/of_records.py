@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from dolfinx_contact.plot.page.scene import Array, Mark, Scene, SeriesShown
+from dolfinx_contact.records.entries import PathGoesOn, SpecialEntry, StateEntry
 from dolfinx_contact.records.journal import EvolutionJournal, Journal, PathJournal, read_journal
 from dolfinx_contact.records.lines import FILE_NAME, Lines
 
@@ -86,9 +87,9 @@ def _of_branches(journal: Journal) -> Scene:
         columns = {name: known[name].astype(float) for name in scene.columns if name in known}
         columns["distance"] = np.cumsum(columns["step"])
         marks = [
-            _mark(special, point["index"], columns["gamma"])
+            _mark(special, point.index, columns["gamma"])
             for point in branch.points
-            for special in point["special"]
+            for special in point.special
         ]
         scene.series.append(
             SeriesShown(
@@ -108,37 +109,37 @@ def _of_branches(journal: Journal) -> Scene:
     return scene
 
 
-def _mark(special: Mapping[str, Any], index: int, gammas: Array) -> Mark:
+def _mark(special: SpecialEntry, index: int, gammas: Array) -> Mark:
     """A special point of a branch: at its point, or between it and the one before."""
-    gamma = float(special["gamma"])
+    gamma = float(special.gamma)
     at = index
     share = 1.0
     if index > 0:
         before, here = gammas[index - 1 : index + 1]
         if min(before, here) <= gamma <= max(before, here) and before != here:
             share = float((gamma - before) / (here - before))
-        elif special["smooth"] and abs(before - gamma) < abs(here - gamma):
+        elif special.smooth and abs(before - gamma) < abs(here - gamma):
             at = index - 1  # beyond a turn of gamma: at the nearer of both
-    words = ["smooth" if special["smooth"] else "nonsmooth"]
-    if special.get("others"):
-        words.append(f"{special['others']} other rays")
-    if special.get("bracket"):
-        low, high = special["bracket"]
+    words = ["smooth" if special.smooth else "nonsmooth"]
+    if special.others:
+        words.append(f"{special.others} other rays")
+    if special.bracket:
+        low, high = special.bracket
         words.append(f"between gamma {low:.6g} and {high:.6g}")
-    changes = special.get("changes") or []
+    changes = special.changes
     for change in changes[:4]:
-        place = ", ".join(f"{c:.4g}" for c in change["x"])
-        words.append(f"{change['before']} to {change['after']} at ({place})")
+        place = ", ".join(f"{c:.4g}" for c in change.x)
+        words.append(f"{change.before} to {change.after} at ({place})")
     if len(changes) > 4:
         words.append(f"{len(changes) - 4} more points change")
-    return Mark(at, special["kind"], "; ".join(words), {"gamma": gamma}, share)
+    return Mark(at, special.kind, "; ".join(words), {"gamma": gamma}, share)
 
 
 def _of_steps(journal: EvolutionJournal) -> Scene:
     is_path = isinstance(journal, PathJournal)
     kind = "a path" if is_path else "a history"
     rows: list[dict[str, Any]] = [_start(journal.states[0])]
-    rows += [state["row"] for state in journal.states[1:]]
+    rows += [state.row for state in journal.states if state.row is not None]
     numbers: dict[str, None] = dict.fromkeys(["time", *(["gamma"] if is_path else [])])
     for row in rows:
         numbers |= dict.fromkeys(name for name in row if name not in (*_WORDS, "step"))
@@ -161,7 +162,7 @@ def _of_steps(journal: EvolutionJournal) -> Scene:
         SeriesShown(
             "path" if is_path else "history",
             columns,
-            [str(state["status"]) for state in journal.states],
+            [state.status for state in journal.states],
             _states(scene, journal, 0),
             marks,
             journal.runs[-1].reason if journal.runs else "",
@@ -179,10 +180,10 @@ def _forces(journal: Lines, columns: Mapping[str, Array]) -> list[str]:
     return sorted(forces, key=lambda name: -float(ranges[name]))
 
 
-def _start(state: Mapping[str, Any]) -> dict[str, Any]:
-    """What is known of the start of a history, as a row of its table."""
-    known = {"time": state["time"], **state["energies"]}
-    return known | ({"gamma": state["gamma"]} if "gamma" in state else {})
+def _start(state: StateEntry[Any]) -> dict[str, Any]:
+    """What is known of the start of a history or path, as a row of its table."""
+    known = {"time": state.time, **state.energies}
+    return known | ({"gamma": state.run.gamma} if isinstance(state.run, PathGoesOn) else {})
 
 
 def _number(value: Any) -> float:
@@ -193,9 +194,8 @@ def _number(value: Any) -> float:
 def _states(scene: Scene, journal: Lines, branch: int) -> list[int]:
     """Numbers of the states of the points of a branch, which the scene is given."""
     found: list[int] = []
-    entries: Sequence[Mapping[str, Any]] = journal.entries(branch)
-    for index, entry in enumerate(entries):
-        if "surface" not in entry:
+    for index, entry in enumerate(journal.entries(branch)):
+        if entry.surface is None:
             found.append(-1)
             continue
         found.append(len(scene.states))
