@@ -139,7 +139,7 @@ def _explore(args: argparse.Namespace, comm: MPI.Comm) -> int:
             raise ValueError("--watch runs on one rank")
         else:
             print("Ctrl-C ends the watch", file=sys.stderr)
-            watch(args.output, args.record, seconds=args.watch, told=print, **look)
+            watch(args.output, args.record, seconds=args.watch, report=print, **look)
     except (OSError, ValueError, ModuleNotFoundError) as error:
         if comm.rank == 0:
             print(f"refused: {error}", file=sys.stderr)

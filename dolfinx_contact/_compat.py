@@ -136,7 +136,7 @@ def has_vtx() -> bool:
 class VTXFile:
     """A series in time of Functions of one mesh and one element, as VTX. Collective.
 
-    Errors of ADIOS2 are ``RuntimeError``; `forsake` must be called after one.
+    Errors of ADIOS2 are ``RuntimeError``; `abandon` must be called after one.
     """
 
     def __init__(self, comm: MPI.Comm, file: Path, functions: Sequence[fem.Function]):
@@ -150,7 +150,7 @@ class VTXFile:
         """Finish the file."""
         self._writer.close()
 
-    def forsake(self) -> None:
+    def abandon(self) -> None:
         """Leave the writer alone after an error.
 
         The destructor of DOLFINx would close the file once more, and the error of that ends the

@@ -643,7 +643,7 @@ def test_a_record_that_grows(folder, no_library):
                 with journal.open("ab") as file:
                     file.writelines(left.pop(0))
 
-        plot.watch(folder / "page.html", folder / "grows", seconds=0.01, told=told)
+        plot.watch(folder / "page.html", folder / "grows", seconds=0.01, report=told)
         count = len(read_journal(folder / "whole").entries())
         assert said == ["waiting", "waiting", "2 points", "2 points", f"{count} points"]
         assert [page["reload"] for page in pages] == [0.01, 0.01, None]

@@ -85,9 +85,9 @@ def load_points(file: str | os.PathLike[str]) -> PointProblem:
         raise
     except Exception as error:
         raise ValueError(f"{path} is no npz file: {error}") from None
-    said = str(found.pop("format", "nothing"))
-    if said != FORMAT:
-        raise ValueError(f"{path} has no points: it says {said!r}, not {FORMAT!r}")
+    found_format = str(found.pop("format", "nothing"))
+    if found_format != FORMAT:
+        raise ValueError(f"{path} has no points: it says {found_format!r}, not {FORMAT!r}")
     known = {f.name for f in fields(PointProblem)}
     unknown = sorted(set(found) - known)
     if unknown or not {"S", "p", "friction"} <= set(found):

@@ -48,8 +48,8 @@ def hats(x: Array, coarsening: float) -> Array:
             chosen.append(int(i))
             free &= away[i] > width * (1 - 1e-6)
     weights = np.maximum(1.0 - away[:, chosen] / width, 0.0)
-    lonely = weights.sum(axis=1) <= 0
-    weights[lonely, away[np.ix_(lonely, chosen)].argmin(axis=1)] = 1.0
+    unweighted = weights.sum(axis=1) <= 0
+    weights[unweighted, away[np.ix_(unweighted, chosen)].argmin(axis=1)] = 1.0
     return np.asarray(weights / weights.sum(axis=1, keepdims=True))
 
 

@@ -63,7 +63,7 @@ class _Search:
         self.certificate = Certificate(problem)
         self.proved = Proved()
         self.problem = problem.scaled
-        self._tell = progress
+        self._progress = progress
         self._end = time.monotonic() + seconds
         self._random = np.random.default_rng(0)
 
@@ -80,7 +80,7 @@ class _Search:
         while waiting:
             node = waiting.pop()
             count += 1
-            self._tell(
+            self._progress(
                 f"region {count}, {len(waiting)} waiting, {len(self.proved.inside)} solutions"
             )
             waiting += self._treat(node)

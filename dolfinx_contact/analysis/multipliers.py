@@ -71,8 +71,8 @@ def find_weights(d: Differences, *, effort: int = 80) -> Weights:
         A = A - d.R[np.ix_(free, d.equal)] @ out
         B = B - d.T[np.ix_(free, d.equal)] @ out
     search = _Search(d, A, B, free)
-    if search.hopeless.any():
-        np.add.at(none.bad, d.unknown[free][search.hopeless] // 2, 1.0)
+    if search.impossible.any():
+        np.add.at(none.bad, d.unknown[free][search.impossible] // 2, 1.0)
         return none
     weights, theta, least, vector = search.run(effort)
     bad = np.zeros(points)
@@ -101,8 +101,8 @@ class _Search:
         k1 = d.k1[free]
         k2 = d.k2[free]
         diagonal = np.diag(A) + k1 + k2 * np.diag(A) ** 2
-        self.hopeless = diagonal <= 0
-        s = 1 / np.sqrt(np.where(self.hopeless, 1.0, diagonal))
+        self.impossible = diagonal <= 0
+        s = 1 / np.sqrt(np.where(self.impossible, 1.0, diagonal))
         self.A = s[:, None] * A * s
         self.c1 = k1 * s * s
         self.c2 = k2 / (s * s)

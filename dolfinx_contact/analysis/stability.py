@@ -415,7 +415,7 @@ def _of_spectrum(g: _Gathered, proportional: bool, eta: float) -> Stability:
 
 
 @dataclass
-class _Seen:
+class _Found:
     """What the pieces have shown.
 
     Attributes:
@@ -436,11 +436,11 @@ def _decided(g: _Gathered, max_count: int, *, quiet: bool) -> Stability:
         quiet: whether neither K nor C feeds in energy.
     """
     border = np.flatnonzero(g.choices[:, 1] >= 0)
-    ways = [g.choices[p][g.choices[p] >= 0][::-1] for p in border]
-    number = math.prod(len(w) for w in ways)
-    seen = _Seen()
+    options = [g.choices[p][g.choices[p] >= 0][::-1] for p in border]
+    number = math.prod(len(w) for w in options)
+    seen = _Found()
     looked = 0
-    for chosen in product(*ways):
+    for chosen in product(*options):
         if looked == max_count:
             break
         looked += 1
@@ -476,7 +476,7 @@ def _piece(g: _Gathered, doing: npt.NDArray[np.int64]) -> tuple[Array, Array, Ar
     return K, M, C, Z
 
 
-def _look(g: _Gathered, doing: npt.NDArray[np.int64], seen: _Seen, *, quiet: bool) -> None:
+def _look(g: _Gathered, doing: npt.NDArray[np.int64], seen: _Found, *, quiet: bool) -> None:
     """Look for lambda > 0 of a piece whose vectors lie in its cones."""
     K, M, C, Z = _piece(g, doing)
     n = len(K)

@@ -234,15 +234,15 @@ class BatchedSteps(FreeSteps):
             if within is not None:
                 return within
             monotone = new is not None and not step.turned and step.parity > 0
-            asked = self._first_asked(step) if monotone else 1.0
-            if new is not None and monotone and asked > 1:
+            first = self._first_located(step) if monotone else 1.0
+            if new is not None and monotone and first > 1:
                 number = len(step.changes)
                 if self.bordered.comm.rank == 0:
                     logger.info("gamma = %.10g: %d changes in one step", new.gamma, number)
                 return self.rescaled(new), self.events(point, new, step), self.longer(h, new)
             self._refused = max(self._refused, h)
-            before = sum(fraction <= asked for fraction, _ in step.changes)
-            factor = min(_SHORT_OF * asked, self.control.decrease)
+            before = sum(fraction <= first for fraction, _ in step.changes)
+            factor = min(_SHORT_OF * first, self.control.decrease)
             if 0 < before <= _FEW or h * factor < self.control.minimum:
                 break
             h *= factor
@@ -252,7 +252,7 @@ class BatchedSteps(FreeSteps):
             self._refused = 0.0
         return crossed, special, h
 
-    def _first_asked(self, step: Crossed) -> float:
+    def _first_located(self, step: Crossed) -> float:
         """The fraction of the step at the first change to be located; inf if none. Collective."""
         comm = self.bordered.comm
         locate = self._locate

@@ -42,8 +42,8 @@ from dolfinx_contact.continuation.observer import (
     BranchStep,
     Guarded,
     Observer,
+    ObserverLike,
     Observers,
-    Seen,
     Stop,
 )
 from dolfinx_contact.continuation.parameters import Direction, StepControl
@@ -88,7 +88,7 @@ def explore(
     max_seconds: float = float("inf"),
     route: Route = "auto",
     stop: Stop[BranchStep] | None = None,
-    observer: Seen[BranchStep] | None = None,
+    observer: ObserverLike[BranchStep] | None = None,
     record: Observer | None = None,
     progress: bool | None = None,
 ) -> Diagram:
@@ -147,8 +147,8 @@ class _Explorer:
         self.listeners = listeners
         self.diagram = Diagram()
         comm = follower.bordered.comm
-        told = (listeners["record"], listeners["observer"])
-        self._looks_on = Observers(*(Guarded(comm, given, _nothing) for given in told))
+        observers = (listeners["record"], listeners["observer"])
+        self._observers = Observers(*(Guarded(comm, given, _nothing) for given in observers))
 
     def run(
         self, starts: Sequence[tuple[PETSc.Vec, float]], max_branches: int, max_seconds: float
@@ -183,7 +183,7 @@ class _Explorer:
                 branch = Branch()
                 branch.end(Ending.NOT_FOUND, str(error))
                 diagram.edges.append(Edge(branch, i, None))
-                self._looks_on.explored(diagram)
+                self._observers.explored(diagram)
                 continue
             self._follow(point, i)
         else:
@@ -198,7 +198,7 @@ class _Explorer:
                 diagram.end(Ending.REACHED, _ALL)
             known = all(node.point.complete for node in diagram.nodes)
             diagram.complete = known and not short
-        self._looks_on.explored(diagram)
+        self._observers.explored(diagram)
         if comm.rank == 0:
             found = len(diagram.edges), len(diagram.nodes), diagram.reason
             logger.info("%d branches, %d bifurcations: %s", *found)
@@ -215,16 +215,16 @@ class _Explorer:
         )
         end = self._arrive(branch.bifurcations[-1], number) if branch.bifurcations else None
         self.diagram.edges.append(Edge(branch, start, end))
-        self._looks_on.explored(self.diagram)
+        self._observers.explored(self.diagram)
 
     def _arrive(self, special: SpecialPoint, number: int) -> int:
         """The node at which branch ``number`` ends, made if it is new."""
         b = self.follower.bordered
-        came = special.incoming
+        incoming = special.incoming
         onwards = special.onwards
-        assert came is not None  # so are bifurcations recorded
+        assert incoming is not None  # so are bifurcations recorded
         assert onwards is not None
-        back = came.tangent.copy()
+        back = incoming.tangent.copy()
         back.scale(-1.0)
         for i, node in enumerate(self.diagram.nodes):
             away = node.point.y - special.y
@@ -234,10 +234,10 @@ class _Explorer:
                 if close and max(close)[0] > 0.5:
                     node.edges[max(close)[1]] = number
                 else:
-                    node.rays.append(Ray(came.piece, back))
+                    node.rays.append(Ray(incoming.piece, back))
                     node.edges.append(number)
                 return i
-        rays = [Ray(came.piece, back), onwards, *special.others]
+        rays = [Ray(incoming.piece, back), onwards, *special.others]
         self.diagram.nodes.append(Node(special, rays, [number, *[None] * (len(rays) - 1)]))
         return len(self.diagram.nodes) - 1
 

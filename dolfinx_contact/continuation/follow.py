@@ -38,7 +38,7 @@ from dolfinx_contact.continuation.branch import (
 )
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.ending import Ending
-from dolfinx_contact.continuation.observer import BranchStep, Observer, Seen, Stepping, Stop
+from dolfinx_contact.continuation.observer import BranchStep, Observer, ObserverLike, Stepping, Stop
 from dolfinx_contact.continuation.parameters import Direction, StepControl, sign_of
 from dolfinx_contact.continuation.passage import SteppingSteps
 from dolfinx_contact.continuation.pivoting import Pivoting
@@ -84,7 +84,7 @@ def follow(
     max_steps: int = 1000,
     route: Route = "auto",
     stop: Stop[BranchStep] | None = None,
-    observer: Seen[BranchStep] | None = None,
+    observer: ObserverLike[BranchStep] | None = None,
     record: Observer | None = None,
     progress: bool | None = None,
 ) -> Branch:

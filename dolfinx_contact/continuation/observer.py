@@ -18,8 +18,8 @@ __all__ = [
     "BranchStep",
     "Guarded",
     "Observer",
+    "ObserverLike",
     "Observers",
-    "Seen",
     "Stepping",
     "Stop",
     "Task",
@@ -138,7 +138,7 @@ S = TypeVar("S")
 Stop: TypeAlias = Callable[[S], str]
 #: An observer, or a function that is called with every accepted step, of a branch with its start
 #: too: with what `Stop` is called with.
-Seen: TypeAlias = Observer | Callable[[S], object]
+ObserverLike: TypeAlias = Observer | Callable[[S], object]
 
 
 def is_observer(given: Any) -> bool:
@@ -156,14 +156,14 @@ def as_observer(given: Any) -> Observer:
         found: Observer = given
         return found
     if callable(given):
-        return _Calls(given)
+        return _FunctionObserver(given)
     raise ValueError(
         "the observer must be an Observer, with its methods, or a "
         f"function of a step; got {given!r}"
     )
 
 
-class _Calls(Observer):
+class _FunctionObserver(Observer):
     """Calls a function with every step."""
 
     def __init__(self, function: Callable[[Any], object]):
@@ -176,7 +176,7 @@ class _Calls(Observer):
 class Observers(Observer):
     """Several observers as one, called in this order."""
 
-    def __init__(self, *observers: Seen[Any]):
+    def __init__(self, *observers: ObserverLike[Any]):
         self._observers = [as_observer(o) for o in observers]
 
     def begin(self, task: Any, state: Any) -> None:
@@ -205,13 +205,13 @@ class Guarded(Observer):
         put: puts what the observer is called with into the problem, before it is.
     """
 
-    def __init__(self, comm: MPI.Comm, given: Seen[Any] | None, put: Callable[[], object]):
+    def __init__(self, comm: MPI.Comm, given: ObserverLike[Any] | None, put: Callable[[], object]):
         self._comm = comm
         self._anywhere = bool(comm.allreduce(int(given is not None)))
         self._observer = Observer() if given is None else as_observer(given)
         self._put = put
 
-    def _tell(self, do: Callable[..., None], *what: Any) -> None:
+    def _notify(self, do: Callable[..., None], *what: Any) -> None:
         if not self._anywhere:
             return
         self._put()
@@ -219,13 +219,13 @@ class Guarded(Observer):
             do(*what)
 
     def begin(self, task: Any, state: Any) -> None:
-        self._tell(self._observer.begin, task, state)
+        self._notify(self._observer.begin, task, state)
 
     def step(self, step: Any, state: Any) -> None:
-        self._tell(self._observer.step, step, state)
+        self._notify(self._observer.step, step, state)
 
     def end(self, ended: Ends) -> None:
-        self._tell(self._observer.end, ended)
+        self._notify(self._observer.end, ended)
 
     def explored(self, diagram: Diagram) -> None:
-        self._tell(self._observer.explored, diagram)
+        self._notify(self._observer.explored, diagram)

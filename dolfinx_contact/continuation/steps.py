@@ -59,7 +59,7 @@ class ExactSteps:
         #: Why the branch cannot be followed further.
         self.dead_end = ""
         #: The kink that was crossed last, and the ray by which the branch came to it.
-        self._came: tuple[PETSc.Vec, Ray] | None = None
+        self._incoming: tuple[PETSc.Vec, Ray] | None = None
 
     def destroy(self) -> None:
         """Free the PETSc objects."""
@@ -220,7 +220,7 @@ class ExactSteps:
             return here, special, h
         if self._goes_back(here, onwards, point):
             return None, [], h
-        self._came = (y, Ray(point.piece, tangent))
+        self._incoming = (y, Ray(point.piece, tangent))
         turned = self.turned(tangent, onwards.tangent)
         kind = "bifurcation" if crossing.others else "fold" if turned else "event"
         special.append(
@@ -247,12 +247,12 @@ class ExactSteps:
 
         It is then, reversed, the ray by which the branch came to ``point``, where ``here`` is too.
         """
-        if self._came is None or self._came[0] is not point.y:
+        if self._incoming is None or self._incoming[0] is not point.y:
             return False
-        came = self._came[1]
-        same = bool(np.array_equal(came.piece.codes, ray.piece.codes))
+        incoming = self._incoming[1]
+        same = bool(np.array_equal(incoming.piece.codes, ray.piece.codes))
         same = self.bordered.comm.allreduce(same, op=min) and here.step <= _NO_STEP
-        return same and self.bordered.inner(came.tangent, ray.tangent) < 0
+        return same and self.bordered.inner(incoming.tangent, ray.tangent) < 0
 
     def _leads_nowhere(self, here: BranchPoint, ray: Ray) -> bool:
         """Whether ``ray`` is in the piece that was left after no step at all. Collective.

@@ -20,8 +20,8 @@ from dolfinx_contact.continuation.observer import (
     BranchStep,
     Guarded,
     Observer,
+    ObserverLike,
     Observers,
-    Seen,
     Stepping,
     Stop,
     Task,
@@ -88,7 +88,7 @@ class Walker(ABC):
         max_steps: int = 1000,
         to_node: bool = False,
         stop: Stop[BranchStep] | None = None,
-        observer: Seen[BranchStep] | None = None,
+        observer: ObserverLike[BranchStep] | None = None,
         record: Observer | None = None,
         progress: bool | None = False,
         branch_id: int = 0,
@@ -128,7 +128,7 @@ class Walker(ABC):
         def put() -> None:
             self.system.put(*b.split(point.y), point.piece)
 
-        looks_on = Observers(
+        observers = Observers(
             Guarded(b.comm, record, put),
             Guarded(b.comm, observer, put),
             BranchProgress(b.comm, progress),
@@ -136,8 +136,8 @@ class Walker(ABC):
         low, high = gamma_range
         task = Task((low, high), b.gamma_scale, self.control, max_steps, to_node, branch_id)
         known = walk.stepping(first)
-        looks_on.begin(task, known)
-        looks_on.step(BranchStep(branch_id, first, start), known)
+        observers.begin(task, known)
+        observers.step(BranchStep(branch_id, first, start), known)
         for index in range(first + 1, max_steps + 1):
             found = walk.advance(branch, point)
             if found is None:
@@ -158,12 +158,12 @@ class Walker(ABC):
             known = walk.stepping(index)
             if branch.ending is not None:  # known with the point, so that no record lacks it
                 known = replace(known, ending=branch.ending, reason=branch.reason)
-            looks_on.step(step, known)
+            observers.step(step, known)
             if branch.ending is not None:
                 break
         else:
             branch.end(Ending.BUDGET, f"the budget of {max_steps} steps is exhausted")
-        looks_on.end(branch)
+        observers.end(branch)
         branch.factorisations = b.work[0] - factorisations
         branch.solves = b.work[1] - solves
         put()
@@ -176,8 +176,10 @@ def _at_node(point: BranchPoint, node: SpecialPoint) -> BranchPoint:
     """The end of a branch at a bifurcation, on its own piece, in place of the point beyond."""
     if node.incoming is None:
         return point
-    came = node.incoming
-    return replace(point, y=node.y, gamma=node.gamma, tangent=came.tangent, piece=came.piece)
+    incoming = node.incoming
+    return replace(
+        point, y=node.y, gamma=node.gamma, tangent=incoming.tangent, piece=incoming.piece
+    )
 
 
 class BranchProgress(Observer):

@@ -146,7 +146,7 @@ class GivenData:
     def __init__(self, eq: ContactEquations):
         self._values = [(f, _values(f).copy()) for f in given_data(eq)]
 
-    def stands(self) -> bool:
+    def unchanged(self) -> bool:
         """Whether all values are those still, on this rank. Not collective."""
         return all(np.array_equal(_values(f), values) for f, values in self._values)
 
@@ -248,10 +248,10 @@ def check_time(s: ContactSurface) -> None:
     require(s.comm, not lack, f"{s.name}: {kind} the law {s.law.name} lacks {lack}")
     step = -1.0 if s.memory is None else min(s.memory.step, 0.0)
     # Laws that name the fields by which they need a time say what holds in a step of no length.
-    said = history or (step == 0 and bool(s.law.needs_time))
+    time_known = history or (step == 0 and bool(s.law.needs_time))
     require(
         s.comm,
-        said or not s.law_at_points.compiled.needs_time(step),
+        time_known or not s.law_at_points.compiled.needs_time(step),
         f"{s.name}: the law {s.law.name} looks at the time of a step (a.step), and no time passes "
         "without a history: use evolution.QuasiStatic or NSCD, or say in the law what holds at "
         "rest, as in the speed ufl.conditional(ufl.gt(a.step, 0.0), (a.slid - a.slid_before) / "

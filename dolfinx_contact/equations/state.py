@@ -108,11 +108,6 @@ class State:
         """Those by which the laws were taken."""
         return [s.statuses for s in self.surfaces]
 
-    @property
-    def asked(self) -> Statuses:
-        """Those that the state asks for."""
-        return [s.answers.required for s in self.surfaces]
-
 
 def differs(a: Statuses, b: Statuses) -> list[npt.NDArray[np.bool_]]:
     """Where two statuses are not the same, surface by surface."""

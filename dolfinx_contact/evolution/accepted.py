@@ -32,8 +32,8 @@ from dolfinx_contact.results.result import Result
 __all__ = [
     "AcceptedState",
     "AtRest",
+    "SolvedStep",
     "Stepper",
-    "Taken",
     "change",
     "changes",
     "largest_at_points",
@@ -89,7 +89,7 @@ class AtRest(AcceptedState):
 
 
 @dataclass(frozen=True, eq=False)
-class Taken:
+class SolvedStep:
     """A step that was taken: where it ended, and the result there."""
 
     before: AcceptedState
@@ -117,7 +117,7 @@ def changes(comm: MPI.Comm, a: AcceptedState, b: AcceptedState) -> Array:
     moved = float(np.abs(b.forces.u - a.forces.u).max(initial=0.0))
     moved = comm.allreduce(moved, op=MPI.MAX)
     points = _at_points(a, b)
-    sums = np.array([[p.ways.sum(), p.weakened.sum(), len(p.ways)] for p in points])
+    sums = np.array([[p.distances.sum(), p.weakened.sum(), len(p.distances)] for p in points])
     total, weakened, number = comm.allreduce(sums.reshape(-1, 3)).T
     means = np.array([total, weakened]) / np.maximum(number, 1.0)
     return np.array([moved, change(comm, a, b), *means.ravel()])
@@ -133,10 +133,13 @@ def largest_at_points(comm: MPI.Comm, a: AcceptedState, b: AcceptedState) -> tup
     if not (isinstance(a, AtRest) and isinstance(b, AtRest)):
         return np.zeros(0), np.zeros(0)
     found = np.array(
-        [[np.max(v, initial=0.0) for v in (p.ways, p.weakened, p.left)] for p in _at_points(a, b)]
+        [
+            [np.max(v, initial=0.0) for v in (p.distances, p.weakened, p.left)]
+            for p in _at_points(a, b)
+        ]
     )
-    ways, weakened, left = comm.allreduce(found.reshape(-1, 3), op=np.maximum).T
-    return ways, np.divide(weakened, left, out=np.zeros_like(left), where=left > 0)
+    distances, weakened, left = comm.allreduce(found.reshape(-1, 3), op=np.maximum).T
+    return distances, np.divide(weakened, left, out=np.zeros_like(left), where=left > 0)
 
 
 class _AtPoints(NamedTuple):
@@ -148,7 +151,7 @@ class _AtPoints(NamedTuple):
         left: what that had left.
     """
 
-    ways: Array
+    distances: Array
     weakened: Array
     left: Array
 
@@ -158,9 +161,9 @@ def _at_points(a: AtRest, b: AtRest) -> list[_AtPoints]:
     eq = a.forces.equations
     found = []
     for k, s in enumerate(eq.surfaces):
-        ways = np.linalg.norm(b.forces.surfaces[k].jump - a.forces.surfaces[k].jump, axis=1)
-        weakened = np.zeros_like(ways)
-        left = np.zeros_like(ways)
+        distances = np.linalg.norm(b.forces.surfaces[k].jump - a.forces.surfaces[k].jump, axis=1)
+        weakened = np.zeros_like(distances)
+        left = np.zeros_like(distances)
         before = a.memory[k]
         after = b.memory[k]
         bond = s.law.weakening
@@ -170,8 +173,10 @@ def _at_points(a: AtRest, b: AtRest) -> list[_AtPoints]:
             if end is None:
                 end = 0.0 if bond.sense < 0 else math.nan
             left = np.nan_to_num(np.abs(end - before.fields[bond.name]))
-        free = slice(None) if s.method == "integral" else ~eq.constraints.clamped[k][: len(ways)]
-        found.append(_AtPoints(ways[free], weakened[free], left[free]))
+        free = (
+            slice(None) if s.method == "integral" else ~eq.constraints.clamped[k][: len(distances)]
+        )
+        found.append(_AtPoints(distances[free], weakened[free], left[free]))
     return found
 
 
@@ -199,10 +204,10 @@ class Stepper:
             state = self.problem.state()
         residual = Scales(eq, settled=True).measure(state).worst
         if residual > _SOLVED:  # before any solve the surfaces do not know their statuses
-            asked = self.problem.state([s.answers.required for s in state.surfaces])
-            other = Scales(eq, settled=True).measure(asked).worst
+            required = self.problem.state([s.answers.required for s in state.surfaces])
+            other = Scales(eq, settled=True).measure(required).worst
             if other < residual:
-                state = asked
+                state = required
                 residual = other
         solved = residual <= _SOLVED
         if not solved and eq.comm.rank == 0:
@@ -272,7 +277,7 @@ class Stepper:
         for s, codes in zip(problem.surfaces, accepted.shown, strict=True):
             s.statuses = codes.copy()
 
-    def show(self, taken: Taken) -> None:
+    def show(self, taken: SolvedStep) -> None:
         """Put the end of a step into the problem, with the memory of the step. Collective."""
         self.put(taken.after)
         self._remember(taken.before, taken.after.time)
@@ -295,7 +300,7 @@ class Stepper:
         *,
         likely: Sequence[Statuses | None] = (),
         guess: AcceptedState | None = None,
-    ) -> Taken:
+    ) -> SolvedStep:
         """Step from a state to a time; the problem is left there, with the memory of the step.
 
         Collective.
@@ -323,7 +328,7 @@ class Stepper:
         time: float,
         likely: Sequence[Statuses | None],
         guess: AcceptedState | None,
-    ) -> Taken:
+    ) -> SolvedStep:
         """The step from a state, which is in the problem; see `take`. Collective."""
         assert isinstance(accepted, AtRest)
         eq = self.problem.equations
@@ -337,7 +342,7 @@ class Stepper:
         forces = forces_at(eq, state)
         energies = accepted.energies.advanced(accepted.forces, forces, result.energies["friction"])
         after = self.accepted(time, state.statuses, eq.advanced(state), forces, energies)
-        return Taken(accepted, after, result)
+        return SolvedStep(accepted, after, result)
 
     def _remember(self, accepted: AcceptedState, time: float) -> None:
         """Let the surfaces remember an accepted state at a later time. Collective."""

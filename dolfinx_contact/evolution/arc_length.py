@@ -27,7 +27,7 @@ from dolfinx_contact._errors import require
 from dolfinx_contact.continuation.arguments import check_steps, checked_range, require_smooth
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.corrector import Corrector
-from dolfinx_contact.continuation.observer import Observer, Seen, Stop
+from dolfinx_contact.continuation.observer import Observer, ObserverLike, Stop
 from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.equations.given_data import check_times
 from dolfinx_contact.evolution.arc_steps import ArcSteps
@@ -149,7 +149,7 @@ class ArcLength(Runnable[PathTask, PathState, PathHistory]):
         max_steps: int = 1000,
         rays: bool = False,
         stop: Stop[PathStep] | None = None,
-        observer: Seen[PathStep] | None = None,
+        observer: ObserverLike[PathStep] | None = None,
         record: Observer | None = None,
         progress: bool | None = None,
     ) -> PathHistory:

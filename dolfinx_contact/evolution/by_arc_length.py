@@ -11,7 +11,7 @@ import numpy as np
 from dolfinx_contact.continuation.branch import BranchPoint
 from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.equations.state import State
-from dolfinx_contact.evolution.accepted import Taken
+from dolfinx_contact.evolution.accepted import SolvedStep
 from dolfinx_contact.evolution.arc_steps import ArcSteps, Arrival
 from dolfinx_contact.evolution.energy import Energies, Forces, forces_at
 from dolfinx_contact.evolution.history import EvolutionStep
@@ -244,7 +244,7 @@ class ByArcLength(Rule[PathTask, PathState]):
             method="a bifurcation of one piece" if found.bifurcations else directions.method,
             corrections=point.corrections,
         )
-        return Advance(step, Taken(before, after, solved.result))
+        return Advance(step, SolvedStep(before, after, solved.result))
 
     def _violation(self, state: State) -> float:
         """Of the law, beside the largest forces on the path: one may pass where there are none."""

@@ -14,7 +14,7 @@ from dolfinx import fem
 from dolfinx_contact._errors import everywhere
 from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.equations.given_data import Datum
-from dolfinx_contact.evolution.accepted import AcceptedState, Stepper, Taken
+from dolfinx_contact.evolution.accepted import AcceptedState, SolvedStep, Stepper
 from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.evolution.history import History, NoContinuation
 from dolfinx_contact.evolution.listeners import Listeners
@@ -103,7 +103,7 @@ class Evolution(Runnable[HistoryTask, RunState, History]):
             accepted = stepper.start(task.times[0])
             return self._run(task, RunState(accepted, task.longest), listeners)
         accepted = before.accepted
-        if not self.problem.comm.allreduce(int(accepted.data.stands()), op=MPI.MIN):
+        if not self.problem.comm.allreduce(int(accepted.data.unchanged()), op=MPI.MIN):
             # Data that were changed between two runs are those of the next.
             accepted = stepper.renewed(accepted)
         run_state = RunState(accepted, task.longest, before.rate, before.number)
@@ -133,7 +133,7 @@ def _history_from(accepted: AcceptedState) -> History:
     return History(accepted.time, accepted.energies)
 
 
-def _followed(forks: Sequence[Taken], stepper: Stepper, task: HistoryTask) -> list[History]:
+def _followed(forks: Sequence[SolvedStep], stepper: Stepper, task: HistoryTask) -> list[History]:
     """Evolutions along the rays that a run did not take, and along theirs. Collective."""
     found: list[History] = []
     left = list(forks)

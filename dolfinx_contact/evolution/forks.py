@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dolfinx_contact.equations.state import Statuses, differs
-from dolfinx_contact.evolution.accepted import AcceptedState, Stepper, Taken, change
+from dolfinx_contact.evolution.accepted import AcceptedState, SolvedStep, Stepper, change
 from dolfinx_contact.evolution.step_rays import StepRays, number_of_points, rays_of_step
 from dolfinx_contact.solvers import ConvergenceError
 
@@ -35,7 +35,7 @@ class Forked:
         rays: solutions of the rate problem; None if they were not looked for, or cannot be found.
     """
 
-    taken: Taken
+    taken: SolvedStep
     rays: StepRays | None = None
 
     @property
@@ -80,7 +80,7 @@ class Forks:
             return Forked(taken)
         return Forked(taken, self._rays(accepted, time))
 
-    def others(self, forked: Forked) -> list[Taken]:
+    def others(self, forked: Forked) -> list[SolvedStep]:
         """Steps from the same start to the same time along the other rays, to other ends."""
         taken = forked.taken
         found = [forked.taken]

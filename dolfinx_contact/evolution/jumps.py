@@ -23,7 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact.equations.given_data import data_of_surface
-from dolfinx_contact.evolution.accepted import AcceptedState, Stepper, Taken, changes
+from dolfinx_contact.evolution.accepted import AcceptedState, SolvedStep, Stepper, changes
 from dolfinx_contact.evolution.step_branch import StepBranch, branch_of_step
 from dolfinx_contact.laws.status import letters
 from dolfinx_contact.solvers import ConvergenceError
@@ -54,14 +54,14 @@ class Found:
         why: what is known of the solutions beyond, in words.
     """
 
-    steps: Sequence[Taken]
-    far: Taken | None = None
+    steps: Sequence[SolvedStep]
+    far: SolvedStep | None = None
     proved: bool = False
     failure: ConvergenceError | None = None
     why: str = ""
 
 
-def find_jump(stepper: Stepper, step: Taken, slow: Array, least: float) -> Found | None:
+def find_jump(stepper: Stepper, step: SolvedStep, slow: Array, least: float) -> Found | None:
     """Look closer at a step that changes the state suddenly. Collective.
 
     Halves are looked at in turn, the earlier one first. One is left alone if the state changes in
@@ -84,7 +84,7 @@ def find_jump(stepper: Stepper, step: Taken, slow: Array, least: float) -> Found
 class _Search:
     """The search for a jump in a step."""
 
-    def __init__(self, stepper: Stepper, step: Taken, slow: Array, least: float):
+    def __init__(self, stepper: Stepper, step: SolvedStep, slow: Array, least: float):
         self._stepper = stepper
         self._slow = slow
         self._least = least
@@ -99,7 +99,9 @@ class _Search:
         at_points = [d.value for s in equations.surfaces for d in data_of_surface(s)]
         self._kept = [*equations.bulk.stiffness_data, *at_points]
 
-    def look(self, path: Sequence[Taken], step: Taken, even: bool = False) -> Found | None:
+    def look(
+        self, path: Sequence[SolvedStep], step: SolvedStep, even: bool = False
+    ) -> Found | None:
         """Look at a part of the step, which follows others; even: it is a half of an even one."""
         a = step.before.time
         b = step.after.time
@@ -134,7 +136,7 @@ class _Search:
             return Found([*before, second])
         return found
 
-    def _is_elsewhere(self, second: Taken, step: Taken) -> bool:
+    def _is_elsewhere(self, second: SolvedStep, step: SolvedStep) -> bool:
         """Whether two halves lead to another state than the whole, and so do solutions. Collective.
 
         The way of friction and damage depends on the steps: where the branch of the whole step
@@ -146,15 +148,15 @@ class _Search:
             return False
         return not self._leads_to_end(step)
 
-    def _leads_to_end(self, step: Taken) -> bool:
+    def _leads_to_end(self, step: SolvedStep) -> bool:
         """Whether the branch of solutions from the start of a step is at its end. Collective."""
         branch = branch_of_step(self._stepper, step.before, step.after.time)
         return branch.goes_on and self._is_at(branch, step)
 
-    def _change(self, step: Taken) -> Array:
+    def _change(self, step: SolvedStep) -> Array:
         return changes(self._stepper.problem.comm, step.before, step.after)
 
-    def _is_straight(self, step: Taken) -> bool:
+    def _is_straight(self, step: SolvedStep) -> bool:
         """Whether the states between are solutions under the loads between. Collective.
 
         The statuses of both ends are the same, all is linear in them, and neither the stiffness nor
@@ -169,7 +171,7 @@ class _Search:
         mine = mine and a.data.agrees(b.data, self._kept)
         return bool(self._stepper.problem.comm.allreduce(int(mine), op=MPI.MIN))
 
-    def _first(self, before: AcceptedState, time: float) -> Taken | ConvergenceError:
+    def _first(self, before: AcceptedState, time: float) -> SolvedStep | ConvergenceError:
         """The longest step towards a time that is solved; why none is, down to the least length."""
         while True:
             try:
@@ -181,7 +183,7 @@ class _Search:
                 return failure
             time = before.time + length
 
-    def _at_last(self, path: Sequence[Taken], step: Taken) -> Found | None:
+    def _at_last(self, path: Sequence[SolvedStep], step: SolvedStep) -> Found | None:
         """What the solutions that lead on from the start of a least step say of its end.
 
         If they lead there it is no jump. If they lead elsewhere they are gone along, as far as the
@@ -208,7 +210,7 @@ class _Search:
             why = "solutions lead on from the state, but no step led to them"
         return Found(path, step, ends, why=why)
 
-    def _is_at(self, branch: StepBranch, step: Taken) -> bool:
+    def _is_at(self, branch: StepBranch, step: SolvedStep) -> bool:
         """Whether a branch leads to the end of a step. Collective."""
         assert branch.unknowns is not None
         off = branch.unknowns - step.after.unknowns

@@ -9,7 +9,7 @@ from typing import Any
 
 from dolfinx_contact._collective import Arguments
 from dolfinx_contact.continuation.arguments import check_functions, check_listeners
-from dolfinx_contact.continuation.observer import Observer, Seen, Stop
+from dolfinx_contact.continuation.observer import Observer, ObserverLike, Stop
 
 __all__ = ["NOT_BY_VALUE", "Listeners"]
 
@@ -31,7 +31,7 @@ class Listeners:
 
     accept: Callable[[Any], bool] | None = None
     stop: Stop[Any] | None = None
-    observer: Seen[Any] | None = None
+    observer: ObserverLike[Any] | None = None
     record: Observer | None = None
     progress: bool | None = None
 

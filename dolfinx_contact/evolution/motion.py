@@ -30,7 +30,7 @@ from dolfinx_contact._errors import require
 from dolfinx_contact.body.moving import MovingBody, Scheme, TimeStep
 from dolfinx_contact.equations.given_data import Constancy, GivenData, require_obstacles
 from dolfinx_contact.equations.state import State, Statuses
-from dolfinx_contact.evolution.accepted import AcceptedState, Stepper, Taken
+from dolfinx_contact.evolution.accepted import AcceptedState, SolvedStep, Stepper
 from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.evolution.motion_energy import Motion, MotionEnergies, account, motion_at
 from dolfinx_contact.points.memory import Memory
@@ -174,7 +174,7 @@ class MotionStepper(Stepper):
         time: float,
         likely: Sequence[Statuses | None],
         guess: AcceptedState | None,
-    ) -> Taken:
+    ) -> SolvedStep:
         """The step from a state; guesses are its own, and no statuses are likelier. Collective."""
         assert isinstance(accepted, MovingState)
         assert isinstance(accepted.energies, MotionEnergies)
@@ -214,7 +214,7 @@ class MotionStepper(Stepper):
             eq.prescribed.unknowns = None
         turns = self._turns(accepted, b, step)
         after = self._moving(time, state.statuses, memory, energies, b, turns)
-        return Taken(accepted, after, result)
+        return SolvedStep(accepted, after, result)
 
     def _set(self, time: float) -> None:
         super()._set(time)

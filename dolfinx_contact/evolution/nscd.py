@@ -37,7 +37,7 @@ from dolfinx_contact._numbers import is_number
 from dolfinx_contact.body.circumference import check_circumference
 from dolfinx_contact.body.inertia import Mass, mass_matrix, rigid_errors
 from dolfinx_contact.body.moving import MovingBody, Scheme, TimeStep
-from dolfinx_contact.continuation.observer import Observer, Seen, Stop
+from dolfinx_contact.continuation.observer import Observer, ObserverLike, Stop
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.given_data import Constancy, Datum, data_in, placed_data
 from dolfinx_contact.evolution.accepted import Stepper
@@ -221,7 +221,7 @@ class NSCD(Evolution):
         locate: float | None = None,
         accept: Accept | None = None,
         stop: Stop[EvolutionStep] | None = None,
-        observer: Seen[EvolutionStep] | None = None,
+        observer: ObserverLike[EvolutionStep] | None = None,
         record: Observer | None = None,
         progress: bool | None = None,
     ) -> History:
@@ -272,7 +272,7 @@ class NSCD(Evolution):
         max_time: float,
         *,
         rest: float = 1e-6,
-        observer: Seen[EvolutionStep] | None = None,
+        observer: ObserverLike[EvolutionStep] | None = None,
         progress: bool | None = None,
     ) -> History:
         """Go on until the body is at rest, as a damped one comes to be. Collective.

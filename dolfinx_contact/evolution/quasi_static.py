@@ -18,7 +18,7 @@ from dataclasses import replace
 
 from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._errors import everywhere
-from dolfinx_contact.continuation.observer import Observer, Seen, Stop
+from dolfinx_contact.continuation.observer import Observer, ObserverLike, Stop
 from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.evolution.evolution import Evolution
 from dolfinx_contact.evolution.history import EvolutionStep, History, NoContinuation
@@ -112,7 +112,7 @@ class QuasiStatic(Evolution):
         follow_rays: bool = False,
         accept: Accept | None = None,
         stop: Stop[EvolutionStep] | None = None,
-        observer: Seen[EvolutionStep] | None = None,
+        observer: ObserverLike[EvolutionStep] | None = None,
         record: Observer | None = None,
         progress: bool | None = None,
     ) -> History:

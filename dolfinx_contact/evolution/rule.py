@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Generic, TypeVar
 
 from dolfinx_contact.continuation.ending import Ending, Ends
-from dolfinx_contact.evolution.accepted import Taken
+from dolfinx_contact.evolution.accepted import SolvedStep
 from dolfinx_contact.evolution.history import EvolutionStep
 from dolfinx_contact.evolution.run_state import RunState
 
@@ -29,7 +29,7 @@ class Advance:
     """
 
     step: EvolutionStep
-    taken: Taken
+    taken: SolvedStep
 
 
 class Rule(Ends, ABC, Generic[T, S]):

@@ -17,7 +17,7 @@ from dolfinx_contact._progress import Progress
 from dolfinx_contact.continuation.arguments import reason_to_stop
 from dolfinx_contact.continuation.ending import Ending, Ends
 from dolfinx_contact.continuation.observer import Guarded, Observer
-from dolfinx_contact.evolution.accepted import Stepper, Taken
+from dolfinx_contact.evolution.accepted import SolvedStep, Stepper
 from dolfinx_contact.evolution.history import EvolutionStep, History
 from dolfinx_contact.evolution.listeners import Listeners
 from dolfinx_contact.evolution.rule import Advance, Rule
@@ -50,7 +50,7 @@ class Run(Generic[T, S, H]):
         self._listeners = listeners
         self._history = history
         comm = stepper.problem.comm
-        self._taken: Taken | None = None
+        self._taken: SolvedStep | None = None
         self._record = Guarded(comm, listeners.record, self._put)
         self._observer = Guarded(comm, listeners.observer, self._show)
         self._progress = _RunProgress(comm, listeners.progress, rule)

@@ -26,8 +26,8 @@ from dolfinx_contact._numbers import is_number
 from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.evolution.accepted import (
     AcceptedState,
+    SolvedStep,
     Stepper,
-    Taken,
     changes,
     largest_at_points,
 )
@@ -144,12 +144,12 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
         run_state: RunState,
         accept: Accept | None = None,
         *,
-        first: Taken | None = None,
+        first: SolvedStep | None = None,
     ):
         super().__init__(task, run_state)
         self.failed = False
         self.failure: BaseException | None = None
-        self.forks: list[Taken] = []
+        self.forks: list[SolvedStep] = []
         self._stepper = stepper
         self._accepts = accept
         self._first = first
@@ -240,12 +240,12 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
         self._end_if_reached(taken)
         return Advance(step, taken)
 
-    def _end_if_reached(self, taken: Taken) -> None:
+    def _end_if_reached(self, taken: SolvedStep) -> None:
         """End the run if a step that was accepted leads to where it is to go."""
         if taken.after.time >= self.task.times[-1]:
             self.end(Ending.REACHED, _REACHED)
 
-    def _step(self, taken: Taken, jump: bool, directions: int | None = None) -> EvolutionStep:
+    def _step(self, taken: SolvedStep, jump: bool, directions: int | None = None) -> EvolutionStep:
         return EvolutionStep(
             self._number + 1,
             taken.before.time,
@@ -257,7 +257,7 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
             directions,
         )
 
-    def _jump(self, taken: Taken) -> Found | None:
+    def _jump(self, taken: SolvedStep) -> Found | None:
         """What is found in a step that changes the state suddenly; None if it is no jump."""
         if math.isinf(self.task.sudden) or not taken.before.solved:
             return None
@@ -266,7 +266,7 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
             return None
         return find_jump(self._stepper, taken, slow, self.task.shortest)
 
-    def _sudden(self, taken: Taken, times: float) -> npt.NDArray[np.float64] | None:
+    def _sudden(self, taken: SolvedStep, times: float) -> npt.NDArray[np.float64] | None:
         """Rates up to which nothing jumps in a step that is sudden; None if it is not. Collective.
 
         Args:
@@ -295,7 +295,7 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
         known[bonds] = 0.0
         return np.asarray(known)
 
-    def _jump_over(self, found: Found, far: Taken) -> Advance:
+    def _jump_over(self, found: Found, far: SolvedStep) -> Advance:
         """Accept a step whose end is far as a jump, or end the run there and say why."""
         a = far.before
         b = far.after
@@ -349,12 +349,12 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
         self._rejected = self._rejected + 1
         return None
 
-    def _beyond(self, goal: float) -> Taken | None:
+    def _beyond(self, goal: float) -> SolvedStep | None:
         """A step to a time at which no solution was found near; None if there is none either.
 
         A solution further off in time is where the solver begins then, or one between. Collective.
         """
-        far: Taken | None = None
+        far: SolvedStep | None = None
         start = self._accepted
         last = self.task.times[-1]
         ahead = [start.time + (goal - start.time) * _FURTHER**k for k in range(1, _MOST_FURTHER)]
@@ -378,7 +378,7 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
                 return None
         return None
 
-    def _wanted(self, taken: Taken) -> bool:
+    def _wanted(self, taken: SolvedStep) -> bool:
         """Whether the user accepts a step that could be shorter. Collective."""
         comm = self._stepper.problem.comm
         shorter = (taken.after.time - taken.before.time) / 2 >= self.task.shortest
@@ -404,7 +404,7 @@ def _aim(start: float, end: float, length: float) -> float:
     return end if steps <= 1 else start + (end - start) / steps
 
 
-def _closes(comm: MPI.Comm, taken: Taken) -> bool:
+def _closes(comm: MPI.Comm, taken: SolvedStep) -> bool:
     """Whether a point closes in a step. Collective."""
     a = taken.before.shown
     b = taken.after.shown
@@ -412,8 +412,8 @@ def _closes(comm: MPI.Comm, taken: Taken) -> bool:
     return bool(comm.allreduce(int(mine)))
 
 
-def _rate(comm: MPI.Comm, taken: Taken) -> npt.NDArray[np.float64]:
+def _rate(comm: MPI.Comm, taken: SolvedStep) -> npt.NDArray[np.float64]:
     """Of the state in a step: of `changes`, then of the farthest ways of a point. Collective."""
-    ways, _ = largest_at_points(comm, taken.before, taken.after)
-    found = np.concatenate([changes(comm, taken.before, taken.after), ways])
+    distances, _ = largest_at_points(comm, taken.before, taken.after)
+    found = np.concatenate([changes(comm, taken.before, taken.after), distances])
     return np.asarray(found / (taken.after.time - taken.before.time))

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from dolfinx_contact.continuation.ending import Ending
-from dolfinx_contact.evolution.accepted import Stepper, Taken
+from dolfinx_contact.evolution.accepted import SolvedStep, Stepper
 from dolfinx_contact.evolution.history import EvolutionStep
 from dolfinx_contact.evolution.motion_energy import MotionEnergies
 from dolfinx_contact.evolution.run_state import RunState
@@ -79,7 +79,7 @@ class ToRest(ThroughTimes):
             self._goal = self._accepted.time + self.task.longest
             yield self._goal
 
-    def _end_if_reached(self, taken: Taken) -> None:
+    def _end_if_reached(self, taken: SolvedStep) -> None:
         """End the run if the body is at rest at the end of a step, or the time is over."""
         if taken.after.time < self._goal:
             return

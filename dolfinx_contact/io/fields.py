@@ -214,7 +214,7 @@ def check_stress(problem: ContactProblem, stress: Any) -> mesh.MeshTags | None:
         ValueError: on every rank, if it is not 3 x 3, of another mesh, of one material of several,
             does not have the cell tags of the bulk, or differs between ranks.
     """
-    says: Any = None
+    compared: Any = None
     tags = None
     names = ""
     domain = problem.u.function_space.mesh
@@ -228,11 +228,11 @@ def check_stress(problem: ContactProblem, stress: Any) -> mesh.MeshTags | None:
             wrong = [tag for tag in stress if not isinstance(tag, int | np.integer)]
             if wrong:
                 raise ValueError(f"cell tags of a stress are whole numbers, not {wrong[0]!r}")
-            says = [(int(tag), described(stress[tag], domain)) for tag in sorted(stress)]
+            compared = [(int(tag), described(stress[tag], domain)) for tag in sorted(stress)]
         elif stress is not None:
             names = _refuse_one_of_several(problem, stress)
-            says = described(stress, domain)
-    same_everywhere(problem.comm, stress=says)
+            compared = described(stress, domain)
+    same_everywhere(problem.comm, stress=compared)
     if names:
         _doubt_forces(problem, stress, names)
     if tags is not None:

@@ -157,7 +157,7 @@ class VTXSeries(Series):
                 do()
         except OSError:
             self._failed = True
-            self._vtx.forsake()
+            self._vtx.abandon()
             raise
 
 

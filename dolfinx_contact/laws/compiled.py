@@ -158,7 +158,7 @@ class CompiledLaw:
         self._needs: dict[float, bool] = {}
         self._roots = Roots(roots, symbols.solved, self._w, comm) if roots else None
         self._step = symbols.step
-        self._says = written.scalars
+        self._expressions = written.scalars
 
     def needs_time(self, step: float) -> bool:
         """Whether the law is not said without a time: at a step of no length, or a negative one.
@@ -168,8 +168,8 @@ class CompiledLaw:
         if self._step is None:
             return False
         if step not in self._needs:
-            said = [known_step(ufl.as_ufl(e), self._step, step) for e in self._says]
-            nodes = set(unique_pre_traversal(ufl.as_vector(said)))
+            expressions = [known_step(ufl.as_ufl(e), self._step, step) for e in self._expressions]
+            nodes = set(unique_pre_traversal(ufl.as_vector(expressions)))
             self._needs[step] = self._step in nodes
         return self._needs[step]
 

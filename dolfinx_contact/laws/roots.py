@@ -243,10 +243,10 @@ class _Root:
 def _cut(z: Array, step: Array, start: Array, end: Array) -> Array:
     """What of steps stays between start and end."""
     with np.errstate(all="ignore"):
-        ways = [
+        parts = [
             np.where(step * (e - z) > 0, _TO_THE_END * (e - z) / step, np.inf) for e in (start, end)
         ]
-        return np.fmin(1.0, np.fmin(*ways))
+        return np.fmin(1.0, np.fmin(*parts))
 
 
 def _times(matrices: Array, vectors: Array) -> Array:

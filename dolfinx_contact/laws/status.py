@@ -47,7 +47,7 @@ BROKEN = 16
 _BONDS = {0: "", DAMAGING: ", damaging", BROKEN: ", broken"}
 
 
-class _Doing(NamedTuple):
+class _State(NamedTuple):
     """A row of the table: what contact and friction do, and how that looks with each bond.
 
     Attributes:
@@ -73,15 +73,15 @@ class _Doing(NamedTuple):
 #: Contact x friction x bond. A closed point on which friction does nothing has no row of its own:
 #: it slips, under a bound that is zero, and has the number of `PLUS`.
 _TABLE = (
-    _Doing(True, OPEN, (2, 3), "open", ("o #dfe4ea", "a #f0c9dd", "b #c3cbd3")),
-    _Doing(False, STICK, (2, 3), "stick", ("k #0072B2", "q #CC79A7", "h #5b9bc4")),
-    _Doing(False, PLUS, (2,), "slip, $u_t > 0$", ("+ #009E73", "r #8f5573", "x #58b799")),
-    _Doing(False, MINUS, (2,), "slip, $u_t < 0$", ("- #E69F00", "l #b3688f", "y #edc15e")),
-    _Doing(False, PLUS, (3,), "slip", ("s #E69F00", "c #b3688f", "z #58b799")),
-    _Doing(True, STICK, (2, 3), "open, held by friction", ("K #56B4E9", "Q #e3b5cf", "H #a9c6d6")),
-    _Doing(True, PLUS, (2,), "open, rubbing, $u_t > 0$", ("P #99d8c7", "R #e3b5cf", "X #a9c6d6")),
-    _Doing(True, MINUS, (2,), "open, rubbing, $u_t < 0$", ("M #f5d999", "L #e3b5cf", "Y #a9c6d6")),
-    _Doing(True, PLUS, (3,), "open, rubbing", ("S #f5d999", "C #e3b5cf", "Z #a9c6d6")),
+    _State(True, OPEN, (2, 3), "open", ("o #dfe4ea", "a #f0c9dd", "b #c3cbd3")),
+    _State(False, STICK, (2, 3), "stick", ("k #0072B2", "q #CC79A7", "h #5b9bc4")),
+    _State(False, PLUS, (2,), "slip, $u_t > 0$", ("+ #009E73", "r #8f5573", "x #58b799")),
+    _State(False, MINUS, (2,), "slip, $u_t < 0$", ("- #E69F00", "l #b3688f", "y #edc15e")),
+    _State(False, PLUS, (3,), "slip", ("s #E69F00", "c #b3688f", "z #58b799")),
+    _State(True, STICK, (2, 3), "open, held by friction", ("K #56B4E9", "Q #e3b5cf", "H #a9c6d6")),
+    _State(True, PLUS, (2,), "open, rubbing, $u_t > 0$", ("P #99d8c7", "R #e3b5cf", "X #a9c6d6")),
+    _State(True, MINUS, (2,), "open, rubbing, $u_t < 0$", ("M #f5d999", "L #e3b5cf", "Y #a9c6d6")),
+    _State(True, PLUS, (3,), "open, rubbing", ("S #f5d999", "C #e3b5cf", "Z #a9c6d6")),
 )
 _CLAMPED = "d"  # held by Dirichlet data, whatever contact would do
 

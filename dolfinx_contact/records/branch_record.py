@@ -27,8 +27,8 @@ from dolfinx_contact.continuation import (
     Diagram,
     Ending,
     Ends,
+    ObserverLike,
     Route,
-    Seen,
     Stepping,
     Stop,
     Task,
@@ -284,8 +284,8 @@ class BranchRecord(ProblemRecord[Journal]):
             message = f"node {number} was recorded at gamma = {known.gamma:.12g}: it has changed"
             require(self.comm, same, message)
             # What is explored again comes to fewer rays at first.
-            told = zip(found.edges, known.edges, strict=False)
-            if len(found.rays) <= len(known.rays) and all(e in (None, k) for e, k in told):
+            edges = zip(found.edges, known.edges, strict=False)
+            if len(found.rays) <= len(known.rays) and all(e in (None, k) for e, k in edges):
                 return
         self._append({"type": "node", "node": number, **found.line()})
         nodes[number : number + 1] = [found]
@@ -395,7 +395,7 @@ class BranchRecord(ProblemRecord[Journal]):
         *,
         max_steps: int | None = None,
         stop: Stop[BranchStep] | None = None,
-        observer: Seen[BranchStep] | None = None,
+        observer: ObserverLike[BranchStep] | None = None,
         progress: bool | None = None,
     ) -> Branch:
         """Go on with a branch as it was begun; one that has ended stays as it is. Collective.
@@ -490,7 +490,7 @@ def resume(
     every: int = 10,
     max_steps: int | None = None,
     stop: Stop[BranchStep] | None = None,
-    observer: Seen[BranchStep] | None = None,
+    observer: ObserverLike[BranchStep] | None = None,
     progress: bool | None = None,
 ) -> Branch:
     """Go on with a recorded branch as if the run had never been killed. Collective.

@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact.continuation.ending import Ending
-from dolfinx_contact.continuation.observer import Seen, Stop
+from dolfinx_contact.continuation.observer import ObserverLike, Stop
 from dolfinx_contact.evolution import EvolutionStep, History, NoContinuation
 from dolfinx_contact.evolution.evolution import Evolution
 from dolfinx_contact.evolution.listeners import Listeners
@@ -124,7 +124,7 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, RunState]):
         for name, f in self.evolution.kept.items():
             vectors[name].array[:n] = f.x.array[:n]
 
-    def _stood(
+    def _recalled(
         self,
         state: StateEntry[HistoryGoesOn],
         vectors: Mapping[str, PETSc.Vec],
@@ -152,7 +152,7 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, RunState]):
         *,
         accept: Accept | None = None,
         stop: Stop[EvolutionStep] | None = None,
-        observer: Seen[EvolutionStep] | None = None,
+        observer: ObserverLike[EvolutionStep] | None = None,
         progress: bool | None = None,
     ) -> History:
         """Go on with the last run as it was begun; one that has ended stays as it is. Collective.
@@ -188,6 +188,6 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, RunState]):
         run_state = self._resumed(run, known)
         if self._index == run.after:
             run_state = replace(run_state, length=task.longest, ending=None, reason="")
-        self._goes_on = run_state
+        self._resumed_state = run_state
         listeners = Listeners(accept, stop, observer, self, progress)
         return self.evolution.go_on(task, run_state, listeners)

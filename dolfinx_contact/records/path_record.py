@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from dolfinx_contact.continuation.branch import BranchPoint
 from dolfinx_contact.continuation.layout import Layout
-from dolfinx_contact.continuation.observer import Seen, Stop
+from dolfinx_contact.continuation.observer import ObserverLike, Stop
 from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.evolution import ArcLength, PathHistory, PathStep
 from dolfinx_contact.evolution.listeners import Listeners
@@ -120,7 +120,7 @@ class PathRecord(StepsRecord[PathJournal, PathState]):
             t = vectors["tangent"]
             t.array[:] = run_state.arrived.tangent.array_r[: t.getLocalSize()]
 
-    def _stood(
+    def _recalled(
         self,
         state: StateEntry[PathGoesOn],
         vectors: Mapping[str, PETSc.Vec],
@@ -170,7 +170,7 @@ class PathRecord(StepsRecord[PathJournal, PathState]):
         self,
         *,
         stop: Stop[PathStep] | None = None,
-        observer: Seen[PathStep] | None = None,
+        observer: ObserverLike[PathStep] | None = None,
         progress: bool | None = None,
     ) -> PathHistory:
         """Go on with the last run as it was begun; one that has ended stays as it is. Collective.
@@ -204,7 +204,7 @@ class PathRecord(StepsRecord[PathJournal, PathState]):
         run_state = replace(run_state, passed=passed)
         if self._index == run.after:
             run_state = begun(task, run_state)
-        self._goes_on = run_state
+        self._resumed_state = run_state
         listeners = Listeners(None, stop, observer, self, progress)
         return self.path.go_on(task, run_state, listeners)
 

@@ -123,7 +123,7 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         self._points = _AtPoints(problem)
         self._last: AcceptedState | None = None  # where the runs stand
         self._index = -1  # of that state
-        self._goes_on: S | None = None  # where a run that was recorded goes on
+        self._resumed_state: S | None = None  # where a run that was recorded goes on
         try:
             self._data = KeptData(problem, self._checkpoints, more=data)
             # The values of all data are compared state by state.
@@ -178,7 +178,7 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         """Put what a state has beside the unknowns into vectors, which are 0."""
         raise NotImplementedError
 
-    def _stood(
+    def _recalled(
         self,
         state: StateEntry[Any],
         vectors: Mapping[str, PETSc.Vec],
@@ -205,7 +205,7 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
                 ends.
         """
         self._require_open()
-        if state is self._goes_on:
+        if state is self._resumed_state:
             return
         states = self.journal.states
         accepted = state.accepted
@@ -353,7 +353,7 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         self._checkpoints.read(state.checkpoint, state.sum, vectors)
         found = self._checkpoints.arrays(state.checkpoint)
         problem.put(vectors["x"], self._points.statuses(found))
-        run_state = self._stood(state, vectors, found, state.first)
+        run_state = self._recalled(state, vectors, found, state.first)
         for x in vectors.values():
             x.destroy()
         self._require_data_of(state, numbers_of(problem.equations))

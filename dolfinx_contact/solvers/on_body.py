@@ -145,13 +145,13 @@ class OnBody:
         start = x.copy()
         steps = 0
         reasons = []
-        ways: dict[str, tuple[str, Callable[[Newton, PETSc.Vec, Attempt], bool]]] = {
+        methods: dict[str, tuple[str, Callable[[Newton, PETSc.Vec, Attempt], bool]]] = {
             "full steps": ("none", Newton.run),
             "pivoting": ("none", pivot),
             "line search": ("bt", Newton.run),
         }
         try:
-            for name, (search, run) in ways.items():
+            for name, (search, run) in methods.items():
                 attempt = Attempt(f"{self.attempt.strategy}, {name} within", limit=_LIMIT)
                 with Newton(equations, self.linear, search, None) as newton:
                     newton.snes.setTolerances(rtol=_INNER * self.tolerance)

@@ -28,8 +28,8 @@ class SolveProgress(Progress):
     """
 
     def __init__(self, comm: MPI.Comm, wanted: bool | None = None, *, stream: TextIO | None = None):
-        heard = wanted is None and logging.getLogger("dolfinx_contact").isEnabledFor(logging.INFO)
-        super().__init__(comm, False if heard else wanted, stream=stream)
+        logged = wanted is None and logging.getLogger("dolfinx_contact").isEnabledFor(logging.INFO)
+        super().__init__(comm, False if logged else wanted, stream=stream)
         self.strategy = ""
 
     def step(self, step: Step) -> None:

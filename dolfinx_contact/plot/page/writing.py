@@ -170,7 +170,7 @@ def watch(
     units: Mapping[str, str] | None = None,
     error: float = 0.005,
     seconds: float = 5.0,
-    told: Callable[[str], None] = lambda text: None,
+    report: Callable[[str], None] = lambda text: None,
 ) -> Path:
     """Write the page of a record anew whenever its journal has grown, until its run has ended.
 
@@ -185,7 +185,7 @@ def watch(
         units: of quantities.
         error: of displacements.
         seconds: between two looks at the journal, and after which the page loads itself anew.
-        told: is called with a sentence whenever a page was written, or there is nothing yet.
+        report: is called with a sentence whenever a page was written, or there is nothing yet.
 
     Returns:
         The file.
@@ -209,14 +209,14 @@ def watch(
             seen = size
             scene = scene_of_record(record) if size and has_points(record) else None
             if scene is None:
-                told(f"waiting for a point in {journal}")
+                report(f"waiting for a point in {journal}")
             else:
                 scene.counts += [_count_of(count) for count in counts]
                 reload = seconds if scene.goes_on else None
                 named = title or _name(record)
                 text = page(scene, library, named, labels or {}, units or {}, error, reload=reload)
                 _put(path, text)
-                told(f"{path}: {sum(len(series.statuses) for series in scene.series)} points")
+                report(f"{path}: {sum(len(series.statuses) for series in scene.series)} points")
                 if not scene.goes_on:
                     return path
         time.sleep(seconds)
@@ -477,11 +477,11 @@ def _put_body(arrays: Arrays, words: dict[str, Any], scene: Scene, error: float)
 
     field, largest = _field(arrays, "displacement", "|u|", len(states), displacement, error)
     words["fields"]["displacement"] = field
-    said = [f"displacements {100 * field['error']:.2g} %"]
+    errors = [f"displacements {100 * field['error']:.2g} %"]
     if states[0]().strain is not None:
         strain, _ = _field(arrays, "strain", "equivalent strain", len(states), strained, error)
         words["fields"]["strain"] = strain
-        said.append(f"strains {100 * strain['error']:.2g} %")
+        errors.append(f"strains {100 * strain['error']:.2g} %")
     allowed = error * largest
     low, high = (np.append(v, np.zeros(3 - dim)) for v in np.array(field["ranges"]).T)
     ends = [surface.x.min(axis=0), surface.x.max(axis=0), low, high]
@@ -500,7 +500,7 @@ def _put_body(arrays: Arrays, words: dict[str, Any], scene: Scene, error: float)
     pressed = max(words["surfaces"], key=lambda face: face["traction"], default=None)
     words["body"]["start"] = pressed["pressed"] if pressed else len(states) - 1
     return (
-        f"Errors of packing: {', '.join(said)} of the largest one ({100 * error:.2g} % allowed), "
+        f"Errors of packing: {', '.join(errors)} of the largest one ({100 * error:.2g} % allowed), "
         "measured at all vertices of all points. Tables of contact points are exact."
     )
 
