@@ -346,6 +346,7 @@ def test_bad_input():
         ({"direction": "back"}, "the direction of the first run must be one of"),
         ({"control": StepControl(kinks="batched")}, "passes kinks exactly, not 'batched'"),
         ({"max_steps": 0}, "budget of steps must be positive"),
+        ({"rays": "all"}, "rays must be True, False or None, got 'all'"),
         ({"stop": 3}, "stop must be a function"),
         ({"observer": 3}, "or a function of a step; got 3"),
         ({"stop": lambda s: None}, "stop must answer with the reason"),

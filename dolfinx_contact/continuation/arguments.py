@@ -21,6 +21,7 @@ from dolfinx_contact.continuation.system import System
 __all__ = [
     "check_functions",
     "check_listeners",
+    "check_rays",
     "check_states",
     "check_steps",
     "check_system",
@@ -151,6 +152,15 @@ def check_functions(of: str, **functions: Any) -> None:
     for name, function in functions.items():
         if function is not None and not callable(function):
             raise ValueError(f"{name} must be a function of {of}, got {function!r}")
+
+
+def check_rays(rays: Any) -> None:
+    """Raise ``ValueError`` for what does not say whether all rays are looked for. Not collective.
+
+    True: wherever statuses meet; False: no more of them than it takes to go on; None: by default.
+    """
+    if rays is not None and not isinstance(rays, bool | np.bool_):
+        raise ValueError(f"rays must be True, False or None, got {rays!r}")
 
 
 def check_steps(control: Any, max_steps: Any) -> None:

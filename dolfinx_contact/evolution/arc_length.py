@@ -24,7 +24,12 @@ import numpy as np
 
 from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._errors import require
-from dolfinx_contact.continuation.arguments import check_steps, checked_range, require_smooth
+from dolfinx_contact.continuation.arguments import (
+    check_rays,
+    check_steps,
+    checked_range,
+    require_smooth,
+)
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.observer import Observer, ObserverLike, Stop
@@ -57,6 +62,7 @@ def _check_run(a: Arguments) -> None:
     path: ArcLength = a.self
     a.gamma_range = checked_range(a.gamma_range, [path._gamma])
     check_steps(a.control, a.max_steps)
+    check_rays(a.rays)
     a.rays = bool(a.rays)
     Listeners.of(a).check(path._record)
     a.control = a.control or StepControl(kinks="exact", initial=_LONGEST, maximum=_LONGEST)
@@ -147,7 +153,7 @@ class ArcLength(Runnable[PathTask, PathState, PathHistory]):
         direction: PathDirection | None = None,
         control: StepControl | None = None,
         max_steps: int = 1000,
-        rays: bool = False,
+        rays: bool | None = None,
         stop: Stop[PathStep] | None = None,
         observer: ObserverLike[PathStep] | None = None,
         record: Observer | None = None,
@@ -163,9 +169,10 @@ class ArcLength(Runnable[PathTask, PathState, PathHistory]):
             control: step lengths, in units in which the first tangent and the range of gamma have
                 size 1; by default up to 0.005. Longer ones may pass a fold of many bonds unseen.
             max_steps: budget.
-            rays: whether all statuses that meet are tried at every kink and nonsmooth fold, up to
-                256, so that `PathStep.directions` counts the solutions of the rate problem there;
-                else they are tried where no direction is found otherwise.
+            rays: whether all solutions of the rate problem are looked for, and counted in
+                `PathStep.directions`: True at every kink and nonsmooth fold, by all statuses that
+                meet there, up to 256; False or None, the default, no more than it takes to go on:
+                they are tried where no direction is found otherwise.
             stop: called with every accepted point, on every rank; the reason for which the path
                 ends there, or "" to go on.
             observer: called with every accepted point while it is in the problem.
@@ -191,7 +198,7 @@ class ArcLength(Runnable[PathTask, PathState, PathHistory]):
         if run_state is None:
             start = self._stepper(None).start(0.0)
             run_state = PathState(start, 0.0, known=Known(scales=self.parametric.scales))
-        task = PathTask(gamma_range, direction, control, max_steps, rays)
+        task = PathTask(gamma_range, direction, control, max_steps, bool(rays))
         listeners = Listeners(None, stop, observer, record, progress)
         return self._run(task, begun(task, run_state), listeners)
 

@@ -142,8 +142,9 @@ class QuasiStatic(Evolution):
                 That takes some steps more; if there is no jump they are kept only where shorter
                 steps lead to another solution. A jump that is a tenth or less of what happens in
                 such a step passes, and so does one that makes it no faster than that.
-            rays: whether all solutions of the rate problem are looked for where a step begins, in
-                2D with contact at nodes (`EvolutionStep.directions`); by default up to sixteen
+            rays: whether all solutions of the rate problem are looked for, and counted in
+                `EvolutionStep.directions`: True where every step begins, in 2D with contact at
+                nodes; False no more than it takes to go on; None, the default, up to sixteen
                 points and where the statuses of the step before do not hold.
             follow_rays: whether the others are followed too, each to the last time
                 (`History.others`), up to sixteen. ``observer``, ``stop`` and ``accept`` are not

@@ -23,6 +23,7 @@ import numpy.typing as npt
 
 from dolfinx_contact._errors import everywhere
 from dolfinx_contact._numbers import is_number
+from dolfinx_contact.continuation.arguments import check_rays
 from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.evolution.accepted import (
     AcceptedState,
@@ -85,8 +86,9 @@ class HistoryTask:
             )
         if self.at_jump not in get_args(AtJump):
             raise ValueError(f"at_jump is {self.at_jump!r}: known are {get_args(AtJump)}")
-        if self.rays not in (True, False, None) or (self.follow_rays and self.rays is False):
-            raise ValueError(f"rays must be True, False or None, to follow some too: {self.rays!r}")
+        check_rays(self.rays)
+        if self.follow_rays and self.rays is False:
+            raise ValueError("rays must be True or None, to follow some too: False")
         if not self.sudden >= 1:
             raise ValueError(f"sudden must be 1 or more, got {self.sudden}")
 
