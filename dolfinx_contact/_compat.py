@@ -2,7 +2,7 @@
 """The differences between DOLFINx 0.9, 0.10 and 0.11, in one place.
 
 Features are detected, versions are not compared. Nothing outside this module may ask which DOLFINx
-it runs on; a branch goes when its DOLFINx leaves the table of the README.
+it runs on; a branch goes when its DOLFINx leaves the table in `docs/install.md`.
 """
 
 from __future__ import annotations

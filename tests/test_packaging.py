@@ -124,9 +124,10 @@ def test_scripts_begin_with_mpi():
     first = {}
     for path in [*(TREE / "demos").glob("*.py"), *(TREE / "docs").glob("[rt]*/*.py")]:
         first[path.name] = first_compiled(path.read_text(), path.parent)
-    blocks = re.findall(r"```python\n(.*?)```", (TREE / "README.md").read_text(), flags=re.DOTALL)
-    for number, text in enumerate(blocks):
-        first[f"README.md, example {number}"] = first_compiled(text, TREE)
+    for page in (TREE / "README.md", TREE / "docs" / "guide" / "records.md"):
+        blocks = re.findall(r"```python\n(.*?)```", page.read_text(), flags=re.DOTALL)
+        for number, text in enumerate(blocks):
+            first[f"{page.name}, example {number}"] = first_compiled(text, TREE)
     assert sum(name == "mpi4py" for name in first.values()) > 60
     # This package loads MPI before all others.
     assert set(first.values()) <= {"mpi4py", "dolfinx_contact", None}, first

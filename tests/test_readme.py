@@ -1,8 +1,6 @@
 """The examples of the README run as they stand."""
 
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 from mpi4py import MPI
@@ -11,16 +9,15 @@ import numpy as np
 import pytest
 
 from dolfinx_contact.meshing import read_mesh
-from dolfinx_contact.records import read_journal
 
 COMM = MPI.COMM_WORLD
 README = Path(__file__).parents[1] / "README.md"
+EXAMPLES = re.findall(r"```python\n(.*?)```", README.read_text(), flags=re.DOTALL)
 
 
 def example(word):
     """The one Python example with this word."""
-    blocks = re.findall(r"```python\n(.*?)```", README.read_text(), flags=re.DOTALL)
-    (code,) = (block for block in blocks if word in block)
+    (code,) = (block for block in EXAMPLES if word in block)
     return code
 
 
@@ -64,37 +61,41 @@ def test_readme_example(folder, monkeypatch):
     assert any((folder / "output/body").iterdir())
 
 
-def test_readme_branch(folder, monkeypatch, capsys):
-    """Followed, cut short, resumed and drawn, on any number of ranks."""
-    monkeypatch.chdir(folder)
+def test_all_solutions(capsys):
     names: dict = {}
-    exec(example("BranchRecord"), names)
-    assert names["branch"].reason == "gamma reached the end of its range"
-    journal = read_journal("output/branch")
-    assert len(journal.sessions) == 3
-    assert any(Path("output/series/branch_0000_body.bp").iterdir())
-    assert journal.columns()["gamma"][-1] == 1.0
-    assert journal.columns()["energy"][-1] > 0
-    if COMM.rank == 0:
-        assert len(names["table"]) == len(names["journal"].columns()["gamma"]) > 11
-        assert {"o", "k", "+", "-"} <= set("".join(names["table"]["status"]))
-        assert set(names["events"]["kind"]) == {"event"}
-        assert Path("output/branch.png").stat().st_size > 10_000
-    said = COMM.bcast(capsys.readouterr().err)
-    assert "branch 0: the budget of 10 steps is exhausted" in said
+    exec(example("find_solutions"), names)
+    found = names["found"]
+    assert found.complete
+    assert "3 solutions at gamma = 1; proved to be all there are: " in capsys.readouterr().out
+    # The corner is off the floor, sticks to it, or slips to the left.
+    letters = [names["system"].letters(solution.piece) for solution in found.found]
+    assert {word[0] for word in letters} == {"o", "k", "-"}
+    assert {word[1:] for word in letters} == {"o" * 15 + "d"}
 
 
-@pytest.mark.skipif(COMM.size > 1, reason="starts a process of its own")
-def test_readme_log():
-    """What it says of the log switches it on."""
-    solve = "from blocks import block\nblock(n=2).solve()\n"
-    done = subprocess.run(
-        [sys.executable, "-c", example("logging.basicConfig") + solve],
-        cwd=Path(__file__).parent,
-        capture_output=True,
-        text=True,
-        check=True,
-        timeout=120,
-    )
-    assert "INFO:dolfinx_contact.solvers.newton:full steps, iteration 0: residual" in done.stderr
-    assert "INFO:dolfinx_contact.solvers.choice:" in done.stderr
+def test_it_is_short_and_every_example_runs():
+    assert len(README.read_text().splitlines()) <= 200
+    assert [example("read_mesh"), example("find_solutions")] == EXAMPLES
+
+
+def places(file):
+    """The headings of a page, as its links name them."""
+    headings = re.findall(r"^#+ (.*)$", file.read_text(), flags=re.MULTILINE)
+    return {re.sub(r"[^a-z0-9 -]", "", text.lower()).replace(" ", "-") for text in headings}
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="looks at files")
+def test_links_lead_to_files():
+    """Of the README and the guide, as they are read in the repository."""
+    pages = [README, *(README.parent / "docs" / "guide").glob("*.md")]
+    count = 0
+    for page in [*pages, README.parent / "docs" / "limits.md"]:
+        for link in re.findall(r"\]\(([^)\s]*)\)", page.read_text()):
+            if link.startswith("http"):
+                continue
+            name, _, place = link.partition("#")
+            file = page.parent / name if name else page
+            assert file.exists(), f"{page.name}: {link}"
+            assert not place or place in places(file), f"{page.name}: {link}"
+            count += 1
+    assert count > 80
