@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 # # How do I vary friction in space?
 #
-# The coefficient of a law is a number, a Constant, a Function or any UFL expression of the
-# position. It must not be negative where there is contact. Here it grows from 0.1 on the left to
-# 0.5 on the right.
+# The friction coefficient of a law is a number, a Constant, a Function or any UFL expression of the
+# position, so that it varies along the surface. It must not be negative where there is contact.
+# Here it grows from 0.1 on the left to 0.5 on the right.
 
 import numpy as np
 from common import Block

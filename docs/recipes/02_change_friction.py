@@ -1,20 +1,24 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # How do I change the friction coefficient between two solves?
+# # How do I change the friction coefficient, or Young's modulus, between two solves?
 #
-# Numbers of a law have become Constants when the surface is made: set their `value`. Nothing is
-# compiled or set up again, and each solve begins with the solution before. The same goes for
-# Constants of loads, materials and obstacles.
+# Numbers of a law have become Constants when the surface is made: set their `value`, as in this
+# loop over the coefficient mu. That goes without compiling anything again, and each solve begins
+# with the solution before. The same goes for Constants of loads, obstacles and materials: here
+# `LinearElastic.from_young` was given one.
 
 from common import Block
 
 from dolfinx_contact import Coulomb
 
-problem = Block().problem(Coulomb(0.0))
+block = Block()
+problem = block.problem(Coulomb(0.0))
 (surface,) = problem.surfaces
 forces = []
-for friction in (0.0, 0.1, 0.3):
+for friction, young in ((0.0, 1000.0), (0.1, 1000.0), (0.3, 1000.0), (0.3, 2000.0)):
     surface.law.friction.value = friction
+    block.young.value = young
     result = problem.solve()
     forces.append(abs(result.resultants["contact"][0]))
-    print(f"F = {friction}: shear force {forces[-1]:.4f}, {result.counts}")
+    print(f"F = {friction}, E = {young}: shear force {forces[-1]:.4f}, {result.counts}")
 assert forces[0] < 1e-9 < forces[1] < forces[2]
+assert abs(forces[3] - 2 * forces[2]) < 1e-6 * forces[2]

@@ -2,8 +2,9 @@
 # # How do I let friction depend on the sliding speed or the distance slipped?
 #
 # Write a `FrictionLaw` and its `bound`, the largest shear at the pressure p, in UFL. At a point
-# `a.slid` is the distance slipped and `a.step` the length of the time step. The static law has no
-# time: say what holds there by comparing `a.step` with 0. A history remembers the distance.
+# `a.slid` is the distance slipped and `a.step` the length of the time step; the quotient below is
+# the sliding velocity. The static law has no time: say what holds there by comparing `a.step` with
+# 0. A history remembers the distance.
 
 from common import Block
 

@@ -2,9 +2,9 @@
 # # How do I get the contact pressure as a Function?
 #
 # `problem.contact_fields` gives pressure, traction, gap, slip and status as Functions on the mesh
-# of the contact facets. The multiplier of the surface is the traction on the body, a vector
-# Function of the same mesh. The normal points from the body into the obstacle, so that the
-# pressure is minus its normal part.
+# of the contact facets, each a field that may be integrated, written to a file or drawn. The
+# multiplier of the surface is the traction on the body, a vector Function of the same mesh. The
+# normal points from the body into the obstacle, so that the pressure is minus its normal part.
 
 from common import Block
 

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 # # How do I get the gap between body and obstacle?
 #
-# `un` of the contact table is the gap after the solve, zero where the body touches; `ut` is the
-# tangential displacement. Here the right end of the block is lifted off by a floor that falls away.
+# `un` of the contact table is the gap after the solve, the distance of a point from the obstacle,
+# and zero where the body touches; `ut` is the tangential displacement. Here the right end of the
+# block is lifted off by a floor that falls away.
 
 import numpy as np
 from common import Block

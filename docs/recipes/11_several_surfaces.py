@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 # # How do I give several contact surfaces different laws?
 #
-# Make a surface for each part of the boundary, each with a name, an obstacle and a law of its own.
-# Parts that share nodes give a warning, since the split of the force between them is not unique
-# there: leave a facet out. Here the bottom has Coulomb friction and the right side meets a smooth
-# wall.
+# Make a surface for each part of the boundary, each with a name, an obstacle and a law of its own;
+# two parts that differ in friction are two surfaces. Parts that share nodes give a warning, since
+# the split of the force between them is not unique there: leave a facet out. Here the bottom has
+# Coulomb friction and the right side meets a smooth wall.
 
 import numpy as np
 from common import Block

@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 # # How do I apply a load that varies in time?
 #
-# `QuasiStatic` takes a function of the time that sets Constants and Functions, and goes from step
-# to step: friction acts against the slip since the step before. Times of yours are hit exactly.
-# Here the block is pressed, then moved to and fro.
+# A time-dependent load is a function of the time that sets Constants and Functions. `QuasiStatic`
+# takes it and goes from step to step: friction acts against the slip since the step before. Times
+# of yours are hit exactly. `io.EvolutionSeries` writes the fields of the steps, and their table
+# `steps.csv`, as they come; `start=True` puts a row of the start before that of the first step, as
+# in `History.rows`. Here the loading is cyclic: the block is pressed, then moved to and fro.
 
 import numpy as np
 from common import Block
 
+from dolfinx_contact import io
 from dolfinx_contact.evolution import QuasiStatic
 
 block = Block()
@@ -20,9 +23,9 @@ def load(t):
 problem = block.problem()
 load(0.0)
 problem.solve()
-history = QuasiStatic(problem, load).run(np.linspace(0.0, 1.0, 13))
-for step in history.steps:
-    print(f"t = {step.time:.3f} {step.status} shear {step.result.resultants['contact'][0]:+.4f}")
-print(history.energies)
-assert history.complete
+with io.EvolutionSeries("output/to_and_fro", problem, start=True) as series:
+    history = QuasiStatic(problem, load).run(np.linspace(0.0, 1.0, 13), observer=series)
+for row in history.rows(start=True):  # the forces at the start are not known
+    print(row["time"], row["contact_x"], row["dissipated"])
+assert len(history.rows(start=True)) == len(history.steps) + 1
 assert history.energies.dissipated > 0

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 # # How do I refine the mesh where contact ends?
 #
-# Solve, find in the table where closed points have an open or another neighbour, refine the edges
-# near there, and solve again on the finer mesh. Here the edge of the contact with a ball is refined
-# twice.
+# Adaptive mesh refinement is a loop: solve, find in the table where closed points have an open or
+# another neighbour, refine the edges near there, and solve again on the finer mesh. Here the edge
+# of the contact with a ball is refined twice.
 
 import numpy as np
 from common import Block

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 # # How do I restart after a kill, on another number of ranks?
 #
-# Give a run a record: every accepted step is on the disk before the next one is computed. A script
-# that makes the same problem, on any number of ranks, opens the record with `resume=True` and goes
-# on. Branches have `BranchRecord` and `resume`, paths `PathRecord`. Here an exception stands for
-# the kill.
+# Give a run a record: every accepted step is on the disk before the next one is computed. After the
+# simulation was killed, a script that makes the same problem, on more or fewer cores, opens the
+# record with `resume=True`, continues the run, and comes to the same steps. Branches have
+# `BranchRecord` and `resume`, paths `PathRecord`. Here an exception stands for the kill.
 
 import contextlib
 

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 # # How do I read results in another script?
 #
-# `read_journal` reads the record of a branch, a history or a path from its folder: on one process,
-# without the script that made it, also while the run goes on. `rows` is the table of steps,
-# `surface` the outer surface of the body. Contact tables are CSV files, by
-# `io.write_contact_table`.
+# `read_journal` loads what the record of a branch, a history or a path has saved in its folder: on
+# one process, without rerunning the script that made it, also while the run goes on. `rows` is the
+# table of steps, `surface` the outer surface of the body. Contact tables are CSV files, by
+# `io.write_contact_table`, with the columns of `ContactTable.to_pandas`.
 
 import numpy as np
 import pandas as pd
@@ -21,5 +21,7 @@ folder = io.output_folder(evolution.problem.comm, "output/tables")
 io.write_contact_table(evolution.problem.comm, folder, last.tables.values())
 journal = read_journal("output/steps")  # from here on: another script
 print(journal.rows()[-1]["dissipated"], journal.surface_at(1).u.shape)
-print(pd.read_csv("output/tables/contact.csv")[["x", "un", "pressure", "status"]])
-assert np.isclose(pd.read_csv("output/tables/contact.csv").rn.sum(), last.resultants["contact"][1])
+table = pd.read_csv("output/tables/contact.csv")
+print(table[["x", "un", "pressure", "status"]])
+assert list(table) == list(last.tables["contact"].to_pandas())
+assert np.isclose(table.rn.sum(), last.resultants["contact"][1])

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 # # How do I solve many times in a loop without growing memory?
 #
-# Make the problem once and change Constants and Functions in the loop. Keep numbers of a result,
-# not the result. Only where each solve needs a mesh of its own, on several ranks, call
-# `problem.destroy()`.
+# Make the problem once and change Constants and Functions in the loop: then no memory leaks. Keep
+# numbers of a result, not the result. Only where each solve needs a mesh of its own, on several
+# ranks, call `problem.destroy()`.
 
 import resource
 

@@ -2,14 +2,17 @@
 # # How do I make a PDF figure for a paper?
 #
 # Curves, diagrams of branches and charts are drawn by matplotlib in the format of the file's name:
-# PDF, SVG or PNG. Or draw the columns of a table yourself. Pictures of bodies are PNG.
+# PDF or SVG, vector graphics that LaTeX includes, or PNG. Or draw the columns of a table yourself.
+# Pictures of bodies take these formats too, and say what is seen: `fields` and `cmap` colour the
+# body, `zoom` is what it is enlarged to, and in 3D `view` is where the eye is and `clip` cuts the
+# body open.
 
 from pathlib import Path
 
 import numpy as np
 from common import Block
 
-from dolfinx_contact.plot import draw_curves
+from dolfinx_contact.plot import draw_curves, picture_of_body
 
 table = Block(n=24).problem().solve().tables["contact"]
 x = table.x[:, 0]
@@ -18,4 +21,11 @@ shear = np.abs(table.along(table.shear))
 curves = {"pressure": (x, table.pressure), "shear": (x, shear)}
 for file in ("figure.pdf", "figure.png"):
     draw_curves(file, curves, dotted={"friction bound": (x, bound)}, labels=("x", "traction"))
-assert Path("figure.pdf").read_bytes().startswith(b"%PDF")
+cube = Block(n=6, cell="hexahedron")
+problem = cube.problem()
+stress = cube.steel.full_stress(cube.u)
+problem.solve()
+look = dict(view="front", clip="-y", zoom=1.1, cmap="viridis", fields="von Mises stress")
+for file in ("inside.pdf", "inside.png"):
+    picture_of_body(file, problem, stress=stress, scale=5.0, **look)
+    assert Path(file).stat().st_size > 1000

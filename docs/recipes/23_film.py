@@ -2,7 +2,9 @@
 # # How do I make a film?
 #
 # `plot.animate` draws a recorded history step by step, as a GIF, or as MP4 with imageio-ffmpeg.
-# `scale` magnifies the displacement. `plot.film` draws any states, as the shape of a vibration.
+# `scale` magnifies the displacement; what is coloured (`fields`, `cmap`) and seen (`zoom`; in 3D
+# `view` and `clip`) is said as for pictures. `plot.film` draws any states, as the shape of a
+# vibration.
 
 import numpy as np
 from common import Block
@@ -23,5 +25,6 @@ problem.solve()
 evolution = QuasiStatic(problem, load)
 with EvolutionRecord("output/film", evolution) as record:
     evolution.run(np.linspace(0.0, 1.0, 5), record=record)
-    file = plot.animate("to_and_fro.gif", record, scale=5.0)
+    look = dict(fields="displacement", cmap="magma", zoom=[[-0.2, -0.1], [1.2, 0.6]])
+    file = plot.animate("to_and_fro.gif", record, scale=5.0, **look)
 assert file.stat().st_size > 1000

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 # # How do I model a belt that moves under the body?
 #
-# Take the floor as a `RigidBody` whose motion is prescribed: its surface drags what touches it, and
-# friction knows the sliding between both. (Of a plain obstacle that Constants move, friction sees
-# the motion along the normal alone.) Here the belt drags the block until all that touches slips.
+# Take the floor as a `RigidBody` whose motion is prescribed, as that of a conveyor belt: its
+# surface drags what touches it, and friction knows the sliding between both. (Of a plain obstacle
+# that Constants move, friction sees the motion along the normal alone.) Here the belt drags the
+# block until all that touches slips.
 
 import numpy as np
 from common import Block

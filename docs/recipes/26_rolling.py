@@ -2,9 +2,9 @@
 # # How do I model rolling?
 #
 # Give the hub of the wheel its motion, forward by the radius times the angle, as Dirichlet data of
-# a body of large deformations, and let a history follow: points come into contact at the front,
-# stick, and leave at the back. On a plane floor any rotation is exact. Here the wheel rolls on by
-# half a radian.
+# a body of large deformations, and let a history follow: points of the tyre come into contact at
+# the front, stick to the road, and leave it at the back. On a plane any rotation is exact. Here the
+# wheel rolls on by half a radian.
 
 import numpy as np
 from common import Wheel

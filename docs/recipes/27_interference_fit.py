@@ -2,9 +2,10 @@
 # # How do I model an interference fit?
 #
 # Let the parts overlap in a `ContactPair` with `interference=True`: as drawn, or by a negative
-# `gap`. The solution presses them apart. Here two blocks overlap by 0.01 between fixed ends, with
-# nu = 0: the pressure is E times 0.01 over their common height. `demo_press_fit.py` has a ring on a
-# hub.
+# `gap`. So are press fits and shrink fits. The solution presses the parts apart, and what it does
+# to one face it does to the other: `result.pairs` has the forces on both. Here two blocks overlap
+# by 0.01 between fixed ends, with nu = 0: the pressure is E times 0.01 over their common height.
+# `demo_press_fit.py` has a ring on a hub.
 
 import numpy as np
 from common import TwoBlocks
@@ -13,5 +14,9 @@ blocks = TwoBlocks(moved=(0.0, 0.0), poisson=0.0)
 pair = blocks.pair(gap=-0.01, interference=True)
 result = blocks.problem(pair).solve()
 pressure = result.tables["contact"].pressure
-print(pressure, result.pairs["contact"])
+balance = result.pairs["contact"]
+print(f"pressure {pressure}")
+print(f"on the upper block {balance.slave}, on the lower one {balance.master}")
+print(f"off by {balance.imbalance:.1e} of all forces, moments by {balance.moment:.1e}")
+assert balance.imbalance < 1e-10
 assert np.allclose(pressure, 1000.0 * 0.01 / 2.0)

@@ -2,8 +2,8 @@
 # # How do I choose the algorithm?
 #
 # Newton's method is the default and has fallbacks; leave it unless you compare. In 2D Lemke's
-# method ends in a solution whatever the friction. The others are the classical ones; what does not
-# converge fails with the reason.
+# method ends in a solution whatever the friction. The others are the classical ones, as Uzawa's
+# method and Tresca's fixed point; what does not converge fails with the reason.
 
 import numpy as np
 from common import Block

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 # # Is my solution the only one (unique)?
 #
-# Read `result.unique`: "proved", "not proved" or "others exist". It is for linear bodies with
-# contact at nodes. `result.uniqueness(proof_seconds=60)` tries harder and says why; in 2D it gives
-# another solution where there is one.
+# Read `result.unique`: "proved", "not proved" or "others exist". It says whether there is another
+# solution, for linear bodies with contact at nodes. `result.uniqueness(proof_seconds=60)` tries
+# harder and says why; in 2D it gives another solution where there is one.
 
 from common import Block, triangle
 

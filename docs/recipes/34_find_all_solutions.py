@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # How do I find the others: all solutions of a problem?
+# # How do I find all solutions, if there are several?
 #
-# Make the problem depend on a parameter and ask `find_solutions` for all at one value. For a linear
-# body in 2D it proves that there are no others, up to 128 contact points, and the proof can be kept
-# and checked by one file with numpy alone.
+# Under the same load there may be multiple solutions. To know their number, make the problem depend
+# on a parameter and ask `find_solutions` for all at one value. For a linear body in 2D it proves
+# that there are no others, up to 128 contact points, and the proof can be kept and checked by one
+# file with numpy alone.
 
 from common import triangle
 

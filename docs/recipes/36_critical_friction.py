@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 # # How much friction is critical, and up to which coefficient is the solution unique?
 #
-# `renard_criterion` says up to which coefficient the solution that was found is certainly the only
-# one; `weights=True` comes closer to where a second one appears. `critical_friction` gives the
-# coefficient at which slips may be added to a sliding solution without more load; its direction is
-# that of the friction on the body.
+# How large may the coefficient be before uniqueness is lost? `renard_criterion` says up to which
+# one the solution that was found is certainly the only one; `weights=True` comes closer to where a
+# second one appears. `critical_friction` gives the coefficient at which slips may be added to a
+# sliding solution without more load; its direction is that of the friction on the body.
 
 from common import Block
 

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 # # How do I make a convergence study?
 #
-# Solve on finer and finer meshes and compare a number. The order follows from three of them; what
-# friction and the ends of contact leave of the regularity bounds it. Here it is the work of the
-# load, which converges about as the square of the error in energy; the corners, where the block is
-# held, bound its order.
+# Solve on finer and finer meshes and compare a number. The rate of convergence follows from three
+# of them; what friction and the ends of contact leave of the regularity bounds it. Here it is the
+# work of the load, which converges about as the square of the error in energy; the corners, where
+# the block is held, bound its order.
 
 import numpy as np
 from common import Block

@@ -52,7 +52,8 @@ class Block:
         self.moved = fem.Constant(domain, [0.004, *[0.0] * (dim - 2), -0.01])
         held = fem.locate_dofs_topological(self.V, dim - 1, self.top)
         self.bcs = [fem.dirichletbc(self.moved, held, self.V)]
-        self.steel = LinearElastic.from_young(young, 0.3)
+        self.young = fem.Constant(domain, float(young))
+        self.steel = LinearElastic.from_young(self.young, 0.3)
         self.energy = self.steel.energy(self.u) * ufl.dx
         self.floor = HalfSpace(np.zeros(dim), np.eye(dim)[-1])
 

@@ -96,7 +96,8 @@ for name, table in result.tables.items():
 # it; with more friction it slips less, and with much friction not at all.
 
 balance = result.pairs["joint"]
-print(balance)
+print(f"on the block {balance.slave.round(3)}, on the base {balance.master.round(3)}")
+print(f"off by {balance.imbalance:.1e} of all forces, moments by {balance.moment:.1e}")
 assert balance.imbalance < 1e-10
 assert result.imbalance < 1e-9
 
