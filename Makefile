@@ -16,7 +16,7 @@ DOCS = DEBIAN=trixie DOLFINX_CONTACT_PACKAGES=docs $(RUN)
 # All pages anew: each has the titles of others in its margins.
 SPHINX = python3 -m sphinx -q -W --keep-going -E -a -j auto
 
-.PHONY: help demo test test-pip test-long test-paraview test-browser attacks docs docs-check docs-links \
+.PHONY: help demo test test-pip test-long test-paraview test-browser attacks docs docs-check docs-questions docs-links \
 	lint clean
 
 help:
@@ -35,6 +35,7 @@ help:
 	@echo "make docs       the site, in docs/_build/html: demos, recipes and tutorials are run, unless the"
 	@echo "                cache has what they show"
 	@echo "make docs-check the site without running anything; warnings and broken links are errors"
+	@echo "make docs-questions what users ask, in the search of the site: is the page among the first three?"
 	@echo "make docs-links addresses elsewhere that the site links to; this needs the network"
 	@echo "make lint       ruff and mypy alone"
 	@echo "make clean      remove what demos, tests and tools wrote"
@@ -89,6 +90,9 @@ docs:
 docs-check:
 	$(DOCS) $(SPHINX) -d docs/_build/check/.doctrees docs docs/_build/check
 	$(DOCS) python3 docs/check_links.py docs/_build/check
+
+docs-questions: docs-check
+	$(DOCS) python3 docs/check_questions.py docs/_build/check
 
 docs-links:
 	$(DOCS) python3 -m sphinx -q -b linkcheck -d docs/_build/links/.doctrees docs docs/_build/links

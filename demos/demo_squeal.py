@@ -7,12 +7,13 @@
 # - find the friction coefficient at which growth begins;
 # - see what a regularised friction law makes of them, and animate the vibration.
 #
-# A pad, clamped at its top, is pressed on a floor that moves to the right. Coulomb's coefficient
-# does not depend on the velocity, but the pressure rises and falls with a vibration, and friction
-# with it: where two modes have met, one of them takes energy from the floor in every period.
-# Without damping those that meet first are the finest of the mesh, and the onset falls to zero as
-# it is refined; a damped pad has an onset of its own. A regularised law, whose friction still rises
-# with the velocity at the speed of sliding, is a damper at the floor, and may hide the squeal.
+# The pad of a brake, clamped at its top, is pressed on a floor that moves to the right. Coulomb's
+# coefficient does not depend on the velocity, but the pressure rises and falls with a vibration,
+# and friction with it: where two modes have met, one of them takes energy from the floor in every
+# period. Without damping those that meet first are the finest of the mesh, and the onset falls to
+# zero as it is refined; a damped pad has an onset of its own. A regularised law, whose friction
+# still rises with the velocity at the speed of sliding, is a damper at the floor, and may hide the
+# squeal.
 
 from mpi4py import MPI
 

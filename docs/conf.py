@@ -27,7 +27,16 @@ extensions = [
 ]
 source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
 exclude_patterns = [
-    *("_build", "_ext", "_static", "conf.py", "run.py", "check_links.py", "images"),
+    *(
+        "_build",
+        "_ext",
+        "_static",
+        "conf.py",
+        "run.py",
+        "check_links.py",
+        "check_questions.py",
+        "images",
+    ),
     *("demos/_*.py", "demos/__pycache__", "**/__pycache__"),
 ]
 # Names in docstrings stand in single quotes; what is no name of the site stays text.
@@ -48,6 +57,7 @@ html_theme = "pydata_sphinx_theme"
 html_title = "dolfinx_contact"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
+html_search_scorer = str(HERE / "_static" / "scorer.js")
 html_favicon = "_static/favicon.svg"
 html_context = {"default_mode": "auto"}
 html_show_sourcelink = False

@@ -1,6 +1,7 @@
 """The site: every recipe and tutorial runs, and its page can be found and read."""
 
 import ast
+import csv
 import re
 import runpy
 import sys
@@ -80,3 +81,17 @@ def test_every_script_is_on_a_page():
     assert {path.stem for path in TUTORIALS} <= set(tutorials)
     demos = (DOCS / "demos.md").read_text().split()
     assert {f"demos/{path.stem}" for path in DEMOS} <= set(demos)
+
+
+def test_every_recipe_is_asked_for():
+    """By other words than those of its title; `make docs-questions` looks them up in the site."""
+    with (DOCS / "questions.csv").open() as file:
+        asked = {row["question"]: row["page"] for row in csv.DictReader(file)}
+    assert len(asked) >= 40
+    for path in RECIPES:
+        questions = [q for q, page in asked.items() if page == f"recipes/{path.stem}"]
+        title = re.search(r"^# # (.*)$", path.read_text(), flags=re.MULTILINE)[1]
+        assert questions
+        assert not any(q.lower() in title.lower() for q in questions), title
+    for page in asked.values():
+        assert any(DOCS.joinpath(f"{page}{suffix}").exists() for suffix in (".md", ".py")), page
