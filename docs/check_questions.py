@@ -37,9 +37,9 @@ class Result(NamedTuple):
     about: str
     score: int
 
-    def key(self) -> tuple[int, list[int]]:
-        """Results are shown from the largest: of one score by their titles, a to z."""
-        return self.score, [-ord(c) for c in self.title.lower()]
+    def key(self) -> tuple[int, str]:
+        """Results are shown from the highest score, those of one score by their titles, a to z."""
+        return -self.score, self.title.lower()
 
 
 class Index:
@@ -74,7 +74,7 @@ class Index:
             *self._texts(terms),
         ]
         found = [r._replace(score=r.score + self._points(r.page)) for r in plain]
-        found.sort(key=Result.key, reverse=True)
+        found.sort(key=Result.key)
         best: dict[tuple[Any, ...], Result] = {}
         for result in found:
             best.setdefault(result[:4], result)
