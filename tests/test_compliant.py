@@ -63,6 +63,14 @@ def rollers(u, *axes_and_values):
 
 @pytest.mark.parametrize("exponent", [1, 1.5])
 @pytest.mark.parametrize(("dim", "cell"), KINDS)
+@pytest.mark.verifies(
+    "normal compliance",
+    reference="closed form: a column on springs",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
 def test_uniform_compression(dim, cell, exponent):
     """MODULUS (d - penetration) = C penetration^m, nodal and integral."""
     stiffness = 4000.0
@@ -117,6 +125,14 @@ def sheared_block(law, dim, cell, s, pressed, shear):
 
 @pytest.mark.parametrize("shape", PHI)
 @pytest.mark.parametrize(("dim", "cell"), [(2, "tri"), (3, "hex")])
+@pytest.mark.verifies(
+    "regularised friction",
+    reference="closed form: a block in simple shear",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
 def test_simple_shear(dim, cell, shape):
     """A block of height 1 and shear modulus 500, drawn by s: 500 (s - u) = b phi(u/eps)."""
     s = 0.03
@@ -136,6 +152,14 @@ def test_simple_shear(dim, cell, shape):
 
 
 @pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.verifies(
+    "normal compliance",
+    reference="closed form: springs up to the bound, slip at it",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
 def test_penalised_coulomb(dim):
     """Shear springs hold up to the bound: stuck points move by shear / C_t, others slip."""
     law = NormalCompliance(1e4, 1.0, Coulomb(0.3), tangential=2e4)
@@ -166,6 +190,15 @@ LAWS = [
     ("cell", "degree", "method"),
     [("quad", 1, "nodal"), ("tet", 1, "nodal"), ("tri", 2, "integral")],
 )
+@pytest.mark.verifies(
+    "normal compliance",
+    "regularised friction",
+    reference="differences: Taylor remainders of second order",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
 def test_jacobian_by_taylor(cell, degree, method, law):
     """Also on a curved obstacle; of pieces that are smooth the remainder falls as h^2."""
     floor = Sphere((0.5, *[0.5] * (cell == "tet"), -5.0), 5.0)
@@ -176,6 +209,12 @@ def test_jacobian_by_taylor(cell, degree, method, law):
         np.testing.assert_allclose(np.log2(sizes[:-1] / sizes[1:]), 2.0, atol=0.35)
 
 
+@pytest.mark.verifies(
+    "normal compliance",
+    "regularised friction",
+    reference="theorem: rates at which forces tend to those of the true law",
+    aspects=("2D",),
+)
 def test_limits():
     """Forces tend to those of the true law as C grows and eps falls, at the rate of theory."""
     options = {"snes_rtol": 1e-12}
@@ -231,6 +270,16 @@ def test_forces_and_statuses_as_the_width_falls(shape):
 
 
 @pytest.mark.parametrize("solver", ["direct", "amg"])
+@pytest.mark.verifies(
+    "normal compliance",
+    "regularised friction",
+    reference="closed form: two columns with a spring between them",
+    aspects=(
+        "3D",
+        "pairs",
+        "multigrid",
+    ),
+)
 def test_between_bodies(solver):
     """Two blocks of height 1 in a row with a spring of the interface, and friction as it is."""
     both = stacked(3, "tet", 2)
@@ -249,6 +298,15 @@ def test_between_bodies(solver):
     np.testing.assert_allclose(table.pressure, 4000.0 * depth**2, rtol=1e-9)
 
 
+@pytest.mark.verifies(
+    "regularised friction",
+    "normal compliance",
+    reference="itself: a solve at the end of the branch",
+    aspects=(
+        "2D",
+        "branches",
+    ),
+)
 def test_width_and_stiffness_as_parameter():
     """Branches in eps and in C end in the solutions there."""
     for law in (
@@ -269,6 +327,15 @@ def test_width_and_stiffness_as_parameter():
         same_tables(found, block(**options, law=law(1.0)).solve().tables["contact"], 1e-6)
 
 
+@pytest.mark.verifies(
+    "pivoting",
+    "normal compliance",
+    reference="itself: the branch by steps",
+    aspects=(
+        "2D",
+        "branches",
+    ),
+)
 def test_a_branch_by_pivoting():
     """Springs and Coulomb friction are piecewise linear in 2D: the events are those of steps."""
     law = NormalCompliance(3e4, 1.0, Coulomb(0.15), tangential=2e4)
@@ -284,6 +351,12 @@ def test_a_branch_by_pivoting():
 
 @pytest.mark.long
 @pytest.mark.parametrize("shape", ["tanh", "sqrt", "polynomial"])
+@pytest.mark.verifies(
+    "regularised friction",
+    "all solutions",
+    reference="closed form: the fold where a corner alone touches",
+    aspects=("2D",),
+)
 def test_what_regularised_friction_loses(folder, shape):
     """Only the corner A touches: its forces are linear in its slip, and the fold has a formula."""
     words = ["--n", "8", "--friction", "2.5", "--shape", shape, "--output", folder]
@@ -311,6 +384,11 @@ def test_what_regularised_friction_loses(folder, shape):
 
 
 @pytest.mark.long
+@pytest.mark.verifies(
+    "regularised friction",
+    reference="theorem: the bound for one solution, eps^2/log h",
+    aspects=("2D",),
+)
 def test_up_to_where_regularised_friction_has_one_solution(folder):
     """The bound of the theorem, eps^2/|log h|, falls by a hundred between these widths."""
     words = ["--n", "8", "--friction", "2.5", "--output", folder]

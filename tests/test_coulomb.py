@@ -28,6 +28,14 @@ def reduced(law):
 
 
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: type(law).__name__)
+@pytest.mark.verifies(
+    "Coulomb",
+    "Signorini",
+    "Tresca",
+    reference="itself: the laws in UFL",
+    aspects=("2D",),
+    alone=True,
+)
 def test_statuses(law):
     system, found, F, g, k = reduced(law)
     rng = np.random.default_rng(1)

@@ -80,6 +80,16 @@ def dragged(problem, force, way, times, **given):
         ("tri", "tanh", None),
     ],
 )
+@pytest.mark.verifies(
+    "regularised friction",
+    "friction of speed and time",
+    "quasi-static",
+    reference="closed form: the velocity eps phi^-1(q)",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
 def test_creep(cell, shape, method):
     """For ever at the velocity eps phi^-1(q), in steps of any length; Coulomb holds the block."""
     way = np.array([0.6, -0.8]) if cell == "hex" else np.array([1.0])

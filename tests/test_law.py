@@ -46,6 +46,17 @@ def project(vectors, radius):
 
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: type(law).__name__)
 @pytest.mark.parametrize(("dim", "cell"), KINDS)
+@pytest.mark.verifies(
+    "Coulomb",
+    "Signorini",
+    "Tresca",
+    "nodal contact",
+    reference="independent code: the law of Alart and Curnier in numpy",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
 def test_nodal_rows_are_alart_curnier(dim, cell, law):
     normal = np.array([0.3, 0.2, 1.0])[-dim:]
     friction = 1.5 if dim == 2 else 3.0  # so that all statuses occur
@@ -134,6 +145,14 @@ def test_a_piece_of_a_linear_bulk_in_2d_is_affine(cell, method, degree, multipli
         ("tet", 2, StVenantKirchhoff(600.0, 400.0)),
         ("tri", 1, CiarletGeymonat(600.0, 400.0, 100.0)),
     ],
+)
+@pytest.mark.verifies(
+    "hyperelastic bodies",
+    reference="differences: Taylor remainders of second order",
+    aspects=(
+        "2D",
+        "3D",
+    ),
 )
 def test_jacobian_by_taylor(cell, degree, material):
     problem = block(n=2, cell=cell, degree=degree, material=material)

@@ -61,6 +61,14 @@ def averages(x, areas, radius, kernel="mollifier", *, normalised=True):
 @pytest.mark.parametrize("kernel", KERNELS)
 @pytest.mark.parametrize("normalised", [True, False])
 @pytest.mark.parametrize(("dim", "cell"), [(2, "quad"), (3, "hex")])
+@pytest.mark.verifies(
+    "nonlocal friction",
+    reference="independent code: a dense compliance and projections in numpy",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
 def test_against_dense_numpy(dim, cell, kernel, normalised):
     """Compliance of the block, and a projection repeated until nothing changes."""
     n, F, radius = (8, 0.2, 0.3) if dim == 2 else (4, 0.4, 0.6)
@@ -126,6 +134,14 @@ def floor_normal(dim):
 
 
 @pytest.mark.parametrize(("dim", "cell"), [(2, "tri"), (3, "hex"), (3, "tet")])
+@pytest.mark.verifies(
+    "nonlocal friction",
+    reference="closed form: a constant pressure stays constant",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
 def test_constant_pressure(dim, cell):
     """It stays constant, and friction is local; of the plain convolution the bound is known."""
     pressed = 0.05
@@ -172,6 +188,14 @@ def spread_share(problem, x):
 @pytest.mark.parametrize(
     ("cell", "degree", "method"),
     [("quad", 1, "nodal"), ("tet", 1, "nodal"), ("tri", 2, "integral"), ("quad", 1, "mixed")],
+)
+@pytest.mark.verifies(
+    "nonlocal friction",
+    reference="differences: Taylor remainders of second order",
+    aspects=(
+        "2D",
+        "3D",
+    ),
 )
 def test_jacobian_by_taylor(cell, degree, method, law):
     """Of pieces that are smooth the remainder falls as h^2."""
@@ -239,6 +263,15 @@ def between_bodies(law, solver="direct", cell="tet"):
     return ContactProblem(energy, u, [pair], bcs=ends, petsc_options=options)
 
 
+@pytest.mark.verifies(
+    "nonlocal friction",
+    reference="independent code: averages of the pressures in numpy",
+    aspects=(
+        "3D",
+        "pairs",
+        "multigrid",
+    ),
+)
 def test_between_bodies():
     """The slave's points see each other: the bound is that of their pressures; by both solvers."""
     law = NonlocalCoulomb(0.25, 0.5)
@@ -266,6 +299,14 @@ def test_jacobian_between_bodies():
 @pytest.mark.parametrize(
     ("cell", "method"), [("hex", "nodal"), ("quad", "mixed"), ("tri", "integral")]
 )
+@pytest.mark.verifies(
+    "nonlocal friction",
+    reference="itself: the solve on one rank",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
 def test_ranks(cell, method):
     """The same numbers as on one rank."""
     n, dim = (4, 3) if cell == "hex" else (12, 2)
@@ -280,6 +321,9 @@ def test_ranks(cell, method):
     same_tables(*tables)
 
 
+@pytest.mark.verifies(
+    "nonlocal friction", reference="itself: the local law, as the radius falls", aspects=("2D",)
+)
 def test_limit_of_the_local_law():
     """On a patch inside the surface: forces at order 4/3 or so (the pressure ends like a root),
     resultants and slips at order 2."""
@@ -307,6 +351,15 @@ def test_limit_of_the_local_law():
     np.testing.assert_allclose(orders[:, 1:], 1.9, atol=0.25)
 
 
+@pytest.mark.verifies(
+    "nonlocal friction",
+    "friction as parameter",
+    reference="itself: a solve at the end of the branch",
+    aspects=(
+        "2D",
+        "branches",
+    ),
+)
 def test_a_branch():
     """Followed in the coefficient by steps, to the solution at its end."""
     domain = box(COMM, 4, "quad")
@@ -347,6 +400,12 @@ def test_a_branch_of_points_that_lift_off():
     assert last
 
 
+@pytest.mark.verifies(
+    "Tresca's fixed point",
+    "nonlocal friction",
+    reference="itself: Newton's method",
+    aspects=("2D",),
+)
 def test_other_algorithms():
     """Tresca's fixed point finds the same; what works on points is refused, with a reason."""
     options = dict(n=4, cell="quad", top=(0.02, -0.02), law=NonlocalCoulomb(0.3, 0.4))

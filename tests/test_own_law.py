@@ -30,6 +30,12 @@ def dragged(law, **options):
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.7])
+@pytest.mark.verifies(
+    "orthotropic friction",
+    "laws of one's own",
+    reference="closed form: the shear of the most dissipation",
+    aspects=("3D",),
+)
 def test_orthotropic_friction(angle):
     """Every slipping point dissipates the most: rt = -rn A (A ut)/|A ut|, axes of the grain."""
     along = 0.1
@@ -56,6 +62,7 @@ def test_orthotropic_friction(angle):
         assert across_motion.max() > 1e-3 * (t.rn * np.linalg.norm(t.ut, axis=1)).max()
 
 
+@pytest.mark.verifies("orthotropic friction", reference="itself: Coulomb's law", aspects=("3D",))
 def test_with_equal_coefficients_it_is_coulombs():
     same_tables(
         dragged(Orthotropic(0.3, 0.3, 0.4)).solve().tables["contact"],
@@ -65,6 +72,13 @@ def test_with_equal_coefficients_it_is_coulombs():
 
 
 @pytest.mark.parametrize("law", [Orthotropic(0.2, 0.5, 0.3), SlipWeakening(0.5, 0.2, 0.01)])
+@pytest.mark.verifies(
+    "laws of one's own",
+    "orthotropic friction",
+    "friction of the slip",
+    reference="differences: central differences",
+    aspects=("3D",),
+)
 def test_jacobian_by_differences(law):
     """The derivative of the rows, on a curved obstacle and with the statuses held."""
     problem = dragged(law, obstacle=Sphere((0.5, 0.5, -5.0), 5.0))
@@ -95,6 +109,15 @@ def test_jacobian_by_differences(law):
 
 
 @pytest.mark.parametrize("distance", [0.5, 0.05])
+@pytest.mark.verifies(
+    "friction of the slip",
+    "laws of one's own",
+    reference="closed form: the load as a function of the slip, and its extrema",
+    aspects=(
+        "2D",
+        "branches",
+    ),
+)
 def test_static_and_kinetic_friction_of_one_element(distance, monkeypatch):
     """Folds of the branch where the weakening outruns the stiffness, against the closed form.
 
@@ -167,6 +190,15 @@ class Offset(FrictionLaw):
 
 @pytest.mark.parametrize("units", [1.0, 1e-3, 1e6])
 @pytest.mark.parametrize("cell", ["quad", "hex"])
+@pytest.mark.verifies(
+    "laws of one's own",
+    "units",
+    reference="closed form: the bound at the pressure",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
 def test_friction_that_begins_at_a_pressure(cell, units):
     """In any units of force; slipping points have the bound of their pressure, against the slip."""
     top = (0.01, *[0.0] * (cell == "hex"), -0.01)

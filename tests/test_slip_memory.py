@@ -79,6 +79,17 @@ PATH = (
     ("cell", "given"),
     [("quad", {"method": "mixed"}), ("tri", {"pair": True}), ("hex", {}), ("quad", {})],
 )
+@pytest.mark.verifies(
+    "friction of the slip",
+    "laws of one's own",
+    "quasi-static",
+    reference="closed form: the bound at the sum of slips so far",
+    aspects=(
+        "2D",
+        "3D",
+        "pairs",
+    ),
+)
 def test_every_point_by_its_way(cell, given):
     """The shear of every point against the sum of its slips so far, which is found from tables."""
     problem, top = dragged(cell, **given)
@@ -103,6 +114,12 @@ def test_every_point_by_its_way(cell, given):
 
 
 @pytest.mark.chatty
+@pytest.mark.verifies(
+    "friction of the slip",
+    "energies of histories",
+    reference="closed form: mu(s) N against the way, and its work",
+    aspects=("2D",),
+)
 def test_a_stiff_block():
     """T = mu(s) N against the way s, to the elastic slip; back and forth, what was lost stays."""
     residues = []
@@ -139,6 +156,15 @@ def test_a_static_start_has_slipped(folder):
     assert float(row.split(",")[-1]) == after.slid[0]
 
 
+@pytest.mark.verifies(
+    "records of histories",
+    "friction of the slip",
+    reference="itself: the run that nothing ended",
+    aspects=(
+        "2D",
+        "records",
+    ),
+)
 def test_a_record_has_it(folder):
     """Stopped and resumed it is the run that nothing ended."""
     runs = []

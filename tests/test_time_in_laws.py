@@ -140,6 +140,7 @@ def test_the_static_law_of_a_speed():
     assert at_rest.ratio(at_rest.problem.solve()) == pytest.approx(STATIC, rel=1e-8)
 
 
+@pytest.mark.refuses("friction of speed and time", aspects=("branches",))
 def test_nothing_else_takes_it():
     dragged = Dragged(OfSpeed())
     problem = dragged.problem
@@ -162,6 +163,12 @@ def test_nothing_else_takes_it():
 
 
 @pytest.mark.parametrize("law", [OfSpeed(), OfSpeedAtRest()])
+@pytest.mark.verifies(
+    "friction of speed and time",
+    "quasi-static",
+    reference="closed form: the friction of the speed",
+    aspects=("2D",),
+)
 def test_in_a_history(law):
     """Steps of 0.02 in times of 0.1 and of 1: the friction of that speed."""
     found = {}
