@@ -86,6 +86,29 @@ def weakest(table, before):
         ("tet", {"pair": True, "n": 1}),
     ],
 )
+@pytest.mark.verifies(
+    "RCCM adhesion",
+    "quasi-static",
+    reference="closed form: intensity, adhesion and friction from the jumps so far",
+    aspects=(
+        "2D",
+        "3D",
+        "pairs",
+    ),
+)
+@pytest.mark.verifies(
+    "integral contact",
+    reference="closed form: intensity and adhesion from the jumps so far",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
+@pytest.mark.verifies(
+    "mixed contact",
+    reference="closed form: intensity, adhesion and friction from the jumps so far",
+    aspects=("2D",),
+)
 def test_closed_form_at_every_point(cell, given):
     """Pressed, dragged, lifted and let down: intensity, adhesion and friction from the jumps."""
     problem, top = bonded(cell, law=RCCM(C, C, W, 0.4), **given)
@@ -122,6 +145,16 @@ def test_closed_form_at_every_point(cell, given):
 
 
 @pytest.mark.parametrize(("cell", "pair"), [("quad", False), ("hex", False), ("tri", True)])
+@pytest.mark.verifies(
+    "RCCM adhesion",
+    "energies of histories",
+    reference="closed form: R = C u up to u0, then w^2/(C u^3), and its work",
+    aspects=(
+        "2D",
+        "3D",
+        "pairs",
+    ),
+)
 def test_opening(cell, pair):
     """R = C u, peak at u0, then w^2/(C u^3); the secant back; work up to 6 u0."""
     problem, top = bonded(cell, law=RCCM(C, C, W), young=1e4, pair=pair)
@@ -155,6 +188,11 @@ def test_opening(cell, pair):
 
 
 @pytest.mark.parametrize("m", [2.0, 1.0])
+@pytest.mark.verifies(
+    "RCCM adhesion",
+    reference="closed form: R_T = w^2/(C u^3) + mu P (1 - w/(C u^2))",
+    aspects=("2D",),
+)
 def test_shear_under_pressure(m):
     """R_T = w^2/(C u^3) + mu P (1 - w/(C u^2)); it softens after the peak if mu P < 1.5 sqrt(w C).
 
@@ -208,6 +246,12 @@ def test_residue_falls_with_the_steps():
         (0.01, (0.4471181641, 0.2506289459, 0.1111935685)),
     ],
 )
+@pytest.mark.verifies(
+    "RCCM adhesion",
+    "friction of speed and time",
+    reference="closed form: implicit Euler's steps of the intensity, and its limit",
+    aspects=("2D",),
+)
 def test_viscosity(speed, wanted):
     """b |beta'| = (w - C u^2 beta)^- at u = V t, to first order in the step; the body gives way."""
     errors = []
@@ -241,6 +285,14 @@ def test_viscosity(speed, wanted):
 
 @pytest.mark.parametrize(("cell", "method"), [("quad", None), ("tet", None), ("tri", "integral")])
 @pytest.mark.parametrize("viscosity", [0.0, 0.3])
+@pytest.mark.verifies(
+    "RCCM adhesion",
+    reference="differences: Taylor remainders of second order",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
 def test_jacobian_by_taylor(cell, method, viscosity):
     """With a memory, friction, and points of all statuses, which are held."""
     problem = block(n=2, cell=cell, method=method, law=RCCM(3e4, 2e4, 0.4, 0.3, viscosity))
@@ -285,6 +337,14 @@ def test_rejected_steps_leave_nothing():
 
 
 @pytest.mark.parametrize("cell", ["tri", "tet"])
+@pytest.mark.verifies(
+    "RCCM adhesion",
+    reference="itself: the run on one rank",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
 def test_as_on_one_rank(cell):
     tables = []
     for comm in (COMM, MPI.COMM_SELF):
@@ -316,6 +376,15 @@ def gap_of_node(system):
 
 
 @pytest.mark.parametrize("k", [1.0, 0.3])
+@pytest.mark.verifies(
+    "RCCM adhesion",
+    "branches",
+    reference="closed form: folds at 1 + 1/k and 4/3 (3/k)^(1/4) of the opening at the peak",
+    aspects=(
+        "2D",
+        "branches",
+    ),
+)
 def test_snap_back(k):
     """Drawn by a spring of k C: the peak, where damage begins, and a smooth fold (k < 3)."""
     gaps = []
@@ -349,6 +418,14 @@ def test_snap_back(k):
 @pytest.mark.parametrize(
     "given",
     [{}, {"viscosity": 0.5}, {"viscosity": 0.5, "order": 2}, {"viscosity": 0.5, "exponent": 2.0}],
+)
+@pytest.mark.verifies(
+    "RCCM adhesion",
+    reference="closed form: the opening at which the remembered intensity damages",
+    aspects=(
+        "2D",
+        "branches",
+    ),
 )
 def test_events_of_damage_within_a_step(given):
     """Followed from a damaged state the bond damages anew where its memory says, to round-off.
@@ -484,6 +561,12 @@ def test_bad_input():
         pytest.param(2, (0.0, 0.58, 1.0), marks=pytest.mark.long),
         (2, (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)),
     ],
+)
+@pytest.mark.verifies(
+    "jumps",
+    "RCCM adhesion",
+    reference="closed form: a spring in series with the bond",
+    aspects=("2D",),
 )
 def test_a_bar_that_snaps_back(n, times):
     """A spring E = 50 in series with a bond: its whole strength goes at once where the bond yields.

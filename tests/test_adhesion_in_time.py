@@ -82,6 +82,11 @@ def errors(law, wanted, steps):
 
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("b", OPENED)
+@pytest.mark.verifies(
+    "RCCM adhesion",
+    reference="independent code: an integrator of the equation of the intensity",
+    alone=True,
+)
 def test_orders(b, order):
     np.testing.assert_allclose(exact(b), OPENED[b], rtol=1e-8)
     law = RCCM(C, C, W, viscosity=b * W, order=order)
@@ -91,6 +96,11 @@ def test_orders(b, order):
 
 
 @pytest.mark.parametrize("exponent", EXPONENTS[:3])
+@pytest.mark.verifies(
+    "RCCM adhesion",
+    reference="independent code: an integrator of the equation of the intensity",
+    alone=True,
+)
 def test_exponents(exponent):
     """Against an integrator; damage that begins as a root of the time costs order: 1 + 1/p."""
     for order, wanted in ((1, 1.0), (2, 1 + min(1, 1 / exponent))):

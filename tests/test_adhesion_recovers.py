@@ -19,6 +19,7 @@ PRESSED = (0.0, 5.0)
 
 
 @pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.verifies("RCCM adhesion", reference="closed form: beta_0 + w t/b, up to 1", alone=True)
 def test_grows_at_rest(order):
     """From beta_0 by w t/b, up to 1; exactly, with steps of any length."""
     law = RCCM(C, C, W, viscosity=2.0, beta=0.3, recovers=True, order=order)
@@ -37,6 +38,9 @@ def test_grows_at_rest(order):
 
 @pytest.mark.parametrize(("order", "most"), [(1, 0.005), (2, 5e-5)])
 @pytest.mark.parametrize(("start", "u"), [(0.9, 2.0), (0.1, 1.25)])
+@pytest.mark.verifies(
+    "RCCM adhesion", reference="closed form: exponentially to w/(C u^2)", alone=True
+)
 def test_at_a_fixed_jump(start, u, order, most):
     """Exponentially to w/(C u^2), from above and from below; orders of the steps."""
     b = 0.5
@@ -128,6 +132,12 @@ def test_thresholds_are_one_under_signorini():
 
 
 @pytest.mark.parametrize("exponent", [pytest.param(2.0, marks=pytest.mark.long), 1.0])
+@pytest.mark.verifies(
+    "normal compliance",
+    "RCCM adhesion",
+    reference="closed form: pressures of springs and surface, and both bounds of friction",
+    aspects=("2D",),
+)
 def test_thresholds_with_compliance(exponent):
     """They differ by mu (1 - beta) beta^2 C_N of the penetration; springs resist it as well."""
     k = 2e3 if exponent == 1 else 1e5
@@ -207,6 +217,15 @@ def test_jacobian_by_taylor(cell, given):
     np.testing.assert_allclose(np.log2(sizes[:-1] / sizes[1:]), 2.0, atol=0.35)
 
 
+@pytest.mark.verifies(
+    "records of histories",
+    "RCCM adhesion",
+    reference="itself: the memory that was recorded",
+    aspects=(
+        "2D",
+        "records",
+    ),
+)
 def test_records_have_what_recovers(folder):
     """What a law keeps comes back from a record, on other ranks as well."""
     law = RCCM(C, C, W, 0.3, viscosity=0.05, recovers=True, order=2)

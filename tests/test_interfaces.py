@@ -141,6 +141,17 @@ def senses(table):
         ("tet", {}),
     ],
 )
+@pytest.mark.verifies(
+    "interfaces of one's own",
+    "RCCM adhesion",
+    "quasi-static",
+    reference="itself: the law written out",
+    aspects=(
+        "2D",
+        "3D",
+        "pairs",
+    ),
+)
 def test_adhesion_of_a_block(cell, given):
     """A history of all statuses is that of the direct law; what damage costs is stored."""
     aside = [0.0] * (cell == "tet")
@@ -169,6 +180,15 @@ def test_adhesion_of_a_block(cell, given):
 
 
 @pytest.mark.parametrize("cell", ["tri", "hex"])
+@pytest.mark.verifies(
+    "interfaces of one's own",
+    "Tresca",
+    reference="itself: Tresca's law",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
 def test_given_friction(cell):
     """Tresca's law, at open points too: static, and in a history."""
     found = []
@@ -226,6 +246,14 @@ def test_friction_with_and_without_pressure(cell):
 
 @pytest.mark.skipif(COMM.size > 1, reason="one point")
 @pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.verifies(
+    "Maxwell layer",
+    reference="closed form: relaxation of a jump that is held",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
 def test_maxwell_layer(dim):
     """Relaxation of a jump that is held: implicit Euler's to round-off, of first order."""
     k = 3.0
@@ -250,6 +278,12 @@ def test_maxwell_layer(dim):
     assert 0.9 < np.log2(off[1] / off[2]) < 1.1
 
 
+@pytest.mark.verifies(
+    "Maxwell layer",
+    "energies of histories",
+    reference="closed form: a spring behind a dashpot",
+    aspects=("2D",),
+)
 def test_maxwell_layer_under_a_block():
     """Lifted and held: pull falls to that of the other spring; what is spent is the rest."""
     residues = []
@@ -274,6 +308,9 @@ def test_maxwell_layer_under_a_block():
 
 
 @pytest.mark.skipif(COMM.size > 1, reason="one point")
+@pytest.mark.verifies(
+    "bilinear cohesion", reference="closed form: traction, secant and cost", aspects=("2D",)
+)
 def test_cohesion_at_a_point():
     """Rises, falls, unloads along the secant, breaks, and has cost what it says."""
     strength = 2.0
@@ -338,6 +375,12 @@ def test_what_a_brittle_bond_costs():
 
 
 @pytest.mark.chatty
+@pytest.mark.verifies(
+    "bilinear cohesion",
+    "energies of histories",
+    reference="closed form: its cost, and the friction that is left",
+    aspects=("2D",),
+)
 def test_cohesion_with_friction():
     """Dragged under pressure until it is broken: then friction alone is left."""
     law = BilinearCohesive(2.0, 0.002, 0.01, 0.5)
@@ -435,6 +478,14 @@ class Strip(Interface):
 
 
 @pytest.mark.parametrize("cell", ["quad", "tet"])
+@pytest.mark.verifies(
+    "interfaces of one's own",
+    reference="closed form: opened, closed, opened, broken",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
 def test_opening_alone(cell, caplog):
     """What knows neither slip nor time remembers its damage: opened, closed, opened, broken."""
     s = 10.0
@@ -500,6 +551,12 @@ def test_an_end_that_is_never_reached():
 
 @pytest.mark.chatty
 @pytest.mark.parametrize("k", [pytest.param(1.0, marks=pytest.mark.long), 8.0])
+@pytest.mark.verifies(
+    "bilinear cohesion",
+    "arc length paths",
+    reference="closed form: a bar in series with the bond",
+    aspects=("2D",),
+)
 def test_a_bar_on_cohesion(k):
     """By arc length, back where the bond softens faster than the bar, to where it is broken."""
     strength = 2.0
@@ -542,6 +599,14 @@ def test_energies_that_are_no_numbers():
 
 @pytest.mark.skipif(COMM.size > 1, reason="one point")
 @pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.verifies(
+    "interfaces of one's own",
+    reference="independent code: a minimiser of scipy",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
 def test_coupled_variables(dim):
     """Each step is the least of energy and dissipation, that a minimiser finds."""
     stiffness = 40.0
@@ -585,6 +650,14 @@ def test_coupled_variables(dim):
 
 
 @pytest.mark.parametrize("cell", ["tri", "tet"])
+@pytest.mark.verifies(
+    "interfaces of one's own",
+    reference="differences: Taylor remainders of second order",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
 def test_jacobian_by_taylor(cell):
     """Remainders of first order Taylor expansions fall by four a halving, of every variable."""
     problem = block(n=3, cell=cell, law=Creeping(3e4, 2e3, 0.04, 0.3))

@@ -78,6 +78,9 @@ def jumps_of(history):
         ),
     ],
 )
+@pytest.mark.verifies(
+    "jumps", "RCCM adhesion", reference="closed form: columns snap at 1 + 1/k", aspects=("2D",)
+)
 def test_columns_that_come_off_one_by_one(stiffness, steps, degree):
     """A bond under a column of stiffness k C snaps at (1 + 1/k) times its opening, for k < 3.
 
@@ -112,6 +115,12 @@ def test_what_is_proved_of_a_coarse_step():
         pytest.param(200.0, (0.6, 0.3, 0.002), 0.01, np.linspace(0.0, 0.018, 31), marks=LONG),
         pytest.param(1.0, (0.6, 0.2, 0.1), 1.0, [0.0, 0.2, 0.4, 0.55, 0.8, 1.0], marks=LONG),
     ],
+)
+@pytest.mark.verifies(
+    "jumps",
+    "friction of the slip",
+    reference="closed form: the load at which a column snaps, and where it ends",
+    aspects=("2D",),
 )
 def test_a_jump_from_which_no_solution_is_near(stiffness, law, pressed, times):
     """Friction that weakens by slip snaps once, at mu p / k; the state beyond is far off."""
