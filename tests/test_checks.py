@@ -53,6 +53,12 @@ def log(caplog):
 
 @pytest.mark.parametrize("slide", [0.002, 0.2])
 @pytest.mark.parametrize("method", ["nodal", "mixed"])
+@pytest.mark.verifies(
+    "misfit and det F",
+    "spheres",
+    reference="closed form: distances of displaced points to the disc",
+    aspects=("2D",),
+)
 def test_sliding_on_a_disc_is_measured(method, slide, log):
     """The distance to the disc where the closed points are now, from the displacement alone."""
     centre = np.array([0.4, -3.0])
@@ -89,6 +95,16 @@ def test_sliding_on_a_disc_is_measured(method, slide, log):
         assert "away from" in message
 
 
+@pytest.mark.verifies(
+    "misfit and det F",
+    reference="itself: other ways to the same obstacle",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
+@pytest.mark.verifies("level sets", reference="itself: the disc", aspects=("2D",))
+@pytest.mark.verifies("cylinders", reference="itself: the disc", aspects=("3D",))
 def test_misfit_of_other_obstacles(log):
     """Zero where nothing curves; the same by a level set; by Gauss points; in 3D."""
     dragged = {"n": 4, "cell": "tri", "top": (0.2, -0.02)}
@@ -157,6 +173,14 @@ def test_obstacles_of_users(log):
 
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize(("dim", "cell"), KINDS)
+@pytest.mark.verifies(
+    "misfit and det F",
+    reference="closed form: a homogeneous deformation",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
 def test_smallest_jacobian(dim, cell, degree):
     """Of a homogeneous state everywhere; of one bad vertex, where it is; NaN of one value."""
     problem = block(n=2, cell=cell, degree=degree)

@@ -177,6 +177,23 @@ def largest(values):
 
 
 @pytest.mark.parametrize("name", CASES)
+@pytest.mark.verifies(
+    "matching meshes",
+    "mortar",
+    reference="differences: central differences of gap and slip",
+    aspects=("pairs",),
+)
+@pytest.mark.verifies(
+    "planes",
+    "nodal contact",
+    "integral contact",
+    "mixed contact",
+    reference="differences: central differences of gap and slip",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
 def test_derivatives_by_taylor(name):
     """Central differences fall as the square of the step, or are exact where B and n stay."""
     case = Case(name)

@@ -102,6 +102,32 @@ def quadratic(history):
 
 
 @pytest.mark.parametrize("solid", [False, True])
+@pytest.mark.verifies(
+    "Signorini",
+    "hyperelastic bodies",
+    reference="closed form: Signorini's law at the displaced points",
+    aspects=(
+        "2D",
+        "3D",
+        "large sliding",
+    ),
+)
+@pytest.mark.verifies(
+    "cylinders",
+    reference="closed form: Signorini's law at the displaced points",
+    aspects=(
+        "3D",
+        "large sliding",
+    ),
+)
+@pytest.mark.verifies(
+    "spheres",
+    reference="closed form: Signorini's law at the displaced points",
+    aspects=(
+        "2D",
+        "large sliding",
+    ),
+)
 def test_around_a_cylinder(solid):
     """The law at displaced points, from nothing but nodal values and the definition of the disc."""
     radius = 0.4
@@ -170,6 +196,17 @@ def shaken(problem, size, seed):
         ("bumps", "tet", Frictionless(), {}),
     ],
 )
+@pytest.mark.verifies(
+    "spheres",
+    "level sets",
+    "normal compliance",
+    reference="differences: Taylor remainders of second order",
+    aspects=(
+        "2D",
+        "3D",
+        "large sliding",
+    ),
+)
 def test_jacobian_by_taylor(obstacle, cell, law, given):
     """|H(x + h d) - H(x) - h J d| falls like h^2 with the statuses held, far from small slopes."""
     problem = block(OBSTACLES[obstacle], cell=cell, n=2, law=law, **given)
@@ -200,6 +237,16 @@ def test_jacobian_by_taylor(obstacle, cell, law, given):
 
 
 @pytest.mark.parametrize("cell", ["tri", "hex"])
+@pytest.mark.verifies(
+    "level sets",
+    "planes",
+    reference="itself: the half-space",
+    aspects=(
+        "2D",
+        "3D",
+        "large sliding",
+    ),
+)
 def test_a_plane_is_a_plane(cell):
     """As a level set it goes the way of curved obstacles, and gives the numbers of a half-space."""
     dim = 2 if cell == "tri" else 3
@@ -251,6 +298,7 @@ def test_which_sliding():
         ({"sliding": "huge"}, "sliding must be 'small', 'large' or None, got 'huge'"),
     ],
 )
+@pytest.mark.refuses("Coulomb", "mixed contact", aspects=("large sliding",))
 def test_refused(given, message):
     with pytest.raises(ValueError, match=message):
         block(Sphere((0.4, -3.0), 3.0), **given)
@@ -284,6 +332,17 @@ def orbiting(cell, n, angle, press=0.08):
 
 
 @pytest.mark.parametrize(("cell", "n"), [("quad", 6), ("hex", 3)])
+@pytest.mark.verifies(
+    "moving obstacles",
+    "hyperelastic bodies",
+    reference="itself: the forces of the start, turned",
+    aspects=(
+        "2D",
+        "3D",
+        "large sliding",
+        "branches",
+    ),
+)
 def test_led_around_a_cylinder(cell, n):
     """By far more than the contact is long, by Newton's method and along the branch."""
     angle = 1.2
@@ -355,6 +414,16 @@ def ellipse(domain, centre, angle):
 
 @pytest.mark.parametrize("method", ["nodal", "integral"])
 @pytest.mark.parametrize("law", [Frictionless(), NormalCompliance(50.0, 1.5)])
+@pytest.mark.verifies(
+    "moving obstacles",
+    "level sets",
+    reference="differences: central differences",
+    aspects=(
+        "2D",
+        "large sliding",
+        "branches",
+    ),
+)
 def test_derivative_by_the_motion_of_an_obstacle(method, law):
     """dH/dgamma of an ellipse that moves and turns, by central differences, the statuses held."""
     domain = box(COMM, 3, "tri")
@@ -386,6 +455,15 @@ def test_derivative_by_the_motion_of_an_obstacle(method, law):
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.05)
 
 
+@pytest.mark.verifies(
+    "moving obstacles",
+    "level sets",
+    reference="itself: the block that is moved over an obstacle at rest",
+    aspects=(
+        "2D",
+        "large sliding",
+    ),
+)
 def test_an_obstacle_that_comes_and_turns():
     """An ellipse moved and turned under a block held still is a block moved over one that waits."""
     domain = box(COMM, 4, "quad")
@@ -417,6 +495,17 @@ def test_an_obstacle_that_comes_and_turns():
 
 
 @pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.verifies(
+    "rigid bodies",
+    "spheres",
+    reference="itself: an obstacle where the body has come",
+    aspects=(
+        "2D",
+        "3D",
+        "large sliding",
+    ),
+)
+@pytest.mark.refuses("rigid bodies", aspects=("large sliding",))
 def test_a_rigid_body(dim):
     """An indenter under a force, as it is and as an obstacle that stands where it has come."""
     about = np.array([0.3, *[0.5] * (dim - 2), 1.5])
@@ -462,6 +551,35 @@ def test_a_rigid_body(dim):
 
 
 @pytest.mark.parametrize("solid", [False, True])
+@pytest.mark.verifies(
+    "multigrid",
+    reference="independent code: MUMPS for the linear systems",
+    aspects=(
+        "2D",
+        "3D",
+        "large sliding",
+        "multigrid",
+    ),
+)
+@pytest.mark.verifies(
+    "hyperelastic bodies",
+    reference="itself: factorised",
+    aspects=(
+        "2D",
+        "3D",
+        "large sliding",
+        "multigrid",
+    ),
+)
+@pytest.mark.verifies(
+    "cylinders",
+    reference="itself: factorised",
+    aspects=(
+        "3D",
+        "large sliding",
+        "multigrid",
+    ),
+)
 def test_multigrid(solid):
     """The same by multigrid, whose surface block takes normals that turn."""
     direct = strip(n=3, solid=solid).solve().tables["contact"]
@@ -475,6 +593,16 @@ def test_multigrid(solid):
 
 
 @pytest.mark.chatty
+@pytest.mark.verifies(
+    "penalty",
+    "Uzawa",
+    reference="itself: Newton's method",
+    aspects=(
+        "2D",
+        "large sliding",
+    ),
+)
+@pytest.mark.refuses("stability at rest", "point problems in files", aspects=("large sliding",))
 def test_algorithms():
     """Penalisation and the augmented Lagrangian follow the normal; what is reduced is refused."""
     disc = Sphere((0.4, -1.0), 1.0)
@@ -531,6 +659,15 @@ def test_what_is_written(folder, method):
 
 
 @pytest.mark.chatty
+@pytest.mark.verifies(
+    "spheres",
+    "hyperelastic bodies",
+    reference="closed form: the pressure of a ring",
+    aspects=(
+        "2D",
+        "large sliding",
+    ),
+)
 def test_demo(folder, monkeypatch):
     """The pressure of a ring to second order, and no change of it on the way around."""
     monkeypatch.setattr(plot, "picture_of_body", lambda *_, **__: None)

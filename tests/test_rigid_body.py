@@ -112,6 +112,14 @@ def resultant(t, about):
 
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize(("method", "degree"), METHODS)
+@pytest.mark.verifies(
+    "rigid bodies",
+    reference="closed form: the force that presses",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
 def test_a_punch_under_a_force(dim, method, degree):
     """The resultant is the force, and the field that of the motion which is found."""
     up = "xyz"[dim - 1]
@@ -190,6 +198,15 @@ def test_tilting_in_three_dimensions(method):
 
 @pytest.mark.parametrize(("method", "degree"), METHODS)
 @pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.verifies(
+    "rigid bodies",
+    "spheres",
+    reference="itself: the approach prescribed",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
 def test_a_sphere_under_a_force(dim, method, degree):
     """Pressed by a force it goes where the same approach, prescribed, has that force."""
     up = "xyz"[dim - 1]
@@ -207,6 +224,13 @@ def test_a_sphere_under_a_force(dim, method, degree):
     same_tables(result.tables["top 0"], again.solve().tables["top 0"], 1e-8)
 
 
+@pytest.mark.verifies(
+    "rigid bodies",
+    "cylinders",
+    "level sets",
+    reference="itself: the cylinder as a level set",
+    aspects=("3D",),
+)
 def test_cylinders_and_level_sets():
     """A cylinder across a block, free to roll and yaw, and the same as a level set."""
     about = np.array([0.6, 0.5, 2.0])  # over two lines of nodes: on one it would roll away
@@ -223,6 +247,12 @@ def test_cylinders_and_level_sets():
     same_tables(*tables, 1e-9)
 
 
+@pytest.mark.verifies(
+    "rigid bodies",
+    "hyperelastic bodies",
+    reference="closed form: force and moment that press",
+    aspects=("2D",),
+)
 def test_a_nonlinear_body():
     body = punch(load={"y": -100.0, "rz": 4.0}, held=["x"])
     problem = block(body, hyper=True)
@@ -365,6 +395,13 @@ def small():
     return dense, x[:, :2], top, free
 
 
+@pytest.mark.verifies(
+    "rigid bodies",
+    "Signorini",
+    reference="enumeration: all active sets, with matrices of numpy",
+    aspects=("2D",),
+    alone=True,
+)
 def test_against_active_sets_by_hand():
     """Frictionless, free to sink and to tilt: all active sets tried with matrices of numpy."""
     K, x, top, free = small()
@@ -404,6 +441,12 @@ def test_against_active_sets_by_hand():
     np.testing.assert_allclose(t.rn[np.array(active)], r, rtol=1e-10)
 
 
+@pytest.mark.verifies(
+    "rigid bodies",
+    reference="independent code: one linear system of numpy",
+    aspects=("2D",),
+    alone=True,
+)
 def test_a_glued_punch_by_hand():
     """All points stick: one linear system, with a reference point far off."""
     K, x, top, free = small()
@@ -439,6 +482,14 @@ def test_a_glued_punch_by_hand():
 
 
 @pytest.mark.parametrize(("dim", "method", "degree"), [(2, *m) for m in METHODS] + [(3, None, 1)])
+@pytest.mark.verifies(
+    "rigid bodies",
+    reference="differences: central differences",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
 def test_the_jacobian(dim, method, degree):
     """Against differences of H, at random unknowns and statuses held."""
     up = "xyz"[dim - 1]
@@ -517,6 +568,14 @@ def test_from_a_coarser_mesh():
 
 
 @pytest.mark.parametrize(("dim", "method"), [(2, "nodal"), (2, "integral"), (3, "nodal")])
+@pytest.mark.verifies(
+    "rigid bodies",
+    reference="itself: the solve on one rank",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
 def test_ranks(dim, method):
     """The same numbers as in serial."""
     up = "xyz"[dim - 1]
@@ -533,6 +592,7 @@ def test_ranks(dim, method):
     same_tables(*(r.tables["top 0"] for r, _ in found))
 
 
+@pytest.mark.verifies("rigid bodies", "units", reference="itself: other units", aspects=("2D",))
 def test_units():
     """Millimetres and pascals, the same steps."""
     found = []
@@ -567,6 +627,15 @@ def parametric(method=None, law=None, about=(0.5, 1)):
 
 @pytest.mark.parametrize(
     ("method", "route"), [("nodal", "pivoting"), ("nodal", "steps"), ("integral", "steps")]
+)
+@pytest.mark.verifies(
+    "rigid bodies",
+    "pivoting",
+    reference="closed form: force and moment that press",
+    aspects=(
+        "2D",
+        "branches",
+    ),
 )
 def test_a_branch_under_a_growing_force(method, route):
     """Gamma is the force; both routes, against a solve at the end."""
@@ -623,6 +692,9 @@ def test_a_motion_as_the_parameter():
     same_tables(problem.solve().tables["top 0"], result.tables["top 0"], 1e-7)
 
 
+@pytest.mark.verifies(
+    "rigid bodies", "all solutions", reference="itself: the solve", aspects=("2D",)
+)
 def test_all_solutions():
     """The reduced problem carries the unknowns of the body."""
     problem, _, system = parametric(law=Coulomb(0.5))
@@ -638,6 +710,7 @@ def test_all_solutions():
 
 
 @pytest.mark.chatty
+@pytest.mark.verifies("Lemke", "rigid bodies", reference="itself: Newton's method", aspects=("2D",))
 def test_lemke():
     """Lemke's method solves for a body whose motion is prescribed, and says where it cannot."""
     body = punch(motion={"x": 0.001, "y": -0.01, "rz": 0.01})
@@ -656,6 +729,16 @@ def test_lemke():
 
 
 @pytest.mark.chatty
+@pytest.mark.verifies(
+    "rigid bodies",
+    "records of branches",
+    reference="itself: the branch that nothing ended",
+    aspects=(
+        "2D",
+        "branches",
+        "records",
+    ),
+)
 def test_a_record_goes_on(folder):
     """The fields of a point on the disk have the motion of the body."""
     problem, body, system = parametric("integral")
@@ -703,6 +786,7 @@ def test_bad_input(given, words):
         RigidBody(given.pop("shape"), **given)
 
 
+@pytest.mark.refuses("rigid bodies", aspects=("multigrid",))
 def test_input_that_does_not_fit_the_mesh():
     domain = box(COMM, 2, "tri")
     c = fem.Constant(domain, np.nan)

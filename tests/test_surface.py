@@ -58,6 +58,9 @@ def test_points_lie_where_they_should(dim, cell, degree):
     ],
     ids=["half-space", "sphere", "cylinder"],
 )
+@pytest.mark.verifies(
+    "planes", "spheres", "cylinders", reference="closed form: distances", aspects=("3D",)
+)
 def test_gap_and_normal_are_those_of_the_obstacle(obstacle, distance):
     domain = box(COMM, 3, "tet")
     u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (3,))))
@@ -114,6 +117,9 @@ def test_reaction_of_a_clamped_contact_node():
     assert abs(table.support[-1, 0]) > 0.1 * table.support[-1, 1]
 
 
+@pytest.mark.verifies(
+    "options", reference="itself: the tolerance that was asked for", aspects=("3D",)
+)
 def test_several_solves_in_one_process():
     """Two problems with two prefixes, the command line winning over the options of the caller."""
     PETSc.Options()["first_snes_max_it"] = 7
@@ -149,6 +155,9 @@ def test_monitor_sees_every_iterate():
     assert steps[0].measures.worst == 1.0
 
 
+@pytest.mark.verifies(
+    "moving obstacles", "planes", reference="closed form: the distance to a plane", aspects=("2D",)
+)
 def test_constants_in_a_tuple_move_the_obstacle():
     """Gap and normal follow a Constant that is one component of a point or of a normal."""
     domain = box(COMM, 2, "tri")
