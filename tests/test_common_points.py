@@ -138,6 +138,15 @@ def solved_patch(
     ("case", "sides", "cell"),
     [(0, 0, "tri"), (0, 1, "quad"), (1, 0, "quad"), (1, 1, "tri")],
 )
+@pytest.mark.verifies(
+    "points in common",
+    "integral contact",
+    reference="closed form: a linear displacement",
+    aspects=(
+        "2D",
+        "pairs",
+    ),
+)
 def test_patch(case, sides, cell, degrees):
     c = np.cos(0.7)
     s = np.sin(0.7)
@@ -155,6 +164,15 @@ def test_patch(case, sides, cell, degrees):
         (1, 1, "hex", (2, 1)),
         (1, 0, "hex", (2, 2)),
     ],
+)
+@pytest.mark.verifies(
+    "points in common",
+    "integral contact",
+    reference="closed form: a linear displacement",
+    aspects=(
+        "3D",
+        "pairs",
+    ),
 )
 def test_patch_in_space(case, sides, cells, degrees):
     base = np.array([[0.3, -0.1, 0.02], [0.07, 0.1, -0.03], [0.01, 0.04, -0.5]])
@@ -221,6 +239,15 @@ def pressed(comm, dim, degrees, *, law=Coulomb(0.2), unit=1.0):  # noqa: B008
 
 
 @pytest.mark.parametrize(("dim", "degrees"), [(3, (2, 1)), (2, (2, 2)), (2, (1, 1)), (2, (2, 1))])
+@pytest.mark.verifies(
+    "points in common",
+    reference="itself: what every rank finds alone",
+    aspects=(
+        "2D",
+        "3D",
+        "pairs",
+    ),
+)
 def test_on_any_number_of_ranks(dim, degrees):
     """What every rank finds alone."""
     tables = []
@@ -245,6 +272,14 @@ def test_units():
 
 
 @pytest.mark.parametrize("degrees", DEGREES[:2])
+@pytest.mark.verifies(
+    "points in common",
+    reference="itself: matching meshes",
+    aspects=(
+        "2D",
+        "pairs",
+    ),
+)
 def test_more_elements_converge_to_one_body(degrees):
     """A pressed pair with much friction: the energy of matching meshes, which are one body."""
     errors = []

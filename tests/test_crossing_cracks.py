@@ -137,6 +137,15 @@ def test_two_groups_are_refused(groups):
 
 @pytest.mark.chatty
 @pytest.mark.parametrize("groups", [LINE, TEE, CROSS], ids=["line", "T", "X"])
+@pytest.mark.verifies(
+    "cracks that cross",
+    "cracks",
+    reference="closed form: uniform compression",
+    aspects=(
+        "2D",
+        "pairs",
+    ),
+)
 def test_closed_arms_carry_uniform_compression(groups, caplog):
     """A patch test of arms that end in the body: the crossing has no pressure of its own."""
     problem, given = squeezed(groups)
@@ -165,6 +174,16 @@ def test_closed_arms_carry_uniform_compression(groups, caplog):
     ],
     ids=["T mixed", "T P2", "X mixed", "X integral", "X P2", "X nodal"],
 )
+@pytest.mark.verifies(
+    "cracks that cross",
+    "mixed contact",
+    "integral contact",
+    reference="closed form: two pressures",
+    aspects=(
+        "2D",
+        "pairs",
+    ),
+)
 def test_blocks_under_unequal_pressures(groups, options, friction):
     problem = loaded(groups, (1.0, 3.0), law=Coulomb(friction), **options)
     check_pressures(problem.solve(), (1.0, 3.0))
@@ -177,6 +196,14 @@ def test_blocks_under_unequal_pressures(groups, options, friction):
         (TEE, {"cell": "hexahedron"}),
         (CROSS, {"cell": "tetrahedron"}),
     ],
+)
+@pytest.mark.verifies(
+    "cracks that cross",
+    reference="closed form: two pressures",
+    aspects=(
+        "3D",
+        "pairs",
+    ),
 )
 def test_planes_that_cross(groups, options):
     """In space pairs meet in a line of nodes."""
@@ -194,6 +221,15 @@ def test_a_through_crack_of_one_group():
 
 
 @pytest.mark.parametrize("groups", [TEE, CROSS], ids=["T", "X"])
+@pytest.mark.verifies(
+    "cracks that cross",
+    "cracks",
+    reference="closed form: uniform strain and slip",
+    aspects=(
+        "2D",
+        "pairs",
+    ),
+)
 def test_slip_on_one_of_them(groups):
     """Along a crack without friction one half moves; stresses and slip are uniform."""
     body = crossing(groups, reach=1.0, cells=4)
@@ -348,6 +384,15 @@ def by_penalty(groups, cells, stiffness):
 
 
 @pytest.mark.parametrize("groups", [TEE, CROSS], ids=["T", "X"])
+@pytest.mark.verifies(
+    "cracks that cross",
+    "Coulomb",
+    reference="independent code: penalties in plain DOLFINx, to their limit",
+    aspects=(
+        "2D",
+        "pairs",
+    ),
+)
 def test_sliding_arms_against_a_penalty(groups):
     """Penalties tend to a limit with order 1, and this to the answer as the mesh is refined."""
     off = []

@@ -108,6 +108,15 @@ def test_order():
 
 
 @pytest.mark.parametrize("method", ["nodal", "integral"])
+@pytest.mark.verifies(
+    "cracks",
+    "matching meshes",
+    reference="itself: the solve on one rank",
+    aspects=(
+        "2D",
+        "pairs",
+    ),
+)
 def test_tables_do_not_depend_on_ranks(method, folder):
     def found(comm):
         system = branched(comm, method=method)
@@ -145,6 +154,17 @@ def test_two_points_at_one_place_differ():
 @pytest.mark.parametrize(
     ("route", "first"),
     [("pivoting", "all ranks"), ("steps", "all ranks"), ("pivoting", "one rank")],
+)
+@pytest.mark.verifies(
+    "records of branches",
+    "cracks",
+    reference="itself: the branch without a stop, on one rank",
+    aspects=(
+        "2D",
+        "pairs",
+        "branches",
+        "records",
+    ),
 )
 def test_resumed_on_other_ranks(route, first, folder):
     """On one rank and then on all of the test, or the other way round: as without a stop."""

@@ -71,6 +71,16 @@ def down(dim):
 
 
 @pytest.mark.parametrize(("dim", "cell"), KINDS)
+@pytest.mark.verifies(
+    "matching meshes",
+    "Coulomb",
+    reference="itself: one body on the plane between",
+    aspects=(
+        "2D",
+        "3D",
+        "pairs",
+    ),
+)
 def test_mirrored_bulges(dim, cell):
     """They match along the given normal, and carry the forces of one body on the plane between.
 

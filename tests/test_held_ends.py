@@ -23,6 +23,14 @@ REACH = (0.0, 1.0)
         ((7, 3), (2, 3), (1, 5, 6), 2),
     ],
 )
+@pytest.mark.verifies(
+    "mortar",
+    reference="closed form: a linear displacement",
+    aspects=(
+        "2D",
+        "pairs",
+    ),
+)
 def test_patch(cells, sides, fixed, clamped):
     """Both bodies are held aside: uniform pressure and shear go to the master up to its end."""
     both = stacked(*cells, REACH, REACH, "tri")
@@ -39,6 +47,14 @@ def test_patch(cells, sides, fixed, clamped):
         ("hex", (3, 4), (2, 3), (5, 6, 7, 8), 12),
         ("tet", (4, 3), (3, 2), (5, 7), 7),
     ],
+)
+@pytest.mark.verifies(
+    "mortar",
+    reference="closed form: a linear displacement",
+    aspects=(
+        "3D",
+        "pairs",
+    ),
 )
 def test_patch_in_space(cell, counts, sides, fixed, clamped):
     base = np.array([[0.3, -0.1, 0.02], [0.07, 0.1, -0.03], [0.01, 0.04, -0.5]])

@@ -74,6 +74,14 @@ def hats(points, a, b):
 @pytest.mark.parametrize("angle", [0.0, 0.7])
 @pytest.mark.parametrize(("slave", "master"), SIDES)
 @pytest.mark.parametrize("case", CASES)
+@pytest.mark.verifies(
+    "mortar",
+    reference="closed form: integrals over the common part",
+    aspects=(
+        "2D",
+        "pairs",
+    ),
+)
 def test_uniform_tractions(case, slave, master, angle):
     """Forces on both faces are integrals over what they have in common, node by node."""
     both = stacked(*case, angle=angle)
@@ -112,6 +120,15 @@ def test_uniform_tractions(case, slave, master, angle):
 @pytest.mark.parametrize("cell", ["tri", "quad"])
 @pytest.mark.parametrize(("slave", "master"), SIDES)
 @pytest.mark.parametrize("case", CASES[:2])
+@pytest.mark.verifies(
+    "mortar",
+    "Coulomb",
+    reference="closed form: a linear displacement",
+    aspects=(
+        "2D",
+        "pairs",
+    ),
+)
 def test_patch(case, slave, master, cell, angle):
     """A linear displacement, with pressure and a shear below the bound, to round-off."""
     both = stacked(*case, cell=cell, angle=angle)
@@ -153,6 +170,14 @@ def test_patch(case, slave, master, cell, angle):
 
 @pytest.mark.parametrize("ratio", [1.5, 2, 3])
 @pytest.mark.parametrize(("slave", "master"), SIDES)
+@pytest.mark.verifies(
+    "mortar",
+    reference="itself: matching meshes",
+    aspects=(
+        "2D",
+        "pairs",
+    ),
+)
 def test_more_elements_converge_to_one_body(slave, master, ratio):
     """A pressed pair with much friction: the energy of matching meshes, which are one body.
 
@@ -248,6 +273,14 @@ def solids(below, above, x_below, x_above, cells, *, comm=COMM):
 @pytest.mark.parametrize("cells", ["tet", "hex"])
 @pytest.mark.parametrize(("slave", "master"), SIDES)
 @pytest.mark.parametrize("case", SOLID_CASES)
+@pytest.mark.verifies(
+    "mortar",
+    reference="closed form: integrals over the common part",
+    aspects=(
+        "3D",
+        "pairs",
+    ),
+)
 def test_uniform_tractions_in_space(case, slave, master, cells):
     """Forces on a face that is covered are its integrals; forces and moments balance."""
     both = solids(*case, cells)
@@ -282,6 +315,15 @@ def test_uniform_tractions_in_space(case, slave, master, cells):
 @pytest.mark.parametrize("cells", ["tet", "hex"])
 @pytest.mark.parametrize(("slave", "master"), SIDES)
 @pytest.mark.parametrize("case", SOLID_CASES[:2])
+@pytest.mark.verifies(
+    "mortar",
+    "Coulomb",
+    reference="closed form: a linear displacement",
+    aspects=(
+        "3D",
+        "pairs",
+    ),
+)
 def test_patch_in_space(case, slave, master, cells):
     """A linear displacement, with pressure and a shear below the bound, to round-off."""
     both = solids(*case, cells)
@@ -372,6 +414,18 @@ def sheared(options=None, law=Coulomb(0.15)):  # noqa: B008
 
 
 @pytest.mark.chatty
+@pytest.mark.verifies(
+    "pivoting",
+    "mortar",
+    "records of branches",
+    reference="itself: the branch by steps",
+    aspects=(
+        "2D",
+        "pairs",
+        "branches",
+        "records",
+    ),
+)
 def test_a_branch_between_bodies(folder):
     """By pivoting and by steps, cut short and resumed: the same events, and a solve at its end."""
     system, x = sheared()
@@ -401,6 +455,15 @@ def test_a_branch_between_bodies(folder):
         assert a[1:] == b[1:]
 
 
+@pytest.mark.verifies(
+    "mortar",
+    "Signorini",
+    reference="paper: NAFEMS, benchmark CB-1",
+    aspects=(
+        "2D",
+        "pairs",
+    ),
+)
 def test_steel_on_aluminium(folder):
     """NAFEMS CB-1: the peak within 2 %, the radius within 2 % or a cell, and the force carried."""
     levels = ["0.5"] if COMM.size > 1 else ["1", "0.5", "0.25"]
@@ -421,6 +484,14 @@ def test_steel_on_aluminium(folder):
 
 
 @pytest.mark.parametrize("cells", [(12, 4), (16, 3), (8, 4), (7, 5)])
+@pytest.mark.verifies(
+    "mortar",
+    reference="closed form: uniform pressure",
+    aspects=(
+        "2D",
+        "pairs",
+    ),
+)
 def test_rollers_on_both_bodies(cells):
     """A plane of symmetry through the interface: uniform pressure, and no shear on it."""
     both = stacked(cells[1], cells[0], (0.0, 1.0), (0.0, 1.0))

@@ -95,6 +95,15 @@ def largest(values):
 
 
 @pytest.mark.parametrize("case", ["two_n8", "rigid_n8"])
+@pytest.mark.verifies(
+    "matching meshes",
+    "Coulomb",
+    reference="independent code: both bodies condensed onto their jumps",
+    aspects=(
+        "2D",
+        "pairs",
+    ),
+)
 def test_two_blocks(folder, case):
     """All nodal forces of another code, which condenses both bodies onto their jumps."""
     given = ORACLE[case]
@@ -122,6 +131,16 @@ def test_two_blocks(folder, case):
         (2, "tri", 1, "integral"),
         (3, "tet", 1, "mixed"),
     ],
+)
+@pytest.mark.verifies(
+    "matching meshes",
+    "integral contact",
+    reference="independent code: one body in plain DOLFINx",
+    aspects=(
+        "2D",
+        "3D",
+        "pairs",
+    ),
 )
 def test_what_sticks_everywhere_is_one_body(dim, cell, degree, method):
     """To round-off, where jumps vanish at nodes: where multipliers are as many as these."""
@@ -161,6 +180,16 @@ def test_what_sticks_everywhere_is_one_body(dim, cell, degree, method):
 
 
 @pytest.mark.parametrize(("dim", "cell"), KINDS)
+@pytest.mark.verifies(
+    "matching meshes",
+    "Signorini",
+    reference="itself: one body on a rigid plane",
+    aspects=(
+        "2D",
+        "3D",
+        "pairs",
+    ),
+)
 def test_mirrored_bodies(dim, cell):
     """Without friction they carry the forces of one body on a rigid plane."""
     press = np.zeros(dim)
@@ -210,6 +239,14 @@ def test_a_gap_that_closes():
     np.testing.assert_allclose(tables[0].force, tables[1].force, rtol=1e-8, atol=1e-8)
 
 
+@pytest.mark.verifies(
+    "press fits",
+    reference="closed form: uniaxial strain by half the overlap",
+    aspects=(
+        "2D",
+        "pairs",
+    ),
+)
 def test_a_press_fit():
     """An overlap is an error, unless it is meant: then it is the displacement that presses."""
     both = stacked(2, "quad", 2, gap=-0.02)
@@ -309,6 +346,17 @@ def triangle_on_a_body(n, friction):
 
 
 @pytest.mark.parametrize("route", ["pivoting", "steps"])
+@pytest.mark.verifies(
+    "all solutions",
+    "pivoting",
+    "matching meshes",
+    reference="itself: the triangle on a rigid floor",
+    aspects=(
+        "2D",
+        "pairs",
+        "branches",
+    ),
+)
 def test_branches_on_a_held_body(route):
     """All three solutions of the linear triangle, at the same forces."""
     ends = []
@@ -352,6 +400,15 @@ def cracked(dim, cell, reach, n=4):
 
 @pytest.mark.parametrize("reach", [0.5, 1.0])
 @pytest.mark.parametrize(("dim", "cell"), KINDS)
+@pytest.mark.verifies(
+    "cracks",
+    reference="closed form: how many nodes are doubled, and the balance of forces",
+    aspects=(
+        "2D",
+        "3D",
+        "pairs",
+    ),
+)
 def test_crack(dim, cell, reach):
     """Nodes inside a crack and where it comes to the surface are doubled, its front is not."""
     domain, tags = cracked(dim, cell, reach)
@@ -523,6 +580,7 @@ def test_bad_pairs():
         join([])
 
 
+@pytest.mark.refuses("mixed contact", aspects=("pairs",))
 def test_faces_of_different_meshes():
     """But for nodal contact; also where nodes of one are some of the other's."""
     for n, missing in ((3, r"12 of 16 nodes"), (4, r"16 of 25 nodes"), (1, "1 of 1 facets")):

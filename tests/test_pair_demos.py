@@ -34,6 +34,15 @@ def pressed(demo, size, *, ratio=1.0, friction=0.0):
     return demo.HERTZ.compare(table), table
 
 
+@pytest.mark.verifies(
+    "bodies of revolution",
+    "mortar",
+    reference="independent code: Code_Aster, SSNV104, and Hertz",
+    aspects=(
+        "2D",
+        "pairs",
+    ),
+)
 def test_two_spheres(folder):
     """Code_Aster SSNV104 as it converges: 660.7 kN, 2912 MPa; Hertz at the force within 1 %."""
     words = ["--case=spheres", "--levels", "1", "0.5", f"--output={folder}"]
@@ -60,6 +69,16 @@ def test_two_spheres(folder):
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.1])
+@pytest.mark.verifies(
+    "matching meshes",
+    "mortar",
+    "Coulomb",
+    reference="paper: NAFEMS, benchmark CB-1",
+    aspects=(
+        "2D",
+        "pairs",
+    ),
+)
 def test_cylinder_on_a_block(friction):
     """NAFEMS CB-1: the same nodes and others agree better than either does with Hertz."""
     peaks = []
@@ -74,6 +93,14 @@ def test_cylinder_on_a_block(friction):
 
 
 @pytest.mark.parametrize("words", [["--dip=60", "--shear=0"], ["--dip=0", "--shear=-0.5"]])
+@pytest.mark.verifies(
+    "cracks",
+    reference="closed form: the slip of a crack in a plane",
+    aspects=(
+        "2D",
+        "pairs",
+    ),
+)
 def test_a_crack_in_the_plane(folder, words, no_pictures):
     """The slip of a long crack by two meshes, and the pressure on it, to 2 %, whatever its dip."""
     words = ["--dim=2", *words, f"--output={folder}"]
@@ -86,6 +113,14 @@ def test_a_crack_in_the_plane(folder, words, no_pictures):
     assert summary["open"] == summary["stick"] == 0
 
 
+@pytest.mark.verifies(
+    "cracks",
+    reference="closed form: the slip of a disc in space",
+    aspects=(
+        "3D",
+        "pairs",
+    ),
+)
 def test_a_crack_in_space(folder):
     """A disc slips as the closed form says, where its front is fine enough."""
     words = ["--levels", "0.2", "0.14", "--friction=0.2", f"--output={folder}"]
@@ -103,6 +138,16 @@ def test_cracks_that_do_not_slip(capsys):
 
 
 @pytest.mark.parametrize("ratio", [1.0, 1.5])
+@pytest.mark.verifies(
+    "press fits",
+    "matching meshes",
+    "mortar",
+    reference="closed form: Lame's pressure, and the torque",
+    aspects=(
+        "2D",
+        "pairs",
+    ),
+)
 def test_a_press_fit(folder, ratio, no_pictures):
     """Lame's pressure, and the torque that it holds, with errors that fall like the squares."""
     summary = demo_press_fit.main(["--n=8", f"--ratio={ratio}", f"--output={folder}"])

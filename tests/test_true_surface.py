@@ -64,6 +64,14 @@ def pressure(both, degree, **options):
 
 
 @pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.verifies(
+    "press fits",
+    reference="closed form: Lame's pressure",
+    aspects=(
+        "2D",
+        "pairs",
+    ),
+)
 def test_a_press_fit(degree):
     """The pressure of Lame, where the chords are off by several times the overlap."""
     both = tubes(12, 17)

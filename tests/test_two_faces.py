@@ -95,6 +95,17 @@ def total(face, name):
 
 
 @pytest.mark.parametrize("case", CASES)
+@pytest.mark.verifies(
+    "files for ParaView",
+    "matching meshes",
+    "mortar",
+    reference="closed form: uniaxial strain",
+    aspects=(
+        "2D",
+        "3D",
+        "pairs",
+    ),
+)
 def test_uniform_pressure(case):
     """The same on both faces, whichever nodes they have, and minus that as a traction."""
     problem = pressed(*case)
@@ -115,6 +126,15 @@ def test_uniform_pressure(case):
 
 
 @pytest.mark.parametrize("case", CASES)
+@pytest.mark.verifies(
+    "balance of forces",
+    reference="theorem: both faces push each other alike",
+    aspects=(
+        "2D",
+        "3D",
+        "pairs",
+    ),
+)
 def test_forces_balance(case):
     """With pressure and shear: between the faces, and of their moments."""
     problem = pressed(*case, friction=0.25)
