@@ -108,6 +108,10 @@ def test_a_residual_that_jumps_is_refused():
     ("sense", "degree", "cell"),
     [(1.0, 1, "triangle"), (1.0, 2, "quadrilateral"), (-1.0, 1, "triangle")],
 )
+@pytest.mark.verifies(
+    "bulk with kinks", reference="itself: springs that act always, or never", aspects=("2D",)
+)
+@pytest.mark.refuses("bulk with kinks", aspects=("branches",))
 def test_a_bulk_with_kinks(sense, degree, cell):
     """Springs on the side that only hold it back: as ever, or never, as the pull has it."""
 
@@ -207,6 +211,14 @@ def _start(system, gamma=0.0):
     ("name", "of"),
     [("up to", _driven), ("up to", _moved), ("a step", _loaded), ("up and down", _loaded)],
 )
+@pytest.mark.verifies(
+    "branches",
+    reference="itself: solves at points of the branch",
+    aspects=(
+        "2D",
+        "branches",
+    ),
+)
 def test_data_with_kinks_in_gamma(name, of):
     """Solutions are those of the load at gamma; branches go over kinks, and end at jumps."""
     system = of(SHAPES[name])
@@ -275,6 +287,7 @@ def _motion(damping, **options):
     return motion, v, wind
 
 
+@pytest.mark.verifies("NSCD motion", reference="closed form: v' = 3 (w - v)", aspects=("2D",))
 def test_damping_in_a_wind():
     """v' = 3 (w - v): the body takes the speed of the wind, which blows the other way later."""
     motion, v, wind = _motion(lambda v, w, t, u: 3.0 * ufl.inner(v - w, t) * ufl.dx)

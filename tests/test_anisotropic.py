@@ -21,6 +21,12 @@ def test_mirrored_fibres_hold_slip_to_the_left():
     assert demo.threshold(demo.elasticity(20.0, -45.0)) == np.inf
 
 
+@pytest.mark.verifies(
+    "anisotropic bodies",
+    reference="independent code: waves on a thick layer, by finite elements in depth",
+    aspects=("2D",),
+    alone=True,
+)
 def test_threshold():
     """Against waves on a thick layer: minus the ratio of its compliances, by Fourier in x."""
     C = demo.elasticity(20.0, 45.0)
@@ -49,6 +55,12 @@ def test_threshold():
 
 
 @serial
+@pytest.mark.verifies(
+    "critical friction",
+    "anisotropic bodies",
+    reference="closed form: the threshold of the half-plane, halving the distance",
+    aspects=("2D",),
+)
 def test_critical_coefficients_come_down_to_it():
     """Slips of both signs: without end beyond F*, and none below."""
     found = []

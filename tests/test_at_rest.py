@@ -70,6 +70,19 @@ def check(problem, carried, algorithm):
 
 
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
+@pytest.mark.verifies(
+    "Newton's method",
+    "Lemke",
+    "Gauss-Seidel",
+    "SOR",
+    "interior point",
+    "projected gradient",
+    "Tresca's fixed point",
+    "penalty",
+    "units",
+    reference="closed form: contact forces are the loads on the lower nodes",
+    aspects=("2D",),
+)
 def test_every_algorithm(algorithm):
     for young, size, strain in UNITS:
         check(*one_row(young=young, size=size, strain=strain), algorithm)

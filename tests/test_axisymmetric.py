@@ -84,6 +84,14 @@ def disc(
 
 
 @pytest.mark.parametrize(("cell", "degree", "method"), KINDS)
+@pytest.mark.verifies(
+    "bodies of revolution",
+    "nodal contact",
+    "mixed contact",
+    "integral contact",
+    reference="closed form: uniform pressure, hoop strain and energy of a disc",
+    aspects=("2D",),
+)
 def test_uniform_pressure_on_a_disc(cell, degree, method):
     """Exact to round-off: pressure, areas, forces of the circumference, hoop strain, energy."""
     problem = disc(section(5, cell), degree, method)
@@ -102,6 +110,9 @@ def test_uniform_pressure_on_a_disc(cell, degree, method):
     np.testing.assert_allclose(u[:, 0], 0.003 * x[:, 0], atol=1e-11)
 
 
+@pytest.mark.verifies(
+    "bodies of revolution", "units", reference="itself: other units", aspects=("2D",)
+)
 def test_units():
     """Millimetres and pascals: the same iterates, forces in the units of the input."""
     plain, other = (
@@ -139,6 +150,13 @@ HERTZ = Hertz(3, 50.0, 1000.0 / (1 - 0.3**2))
 LOAD = HERTZ.load(1.0)
 
 
+@pytest.mark.verifies(
+    "bodies of revolution",
+    "spheres",
+    "rigid bodies",
+    reference="closed form: Hertz",
+    aspects=("2D",),
+)
 def test_hertz_rigid_sphere():
     """A rigid sphere on a half-space: peak and radius at the given force, to 1 %."""
     problem = indented(Sphere((0.0, 50.0), 50.0), 1.0)
@@ -155,6 +173,12 @@ def test_hertz_rigid_sphere():
     assert -ball.displacement[1] == pytest.approx(HERTZ.approach(LOAD, 40.0, 0.3), rel=0.05)
 
 
+@pytest.mark.verifies(
+    "bodies of revolution",
+    "Signorini",
+    reference="independent code: Code_Aster, SSNV104",
+    aspects=("2D",),
+)
 def test_hertz_sphere_on_a_plane():
     """SSNV104 by symmetry: one sphere pressed by half, as two: 660.7 kN, 2912 MPa, 10.2 mm."""
     size = 0.5
@@ -210,6 +234,16 @@ def stacked(sizes, degree, method, *, cell="tri", law=None, gap=None):
         ((3, 4), 2, "integral"),
     ],
 )
+@pytest.mark.verifies(
+    "bodies of revolution",
+    "mortar",
+    "points in common",
+    reference="closed form: uniform pressure between discs",
+    aspects=(
+        "2D",
+        "pairs",
+    ),
+)
 def test_uniform_pressure_between_discs(sizes, degree, method):
     """Exact to round-off on any meshes, up to the axis."""
     problem = stacked(sizes, degree, method)
@@ -261,6 +295,15 @@ def fitted(n, ratio, method, degree=1, twist=None):
     ("ratio", "method", "degree"),
     [(1.0, "nodal", 1), (1.5, "nodal", 1), (1.0, "mixed", 1), (1.5, "integral", 2)],
 )
+@pytest.mark.verifies(
+    "press fits",
+    "bodies of revolution",
+    reference="closed form: Lame's pressure and radial displacement",
+    aspects=(
+        "2D",
+        "pairs",
+    ),
+)
 def test_lame(ratio, method, degree):
     """A press fit: Lame's pressure and radial displacement, to the square of the mesh size."""
     exact = demo_press_fit.lame(0.02)
@@ -294,6 +337,12 @@ def test_lame(ratio, method, degree):
 
 
 @pytest.mark.chatty
+@pytest.mark.verifies(
+    "bodies of revolution",
+    "energies of histories",
+    reference="itself: half the step",
+    aspects=("2D",),
+)
 def test_energy_of_a_history():
     """A disc that slips outwards as it is pressed and back: what is put in is stored or rubbed."""
     residues = []
@@ -346,6 +395,22 @@ def test_a_loose_disc():
 
 
 @pytest.mark.parametrize("cell", ["tri", "quad"])
+@pytest.mark.verifies(
+    "multigrid",
+    reference="independent code: MUMPS for the linear systems",
+    aspects=(
+        "2D",
+        "multigrid",
+    ),
+)
+@pytest.mark.verifies(
+    "bodies of revolution",
+    reference="itself: factorised",
+    aspects=(
+        "2D",
+        "multigrid",
+    ),
+)
 def test_multigrid(cell):
     options = {"linear_solver": "amg", "snes_rtol": 1e-11, "ksp_rtol": 1e-11}
     law = Coulomb(0.2)
@@ -355,6 +420,15 @@ def test_multigrid(cell):
     assert max(s.krylov for s in results[1].history) < 60
 
 
+@pytest.mark.verifies(
+    "uniqueness",
+    "bodies of revolution",
+    reference="itself: the verdict of the certificate",
+    aspects=(
+        "2D",
+        "proofs",
+    ),
+)
 def test_the_only_solution():
     """Certificates of the reduced problem hold as they do in the plane; here of a ring."""
     ring = section(4)
@@ -399,6 +473,12 @@ def test_uniform_strain(kind):
     )
 
 
+@pytest.mark.verifies(
+    "hyperelastic bodies",
+    "bodies of revolution",
+    reference="closed form: a neo-Hookean disc under uniform stretches",
+    aspects=("2D",),
+)
 def test_large_strain():
     """A neo-Hookean disc squeezed by a fifth between plates that hold nothing aside."""
     domain = section(3, "quad")
@@ -423,6 +503,15 @@ def test_large_strain():
     assert result.min_det_F == pytest.approx(k**2 * b, rel=1e-8)
 
 
+@pytest.mark.verifies(
+    "files for ParaView",
+    "bodies of revolution",
+    reference="closed form: uniform pressure between discs",
+    aspects=(
+        "2D",
+        "pairs",
+    ),
+)
 def test_output(folder):
     """Sections for ParaView, pictures, and a table with r and z under x and y."""
     problem = stacked((3, 4), 1, "nodal", law=Coulomb(0.3))
@@ -468,6 +557,7 @@ def test_surfaces_that_disagree():
     refused("bulk is that of a plane body", lambda: ContactProblem(plane, u, sides[:1]))
 
 
+@pytest.mark.refuses("bodies of revolution", aspects=("3D",))
 def test_surfaces_that_cannot_be():
     def surface(domain, where, **given):
         u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (domain.geometry.dim,))))
@@ -528,6 +618,16 @@ def test_the_axis_is_held(caplog):
 
 
 @pytest.mark.parametrize(("method", "degree"), [("nodal", 1), ("integral", 2)])
+@pytest.mark.verifies(
+    "bodies of revolution",
+    "spheres",
+    "hyperelastic bodies",
+    reference="itself: points lie on the sphere, forces balance",
+    aspects=(
+        "2D",
+        "large sliding",
+    ),
+)
 def test_large_sliding(method, degree):
     """A rubber disc that follows a rigid sphere: points lie on it, forces balance."""
     domain = box(COMM, 8, "quad")
@@ -545,6 +645,15 @@ def test_large_sliding(method, degree):
     assert result.support[1] == pytest.approx(4.0, abs=0.1)
 
 
+@pytest.mark.verifies(
+    "bodies of revolution",
+    "friction as parameter",
+    reference="itself: a solve at the end of the branch",
+    aspects=(
+        "2D",
+        "branches",
+    ),
+)
 def test_a_branch():
     """The friction coefficient as a parameter leads to where a solve with it does."""
     domain = section(4, "quad")

@@ -33,6 +33,18 @@ CASES = [k for k in ORACLE if k != "source"]
 
 
 @pytest.mark.parametrize("case", CASES)
+@pytest.mark.verifies(
+    "Coulomb",
+    "Newton's method",
+    "planes",
+    "nodal contact",
+    reference="independent code: GetFEM, every nodal force",
+    aspects=(
+        "2D",
+        "3D",
+        "multigrid",
+    ),
+)
 def test_oracle_forces(case, accuracy, folder):
     oracle = ORACLE[case]
     dim = oracle["dim"]
@@ -65,6 +77,15 @@ def test_oracle_forces(case, accuracy, folder):
 
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize(("dim", "cell"), KINDS)
+@pytest.mark.verifies(
+    "Signorini",
+    "planes",
+    reference="closed form: uniform pressure",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
 def test_patch(dim, cell, degree):
     """Uniform pressure E d / height for nu = 0, to round-off on a distorted mesh."""
     domain = box(COMM, 3, cell)
@@ -110,6 +131,15 @@ PROBLEMS = {
 
 @pytest.mark.parametrize("ghosts", list(mesh.GhostMode)[:2] if COMM.size > 1 else [None], ids=str)
 @pytest.mark.parametrize("name", PROBLEMS)
+@pytest.mark.verifies(
+    "Coulomb",
+    "Newton's method",
+    reference="itself: the solve on one rank",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
 def test_ranks_and_ghost_modes(name, ghosts):
     """Every rank count gives what one rank gives."""
     options = dict(PROBLEMS[name])
@@ -140,6 +170,15 @@ def test_forces_balance():
 
 @pytest.mark.parametrize("units", [(1e3, 1e-6), (1e-3, 1e9)])
 @pytest.mark.parametrize("cell", ["tri", "hex"])
+@pytest.mark.verifies(
+    "units",
+    "Coulomb",
+    reference="itself: other units",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
 def test_units(cell, units):
     """Lengths and stresses in other units: the same iterates and the same solution."""
     length, stress = units
@@ -169,6 +208,12 @@ def test_units(cell, units):
     np.testing.assert_allclose(mine, other, atol=1e-8)
 
 
+@pytest.mark.verifies(
+    "Tresca",
+    "Coulomb",
+    reference="theorem: with the bound of Coulomb's solution Tresca's law has it as well",
+    aspects=("2D",),
+)
 def test_tresca_at_the_coulomb_bound_is_coulomb():
     """With the bound of the Coulomb solution Tresca friction has the same solution."""
     domain = box(COMM, 8, "quad")
@@ -204,6 +249,9 @@ def test_friction_as_number_constant_and_field():
     same_tables(problem.solve().tables["contact"], tables[0])
 
 
+@pytest.mark.verifies(
+    "level sets", "spheres", reference="itself: the obstacle in the other way", aspects=("3D",)
+)
 def test_level_set_is_the_sphere():
     centre = (0.5, 0.5, -4.0)
     radius = 4.0
@@ -214,6 +262,9 @@ def test_level_set_is_the_sphere():
     assert 0 < a.counts["open"] < 25
 
 
+@pytest.mark.verifies(
+    "several laws at once", reference="itself: each face has the shear of its law", aspects=("2D",)
+)
 def test_two_surfaces_with_their_own_laws():
     """A block between two plates, pulled through its middle: each face has its own friction."""
     domain = box(COMM, 8, "quad")
@@ -274,6 +325,16 @@ def test_no_contact_at_all():
     np.testing.assert_allclose(result.tables["contact"].un, 0.99, rtol=1e-12)
 
 
+@pytest.mark.verifies(
+    "hyperelastic bodies",
+    "planes",
+    "Coulomb",
+    reference="closed form: Coulomb's law at the displaced nodes",
+    aspects=(
+        "2D",
+        "large sliding",
+    ),
+)
 def test_large_displacement_on_a_plane_is_exact():
     """A neo-Hookean bar moved by its own size: gap and slip as those of the moved nodes."""
     shift = 1.7
@@ -292,6 +353,16 @@ def test_large_displacement_on_a_plane_is_exact():
 
 @pytest.mark.parametrize("method", ["nodal", "mixed", "integral"])
 @pytest.mark.parametrize(("cell", "levels"), [("quad", (3, 12, 24)), ("hex", (2, 6, 10))])
+@pytest.mark.verifies(
+    "nodal contact",
+    "mixed contact",
+    "integral contact",
+    reference="itself: the other discretisations",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
 def test_methods_converge_to_one_another(method, cell, levels):
     """Resultants of the three discretisations agree better on finer meshes."""
     *coarse, fine = levels
@@ -304,6 +375,7 @@ def test_methods_converge_to_one_another(method, cell, levels):
     assert errors[1] < 0.01 * reference
 
 
+@pytest.mark.verifies("mixed contact", reference="closed form: uniform pressure", aspects=("3D",))
 def test_mixed_contact_on_facets_that_are_no_parallelograms():
     """Averages reproduce constants, and forces are those of the body: uniform to round-off."""
     domain = box(COMM, 4, "hex")

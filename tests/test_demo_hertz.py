@@ -33,6 +33,7 @@ def check_hertz(summary, tolerance=0.02):
     assert summary["radius"] == pytest.approx(summary["radius_closed_form"], rel=tolerance)
 
 
+@pytest.mark.verifies("Signorini", reference="closed form: Hertz, line contact", aspects=("2D",))
 def test_line_contact_converges(folder):
     summary = run(folder, "--dim", 2, "--levels", 5, 10, 20)
     check_hertz(summary, 0.002)
@@ -58,6 +59,7 @@ def test_line_contact_numbers(folder):
     assert summary["load"] == pytest.approx(3529.868228, rel=1e-6)
 
 
+@pytest.mark.verifies("Signorini", reference="closed form: Hertz, point contact", aspects=("3D",))
 def test_point_contact_converges(folder):
     summary = run(folder, "--dim", 3, "--levels", 4, 6)
     check_hertz(summary, 0.015)
@@ -82,6 +84,9 @@ def test_line_contact_otherwise(folder, options):
     assert summary["load"] == pytest.approx(options[1] if "--load" in options else 3624.9, rel=0.02)
 
 
+@pytest.mark.verifies(
+    "Coulomb", reference="independent code: integral equations of the half-plane", aspects=("2D",)
+)
 def test_line_contact_with_friction(folder):
     """The half-plane with this static law, by its integral equations: c/a = 0.30, p0 + 6.4 %."""
     summary = run(folder, "--friction", 0.3, "--levels", 5, 20)
@@ -112,6 +117,15 @@ def test_point_contact_with_friction(folder):
 
 @pytest.mark.skipif(COMM.size == 1, reason="compares one rank with several")
 @pytest.mark.parametrize("options", [["--friction", "0.3"], ["--dim", "3"]])
+@pytest.mark.verifies(
+    "Signorini",
+    "Coulomb",
+    reference="itself: the run on one rank",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
 def test_numbers_do_not_depend_on_ranks(options):
     args = demo_hertz.arguments([*options, "--levels", "3", "4"])
     results = [demo_hertz.solve(args, comm) for comm in (MPI.COMM_SELF, COMM)]

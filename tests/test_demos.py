@@ -15,6 +15,15 @@ from _triangle import element
 HILD = json.loads((Path(__file__).parent / "data" / "hild_triangle.json").read_text())["records"]
 
 
+@pytest.mark.verifies(
+    "Coulomb",
+    "Newton's method",
+    reference="independent code: Code_Aster, SSNV128",
+    aspects=(
+        "2D",
+        "multigrid",
+    ),
+)
 def test_greco_block(accuracy, folder):
     """Code_Aster SSNV128: QUAD8 values to 0.3 %, and the known status of the 32 x 32 mesh."""
     summary = demo_greco_block.main(["--output", str(folder)])
@@ -45,6 +54,12 @@ STATES = {"open": "o", "stick": "k", "slip+": "+", "slip-": "-"}
 
 
 @pytest.mark.parametrize("friction", sorted({r["F"] for r in HILD}))
+@pytest.mark.verifies(
+    "all solutions",
+    "Coulomb",
+    reference="enumeration: all statuses, confirmed with GetFEM",
+    aspects=("2D",),
+)
 def test_hild_triangle_all_solutions(friction):
     """Every record of an independent enumeration: the same solutions, and no others."""
     for record in (r for r in HILD if r["F"] == friction):
@@ -58,6 +73,9 @@ def test_hild_triangle_all_solutions(friction):
                 assert abs(mine[key] - other[key]) < 1e-10
 
 
+@pytest.mark.verifies(
+    "all solutions", reference="closed form: three solutions of Hild's element", aspects=("2D",)
+)
 def test_hild_triangle_instance(folder):
     """lambda = mu = l = 1, F = 3, load (-2.4, -1): three solutions in closed form."""
     summary = demo_hild_triangle.main(["--output", str(folder)])
@@ -83,6 +101,9 @@ def test_hild_triangle_continuum(folder):
 
 
 @pytest.mark.chatty
+@pytest.mark.verifies(
+    "all solutions", "charts", reference="paper: Hild (2002), Proposition 2", aspects=("2D",)
+)
 def test_hild_triangle_diagram(folder):
     """Proposition 2 of Hild (2002), cell by cell, and the lines that carry sets of their own."""
     summary = demo_hild_triangle.main(["--diagram", "--grid=24", "--output", str(folder)])

@@ -19,6 +19,15 @@ def only_following(monkeypatch):
 
 
 @pytest.mark.parametrize(("dim", "cell"), KINDS)
+@pytest.mark.verifies(
+    "loads in increments",
+    "Newton's method",
+    reference="itself: Newton's method",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
 def test_a_block_by_following_the_load(dim, cell, only_following, monkeypatch):
     """The same solution as by Newton's method."""
     followed = block(n=3, cell=cell).solve()
@@ -29,6 +38,12 @@ def test_a_block_by_following_the_load(dim, cell, only_following, monkeypatch):
     assert dim in (2, 3)
 
 
+@pytest.mark.verifies(
+    "loads in increments",
+    reference="closed form: Hild's element beyond its folds",
+    aspects=("2D",),
+    alone=True,
+)
 def test_past_a_fold(only_following):
     """Hild's element beyond its folds: from stick at gamma = 0 only separation is left at 1.
 

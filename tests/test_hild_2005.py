@@ -90,6 +90,9 @@ def body(xc, n, friction, **kind):
 
 @pytest.mark.parametrize("xc", [0.5, 0.8, 0.3])
 @pytest.mark.parametrize(("n", "uneven"), [(1, 0.0), (3, 0.4), (8, 0.0), (12, 0.4)])
+@pytest.mark.verifies(
+    "critical friction", reference="paper: Hild (2005), sqrt((1 + xc)/(1 - xc))", aspects=("2D",)
+)
 def test_critical_friction(xc, n, uneven):
     """F_c to 1e-10 on any mesh; its slip is the linear one, 1 - x, against +x."""
     problem, *_ = body(xc, n, 1.0, uneven=uneven)
@@ -107,6 +110,12 @@ def distance(problem, state):
 
 
 @pytest.mark.parametrize("xc", [0.5, 0.8])
+@pytest.mark.verifies(
+    "all solutions",
+    "Coulomb",
+    reference="paper: Hild (2005), a stick and a grazing state in closed form",
+    aspects=("2D",),
+)
 def test_two_solutions(xc):
     """Below F_c only the grazing state; beyond it that and stick, each found from its own start."""
     critical = np.sqrt((1 + xc) / (1 - xc))

@@ -21,6 +21,12 @@ RUBBER = NeoHookean(600.0, 400.0)
 
 
 @pytest.mark.parametrize("cell", ["tri", "quad"])
+@pytest.mark.verifies(
+    "loads in increments",
+    "hyperelastic bodies",
+    reference="itself: eight solves by hand",
+    aspects=("2D",),
+)
 def test_a_block_pressed_to_a_third_of_its_height(cell):
     """One solve does what eight by hand do."""
     problem = block(n=8, cell=cell, material=RUBBER, top=(0.3, -0.7))
@@ -49,6 +55,7 @@ def increments_alone(monkeypatch, problem):
 
 
 @pytest.mark.parametrize("law", [Coulomb(0.3), Coulomb(1.5)])
+@pytest.mark.verifies("loads in increments", reference="itself: Newton's method", aspects=("2D",))
 def test_increments_find_what_newton_finds(law, monkeypatch):
     """Also where the body begins inside the obstacle, and from a state that is loaded already."""
     inside = HalfSpace((0.0, 0.005), (0.0, 1.0))

@@ -71,6 +71,11 @@ def test_a_jump_in_a_part(more):
         Column(more=more)
 
 
+@pytest.mark.verifies(
+    "bulk with kinks",
+    reference="closed form: a column on a spring that only pushes",
+    aspects=("2D",),
+)
 def test_a_kink_in_a_part():
     def more(c):
         lower = ufl.conditional(ufl.lt(c.x[1], 1e-6), 1.0, 0.0)

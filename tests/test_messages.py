@@ -111,6 +111,7 @@ def test_tolerances_without_effect_are_named(caplog):
 
 
 @pytest.mark.parametrize("kind", ["newtonls", "newtontr", "newtontrdc", "vinewtonssls"])
+@pytest.mark.verifies("options", reference="itself: the default", aspects=("2D",))
 def test_kinds_of_snes_that_are_taken_give_the_same(kind):
     expected = block(n=8, law=Coulomb(1.0)).solve().tables["contact"]
     table = block(n=8, law=Coulomb(1.0), options={"snes_type": kind}).solve().tables["contact"]

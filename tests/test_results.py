@@ -86,6 +86,15 @@ def test_work_of_friction_is_that_of_contact():
 
 @pytest.mark.parametrize("material", ["linear", "neo-Hookean"])
 @pytest.mark.parametrize(("dim", "cell"), KINDS)
+@pytest.mark.verifies(
+    "balance of forces",
+    "hyperelastic bodies",
+    reference="theorem: contact, support and loads are in equilibrium",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
 def test_balance_of_all_forces(dim, cell, material):
     """Body force, traction, clamped and half-fixed nodes: contact + support + external = 0."""
     domain = box(COMM, 4 if dim == 2 else 2, cell)
@@ -128,6 +137,14 @@ def test_balance_of_all_forces(dim, cell, material):
 
 
 @pytest.mark.parametrize(("degree", "method"), [(1, "nodal"), (1, "mixed"), (2, "integral")])
+@pytest.mark.verifies(
+    "balance of forces",
+    "nodal contact",
+    "mixed contact",
+    "integral contact",
+    reference="closed form: a pressed block",
+    aspects=("2D",),
+)
 def test_pressed_block_in_closed_form(degree, method):
     """A pressure of 3 on a block of width 1 without lateral strain: contact 3, support 0."""
     domain = box(COMM, 4, "tri")
