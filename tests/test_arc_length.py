@@ -68,6 +68,13 @@ def opening(step):
     ("k", "n"),
     [(1.0, 1), pytest.param(0.3, 8, marks=pytest.mark.long), (2.0, 8)],
 )
+@pytest.mark.verifies(
+    "arc length paths",
+    "RCCM adhesion",
+    "energies of histories",
+    reference="closed form: a bar in series with a bond, with both folds",
+    aspects=("2D",),
+)
 def test_bar_in_series(k, n):
     """Snap-back: a nonsmooth fold where damage begins, a smooth one at 4/3 u0 (3/k)^(1/4)."""
     history = ArcLength(bar(k, n)).run(gamma_range=ENDS)
@@ -131,6 +138,9 @@ def test_energy():
 
 
 @pytest.mark.chatty
+@pytest.mark.verifies(
+    "arc length paths", "RCCM adhesion", reference="closed form: the secant", aspects=("2D",)
+)
 def test_going_back_unloads():
     """Along the secant, to nothing and up again, where damage goes on from where it was."""
     path = ArcLength(bar(1.0, 2))
@@ -176,6 +186,9 @@ def test_back_to_nothing(k, n, event):
 
 
 @pytest.mark.parametrize(("k", "n"), [(1.0, 2), (2.0, 8)])
+@pytest.mark.verifies(
+    "arc length paths", reference="closed form: the stiffness of the pressed bar", aspects=("2D",)
+)
 def test_back_through_nothing(k, n):
     """Beyond the state without forces the bar is pressed, as hard as its stiffness says."""
     path = ArcLength(bar(k, n))
@@ -192,6 +205,11 @@ def test_back_through_nothing(k, n):
 
 
 @pytest.mark.chatty
+@pytest.mark.verifies(
+    "arc length paths",
+    reference="closed form: folds at 1 + 1/k and 4/3 (3/k)^(1/4) of the opening at the peak",
+    aspects=("2D",),
+)
 def test_one_node():
     """The same folds by a load, of one element; in other units of gamma too."""
     k = 0.3
@@ -240,6 +258,12 @@ def test_of_two_that_are_alike():
     assert fold.method == "Newton's method for the rate problem"
 
 
+@pytest.mark.verifies(
+    "arc length paths",
+    "Coulomb",
+    reference="closed form: Klarbring's node, folds at g = 3 and 2",
+    aspects=("2D",),
+)
 def test_klarbring():
     """Where load control finds no continuation: back by slip to g = 2, and on without contact."""
     system = element((1.0, 1.0), 3.0, 1.0, (-2.0, 0.0), (0.0, -2.0))
@@ -259,6 +283,16 @@ def test_klarbring():
 
 @pytest.mark.chatty
 @pytest.mark.parametrize(("cell", "tolerance"), [("hex", 0.01), ("quad", 1e-9)])
+@pytest.mark.verifies(
+    "arc length paths",
+    "Coulomb",
+    "quasi-static",
+    reference="itself: a quasi-static evolution",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
 def test_friction_as_quasi_static(cell, tolerance):
     """Dragged there and back: as a quasi-static evolution; in 3D slips turn, to first order."""
     n = 4 if cell == "quad" else 2
@@ -364,6 +398,12 @@ def test_bad_input():
 
 
 @pytest.mark.chatty
+@pytest.mark.verifies(
+    "arc length paths",
+    "RCCM adhesion",
+    reference="independent code: folds of another condensation",
+    aspects=("2D",),
+)
 def test_two_bonds_one_after_the_other():
     """A lid that tilts as it rises breaks two bonds: folds of an independent condensation."""
     domain = mesh.create_unit_square(MPI.COMM_SELF, 1, 1, mesh.CellType.quadrilateral)

@@ -83,6 +83,16 @@ def cycle(top):
 
 @pytest.mark.parametrize("case", ["two_n8", "rigid_n8"])
 @pytest.mark.chatty
+@pytest.mark.verifies(
+    "quasi-static",
+    "Coulomb",
+    "energies of histories",
+    reference="independent code: both bodies condensed onto their jumps",
+    aspects=(
+        "2D",
+        "pairs",
+    ),
+)
 def test_the_path_of_two_blocks(case):
     """Step by step as another code has it, which condenses both bodies onto their jumps."""
     given = BLOCKS[case]
@@ -116,6 +126,15 @@ def test_the_path_of_two_blocks(case):
         ("tet", {"n": 2, "method": "integral"}),
     ],
 )
+@pytest.mark.verifies(
+    "quasi-static",
+    "Coulomb",
+    reference="itself: the step from where nothing has slid",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
 def test_what_has_slid_as_a_whole(cell, given):
     """A body that was moved along the floor is where the law of the step begins."""
     away = np.array([0.3, *([-0.2] if cell in ("tet", "hex") else []), 0.0])
@@ -142,6 +161,15 @@ def test_what_has_slid_as_a_whole(cell, given):
 
 
 @pytest.mark.parametrize("algorithm", ["tresca", "gauss-seidel", "lemke", "interior-point"])
+@pytest.mark.verifies(
+    "quasi-static",
+    "Tresca's fixed point",
+    "Gauss-Seidel",
+    "Lemke",
+    "interior point",
+    reference="itself: Newton's method",
+    aspects=("2D",),
+)
 def test_other_algorithms(algorithm):
     """A step by them, from the state that Newton's method left."""
     problem, top = dragged()
@@ -154,6 +182,15 @@ def test_other_algorithms(algorithm):
     same_tables(wanted, found, 1e-6)
 
 
+@pytest.mark.verifies(
+    "quasi-static",
+    "branches",
+    reference="itself: the step by Newton's method",
+    aspects=(
+        "2D",
+        "branches",
+    ),
+)
 def test_a_branch_within_a_step():
     """Followed from the state before, where all that slips is at a border, it ends as the step."""
     problem, top = dragged()
@@ -229,6 +266,9 @@ def test_rejected_steps_leave_nothing():
 
 
 @pytest.mark.chatty
+@pytest.mark.verifies(
+    "energies of histories", "quasi-static", reference="itself: shorter steps", aspects=("2D",)
+)
 def test_energy():
     """What is neither stored nor dissipated falls with the steps."""
     residues = []
@@ -244,6 +284,16 @@ def test_energy():
 
 @pytest.mark.chatty
 @pytest.mark.parametrize("sliding", ["small", "large"])
+@pytest.mark.verifies(
+    "energies of histories",
+    "moving obstacles",
+    "spheres",
+    reference="closed form: without friction all work is stored",
+    aspects=(
+        "2D",
+        "large sliding",
+    ),
+)
 def test_work_of_a_disc_that_moves(sliding):
     """Along and into the face of a strip: all of its work is stored but what steps leave."""
     residues = []
@@ -321,6 +371,12 @@ def test_a_proof_is_of_the_step_that_was_taken():
     assert problem.equations.memory == before
 
 
+@pytest.mark.verifies(
+    "rigid bodies",
+    "quasi-static",
+    reference="itself: the block that moves over a floor at rest",
+    aspects=("2D",),
+)
 def test_a_floor_that_moves():
     """The floor under a held block, as the block over a floor at rest: work and forces too."""
     histories = []
@@ -356,6 +412,16 @@ def test_a_floor_that_moves():
 
 @pytest.mark.chatty
 @pytest.mark.parametrize("cell", ["quad", "hex"])
+@pytest.mark.verifies(
+    "quasi-static",
+    "Coulomb",
+    reference="itself: factorised",
+    aspects=(
+        "2D",
+        "3D",
+        "multigrid",
+    ),
+)
 def test_multigrid(cell):
     """The same steps as by factorising."""
     options = PETSc.Options()
@@ -379,6 +445,12 @@ def klarbring():
 
 
 @pytest.mark.parametrize("at_jump", ["raise", "stop", "jump"])
+@pytest.mark.verifies(
+    "jumps",
+    "quasi-static",
+    reference="closed form: Klarbring's node, without equilibrium beyond g = 3",
+    aspects=("2D",),
+)
 def test_where_nothing_continues(folder, at_jump):
     """Klarbring: stick until g = 3, where the next solution is open, at (-5/3, 1/3)."""
     problem, g = klarbring()
@@ -513,6 +585,9 @@ def test_a_step_that_is_not_solved_proves_no_jump(at_jump):
     assert abs(table.rt.sum()) == pytest.approx(1.25)
 
 
+@pytest.mark.verifies(
+    "quasi-static", "hyperelastic bodies", "units", reference="itself: other units", aspects=("2D",)
+)
 def test_large_deformation():
     """A neo-Hookean block: the same loop in either units, energies in balance."""
     rows = []
@@ -604,6 +679,12 @@ def test_a_load_that_fails_on_one_rank():
 
 
 @pytest.mark.parametrize("follow_rays", [False, True])
+@pytest.mark.verifies(
+    "rays out of a kink",
+    "quasi-static",
+    reference="closed form: Klarbring's node, two rates",
+    aspects=("2D",),
+)
 def test_several_solutions_of_the_rate_problem(follow_rays):
     """Klarbring's node is drawn to the border of slip, at g = 3, and relieved.
 
@@ -640,6 +721,15 @@ def test_several_solutions_of_the_rate_problem(follow_rays):
     assert (surface.statuses == 1).sum() == 1
 
 
+@pytest.mark.verifies(
+    "rays out of a kink",
+    "jumps",
+    reference="closed form: Klarbring's node, no rate",
+    aspects=(
+        "2D",
+        "proofs",
+    ),
+)
 def test_no_solution_of_the_rate_problem():
     """At g = 3 and rising no direction leads out, which is proved by all of them."""
     problem, g = klarbring()

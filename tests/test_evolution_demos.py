@@ -44,6 +44,13 @@ def bar(folder, n, thin, steps):
 
 
 @pytest.mark.chatty
+@pytest.mark.verifies(
+    "quasi-static",
+    "Coulomb",
+    "energies of histories",
+    reference="closed form: slip length, end and dissipation of a bar",
+    aspects=("2D",),
+)
 def test_the_bar_on_a_floor(folder):
     """To first order in the thickness over the slip length."""
     coarse, fine = (bar(folder / str(n), n, n // 2, 2) for n in (40, 80))
@@ -86,6 +93,15 @@ def mindlin(folder, n, steps):
     return [way["l2_error"] for way in found]
 
 
+@pytest.mark.verifies(
+    "quasi-static",
+    "Coulomb",
+    reference="closed form: Cattaneo and Mindlin, there and back",
+    aspects=(
+        "2D",
+        "pairs",
+    ),
+)
 def test_mindlin(folder):
     """Cattaneo and Mindlin, there and back, to 2 % of mu p0."""
     assert max(mindlin(folder, 20, 2)) < 0.02
@@ -99,6 +115,9 @@ def test_mindlin_converges(folder):
 
 
 @pytest.mark.long
+@pytest.mark.verifies(
+    "RCCM adhesion", reference="closed form: a bond that opens, and its snap-back", aspects=("2D",)
+)
 def test_adhesion(folder):
     """A bond opened to 6 u0, without viscosity and with; the folds of its snap-back."""
     words = ["--steps=2", f"--output={folder}"]
@@ -125,6 +144,16 @@ def test_adhesion(folder):
 
 
 @pytest.mark.chatty
+@pytest.mark.verifies(
+    "jumps",
+    "RCCM adhesion",
+    "bodies of revolution",
+    reference="closed form: a bar in a rigid matrix",
+    aspects=(
+        "2D",
+        "pairs",
+    ),
+)
 def test_a_fibre_is_pulled_out(folder, no_pictures):
     """Against a bar in a rigid matrix; past the jump friction alone is left."""
     words = ["--length=5", "--n=4", "--steps=25", "--end=0.06", f"--output={folder}"]
@@ -194,6 +223,12 @@ def test_peeling(folder):
 
 
 @pytest.mark.long
+@pytest.mark.verifies(
+    "arc length paths",
+    "RCCM adhesion",
+    reference="closed form: a beam that is peeled",
+    aspects=("2D",),
+)
 def test_peeling_as_a_beam(folder):
     """The load turns where a beam's does, to 1 %, on meshes of two and four elements."""
     for n in (2, 4):
@@ -202,6 +237,12 @@ def test_peeling_as_a_beam(folder):
         assert summary["crack_over_peeled"] == pytest.approx(1.0, abs=0.05)
 
 
+@pytest.mark.verifies(
+    "regularised friction",
+    "friction of speed and time",
+    reference="closed form: the velocity of the creep",
+    aspects=("2D",),
+)
 def test_the_refrigerator(folder):
     """Creeps at the velocity of the closed form; Coulomb's friction holds it for a year."""
     summary = demo_refrigerator.main(["--n=2", f"--output={folder}"])
@@ -219,6 +260,12 @@ def test_the_refrigerator(folder):
 
 
 @pytest.mark.long
+@pytest.mark.verifies(
+    "interfaces of one's own",
+    "energies of histories",
+    reference="closed form: a long bar on a ductile glue",
+    aspects=("2D",),
+)
 def test_an_interface_of_ones_own(folder):
     """A sheet is drawn off a ductile glue with the force of a long bar; errors fall by four."""
     off = []
@@ -234,6 +281,15 @@ def test_an_interface_of_ones_own(folder):
 
 
 @pytest.mark.long
+@pytest.mark.verifies(
+    "RCCM adhesion",
+    "energies of histories",
+    reference="closed form: uniform slip of the bond",
+    aspects=(
+        "2D",
+        "pairs",
+    ),
+)
 def test_steel_in_concrete(folder, no_pictures):
     """The bond breaks and leaves friction; of the work nothing is lost but by the steps."""
     left = []
@@ -306,6 +362,15 @@ def gives(*words):
 
 
 @pytest.mark.chatty
+@pytest.mark.verifies(
+    "bodies of revolution",
+    "Coulomb",
+    reference="closed form: the earth pressure at rest, K0 g z",
+    aspects=(
+        "2D",
+        "pairs",
+    ),
+)
 def test_the_earth_pressure_at_rest():
     """Stresses, weight and the pressure from below leave nothing displaced: K0 g z on the shaft."""
     args = demo_pile.arguments(["--n=8"])
@@ -322,6 +387,16 @@ def test_the_earth_pressure_at_rest():
 
 
 @pytest.mark.chatty
+@pytest.mark.verifies(
+    "RCCM adhesion",
+    "bodies of revolution",
+    "energies of histories",
+    reference="closed form: one slip all along the shaft",
+    aspects=(
+        "2D",
+        "pairs",
+    ),
+)
 def test_a_pile_is_drawn(folder, no_pictures):
     """The load follows one slip all along the shaft, from the bond to the friction left."""
     summary = demo_pile.main(["--n=8", "--steps=6", f"--output={folder}"])

@@ -64,6 +64,13 @@ def times(history):
         ("modified-theta", 0.7, "velocity", "lumped", 0.0, None),
     ],
 )
+@pytest.mark.verifies(
+    "NSCD motion",
+    "restitution",
+    "energies of motions",
+    reference="independent code: a bar in numpy, scheme by scheme",
+    aspects=("2D",),
+)
 def test_a_bar_step_by_step(scheme, theta, level, mass, restitution, damping):
     """Forces, gaps and energies of a bar that hits the floor and leaves it, as another code's."""
     n = 6
@@ -88,6 +95,12 @@ def test_a_bar_step_by_step(scheme, theta, level, mass, restitution, damping):
 
 
 @pytest.mark.chatty
+@pytest.mark.verifies(
+    "NSCD motion",
+    "energies of motions",
+    reference="closed form: rests on (1, 2), pressed by 1/2",
+    aspects=("2D",),
+)
 def test_the_rod_of_a_unit_length():
     """E = rho = 1, held at 1, u(x, 0) = (1 - x)/2, u(0) >= 0: rests on (1, 2), pressed by 1/2."""
     errors = []
@@ -128,6 +141,7 @@ def thrown(n, **how):
 
 
 @pytest.mark.chatty
+@pytest.mark.verifies("NSCD motion", reference="closed form: rho c v0 for 2 L/c", aspects=("2D",))
 def test_a_bar_thrown_at_a_wall():
     """Pressed by rho c v0 for 2L/c it comes back with v0: to 1 % on 400 cells, 5 % on 16."""
     history = thrown(16)
@@ -148,6 +162,12 @@ def test_a_bar_thrown_at_a_wall():
     np.testing.assert_allclose(found[1], 1.0, rtol=0, atol=0.01)
 
 
+@pytest.mark.verifies(
+    "NSCD motion",
+    "rigid bodies",
+    reference="closed form: the energy of a bar that goes away at twice the speed",
+    aspects=("2D",),
+)
 def test_a_wall_that_hits_a_bar():
     """A rigid body that moves at 10 throws a bar at rest as one at rest does that moves at -10.
 
@@ -285,6 +305,11 @@ def viscous(problem, velocity):
 
 
 @pytest.mark.parametrize("e", [0.0, 0.4, 1.0])
+@pytest.mark.verifies(
+    "restitution",
+    reference="closed form: the speed after, the impulse and the loss",
+    aspects=("2D",),
+)
 def test_restitution_of_a_stiff_block(e):
     """It comes back with e times its speed, in the step in which it hits."""
     problem, _ = block(material=LinearElastic.from_young(1e9, 0.3), height=0.1)
@@ -302,6 +327,9 @@ def test_restitution_of_a_stiff_block(e):
 
 
 @pytest.mark.chatty
+@pytest.mark.verifies(
+    "NSCD motion", "Coulomb", reference="closed form: v0/(mu g), v0^2/(2 mu g)", aspects=("2D",)
+)
 def test_a_stiff_block_slides_and_stops():
     """At v0/(mu g), after v0^2/(2 mu g), to a step; friction has taken all of the motion."""
     stiff = LinearElastic.from_young(1e9, 0.3)
@@ -342,6 +370,14 @@ def test_a_stiff_block_slides_and_stops():
         ("tet", 1, 2, None),
     ],
 )
+@pytest.mark.verifies(
+    "energies of motions",
+    reference="theorem: theta = 1/2 keeps the energy",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
 def test_energy_is_kept(cell, n, degree, damping):
     """theta = 1/2, linear, nothing hits: to 1e-10 of the total, with loads and what is held."""
     problem, top = block(cell, n, degree=degree, weight=3.0, height=1.0, held=True)
@@ -365,6 +401,9 @@ def test_energy_is_kept(cell, n, degree, damping):
 
 
 @pytest.mark.chatty
+@pytest.mark.verifies(
+    "energies of motions", "hyperelastic bodies", reference="itself: half the step", aspects=("2D",)
+)
 def test_energy_of_a_hyperelastic_body():
     """What does not close falls with the square of the steps."""
     found = []
@@ -381,6 +420,9 @@ def dense(matrix):
 
 
 @pytest.mark.chatty
+@pytest.mark.verifies(
+    "NSCD motion", reference="independent code: the matrix exponential of scipy", aspects=("2D",)
+)
 def test_schemes_have_their_order():
     """Against the exact solution of M u'' + C u' + K u = f, of the same matrices, nothing hit."""
     problem, _ = block("tri", 2, comm=MPI.COMM_SELF, weight=3.0, height=1.0, held=True)
@@ -458,6 +500,7 @@ def hits_askew(comm, *, mass=1.0, length=1.0, time=1.0, steps=8, n=3):
     return motion, motion.run([0.0, 0.02 * steps * time], progress=False)
 
 
+@pytest.mark.verifies("units", "NSCD motion", reference="itself: other units", aspects=("2D",))
 def test_units_change_nothing():
     m = 1e-3
     length = 1e3
@@ -474,6 +517,7 @@ def test_units_change_nothing():
         assert other[name] / (force * length) == pytest.approx(value, rel=1e-9, abs=1e-10)
 
 
+@pytest.mark.verifies("NSCD motion", reference="itself: the motion on one rank", aspects=("2D",))
 def test_ranks_change_nothing():
     """50 steps in which a block hits, slips and leaves: what all ranks find is what one finds."""
     steps = 50 if COMM.size > 1 else 2

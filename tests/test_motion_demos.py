@@ -17,6 +17,12 @@ def no_pictures(monkeypatch):
 
 
 @pytest.mark.chatty
+@pytest.mark.verifies(
+    "NSCD motion",
+    "energies of motions",
+    reference="closed form: two impacts of a bar",
+    aspects=("2D",),
+)
 def test_the_bouncing_bar(folder):
     """Two impacts and the energy, coarsely; what is written is there."""
     found = demo_bouncing_bar.main(["--elements=12", f"--output={folder}"])
@@ -51,6 +57,14 @@ def two_bars(folder, *words):
 
 
 @pytest.mark.chatty
+@pytest.mark.verifies(
+    "NSCD motion",
+    reference="closed form: bars that exchange their velocities",
+    aspects=(
+        "2D",
+        "pairs",
+    ),
+)
 def test_two_bars(folder):
     """Velocities are exchanged, after 2 L/c under rho c V/2."""
     np.testing.assert_allclose(two_bars(folder, "--elements=16"), 1.0, rtol=0, atol=0.07)
@@ -62,6 +76,9 @@ def test_two_bars_to_one_percent(folder):
 
 
 @pytest.mark.chatty
+@pytest.mark.verifies(
+    "NSCD motion", "Coulomb", reference="closed form: time and way to the stop", aspects=("2D",)
+)
 def test_the_sliding_block(folder):
     """Time and way to the stop, to 1 %; friction has taken nearly all of the energy."""
     words = ["--elements=4", "--width=1", "--dt=0.01"]
@@ -79,6 +96,12 @@ def test_the_sliding_block_as_it_is(folder):
         assert found[name] == pytest.approx(found[f"{name}_closed_form"], rel=0.01)
 
 
+@pytest.mark.verifies(
+    "NSCD motion",
+    "hyperelastic bodies",
+    reference="theorem: momentum and angular momentum are what forces give",
+    aspects=("3D",),
+)
 def test_a_thrown_body(folder):
     """Momentum is what forces give, angular momentum their moments to first order in the step."""
     words = ["--n=2", "--dt=0.004", "--end=0.12", f"--output={folder}"]
@@ -92,6 +115,15 @@ def test_a_thrown_body(folder):
 
 
 @pytest.mark.long
+@pytest.mark.verifies(
+    "NSCD motion",
+    "hyperelastic bodies",
+    reference="theorem: momentum is kept, equal bodies get the same spin",
+    aspects=(
+        "3D",
+        "pairs",
+    ),
+)
 def test_two_thrown_bodies(folder):
     """Equal bodies get the same spin, and exchange what they have along the normal in part."""
     found = demo_thrown_body.main(["--n=2", "--two", f"--output={folder}"])
@@ -104,6 +136,9 @@ def test_two_thrown_bodies(folder):
 
 
 @pytest.mark.chatty
+@pytest.mark.verifies(
+    "NSCD motion", reference="closed form: an oscillator of one degree of freedom", aspects=("2D",)
+)
 def test_stick_slip(folder):
     """Begin and end of sticking, and the swing, as those of the oscillator of one degree."""
     found = demo_stick_slip.main(["--n=1", "--end=1.6", f"--output={folder}"])

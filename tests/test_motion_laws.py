@@ -54,6 +54,13 @@ def velocity(problem, x, y):
         ("modified-theta", 0.6, "lumped"),
     ],
 )
+@pytest.mark.verifies(
+    "friction of speed and time",
+    "regularised friction",
+    "NSCD motion",
+    reference="closed form: sinh(v/eps) falls as an exponential",
+    aspects=("2D",),
+)
 def test_friction_of_the_velocity(scheme, theta, mass):
     """v' = -mu g tanh(v/eps): sinh(v/eps) falls as an exponential of time."""
     eps = 0.5
@@ -84,6 +91,12 @@ def test_a_speed_is_needed():
 
 
 @pytest.mark.chatty
+@pytest.mark.verifies(
+    "normal compliance",
+    "NSCD motion",
+    reference="closed form: half a period of an oscillator",
+    aspects=("2D",),
+)
 def test_a_surface_that_gives_way():
     """A stiff block on springs: half a period of an oscillator in contact, and away again."""
     C = 1e4
@@ -103,6 +116,13 @@ def test_a_surface_that_gives_way():
 
 
 @pytest.mark.chatty
+@pytest.mark.verifies(
+    "RCCM adhesion",
+    "NSCD motion",
+    "energies of motions",
+    reference="closed form: the cost of the bond",
+    aspects=("2D",),
+)
 def test_a_bond_that_breaks():
     """A block that flies off loses what its bond costs: w of its kinetic energy."""
     w = 0.1
@@ -121,6 +141,12 @@ def test_a_bond_that_breaks():
 
 
 @pytest.mark.chatty
+@pytest.mark.verifies(
+    "bilinear cohesion",
+    "NSCD motion",
+    reference="closed form: the cost of the interface",
+    aspects=("2D",),
+)
 def test_an_interface_that_breaks():
     """The same of an interface by energy and dissipation, whose cost is exact."""
     problem = block(BilinearCohesive(10.0, 0.005, 0.015), young=1e7, weight=0.0)
@@ -213,6 +239,12 @@ def test_what_differs_between_ranks(what):
         NSCD(problem, 1.0, dt=0.1, **given)
 
 
+@pytest.mark.verifies(
+    "bodies of revolution",
+    "NSCD motion",
+    reference="closed form: the kinetic energy of a cylinder",
+    aspects=("2D",),
+)
 def test_a_body_of_revolution():
     """A cylinder of radius and height 1 that falls has the mass of all of it."""
     domain = box(COMM, 3, "quad")
@@ -233,6 +265,15 @@ def test_a_body_of_revolution():
 
 
 @pytest.mark.chatty
+@pytest.mark.verifies(
+    "NSCD motion",
+    "Coulomb",
+    reference="itself: factorised",
+    aspects=(
+        "3D",
+        "multigrid",
+    ),
+)
 def test_multigrid():
     """The same impacts as by factorising."""
     options = PETSc.Options()

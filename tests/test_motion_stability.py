@@ -30,6 +30,12 @@ def slides(friction):
 
 @pytest.mark.chatty
 @pytest.mark.parametrize("friction", [pytest.param(0.1, marks=pytest.mark.long), 0.5])
+@pytest.mark.verifies(
+    "steady sliding",
+    "NSCD motion",
+    reference="itself: the eigenvalue of steady sliding, from a motion",
+    aspects=("2D",),
+)
 def test_squeal(friction):
     """A perturbed motion has the eigenvalue of largest growth of steady sliding.
 
@@ -72,6 +78,9 @@ def test_squeal(friction):
 
 
 @pytest.mark.chatty
+@pytest.mark.verifies(
+    "jumps", "NSCD motion", reference="closed form: Klarbring's node beyond g = 3", aspects=("2D",)
+)
 def test_klarbring_by_dynamics():
     """Beyond g = 3 no equilibrium continues; the motion from there ends open, and goes on so."""
     problem, g = klarbring()
