@@ -62,6 +62,16 @@ def check(summary, length=1.0, force=1.0):
     "r", [None, *(pytest.param(r, marks=[serial, pytest.mark.long]) for r in (0.3, 300.0))]
 )
 @pytest.mark.chatty
+@pytest.mark.verifies(
+    "hyperelastic bodies",
+    "all solutions",
+    "branches",
+    reference="independent code: GetFEM on the same mesh",
+    aspects=(
+        "2D",
+        "branches",
+    ),
+)
 def test_six_branches(folder, r):
     """With the automatic augmentation parameter (about E / L, 4) and 10 and 100 times off."""
     with varied(r=r):
@@ -74,6 +84,16 @@ def test_six_branches(folder, r):
 
 @serial
 @pytest.mark.long
+@pytest.mark.verifies(
+    "units",
+    "hyperelastic bodies",
+    "branches",
+    reference="itself: other units and steps",
+    aspects=(
+        "2D",
+        "branches",
+    ),
+)
 def test_steps_and_units(folder):
     """Ten times longer and shorter steps; lengths times 1e3, stresses times 1e6: the same points.
 

@@ -39,6 +39,9 @@ def values(system, point):
     return whole[:-1], whole[-1]
 
 
+@pytest.mark.verifies(
+    "branches", reference="closed form: the fold of a circle", aspects=("branches",), alone=True
+)
 def test_circle():
     """x^2 + g^2 = 1: the smooth fold at g = 1, located, and round to the other end."""
     system = smooth(
@@ -82,6 +85,12 @@ def test_the_end_of_the_range_to_the_last_bit(end):
     assert branch.points[-1].gamma == values(system, branch.points[-1])[1] == end
 
 
+@pytest.mark.verifies(
+    "branches",
+    reference="closed form: one node, folds at 3 and 2",
+    aspects=("branches",),
+    alone=True,
+)
 def test_path_with_two_nonsmooth_folds():
     """The one-node S: kt = kn = 2, k = 1, F = 3, p = (-g, -1); folds at 3 and 2."""
     system = one_node(2.0, 2.0, 1.0, 3.0, (0.0, -1.0), (-1.0, 0.0))
@@ -281,6 +290,12 @@ def test_correctors_agree():
         ),
     ],
 )
+@pytest.mark.verifies(
+    "branches",
+    reference="closed form: pitchfork and transcritical bifurcation",
+    aspects=("branches",),
+    alone=True,
+)
 def test_smooth_bifurcations(name, H, J, c, other):
     """From the trivial branch: found, located to 1e-8, and branched off both ways."""
     system = smooth(1, H, J, c)
@@ -316,6 +331,12 @@ def test_a_bifurcation_in_the_last_step_is_kept():
     assert len(branch.points) == 2
 
 
+@pytest.mark.verifies(
+    "branches",
+    reference="closed form: Bratu's fold at 3.513830719",
+    aspects=("branches",),
+    alone=True,
+)
 def test_bratu():
     """-u'' = g exp(u) on (0, 1): the fold at 3.513830719, and no bifurcation."""
     system = bratu(200)
@@ -409,6 +430,11 @@ class bratu(System):
         return ()
 
 
+@pytest.mark.verifies(
+    "branches",
+    reference="independent code: the sign of the determinant by MUMPS",
+    aspects=("branches",),
+)
 def test_parity_is_that_of_mumps():
     """The low-rank identity and MUMPS' sign of det J say the same, for every pair of statuses."""
     from dolfinx_contact.continuation.branch import Ray

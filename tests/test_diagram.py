@@ -17,6 +17,9 @@ def gammas(branch):
     return branch.points[0].gamma, branch.points[-1].gamma
 
 
+@pytest.mark.verifies(
+    "branches", reference="closed form: a circle", aspects=("branches",), alone=True
+)
 def test_closed_branch():
     """The circle inside the range: the branch ends where it began, having folded twice."""
     system = smooth(
@@ -162,6 +165,9 @@ def test_observers_see_the_branches_of_the_diagram(end):
     assert diagram.branches[0].points[-1].y.equal(diagram.nodes[0].point.y)
 
 
+@pytest.mark.verifies(
+    "stops", "branches", reference="closed form: a circle", aspects=("branches",), alone=True
+)
 def test_stop_on_a_functional():
     """A branch ends where the caller says so, with the caller's reason."""
     system = smooth(
@@ -179,6 +185,13 @@ def test_stop_on_a_functional():
     assert branch.points[-1].gamma > 0.5 >= branch.points[-2].gamma
 
 
+@pytest.mark.verifies(
+    "all solutions",
+    "branches",
+    reference="closed form: a pitchfork",
+    aspects=("branches",),
+    alone=True,
+)
 def test_pitchfork_as_a_graph():
     """x (g - x^2) = 0: one node with four rays; two ends at g = 1, one at -1, one arch cut off."""
     system = smooth(
@@ -206,6 +219,13 @@ def test_transcritical_from_both_sides():
     assert sorted(edge.end is None for edge in diagram.edges) == [False, False, True, True]
 
 
+@pytest.mark.verifies(
+    "all solutions",
+    "branches",
+    reference="closed form: a line through a circle",
+    aspects=("branches",),
+    alone=True,
+)
 def test_a_loop_of_two_nodes_is_followed_once():
     """(x - a)(x^2 + g^2 - 1) = 0, a = g / 2: a line through a circle, two nodes, six edges."""
     system = smooth(

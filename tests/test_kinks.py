@@ -47,6 +47,14 @@ def test_path_with_two_nonsmooth_folds(kinks):
 
 
 @pytest.mark.parametrize("kinks", ["batched", pytest.param("stepping", marks=pytest.mark.chatty)])
+@pytest.mark.verifies(
+    "branches",
+    reference="itself: every event located",
+    aspects=(
+        "2D",
+        "branches",
+    ),
+)
 def test_vee(kinks):
     """The V-shaped body: folds where the exact passage has them, three solutions at 0.7."""
     runs = {}
@@ -197,6 +205,15 @@ def test_reuse_of_a_factorisation_changes_nothing():
 
 
 @pytest.mark.long
+@pytest.mark.verifies(
+    "branches",
+    "Coulomb",
+    reference="itself: the branch on one rank",
+    aspects=(
+        "3D",
+        "branches",
+    ),
+)
 def test_3d_branch(folder):
     """The foot on all ranks and on one: the same steps; the last solution is one of H."""
     options = ["--n", "3", "--output", str(folder)]

@@ -17,6 +17,9 @@ from dolfinx_contact.continuation.krylov import Krylov
 COMM = MPI.COMM_WORLD
 
 
+@pytest.mark.verifies(
+    "Krylov branches", reference="independent code: determinants of numpy", aspects=("branches",)
+)
 def test_sign_of_the_determinant(monkeypatch):
     """Sixty random matrices of ten rows: numpy's sign, and its solution."""
     monkeypatch.setattr(Textbook, "preconditioner", SymmetricGuess())
@@ -72,6 +75,15 @@ def follow_vee(solver, kinks, *options):
 
 @pytest.mark.chatty
 @pytest.mark.parametrize("kinks", ["exact", "batched"])
+@pytest.mark.verifies(
+    "Krylov branches",
+    reference="independent code: MUMPS for the linear systems",
+    aspects=(
+        "2D",
+        "multigrid",
+        "branches",
+    ),
+)
 def test_vee(kinks):
     """Two nonsmooth folds, between which the determinant of H_x has the other sign."""
     branch, letters, signs = follow_vee("amg", kinks)
@@ -94,6 +106,24 @@ def test_vee(kinks):
 
 
 @pytest.mark.chatty
+@pytest.mark.verifies(
+    "Krylov branches",
+    reference="independent code: MUMPS for the linear systems",
+    aspects=(
+        "2D",
+        "multigrid",
+        "branches",
+    ),
+)
+@pytest.mark.verifies(
+    "hyperelastic bodies",
+    reference="itself: factorised",
+    aspects=(
+        "2D",
+        "multigrid",
+        "branches",
+    ),
+)
 def test_large_deformation():
     """A hyperelastic body with its support moved: its stiffness changes all along."""
     options = ("--law", "neo-hookean", "--friction", "0.8", "--drive-top", "0.4", "-0.05")
@@ -109,6 +139,24 @@ def test_large_deformation():
 
 
 @pytest.mark.chatty
+@pytest.mark.verifies(
+    "Krylov branches",
+    reference="independent code: MUMPS for the linear systems",
+    aspects=(
+        "3D",
+        "multigrid",
+        "branches",
+    ),
+)
+@pytest.mark.verifies(
+    "Coulomb",
+    reference="itself: factorised",
+    aspects=(
+        "3D",
+        "multigrid",
+        "branches",
+    ),
+)
 def test_3d_branch():
     """The foot, every event located: those of the direct solver, with few hierarchies."""
     branches = []

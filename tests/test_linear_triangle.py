@@ -27,6 +27,9 @@ def start_of(system):
     return x
 
 
+@pytest.mark.verifies(
+    "Coulomb", "Newton's method", reference="independent code: GetFEM, and numpy", aspects=("2D",)
+)
 def test_seed_example_at_its_start():
     """n = 64, F = 1.7, gamma = -1: one solution, known from two codes (GetFEM and numpy)."""
     system = demo.linear_triangle(64, 1.7)
@@ -40,6 +43,16 @@ def test_seed_example_at_its_start():
 
 
 @pytest.mark.parametrize("route", ["steps", "pivoting"])
+@pytest.mark.verifies(
+    "rays out of a kink",
+    "pivoting",
+    reference="independent code: GetFEM, and an enumeration in numpy",
+    aspects=(
+        "2D",
+        "branches",
+        "proofs",
+    ),
+)
 def test_all_rays_of_the_degenerate_point(route):
     """n = 64, F = 1.7: one ray comes to (0, 0), where all nodes are at a kink, three leave it."""
     system = demo.linear_triangle(64, 1.7)
@@ -58,6 +71,17 @@ def run(folder, *arguments):
     return demo.main([*arguments, "--output", str(folder)])
 
 
+@pytest.mark.verifies(
+    "all solutions",
+    "branches",
+    "pivoting",
+    reference="independent code: GetFEM, and an enumeration in numpy",
+    aspects=(
+        "2D",
+        "branches",
+        "proofs",
+    ),
+)
 def test_demo(folder):
     """The default: 3 + 1 solutions with the numbers of the oracle, and the pictures."""
     summary = run(folder)
@@ -80,6 +104,15 @@ def test_demo(folder):
         assert (folder / name).stat().st_size > 10_000
 
 
+@pytest.mark.verifies(
+    "all solutions",
+    reference="independent code: GetFEM, and an enumeration in numpy",
+    aspects=(
+        "2D",
+        "branches",
+        "proofs",
+    ),
+)
 def test_complete_set_on_a_coarse_mesh(folder):
     """n = 4, F = 1.8: enumeration of the 256 pieces proves that there are 3 + 1 solutions."""
     summary = run(folder, "--n", "4", "--friction", "1.8", "--load", "26", "9.05")
@@ -118,6 +151,15 @@ def test_thresholds_of_discretisations(method, threshold, monkeypatch):
 @serial
 @pytest.mark.long
 @pytest.mark.parametrize("route", ["pivoting", "steps"])
+@pytest.mark.verifies(
+    "units",
+    "branches",
+    reference="itself: other units, numbering and augmentation",
+    aspects=(
+        "2D",
+        "branches",
+    ),
+)
 def test_units_numbering_and_augmentation(folder, route):
     """Lengths times 1e3, stiffness and load times 1e9, another numbering, r times 0.1 to 100.
 
@@ -146,6 +188,15 @@ def test_units_numbering_and_augmentation(folder, route):
 
 @serial
 @pytest.mark.long
+@pytest.mark.verifies(
+    "pivoting",
+    "branches",
+    reference="itself: the branches by steps",
+    aspects=(
+        "2D",
+        "branches",
+    ),
+)
 def test_steps_and_pivoting_find_the_same(folder):
     """Both routes, steps ten times longer and shorter: the same solutions."""
     plain = ("--n", "16", "--friction", "1.8")

@@ -28,6 +28,15 @@ def by_hand():
     return K[:4, :4], -K[:4, 4:] @ np.concatenate(list(demo.MOVED.values()))
 
 
+@pytest.mark.verifies(
+    "friction as parameter",
+    "branches",
+    reference="enumeration: folds of stiffnesses made by hand",
+    aspects=(
+        "2D",
+        "branches",
+    ),
+)
 def test_folds(folder):
     """The branch turns back at F = 7 and at F = 1.78, and ends alone."""
     summary = demo.main(["--output", str(folder)])

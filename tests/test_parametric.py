@@ -67,6 +67,16 @@ def driven_block(kind, cell="quad", n=4, material=None, comm=COMM):
 
 @pytest.mark.parametrize("kind", ["load", "friction", "obstacle", "dirichlet"])
 @pytest.mark.parametrize("material", [None, NeoHookean(600.0, 400.0)])
+@pytest.mark.verifies(
+    "branches",
+    "friction as parameter",
+    "moving obstacles",
+    reference="differences: central differences",
+    aspects=(
+        "2D",
+        "branches",
+    ),
+)
 def test_derivative_by_gamma(kind, material):
     """dH/dgamma against central differences on a held piece, second order in the step."""
     system = driven_block(kind, material=material)
@@ -98,6 +108,15 @@ def test_derivative_by_gamma(kind, material):
     assert errors[1] < 0.3 * errors[0] or errors[1] < 1e-9
 
 
+@pytest.mark.verifies(
+    "branches",
+    "Coulomb",
+    reference="closed form: folds of Hild's element",
+    aspects=(
+        "2D",
+        "branches",
+    ),
+)
 def test_single_element(folder):
     """Hild's triangle along a load: folds where the closed form has them, and no bifurcation."""
     summary = demo_single_element.main(["--output", str(folder)])
@@ -110,6 +129,14 @@ def test_single_element(folder):
     assert (folder / "branch.png").stat().st_size > 10_000
 
 
+@pytest.mark.verifies(
+    "friction as parameter",
+    reference="closed form: where stick and slip are born",
+    aspects=(
+        "2D",
+        "branches",
+    ),
+)
 def test_friction_as_parameter(folder):
     """Stick and slip are born together where the closed form has it."""
     summary = demo_friction_parameter.main(["--output", str(folder)])
@@ -144,6 +171,16 @@ def test_single_element_with_other_steps_and_units(factor, folder):
 
 
 @pytest.mark.parametrize("cell", ["quad", "tet"])
+@pytest.mark.verifies(
+    "branches",
+    "Coulomb",
+    reference="itself: the branch on one rank",
+    aspects=(
+        "2D",
+        "3D",
+        "branches",
+    ),
+)
 def test_first_contact_and_slip_of_a_block(cell):
     """A block moved down by gamma until it touches: every event, and the solution at the end."""
     dim = 2 if cell == "quad" else 3
@@ -200,6 +237,17 @@ def test_gamma_must_be_a_scalar_constant():
 
 
 @pytest.mark.parametrize("cell", ["tri", "tet"])
+@pytest.mark.verifies(
+    "Tresca",
+    "spheres",
+    "branches",
+    reference="itself: solves at points of the branch",
+    aspects=(
+        "2D",
+        "3D",
+        "branches",
+    ),
+)
 def test_a_friction_bound_acts_on_open_points_along_a_branch(cell):
     """Tresca's law over a ball: every point of the branch is a solution of the whole problem."""
     dim = 2 if cell == "tri" else 3

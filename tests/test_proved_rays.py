@@ -42,6 +42,16 @@ def random_cone(rng, m, codes, friction):
 
 
 @pytest.mark.parametrize("seed", range(10))
+@pytest.mark.verifies(
+    "rays out of a kink",
+    "certificates",
+    reference="enumeration: the rays of all pieces",
+    aspects=(
+        "2D",
+        "proofs",
+    ),
+    alone=True,
+)
 def test_against_enumeration(seed):
     """Three points at their apex, one open and one stuck: the rays of 4^3 pieces."""
     rng = np.random.default_rng(seed)
@@ -99,6 +109,15 @@ def rays_at(system, gamma):
     return outgoing(cone, prove=partial(system.prove_rays, condensed))
 
 
+@pytest.mark.verifies(
+    "rays out of a kink",
+    "hyperelastic bodies",
+    reference="itself: three rays to either side",
+    aspects=(
+        "2D",
+        "proofs",
+    ),
+)
 def test_a_hyperelastic_block():
     """The 20 x 40 block of the seed: 21 points at their apex, three rays to either side."""
     found = rays_at(demo_ciarlet_geymonat.block(20, 40, 1.0), 0.0)

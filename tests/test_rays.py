@@ -26,6 +26,12 @@ def described(found):
 
 
 @pytest.mark.parametrize("seed", range(12))
+@pytest.mark.verifies(
+    "rays out of a kink",
+    reference="enumeration: the rays of all pieces",
+    aspects=("2D",),
+    alone=True,
+)
 def test_unfolding_finds_what_enumeration_proves(seed, monkeypatch):
     """Random stiffness, load and friction, three points: both ways find the same rays."""
     random = np.random.default_rng(seed)
@@ -41,6 +47,9 @@ def test_unfolding_finds_what_enumeration_proves(seed, monkeypatch):
     assert described(unfolded) == described(proved)
 
 
+@pytest.mark.verifies(
+    "rays out of a kink", reference="closed form: the rays of one node", aspects=("2D",), alone=True
+)
 def test_one_point_against_the_closed_form():
     """kt = kn = 2, k = 1, F = 3 > kt / k: three rays iff -F |pn| < pt < -(kt / k) |pn|, pn < 0."""
     S = np.array([[2.0, 1.0], [1.0, 2.0]])

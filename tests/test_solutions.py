@@ -56,6 +56,9 @@ def gould():
 
 
 @pytest.mark.chatty
+@pytest.mark.verifies(
+    "all solutions", reference="closed form: three points of Gould's nonconvex problem", alone=True
+)
 def test_gould():
     """Three KKT points from one guess (Gould's nonconvex problem)."""
     system = gould()
@@ -67,6 +70,12 @@ def test_gould():
 
 
 @pytest.mark.parametrize("deflation", [False, pytest.param(True, marks=[serial, pytest.mark.long])])
+@pytest.mark.verifies(
+    "all solutions",
+    reference="closed form: open, stick and slip of Hild's element",
+    aspects=("2D",),
+    alone=True,
+)
 def test_one_element(deflation):
     """Hild's element between its folds: open, stick and slip, by enumeration and by deflation."""
     system = linear_triangle(1, 2.5, (4.0, 0.0), preload=(0.0, -1.0), comm=MPI.COMM_SELF)
