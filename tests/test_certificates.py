@@ -87,6 +87,15 @@ def compare(seed, number):
     return verdicts
 
 
+@pytest.mark.verifies(
+    "certificates",
+    reference="enumeration: all statuses of random problems",
+    aspects=(
+        "2D",
+        "proofs",
+    ),
+    alone=True,
+)
 def test_random_problems():
     """100 problems: what is proved is what the enumeration finds."""
     verdicts = compare(0, 100)
@@ -112,6 +121,15 @@ def several(number, seed=5):
             number -= 1
 
 
+@pytest.mark.verifies(
+    "certificates",
+    reference="enumeration: all statuses of random problems",
+    aspects=(
+        "2D",
+        "proofs",
+    ),
+    alone=True,
+)
 def test_bounds_hold_every_solution():
     for problem, pieces in several(10):
         ub = StatusRegion.whole(problem).ub
@@ -232,6 +250,16 @@ def test_units_do_not_matter(scale):
         np.testing.assert_allclose(s.state[:, :2], scale * same.state[:, :2], atol=1e-12 * scale)
 
 
+@pytest.mark.verifies(
+    "certificates",
+    "Tresca",
+    reference="itself: Lemke's method",
+    aspects=(
+        "2D",
+        "proofs",
+    ),
+    alone=True,
+)
 def test_a_bound_given_in_advance_has_one_solution():
     """Tresca's law, beside Coulomb's and none."""
     rng = np.random.default_rng(9)
@@ -257,6 +285,15 @@ def test_no_load():
     assert check(found.certificate).at_rest
 
 
+@pytest.mark.verifies(
+    "certificates",
+    reference="closed form: Hild's element, with a grazing state",
+    aspects=(
+        "2D",
+        "proofs",
+    ),
+    alone=True,
+)
 def test_degenerate_problems_are_said_to_be():
     """Hild's element: the free state grazes, beside stick; with F = 2 slips join both."""
     S = np.array([[2.0, 1.0], [1.0, 2.0]])

@@ -77,6 +77,15 @@ def stored(tmp_path):
     return tmp_path / "proof.npz"
 
 
+@pytest.mark.verifies(
+    "certificates",
+    reference="closed form: one node with three solutions",
+    aspects=(
+        "2D",
+        "proofs",
+    ),
+    alone=True,
+)
 def test_one_file_and_numpy(stored, tmp_path):
     """A copy of the file by itself says what is proved, of what, and what is not."""
     script = shutil.copy(CHECKER, tmp_path / "copied.py")
@@ -247,6 +256,15 @@ def test_a_forged_proof_proves_nothing_that_is_false(proofs, tries):
 
 
 @pytest.mark.parametrize("number", [25, pytest.param(1000, marks=pytest.mark.long)])
+@pytest.mark.verifies(
+    "certificates",
+    reference="enumeration: all 4^m pieces",
+    aspects=(
+        "2D",
+        "proofs",
+    ),
+    alone=True,
+)
 def test_what_is_proved_is_what_is_there(number, tmp_path):
     """Stored, read and checked proofs against all 4^m pieces; other data are not proved by them."""
     rng = np.random.default_rng(8)

@@ -86,6 +86,11 @@ def by_hand(problem, xi=None):
 
 
 @pytest.mark.parametrize("lame", LAME)
+@pytest.mark.verifies(
+    "critical friction",
+    reference="closed form: kt/k of one element, and known coefficients of finer meshes",
+    aspects=("2D",),
+)
 def test_hild_triangle(lame):
     for n, expected in zip((1, 2, 4, 8), LAME[lame], strict=True):
         problem = linear_triangle(n, 0.3, lame=lame).problem
@@ -108,6 +113,11 @@ def test_large_mesh_converges():
 
 @pytest.mark.parametrize("cell", [mesh.CellType.quadrilateral, mesh.CellType.triangle])
 @pytest.mark.parametrize("offset", [1.0, -0.6])
+@pytest.mark.verifies(
+    "critical friction",
+    reference="independent code: a dense condensation in numpy",
+    aspects=("2D",),
+)
 def test_against_a_condensation_by_hand(cell, offset):
     problem = leaning(5, offset=offset, cell=cell)
     values, vectors = by_hand(leaning(5, offset=offset, cell=cell, comm=MPI.COMM_SELF))
@@ -179,6 +189,9 @@ def in_plane(V):
     return [fem.dirichletbc(0.0, dofs, V.sub(1))]
 
 
+@pytest.mark.verifies(
+    "critical friction", reference="itself: the body in plane strain", aspects=("3D",)
+)
 def test_slice_in_3d():
     """A slice in plane strain has the coefficients of the plane body; slip along y is held."""
     domain = mesh.create_box(COMM, [[0, 0, 0], [1, 0.3, 2]], [4, 1, 8], mesh.CellType.hexahedron)
@@ -193,6 +206,11 @@ def test_slice_in_3d():
         critical_friction(problem, (0.0, 1.0, 0.0))
 
 
+@pytest.mark.verifies(
+    "critical friction",
+    reference="independent code: a dense condensation in numpy",
+    aspects=("3D",),
+)
 def test_any_direction_in_3d():
     problem = block(4)
     angle = 0.4
@@ -277,6 +295,14 @@ def test_bad_input():
 @pytest.mark.parametrize(
     "options", [["--lower", "1e9", "0.3"], ["--lower", "1e9", "0.3", "--ratio=2"]]
 )
+@pytest.mark.verifies(
+    "critical friction",
+    reference="itself: the body on a rigid floor",
+    aspects=(
+        "2D",
+        "pairs",
+    ),
+)
 def test_between_bodies(options):
     """On a body that is very stiff, with matching faces or others, as on a rigid floor."""
     rigid, pair = (
@@ -352,6 +378,12 @@ def test_double_coefficients():
 
 
 @pytest.mark.parametrize("which", [0, 1])
+@pytest.mark.verifies(
+    "critical friction",
+    reference="closed form: a continuum of solutions along the slip",
+    aspects=("2D",),
+    alone=True,
+)
 def test_slips_of_both_signs_bring_continua(which):
     """Where all points have slipped under load, such a slip may be added with either sign."""
     domain = leaning(5, offset=1.0, comm=MPI.COMM_SELF).V.mesh

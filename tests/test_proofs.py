@@ -43,6 +43,15 @@ def words(system, solutions):
 
 
 @pytest.mark.parametrize(("gamma", "count"), [(1.0, 3), (-1.0, 1), (0.0, 1)])
+@pytest.mark.verifies(
+    "all solutions",
+    "certificates",
+    reference="itself: the checker of proofs",
+    aspects=(
+        "2D",
+        "proofs",
+    ),
+)
 def test_all_solutions_of_a_triangle(gamma, count):
     """16 nodes, F = 1.9: three solutions, one under the opposite load, and none but rest."""
     system = linear_triangle(16, 1.9)
@@ -95,6 +104,15 @@ ARMS += [(0.3, 0.15 + 0.15 * 2**0.5), (0.3, 0.8), (0, 0.8)]
 
 @serial
 @pytest.mark.parametrize(("gamma", "count"), [(0.38, 1), (0.4, 3)])
+@pytest.mark.verifies(
+    "all solutions",
+    "certificates",
+    reference="paper: Ligurský and Renard (2015), the V-shaped body",
+    aspects=(
+        "2D",
+        "proofs",
+    ),
+)
 def test_the_vee_of_the_literature(gamma, count, monkeypatch):
     """Their data, F = 1.8, in 1 s; the mesh decides from which load on there are three."""
     monkeypatch.setattr(demo_followed_mesh, "VEE", ARMS)
@@ -165,6 +183,16 @@ def plate(left, right, *, gap=0.0, push=(0.01, -0.02), n=10):
         (Frictionless(), Frictionless(), 0.0),
     ],
 )
+@pytest.mark.verifies(
+    "several laws at once",
+    "uniqueness",
+    "Signorini",
+    reference="itself: a proof of all solutions",
+    aspects=(
+        "2D",
+        "proofs",
+    ),
+)
 def test_several_surfaces(left, right, gap):
     """Different coefficients, gaps, none: the solution is the only one, and both proofs say so."""
     problem = plate(left, right, gap=gap)
@@ -181,6 +209,16 @@ def test_several_surfaces(left, right, gap):
 
 
 @pytest.mark.parametrize("right", [Tresca(2.0), Coulomb(0.4)])
+@pytest.mark.verifies(
+    "uniqueness",
+    "Tresca",
+    "certificates",
+    reference="itself: a proof of all solutions",
+    aspects=(
+        "2D",
+        "proofs",
+    ),
+)
 def test_a_bound_given_in_advance(right):
     """Tresca's law on one floor, and another or the same on the other, with open points."""
     problem = plate(Tresca(3.0), right, gap=0.004)
@@ -216,6 +254,14 @@ def test_a_solution_that_is_the_only_one():
     assert found.other is None
 
 
+@pytest.mark.verifies(
+    "uniqueness",
+    reference="itself: the other solution, from which a solve ends at once",
+    aspects=(
+        "2D",
+        "proofs",
+    ),
+)
 def test_others_exist(caplog):
     """One of three solutions: another one comes with it, and a warning."""
     problem = triangle(16, 1.9, 1.0)

@@ -42,6 +42,12 @@ def of_one_node(F, F1, F2, kt=2.0, kn=2.0, k=1.0):
 
 
 @pytest.mark.parametrize("F", [1.0, 2.0, 3.0])
+@pytest.mark.verifies(
+    "charts",
+    "curves of folds",
+    reference="paper: Hild (2002), Proposition 2 and figures 2 to 4",
+    aspects=("2D",),
+)
 def test_figures_of_the_seed_example(F):
     """Proposition 2 and figures 2 to 4 of Hild (2002), from curves, region by region."""
     curves, regions = regions_of(1, F)
@@ -81,6 +87,9 @@ def test_more_elements():
 
 
 @pytest.mark.parametrize("seed", range(2))
+@pytest.mark.verifies(
+    "charts", reference="enumeration: all pieces of random problems", aspects=("2D",), alone=True
+)
 def test_random_families(seed):
     """Against solving all pieces; a curve that is left out is missed."""
     family = random_family(seed)

@@ -24,6 +24,11 @@ def to_the(sign):
 
 
 @pytest.mark.parametrize("dense", [True, False])
+@pytest.mark.verifies(
+    "Renard's criterion",
+    reference="closed form: 2 sqrt(kt^2 - k^2)/kt of one element, and known coefficients",
+    aspects=("2D",),
+)
 def test_hild_triangle(dense):
     """Coefficients of the benchmark; of one element the closed form."""
     lmbda = 100.0
@@ -66,6 +71,11 @@ def swirl(x):
 
 
 @pytest.mark.parametrize("dense", [True, False])
+@pytest.mark.verifies(
+    "Renard's criterion",
+    reference="independent code: eigenvalues of the form, in numpy",
+    aspects=("3D",),
+)
 def test_against_the_form_in_3d(dense):
     """At F_R the form of the points is about to become indefinite, and not before."""
     factor = renard_criterion(block(4, friction=0.25), swirl, dense=dense).factor
@@ -107,6 +117,9 @@ def test_units():
     assert plain != pytest.approx(expected, rel=1e-3)
 
 
+@pytest.mark.verifies(
+    "Renard's criterion", reference="itself: the body in plane strain", aspects=("3D",)
+)
 def test_guided_points():
     """Where the support holds a tangent there is no friction along it: plane strain in 3D."""
     flat = mesh.create_rectangle(

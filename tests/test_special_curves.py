@@ -23,6 +23,12 @@ def start(system, values):
     return x
 
 
+@pytest.mark.verifies(
+    "curves of folds",
+    reference="closed form: the folds of a cusp",
+    aspects=("branches",),
+    alone=True,
+)
 def test_cusp():
     """g + m x - x^3 = 0: smooth folds at g = -+ 2 (m / 3)^(3/2), which meet in a cusp at 0."""
     m = SimpleNamespace(value=3.0)
@@ -63,6 +69,13 @@ def one_node_with(set_other, derivative):
     return system, other, branch
 
 
+@pytest.mark.verifies(
+    "curves of folds",
+    "friction as parameter",
+    reference="closed form: folds of one node",
+    aspects=("branches",),
+    alone=True,
+)
 def test_one_node_with_the_friction_coefficient():
     """Folds at g = F, where stick ends, and at g = kt / k = 2, where the pressure vanishes."""
 
@@ -127,6 +140,14 @@ def branch_of(system):
 
 
 @pytest.mark.chatty
+@pytest.mark.verifies(
+    "curves of folds",
+    reference="itself: the exact curves of the condensed body",
+    aspects=(
+        "2D",
+        "branches",
+    ),
+)
 def test_linear_vee():
     """Both folds as found exactly on the condensed problem, through changes of status."""
     system, branch = vee("--friction=1.4")
@@ -148,6 +169,15 @@ def test_linear_vee():
 
 
 @pytest.mark.long
+@pytest.mark.verifies(
+    "curves of folds",
+    "hyperelastic bodies",
+    reference="itself: folds of another branch",
+    aspects=(
+        "2D",
+        "branches",
+    ),
+)
 def test_hyperelastic_vee():
     """A curve of folds of a body in large displacements passes through those of other branches."""
     system, branch = vee("--friction=1.4", "--law=neo-hookean")

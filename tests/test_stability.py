@@ -28,6 +28,9 @@ COMM = MPI.COMM_WORLD
 
 
 @pytest.mark.parametrize("damping", [0.0, 0.3])
+@pytest.mark.verifies(
+    "stability at rest", reference="closed form: the growth of one node", aspects=("2D",)
+)
 def test_labels_of_one_node(damping):
     """kt = kn = 2, k = 1, F = 3, p = (-2.5, -1): stick and open stay, slip to the left grows."""
     density = 6.0
@@ -69,6 +72,9 @@ def pressed(problem, friction, codes, sense, part=1.0):
     return problem
 
 
+@pytest.mark.verifies(
+    "stability at rest", reference="itself: critical friction, and steady sliding", aspects=("2D",)
+)
 def test_slip_of_one_sign():
     """All points at the bound: they leave where friction exceeds the critical one."""
     critical = critical_friction(leaning(3)).friction
@@ -134,6 +140,7 @@ def test_just_touching():
     assert (found.label, found.border, found.pieces) == ("stable", 1, 4)
 
 
+@pytest.mark.verifies("stability at rest", reference="itself: critical friction", aspects=("3D",))
 def test_3d():
     """Slip against the shear in 3D; points that just touch are not decided."""
     critical = critical_friction(block(1), (1.0, 0.0, 0.0)).friction
@@ -212,6 +219,12 @@ class Column:
         return self.problem
 
 
+@pytest.mark.verifies(
+    "stability at rest",
+    "hyperelastic bodies",
+    reference="independent code: an eigenvalue by a dense solver",
+    aspects=("2D",),
+)
 def test_buckled_column():
     """All points stick, and the constrained stiffness has the eigenvalue -0.0535."""
     column = Column(0.3)
@@ -252,6 +265,12 @@ def test_damping_that_feeds_in_energy():
     assert found.frequency > 0
 
 
+@pytest.mark.verifies(
+    "stability at rest",
+    "hyperelastic bodies",
+    reference="closed form: Euler's and Beck's columns",
+    aspects=("2D",),
+)
 def test_euler_and_beck():
     """pi^2/4 under a dead load; 20.05 under one that follows, by flutter, never by divergence."""
     column = Column(0.0, load="dead")

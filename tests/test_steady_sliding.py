@@ -88,6 +88,9 @@ def test_large_problems_by_slepc():
 
 
 @pytest.mark.parametrize("dense", [True, False])
+@pytest.mark.verifies(
+    "steady sliding", reference="closed form: growth and frequency of one node", aspects=("2D",)
+)
 def test_one_node(dense):
     """A node that slips to the left grows at sqrt((F k - kt)/m), and oscillates before that."""
     lmbda = 1.0
@@ -104,6 +107,12 @@ def test_one_node(dense):
     assert other.modes(3.0).eigenvalues[0] == pytest.approx(1j * np.sqrt((kt + 3 * k) / m))
 
 
+@pytest.mark.verifies(
+    "steady sliding",
+    "critical friction",
+    reference="closed form: (lambda + 3 mu)/(lambda + mu)",
+    aspects=("2D",),
+)
 def test_onset_of_one_node():
     problem = linear_triangle(1, 0.3).problem
     onset = SteadySliding(problem, (-1.0, 0.0), density=1.0).onset()
@@ -161,6 +170,11 @@ def rubbing(V, along):
 
 
 @pytest.mark.parametrize("quadratic", [False, True])
+@pytest.mark.verifies(
+    "steady sliding",
+    reference="independent code: a dense quadratic eigenproblem in scipy",
+    aspects=("3D",),
+)
 def test_against_the_quadratic_problem_in_3d(quadratic):
     """Block that leans, slip in a skew direction; damping by stiffness and of another kind."""
     slip = np.array([np.cos(0.7), np.sin(0.7), 0.0])

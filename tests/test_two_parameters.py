@@ -40,6 +40,15 @@ def friction_of(system):
 
 
 @pytest.mark.parametrize("unit", [1.0, 1e11])
+@pytest.mark.verifies(
+    "curves of folds",
+    "friction as parameter",
+    reference="closed form: folds of Hild's element",
+    aspects=(
+        "2D",
+        "branches",
+    ),
+)
 def test_one_element(unit):
     """Stick ends at gamma = F, separation at gamma = kt / k, and they cross at F = kt / k."""
     system = element((unit, unit), 3.0, 1.0, (-2.0 * unit, 0.0), (0.0, -2.0 * unit))
@@ -66,6 +75,14 @@ def test_one_element(unit):
     assert len(both.folds) == 2
 
 
+@pytest.mark.verifies(
+    "curves of folds",
+    reference="closed form: folds of Hild's element under two loads",
+    aspects=(
+        "2D",
+        "branches",
+    ),
+)
 def test_two_loads():
     """One element under (-gamma, -mu): folds at gamma = F mu and gamma = kt / k mu."""
     body = element((1.0, 1.0), 3.0, 1.0, (-2.0, 0.0), (0.0, 0.0)).problem
@@ -93,6 +110,14 @@ def vee():
     return demo_followed_mesh.system(args, COMM)
 
 
+@pytest.mark.verifies(
+    "curves of folds",
+    reference="itself: folds of branches at other coefficients",
+    aspects=(
+        "2D",
+        "branches",
+    ),
+)
 def test_vee(vee):
     """Folds of branches at other coefficients lie on the curves, with the same statuses."""
     F = friction_of(vee)
@@ -140,6 +165,9 @@ def random_family(seed, m=2):
 
 
 @pytest.mark.parametrize("seed", range(4))
+@pytest.mark.verifies(
+    "curves of folds", reference="enumeration: borders of all pieces", aspects=("2D",), alone=True
+)
 def test_random_families(seed):
     """At any coefficient the curves pass through all borders that enumeration finds.
 
@@ -188,6 +216,15 @@ def test_curves_of_folds_that_cross():
 
 
 @pytest.mark.parametrize("seed", range(2))
+@pytest.mark.verifies(
+    "charts",
+    reference="enumeration: all pieces of random problems",
+    aspects=(
+        "2D",
+        "proofs",
+    ),
+    alone=True,
+)
 def test_chart_of_a_random_family(seed):
     """Numbers of solutions as by solving all pieces; the chart is fine where they change."""
     family = random_family(seed)
@@ -266,6 +303,7 @@ def chart_of_few():
     return Chart(tuple(cells))
 
 
+@pytest.mark.verifies("charts", reference="itself: the chart that was saved")
 def test_a_chart_in_a_file(folder):
     """It comes back to the last bit, on every rank."""
     family = replace(random_family(1), comm=COMM)

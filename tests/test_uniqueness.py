@@ -57,6 +57,15 @@ def all_solutions(problem):
     [lambda: oracle_block("b2d_n8"), lambda: oracle_block("b2d_n16"), lambda: greco(32)],
     ids=["block 8", "block 16", "greco"],
 )
+@pytest.mark.verifies(
+    "uniqueness",
+    "certificates",
+    reference="itself: a proof of all solutions",
+    aspects=(
+        "2D",
+        "proofs",
+    ),
+)
 def test_the_only_solution(make):
     """The certificate of one point and the proof of all solutions say the same."""
     problem = make()
@@ -71,6 +80,15 @@ def test_the_only_solution(make):
 
 
 @pytest.mark.parametrize("case", ["b3d_n4", "b3d_n6"])
+@pytest.mark.verifies(
+    "uniqueness",
+    "Renard's criterion",
+    reference="theorem: Renard's criterion",
+    aspects=(
+        "3D",
+        "proofs",
+    ),
+)
 def test_the_only_solution_in_space(case):
     result = oracle_block(case).solve()
     assert result.unique == "proved"
@@ -116,6 +134,17 @@ def test_summary_says_so_where_it_was_asked():
         ({"material": NeoHookean(*lame(1e3, 0.3))}, Frictionless(), False, False, "not linear"),
     ],
 )
+@pytest.mark.verifies(
+    "uniqueness",
+    "Tresca",
+    "Signorini",
+    reference="theorem: a strictly convex energy has one least point",
+    aspects=(
+        "2D",
+        "3D",
+        "proofs",
+    ),
+)
 def test_theory(kind, law, exists, unique, words):
     theory = block(law=law, **kind).solve().theory()
     assert (theory.exists, theory.unique) == (exists, unique)
@@ -137,6 +166,16 @@ def test_theory_on_a_curved_obstacle(sliding, unique, words):
 
 
 @pytest.mark.parametrize("law", [Frictionless(), Tresca(2.0)])
+@pytest.mark.verifies(
+    "uniqueness",
+    "Tresca",
+    "Signorini",
+    reference="theorem: a strictly convex energy has one least point",
+    aspects=(
+        "3D",
+        "proofs",
+    ),
+)
 def test_theory_proves_in_space(law):
     """No certificate, but a strictly convex energy."""
     found = block(n=2, cell="hex", law=law).solve().uniqueness()

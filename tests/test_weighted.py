@@ -26,6 +26,7 @@ def form_of(S, slope):
     return WeightedForm(S.reshape(m * d, -1), G.reshape(m * d, -1), groups.ravel())
 
 
+@pytest.mark.verifies("Renard's criterion", reference="closed form: kt/k of one node", alone=True)
 def test_one_point():
     """Slip to one side: up to k_t/k, where non-uniqueness begins; to the other: for every F."""
     kt = 173.0
@@ -45,6 +46,11 @@ def test_one_point():
 
 
 @pytest.mark.parametrize(("n", "critical"), [(1, 1.9010989), (2, 1.73663256), (4, 1.68791278)])
+@pytest.mark.verifies(
+    "Renard's criterion",
+    reference="itself: critical friction of the same triangle",
+    aspects=("2D",),
+)
 def test_hild_triangle(n, critical):
     """More than without weights, and never more than the coefficient of a second solution."""
     problem = linear_triangle(n, 0.4, lame=(100.0, 82.0)).problem
@@ -54,6 +60,11 @@ def test_hild_triangle(n, critical):
     assert 0.95 * critical < found < critical
 
 
+@pytest.mark.verifies(
+    "Renard's criterion",
+    reference="independent code: eigenvalues of the form, in numpy",
+    aspects=("3D",),
+)
 def test_in_space():
     """The sum is positive definite where it is said to be, with the weights that say so."""
     plain = renard_criterion(block(3, friction=0.25), swirl)
@@ -118,6 +129,16 @@ def slope_of(solution, F):
     return F * xi / np.maximum(np.linalg.norm(xi, axis=1), 1)[:, None]
 
 
+@pytest.mark.verifies(
+    "Renard's criterion",
+    "uniqueness",
+    reference="independent code: a hunt for second solutions",
+    aspects=(
+        "3D",
+        "proofs",
+    ),
+    alone=True,
+)
 def test_no_second_solution_where_there_is_proof():
     """Random problems of two points; some have several solutions, and those are not proved."""
     random = np.random.default_rng(4)
@@ -145,6 +166,15 @@ def test_no_second_solution_where_there_is_proof():
     assert gained >= 5
 
 
+@pytest.mark.verifies(
+    "uniqueness",
+    "Renard's criterion",
+    reference="theorem: Renard's criterion, weighted",
+    aspects=(
+        "3D",
+        "proofs",
+    ),
+)
 def test_result_of_a_body():
     """Proved where the criterion without weights fails, if time is given."""
     problem = body(n=4, cell="hex", law=Coulomb(1.5), top=(0.05, 0.0, -0.01))
