@@ -69,6 +69,19 @@ def violation(contact, a, r):
 
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("algorithm", EVERY, ids=lambda a: a.described())
+@pytest.mark.verifies(
+    "Tresca's fixed point",
+    "Uzawa",
+    "Gauss-Seidel",
+    "projected gradient",
+    "interior point",
+    reference="independent code: the violation of the law, in numpy",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+    alone=True,
+)
 def test_random_problems(algorithm, dim):
     """Each ends in the solution, on its own."""
     rng = np.random.default_rng(dim)
@@ -92,6 +105,15 @@ def test_units_do_not_matter(algorithm):
 
 
 @pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.verifies(
+    "penalty",
+    reference="itself: the interior point method",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+    alone=True,
+)
 def test_penalty_extrapolates(dim):
     """First order in the penetration; the extrapolation is far better than the last of them."""
     contact = random_contact(np.random.default_rng(11), dim, 4)
@@ -148,6 +170,15 @@ NODE = np.array([[2.0, 1.0], [1.0, 2.0]])
 
 
 @pytest.mark.parametrize("algorithm", [*EVERY, Lemke()], ids=lambda a: a.described())
+@pytest.mark.verifies(
+    "Lemke",
+    "Gauss-Seidel",
+    "interior point",
+    "projected gradient",
+    reference="closed form: the solutions of one node",
+    aspects=("2D",),
+    alone=True,
+)
 def test_one_node_with_one_solution(algorithm):
     for pt, pn in ((-0.4, -1.0), (-1.5, -1.0), (0.8, -1.0), (0.3, 0.5)):
         contact = PointProblem(NODE, np.array([pt, pn]), np.array([0.5]))
@@ -210,6 +241,9 @@ def complementary(M, q, cover):
         *((klarbring_form, 0.5, p) for p in ((-0.4, -1.0), (-1.5, -1.0), (0.8, -1.0))),
     ],
 )
+@pytest.mark.verifies(
+    "Lemke", reference="closed form: the solutions of one node", aspects=("2D",), alone=True
+)
 def test_the_path_on_one_node(form, F, load):
     """Corners of Lemke's path are solutions of the shifted problem, and its end the node's."""
     contact = PointProblem(NODE, np.array(load), np.array([F]))
@@ -258,6 +292,12 @@ def test_both_forms_of_lemke():
 
 
 @pytest.mark.parametrize("number", [60, pytest.param(1000, marks=pytest.mark.long)])
+@pytest.mark.verifies(
+    "Lemke",
+    reference="independent code: the violation of the law, in numpy",
+    aspects=("2D",),
+    alone=True,
+)
 def test_lemke_solves_everything(number):
     """Friction up to 20, up to 12 points."""
     rng = np.random.default_rng(7)

@@ -104,6 +104,17 @@ def check_stored(case, algorithm, accuracy=1e-8):
 
 
 @pytest.mark.parametrize("algorithm", [*ON_BODY, *ON_POINTS], ids=named)
+@pytest.mark.verifies(
+    "Tresca's fixed point",
+    "Uzawa",
+    "SOR",
+    "Gauss-Seidel",
+    "projected gradient",
+    "Lemke",
+    "interior point",
+    reference="independent code: GetFEM, every nodal force",
+    aspects=("2D",),
+)
 def test_in_the_plane(algorithm):
     check_stored("b2d_n8", algorithm)
 
@@ -113,10 +124,27 @@ def test_in_the_plane(algorithm):
     [*("gauss-seidel", "sor", "interior-point"), TrescaFixedPoint(on="points"), *ON_BODY],
     ids=named,
 )
+@pytest.mark.verifies(
+    "Gauss-Seidel",
+    "SOR",
+    "interior point",
+    "Tresca's fixed point",
+    "Uzawa",
+    reference="independent code: GetFEM, every nodal force",
+    aspects=("3D",),
+)
 def test_in_space(algorithm):
     check_stored("b3d_n4", algorithm)
 
 
+@pytest.mark.verifies(
+    "SOR",
+    "Lemke",
+    "interior point",
+    "Tresca's fixed point",
+    reference="itself: Newton's method",
+    aspects=("2D",),
+)
 def test_greco():
     for algorithm in ("sor", "lemke", "interior-point", "tresca"):
         check(greco(8), algorithm)
@@ -140,6 +168,15 @@ def test_uzawa_without_augmentation():
         ),
     ],
 )
+@pytest.mark.verifies(
+    "Uzawa",
+    "multigrid",
+    reference="itself: Newton's method",
+    aspects=(
+        "3D",
+        "multigrid",
+    ),
+)
 def test_uzawa_with_a_hierarchy(kind):
     """The body by conjugate gradients with a hierarchy that is kept."""
     options = PETSc.Options()
@@ -152,6 +189,14 @@ def test_uzawa_with_a_hierarchy(kind):
 
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("on", ["points", "body"])
+@pytest.mark.verifies(
+    "penalty",
+    reference="itself: Newton's method",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
 def test_penalty(dim, on):
     """Extrapolated to 1e-4 and better, at first order."""
     found = check(block(n=3, cell="quad" if dim == 2 else "hex"), Penalty(on=on), 1e-4)
@@ -162,6 +207,16 @@ def test_penalty(dim, on):
     "law", [Frictionless(), Tresca(2.0), Coulomb(0.8)], ids=lambda law: type(law).__name__
 )
 @pytest.mark.parametrize("algorithm", ["tresca", "interior-point", "gauss-seidel"])
+@pytest.mark.verifies(
+    "Tresca's fixed point",
+    "interior point",
+    "Gauss-Seidel",
+    "Signorini",
+    "Tresca",
+    "Coulomb",
+    reference="itself: Newton's method",
+    aspects=("2D",),
+)
 def test_laws(law, algorithm):
     check(block(n=3, cell="tri", law=law), algorithm)
 
@@ -198,6 +253,14 @@ def test_a_body_that_slides_away(algorithm):
     assert largest(u.x.array) == 0.0
 
 
+@pytest.mark.verifies(
+    "mixed contact",
+    "SOR",
+    "Tresca's fixed point",
+    "Uzawa",
+    reference="itself: Newton's method",
+    aspects=("2D",),
+)
 def test_a_tilted_plane_and_mixed_contact():
     tilted = HalfSpace((0.5, 0.0), (0.03, 1))
     problem = block(n=4, cell="tri", obstacle=tilted, method="mixed")
@@ -265,6 +328,20 @@ def test_what_is_refused():
     ids=named,
 )
 @pytest.mark.parametrize("case", ["greco 32", *(k for k in STORED if k != "source")])
+@pytest.mark.verifies(
+    "penalty",
+    "Uzawa",
+    "projected gradient",
+    "Gauss-Seidel",
+    "SOR",
+    "interior point",
+    "Tresca's fixed point",
+    reference="independent code: GetFEM, every nodal force",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
 def test_acceptance(algorithm, case):
     """Stored forces and Newton's solution to 1e-8 from zero, extrapolated penalties to 1e-4."""
     plane_only = isinstance(algorithm, Lemke) or algorithm == "lemke"

@@ -58,6 +58,12 @@ def random_problem(rng):
     return S, rng.standard_normal(2 * m), rng.uniform(0, 20, m) * (rng.random(m) < 0.9)
 
 
+@pytest.mark.verifies(
+    "Lemke",
+    reference="independent code: the violation of the law, in numpy",
+    aspects=("2D",),
+    alone=True,
+)
 def test_random_problems():
     """Friction up to 20: no ray, no cycle, and what comes out is a solution."""
     rng = np.random.default_rng(7)
@@ -88,6 +94,9 @@ def test_units_do_not_matter(scale):
     np.testing.assert_allclose(other[:, :2], scale * one[:, :2], atol=1e-12 * scale)
 
 
+@pytest.mark.verifies(
+    "Lemke", reference="closed form: Hild's element, three solutions", aspects=("2D",), alone=True
+)
 def test_one_node():
     """Hild's element with lambda = mu = 1, F = 3: separation, stick and slip are its solutions."""
     S = np.array([[2.0, 1.0], [1.0, 2.0]])
@@ -135,6 +144,9 @@ def only_lemke(monkeypatch):
 
 @pytest.mark.parametrize("law", [Coulomb(0.3), Coulomb(2.0), Frictionless()])
 @pytest.mark.parametrize("cell", ["tri", "quad"])
+@pytest.mark.verifies(
+    "Lemke", "Newton's method", reference="itself: Newton's method", aspects=("2D",)
+)
 def test_the_same_as_newton(law, cell, only_lemke, monkeypatch):
     found = block(n=4, cell=cell, law=law).solve()
     assert found.reason == "Lemke's method"

@@ -82,6 +82,43 @@ CHATTY = (
 @pytest.mark.parametrize(
     "name", [pytest.param(n, marks=pytest.mark.chatty) if n in CHATTY else n for n in PROBLEMS]
 )
+@pytest.mark.verifies(
+    "multigrid",
+    reference="independent code: MUMPS for the linear systems",
+    aspects=(
+        "2D",
+        "3D",
+        "multigrid",
+    ),
+)
+@pytest.mark.verifies(
+    "Coulomb",
+    "integral contact",
+    reference="itself: factorised",
+    aspects=(
+        "2D",
+        "3D",
+        "multigrid",
+    ),
+)
+@pytest.mark.verifies(
+    "Tresca",
+    "Signorini",
+    reference="itself: factorised",
+    aspects=(
+        "3D",
+        "multigrid",
+    ),
+)
+@pytest.mark.verifies(
+    "mixed contact",
+    "hyperelastic bodies",
+    reference="itself: factorised",
+    aspects=(
+        "2D",
+        "multigrid",
+    ),
+)
 def test_same_as_direct(name):
     """Tight tolerances give the answer of MUMPS to 1e-8, the defaults to 1e-6."""
     options = PROBLEMS[name]
@@ -376,6 +413,24 @@ def test_log():
 
 
 @pytest.mark.parametrize("name", ["tet", "P2", "P2/P2", "mixed", "neo-Hookean"])
+@pytest.mark.verifies(
+    "nested iteration",
+    reference="itself: the fine mesh alone",
+    aspects=(
+        "2D",
+        "3D",
+        "multigrid",
+    ),
+)
+@pytest.mark.verifies(
+    "mixed contact",
+    "hyperelastic bodies",
+    reference="itself: the fine mesh alone",
+    aspects=(
+        "2D",
+        "multigrid",
+    ),
+)
 def test_nested_iteration(name):
     """From the solution on a coarser mesh, not nested: the same solution in no more steps."""
     options = dict(PROBLEMS[name])

@@ -113,6 +113,37 @@ PROBLEMS = {
 
 
 @pytest.mark.parametrize("name", PROBLEMS)
+@pytest.mark.verifies(
+    "multigrid",
+    reference="independent code: MUMPS for the linear systems",
+    aspects=(
+        "2D",
+        "3D",
+        "pairs",
+        "multigrid",
+    ),
+)
+@pytest.mark.verifies(
+    "matching meshes",
+    "mortar",
+    "cracks",
+    reference="itself: factorised",
+    aspects=(
+        "2D",
+        "3D",
+        "pairs",
+        "multigrid",
+    ),
+)
+@pytest.mark.verifies(
+    "points in common",
+    reference="itself: factorised",
+    aspects=(
+        "2D",
+        "pairs",
+        "multigrid",
+    ),
+)
 def test_same_as_direct(name):
     direct = PROBLEMS[name]({"snes_rtol": 1e-11}).solve()
     problem = PROBLEMS[name](TIGHT)
@@ -144,6 +175,16 @@ def test_iterations_do_not_grow():
 
 
 @pytest.mark.chatty
+@pytest.mark.verifies(
+    "Krylov branches",
+    reference="independent code: MUMPS for the linear systems",
+    aspects=(
+        "2D",
+        "pairs",
+        "multigrid",
+        "branches",
+    ),
+)
 def test_a_branch():
     """By multigrid and by MUMPS: the same events, and the same end."""
     branches = []

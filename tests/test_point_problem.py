@@ -51,6 +51,15 @@ def test_round_trip(cell, tmp_path):
 
 
 @pytest.mark.parametrize("cell", ["tri", "hex"])
+@pytest.mark.verifies(
+    "point problems in files",
+    "Gauss-Seidel",
+    reference="itself: the forces of the solve",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
 def test_what_is_saved_is_the_problem(cell, tmp_path):
     """An algorithm on numpy arrays alone finds the forces of the solve, in global components."""
     file = shared(tmp_path) / "points.npz"
@@ -70,6 +79,14 @@ def test_what_is_saved_is_the_problem(cell, tmp_path):
 
 
 @pytest.mark.parametrize("cell", ["tri", "hex"])
+@pytest.mark.verifies(
+    "point problems in files",
+    reference="independent code: compliances by unit forces, in numpy",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
 def test_errors_hold(cell):
     """What a factorisation leaves bounds the difference from the compliance by unit forces."""
     points, W, q, _ = compliance(cell)
@@ -146,6 +163,14 @@ def compliance(cell):
 
 
 @pytest.mark.parametrize("cell", ["tri", "hex"])
+@pytest.mark.verifies(
+    "point problems in files",
+    reference="independent code: compliances by unit forces, in numpy",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
 def test_the_conventions_of_fclib(cell):
     """u = W r + q, the normal first, W by unit forces on the body's own stiffness."""
     points, W, q, gaps = compliance(cell)
@@ -189,6 +214,14 @@ def test_the_conventions_of_fclib(cell):
 
 @pytest.mark.skipif(importlib.util.find_spec("h5py") is None, reason="needs h5py")
 @pytest.mark.parametrize("cell", ["tri", "hex"])
+@pytest.mark.verifies(
+    "point problems in files",
+    reference="independent code: the reader h5py",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
 def test_the_file_of_fclib(cell, tmp_path):
     import h5py
 
