@@ -71,6 +71,15 @@ def require_equal(found, wanted):
 
 @pytest.mark.parametrize("cell", CELLS)
 @pytest.mark.parametrize("format", ["bp", "npy"])
+@pytest.mark.verifies(
+    "checkpoints",
+    reference="itself: the Functions that were written, on other ranks",
+    aspects=(
+        "2D",
+        "3D",
+        "records",
+    ),
+)
 def test_on_any_ranks(cell, format, folder):
     """Written on all ranks, read on one; and the other way round."""
     if format == "bp" and checkpoint_format(COMM) != "bp":
@@ -120,6 +129,16 @@ def test_a_record_goes_on_in_another_format(folder, monkeypatch):
     require_same(folder / "parts", folder / "whole")
 
 
+@pytest.mark.verifies(
+    "checkpoints",
+    "records of histories",
+    reference="itself: the run on another number of ranks",
+    aspects=(
+        "2D",
+        "pairs",
+        "records",
+    ),
+)
 def test_resumed_on_one_rank_and_on_all(folder, monkeypatch):
     """Written on all ranks but one, without ADIOS2."""
     monkeypatch.setattr("dolfinx_contact.records.checkpoints.checkpoint_format", lambda _: "npy")

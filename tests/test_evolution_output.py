@@ -173,6 +173,15 @@ def test_numbers_in_a_record(folder):
     assert np.all(np.diff([s.time for s in history.steps]) > 0)
 
 
+@pytest.mark.verifies(
+    "records of histories",
+    reference="itself: the tables of the steps",
+    aspects=(
+        "2D",
+        "pairs",
+        "records",
+    ),
+)
 def test_tables_of_any_step(folder):
     """In one call, and bit by bit what the step had; the problem stays where it is."""
     evolution = pair(COMM, n=2)
@@ -229,6 +238,16 @@ def recorded(tmp_path_factory):
         yield record
 
 
+@pytest.mark.verifies(
+    "pictures",
+    "records of histories",
+    reference="itself: as many pictures as steps, that differ",
+    aspects=(
+        "2D",
+        "pairs",
+        "records",
+    ),
+)
 def test_an_animation(folder, recorded):
     """As many pictures as steps, of one size, that differ and are no blanks."""
     from PIL import Image, ImageSequence
@@ -276,6 +295,14 @@ def test_animations_that_cannot_be(folder, recorded, monkeypatch):
 
 
 @pytest.mark.long
+@pytest.mark.verifies(
+    "pictures",
+    reference="itself: as many pictures as steps, no blanks",
+    aspects=(
+        "3D",
+        "records",
+    ),
+)
 def test_an_animation_in_space(folder):
     from PIL import Image
 

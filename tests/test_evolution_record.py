@@ -131,6 +131,24 @@ def test_the_journal_says_what_was_run(folder):
 
 
 @pytest.mark.parametrize("case", ["crack", "pair", "motion"])
+@pytest.mark.verifies(
+    "records of histories",
+    "cracks",
+    reference="itself: the run that nothing ended",
+    aspects=(
+        "2D",
+        "pairs",
+        "records",
+    ),
+)
+@pytest.mark.verifies(
+    "records of motions",
+    reference="itself: the run that nothing ended",
+    aspects=(
+        "2D",
+        "records",
+    ),
+)
 def test_an_interrupted_run_resumes(case, whole, folder):
     """By an observer; then between the files of a step and its line, and in a line."""
     with pytest.raises(Stop):
@@ -279,6 +297,15 @@ def test_steps_up_to_a_jump(at_jump, folder):
     require_same(folder / "parts", folder / "whole")
 
 
+@pytest.mark.verifies(
+    "records of histories",
+    "rigid bodies",
+    reference="itself: the run that nothing ended",
+    aspects=(
+        "3D",
+        "records",
+    ),
+)
 def test_a_rigid_body_and_three_dimensions(folder):
     """A floor that is pressed against a block by a force, free to move and tilt; small steps."""
 
@@ -319,6 +346,24 @@ def test_a_rigid_body_and_three_dimensions(folder):
             for case in ("crack", "pair", "fine motion")
         ),
     ],
+)
+@pytest.mark.verifies(
+    "records of histories",
+    "cracks",
+    reference="itself: the run that nothing ended",
+    aspects=(
+        "2D",
+        "pairs",
+        "records",
+    ),
+)
+@pytest.mark.verifies(
+    "records of motions",
+    reference="itself: the run that nothing ended",
+    aspects=(
+        "2D",
+        "records",
+    ),
 )
 def test_killed_at_random_moments(case, kills, whole, folder):
     """Every session on another number of ranks; each is killed, but for the last."""

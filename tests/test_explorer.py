@@ -259,6 +259,17 @@ def check_states(page, journal, entries, allowed=0.005):
 
 
 @pytest.mark.parametrize("cell", ["quad", "tet"])
+@pytest.mark.verifies(
+    "explorer",
+    "pictures",
+    reference="itself: the journal, number by number",
+    aspects=(
+        "2D",
+        "3D",
+        "branches",
+        "records",
+    ),
+)
 def test_a_branch(cell, folder, no_library):
     n = 4 if cell == "quad" else 2
     system, functionals = moved_block(COMM, cell=cell, n=n)
@@ -294,6 +305,15 @@ def test_a_branch(cell, folder, no_library):
 
 
 @pytest.mark.parametrize("kind", ["pair", "moving", "cracked"])
+@pytest.mark.verifies(
+    "explorer",
+    reference="itself: the journal, number by number",
+    aspects=(
+        "2D",
+        "pairs",
+        "records",
+    ),
+)
 def test_a_history(kind, folder, no_library):
     evolution = getattr(recorded_evolution, kind)(COMM)
     with EvolutionRecord(folder / kind, evolution, **KEPT) as kept:
@@ -313,6 +333,14 @@ def test_a_history(kind, folder, no_library):
     COMM.barrier()
 
 
+@pytest.mark.verifies(
+    "explorer",
+    reference="itself: the journal, number by number",
+    aspects=(
+        "2D",
+        "records",
+    ),
+)
 def test_a_path(folder, no_library):
     path = recorded_path.made("bonds")
     with PathRecord(folder / "path", path, **KEPT) as kept:
@@ -444,6 +472,9 @@ def chart_of_a_wedge():
 
 
 @serial
+@pytest.mark.verifies(
+    "explorer", "charts", reference="closed form: areas of the regions of a wedge", aspects=("2D",)
+)
 def test_a_chart(tmp_path, no_library):
     """Regions end at the curves and not at cells, and are numbered; the file keeps the curves."""
     chart = chart_of_a_wedge()

@@ -219,6 +219,15 @@ def test_other_masses_are_refused(other, message, stopped):
 
 
 @pytest.mark.parametrize("make", [motion, history])
+@pytest.mark.verifies(
+    "records of histories",
+    "records of motions",
+    reference="itself: the run on another number of ranks",
+    aspects=(
+        "2D",
+        "records",
+    ),
+)
 def test_an_honest_resume_on_other_ranks(make, folder):
     """Written on all ranks but one, resumed on one and on all; data differ in their last bits."""
     few = COMM.Split(int(COMM.rank >= max(COMM.size - 1, 1)), COMM.rank)

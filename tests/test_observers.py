@@ -86,6 +86,15 @@ def check(system, looks):
 @pytest.mark.parametrize(
     "kind", [pytest.param("load", marks=pytest.mark.long), "obstacle", "dirichlet"]
 )
+@pytest.mark.verifies(
+    "observers",
+    "branches",
+    reference="itself: the points of the branch",
+    aspects=(
+        "2D",
+        "branches",
+    ),
+)
 def test_every_point_stands_in_the_problem(kind):
     """By steps: the load, the obstacle or Dirichlet data have the gamma of the point as well."""
     system = driven_block(kind, n=3)
@@ -235,6 +244,16 @@ def test_a_function_looks_on(route):
     assert len(found) == len(looks.points) + (len(gammas) if mine is not None else 0)
 
 
+@pytest.mark.verifies(
+    "observers",
+    "records of branches",
+    reference="itself: the journal",
+    aspects=(
+        "2D",
+        "branches",
+        "records",
+    ),
+)
 def test_a_record_comes_first(folder):
     """What is observed has been recorded, also where the observer raises."""
     system, functionals = moved_block(COMM, n=3)
@@ -271,6 +290,15 @@ class Notes(Observer):
         self.told.append(("end", ended.ending, ended.reason))
 
 
+@pytest.mark.verifies(
+    "observers",
+    "records of paths",
+    reference="itself: the same calls of branches, histories and paths",
+    aspects=(
+        "branches",
+        "records",
+    ),
+)
 def test_one_observer_for_all(folder):
     """Branches, histories and paths call the same methods; a run that goes on begins again."""
     system = driven_block("load", n=3)

@@ -71,6 +71,14 @@ def von_mises_of(domain, gradient, material, degree=1):
 
 
 @pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.verifies(
+    "stresses",
+    reference="closed form: uniaxial stress",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
 def test_von_mises_of_uniaxial_stress(degree):
     """Stretch e with free sides has von Mises stress E e, in 3D and in plane stress."""
     E = 7.0
@@ -84,6 +92,7 @@ def test_von_mises_of_uniaxial_stress(degree):
     np.testing.assert_allclose(found, E * e, rtol=1e-10)
 
 
+@pytest.mark.verifies("stresses", reference="closed form: plane strain", aspects=("2D",))
 def test_von_mises_of_plane_strain():
     """Stress s along x and nothing across: the plane carries nu s, so (1 - nu + nu^2)^(1/2) s."""
     E = 7.0
@@ -118,6 +127,12 @@ def recipe():
     return re.sub(r"problem = .*\n", "energy = W(F) * ufl.dx\n", code)
 
 
+@pytest.mark.verifies(
+    "stresses",
+    "hyperelastic bodies",
+    reference="closed form: the stress of an energy",
+    aspects=("2D",),
+)
 def test_energy_of_ones_own():
     """The recipe in 2D gives the stress of the closed form, and the energy that belongs to it."""
     gradient = np.array([[0.1, 0.05, 0.0], [-0.02, -0.08, 0.0], [0.0, 0.0, 0.0]])
@@ -172,6 +187,14 @@ def codes(table):
 @pytest.mark.parametrize(
     ("cell", "method"),
     [("tri", "nodal"), ("tri", "mixed"), ("quad", "nodal"), ("tet", "nodal"), ("hex", "nodal")],
+)
+@pytest.mark.verifies(
+    "files for ParaView",
+    reference="itself: the contact table",
+    aspects=(
+        "2D",
+        "3D",
+    ),
 )
 def test_nodal_fields_are_the_table(cell, method):
     problem = dragged(cell, n=8 if cell in ("tri", "quad") else 4, method=method)
@@ -302,6 +325,14 @@ def read_back(file):
 
 
 @pytest.mark.parametrize(("cell", "degree"), [("tri", 1), ("tet", 2)])
+@pytest.mark.verifies(
+    "files for ParaView",
+    reference="independent code: the reader of ADIOS2",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
 def test_files_read_back(folder, cell, degree):
     problem = dragged(cell, n=6 if cell == "tri" else 3, degree=degree)
     result = problem.solve()
@@ -459,6 +490,14 @@ def drawn(file):
         ("hex", 1),
         pytest.param("tet", 2, marks=pytest.mark.long),
     ],
+)
+@pytest.mark.verifies(
+    "pictures",
+    reference="itself: pictures are no blanks",
+    aspects=(
+        "2D",
+        "3D",
+    ),
 )
 def test_pictures(folder, cell, degree):
     three_d = cell in ("tet", "hex")

@@ -95,6 +95,24 @@ def test_the_journal_says_what_was_followed(folder):
 
 
 @pytest.mark.parametrize("case", ["bonds", "crack", "pair"])
+@pytest.mark.verifies(
+    "records of paths",
+    "cracks",
+    reference="itself: the path that nothing ended",
+    aspects=(
+        "2D",
+        "pairs",
+        "records",
+    ),
+)
+@pytest.mark.verifies(
+    "RCCM adhesion",
+    reference="itself: the path that nothing ended",
+    aspects=(
+        "2D",
+        "records",
+    ),
+)
 def test_an_interrupted_path_resumes(case, whole, folder):
     """On the way there, by an observer; in the midst of a line; and on the way back."""
     with pytest.raises(Stop):
@@ -216,6 +234,15 @@ def test_what_is_refused(whole, folder):
         ("bonds", 1),
         *(pytest.param(case, 20, marks=pytest.mark.long) for case in ("bonds", "crack", "pair")),
     ],
+)
+@pytest.mark.verifies(
+    "records of paths",
+    "RCCM adhesion",
+    reference="itself: the path that nothing ended",
+    aspects=(
+        "2D",
+        "records",
+    ),
 )
 def test_killed_at_random_moments(case, kills, whole, folder):
     """Every session on another number of ranks; each is killed, but for the last."""

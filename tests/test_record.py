@@ -93,6 +93,16 @@ def test_journal_says_what_was_followed(whole):
         journal.table(3)
 
 
+@pytest.mark.verifies(
+    "checkpoints",
+    "records of branches",
+    reference="itself: the points of the branch",
+    aspects=(
+        "2D",
+        "branches",
+        "records",
+    ),
+)
 def test_fields_come_back_exactly(whole):
     folder, branch, _ = whole
     system, functionals = moved_block(COMM)
@@ -118,6 +128,35 @@ def test_fields_come_back_exactly(whole):
     ],
 )
 @pytest.mark.chatty
+@pytest.mark.verifies(
+    "records of branches",
+    reference="itself: the branch at once",
+    aspects=(
+        "2D",
+        "3D",
+        "branches",
+        "records",
+    ),
+)
+@pytest.mark.verifies(
+    "integral contact",
+    "mixed contact",
+    reference="itself: the branch at once",
+    aspects=(
+        "2D",
+        "branches",
+        "records",
+    ),
+)
+@pytest.mark.verifies(
+    "nodal contact",
+    reference="itself: the branch at once",
+    aspects=(
+        "3D",
+        "branches",
+        "records",
+    ),
+)
 def test_every_discretisation_resumes(cell, method, degree, folder):
     """A few steps, then a few more from the disk: the same as all at once."""
     options = dict(cell=cell, method=method, degree=degree, n=2)
@@ -402,6 +441,15 @@ def test_a_record_from_rest_by_pivoting(folder):
     )
 
 
+@pytest.mark.verifies(
+    "records of branches",
+    reference="itself: the branch that nothing ended",
+    aspects=(
+        "2D",
+        "branches",
+        "records",
+    ),
+)
 def test_an_interrupted_run_resumes(whole, folder):
     """Ended by an exception between the checkpoint and the line of a point, and in a line."""
     system, functionals = moved_block(COMM)
@@ -562,6 +610,15 @@ def test_a_mesh_has_one_hash():
 
 @serial
 @pytest.mark.parametrize("kills", [2, pytest.param(10, marks=pytest.mark.long)])
+@pytest.mark.verifies(
+    "records of branches",
+    reference="itself: the branch that nothing ended",
+    aspects=(
+        "2D",
+        "branches",
+        "records",
+    ),
+)
 def test_killed_at_random_moments(whole, folder, kills):
     """Every session on another number of ranks; each is killed, but for the last."""
     random.seed(3)

@@ -43,6 +43,16 @@ def nodal_values(u):
 
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("cell", ["tri", "quad", "tet", "hex"])
+@pytest.mark.verifies(
+    "records of branches",
+    reference="closed form: displacements that were prescribed",
+    aspects=(
+        "2D",
+        "3D",
+        "branches",
+        "records",
+    ),
+)
 def test_the_displacement_of_every_point(cell, degree, folder):
     n = 4 if cell in ("tri", "quad") else 2
     options = {"cell": cell, "degree": degree, "n": n}
@@ -119,6 +129,13 @@ def same_table(found, table):
     assert {"x", "un", "ut", "force", "pressure", "shear", "letters"} <= set(found)
 
 
+@pytest.mark.verifies(
+    "records of branches",
+    "records of histories",
+    "records of motions",
+    reference="itself: the tables of the run",
+    aspects=("records",),
+)
 def test_tables_of_contact_points(folder):
     """Those of the points of a branch, of steps and of a motion are kept in all their digits."""
     system, functionals = moved_block(COMM)
@@ -176,6 +193,15 @@ def test_both_faces_of_a_pair(folder):
 
 @pytest.mark.skipif(COMM.size > 1, reason="starts a process of its own")
 @pytest.mark.parametrize("cell", ["tri", "hex"])
+@pytest.mark.verifies(
+    "pictures",
+    reference="itself: pictures in a process without the problem",
+    aspects=(
+        "2D",
+        "3D",
+        "records",
+    ),
+)
 def test_drawn_without_the_problem(cell, folder):
     record(*moved_block(COMM, cell=cell, n=2, degree=2), folder / "record", max_steps=2, **KEPT)
     moved = folder / "elsewhere"

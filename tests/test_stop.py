@@ -43,6 +43,14 @@ def of(history):
 
 
 @pytest.mark.parametrize("case", ["pair", "motion"])
+@pytest.mark.verifies(
+    "stops",
+    reference="itself: the run without a stop",
+    aspects=(
+        "2D",
+        "pairs",
+    ),
+)
 def test_a_run_that_is_stopped(case):
     """It has the steps of one that is not, and so has the run that goes on."""
     evolution, times, steps = made(case)
@@ -122,6 +130,16 @@ def test_one_rank_alone_stops():
         evolution.run(times, stop=after(1, []) if COMM.rank == 0 else None, **steps)
 
 
+@pytest.mark.verifies(
+    "stops",
+    "records of histories",
+    reference="itself: the run that stays stopped",
+    aspects=(
+        "2D",
+        "pairs",
+        "records",
+    ),
+)
 def test_a_record_of_a_run_that_is_stopped(folder):
     """Killed when the observer is told of the last step, it stays stopped."""
 

@@ -49,6 +49,15 @@ def two(u, dx):
 
 
 @pytest.mark.parametrize(("dim", "format"), [(3, "vtk"), (2, "vtx"), (2, "vtk")])
+@pytest.mark.verifies(
+    "stresses",
+    "files for ParaView",
+    reference="closed form: uniaxial stress of two bodies",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
 def test_of_each_tag(folder, dim, format):
     """What ParaView and pictures are given is the pressure in both bodies."""
     problem, tags = pressed(dim, two)

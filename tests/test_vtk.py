@@ -47,6 +47,14 @@ def read(file):
         ("hex", 2, 72),
     ],
 )
+@pytest.mark.verifies(
+    "files for ParaView",
+    reference="independent code: PyVista",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
 def test_geometry_and_displacement(folder, cell, degree, kind):
     """Every node once, its value, and between the nodes what DOLFINx has there."""
     domain = box(COMM, 2, cell)
@@ -78,6 +86,15 @@ def test_geometry_and_displacement(folder, cell, degree, kind):
 
 
 @pytest.mark.parametrize(("cell", "degree"), [("quad", 1), ("tet", 2)])
+@pytest.mark.verifies(
+    "files for ParaView",
+    "stresses",
+    reference="independent code: PyVista",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
 def test_fields_as_vtk(folder, cell, degree):
     """The same numbers as the Functions have, on any number of ranks."""
     problem = block(n=3, cell=cell, degree=degree)
