@@ -24,6 +24,7 @@ extensions = [
     "api",
     "scripts",
     "formulas",
+    "verification",
 ]
 source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
 exclude_patterns = [

@@ -107,7 +107,7 @@ ARMS += [(0.3, 0.15 + 0.15 * 2**0.5), (0.3, 0.8), (0, 0.8)]
 @pytest.mark.verifies(
     "all solutions",
     "certificates",
-    reference="paper: Ligurský and Renard (2015), the V-shaped body",
+    reference="paper: Ligurský and Renard (2014), the V-shaped body",
     aspects=(
         "2D",
         "proofs",

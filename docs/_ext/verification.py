@@ -1,0 +1,517 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The verification manual, from marks on the tests, which are read and not run.
+
+A test that shows a feature says so, and what it compares with::
+
+    @pytest.mark.verifies(
+        "bodies of revolution",
+        reference="closed form: Lame's pressure of a press fit",
+        aspects=("2D", "pairs"),
+    )
+
+`REFERENCES` are the words before the colon. A test that shows what the package does not take has
+``@pytest.mark.refuses("rigid bodies", aspects=("multigrid",))``. How near the reference is reached
+stands in the test alone: the manual shows its comparisons as they are written, those with
+``figure="table.pressure"`` in them if the mark has that word, else what fits. That a test runs on
+several ranks is seen from the test; ``alone=True`` says that every rank computes the same there.
+"""
+
+from __future__ import annotations
+
+import ast
+import itertools
+import re
+import textwrap
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache, cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:  # tests read marks where there is no Sphinx
+    from sphinx.application import Sphinx
+
+#: Features by the heads of "What it can do" in the README.
+FEATURES = {
+    "Laws": (
+        *("Signorini", "Tresca", "Coulomb", "nonlocal friction", "normal compliance"),
+        *("regularised friction", "RCCM adhesion", "bilinear cohesion", "Maxwell layer"),
+        *("interfaces of one's own", "laws of one's own", "orthotropic friction"),
+        *("friction of the slip", "friction of speed and time", "several laws at once"),
+    ),
+    "Obstacles": ("planes", "spheres", "cylinders", "level sets", "moving obstacles"),
+    "Rigid bodies": ("rigid bodies",),
+    "Bodies": (
+        *("matching meshes", "mortar", "points in common", "press fits", "cracks"),
+        "cracks that cross",
+    ),
+    "Discretisations": ("nodal contact", "integral contact", "mixed contact"),
+    "Bodies of revolution": ("bodies of revolution",),
+    "Bulk": ("hyperelastic bodies", "anisotropic bodies", "bulk with kinks"),
+    "Solver": ("Newton's method", "loads in increments", "units"),
+    "Results that are checked": ("balance of forces", "misfit and det F"),
+    "Histories": ("quasi-static", "jumps", "energies of histories"),
+    "Paths with memory": ("arc length paths",),
+    "Motion": ("NSCD motion", "restitution", "energies of motions"),
+    "Branches": ("branches", "pivoting", "friction as parameter"),
+    "All solutions": ("all solutions", "rays out of a kink", "certificates"),
+    "Two parameters": ("charts", "curves of folds"),
+    "Uniqueness and critical friction": ("critical friction", "uniqueness", "Renard's criterion"),
+    "Stability": ("steady sliding", "stability at rest"),
+    "Other algorithms": (
+        *("Tresca's fixed point", "Uzawa", "penalty", "SOR", "Gauss-Seidel"),
+        *("projected gradient", "Lemke", "interior point", "point problems in files"),
+    ),
+    "Stresses of several materials": ("stresses", "files for ParaView"),
+    "Observers": ("observers", "stops"),
+    "Records of branches": ("records of branches", "checkpoints", "explorer"),
+    "Records of histories and motions": (
+        *("records of histories", "records of motions", "records of paths"),
+        "pictures",
+    ),
+    "Large problems": ("multigrid", "nested iteration", "Krylov branches"),
+    "Options": ("options",),
+}
+#: What a feature is shown with; `RANKS` is read from the test.
+RANKS = "ranks"
+ASPECTS = (
+    *("2D", "3D", "pairs", "large sliding", RANKS, "multigrid", "branches", "proofs", "records"),
+)
+#: Kinds of references, and whether they are independent of this package.
+REFERENCES = {
+    "closed form": True,
+    "paper": True,
+    "independent code": True,
+    "enumeration": True,
+    "theorem": True,
+    "differences": False,
+    "itself": False,
+}
+#: How many lines of a test are shown of what it compares.
+MOST_LINES = 8
+
+
+class MarkError(ValueError):
+    """A mark that says what cannot be, with its file and line."""
+
+
+@dataclass(frozen=True)
+class Test:
+    """A marked test.
+
+    Attributes:
+        file: its file, below tests/.
+        name: its name.
+        purpose: the first line of its docstring, else its name in words.
+        features: what it shows, of `FEATURES`.
+        aspects: with what, of `ASPECTS`.
+        refuses: it shows a ValueError.
+        kind: of the reference, of `REFERENCES`; empty of what is refused.
+        reference: what it compares with.
+        comparisons: statements of the test that compare, as they are written.
+        cases: tolerances in them that come from the cases of the test.
+    """
+
+    file: str
+    name: str
+    purpose: str
+    features: tuple[str, ...]
+    aspects: tuple[str, ...]
+    refuses: bool
+    kind: str
+    reference: str
+    comparisons: tuple[str, ...]
+    cases: tuple[str, ...]
+
+    @property
+    def independent(self) -> bool:
+        """Whether it compares with something that this package has not computed."""
+        return REFERENCES.get(self.kind, False)
+
+    @property
+    def id(self) -> str:
+        """As pytest has it."""
+        return f"tests/{self.file}::{self.name}"
+
+
+@dataclass(frozen=True)
+class Cell:
+    """What marks say of a feature with an aspect: numbers of tests."""
+
+    works: int = 0
+    refused: int = 0
+
+    def __str__(self) -> str:
+        words = [f"works ({self.works})"] if self.works else []
+        words += [f"refused ({self.refused})"] if self.refused else []
+        return ", ".join(words) or "not yet"
+
+
+@cache
+def _parsed(text: str) -> ast.Module:
+    """A file of Python."""
+    return ast.parse(text)
+
+
+@cache
+def _names(function: ast.FunctionDef) -> frozenset[str]:
+    """What a function names, its callees among it."""
+    return frozenset(node.id for node in ast.walk(function) if isinstance(node, ast.Name))
+
+
+@cache
+def _words(node: ast.AST) -> str:
+    """Code without its comments."""
+    return ast.unparse(node)
+
+
+class Module:
+    """A file of tests: its functions, and what they call in it and in other files there."""
+
+    def __init__(self, file: str, texts: Mapping[str, str]):
+        self.file = file
+        self.text = texts[file]
+        self._lines = self.text.splitlines()
+        self._texts = texts
+        self.tree = _parsed(self.text)
+        self.functions = {
+            node.name: node for node in self.tree.body if isinstance(node, ast.FunctionDef)
+        }
+
+    @cached_property
+    def values(self) -> dict[str, ast.expr]:
+        """What names of the module are."""
+        return {
+            node.targets[0].id: node.value
+            for node in self.tree.body
+            if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name)
+        }
+
+    @cached_property
+    def imported(self) -> dict[str, tuple[Module, str]]:
+        """Functions that come from other files of tests, by their names here."""
+        found = {}
+        for node in self.tree.body:
+            if isinstance(node, ast.ImportFrom) and f"{node.module}.py" in self._texts:
+                other = Module(f"{node.module}.py", self._texts)
+                found |= {a.asname or a.name: (other, a.name) for a in node.names}
+        return found
+
+    @property
+    def knows_ranks(self) -> bool:
+        """Whether it imports MPI or DOLFINx."""
+        return bool(re.search(r"^(from|import) (mpi4py|dolfinx)\b", self.text, re.MULTILINE))
+
+    def reached(self, function: ast.FunctionDef) -> list[tuple[Module, ast.FunctionDef]]:
+        """A function, those that it calls, and what those call, of these files."""
+        found: list[tuple[Module, ast.FunctionDef]] = [(self, function)]
+        names = {(self.file, function.name)}
+        for module, caller in found:
+            for word in sorted(_names(caller)):
+                there, name = module.imported.get(word, (module, word))
+                if name in there.functions and (there.file, name) not in names:
+                    names.add((there.file, name))
+                    found.append((there, there.functions[name]))
+        return found
+
+    def source(self, node: ast.stmt) -> str:
+        """The lines of a statement, moved to the left."""
+        return textwrap.dedent("\n".join(self._lines[node.lineno - 1 : node.end_lineno]))
+
+
+def _compares(node: ast.stmt) -> bool:
+    """Whether a statement is an assertion, of Python or of numpy."""
+    if isinstance(node, ast.Assert):
+        return True
+    call = node.value if isinstance(node, ast.Expr) else None
+    return isinstance(call, ast.Call) and ".assert_" in ast.unparse(call.func)
+
+
+def _has_tolerance(source: str) -> bool:
+    """Whether an assertion says how near something is."""
+    return bool(re.search(r"approx\(|allclose\(|[<>]", source))
+
+
+@cache
+def _asserted(function: ast.FunctionDef) -> tuple[ast.stmt, ...]:
+    """All assertions of a function, as they stand."""
+
+    def below(node: ast.AST) -> Iterator[ast.stmt]:
+        for child in ast.iter_child_nodes(node):
+            if isinstance(child, ast.stmt):
+                if _compares(child):
+                    yield child
+                yield from below(child)
+            elif isinstance(child, ast.excepthandler | ast.match_case):
+                yield from below(child)
+
+    return tuple(below(function))
+
+
+def _comparisons(module: Module, function: ast.FunctionDef, figure: str) -> tuple[str, ...]:
+    """What a test compares, as it is written: what is asked for, or what has a tolerance.
+
+    What the test says itself comes before what its helpers say, of which only as much is shown as
+    fits.
+    """
+    sources = [
+        there.source(node)
+        for there, reached in module.reached(function)
+        for node in _asserted(reached)
+    ]
+    if figure:
+        return tuple(source for source in sources if figure in source)
+    sources.sort(key=lambda source: not _has_tolerance(source))
+    shown: list[str] = []
+    for source in sources:
+        if shown and "\n".join((*shown, source)).count("\n") >= MOST_LINES:
+            break
+        shown.append(source)
+    return tuple(shown)
+
+
+def _cases(function: ast.FunctionDef, comparisons: tuple[str, ...]) -> tuple[str, ...]:
+    """Tolerances that come from the cases of a test: their names and values."""
+    words = set(re.findall(r"\w+", " ".join(comparisons)))
+    found: dict[str, list[str]] = {}
+    for call in function.decorator_list:
+        if not (isinstance(call, ast.Call) and ast.unparse(call.func).endswith(".parametrize")):
+            continue
+        try:
+            names = ast.literal_eval(call.args[0])
+            cases = ast.literal_eval(call.args[1])
+        except ValueError:  # cases that are computed
+            continue
+        names = (names,) if isinstance(names, str) else names
+        for case in cases:
+            values = (case,) if len(names) == 1 else case
+            for name, value in zip(names, values, strict=True):
+                if name in words and isinstance(value, float):
+                    found.setdefault(name, []).append(f"{value:g}")
+    return tuple(f"{name}: {', '.join(dict.fromkeys(v))}" for name, v in found.items())
+
+
+def _raises(module: Module, function: ast.FunctionDef) -> bool:
+    """Whether a test expects a ValueError somewhere."""
+    return any(
+        isinstance(node, ast.Call)
+        and ast.unparse(node.func) == "pytest.raises"
+        and "ValueError" in ast.unparse(node.args[0])
+        for _, reached in module.reached(function)
+        for node in ast.walk(reached)
+    )
+
+
+def _on_ranks(module: Module, function: ast.FunctionDef) -> bool:
+    """Whether `make test` runs a test on several ranks, which then have a part each."""
+    marks = list(function.decorator_list)
+    if "pytestmark" in module.values:
+        marks.append(module.values["pytestmark"])
+    for mark in marks:
+        named = isinstance(mark, ast.Name) and mark.id in module.values
+        text = ast.unparse(module.values[mark.id] if named else mark)
+        if re.fullmatch(r"pytest\.mark\.(chatty|long)", text):
+            return False
+        if text.startswith("pytest.mark.skipif") and re.search(r"\.size > 1", text):
+            return False
+    for _, reached in module.reached(function):
+        text = _words(reached)
+        if "COMM_SELF" in text and not re.search(r"\b(COMM|COMM_WORLD)\b", text):
+            return False
+    return module.knows_ranks
+
+
+def _mark(module: Module, function: ast.FunctionDef, call: ast.Call) -> Test:
+    """The test that a mark stands on."""
+
+    def wrong(reason: str) -> MarkError:
+        return MarkError(f"tests/{module.file}:{call.lineno}: {function.name}: {reason}")
+
+    try:
+        features = tuple(ast.literal_eval(a) for a in call.args)
+        given = {str(k.arg): ast.literal_eval(k.value) for k in call.keywords}
+    except ValueError:
+        raise wrong("marks are read without being run: words alone") from None
+    refuses = ast.unparse(call.func).endswith(".refuses")
+    aspects = given.pop("aspects", ())
+    kind, _, reference = given.pop("reference", "").partition(": ")
+    figure = given.pop("figure", "")
+    alone = given.pop("alone", False)
+    known = set(itertools.chain(*FEATURES.values()))
+    if given:
+        raise wrong(f"a mark has no {', '.join(given)}")
+    if not features or not set(features) <= known:
+        raise wrong(f"no such feature: {', '.join(sorted(set(features) - known)) or 'none'}")
+    if not isinstance(aspects, tuple) or not set(aspects) <= set(ASPECTS):
+        raise wrong(f"aspects are a tuple of {', '.join(ASPECTS)}, got {aspects!r}")
+    comparisons: tuple[str, ...] = ()
+    if refuses:
+        if kind or figure:
+            raise wrong("what is refused has no reference and no figure")
+        if not aspects:
+            raise wrong("what is refused is refused with something: aspects")
+        if not _raises(module, function):
+            raise wrong("no ValueError is expected")
+    else:
+        if kind not in REFERENCES or not reference:
+            raise wrong(f"a reference begins with one of {', '.join(REFERENCES)} and a colon")
+        if RANKS in aspects:
+            raise wrong("whether it runs on several ranks is seen from the test")
+        comparisons = _comparisons(module, function, figure)
+        if not comparisons:
+            raise wrong(f"nothing is compared {f'with {figure!r} in it' if figure else ''}".strip())
+        if not alone and _on_ranks(module, function):
+            aspects = (*aspects, RANKS)
+        if not (aspects or REFERENCES[kind]):
+            raise wrong("it changes no cell: aspects, or an independent reference")
+    document = ast.get_docstring(function) or function.name.removeprefix("test_").replace("_", " ")
+    purpose = " ".join(document.split("\n\n")[0].split())
+    return Test(
+        file=module.file,
+        name=function.name,
+        purpose=purpose[0].upper() + purpose[1:],
+        features=features,
+        aspects=tuple(a for a in ASPECTS if a in aspects),
+        refuses=refuses,
+        kind=kind,
+        reference=reference,
+        comparisons=comparisons,
+        cases=_cases(function, comparisons),
+    )
+
+
+def marked_tests(texts: Mapping[str, str]) -> list[Test]:
+    """All marked tests.
+
+    Args:
+        texts: what stands in the files of the tests and beside them, by their names.
+
+    Raises:
+        MarkError: of a mark with a feature, an aspect or a reference that there is not, on a test
+            that compares nothing, or that says of a test what it does not show.
+    """
+    return [test for file in sorted(texts) for test in marks_in(file, texts)]
+
+
+def marks_in(file: str, texts: Mapping[str, str]) -> list[Test]:
+    """The marked tests of one file, which may call what stands in the others."""
+    if not re.search(r"pytest\.mark\.(verifies|refuses)\(", texts[file]):
+        return []
+    module = Module(file, texts)
+    return [
+        _mark(module, function, call)
+        for function in module.functions.values()
+        for call in function.decorator_list
+        if isinstance(call, ast.Call)
+        and re.fullmatch(r"pytest\.mark\.(verifies|refuses)", ast.unparse(call.func))
+    ]
+
+
+def read_tests(folder: Path) -> dict[str, str]:
+    """The files of a folder of tests, by their names."""
+    return {path.name: path.read_text() for path in folder.glob("*.py")}
+
+
+def matrix(tests: list[Test]) -> dict[str, dict[str, Cell]]:
+    """What is shown of every feature: by aspects, and of each the tests with a reference.
+
+    Returns:
+        Of every feature its cells by `ASPECTS`, and by "reference" the number of tests that compare
+        with something independent.
+    """
+    rows: dict[str, dict[str, Cell]] = {}
+    for feature in itertools.chain(*FEATURES.values()):
+        of_it = [t for t in tests if feature in t.features]
+        rows[feature] = {"reference": Cell(sum(t.independent for t in of_it))}
+        for aspect in ASPECTS:
+            with_it = [t for t in of_it if aspect in t.aspects]
+            refused = sum(t.refuses for t in with_it)
+            rows[feature][aspect] = Cell(len(with_it) - refused, refused)
+    return rows
+
+
+def _place(feature: str) -> str:
+    """Where a feature stands on the page."""
+    return "verified-" + re.sub(r"\W+", "-", feature.lower())
+
+
+def matrix_page(tests: list[Test]) -> str:
+    """The matrix as MyST."""
+    lines = [
+        f"| feature | independent reference | {' | '.join(ASPECTS)} |",
+        "|---" * (len(ASPECTS) + 2) + "|",
+    ]
+    for feature, cells in matrix(tests).items():
+        alone = cells["reference"].works
+        row = [f"yes ({alone})" if alone else "not yet", *(str(cells[a]) for a in ASPECTS)]
+        lines.append(f"| [{feature}](#{_place(feature)}) | {' | '.join(row)} |")
+    return "\n".join(lines)
+
+
+def _entry(test: Test) -> list[str]:
+    """A test in the list of benchmarks: a term, and what is said of it."""
+    against = "Refused" if test.refuses else f"*{test.kind.capitalize()}*: {test.reference}"
+    aspects = f" ({', '.join(test.aspects)})" if test.aspects else ""
+    purpose = re.sub(r"([\\*_$|<>\[\]^#])", r"\\\1", test.purpose)
+    lines = [purpose, f": {against}{aspects}. `{test.id}`"]
+    if test.comparisons:
+        lines += ["", "  ```python"]
+        lines += [f"  {line}".rstrip() for c in test.comparisons for line in c.splitlines()]
+        lines += ["  ```"]
+    if test.cases:
+        lines += ["", f"  Cases: {'; '.join(test.cases)}."]
+    return [*lines, ""]
+
+
+def benchmarks_page(tests: list[Test]) -> str:
+    """All marked tests as MyST, each once, below the first feature that it names."""
+    lines = []
+    written: set[str] = set()
+    for chapter, features in FEATURES.items():
+        lines += [f"### {chapter}", ""]
+        for feature in features:
+            lines += [f"({_place(feature)})=", f"#### {feature[0].upper()}{feature[1:]}", ""]
+            of_it = [t for t in tests if feature in t.features]
+            first = [t for t in of_it if t.features[0] == feature and t.id not in written]
+            written |= {t.id for t in first}
+            lines += [line for test in first for line in _entry(test)]
+            here = {t.id for t in first}
+            other = dict.fromkeys(t.id for t in of_it if t.id not in here)
+            if other:
+                lines += [f"{'Also' if first else 'By'} {', '.join(f'`{i}`' for i in other)}.", ""]
+            if not of_it:
+                lines += ["Not yet.", ""]
+    return "\n".join(lines)
+
+
+def numbers(tests: list[Test]) -> str:
+    """How much there is, in two sentences."""
+    shown = [t for t in tests if not t.refuses]
+    alone = sum(t.independent for t in shown)
+    without = [f for f, cells in matrix(tests).items() if not cells["reference"].works]
+    words = (
+        f"{len(shown)} marks say what works, {alone} of them against something that this package "
+        f"has not computed; {len(tests) - len(shown)} say what is refused."
+    )
+    if without:
+        words += f" Without such a reference, so far: {', '.join(without)}."
+    return words
+
+
+def fill_page(app: Sphinx, name: str, source: list[str]) -> None:
+    """Put matrix and benchmarks into the page, where comments ask for them."""
+    if name != "verification":
+        return
+    tests = marked_tests(read_tests(Path(app.srcdir).parent / "tests"))
+    for word, text in (
+        ("numbers", numbers(tests)),
+        ("matrix", matrix_page(tests)),
+        ("benchmarks", benchmarks_page(tests)),
+    ):
+        source[0] = re.sub(rf"^% {word}$", lambda _, text=text: text, source[0], flags=re.MULTILINE)
+
+
+def setup(app: Sphinx) -> dict[str, Any]:
+    """Called by Sphinx."""
+    app.connect("source-read", fill_page)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
