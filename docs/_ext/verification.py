@@ -34,43 +34,43 @@ if TYPE_CHECKING:  # tests read marks where there is no Sphinx
 #: Features by the heads of "What it can do" in the README.
 FEATURES = {
     "Laws": (
-        *("Signorini", "Tresca", "Coulomb", "nonlocal friction", "normal compliance"),
-        *("regularised friction", "RCCM adhesion", "bilinear cohesion", "Maxwell layer"),
-        *("interfaces of one's own", "laws of one's own", "orthotropic friction"),
+        *("Signorini", "Tresca", "Coulomb", "nonlocal friction", "orthotropic friction"),
         *("friction of the slip", "friction of speed and time", "several laws at once"),
+        *("RCCM adhesion", "bilinear cohesion", "Maxwell layer"),
     ),
+    "Laws of your own": ("interfaces of one's own", "laws of one's own"),
+    "Regularised friction and penalties": ("normal compliance", "regularised friction"),
     "Obstacles": ("planes", "spheres", "cylinders", "level sets", "moving obstacles"),
     "Rigid bodies": ("rigid bodies",),
-    "Bodies": (
-        *("matching meshes", "mortar", "points in common", "press fits", "cracks"),
-        "cracks that cross",
-    ),
-    "Discretisations": ("nodal contact", "integral contact", "mixed contact"),
-    "Bodies of revolution": ("bodies of revolution",),
+    "Pairs of bodies": ("matching meshes", "mortar", "points in common"),
+    "Cracks": ("press fits", "cracks", "cracks that cross"),
     "Bulk": ("hyperelastic bodies", "anisotropic bodies", "bulk with kinks"),
-    "Solver": ("Newton's method", "loads in increments", "units"),
-    "Results that are checked": ("balance of forces", "misfit and det F"),
+    "Bodies of revolution": ("bodies of revolution",),
+    "Discretisations": ("nodal contact", "integral contact", "mixed contact"),
+    "Checked results": ("balance of forces", "misfit and det F"),
     "Histories": ("quasi-static", "jumps", "energies of histories"),
-    "Paths with memory": ("arc length paths",),
-    "Motion": ("NSCD motion", "restitution", "energies of motions"),
+    "Paths by arc length": ("arc length paths",),
+    "Motion and impact": ("NSCD motion", "restitution", "energies of motions"),
     "Branches": ("branches", "pivoting", "friction as parameter"),
-    "All solutions": ("all solutions", "rays out of a kink", "certificates"),
-    "Two parameters": ("charts", "curves of folds"),
-    "Uniqueness and critical friction": ("critical friction", "uniqueness", "Renard's criterion"),
-    "Stability": ("steady sliding", "stability at rest"),
-    "Other algorithms": (
+    "All solutions": (
+        *("all solutions", "rays out of a kink", "certificates", "charts", "curves of folds"),
+    ),
+    "Uniqueness and critical friction": (
+        *("critical friction", "uniqueness", "Renard's criterion"),
+        *("steady sliding", "stability at rest"),
+    ),
+    "Records": (
+        *("records of branches", "records of histories", "records of motions"),
+        *("records of paths", "checkpoints", "observers", "stops"),
+    ),
+    "Pages": ("explorer",),
+    "Pictures, films": ("pictures", "stresses", "files for ParaView"),
+    "Large problems": ("multigrid", "nested iteration", "Krylov branches"),
+    "Classical algorithms": (
         *("Tresca's fixed point", "Uzawa", "penalty", "SOR", "Gauss-Seidel"),
         *("projected gradient", "Lemke", "interior point", "point problems in files"),
     ),
-    "Stresses of several materials": ("stresses", "files for ParaView"),
-    "Observers": ("observers", "stops"),
-    "Records of branches": ("records of branches", "checkpoints", "explorer"),
-    "Records of histories and motions": (
-        *("records of histories", "records of motions", "records of paths"),
-        "pictures",
-    ),
-    "Large problems": ("multigrid", "nested iteration", "Krylov branches"),
-    "Options": ("options",),
+    "Newton's method": ("Newton's method", "loads in increments", "units", "options"),
 }
 #: What a feature is shown with; `RANKS` is read from the test.
 RANKS = "ranks"
