@@ -1,4 +1,4 @@
-"""The site: every recipe and tutorial runs, and its page can be found and read."""
+"""The site: its recipes, tutorials and theory run, and every page can be found and read."""
 
 import ast
 import csv
@@ -15,6 +15,7 @@ DOCS = Path(__file__).parents[1] / "docs"
 RECIPES = sorted((DOCS / "recipes").glob("[0-9]*.py"))
 TUTORIALS = sorted((DOCS / "tutorials").glob("[0-9]*.py"))
 DEMOS = sorted((DOCS.parent / "demos").glob("demo_*.py"))
+THEORY = sorted((DOCS / "theory").glob("*.md"))
 #: Lines of code of a recipe, without imports and what is empty.
 MOST_LINES = 15
 
@@ -46,6 +47,22 @@ def test_tutorial(tutorial, tmp_path, monkeypatch):
     assert any(f.suffix == ".png" for f in tmp_path.rglob("*"))
 
 
+def code_of(page):
+    """The code of a page in Markdown, from its first block to its last."""
+    blocks = re.findall(r"^```python\n(.*?)^```", page.read_text(), flags=re.MULTILINE | re.DOTALL)
+    return "\n".join(blocks)
+
+
+@pytest.mark.parametrize("page", [p for p in THEORY if code_of(p)], ids=name_of)
+def test_theory(page, tmp_path, monkeypatch):
+    """The formulas that a page checks are those of the package, on any number of ranks."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(DOCS / "recipes"))
+    code = code_of(page)
+    assert re.search(r"^\s*assert ", code, flags=re.MULTILINE)
+    exec(compile(code, page.name, "exec"), {"__name__": page.stem})
+
+
 def code_lines(script):
     """Lines of code without imports, comments and empty lines."""
     text = script.read_text()
@@ -74,13 +91,15 @@ def test_forty_questions_are_answered():
 
 
 def test_every_script_is_on_a_page():
-    """Recipes, tutorials and demos are in the tables of contents that lead to them."""
+    """Recipes, tutorials, demos and theory are in the tables of contents that lead to them."""
     recipes = (DOCS / "recipes" / "index.md").read_text().split()
     assert {path.stem for path in RECIPES} <= set(recipes)
     tutorials = (DOCS / "tutorials" / "index.md").read_text().split()
     assert {path.stem for path in TUTORIALS} <= set(tutorials)
     demos = (DOCS / "demos.md").read_text().split()
     assert {f"demos/{path.stem}" for path in DEMOS} <= set(demos)
+    theory = (DOCS / "theory" / "index.md").read_text().split()
+    assert {page.stem for page in THEORY} - {"index"} <= set(theory)
 
 
 def test_every_recipe_is_asked_for():

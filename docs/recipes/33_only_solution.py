@@ -4,6 +4,7 @@
 # Read `result.unique`: "proved", "not proved" or "others exist". It says whether there is another
 # solution, for linear bodies with contact at nodes. `result.uniqueness(proof_seconds=60)` tries
 # harder and says why; in 2D it gives another solution where there is one.
+# See {doc}`the theory </theory/7_proofs>`.
 
 from common import Block, triangle
 

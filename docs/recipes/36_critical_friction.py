@@ -5,6 +5,7 @@
 # one the solution that was found is certainly the only one; `weights=True` comes closer to where a
 # second one appears. `critical_friction` gives the coefficient at which slips may be added to a
 # sliding solution without more load; its direction is that of the friction on the body.
+# See {doc}`the theory </theory/7_proofs>`.
 
 from common import Block
 

@@ -4,7 +4,8 @@
 # Friction acts against the slip *rate*: what a load leaves depends on the way to it. So far a solve
 # took the whole slip for the rate, from the undeformed body to the load. Now a block is pressed,
 # dragged, and dragged back, step by step, each step with the slip since the one before. Load and
-# displacement then run along a loop, whose area is the energy that friction dissipates.
+# displacement then run along a loop, whose area is the energy that friction dissipates. Formulas
+# are in {doc}`the theory </theory/5_evolution>`.
 
 from mpi4py import MPI
 

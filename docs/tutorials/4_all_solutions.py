@@ -3,7 +3,8 @@
 #
 # The static problem with Coulomb's law may have several solutions when friction is large. A solve
 # returns one of them. Here we find all of a triangle on a floor, prove that there are no others,
-# and draw how they hang together as the load varies.
+# and draw how they hang together as the load varies. Of {doc}`branches </theory/4_branches>` and
+# {doc}`proofs </theory/7_proofs>` there is the theory.
 
 from mpi4py import MPI
 

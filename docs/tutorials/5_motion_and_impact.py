@@ -3,6 +3,7 @@
 #
 # Bodies with mass: a bar flies against a wall and bounces. Its contact force and the time of its
 # contact are known exactly from the theory of waves, so that we see what a scheme is worth.
+# The schemes are in {doc}`the theory </theory/6_impact>`.
 #
 # A bar of length $L$ with the wave speed $c = \sqrt{E/\rho}$ that meets a rigid wall with the
 # velocity $v$ sends a compression wave through itself, which comes back after the time $2L/c$. As

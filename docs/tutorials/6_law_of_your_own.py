@@ -3,7 +3,8 @@
 #
 # Friction that weakens: where a point has slipped by some distance, the coefficient falls from a
 # static to a kinetic value, as on faults and brake pads. The law is a few lines of UFL; Newton's
-# method, histories and records need nothing else.
+# method, histories and records need nothing else. What a law is:
+# {doc}`the theory </theory/1_laws>`.
 
 from dataclasses import dataclass
 from typing import Any

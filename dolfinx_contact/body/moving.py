@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""A body with mass in a step of time: what stands for its residual in the contact problem.
 
-The equation of motion as one of measures (seed of NSCD: Jean and Moreau, CISM Lectures 302, 1987)
+The equation of motion as one of measures (Jean and Moreau, CISM Lectures 304, 1987)
 
     M (v_1 - v_0) = integral of (F - R(u) - C v) dt + integral of the contact forces,
     u_1 = u_0 + integral of v dt
