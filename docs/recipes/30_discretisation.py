@@ -3,8 +3,8 @@
 #
 # `method="nodal"`, the default of linear elements (degree 1): the law holds node by node.
 # `"integral"`, the default of quadratic elements (degree 2): Gauss points, the law holds weakly.
-# `"mixed"`: multipliers in the cone at the nodes with consistent integrals. Pivoting and proofs need
-# contact at the nodes, nodal or mixed. Pairs of degrees that are not stable are refused. See
+# `"mixed"`: multipliers in the cone at the nodes with consistent integrals. Pivoting and proofs
+# need contact at the nodes, nodal or mixed. Pairs of degrees that are not stable are refused. See
 # {doc}`the theory </theory/2_discretisations>`.
 
 import numpy as np
