@@ -214,7 +214,9 @@ def test_what_is_refused(whole, folder):
         with pytest.raises(ValueError, match="steps 0 to 2 are recorded, not 3"):
             kept.show(3)
     with PathRecord(folder / "run", made("crack"), resume=True) as kept:
-        with pytest.raises(ValueError, match=r"has gamma_range \(-1.0, 1.0\), not \(-1.0, 2.0\)"):
+        with pytest.raises(
+            ValueError, match=r"recorded with gamma_range \(-1.0, 1.0\), not \(-1.0, 2.0\)"
+        ):
             kept.path.run(gamma_range=(-1.0, 2.0), record=kept)
         with pytest.raises(ValueError, match="the path is at the arc length 0 and not at the end"):
             kept.path.run(gamma_range=(-1.0, 1.0), record=kept)
