@@ -75,22 +75,22 @@ def block_on_belt(args, comm):
 
 
 def one_degree(args):
-    """Mean way of the oscillator, and the times when it is caught by the belt and let go."""
+    """Mean distance of the oscillator; times when the belt catches and releases it."""
     w = FREQUENCY
     mean = args.friction * WEIGHT / w**2
     caught = np.arcsin(args.belt / (mean * w)) / w
-    let_go = caught + mean * np.cos(w * caught) / args.belt
-    return mean, caught, let_go
+    released = caught + mean * np.cos(w * caught) / args.belt
+    return mean, caught, released
 
 
 def way_of_one_degree(args, t):
-    mean, caught, let_go = one_degree(args)
+    mean, caught, released = one_degree(args)
     w = FREQUENCY
     slips = mean * (1 - np.cos(w * t))
     joins = mean * (1 - np.cos(w * caught))
     rides = joins + args.belt * (t - caught)
-    swings = mean + args.belt / w * np.sin(w * (t - let_go))
-    return np.select([t < caught, t < let_go], [slips, rides], swings)
+    swings = mean + args.belt / w * np.sin(w * (t - released))
+    return np.select([t < caught, t < released], [slips, rides], swings)
 
 
 def longest_stick(history):
@@ -138,14 +138,14 @@ def main(argv=None):
     times = np.array([0.0, *(step.time for step in history.steps)])
     u = np.array(places)
     first, last = longest_stick(history)
-    mean, caught, let_go = one_degree(args)
-    later = times > let_go + 0.05
+    mean, caught, released = one_degree(args)
+    later = times > released + 0.05
     swing = np.where(later, u - mean, 0.0)
     account = history.energies
     residues = [abs(step.energies.residue) for step in history.steps]
     found = {
         "stick": [times[first], times[last]],
-        "stick_closed_form": [caught, let_go],
+        "stick_closed_form": [caught, released],
         "amplitude": np.ptp(u[later]) / 2,
         "amplitude_closed_form": args.belt / FREQUENCY,
         "period": period_of(swing, times, later),

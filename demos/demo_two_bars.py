@@ -13,7 +13,7 @@
 # 0.3`) the sides move too, waves of many speeds follow, and some of the energy stays as vibration.
 #
 # Velocities of the faces are means over steps. Where nodes without mass (the default) have been
-# let go they alternate, about what the bar does.
+# released they alternate, about what the bar does.
 
 from mpi4py import MPI
 

@@ -350,7 +350,7 @@ def by_algorithm(name):
 
 
 def bonded_block(law):
-    """A block on bonds, pulled up and aside, and let go."""
+    """A block on bonds, pulled up and aside, and released."""
     domain = box(COMM, 3, "quad")
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
     u = fem.Function(V)

@@ -133,8 +133,8 @@ class _Search:
                 number = prove_empty(held, self.certificate)
                 if number is not None:
                     singular.append([list(codes), number])
-        taken = self._step({"do": "pieces", "singular": singular}, region)
-        assert taken
+        proved = self._step({"do": "pieces", "singular": singular}, region)
+        assert proved
 
     def _only(
         self, region: StatusRegion, hint: Codes | None, effort: int

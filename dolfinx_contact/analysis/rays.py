@@ -125,9 +125,9 @@ def _eliminated(
     R = np.abs(S[ek] - S[ee] @ Z) + gamma(n) * (np.abs(S[ek]) + np.abs(S[ee]) @ size)
     R = up(R + dS[ek] + dS[ee] @ size)
     norms = np.sqrt(up((R**2).sum(axis=0)))
-    taken = np.abs(S[ek]).T @ size
+    subtracted = np.abs(S[ek]).T @ size
     off = dS[kk] + dS[ek].T @ size + size.T @ R + np.outer(norms, norms) / least
-    off = up(off + gamma(n + 2) * (np.abs(S[kk]) + taken))
+    off = up(off + gamma(n + 2) * (np.abs(S[kk]) + subtracted))
     reduced = S[kk] - S[ek].T @ Z
     load = q[k] - Z.T @ q[e]
     far = float(np.sqrt(up(((np.abs(q[e]) + dq[e]) ** 2).sum())))

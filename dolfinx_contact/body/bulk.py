@@ -329,10 +329,10 @@ def _given_in(derivative: ufl.Form) -> tuple[list[fem.Function], list[fem.Consta
     constants = derivative.constants()
     key = derivative.signature()
     if key not in _left:
-        taken = ufl.algorithms.expand_derivatives(derivative)
+        expanded = ufl.algorithms.expand_derivatives(derivative)
         _left[key] = (
-            [coefficients.index(c) for c in taken.coefficients()],
-            [constants.index(c) for c in taken.constants()],
+            [coefficients.index(c) for c in expanded.coefficients()],
+            [constants.index(c) for c in expanded.constants()],
         )
     kept = _left[key]
     return [coefficients[i] for i in kept[0]], [constants[i] for i in kept[1]]

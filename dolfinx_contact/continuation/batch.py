@@ -101,7 +101,7 @@ class FreeSteps(ExactSteps):
         t.destroy()
         if not ok:
             return Crossed(None)
-        taken = self.corrector.iterations
+        corrections = self.corrector.iterations
         piece = self.system.piece_at(*b.split(y))
         changes = self.changes(point, y, piece)
         before = self._orientation(point) if changes else 0.0
@@ -111,7 +111,7 @@ class FreeSteps(ExactSteps):
             return Crossed(None, changes)
         tau = self.test(accepted=True)
         after = self.corrector.orientation() if several else 0.0
-        new = BranchPoint(y, tangent, piece, b.gamma(y), h, taken, tau)
+        new = BranchPoint(y, tangent, piece, b.gamma(y), h, corrections, tau)
         turned = self.turned(point.tangent, tangent)
         if several:
             # Two folds in between: gamma goes on by less than both rates say.

@@ -161,12 +161,12 @@ class Krylov(BorderedSolver):
             with logged("ContinuationKrylov"):
                 self.ksp.solve(r, d)
             out.axpy(1.0, d)
-            taken = self.ksp.getIterationNumber()
+            iterations = self.ksp.getIterationNumber()
             end = self.ksp.getResidualNorm()
-            self._P.age(taken, float(np.log10(max(start / max(end, 1e-300), 1.0))))
+            self._P.age(iterations, float(np.log10(max(start / max(end, 1e-300), 1.0))))
             if self.ksp.getConvergedReason() <= 0:
                 if self.comm.rank == 0:
-                    logger.info("%d Krylov iterations: from %.2e to %.2e", taken, start, end)
+                    logger.info("%d Krylov iterations: from %.2e to %.2e", iterations, start, end)
                 return False
         return bool(np.isfinite(out.norm()))
 

@@ -98,8 +98,8 @@ class SteppingSteps(FreeSteps):
         tangent = self.corrector.tangent(y, t, piece, factorise=True)
         if tangent is None or not self.lands(replace(point, tangent=t), h, y, tangent):
             return None
-        taken = self.corrector.iterations
-        return BranchPoint(y, tangent, piece, b.gamma(y), h, taken, self.test(accepted=True))
+        corrections = self.corrector.iterations
+        return BranchPoint(y, tangent, piece, b.gamma(y), h, corrections, self.test(accepted=True))
 
     def _kink(self, point: BranchPoint, new: BranchPoint, h1: float) -> SpecialPoint:
         """What lies between ``point`` and ``new``, within ``h1`` of ``point``."""

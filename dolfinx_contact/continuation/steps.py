@@ -204,8 +204,8 @@ class ExactSteps:
         tangent = self.corrector.tangent(y, point.tangent, point.piece)
         if tangent is None:
             return None, [], h
-        taken = self.corrector.iterations
-        here = BranchPoint(y, tangent, point.piece, b.gamma(y), s, taken, self.test())
+        corrections = self.corrector.iterations
+        here = BranchPoint(y, tangent, point.piece, b.gamma(y), s, corrections, self.test())
         special = self.smooth_points(point, here)
         tolerance = _AT_BORDER * self._unit(y, point.piece)
         crossing = cross(self.corrector, y, point.piece, tangent, tolerance)

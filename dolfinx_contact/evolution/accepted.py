@@ -277,10 +277,10 @@ class Stepper:
         for s, codes in zip(problem.surfaces, accepted.shown, strict=True):
             s.statuses = codes.copy()
 
-    def show(self, taken: SolvedStep) -> None:
+    def show(self, solved: SolvedStep) -> None:
         """Put the end of a step into the problem, with the memory of the step. Collective."""
-        self.put(taken.after)
-        self._remember(taken.before, taken.after.time)
+        self.put(solved.after)
+        self._remember(solved.before, solved.after.time)
 
     def prepare(self, accepted: AcceptedState, time: float) -> None:
         """Put a state into the problem with memory and data of a step to a time. Collective."""

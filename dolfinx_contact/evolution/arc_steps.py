@@ -142,13 +142,13 @@ class ArcSteps(ExactSteps):
         y.axpy(h, point.tangent)
         if not self.corrector.moore_penrose(y, t, point.piece):
             return None
-        taken = self.corrector.iterations
+        corrections = self.corrector.iterations
         t.destroy()
         tangent = self.corrector.tangent(y, point.tangent, point.piece)
         if tangent is None or not self.lands(point, h, y, tangent):
             return None
         tau = self.test(accepted=True)
-        return self.rescaled(BranchPoint(y, tangent, point.piece, b.gamma(y), h, taken, tau))
+        return self.rescaled(BranchPoint(y, tangent, point.piece, b.gamma(y), h, corrections, tau))
 
     def _turns_twice(self, point: BranchPoint, new: BranchPoint) -> bool:
         """Whether gamma turns twice in a step, or a border is reached and left again. Collective.
@@ -195,8 +195,10 @@ class ArcSteps(ExactSteps):
         tangent = self.corrector.tangent(y, point.tangent, point.piece)
         if tangent is None:
             return None
-        taken = self.corrector.iterations
-        return BranchPoint(y, tangent, point.piece, self.bordered.gamma(y), s, taken, self.test())
+        corrections = self.corrector.iterations
+        return BranchPoint(
+            y, tangent, point.piece, self.bordered.gamma(y), s, corrections, self.test()
+        )
 
     def _at_fold(self, point: BranchPoint, new: BranchPoint, fold: SpecialPoint) -> BranchPoint:
         away = fold.y - point.y

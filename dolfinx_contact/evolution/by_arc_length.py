@@ -94,7 +94,7 @@ class ByArcLength(Rule[PathTask, PathState]):
         )
 
     def advances(self) -> Iterator[Advance]:
-        while self.taken < self.task.max_steps:
+        while self.accepted_points < self.task.max_steps:
             solved = self._next()
             if solved is None:
                 return
@@ -102,7 +102,7 @@ class ByArcLength(Rule[PathTask, PathState]):
         self.end(Ending.BUDGET, f"the budget of {self.task.max_steps} steps is exhausted")
 
     @property
-    def taken(self) -> int:
+    def accepted_points(self) -> int:
         """Number of the points that it has accepted."""
         return len(self._passed) - 1
 
@@ -129,12 +129,12 @@ class ByArcLength(Rule[PathTask, PathState]):
             self._take(point, directions)
             return
         point = self._arrived
-        if not self.taken:
+        if not self.accepted_points:
             # The run has its own unit of gamma, and its own test for bifurcations.
             point = replace(point, tangent=point.tangent.copy(), tau=float("nan"))
             point = steps.rescaled(point)
         rates = steps.rate_problem(point.y, point.piece)
-        if direction == "back" and not self.taken:
+        if direction == "back" and not self.accepted_points:
             directions = rates.back(point.piece, point.tangent)
         else:
             directions = rates.onwards(point.piece, point.tangent, every=self.task.rays)

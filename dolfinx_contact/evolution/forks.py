@@ -31,11 +31,11 @@ class Forked:
     """A step with what is known of the rate problem at its start.
 
     Attributes:
-        taken: the step.
+        solved: the step.
         rays: solutions of the rate problem; None if they were not looked for, or cannot be found.
     """
 
-    taken: SolvedStep
+    solved: SolvedStep
     rays: StepRays | None = None
 
     @property
@@ -65,7 +65,7 @@ class Forks:
             ConvergenceError: if nothing solves the step; the problem is then at that state.
         """
         try:
-            taken = self._stepper.take(accepted, time)
+            solved = self._stepper.take(accepted, time)
         except ConvergenceError:
             rays = self._rays(accepted, time)
             for statuses in () if rays is None else rays.statuses:
@@ -76,25 +76,25 @@ class Forks:
                 except ConvergenceError:
                     continue
             raise
-        if not self._wanted and self._same(accepted.statuses, taken.after.statuses):
-            return Forked(taken)
-        return Forked(taken, self._rays(accepted, time))
+        if not self._wanted and self._same(accepted.statuses, solved.after.statuses):
+            return Forked(solved)
+        return Forked(solved, self._rays(accepted, time))
 
     def others(self, forked: Forked) -> list[SolvedStep]:
         """Steps from the same start to the same time along the other rays, to other ends."""
-        taken = forked.taken
-        found = [forked.taken]
+        solved = forked.solved
+        found = [forked.solved]
         comm = self._stepper.problem.comm
-        whole = change(comm, taken.before, taken.after)
+        whole = change(comm, solved.before, solved.after)
         for statuses in () if forked.rays is None else forked.rays.statuses:
             try:
-                other = self._stepper.take(taken.before, taken.after.time, likely=(statuses,))
+                other = self._stepper.take(solved.before, solved.after.time, likely=(statuses,))
             except ConvergenceError as error:
                 if comm.rank == 0:
                     logger.warning(
                         "another way on from the time %.10g is not followed, since its first step "
                         "was not solved: %s",
-                        taken.before.time,
+                        solved.before.time,
                         error,
                     )
                 continue

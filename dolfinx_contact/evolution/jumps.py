@@ -151,7 +151,7 @@ class _Search:
     def _leads_to_end(self, step: SolvedStep) -> bool:
         """Whether the branch of solutions from the start of a step is at its end. Collective."""
         branch = branch_of_step(self._stepper, step.before, step.after.time)
-        return branch.goes_on and self._is_at(branch, step)
+        return branch.reaches_end and self._is_at(branch, step)
 
     def _change(self, step: SolvedStep) -> Array:
         return changes(self._stepper.problem.comm, step.before, step.after)
@@ -197,7 +197,7 @@ class _Search:
             branch = branch_of_step(stepper, step.before, time)
             why = branch.why
             ends = branch.ends
-            if not branch.goes_on:
+            if not branch.reaches_end:
                 continue
             if time == step.after.time and self._is_at(branch, step):
                 return None

@@ -25,11 +25,11 @@ class Advance:
 
     Attributes:
         step: as the user sees it.
-        taken: the states at its start and end.
+        solved: the states at its start and end.
     """
 
     step: EvolutionStep
-    taken: SolvedStep
+    solved: SolvedStep
 
 
 class Rule(Ends, ABC, Generic[T, S]):

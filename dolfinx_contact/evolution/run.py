@@ -50,7 +50,7 @@ class Run(Generic[T, S, H]):
         self._listeners = listeners
         self._history = history
         comm = stepper.problem.comm
-        self._taken: SolvedStep | None = None
+        self._solved: SolvedStep | None = None
         self._record = Guarded(comm, listeners.record, self._put)
         self._observer = Guarded(comm, listeners.observer, self._show)
         self._progress = _RunProgress(comm, listeners.progress, rule)
@@ -94,17 +94,17 @@ class Run(Generic[T, S, H]):
 
     def _show(self) -> None:
         """The same, with the memory of the last step, by which it was solved. Collective."""
-        if self._taken is None:
+        if self._solved is None:
             self._put()
         else:
-            self._stepper.show(self._taken)
+            self._stepper.show(self._solved)
 
     def _accept(self, advance: Advance) -> None:
         """Add a step to the history, and let everybody know. Collective."""
         step = advance.step
         self._history.steps.append(step)
         self.run_state = self._rule.run_state
-        self._taken = advance.taken
+        self._solved = advance.solved
         self._ask_for_the_end(step)
         self._record.step(step, self._rule.run_state)
         self._observer.step(step, self._rule.run_state)

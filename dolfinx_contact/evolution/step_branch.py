@@ -39,14 +39,14 @@ class StepBranch:
     """What was found of it.
 
     Attributes:
-        goes_on: whether it leads to the load of the end.
+        reaches_end: whether it leads to the load of the end.
         statuses: then those there, on this rank.
         unknowns: and the state there, as a `AcceptedState` has it.
         ends: whether it is proved that the load turns back on it before, and nothing else leads on.
         why: why it ends where it does, in words.
     """
 
-    goes_on: bool = False
+    reaches_end: bool = False
     statuses: Statuses | None = None
     unknowns: npt.NDArray[np.float64] | None = None
     ends: bool = False

@@ -213,71 +213,71 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
                 if beyond is not None:
                     yield beyond
                 continue
-            taken = forked.taken
-            found = self._jump(taken)
+            solved = forked.solved
+            found = self._jump(solved)
             if found is not None:
                 for before in found.steps:
                     settled = found.far is None and before is found.steps[-1]
                     yield self._accept(Forked(before), settled=settled)
                 if found.far is not None:
                     yield self._jump_over(found, found.far)
-            elif self._wanted(taken):
+            elif self._wanted(solved):
                 yield self._accept(forked)
             else:
                 self._shorten(goal)
 
     def _accept(self, forked: Forked, *, jump: bool = False, settled: bool = True) -> Advance:
         """Go to the end of a step."""
-        taken = forked.taken
-        step = self._step(taken, jump, forked.directions)
+        solved = forked.solved
+        step = self._step(solved, jump, forked.directions)
         if self.task.follow_rays:
             self.forks += self._forks.others(forked)
         if not jump:
-            self._rate = _rate(self._stepper.problem.comm, taken)
-        self._accepted = taken.after
+            self._rate = _rate(self._stepper.problem.comm, solved)
+        self._accepted = solved.after
         self._number = step.number
         self._settled = settled
         self._rejected = 0
         self._length = min(2 * self._length, self.task.longest)
-        self._end_if_reached(taken)
-        return Advance(step, taken)
+        self._end_if_reached(solved)
+        return Advance(step, solved)
 
-    def _end_if_reached(self, taken: SolvedStep) -> None:
+    def _end_if_reached(self, solved: SolvedStep) -> None:
         """End the run if a step that was accepted leads to where it is to go."""
-        if taken.after.time >= self.task.times[-1]:
+        if solved.after.time >= self.task.times[-1]:
             self.end(Ending.REACHED, _REACHED)
 
-    def _step(self, taken: SolvedStep, jump: bool, directions: int | None = None) -> EvolutionStep:
+    def _step(self, solved: SolvedStep, jump: bool, directions: int | None = None) -> EvolutionStep:
         return EvolutionStep(
             self._number + 1,
-            taken.before.time,
-            taken.after.time,
-            taken.result,
-            taken.after.energies,
+            solved.before.time,
+            solved.after.time,
+            solved.result,
+            solved.after.energies,
             self._rejected,
             jump,
             directions,
         )
 
-    def _jump(self, taken: SolvedStep) -> Found | None:
+    def _jump(self, solved: SolvedStep) -> Found | None:
         """What is found in a step that changes the state suddenly; None if it is no jump."""
-        if math.isinf(self.task.sudden) or not taken.before.solved:
+        if math.isinf(self.task.sudden) or not solved.before.solved:
             return None
-        slow = self._sudden(taken, self.task.sudden)
+        slow = self._sudden(solved, self.task.sudden)
         if slow is None:
             return None
-        return find_jump(self._stepper, taken, slow, self.task.shortest)
+        return find_jump(self._stepper, solved, slow, self.task.shortest)
 
-    def _sudden(self, taken: SolvedStep, times: float) -> npt.NDArray[np.float64] | None:
+    def _sudden(self, solved: SolvedStep, times: float) -> npt.NDArray[np.float64] | None:
         """Rates up to which nothing jumps in a step that is sudden; None if it is not. Collective.
 
         Args:
-            taken: the step.
+            solved: the step.
             times: the rate of the step before that are sudden.
         """
         before = self._rate
         comm = self._stepper.problem.comm
-        rate = _rate(comm, taken)
+        rate = _rate(comm, solved)
         n = len(self._stepper.problem.surfaces)
         means = slice(2, 2 + n)
         bonds = slice(2 + n, 2 + 2 * n)
@@ -288,7 +288,7 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
                 slow[part] = np.maximum(slow[part], _SLIPS * before[0])
         slow[0] = math.inf
         fast = rate > slow
-        fast[bonds] = largest_at_points(comm, taken.before, taken.after)[1] > _BREAKS
+        fast[bonds] = largest_at_points(comm, solved.before, solved.after)[1] > _BREAKS
         if not fast.any():
             return None
         # In a mean what one point does is small, and a bond that breaks is no rate.
@@ -380,19 +380,19 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
                 return None
         return None
 
-    def _wanted(self, taken: SolvedStep) -> bool:
+    def _wanted(self, solved: SolvedStep) -> bool:
         """Whether the user accepts a step that could be shorter. Collective."""
         comm = self._stepper.problem.comm
-        shorter = (taken.after.time - taken.before.time) / 2 >= self.task.shortest
-        if shorter and self.task.locate and _closes(comm, taken):
+        shorter = (solved.after.time - solved.before.time) / 2 >= self.task.shortest
+        if shorter and self.task.locate and _closes(comm, solved):
             return False
         if not (shorter and comm.allreduce(int(self._accepts is not None))):
             return True
-        self._stepper.show(taken)
+        self._stepper.show(solved)
         wanted = True
         with everywhere(comm, "accept"):
             if self._accepts is not None:
-                answer = self._accepts(self._step(taken, False))
+                answer = self._accepts(self._step(solved, False))
                 if not isinstance(answer, bool | np.bool_):
                     raise ValueError(f"accept must answer True or False, got {answer!r}")
                 wanted = bool(answer)
@@ -406,16 +406,16 @@ def _aim(start: float, end: float, length: float) -> float:
     return end if steps <= 1 else start + (end - start) / steps
 
 
-def _closes(comm: MPI.Comm, taken: SolvedStep) -> bool:
+def _closes(comm: MPI.Comm, solved: SolvedStep) -> bool:
     """Whether a point closes in a step. Collective."""
-    a = taken.before.shown
-    b = taken.after.shown
+    a = solved.before.shown
+    b = solved.after.shown
     mine = any(bool((closed(y) & ~closed(x)).any()) for x, y in zip(a, b, strict=True))
     return bool(comm.allreduce(int(mine)))
 
 
-def _rate(comm: MPI.Comm, taken: SolvedStep) -> npt.NDArray[np.float64]:
+def _rate(comm: MPI.Comm, solved: SolvedStep) -> npt.NDArray[np.float64]:
     """Of the state in a step: of `changes`, then of the farthest ways of a point. Collective."""
-    distances, _ = largest_at_points(comm, taken.before, taken.after)
-    found = np.concatenate([changes(comm, taken.before, taken.after), distances])
-    return np.asarray(found / (taken.after.time - taken.before.time))
+    distances, _ = largest_at_points(comm, solved.before, solved.after)
+    found = np.concatenate([changes(comm, solved.before, solved.after), distances])
+    return np.asarray(found / (solved.after.time - solved.before.time))

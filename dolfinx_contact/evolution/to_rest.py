@@ -79,18 +79,18 @@ class ToRest(ThroughTimes):
             self._goal = self._accepted.time + self.task.longest
             yield self._goal
 
-    def _end_if_reached(self, taken: SolvedStep) -> None:
+    def _end_if_reached(self, solved: SolvedStep) -> None:
         """End the run if the body is at rest at the end of a step, or the time is over."""
-        if taken.after.time < self._goal:
+        if solved.after.time < self._goal:
             return
-        energies = taken.after.energies
+        energies = solved.after.energies
         assert isinstance(energies, MotionEnergies)
         self._peak = max(self._peak, energies.kinetic)
         self._quiet = self._quiet + 1 if energies.kinetic <= self.task.rest * self._peak else 0
         start = self.task.times[0]
-        passed = taken.after.time - start
+        passed = solved.after.time - start
         turning = _TURNING * math.sqrt(self.task.rest) * passed
         if self._quiet >= _QUIET and self._quiet * self.task.longest >= turning:
             self.end(Ending.REACHED, "the body is at rest")
-        elif not taken.after.time < start + self.task.max_time:
+        elif not solved.after.time < start + self.task.max_time:
             self.end(Ending.BUDGET, f"not at rest after {passed:.6g}")

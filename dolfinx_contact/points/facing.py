@@ -18,7 +18,7 @@ from dolfinx_contact.points.clipping import Faces
 from dolfinx_contact.points.search import exchanged, nearest, ranks_nearby
 from dolfinx_contact.points.trace import facet_closures, facet_normals
 
-__all__ = ["candidates", "faces_of", "measured", "refuse_aslant", "seen_along", "seen_in"]
+__all__ = ["candidates", "faces_of", "measured", "projected", "projected_faces", "refuse_aslant"]
 
 Array = npt.NDArray[np.float64]
 Nodes = npt.NDArray[np.int64]
@@ -80,14 +80,14 @@ def candidates(comm: MPI.Comm, slave: Faces, master: Faces) -> tuple[Faces, Node
     return faces, np.column_stack([rows[:, 0].astype(np.int64), np.arange(len(rows))])
 
 
-def seen_along(normal: Array, faces: Faces) -> Faces:
+def projected_faces(normal: Array, faces: Faces) -> Faces:
     """Facets as they are seen in the direction of a unit vector: in planes across it."""
     off = (faces.x - faces.x.mean(axis=1, keepdims=True)) @ normal
     x = faces.x - off[:, :, None] * normal
     return Faces(x, np.broadcast_to(normal, faces.normals.shape), faces.nodes)
 
 
-def seen_in(direction: Array, x: Array) -> Array:
+def projected(direction: Array, x: Array) -> Array:
     """Points (n, dim) as they are seen in the direction of a unit vector: in a plane across it."""
     return np.asarray(x - np.outer(x @ direction, direction))
 
@@ -112,7 +112,7 @@ def measured(
     found = np.column_stack([means, np.linalg.norm(normals, axis=1)])
     if direction is None:
         return found
-    found[:, :dim] = seen_in(direction, means)
+    found[:, :dim] = projected(direction, means)
     return found[normals @ direction > 0]
 
 

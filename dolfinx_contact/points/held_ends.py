@@ -34,7 +34,7 @@ from dolfinx_contact._entries import Entries, matrix_of
 from dolfinx_contact.points.operators import multiplied, rows_of
 from dolfinx_contact.points.opposite import Opposite
 
-__all__ = ["held_in_place", "in_place", "resting", "shared", "takers"]
+__all__ = ["held_in_place", "in_place", "receiving_vertices", "resting", "shared"]
 
 Array = npt.NDArray[np.float64]
 
@@ -117,19 +117,19 @@ def shared(
     shares, given = _shares(vertices, given, idle)
     own = _diagonal(vertices, given[:n])
     means = shares.transpose(PETSc.Mat())
-    taken = multiplied(means, areas[:, None])[:, 0]
-    taken = np.where(given[:n], areas, taken)
+    total_areas = multiplied(means, areas[:, None])[:, 0]
+    total_areas = np.where(given[:n], areas, total_areas)
     means.axpy(1.0, own)
     columns, rows = means.createVecs()
     columns.array[:] = areas
-    rows.array[:] = 1 / taken
+    rows.array[:] = 1 / total_areas
     means.diagonalScale(rows, columns)
     for part in (shares, own, columns, rows):
         part.destroy()
-    return means, taken, given
+    return means, total_areas, given
 
 
-def takers(
+def receiving_vertices(
     vertices: fem.FunctionSpace, given: npt.NDArray[np.bool_], idle: npt.NDArray[np.bool_]
 ) -> tuple[npt.NDArray[np.int64], Array, npt.NDArray[np.bool_]]:
     """Which vertices take the functions of the local vertices, most their own. Collective.

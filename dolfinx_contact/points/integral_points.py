@@ -20,7 +20,7 @@ from dolfinx_contact.points.evaluation import (
     point_space,
 )
 from dolfinx_contact.points.gauss import CommonPoints, GaussPoints
-from dolfinx_contact.points.held_ends import takers
+from dolfinx_contact.points.held_ends import receiving_vertices
 from dolfinx_contact.points.ids import point_ids
 from dolfinx_contact.points.operators import Stencils
 from dolfinx_contact.points.opposite import Opposite
@@ -124,7 +124,7 @@ class FacetPoints(ContactPoints):
         self, alone: Stencils, given: npt.NDArray[np.bool_], idle: npt.NDArray[np.bool_]
     ) -> npt.NDArray[np.bool_]:
         # Tractions are sums of functions of degree 1: those are given.
-        nodes, shares, given = takers(self.vertices, given, idle)
+        nodes, shares, given = receiving_vertices(self.vertices, given, idle)
         corners = self.Q.dofmap.list[self._gauss.cells]
         groups, p, k = alone.multiplier_weights.shape
         width = k * shares.shape[1]

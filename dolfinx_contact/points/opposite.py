@@ -35,9 +35,9 @@ from dolfinx_contact.points.facing import (
     candidates,
     faces_of,
     measured,
+    projected,
+    projected_faces,
     refuse_aslant,
-    seen_along,
-    seen_in,
 )
 from dolfinx_contact.points.mortar import between, coupling
 from dolfinx_contact.points.revolution import mirrored
@@ -294,7 +294,7 @@ def _matched(
     theirs, _ = outward_normals(V, master)
     against = nodes_on(V, master)
     if given is not None:
-        x = seen_in(given, x)
+        x = projected(given, x)
         against = against & (theirs @ given < 0)
     on_master = np.flatnonzero(against[: index_map.size_local])
     mine = np.flatnonzero(nodes_on(V, slave))
@@ -386,7 +386,7 @@ def _mortar(
     mine = faces_of(V, facets)
     if normal is not None:
         require(comm, V.ufl_element().degree == 1, f"{name}: a given normal needs degree 1 here")
-        mine = seen_along(normal, mine)
+        mine = projected_faces(normal, mine)
     theirs, pairs = candidates(comm, mine, faces_of(V, master))
     common = cover(mine, theirs, pairs, deepest=size)
     marked = np.unique(common.facet)

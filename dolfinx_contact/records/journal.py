@@ -280,7 +280,7 @@ class EvolutionJournal(Lines):
 
     kind: ClassVar[str] = "an evolution"
     #: How a run goes on from a state.
-    goes_on: ClassVar[type[Entry]] = HistoryGoesOn
+    run_entry: ClassVar[type[Entry]] = HistoryGoesOn
     states: list[StateEntry[Any]] = field(default_factory=list)
     runs: list[EvolutionRun] = field(default_factory=list)
 
@@ -309,7 +309,7 @@ class EvolutionJournal(Lines):
 
     def _take(self, kind: str, entry: dict[str, Any]) -> None:
         if kind == "state":
-            state: StateEntry[Any] = StateEntry.of_line(entry, run=self.goes_on)
+            state: StateEntry[Any] = StateEntry.of_line(entry, run=self.run_entry)
             if state.index != len(self.states):
                 raise ValueError(f"state {state.index} follows after {len(self.states)} states")
             if (state.row is None) != (not self.states):
@@ -333,7 +333,7 @@ class PathJournal(EvolutionJournal):
     """What was recorded of a path by arc length, as an `EvolutionJournal`; times are lengths."""
 
     kind: ClassVar[str] = "a path"
-    goes_on: ClassVar[type[Entry]] = PathGoesOn
+    run_entry: ClassVar[type[Entry]] = PathGoesOn
 
     @property
     def gammas(self) -> npt.NDArray[np.float64]:

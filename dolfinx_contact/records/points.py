@@ -141,8 +141,18 @@ def compiled(
 
 
 def _check_names(functionals: Mapping[str, Functional]) -> None:
-    taken = {"branch", "index", "gamma", "step", "corrections", "tau", "norm", "special", "status"}
-    clash = sorted((taken | set(status.KINDS)) & set(functionals))
+    reserved = {
+        "branch",
+        "index",
+        "gamma",
+        "step",
+        "corrections",
+        "tau",
+        "norm",
+        "special",
+        "status",
+    }
+    clash = sorted((reserved | set(status.KINDS)) & set(functionals))
     if clash:
         raise ValueError(f"functionals must not have the names of columns: {', '.join(clash)}")
 

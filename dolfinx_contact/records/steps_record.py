@@ -215,13 +215,13 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
             self._compare(self._found(0, accepted, self._letters()))
             self._index = 0
             self._last = accepted
-        goes_on = self._index == len(states) - 1 and self._last is accepted
+        at_the_end = self._index == len(states) - 1 and self._last is accepted
         message = (
             f"the {self._what} is at {self._along} {accepted.time:.10g} and not at the end of the "
             f"record in {self.folder}, which is at {states[-1].time:.10g}: go on with "
             f"{type(self).__name__}(..., resume=True).go_on(), or record to another folder"
         )
-        require(self.comm, goes_on, message)
+        require(self.comm, at_the_end, message)
         run = EvolutionRun(task=asdict(task), after=self._index)
         self._append({"type": "run", "task": run.task, "after": run.after})
         self.journal.runs.append(run)

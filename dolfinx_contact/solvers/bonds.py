@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Bonds that break one after the other, held in turn and let go.
+"""Bonds that break one after the other, held in turn and released.
 
 Where many bonds weaken in one step, and slip as they do, Newton's method goes to and fro between
 statuses: a bond that softens pushes its neighbours, and these it. Here the strengths of all bonds
@@ -27,7 +27,7 @@ from dolfinx_contact.solvers.linear import LinearSolver
 from dolfinx_contact.solvers.newton import Newton
 from dolfinx_contact.solvers.pivoting import pivot
 
-__all__ = ["have_bonds", "let_go"]
+__all__ = ["have_bonds", "release_bonds"]
 
 Array = npt.NDArray[np.float64]
 
@@ -41,7 +41,7 @@ def have_bonds(eq: ContactEquations) -> bool:
     return any(_strength(s.law) is not None for s in eq.surfaces)
 
 
-def let_go(
+def release_bonds(
     eq: ContactEquations, linear: Callable[[], LinearSolver], x: PETSc.Vec, attempt: Attempt
 ) -> bool:
     """Solve from ``x``, which is overwritten, by strengths that only fall. Collective."""

@@ -9,7 +9,7 @@ ones first and each from the caller's state:
 
 1. full Newton steps;
 2. full steps with the automatic augmentation parameter, if the caller forced another;
-   of surfaces with bonds that weaken then all these held in turn and let go (`bonds.py`);
+   of surfaces with bonds that weaken then all these held in turn and released (`bonds.py`);
 3. pivoting: the pieces of H are solved one after the other, and when the number of points with a
    wrong status stops shrinking only one point changes at a time (`pivoting.py`); last but one where
    the body is not linear, since every piece then takes a Newton solve of its own;

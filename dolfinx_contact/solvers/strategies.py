@@ -22,7 +22,7 @@ from dolfinx_contact.solvers.states import inverted
 __all__ = ["BONDS", "EXPECTED", "INCREMENTS", "raise_load", "strategies"]
 
 EXPECTED = "expected statuses"
-BONDS = "bonds let go in turn"
+BONDS = "bonds released in turn"
 INCREMENTS = "load increments"
 
 _HELD = 1  # Newton steps in which expected statuses are held
@@ -59,7 +59,7 @@ def strategies(
     if eq.forced_r is not None and not weak:
         found.append(("full steps with the automatic r", with_automatic_r(known.newton("none"))))
     if _have_bonds(eq):
-        found.append((BONDS, with_automatic_r(known.letting_bonds_go)))
+        found.append((BONDS, with_automatic_r(known.releasing_bonds)))
     others: dict[str, Strategy] = {
         "pivoting": known.pivoting,
         "line search": known.newton("bt"),
@@ -159,11 +159,11 @@ class _Strategies:
                 return False
             return start_by_lemke(self.eq, self.linear, x, attempt) and solver.run(x, attempt)
 
-    def letting_bonds_go(self, x: PETSc.Vec, attempt: Attempt, monitor: Monitor) -> bool:
-        """Bonds that weaken are all held, and let go in turn."""
-        from dolfinx_contact.solvers.bonds import let_go
+    def releasing_bonds(self, x: PETSc.Vec, attempt: Attempt, monitor: Monitor) -> bool:
+        """Bonds that weaken are all held, and released in turn."""
+        from dolfinx_contact.solvers.bonds import release_bonds
 
-        return let_go(self.eq, self.linear, x, attempt)
+        return release_bonds(self.eq, self.linear, x, attempt)
 
 
 def _have_bonds(eq: ContactEquations) -> bool:

@@ -50,7 +50,7 @@ def scene_of_record(record: str | os.PathLike[str] | Lines) -> Scene:
     else:
         raise ValueError(f"journals of {journal.kind} cannot be shown")
     scene.package = str(journal.header.get("package", ""))
-    scene.goes_on = scene.goes_on or journal.torn
+    scene.unfinished = scene.unfinished or journal.torn
     if scene.states:
         scene.body = journal.surface()
     else:
@@ -101,9 +101,9 @@ def _of_branches(journal: Journal) -> Scene:
                 branch.reason,
             )
         )
-    scene.goes_on = any(branch.ending is None for branch in journal.branches.values())
+    scene.unfinished = any(branch.ending is None for branch in journal.branches.values())
     if journal.edges:
-        scene.goes_on = scene.goes_on or journal.explored.ending is None
+        scene.unfinished = scene.unfinished or journal.explored.ending is None
         share = "all" if journal.explored.complete else "not all"
         scene.kind = f"a diagram, {share} of its rays followed"
     return scene
@@ -168,7 +168,7 @@ def _of_steps(journal: EvolutionJournal) -> Scene:
             journal.runs[-1].reason if journal.runs else "",
         )
     )
-    scene.goes_on = not journal.runs or journal.runs[-1].ending is None
+    scene.unfinished = not journal.runs or journal.runs[-1].ending is None
     return scene
 
 

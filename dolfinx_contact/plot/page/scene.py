@@ -162,7 +162,7 @@ class Scene:
         counts: of solutions.
         chart: of two parameters, for a scene of nothing else.
         package: version that recorded it.
-        goes_on: whether the record is still being written, or was cut off.
+        unfinished: whether the record is still being written, or was cut off.
         notes: what is to be said beside.
     """
 
@@ -176,5 +176,5 @@ class Scene:
     counts: list[SolutionCount] = field(default_factory=list)
     chart: ChartScene | None = None
     package: str = ""
-    goes_on: bool = False
+    unfinished: bool = False
     notes: list[str] = field(default_factory=list)

@@ -212,12 +212,12 @@ def watch(
                 report(f"waiting for a point in {journal}")
             else:
                 scene.counts += [_count_of(count) for count in counts]
-                reload = seconds if scene.goes_on else None
+                reload = seconds if scene.unfinished else None
                 named = title or _name(record)
                 text = page(scene, library, named, labels or {}, units or {}, error, reload=reload)
                 _put(path, text)
                 report(f"{path}: {sum(len(series.statuses) for series in scene.series)} points")
-                if not scene.goes_on:
+                if not scene.unfinished:
                     return path
         time.sleep(seconds)
 
@@ -320,7 +320,7 @@ def page(
         words |= _series(arrays, scene, labels)
         if scene.body is not None:
             notes.append(_put_body(arrays, words, scene, error))
-    if scene.goes_on:
+    if scene.unfinished:
         notes.append("The record is being written, or its run was cut off.")
     words["notes"] = notes
     words["arrays"] = {name: packed.words for name, packed in arrays.packed.items()}
