@@ -86,7 +86,7 @@ def draw_rocker(size):
 # ## Solve and write
 #
 # The floor is the plane through the lowest point of the contact face. The folder is made before
-# anything expensive happens, and rank 0 says what goes on.
+# anything expensive happens, and rank 0 reports the progress.
 
 
 def main(argv=None):

@@ -5,7 +5,7 @@
 #
 # - follow the branch of solutions of a body meshed by gmsh as its load, or the displacement of its
 #   support, grows, and read off where contact points open, stick and slip and the branch turns;
-# - keep it on the disk (`--record DIR`), from where a killed run goes on (`--resume`);
+# - keep it on the disk (`--record DIR`), from where a killed run continues (`--resume`);
 # - list all solutions of the branch at one load (`--solutions-at GAMMA`).
 #
 # The mesh needs the physical groups `dirichlet` (held) and `contact`; the rigid floor touches the
@@ -65,7 +65,7 @@ def arguments(argv=None):
     drive.add_argument("--body-force", type=number(), nargs=4, **force)
     drive.add_argument("--drive-top", type=number(), nargs=2, metavar=("DX", "DY"))
     parser.add_argument("--record", metavar="DIR", help="keep journal and fields of the branch")
-    parser.add_argument("--resume", action="store_true", help="go on with the record")
+    parser.add_argument("--resume", action="store_true", help="continue the record")
     args = parser.parse(argv)
     if args.resume and not args.record:
         parser.error("a branch is resumed from a record: --record DIR --resume")

@@ -63,7 +63,7 @@ def arguments(argv=None):
 #
 # Half of the body in 2D and a quarter in 3D. Along each axis cells of the size a/n cover the
 # contact and some more, followed by as many that grow geometrically. The lower face is a parabola
-# or paraboloid that goes on straight beyond 4 a. Only its fine part is a contact surface. On the
+# or paraboloid that continues straight beyond 4 a. Only its fine part is a contact surface. On the
 # planes of symmetry the normal displacement vanishes, and the top face is pushed down.
 
 

@@ -81,7 +81,7 @@ def words_at(friction, comm=MPI.COMM_WORLD):
 # ## The branch
 #
 # From weak friction A lifts off and B slips to the left. The branch turns back where A touches the
-# floor, and again where A, which slips to the left now, gets stuck; from there B goes on slipping,
+# floor, and again where A, which slips to the left now, gets stuck; from there B keeps slipping,
 # however strong friction is. Between both folds there are three solutions.
 
 

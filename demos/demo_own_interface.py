@@ -12,8 +12,9 @@
 #     Psi = (1 - D) k |u|^2/2,    Phi = k K(D)^2/2 D' + mu D p |u_t'|,    D' >= 0,
 #
 # so that D grows where k |u|^2/2 has come to k K(D)^2/2: K(D) is the jump at which a glue of the
-# damage D goes on to break. Ductile glue yields: its traction rises to s at a, stays up to b, and
-# falls to nothing at c. For D below 1 - a/b this is K = a/(1 - D), then a c/(a + (1 - D)(c - b)).
+# damage D grows until it breaks. Ductile glue yields: its traction rises to s at a, stays up to b,
+# and falls to nothing at c. For D below 1 - a/b this is K = a/(1 - D), then
+# a c/(a + (1 - D)(c - b)).
 #
 # A long sheet of the thickness t and Young's modulus E whose end has moved by u is pulled by
 # (2 E t W(u))^(1/2), W being the area under the traction up to u. All parameters are our own.

@@ -75,7 +75,7 @@ def triangle(friction, n):
 #
 # On the triangle of 8 nodes the same, but for Gauss-Seidel, which is a fixed point there, and
 # Lemke's method, which ends stuck. Below F_c, where it opens, full Newton steps cycle (a solve of
-# the whole problem then goes on otherwise); at F_c the interior point does not converge.
+# the whole problem then continues otherwise); at F_c the interior point does not converge.
 
 
 def sweep(problem, n, frictions, starts):

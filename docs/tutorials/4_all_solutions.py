@@ -89,7 +89,7 @@ assert len(opposite.found) == 1
 # ## The diagram
 #
 # `explore` follows branches of solutions from one of them, here from the opposite load, switches
-# wherever branches cross, and goes on until nothing is left. At $\gamma = 0$ nothing is loaded:
+# wherever branches cross, and continues until nothing is left. At $\gamma = 0$ nothing is loaded:
 # every contact point is at a kink of the law, and all rays that lead out of this point are found.
 
 system.set_parameter(-1.0)

@@ -2,8 +2,8 @@
 """What every algorithm reports of itself, and when it stops: one measure, one history, one end.
 
 An algorithm shows each iterate to an `Iteration`, which measures it as Newton's method does and
-says whether to go on. Where an algorithm does not converge the reason is what it does: its iterates
-repeat in a cycle, grow without bound, stand still, or there are too many of them.
+says whether to continue. Where an algorithm does not converge the reason is what it does: its
+iterates repeat in a cycle, grow without bound, stand still, or there are too many of them.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class Outcome:
         a: displacements (m, dim): tangential, then the gap.
         r: forces on the body (m, dim).
         converged: whether the measure fell below the tolerance.
-        reason: why it stopped, in words; empty as long as it goes on.
+        reason: why it stopped, in words; empty as long as it continues.
         measures: of every iterate, the start first.
         series: what else the algorithm reports, by name; one value an iterate where it says
             nothing else.
@@ -200,7 +200,7 @@ class Iteration:
         return stops
 
     def fails(self, reason: str) -> Outcome:
-        """The outcome of an algorithm that cannot go on."""
+        """The outcome of an algorithm that cannot continue."""
         self.outcome.converged = False
         self.outcome.reason = reason
         return self.outcome

@@ -3,7 +3,7 @@ r"""Projected conjugate gradients: on the forces, between friction bounds that a
 
 With friction bounds g given, the forces minimise q(r) = r.A r/2 + c.r over rn >= 0, |rt| <= g, and
 the gradient is the displacement a = A r + c. Conjugate gradients run on the forces that are inside
-their bounds; a step that would leave them ends there and goes on along the projected gradient;
+their bounds; a step that would leave them ends there and continues along the projected gradient;
 where what the bounds hold back outweighs the rest, a step of the projected gradient frees it
 (Dostal and Schoeberl, Comput. Optim. Appl. 30, 2005; for discs Dostal and Kozubek, Math. Program.
 135, 2012). The energy falls at every step.

@@ -100,7 +100,7 @@ class ChartCurve:
     """A curve of folds or events in a chart, by points of it.
 
     Attributes:
-        kind: ``"fold"`` where gamma turns back, ``"event"`` where it goes on.
+        kind: ``"fold"`` where gamma turns back, ``"event"`` where it continues.
         points: (mu, gamma), at least two, mu rising.
 
     Raises:

@@ -8,7 +8,7 @@ r_n = S_nt v. Where
     S_tt v = F S_nt v
 
 v may be added to a solution that slips with this F, as long as v is real, pressure is left and
-slip goes on the same way (Hassani, Hild, Ionescu and Sakki, A mixed finite element method and
+slip continues the same way (Hassani, Hild, Ionescu and Sakki, A mixed finite element method and
 solution multiplicity for Coulomb frictional contact, Comput. Methods Appl. Mech. Engrg. 192, 2003;
 Hassani, Hild and Ionescu, Sufficient conditions of non-uniqueness for the Coulomb friction problem,
 Math. Methods Appl. Sci. 27, 2004). F > 0 belongs to slip against d (r_t = F r_n), F < 0 to slip

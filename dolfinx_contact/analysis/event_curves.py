@@ -25,7 +25,7 @@ class Segment:
         frame: the border.
         low: least mu.
         high: largest mu.
-        kind: ``"fold"`` where gamma turns back, ``"event"`` where it goes on.
+        kind: ``"fold"`` where gamma turns back, ``"event"`` where it continues.
     """
 
     frame: Frame

@@ -157,7 +157,8 @@ def check_functions(of: str, **functions: Any) -> None:
 def check_rays(rays: Any) -> None:
     """Raise ``ValueError`` for what does not say whether all rays are looked for. Not collective.
 
-    True: wherever statuses meet; False: no more of them than it takes to go on; None: by default.
+    True: wherever statuses meet; False: no more of them than it takes to continue; None: by
+        default.
     """
     if rays is not None and not isinstance(rays, bool | np.bool_):
         raise ValueError(f"rays must be True, False or None, got {rays!r}")
@@ -172,7 +173,7 @@ def check_steps(control: Any, max_steps: Any) -> None:
 
 
 def reason_to_stop(comm: MPI.Comm, what: str, stop: Stop[Any], step: Any) -> str:
-    """What ``stop`` answers to a step, whose end is in the problem; "" if it goes on. Collective.
+    """What ``stop`` answers to a step, whose end is in the problem; "" if it continues. Collective.
 
     Args:
         comm: communicator.
@@ -187,8 +188,8 @@ def reason_to_stop(comm: MPI.Comm, what: str, stop: Stop[Any], step: Any) -> str
         answer = stop(step)
         if not isinstance(answer, str):
             raise ValueError(
-                f"stop must answer with the reason to end the {what}, a str, or with '' to go on; "
-                f"it answered {answer!r}"
+                f"stop must answer with the reason to end the {what}, a str, or with '' to "
+                f"continue; it answered {answer!r}"
             )
     same_everywhere(comm, the_answer_of_stop=answer)
     return answer

@@ -4,7 +4,7 @@
 In 3D hundreds of points change their status one by one, and to locate each costs more than it
 tells. Here a step is corrected on H itself, with the status that the state asks for, so that it may
 lead over any number of kinks. It is accepted if the branch is monotone over it, as far as its two
-ends show: gamma goes on in the same sense and by as much as its rates say, the tangents and the
+ends show: gamma continues in the same sense and by as much as its rates say, the tangents and the
 chord satisfy the target of their angles, and the determinant of [grad H; t^T], t the oriented
 tangent, keeps its sign, so that the parities of the kinks multiply to 1. Every change is recorded
 with the values of gamma between which it lies.
@@ -114,7 +114,7 @@ class FreeSteps(ExactSteps):
         new = BranchPoint(y, tangent, piece, b.gamma(y), h, corrections, tau)
         turned = self.turned(point.tangent, tangent)
         if several:
-            # Two folds in between: gamma goes on by less than both rates say.
+            # Two folds in between: gamma continues by less than both rates say.
             chord = y - point.y
             length = np.sqrt(b.inner(chord, chord))
             chord.destroy()

@@ -71,7 +71,7 @@ class SpecialPoint:
     """Where a branch kinks, folds or meets others.
 
     Attributes:
-        kind: ``"event"`` a status changes and gamma goes on, ``"fold"`` gamma turns back,
+        kind: ``"event"`` a status changes and gamma continues, ``"fold"`` gamma turns back,
             ``"bifurcation"`` there are other outgoing rays.
         smooth: False at a change of status.
         gamma: parameter; at an event that is not located, estimated.
@@ -83,7 +83,7 @@ class SpecialPoint:
         others: outgoing rays that the branch does not take.
         complete: whether `others` has been enumerated completely; False if it was not looked for.
         incoming: at a bifurcation the ray along which the branch came; its tangent points to here.
-        onwards: at a bifurcation the ray by which the branch goes on.
+        onwards: at a bifurcation the ray by which the branch continues.
         method: how the rays were looked for.
         bracket: the values of gamma between which an event lies that is not located; None if it
             is.

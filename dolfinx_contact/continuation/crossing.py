@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Nonsmooth points: the pieces that meet there and the one-sided tangents that lead out.
 
-Where points change their status the branch goes on in another piece. A piece has an outgoing ray if
-its own events at those points grow along its tangent, in one of the two senses. For one point the
-status named by its event is tried first; the others are tried if that fails, or if the parity of
-the determinants says that more branches meet. For k points at once the tangent cone is asked, or
-all their statuses are tried (`ray_finder`).
+Where points change their status the branch continues in another piece. A piece has an outgoing ray
+if its own events at those points grow along its tangent, in one of the two senses. For one point
+the status named by its event is tried first; the others are tried if that fails, or if the parity
+of the determinants shows that more branches meet. For k points at once the rays of the tangent cone
+are computed, or all their statuses are tried (`ray_finder`).
 """
 
 from __future__ import annotations

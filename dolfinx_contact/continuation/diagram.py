@@ -259,6 +259,6 @@ def _nothing() -> None:
 
 
 def _is_cut_off(branch: Branch) -> bool:
-    """Whether a branch may go on beyond what was followed of it."""
+    """Whether a branch may continue beyond what was followed of it."""
     stopped = branch.ending is Ending.STOPPED and not branch.bifurcations
     return stopped or branch.ending in (Ending.BUDGET, Ending.NOT_SOLVED, Ending.NOT_FOUND)

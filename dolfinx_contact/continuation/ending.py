@@ -11,7 +11,8 @@ __all__ = ["Ending", "Ends"]
 class Ending(Enum):
     """How something that was followed ended; its value is the sentence where there are no details.
 
-    Only `NO_SOLUTION` means that nothing goes on; after `NOT_FOUND` and `NOT_SOLVED` something may.
+    Only `NO_SOLUTION` means that nothing continues; after `NOT_FOUND` and `NOT_SOLVED` a
+    solution may.
     """
 
     #: The end of the range of gamma, or the last time, or rest where that was looked for.
@@ -33,7 +34,7 @@ class Ends:
     """Of what can end: `ending`, and `reason` in words.
 
     Attributes:
-        ending: None while it goes on.
+        ending: None while it continues.
         reason: why it ended, in words.
     """
 
@@ -46,6 +47,6 @@ class Ends:
         self.reason = reason or ending.value
 
     def go_on(self) -> None:
-        """Take the end back: what had ended goes on."""
+        """Take the end back: what had ended continues."""
         self.ending = None
         self.reason = ""

@@ -100,7 +100,7 @@ def follow(
         max_steps: budget; when it is exhausted what was found is returned, with the reason.
         route: see `follower_for`.
         stop: called with every accepted step, its point and the special points on the way to it:
-            it returns the reason to end the branch there, or "" to go on. The problem is in the
+            it returns the reason to end the branch there, or "" to continue. The problem is in the
             state of the point then: its Functions, statuses, gamma and what gamma drives are those
             of the point (`System.put`). It is not called where the branch ends by itself.
         observer: a function that is called likewise with every step, start and end included, or an
@@ -278,7 +278,7 @@ class Follower(Walker):
     ) -> BranchPoint | None:
         """The branch just beyond a kink of the data in gamma, at which steps end. Collective.
 
-        None if there is none, or the branch does not go on continuously with the same statuses.
+        None if there is none, or it does not continue the branch with the same statuses.
         """
         b = self.bordered
         slope = self.bordered.gamma(point.tangent)

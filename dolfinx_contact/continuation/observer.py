@@ -68,14 +68,15 @@ class BranchStep:
 
 @dataclass(frozen=True)
 class Stepping:
-    """What a follower knows at a point beside the point: with it, it goes on as if never stopped.
+    """What a follower knows at a point beside the point: with it, it continues as if never stopped.
 
     Attributes:
         index: of the point on its branch.
         next_step: length of the next step.
         x_scale: square of the length of x that counts as 1; 0 if no tangent has moved x yet.
         largest_distance: of all events so far.
-        ending: how the branch ends at the point; None if it goes on, or ends without another point.
+        ending: how the branch ends at the point; None if it continues, or ends without another
+            point.
         reason: why, in words.
     """
 
@@ -122,11 +123,11 @@ class Observer:
 
         Args:
             step: as the user sees it.
-            state: what is needed to go on from it.
+            state: what is needed to continue from it.
         """
 
     def end(self, ended: Ends) -> None:
-        """It has ended, how and why is in ``ended``; with its budget it may go on later."""
+        """It has ended, how and why is in ``ended``; with its budget it may continue later."""
 
     def explored(self, diagram: Diagram) -> None:
         """A branch of `explore` has ended, or all have: the diagram as far as it is known."""

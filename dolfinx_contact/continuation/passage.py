@@ -3,7 +3,8 @@
 
 Steps are corrected on H itself. Where no step of at least h_min succeeds there is a kink within
 h_min. Then the tangent t of the piece beyond, at y + h_1 T with h_1 a little larger than h_min, is
-tried as the direction to go on, in both senses, but for the one that leads back along the branch.
+tried as the direction to continue, in both senses, but for the one that leads back along the
+branch.
 
 Nothing is located: a kink is known to h_min, and recorded as such. Other rays are not
 looked for.
@@ -53,7 +54,7 @@ class SteppingSteps(FreeSteps):
         return self._pass(point)
 
     def _pass(self, point: BranchPoint) -> tuple[BranchPoint | None, list[SpecialPoint], float]:
-        """Go on from the kink within h_min beyond ``point``."""
+        """Continue from the kink within h_min beyond ``point``."""
         b = self.bordered
         for factor in _BEYOND:
             h1 = factor * self.control.minimum

@@ -111,7 +111,7 @@ class Pivoting(Walker):
         self._unit = stepping.largest_distance
 
     def stepping(self, index: int) -> Stepping:
-        """What is needed to go on from the point of this number."""
+        """What is needed to continue from the point of this number."""
         return Stepping(index, 0.0, self.bordered.x_scale, self._unit)
 
     def passes(
@@ -165,7 +165,7 @@ class Pivoting(Walker):
     def cross(
         self, w: Array, gamma: float, ray: AffineRay, length: float
     ) -> tuple[BranchPoint, SpecialPoint, AffineRay | None]:
-        """The vertex (w, gamma), what is special about it, and the ray by which to go on."""
+        """The vertex (w, gamma), what is special about it, and the ray by which to continue."""
         before = self._piece(ray.codes) if ray.rate != 0 else None
         found = self._rays_onwards(w, gamma, ray, before)
         rays = sorted(found.rays, key=lambda r: (r.rate != ray.rate, -_cosine(r, ray)))
@@ -281,7 +281,7 @@ class Pivoting(Walker):
         return t
 
     def state(self, point: BranchPoint) -> tuple[Array, AffineRay]:
-        """The numbers of a point of a branch and the ray along which it goes on."""
+        """The numbers of a point of a branch and the ray along which it continues."""
         b = self.bordered
         codes: Codes = self.condensed.codes(point.piece)
         x, _ = b.split(point.y)

@@ -3,7 +3,8 @@
 
 A step stays on one piece, which is smooth, by predictor and corrector. Then the events of the piece
 are looked at: if one has become negative, the first change of status is located along the branch to
-round-off, and the branch goes on in the piece beyond (`crossing.py`), its tangent oriented into it.
+round-off, and the branch continues in the piece beyond (`crossing.py`), its tangent oriented into
+it.
 
 A corrector ends somewhere on the solutions of the piece, be it far from where it began, or behind
 it, with a tangent alike. So it is seen where it landed: a point is refused, and the step shortened,

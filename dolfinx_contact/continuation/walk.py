@@ -49,7 +49,7 @@ class Walk(ABC):
 
     @abstractmethod
     def stepping(self, index: int) -> Stepping:
-        """What is needed to go on from the point of this number."""
+        """What is needed to continue from the point of this number."""
 
 
 class Walker(ABC):

@@ -171,10 +171,10 @@ class ArcLength(Runnable[PathTask, PathState, PathHistory]):
             max_steps: budget.
             rays: whether all solutions of the rate problem are looked for, and counted in
                 `PathStep.directions`: True at every kink and nonsmooth fold, by all statuses that
-                meet there, up to 256; False or None, the default, no more than it takes to go on:
-                they are tried where no direction is found otherwise.
+                meet there, up to 256; False or None, the default, no more than it takes to
+                continue: they are tried where no direction is found otherwise.
             stop: called with every accepted point, on every rank; the reason for which the path
-                ends there, or "" to go on.
+                ends there, or "" to continue.
             observer: called with every accepted point while it is in the problem.
             record: keeps every accepted point before the observer is called, as
                 `records.PathRecord` does.

@@ -3,12 +3,12 @@
 
 A step begins at an accepted state, in the piece and along the direction that solve its rate problem
 (`rate_problem.py`), and stays on that piece with the memory of its start: so a bond that damages
-goes on to, and a point that slips goes on slipping. It ends where the state first comes to another
+continues to, and a point that slips keeps slipping. It ends where the state first comes to another
 border, or where gamma turns back, both located to round-off. A step is too long in which a bond
 would heal or a slip be taken back, in the end; one whose end is elsewhere on the piece than where
 it leads to (`ExactSteps.lands`); and one in which gamma turns twice, or a border is reached and
 left. Where a bond ceases to damage, or a point to slip, somewhere in a step, the rate problem at
-its end says so: what that misses is of second order in the step.
+its end shows it: what that misses is of second order in the step.
 """
 
 from __future__ import annotations

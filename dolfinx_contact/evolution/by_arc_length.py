@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""How a path by arc length goes on: from a point, or from its midst, point by point."""
+"""How a path by arc length continues: from a point, or from its midst, point by point."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class ByArcLength(Rule[PathTask, PathState]):
         stepper: of the problem.
         steps: of the run.
         task: of the run.
-        run_state: where it begins, or goes on.
+        run_state: where it begins, or continues.
     """
 
     what = "path"
@@ -200,7 +200,7 @@ class ByArcLength(Rule[PathTask, PathState]):
         return _Solved(found, result, state, forces, energies)
 
     def _accept(self, solved: _Solved) -> Advance:
-        """Accept a point, with the memory of which the path goes on. Collective."""
+        """Accept a point, with the memory of which the path continues. Collective."""
         system = self._system
         eq = system.equations
         before = self._accepted

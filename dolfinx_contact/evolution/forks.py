@@ -2,8 +2,8 @@
 """Steps at whose start the rate problem has several solutions, or other ones than the step before.
 
 Steps begin with the statuses of the step before. Where these do not hold, and elsewhere if it is
-asked for, all directions are looked for in which the state can go on (`step_rays`). Where no step
-is found at all their statuses are tried.
+asked for, all directions are looked for in which the state can continue (`step_rays`). Where no
+step is found at all their statuses are tried.
 """
 
 from __future__ import annotations

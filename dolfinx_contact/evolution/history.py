@@ -152,7 +152,7 @@ class History(Ends):
 
 
 class NoContinuation(RuntimeError):
-    """An evolution does not go on; the problem is at the last accepted state.
+    """An evolution does not continue; the problem is at the last accepted state.
 
     The message says which it is: no solution continues it, which is proved; none was found that
     does, by what was tried; or steps were not solved, and why.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Where a state jumps under a load that goes on smoothly.
+"""Where a state jumps under a load that continues smoothly.
 
 A step may end in a solution that no path of solutions leads to: where a branch of the rate problem
 folds or ends (Klarbring, Ing.-Arch. 60, 1990: one node, friction beyond a bound), the solver finds
@@ -48,7 +48,7 @@ class Found:
     Attributes:
         steps: that lead on from its start.
         far: from the end of these, a step whose end is far however short it is; None if the
-            evolution goes on from there as ever.
+            evolution continues from there as ever.
         proved: whether it is proved that no path of solutions leads through this step.
         failure: why shorter steps from there were not solved; None if they were.
         why: what is known of the solutions beyond, in words.

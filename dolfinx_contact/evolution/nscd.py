@@ -237,7 +237,7 @@ class NSCD(Evolution):
                 with half the length, down to ``locate`` or dt halved twenty times, where it is
                 accepted.
             stop: called with every accepted step, on every rank, while its end is in the problem;
-                the reason for which the run ends there, or "" to go on. A later run goes on
+                the reason for which the run ends there, or "" to continue. A later run continues
                 from there.
             observer: called with every accepted step while its end is in the problem.
             record: keeps every accepted step before the observer is called, as
@@ -275,7 +275,7 @@ class NSCD(Evolution):
         observer: ObserverLike[EvolutionStep] | None = None,
         progress: bool | None = None,
     ) -> History:
-        """Go on until the body is at rest, as a damped one comes to be. Collective.
+        """Continue until the body is at rest, as a damped one comes to be. Collective.
 
         Args:
             max_time: after which this ends in any case.

@@ -21,10 +21,10 @@ class PathStep(EvolutionStep):
     Attributes:
         gamma: the load there.
         event: ``"smooth fold"`` the load turns back while all statuses stay, ``"nonsmooth fold"``
-            it turns back because statuses change, ``"kink"`` statuses change and the load goes on;
-            else "".
+            it turns back because statuses change, ``"kink"`` statuses change and the load
+            continues; else "".
         before: statuses by which the path came, as in `status`.
-        after: those by which it goes on; of bonds and friction as of contact.
+        after: those by which it continues; of bonds and friction as of contact.
         method: how the direction was found. If all statuses that meet there were tried
             `directions` is the number of solutions of the rate problem, less the one that goes
             back. At a smooth bifurcation on the way it counts the path and both senses of the
@@ -77,5 +77,5 @@ class PathHistory(History):
 
     @property
     def kinks(self) -> list[PathStep]:
-        """Points at which statuses change and the load goes on."""
+        """Points at which statuses change and the load continues."""
         return [p for p in self.steps if p.event == "kink"]

@@ -144,7 +144,7 @@ class QuasiStatic(Evolution):
                 such a step passes, and so does one that makes it no faster than that.
             rays: whether all solutions of the rate problem are looked for, and counted in
                 `EvolutionStep.directions`: True where every step begins, in 2D with contact at
-                nodes; False no more than it takes to go on; None, the default, up to sixteen
+                nodes; False no more than it takes to continue; None, the default, up to sixteen
                 points and where the statuses of the step before do not hold.
             follow_rays: whether the others are followed too, each to the last time
                 (`History.others`), up to sixteen. ``observer``, ``stop`` and ``accept`` are not
@@ -152,7 +152,7 @@ class QuasiStatic(Evolution):
             accept: called with every step, on every rank; one that is not accepted is tried again
                 with half the length, and is accepted at the shortest length.
             stop: called with every accepted step, on every rank, while its end is in the problem;
-                the reason for which the run ends there, or "" to go on. A later run goes on
+                the reason for which the run ends there, or "" to continue. A later run continues
                 from there.
             observer: called with every accepted step while its end is in the problem.
             record: keeps every accepted step before the observer is called, as
@@ -177,11 +177,11 @@ class QuasiStatic(Evolution):
 
     @collective("a jump", _check_jump)
     def jump(self, motion: NSCD, time: float, max_time: float, *, rest: float = 1e-6) -> History:
-        """Go on by dynamics where an evolution has come to its end. Collective.
+        """Continue by dynamics where an evolution has come to its end. Collective.
 
         From the last accepted state the body moves under the load of a time until it is at rest
-        again. `run` then goes on from there. What motion has dissipated otherwise than by friction
-        and damage is in the residue of the energies.
+        again. `run` then continues from there. What motion has dissipated otherwise than by
+        friction and damage is in the residue of the energies.
 
         Args:
             motion: of the same body, with damping, not run before.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""The rate problem at an accepted state: the directions in which an evolution can go on.
+r"""The rate problem at an accepted state: the directions in which an evolution can continue.
 
 Where memory is accepted every point that slips is at the border of stick, and every bond that
 damages at that of an intact one. The directions that lead out of such a state, memory frozen,

@@ -37,12 +37,12 @@ class Rule(Ends, ABC, Generic[T, S]):
 
     Args:
         task: of the run.
-        run_state: where it begins, or goes on.
+        run_state: where it begins, or continues.
 
     Attributes:
         task: as given.
         start: where it begins.
-        ending: how the run ends; None while it goes on.
+        ending: how the run ends; None while it continues.
         reason: why, in words.
     """
 
@@ -72,8 +72,8 @@ class Rule(Ends, ABC, Generic[T, S]):
     def advances(self) -> Iterator[Advance]:
         """The accepted steps, one by one, until the run ends. Collective.
 
-        With each `run_state` is where the run goes on from its end, and `ending` is set if it does
-        not. The problem may be left anywhere.
+        With each `run_state` is where the run continues from its end, and `ending` is set if it
+        does not. The problem may be left anywhere.
         """
 
     @abstractmethod

@@ -40,7 +40,7 @@ class Run(Generic[T, S, H]):
         history: to which steps are added, and which says in the end how it ended.
 
     Attributes:
-        run_state: where the next run goes on; None as long as this one has not begun.
+        run_state: where the next run continues; None as long as this one has not begun.
     """
 
     def __init__(self, stepper: Stepper, rule: Rule[T, S], listeners: Listeners, history: H):
@@ -56,7 +56,7 @@ class Run(Generic[T, S, H]):
         self._progress = _RunProgress(comm, listeners.progress, rule)
 
     def go(self) -> H:
-        """Go on to the end. Collective; the problem is left at the last accepted state.
+        """Continue to the end. Collective; the problem is left at the last accepted state.
 
         Raises:
             ValueError: on every rank, if it cannot begin; what listeners raise.

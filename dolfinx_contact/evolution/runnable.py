@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What goes on run by run: what histories, motions and paths have in common."""
+"""What continues run by run: what histories, motions and paths have in common."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def _check(a: Arguments) -> None:
 
 
 class Runnable(ReadOnly, Generic[T, S, H]):
-    """A contact problem that goes on run by run: each begins where the one before has ended.
+    """A contact problem that continues run by run: each begins where the one before has ended.
 
     Attributes:
         problem: whose Functions follow the accepted steps.
@@ -42,13 +42,13 @@ class Runnable(ReadOnly, Generic[T, S, H]):
     _run_state: S | None = None
 
     @collective(
-        "a run that goes on",
+        "a run that continues",
         _check,
         compare=lambda a: a.listeners.compared(),
         local=("task", "run_state", "listeners"),
     )
     def go_on(self, task: T, run_state: S, listeners: Listeners) -> H:
-        """Go on with a run from where it was, as a record does. Collective.
+        """Continue a run from where it was, as a record does. Collective.
 
         Args:
             task: what the run is to do.
@@ -61,7 +61,7 @@ class Runnable(ReadOnly, Generic[T, S, H]):
         return self._run(task, run_state, listeners)
 
     def put(self, run_state: S) -> None:
-        """Put the problem where a run of it ended, from which the next goes on. Collective."""
+        """Put the problem where a run of it ended, from which the next continues. Collective."""
         self._run_state = run_state
         self._stepper(None).put(run_state.accepted)
 
@@ -83,7 +83,7 @@ class Runnable(ReadOnly, Generic[T, S, H]):
         raise NotImplementedError
 
     def _follow(self, run: Run[T, S, H]) -> None:
-        """Go on to the end of a run, and know where that is, also if it fails. Collective."""
+        """Continue to the end of a run, and know where that is, also if it fails. Collective."""
         try:
             run.go()
         finally:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The branch of solutions on which a quasi-static step begins, followed while its load goes on.
+"""The branch of solutions on which a quasi-static step begins, followed while its load continues.
 
 A step that ends far from its start proves no jump: the solver may have passed over a solution that
 is near. So the branch is followed with the memory of the start, from kink to kink. Either it leads
@@ -54,7 +54,7 @@ class StepBranch:
 
 
 def branch_of_step(stepper: Stepper, accepted: AcceptedState, time: float) -> StepBranch:
-    """Follow the solutions from a state under a load that goes on to that of a time. Collective.
+    """Follow the solutions from a state under a load that continues to that of a time. Collective.
 
     The problem is left at that state.
     """

@@ -2,10 +2,10 @@
 """All solutions of the rate problem at the start of a quasi-static step.
 
 Where a step begins every point that slips is at the border of stick, with the memory of the state.
-The directions in which the state can go on, while the load goes on to that of the end of the step,
-solve a problem of cones (`continuation.rays`), memory frozen. There may be several: with friction
-beyond a bound a point at the border can stick or slip under one and the same rate of the load
-(Klarbring, Ing.-Arch. 60, 1990); or none, if all pieces were tried, and then the state jumps.
+The directions in which the state can continue, while the load continues to that of the end of the
+step, solve a problem of cones (`continuation.rays`), memory frozen. There may be several: with
+friction beyond a bound a point at the border can stick or slip under one and the same rate of the
+load (Klarbring, Ing.-Arch. 60, 1990); or none, if all pieces were tried, and then the state jumps.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""How a run goes on through times.
+"""How a run continues through times.
 
 A step that no strategy solves is tried with a quarter of the length, down to a least one. A step in
 which the state changes much faster than in the one before is looked at more closely, by halves
@@ -113,7 +113,7 @@ def checked_times(times: Sequence[float], accepted: AcceptedState | None) -> tup
 
 
 class _Ended(Exception):
-    """A run cannot go on: no solution continues it, none was found, or a step was not solved."""
+    """A run cannot continue: no solution continues it, none was found, or a step was not solved."""
 
     def __init__(self, ending: Ending, reason: str):
         super().__init__(reason)
@@ -126,7 +126,7 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
     Args:
         stepper: takes the steps.
         task: of the run.
-        run_state: where it begins, or goes on.
+        run_state: where it begins, or continues.
         accept: called with every step that could be shorter; whether it is accepted.
         first: a step that is accepted before any other.
 

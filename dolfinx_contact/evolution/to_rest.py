@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""How a motion goes on until the body is at rest."""
+"""How a motion continues until the body is at rest."""
 
 from __future__ import annotations
 
@@ -45,12 +45,12 @@ class RestState(RunState):
 
 
 class ToRest(ThroughTimes):
-    """Goes on by equal steps until the kinetic energy has been small for long enough.
+    """Continues by equal steps until the kinetic energy has been small for long enough.
 
     Args:
         stepper: takes the steps.
         task: of the run.
-        run_state: where it begins, or goes on.
+        run_state: where it begins, or continues.
     """
 
     task: RestTask

@@ -285,7 +285,7 @@ class RCCM(Law):
         return self.contact.with_pressure(replace(a, traction=a.traction - pull * a.n))
 
     def _step(self, a: ContactPoint) -> DamageStep:
-        """How the intensity goes on from memory."""
+        """How the intensity continues from memory."""
         b = self.viscosity
         p = float(self.exponent)
         before = {name: a.kept[f".{name}"] for name in _STEP} if self.order == 2 else None

@@ -16,8 +16,9 @@ with s, tau and c that only memory knows: a step has one kink in E, at the end o
   that its order does not depend on how small b is. x counts as 2 at most: with longer steps the
   formula is no longer stable, and the order falls.
 
-The cap is beta_n, or 1 where the bond may recover. The formula of two steps may let a bond go on to
-weaken when the load has stopped, by what it still is above w/E_n: c = max(s, min(beta_n, w/E_n)).
+The cap is beta_n, or 1 where the bond may recover. The formula of two steps may let a bond continue
+to weaken when the load has stopped, by what it still is above w/E_n: c = max(s, min(beta_n,
+w/E_n)).
 """
 
 from __future__ import annotations

@@ -332,7 +332,7 @@ def draw_polygon(
 
 @contextmanager
 def _empty_model(gmsh: Any) -> Iterator[Any]:
-    """A model of gmsh; a session that the caller has open goes on with its own models."""
+    """A model of gmsh; a session that the caller has open continues with its own models."""
     mine = not gmsh.isInitialized()
     if mine:
         gmsh.initialize(readConfigFiles=False, interruptible=False)

@@ -163,7 +163,7 @@ def _shares(
     """The shares a, by rows of all functions and columns of those that are kept, and the given.
 
     Of a vertex that is given away those around it take equal parts; where these are given as well,
-    the parts go on to where they are taken. What nobody can take is kept.
+    the parts continue to where they are taken. What nobody can take is kept.
     """
     index_map = vertices.dofmap.index_map
     comm = vertices.mesh.comm

@@ -3,9 +3,9 @@
 
 A record is a folder with the journal (`journal.py`: gamma, functionals, statuses, step data and
 special points of every accepted point) and checkpoints (`checkpoints.py`: unknowns and tangent of
-some). A run may be killed at any moment; resumed, on any number of ranks, it goes on from the last
-checkpoint to the same points. Those that had been recorded beyond it are computed once more, must
-coincide with the record, and are not recorded again.
+some). A run may be killed at any moment; resumed, on any number of ranks, it continues from the
+last checkpoint to the same points. Those that had been recorded beyond it are computed once more,
+must coincide with the record, and are not recorded again.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ class BranchRecord(ProblemRecord[Journal]):
     A record is resumed with the same problem only: mesh, forms and the cells and facets of their
     integrals, Dirichlet conditions and what gamma drives, surfaces and laws, the values of
     Constants, and those of Functions node by node, to 1e-9 of their size. The point from which a
-    branch goes on must be a solution.
+    branch continues must be a solution.
 
     Args:
         folder: of the record, made if need be.
@@ -81,9 +81,9 @@ class BranchRecord(ProblemRecord[Journal]):
             problem that return a number; these are called on every rank.
         every: fields are kept at every so many points, at special points, and at both ends.
         surface_displacement: whether that of the outer surface of the bodies is kept at every
-            point, in single precision, for `plot.draw_record`. A record that is resumed goes on as
-            it began.
-        resume: whether to go on with a record that exists. Else there must be none.
+            point, in single precision, for `plot.draw_record`. A record that is resumed continues
+            as it began.
+        resume: whether to continue a record that exists. Else there must be none.
 
     Attributes:
         journal: what has been recorded, on every rank.
@@ -104,7 +104,7 @@ class BranchRecord(ProblemRecord[Journal]):
                 branch = follow(system, x, 0.0, gamma_range=(0.0, 1.0), record=record)
             table = read_journal("output/branch").table()  # pandas, a row a point
 
-        If the run is killed, the same script goes on with ``resume``::
+        If the run is killed, the same script continues with ``resume``::
 
             branch = resume("output/branch", system, push)
     """
@@ -324,7 +324,7 @@ class BranchRecord(ProblemRecord[Journal]):
             numbers if kinds[0] == kinds[1] else None,
         )
 
-    # -- going on --------------------------------------------------------------------------------
+    # -- continuing --------------------------------------------------------------------------------
 
     def last_state(self, branch: int = 0) -> tuple[BranchPoint, Stepping] | None:
         """The last point of a branch whose fields were kept; None if there is none. Collective.
@@ -341,7 +341,7 @@ class BranchRecord(ProblemRecord[Journal]):
         return self._last_whole(kept[::-1], lambda index: self.state(branch, index))
 
     def state(self, branch: int, index: int) -> tuple[BranchPoint, Stepping]:
-        """A point whose fields were kept, and what is needed to go on from it. Collective.
+        """A point whose fields were kept, and what is needed to continue from it. Collective.
 
         Raises:
             ValueError: on every rank, if there are none, they are damaged, or it is no solution.
@@ -398,7 +398,7 @@ class BranchRecord(ProblemRecord[Journal]):
         observer: ObserverLike[BranchStep] | None = None,
         progress: bool | None = None,
     ) -> Branch:
-        """Go on with a branch as it was begun; one that has ended stays as it is. Collective.
+        """Continue a branch as it was begun; one that has ended stays as it is. Collective.
 
         Args:
             branch: number of the branch.
@@ -493,7 +493,7 @@ def resume(
     observer: ObserverLike[BranchStep] | None = None,
     progress: bool | None = None,
 ) -> Branch:
-    """Go on with a recorded branch as if the run had never been killed. Collective.
+    """Continue a recorded branch as if the run had never been killed. Collective.
 
     Args:
         folder: of the record.

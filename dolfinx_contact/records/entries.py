@@ -320,7 +320,7 @@ class EndEntry(Entry):
 
 @dataclass(frozen=True, kw_only=True)
 class HistoryGoesOn(Entry):
-    """How a history goes on from a state; see `evolution.run_state.RunState`."""
+    """How a history continues from a state; see `evolution.run_state.RunState`."""
 
     number: int
     length: float
@@ -355,7 +355,7 @@ def _arrived(line: Mapping[str, Any] | None) -> Arrived | None:
 
 @dataclass(frozen=True, kw_only=True)
 class PathGoesOn(Entry):
-    """How a path goes on from a state; see `evolution.path_state.PathState`."""
+    """How a path continues from a state; see `evolution.path_state.PathState`."""
 
     gamma: float
     arrived: Arrived | None = field(metadata=_how(read=_arrived))
@@ -381,7 +381,7 @@ class StateEntry(Entry, Generic[G]):
         row: of the table of steps; None at the start.
         forces: what forces are known by.
         first: whether statuses are not known.
-        run: how the run goes on from there.
+        run: how the run continues from there.
         checkpoint: name of the checkpoint.
         sum: check sum of that.
         values: names of the checkpoints with the values of Functions.

@@ -2,7 +2,8 @@
 """The record of an evolution on the disk, from which a killed run is resumed; see `StepsRecord`.
 
 Beside what all have a state has the Functions that its evolution keeps, as velocities. Steps that
-were found together, on the way to a jump, do not say how the run goes on: they are found once more.
+were found together, on the way to a jump, do not say how the run continues: they are found once
+more.
 """
 
 from __future__ import annotations
@@ -50,9 +51,9 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, RunState]):
         folder: of the record, made if need be.
         evolution: whose runs are recorded.
         surface_displacement: whether that of the outer surface of the bodies is kept at every step,
-            in single precision, for `plot.draw_record`. A record that is resumed goes on as it
+            in single precision, for `plot.draw_record`. A record that is resumed continues as it
             began.
-        resume: whether to go on with a record that exists. Else there must be none.
+        resume: whether to continue a record that exists. Else there must be none.
 
     Attributes:
         journal: what has been recorded, on every rank.
@@ -72,7 +73,7 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, RunState]):
                 history = evolution.run(times, record=record)
             rows = read_journal("output/path").rows()
 
-        If it is killed, a script that has made the same evolution goes on::
+        If it is killed, a script that has made the same evolution continues::
 
             with EvolutionRecord("output/path", evolution, resume=True) as record:
                 history = record.go_on()
@@ -155,7 +156,7 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, RunState]):
         observer: ObserverLike[EvolutionStep] | None = None,
         progress: bool | None = None,
     ) -> History:
-        """Go on with the last run as it was begun; one that has ended stays as it is. Collective.
+        """Continue the last run as it was begun; one that has ended stays as it is. Collective.
 
         The evolution is at the end of the record then, and may run on with ``record=`` this record.
 

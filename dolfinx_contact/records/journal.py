@@ -279,7 +279,7 @@ class EvolutionJournal(Lines):
     """
 
     kind: ClassVar[str] = "an evolution"
-    #: How a run goes on from a state.
+    #: How a run continues from a state.
     run_entry: ClassVar[type[Entry]] = HistoryGoesOn
     states: list[StateEntry[Any]] = field(default_factory=list)
     runs: list[EvolutionRun] = field(default_factory=list)
@@ -347,7 +347,7 @@ class PathJournal(EvolutionJournal):
 
     @property
     def kinks(self) -> list[dict[str, Any]]:
-        """The rows of points at which statuses change and the load goes on."""
+        """The rows of points at which statuses change and the load continues."""
         return [row for row in self.rows() if row["event"] == "kink"]
 
 
@@ -357,7 +357,7 @@ _KINDS: dict[str, type[Journal | EvolutionJournal | PathJournal]] = {
 
 
 def read_journal(folder: str | os.PathLike[str]) -> Journal | EvolutionJournal | PathJournal:
-    """Read the journal of a folder, on this rank alone; it may be that of a run that goes on.
+    """Read the journal of a folder, on this rank alone; it may be that of a run that continues.
 
     Returns:
         The journal of the kind that it is.

@@ -2,7 +2,7 @@
 """The record of a path by arc length on the disk, from which a killed run is resumed.
 
 Beside what all have (`StepsRecord`) a state has the tangent by which it was reached, and all that
-the next step depends on, so that a run goes on with the same points.
+the next step depends on, so that a run continues with the same points.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class PathRecord(StepsRecord[PathJournal, PathState]):
         folder: of the record, made if need be.
         path: whose runs are recorded.
         surface_displacement: as for `EvolutionRecord`.
-        resume: whether to go on with a record that exists. Else there must be none.
+        resume: whether to continue a record that exists. Else there must be none.
 
     Attributes:
         journal: what has been recorded, on every rank.
@@ -55,7 +55,7 @@ class PathRecord(StepsRecord[PathJournal, PathState]):
                 history = path.run(gamma_range=(0.0, 1.0), record=record)
             folds = read_journal("output/path").folds
 
-        If it is killed, a script that has made the same `ArcLength` goes on::
+        If it is killed, a script that has made the same `ArcLength` continues::
 
             with PathRecord("output/path", path, resume=True) as record:
                 history = record.go_on()
@@ -154,7 +154,7 @@ class PathRecord(StepsRecord[PathJournal, PathState]):
         )
 
     def begin(self, task: PathTask, state: PathState) -> None:
-        """A run begins; nothing is to be said of one that goes on. Collective.
+        """A run begins; nothing is to be said of one that continues. Collective.
 
         Raises:
             ValueError: on every rank, if it does not begin where the record ends, or is not the one
@@ -173,7 +173,7 @@ class PathRecord(StepsRecord[PathJournal, PathState]):
         observer: ObserverLike[PathStep] | None = None,
         progress: bool | None = None,
     ) -> PathHistory:
-        """Go on with the last run as it was begun; one that has ended stays as it is. Collective.
+        """Continue the last run as it was begun; one that has ended stays as it is. Collective.
 
         The path is at the end of the record then, and may run on with ``record=`` this record.
 

@@ -57,8 +57,8 @@ class ProblemRecord(Observer, Generic[J]):
         problem: what it is of.
         kind: of the journal.
         surface_displacement: whether that of the outer surface is kept at every point; not looked
-            at where a record is resumed, which goes on as it began.
-        resume: whether to go on with a record that exists. Else there must be none.
+            at where a record is resumed, which continues as it began.
+        resume: whether to continue a record that exists. Else there must be none.
 
     Attributes:
         journal: what has been recorded, on every rank.
@@ -150,7 +150,7 @@ class ProblemRecord(Observer, Generic[J]):
     def _require_task(
         self, what: str, recorded: Mapping[str, Any], found: Mapping[str, Any]
     ) -> None:
-        """Refuse to go on with something that was begun in another way. Collective.
+        """Refuse to continue something that was begun in another way. Collective.
 
         Args:
             what: it is, in words.

@@ -4,7 +4,7 @@
 A record is a folder with the journal (`journal.py`: energies and statuses of every
 accepted step) and a checkpoint of every step: displacement, multipliers, rigid bodies, statuses and
 memory. All of a step is on the disk before the next one is computed. Resumed, on any number of
-ranks, a run goes on from the last step that says how. Those recorded beyond it are computed once
+ranks, a run continues from the last step that says how. Those recorded beyond it are computed once
 more, must coincide with the record, and are not recorded again.
 """
 
@@ -85,7 +85,7 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         kind: of the journal.
         method: what the runs are known by beside the problem, in words.
         surface_displacement: see `EvolutionRecord`, as for the following.
-        resume: whether to go on with a record that exists. Else there must be none.
+        resume: whether to continue a record that exists. Else there must be none.
         data: Functions and Constants beside those of the problem, with their places.
         forms: beside those of the problem.
         driven: expressions by which a load drives Dirichlet data.
@@ -123,7 +123,7 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         self._points = _AtPoints(problem)
         self._last: AcceptedState | None = None  # where the runs stand
         self._index = -1  # of that state
-        self._resumed_state: S | None = None  # where a run that was recorded goes on
+        self._resumed_state: S | None = None  # where a run that was recorded continues
         try:
             self._data = KeptData(problem, self._checkpoints, more=data)
             # The values of all data are compared state by state.
@@ -167,7 +167,7 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         raise NotImplementedError
 
     def _entry_of(self, run_state: S) -> Entry:
-        """The entry of the journal for how a run goes on. Collective."""
+        """The entry of the journal for how a run continues. Collective."""
         raise NotImplementedError
 
     def _names(self) -> Iterable[str]:
@@ -198,7 +198,7 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
     # -- what a run tells ------------------------------------------------------------------------
 
     def begin(self, task: Any, state: S) -> None:
-        """A run begins; nothing is to be said of one that goes on. Collective.
+        """A run begins; nothing is to be said of one that continues. Collective.
 
         Raises:
             ValueError: on every rank, if this is closed, or it does not begin where the record
@@ -218,7 +218,7 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         at_the_end = self._index == len(states) - 1 and self._last is accepted
         message = (
             f"the {self._what} is at {self._along} {accepted.time:.10g} and not at the end of the "
-            f"record in {self.folder}, which is at {states[-1].time:.10g}: go on with "
+            f"record in {self.folder}, which is at {states[-1].time:.10g}: continue with "
             f"{type(self).__name__}(..., resume=True).go_on(), or record to another folder"
         )
         require(self.comm, at_the_end, message)
@@ -309,7 +309,7 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
             zip(a, b, scales, strict=True),
         )
 
-    # -- going on --------------------------------------------------------------------------------
+    # -- continuing --------------------------------------------------------------------------------
 
     def _last_run(self) -> EvolutionRun:
         if not self.journal.runs:
@@ -327,13 +327,13 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         return run_state
 
     def _resumed(self, run: EvolutionRun, known: Sequence[int]) -> S:
-        """The state of a run at the last state from which it can go on. Collective.
+        """The state of a run at the last state from which it can continue. Collective.
 
         A damaged checkpoint is passed over, with a warning in the log.
 
         Args:
             run: that has not ended.
-            known: indices of the states that say how it goes on, beside that where it begins.
+            known: indices of the states that say how it continues, beside that where it begins.
         """
         indices = (*reversed(known), run.after)
         index, run_state = self._last_whole(indices, lambda i: (i, self._run_state(i)))

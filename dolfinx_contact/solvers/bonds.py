@@ -70,7 +70,7 @@ def release_bonds(
                 return False
         if attempt.gives_up():
             return False
-    attempt.reason = f"bonds go on to weaken after {_ROUNDS} rounds"
+    attempt.reason = f"bonds still weaken after {_ROUNDS} rounds"
     return False
 
 

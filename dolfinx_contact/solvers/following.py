@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """The last strategy of a solve: follow the load from nothing to the whole, through folds.
 
-The load grows as in `increments.py`, with s from 0 to 1. Following the branch of solutions goes on
-where increments of s get stuck because it turns back.
+The load grows as in `increments.py`, with s from 0 to 1. Following the branch of solutions
+continues where increments of s get stuck because it turns back.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 
 Full steps converge in a few iterations from nearly everywhere, but they can cycle between statuses.
 Where the caller expects statuses, as those of the step before, the first Newton step is taken with
-these held, and Newton's method goes on from there: at the start of a step of an evolution every
+these held, and Newton's method continues from there: at the start of a step of an evolution every
 point that slips is at the border of stick, and its own state does not tell. The strategies, cheap
 ones first and each from the caller's state:
 

@@ -25,7 +25,7 @@ _WORDS = ("strategy", "event", "before", "after", "status")
 
 
 def scene_of_record(record: str | os.PathLike[str] | Lines) -> Scene:
-    """The scene of a record, on this rank alone; it may be that of a run that goes on.
+    """The scene of a record, on this rank alone; it may be that of a run that continues.
 
     Args:
         record: its folder, or its journal.
