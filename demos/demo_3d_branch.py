@@ -111,7 +111,7 @@ def draw(folder, comm, system, material, branch, journal):
 # ## Follow it
 #
 # `kinks="batched"` lets a step pass many events; it is the default for so many contact points. The
-# predicate `locate`, asked on the rank that owns a point, wants the first contact to be located.
+# predicate `locate`, called on the rank that owns a point, locates the first contact.
 
 
 def main(argv=None):

@@ -113,7 +113,7 @@ def body(n, friction, fibres, degrees, comm=MPI.COMM_WORLD):
 # ## What the meshes say
 #
 # Of the symmetric part of A_nn + F A_nt of all contact points the negative eigenvalues are counted:
-# the ways in which pressure does not hold the face. And all solutions are looked for.
+# the directions in which pressure does not hold the face. And all solutions are looked for.
 
 
 def negative(n, friction, *material, comm=MPI.COMM_WORLD):

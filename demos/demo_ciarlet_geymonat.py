@@ -38,7 +38,7 @@ from dolfinx_contact.continuation import Branch, explore
 from dolfinx_contact.materials import CiarletGeymonat
 from dolfinx_contact.records import leftmost, rightmost, total
 
-#: What is looked at: both corners, and the forces of the floor.
+#: Outputs: both corners, and the forces of the floor.
 FUNCTIONALS = {
     "ut_left": leftmost("ut"),
     "un_left": leftmost("un"),

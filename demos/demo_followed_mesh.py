@@ -49,7 +49,7 @@ LAWS = {
 }
 VEE = [(0, 0), (0.35, 0), (1.1, 1), (0.85, 1), (0.25, 0.25), (0.25, 1), (0, 1)]
 SIDES = {"contact": [0], "dirichlet": [2, 5]}
-#: What is looked at.
+#: Outputs.
 FUNCTIONALS = dict(
     ut_left=leftmost("ut"), un_left=leftmost("un"), sum_rt=total("rt"), sum_rn=total("rn")
 )

@@ -23,12 +23,12 @@ from dolfinx_contact import io, plot, records
 from dolfinx_contact.continuation import Branch, find_solutions
 from dolfinx_contact.records import leftmost
 
-#: What is looked at: A is the leftmost contact point.
+#: Outputs; A is the leftmost contact point.
 FUNCTIONALS = {name: leftmost(name) for name in ("ut", "un", "rt", "rn")}
 
 # ## All solutions at a load
 #
-# Only A can change its status, so that there are four pieces. `find_solutions` looks at all of them
+# Only A can change its status, so that there are four pieces. `find_solutions` examines all of them
 # and finds the ends of continua too. The element is so small that every rank solves it alone; its
 # traction is preload + gamma load.
 
@@ -68,7 +68,7 @@ def solutions(system, gamma=1.0):
 # One picture per regime of friction (below, at and above the critical coefficient), as figures 2 to
 # 4 of the paper. On every piece the state is linear in the load, so that its inequalities tell at
 # which loads of a grid it holds a solution. The borders between the regions are lines through the
-# origin, and two of them carry sets of their own: there `solutions` is asked.
+# origin, and two of them carry sets of their own: there `solutions` are searched.
 
 WORDS = {"o": "separation", "k": "stick", "+": "slip right", "-": "slip left", "~": "a continuum"}
 SETS = ("o", "k", "+", "-", "ok-", "ok", "k-", "-~")

@@ -26,7 +26,7 @@ from dolfinx_contact import io, plot, records
 from dolfinx_contact.continuation import Branch, explore, find_solutions
 from dolfinx_contact.records import leftmost, total
 
-#: What is looked at; A is the leftmost contact point.
+#: Outputs; A is the leftmost contact point.
 FUNCTIONALS = dict(ut_A=leftmost("ut"), un_A=leftmost("un"), sum_rt=total("rt"), sum_rn=total("rn"))
 
 

@@ -67,7 +67,7 @@ def body(friction, comm=MPI.COMM_WORLD):
 
 # ## How many there are
 #
-# Two points have 16 pieces; all are looked at, so that the numbers are certain.
+# Two points have 16 pieces; all are examined, so that the numbers are certain.
 
 
 def words_at(friction, comm=MPI.COMM_WORLD):

@@ -12,7 +12,7 @@
 #     Psi = (1 - D) k |u|^2/2,    Phi = k K(D)^2/2 D' + mu D p |u_t'|,    D' >= 0,
 #
 # so that D grows where k |u|^2/2 has come to k K(D)^2/2: K(D) is the jump at which a glue of the
-# damage D grows until it breaks. Ductile glue yields: its traction rises to s at a, stays up to b,
+# damage D is damaged further. Ductile glue yields: its traction rises to s at a, stays up to b,
 # and falls to nothing at c. For D below 1 - a/b this is K = a/(1 - D), then
 # a c/(a + (1 - D)(c - b)).
 #

@@ -3,7 +3,7 @@
 #
 # This demo illustrates how to:
 #
-# - follow an evolution whose load is unknown by arc length (`ArcLength`): where the strip lets go,
+# - follow an evolution whose load is unknown by arc length (`ArcLength`): where the strip detaches,
 #   the machine must go back for the bond to break slowly;
 # - find the folds of the load, smooth ones and those where a node begins to break;
 # - compare with beams, and the work with the energy of what was peeled.

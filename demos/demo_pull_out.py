@@ -151,7 +151,7 @@ def main(argv=None):
     say(", ".join(words))
 
     if comm.rank == 0:
-        still = foot < 0.1 * U0  # as the closed form wants it
+        still = foot < 0.1 * U0  # as the closed form requires
         curves = {"": (end, force)}
         dotted = {"bar": (end[still], closed[still])}
         names = ("end of the fibre, mm", "force, N")

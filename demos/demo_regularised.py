@@ -8,7 +8,7 @@
 #
 # The triangle of `demo_linear_triangle.py` has three solutions under the load gamma = 1: its corner
 # A lifts off, sticks, or slips. Regularised friction has them for a small eps alone. As eps grows
-# the one that sticks, which now creeps, and the one that slips meet in a fold and are gone. Who
+# the one that sticks, which now creeps, and the one that slips meet in a fold and vanish. Who
 # lets a large eps fall arrives at the open one, and never learns of the others.
 
 from mpi4py import MPI
@@ -23,7 +23,7 @@ from dolfinx_contact import Coulomb, ParametricContact, Regularised, io, plot, r
 from dolfinx_contact.continuation import Branch, follow
 from dolfinx_contact.records import leftmost, total
 
-#: What is looked at; A is the leftmost contact point.
+#: Outputs; A is the leftmost contact point.
 FUNCTIONALS = dict(ut_A=leftmost("ut"), un_A=leftmost("un"), sum_rt=total("rt"), sum_rn=total("rn"))
 
 

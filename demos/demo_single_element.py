@@ -22,7 +22,7 @@ from dolfinx_contact import io, plot, records
 from dolfinx_contact.continuation import Branch, follower_for
 from dolfinx_contact.records import leftmost
 
-#: What is looked at, with labels; A is the leftmost contact point.
+#: Outputs with labels; A is the leftmost contact point.
 FUNCTIONALS = dict(
     ut_left=leftmost("ut"), un_left=leftmost("un"), sum_rt=leftmost("rt"), sum_rn=leftmost("rn")
 )

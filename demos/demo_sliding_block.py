@@ -83,7 +83,7 @@ def stop_of(times, speed):
     """When LEFT of the speed is left, over 1 - LEFT."""
     slow = int(np.argmax(speed <= LEFT * SPEED)) or len(speed) - 1
     around = slice(slow - 1, slow + 1)
-    # Speeds fall; np.interp wants numbers that grow.
+    # Speeds fall; np.interp needs numbers that increase.
     known = np.interp(-LEFT * SPEED, -speed[around], times[around])
     return known / (1 - LEFT)
 

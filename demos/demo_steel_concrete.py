@@ -4,7 +4,7 @@
 # This demo illustrates how to:
 #
 # - join two bodies by a bond that breaks and leaves friction behind (`ContactPair` with `RCCM`);
-# - draw the curve of load against slip, and see where the work of the pull has gone.
+# - draw the curve of load against slip, and see how the work of the pull is divided.
 #
 # Raous, Cangemi and Cocou's law is meant for such interfaces: reinforced concrete, piles in soil. A
 # flat bar lies in concrete that is pressed on it, of which one half is shown, in plane strain. Its

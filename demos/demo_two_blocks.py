@@ -95,7 +95,7 @@ def problem(args, comm):
     return ContactProblem(energy, u, [contact], bcs=bcs), top
 
 
-# `QuasiStatic` asks for the load at a time and finds the equilibrium there, with friction against
+# `QuasiStatic` calls the load at a time and finds the equilibrium there, with friction against
 # the slip since the time before. A unit of time is a step: down, to the right, to the left, up.
 def along_the_path(both, top, observer=None):
     corners = [0, 5, 13, 29, 37]

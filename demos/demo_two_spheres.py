@@ -4,7 +4,7 @@
 # This demo illustrates how to:
 #
 # - mesh two round bodies in gmsh, with the same nodes where they touch or, with `--ratio`, others;
-# - say in which direction curved faces look at each other (`normal`);
+# - say in which direction curved faces oppose each other (`normal`);
 # - solve for bodies of revolution (`axisymmetric`);
 # - compare with Hertz, mesh by mesh: the benchmark SSNV104 of Code_Aster.
 #

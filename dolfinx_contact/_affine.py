@@ -255,7 +255,7 @@ def _combined(node: Any, parts: list[_Part]) -> _Part:
             return max(arms, key=_order)
         return _Part(Kind.JUMPING, node=node)
     if isinstance(node, classes.Condition):
-        return max(parts, key=_order)  # what it makes of it, its conditional says
+        return max(parts, key=_order)  # its conditional shows what it makes of it
     if isinstance(node, classes.Abs | classes.MaxValue | classes.MinValue):
         worst = max(parts, key=_order)
         return worst if worst.kind > Kind.KINKED else _Part(Kind.KINKED, node=node)
@@ -279,8 +279,8 @@ def _power(node: Any, base: _Part) -> _Part:
 
 _EQUAL = 1e-10  # of the values around, up to which two sides of a border agree
 _PLACES = 4  # of an integral and a rank, at which they are compared, but where data differ
-_LOOKED_AT = 20_000  # places that are asked what data are
-_PATTERNS = 32  # such ways
+_LOOKED_AT = 20_000  # places at which data are evaluated
+_PATTERNS = 32  # such directions
 _SIZES = (1e-12, 1e-9, 1e-6, 1e-3, 1.0, 1e3)  # of v and its gradient beside the border
 _WAYS = 2  # to the border, of each size
 _REACH = 10.0 ** np.arange(-15, 12.25, 0.25)  # how far borders are looked for
@@ -478,7 +478,7 @@ class _Sides:
         return np.asarray(known[e])
 
     def _leaf(self, node: Any) -> tuple[Array, Array]:
-        """Values of what an integrand is made of, at the start of all ways, and along them."""
+        """Values of what an integrand is made of, at the start of all directions and along them."""
         if node not in self._leaves:
             n = len(self._cells)
             if self._v in extract_coefficients(node):
@@ -598,7 +598,7 @@ Places = tuple[npt.NDArray[np.int32], Array]
 
 
 def _covering(e: Any, v: fem.Function, places: Places) -> Places:
-    """Some places, with one for each way in which data decide what stands in an integrand.
+    """Some places, with one for each case in which data decide what an integrand contains.
 
     A term may be that of a part of the body, by a condition on the place or a field that vanishes
     elsewhere. Not collective.

@@ -77,7 +77,7 @@ def _is_or_has(part: Any, whole: Any) -> str:
 
 
 def described(expression: Any, domain: mesh.Mesh) -> str:
-    """What a UFL expression or form of ``domain`` says, the same on ranks that mean the same.
+    """The content of a UFL expression or form of ``domain``, equal on ranks that mean the same.
 
     The values of its Constants and its signature, in which neither the counts of UFL's objects nor
     the values of Functions, which are spread over the ranks, occur.
@@ -94,7 +94,7 @@ def described(expression: Any, domain: mesh.Mesh) -> str:
 
 
 def described_condition(bc: fem.DirichletBC) -> str:
-    """What a Dirichlet condition says on every rank: its value, or that it is a Function."""
+    """A Dirichlet condition on every rank: its value, or that it is a Function."""
     value = dirichlet_value(bc)
     if hasattr(value, "function_space"):
         return "a Function"

@@ -106,7 +106,7 @@ def tags_of_entities(
 
 
 def merge_entity_maps(submeshes: Sequence[FacetSubmesh]) -> Any:
-    """What ``fem.form(entity_maps=...)`` wants for a form over these submeshes."""
+    """The ``entity_maps`` of ``fem.form`` for a form over these submeshes."""
     if _HAS_ENTITY_MAP:
         return [s.entity_map for s in submeshes]
     return {s.mesh: s.entity_map for s in submeshes}
@@ -184,7 +184,7 @@ def is_value_of(f: fem.Function, bc: fem.DirichletBC) -> bool:
 
 
 def option_is_used(key: str) -> bool:
-    """Whether anything has asked PETSc's database for ``key`` since it was set.
+    """Whether anything has read PETSc's database for ``key`` since it was set.
 
     True if this PETSc does not tell: petsc4py has no name for ``PetscOptionsUsed``.
     """

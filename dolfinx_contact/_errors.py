@@ -40,7 +40,7 @@ def same_everywhere(comm: MPI.Comm, where: str = "", /, **values: Any) -> None:
         comm: communicator.
         where: the values belong, with which the message begins.
         values: by name (underscores stand for blanks), compared by their `repr`; of functions
-            what they return, which is asked for only where there are several ranks.
+            what they return, which is called only where there are several ranks.
     """
     if comm.size == 1:
         return

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""One set-up of sparse factorisations, of whatever matrix: by MUMPS, or as PETSc's options say.
+"""One set-up of sparse factorisations, of whatever matrix: by MUMPS, or by PETSc's options.
 
 Two others are set up by what owns them, with the same `DEFAULTS`: that of the KSP in the SNES of
 Newton's method, and that of the spectral transformation of SLEPc.
@@ -19,7 +19,7 @@ from dolfinx_contact._petsc import options_in_database
 
 __all__ = ["BATCH", "DEFAULTS", "Factor", "is_symmetric", "marked_symmetric"]
 
-#: Options where the database says nothing else; 14 is the room beyond what MUMPS expects to need.
+#: Options where the database has none; 14 is the room beyond what MUMPS expects to need.
 DEFAULTS: dict[str, Any] = {
     "ksp_type": "preonly",
     "pc_type": "lu",
@@ -37,15 +37,15 @@ class Factor:
         comm: communicator.
         prefix: of PETSc options.
         symmetric: whether the matrices are and know it (`marked_symmetric`). That takes half of the
-            work, and tells how many eigenvalues are negative.
-        determinant: whether its sign is asked for.
+            work, and counts the negative eigenvalues.
+        determinant: whether its sign is required.
         counted: whether pivots that vanish are counted, for matrices that may be singular.
         columns: whether many right-hand sides come at once.
         room: percent beyond what MUMPS expects to need.
 
     Attributes:
         ksp: the solver.
-        defaults: options where the database says nothing else.
+        defaults: options where the database has none.
     """
 
     def __init__(

@@ -67,7 +67,7 @@ def _compiler_named(comm: MPI.Comm) -> Iterator[None]:
             raise RuntimeError(
                 "FFCx could not compile a form. It needs a C compiler (gcc, or the one that CC "
                 "names) and the headers of Python (Python.h): apt install gcc libc6-dev "
-                f"python3-dev, or conda install c-compiler. What was said: {error}"
+                f"python3-dev, or conda install c-compiler. The error was: {error}"
             ) from error
 
 

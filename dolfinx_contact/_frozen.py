@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What is read once and compiled, and says so when it is changed afterwards.
+"""What is read once and compiled, and refuses to be changed afterwards.
 
 Surfaces, problems, obstacles and laws are made of what is given to them, and what is made does not
-look at it again. Values of Constants and Functions are looked at in every solve: they are what may
+read it again. Values of Constants and Functions are read in every solve: they are what may
 be changed.
 """
 
@@ -33,14 +33,14 @@ class _SealedWhenMade(type):
 
     @property
     def __signature__(cls) -> Signature:
-        """That of the class, which documentation asks for, and not of `__call__`."""
+        """That of the class, which documentation shows, and not of `__call__`."""
         whole = signature(cls.__init__)  # type: ignore[misc]
         return whole.replace(parameters=list(whole.parameters.values())[1:])
 
     def __call__(cls, *args: Any, **kwargs: Any) -> Any:
         made = super().__call__(*args, **kwargs)
         if _is_frozen(cls):
-            # What dataclasses refuse with says nothing of the way that works.
+            # The error of dataclasses does not name what works instead.
             for kind in filter(_is_frozen, cls.__mro__):
                 for name in ("__setattr__", "__delattr__"):
                     if name in vars(kind):
@@ -132,7 +132,7 @@ def _private(value: Any) -> Any:
 
 
 class ReadOnlyList(list[_T]):
-    """A list that says why it cannot be changed.
+    """A list that refuses changes, with the reason.
 
     Args:
         values: of it.
@@ -158,7 +158,7 @@ class ReadOnlyList(list[_T]):
 
 
 class ReadOnlyDict(dict[str, _T]):
-    """A dictionary that says why it cannot be changed; see `ReadOnlyList`."""
+    """A dictionary that refuses changes, with the reason; see `ReadOnlyList`."""
 
     def __init__(self, values: Any, what: str, instead: str):
         super().__init__(values)

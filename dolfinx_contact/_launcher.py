@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """A launcher of one MPI starts copies of a program that has another: N runs of one rank each.
 
-Wheels of DOLFINx bring an MPI of their own, whose ``mpiexec`` stands beside the interpreter. The
+Wheels of DOLFINx bring an MPI of their own, whose ``mpiexec`` is beside the interpreter. The
 ``mpirun`` of the machine knows nothing of it, and every copy would take itself for the whole run.
 """
 
@@ -31,7 +31,7 @@ def refuse_serial_copies(environ: Mapping[str, str] = os.environ) -> None:
     if MPI.COMM_WORLD.size > 1:
         return
     started = [f"{name}={environ[name]}" for name in _SIZES if _number(environ.get(name)) > 1]
-    # PMIx alone, as of Slurm, tells every process its number, but not of how many.
+    # PMIx alone, as of Slurm, gives every process its number, but not how many there are.
     if not started and _number(environ.get("PMIX_RANK")) > 0:
         started = [f"PMIX_RANK={environ['PMIX_RANK']}"]
     if not started:

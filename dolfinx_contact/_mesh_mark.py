@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """A checksum of the nodes of a mesh, by which it is noticed that the user has moved it.
 
-Everything that is kept from one evaluation to the next asks for it. Where nobody can move the mesh,
-as within a solve, it is found once.
+Everything that is kept from one evaluation to the next depends on it. Where nobody can move the
+mesh, as within a solve, it is found once.
 """
 
 from __future__ import annotations

@@ -40,7 +40,7 @@ def warn_of_namesake(here: str = _HERE, path: Sequence[str] | None = None) -> No
     """Warn on rank 0 if the other package is installed too, hidden by this one.
 
     For the head of the package: the warning is of the line that imports it. Names of files are
-    looked at, and nothing is imported unless some are found.
+    read, and nothing is imported unless some are found.
 
     Args:
         here: folder of this package.

@@ -58,7 +58,7 @@ _KNOWN = (
     "pc_view",
 )
 _MUMPS = re.compile(r"mat_mumps_i?cntl_\d+")
-_NEARLY = 0.88  # similarity from which on a name is taken for a misspelt one
+_NEARLY = 0.88  # similarity from which on a name counts as a misspelt one
 _POSITIVE = ("snes_rtol",)
 _NONNEGATIVE = ("snes_atol", "snes_stol", "ksp_rtol", "ksp_atol", "ksp_divtol")
 _WHOLE = ("snes_max_it", "ksp_max_it", "ksp_gmres_restart")

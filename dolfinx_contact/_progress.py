@@ -20,7 +20,7 @@ _SECONDS = 10.0  # between lines where there is no terminal
 
 
 def check_progress(progress: Any) -> None:
-    """Raise ``ValueError`` for what does not say whether progress is shown. Not collective."""
+    """Raise ``ValueError`` for what is not True, False or None. Not collective."""
     if progress not in (True, False, None):
         raise ValueError(f"progress must be True, False or None, got {progress!r}")
 

@@ -82,7 +82,7 @@ def lame(young: Any, poisson: Any) -> tuple[Any, Any]:
 
     Raises:
         ValueError: if one is neither a number nor a UFL scalar, ``young`` is not positive, or
-            ``poisson`` not in (-1, 1/2). Constants, and UFL of nothing else, are looked at as they
+            ``poisson`` not in (-1, 1/2). Constants, and UFL of nothing else, are checked as they
             are now; of what varies in space the values are not.
     """
     for what, value in (("Young's modulus", young), ("Poisson's ratio", poisson)):

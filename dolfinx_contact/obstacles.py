@@ -196,7 +196,7 @@ class HalfSpace(Obstacle):
 class Sphere(Obstacle):
     """A rigid ball; in 2D a rigid disc (a cylinder across the plane).
 
-    Contact is looked at at contact points alone. A ball smaller than a facet passes between them,
+    Contact is checked at contact points alone. A ball smaller than a facet passes between them,
     of which there is a warning: refine the face there.
 
     Attributes:

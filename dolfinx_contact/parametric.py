@@ -76,7 +76,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
     The Constant gamma and the driven Functions follow every evaluation (`residual`, `piece_at`) and
     are left at its gamma: `set_parameter` before a solve of the problem itself.
 
-    It is a `continuation.System`, which says what a continuation asks for besides.
+    It is a `continuation.System`, which documents what a continuation requires besides.
 
     Args:
         problem: the contact problem; its Functions receive what is `put` there, as every point is
@@ -179,7 +179,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         return found, f"solve() by {result.reason}"
 
     def doubt(self, x: PETSc.Vec, gamma: float, piece: Piece) -> str:
-        """Where the sliding of a solution is not small, and in what way. Collective."""
+        """Where the sliding of a solution is not small, and by how much. Collective."""
         with self.restored(always=True):
             self._set(gamma)
             statuses = self.statuses_of(piece)

@@ -333,10 +333,10 @@ class ContactProblem(ReadOnly):
         Its options prefix, type and tolerances, and those of its KSP, are those by which a solve
         goes (`petsc_options` and the command line); its reason, iterations and norm those of the
         last Newton run, of which a solve may need several (`Result.attempts` has all). It is the
-        same object before and after solves, and collective only where it is asked for before the
+        same object before and after solves, and collective only where it is used before the
         first one.
 
-        It is to be looked at: in every strategy a SNES of its own runs, and is freed with the
+        It is read-only: in every strategy a SNES of its own runs, and is freed with the
         factorisation that it holds. So nothing that is set here changes a solve; `petsc_options`
         does. The relative tolerance is that of the measures of the residual (`equations.measures`),
         not of its norm.

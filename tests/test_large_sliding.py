@@ -293,7 +293,7 @@ def test_which_sliding():
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"law": Coulomb(0.3)}, "the way that it has gone along a normal that has turned"),
+        ({"law": Coulomb(0.3)}, "the distance that it has moved along a normal that has turned"),
         ({"method": "mixed"}, "gaps of mixed contact are averages"),
         ({"sliding": "huge"}, "sliding must be 'small', 'large' or None, got 'huge'"),
     ],

@@ -282,7 +282,7 @@ def test_files_that_are_none(tmp_path):
     with pytest.raises(ValueError, match="is no npz file"):
         load_points(file)
     np.savez(file, S=np.eye(2))
-    with pytest.raises(ValueError, match="has no points: it says 'nothing'"):
+    with pytest.raises(ValueError, match="has no points: its format is 'nothing'"):
         load_points(file)
     save_points(file, PointProblem(np.eye(2), np.ones(2), np.array([0.3])))
     with np.load(file) as data:

@@ -129,7 +129,7 @@ def test_few_eigenproblems():
     problem = pressed(leaning(3), 0.3, MINUS, -1.0)
     found = stability_at_rest(problem, density=1.0, max_count=5)
     assert (found.label, found.pieces) == ("not decided", 5)
-    assert found.reason == "5 of 16 pieces were looked at"
+    assert found.reason == "5 of 16 pieces were examined"
 
 
 def test_just_touching():

@@ -47,7 +47,7 @@ COMM = MPI.COMM_WORLD
 STATIC = 0.3
 KINETIC = 0.1
 V0 = 0.2
-REFUSED = "looks at the time of a step"
+REFUSED = "depends on the time of a step"
 
 
 def mu(v, exp=np.exp):

@@ -38,7 +38,7 @@ __all__ = [
     "save_points",
 ]
 
-#: What stands for a name in `ContactProblem.solve`.
+#: The algorithm of each name in `ContactProblem.solve`.
 ALGORITHMS: dict[str, Algorithm] = {
     "tresca": TrescaFixedPoint(),
     "uzawa": Uzawa(),

@@ -87,7 +87,7 @@ def load_points(file: str | os.PathLike[str]) -> PointProblem:
         raise ValueError(f"{path} is no npz file: {error}") from None
     found_format = str(found.pop("format", "nothing"))
     if found_format != FORMAT:
-        raise ValueError(f"{path} has no points: it says {found_format!r}, not {FORMAT!r}")
+        raise ValueError(f"{path} has no points: its format is {found_format!r}, not {FORMAT!r}")
     known = {f.name for f in fields(PointProblem)}
     unknown = sorted(set(found) - known)
     if unknown or not {"S", "p", "friction"} <= set(found):

@@ -10,8 +10,8 @@ smooth but for the complementarity conditions, with the forces r as unknowns and
 products are not 0 but mu: the central path, which Newton's method follows while mu falls, with
 Mehrotra's predictor and corrector (SIAM J. Optim. 2, 1992) and steps that end before the boundary.
 With F = 0 (Tresca's problem) this is the convex primal-dual method, with its theory; with Coulomb's
-law there is none, and for large F the path may turn back, where the method fails and says so. Of a
-start it takes the pressures alone, and these made large enough.
+law there is none, and for large F the path may turn back; there the method fails, and the reason is
+reported. Of a start it takes the pressures alone, and these made large enough.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 """What every algorithm reports of itself, and when it stops: one measure, one history, one end.
 
 An algorithm shows each iterate to an `Iteration`, which measures it as Newton's method does and
-says whether to continue. Where an algorithm does not converge the reason is what it does: its
+decides whether to continue. Where an algorithm does not converge the reason is what it does: its
 iterates repeat in a cycle, grow without bound, stand still, or there are too many of them.
 """
 
@@ -85,7 +85,7 @@ class Trend:
         self._suspicion = 0
 
     def stops(self, iterate: Array, worst: float) -> bool:
-        """Whether an iterate with this measure is the last; then `reason` says why. Collective."""
+        """Whether an iterate with this measure is the last; then `reason` is why. Collective."""
         self.count += 1
         if not np.isfinite(worst):
             return self._end("the iterates are not finite")
@@ -211,7 +211,7 @@ class Algorithm:
     """A way to solve a reduced problem, with its options.
 
     Attributes:
-        name: by which it is asked for.
+        name: by which a solve selects it.
         max_iterations: after which it gives up.
     """
 

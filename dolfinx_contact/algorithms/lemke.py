@@ -18,7 +18,7 @@ rt+ + rt- <= F rn = 0; what remains is z = (0, 0, 0, l), and q^T z = 0 because q
 rows. For a copositive M with q^T z >= 0 on that cone the method does not end in a ray (Cottle, Pang
 and Stone, The Linear Complementarity Problem, theorem 4.4.13), and with the lexicographic rule it
 does not cycle (section 4.9 there). So a solution exists, and failing to find it is a fault of the
-program or of round-off. A bound g >= 0 given in advance (Tresca) stands in q, and changes nothing.
+program or of round-off. A bound g >= 0 given in advance (Tresca) enters q alone.
 """
 
 from __future__ import annotations

@@ -102,7 +102,7 @@ class Extrapolation:
         self.states = [*self.states[-_MOST + 1 :], state]
 
     def limit(self) -> Array:
-        """What polynomials in 1/k say of 1/k = 0, by Neville's scheme."""
+        """Polynomials in 1/k extrapolated to 1/k = 0, by Neville's scheme."""
         column: Sequence[Array] = self.states
         for j in range(1, len(self.states)):
             weight = 2.0**j

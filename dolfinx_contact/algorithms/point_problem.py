@@ -34,7 +34,7 @@ Array = npt.NDArray[np.float64]
 _SINGULAR = 10 * 2.0**-52
 _HALVED = 5 * 2.0**-53 / (1 - 5 * 2.0**-53)  # of the round-off of a mean
 _ORTHOGONAL = 1e-8
-_ROUND_OFF = 1e-4  # of stiffness times displacement, forces beside which none is looked at
+_ROUND_OFF = 1e-4  # of stiffness times displacement, forces beside which none is checked
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,7 +210,7 @@ class PointProblem:
         return coulomb.derivative(s, self.friction, self.bound)
 
     def augmented(self, a: Array, r: Array) -> Array:
-        """The forces r - k a of which the laws are asked, (m, dim)."""
+        """The forces r - k a at which the laws are evaluated, (m, dim)."""
         return r - self.augmentation[:, None] * a
 
     def answer(self, a: Array, r: Array, k: Array | None = None) -> Array:

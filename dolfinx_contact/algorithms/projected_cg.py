@@ -76,7 +76,7 @@ class GivenBound:
     """Projected conjugate gradients on the forces of Tresca's problem.
 
     Args:
-        contact: the problem, of which the friction is not looked at.
+        contact: the problem, of which the friction is not used.
         bound: friction bounds g (m,).
         r: forces to begin with.
         softness: e, a length.

@@ -122,7 +122,7 @@ class _Search:
         return self._branch(node, scores, solution)
 
     def _pieces(self, region: StatusRegion) -> None:
-        """Close a region by its pieces; linear programs look at those that may be singular."""
+        """Close a region by its pieces; linear programs examine those that may be singular."""
         singular = []
         for codes in itertools.product(*region.choices):
             if solve_piece(self.problem, np.array(codes, dtype=np.int8)) is None:

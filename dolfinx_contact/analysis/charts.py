@@ -217,7 +217,7 @@ class Chart:
 
 
 def _check_sum(content: dict[str, Any]) -> str:
-    """CRC-32 of what a file says of the cells."""
+    """CRC-32 of the cells as a file has them."""
     return f"{zlib.crc32(json.dumps(content, sort_keys=True).encode()):08x}"
 
 

@@ -43,7 +43,7 @@ Codes = npt.NDArray[np.int8]
 logger = logging.getLogger(__name__)
 
 _SOLVED = 1e-6  # relative residual up to which a state is a solution of the present data
-_MOST_POINTS = 300  # in 3D, for an eigenproblem that is not asked for
+_MOST_POINTS = 300  # in 3D, for an eigenproblem that is not requested
 _EFFORT = 60  # of a search for weights in 3D
 _ENOUGH = 1.0 + 1e-6  # the factor it is to reach
 
@@ -197,7 +197,7 @@ def _in_space(equations: ContactEquations, state: State, seconds: float) -> Uniq
         return _by_theory(equations, "proofs are for contact at nodes and the usual laws")
     points = sum(s.points.number_everywhere for s in equations.surfaces)
     if points > _MOST_POINTS and not seconds > 0:
-        return Uniqueness("not proved", f"more than {_MOST_POINTS} points: only where it is asked")
+        return Uniqueness("not proved", f"more than {_MOST_POINTS} points: only on request")
     effort = _EFFORT if seconds > 0 else 0
     criterion = criterion_at(equations, state, effort=effort, enough=_ENOUGH, seconds=seconds)
     if not criterion.definite:

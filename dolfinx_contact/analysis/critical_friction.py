@@ -22,7 +22,7 @@ load come in continua there too. A complex pair brings none.
 With the shear f = S_tt v as the unknown this is T f = f/F, where T f is the pressure that a shear f
 brings about at contact points that stay closed: one solve with the stiffness of the body held so,
 and the largest eigenvalues of T are the smallest coefficients. Where only these are computed, a
-second search, from another start and among what the first has left, says how far it has come.
+second search, from another start and among what the first has left, shows how far it has come.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ class CriticalFriction:
     Attributes:
         friction: that of smallest size with a real slip of one sign; positive of points that slip
             against the directions d (r_t = F r_n), negative of those that slip along them, also
-            with ``direction="solution"``; None if there is none up to `known_up_to`, which says
+            with ``direction="solution"``; None if there is none up to `known_up_to`, which shows
             nothing of what is beyond.
         slips: v of `friction`, one value a point, nonnegative, the largest 1; empty if there is
             none.
@@ -257,7 +257,7 @@ class _PressureByShear:
 
 
 class _Product:
-    """What PETSc asks of T."""
+    """The methods of T that PETSc requires."""
 
     def __init__(self, operator: _PressureByShear):
         self._operator = operator

@@ -8,7 +8,7 @@ is missing solutions neither come nor go within a cell and keep their statuses: 
 with a proof that there are no others (`solutions`), are those of the whole cell.
 
 That no curve is missing is not proved. Where one is, solutions change between two cells, or between
-neighbours in the second parameter, without a curve that says so, unless it hides within a cell.
+neighbours in the second parameter, without a curve that shows it, unless it hides within a cell.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ class Regions:
 
     @property
     def explained(self) -> bool:
-        """Whether solutions change across curves as those say, and nowhere else."""
+        """Whether solutions change as the curves require, and nowhere else."""
         return all(_changes_at(*pair) for pair in self._one_above_the_other()) and all(
             a.solutions == b.solutions for a, b in self._side_by_side()
         )
@@ -135,7 +135,7 @@ class Regions:
 
 
 def _changes_at(below: Region, above: Region) -> bool:
-    """Whether two cells differ as the curves between them say.
+    """Whether two cells differ as the curves between them require.
 
     Across a fold there are two solutions more, or less, across an event one is replaced.
     """

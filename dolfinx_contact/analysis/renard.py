@@ -76,7 +76,7 @@ class Renard:
         friction: the coefficient F_R that this is; None if it is not the same everywhere.
         definite: whether the stiffness is symmetric and positive definite, without which nothing is
             certain.
-        doubt: where the sliding of the solution is not small, and in what way: then it is not that
+        doubt: where the sliding of the solution is not small, and by how much: then it is not that
             of the bodies where they are now, and nothing is certain; else "".
         unique: whether the solution is certainly the only one at the friction that it has.
     """

@@ -37,7 +37,7 @@ Array = npt.NDArray[np.float64]
 
 
 class Problem(Protocol):
-    """What is asked of a contact problem."""
+    """What rows of a contact problem provide."""
 
     @property
     def equations(self) -> ContactEquations:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Which contact points slip along what, and the rows of B that say so.
+r"""Which contact points slip in which direction, and the rows of B for it.
 
 With unit normals n from the body into the obstacle, unit directions d of slip and the forces
 r = -r_n n + r_t on the body, linear analyses of sliding contact see the jumps j = B u in three

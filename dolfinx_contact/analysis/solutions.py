@@ -59,7 +59,7 @@ class ProvedSolutions:
         border: states of pieces at their borders, which may be solutions, or not.
         singular: statuses of pieces that hold one solution, none or a continuum.
         open_regions: sets of statuses, as bit masks (m,).
-        certificate: the proof, to be kept (`Certificate.save`) and looked at again (`check`).
+        certificate: the proof, to be kept (`Certificate.save`) and checked again (`check`).
         seconds: that the search took.
     """
 

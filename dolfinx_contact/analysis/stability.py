@@ -20,7 +20,7 @@ decide, real or not (flutter), and they depend on the mass and the damping, a li
 take the stability away.
 
 Else every choice of what the points at a border do is an eigenproblem, whose real vectors must lie
-in the cones. They are enumerated if they are few. What was not looked at, a motion that meets no
+in the cones. They are enumerated if they are few. What was not examined, a motion that meets no
 resistance, and oscillations that grow in a piece where K or C themselves feed in energy, are not
 decided.
 """
@@ -79,7 +79,7 @@ _CONE = 1e-9  # of the largest component, by which a cone may be left
 _ROUND_OFF = 1e-13  # of the largest squared frequency: what is less is no resistance
 _HIGHEST = 30.0  # times the frequency of single unknowns: above those of the body
 _SURE = 1e-6  # relative error of an eigenvalue up to which a part of its size is none
-_DOUBLE = 1e-8  # relative distance of eigenvalues that are taken for equal
+_DOUBLE = 1e-8  # relative distance of eigenvalues that count as equal
 
 #: What a point does in a motion that begins: it is or goes apart, is free along the surface, holds,
 #: or slips along or against its d.
@@ -121,7 +121,7 @@ def stability_at_rest(
     """Whether the equilibrium in the Functions is one that stays. Collective.
 
     The stiffness counts too: a column that is pressed beyond its buckling load is unstable with all
-    its contact points stuck. "not decided" says in its reason which bound was reached: a motion
+    its contact points stuck. The reason of "not decided" names the bound that was reached: a motion
     without resistance, points at a border, with loads that follow the body, size; or that the
     sliding is not small (`Result.doubts`), so that the state is not that of the bodies where they
     are now.
@@ -428,11 +428,11 @@ class _Found:
 
 
 def _decided(g: _Gathered, max_count: int, *, quiet: bool) -> Stability:
-    """Look at the pieces, those in which all points at a border slip first.
+    """Examine the pieces, those in which all points at a border slip first.
 
     Args:
         g: the body and its points.
-        max_count: number of pieces that are looked at.
+        max_count: number of pieces that are examined.
         quiet: whether neither K nor C feeds in energy.
     """
     border = np.flatnonzero(g.choices[:, 1] >= 0)
@@ -451,7 +451,7 @@ def _decided(g: _Gathered, max_count: int, *, quiet: bool) -> Stability:
         reason = "a motion that grows leaves in the cones of the points at a border"
         return Stability("unstable", seen.growth, len(border), looked, reason)
     if looked < number:
-        reason = f"{looked} of {number} pieces were looked at"
+        reason = f"{looked} of {number} pieces were examined"
         return Stability("not decided", 0.0, len(border), looked, reason)
     if seen.doubt:
         return Stability("not decided", 0.0, len(border), looked, seen.doubt)

@@ -27,7 +27,7 @@ _NONE = "no computable theorem applies: "
 
 
 def theory_of(eq: ContactEquations) -> Theory:
-    """What theorems say of a contact problem with its data as they are now. Collective."""
+    """What theorems prove of a contact problem with its present data. Collective."""
     rubs = _coefficients(eq)
     for applies, what in (
         (eq.bulk.linear, "the body is not linear"),

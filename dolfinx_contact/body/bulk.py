@@ -49,7 +49,7 @@ class Bulk:
 
     Args:
         form: UFL energy (a functional of ``u``) or residual (linear in a test function).
-        u: the user's displacement, which stands in the form and is neither read nor written.
+        u: the user's displacement, which occurs in the form and is neither read nor written.
 
     Attributes:
         energy: the UFL energy, or None; in ``displacement``, as the residual is.
@@ -86,7 +86,7 @@ class Bulk:
         self._energy_form: fem.Form | None = None
         coefficients, constants = _given_in(derivative)
         self._branching = [f for f in _different(form, self.residual) if has_branches(f)]
-        # Of what has no branches anywhere the derivative alone tells, which is known already.
+        # Without branches the derivative alone decides, which is known already.
         smooth = not self._branching or is_affine(self.residual, own)
         self.linear: bool = own not in coefficients and smooth
         self.kinks = dependence(form, own).text_of_kinks if self._branching else ""
@@ -319,7 +319,7 @@ class Bulk:
             self._K = None
 
 
-#: By the signature of a derivative, places of what is left in it among all that stands in it.
+#: By the signature of a derivative, places of what is left in it among all that occurs in it.
 _left: dict[str, tuple[list[int], list[int]]] = {}
 
 

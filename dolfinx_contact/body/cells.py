@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Cells of a mesh that are no cells: empty ones, and ones that are turned inside out.
 
-The sign of the Jacobian determinant det J says nothing of a simplex, whose vertices DOLFINx takes
+The sign of the Jacobian determinant det J shows nothing for a simplex, whose vertices DOLFINx takes
 in any order. A mesh is folded there where two simplices lie on the same side of their common facet.
 In quadrilaterals, hexahedra and curved cells det J changes its sign within a cell. How cells are
 deformed by a displacement, and where they are turned inside out, is here too.
@@ -246,7 +246,7 @@ def smallest_jacobian(
     Args:
         V: displacement space.
         u: displacement at all local dofs.
-        vertices: whether to look at the vertices too.
+        vertices: whether to check the vertices too.
         axisymmetric: whether the body is one of revolution, which stretches by 1 + u_r / r around.
     """
     domain = V.mesh

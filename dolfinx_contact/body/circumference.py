@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Whether the integrals of a body of revolution carry the weight 2 pi r.
 
-Each integral over a section stands for one over the circumference, so that 2 pi r must be a factor
-of it. Two things are looked at, term by term of every integrand.
+Each integral over a section represents one over the body, so that 2 pi r must be a factor
+of it. Two things are checked, term by term of every integrand.
 
 - Symbolically: a factor k r, written as x[0] or otherwise (`abs`, a Function of the values r), with
   2 pi beside it is right; without 2 pi it is refused. Whether a number contains 2 pi shows where
@@ -229,7 +229,7 @@ def _has_bare_argument(e: Any) -> bool:
 
 @dataclass(frozen=True)
 class _Factor:
-    """The factor ``number`` r^``power`` of a term; what stands in denominators is left out."""
+    """The factor ``number`` r^``power`` of a term; denominators are left out."""
 
     number: float = 1.0
     power: int = 0
@@ -264,7 +264,7 @@ class _Weights:
         self._given: dict[Any, _Factor | None] = {}  # of Constants and Functions
 
     def verdict(self, term: Any) -> str:
-        """What a term says of its weight: right, no 2 pi, rounded, or not decided. Collective."""
+        """The finding on a term's weight: right, no 2 pi, rounded, or not decided. Collective."""
         found = self.factors(term)
         if found is None or any(f.power < 1 for f in found):
             return "not decided"
@@ -398,7 +398,7 @@ class _Weights:
 
 
 def _inverse(e: Any) -> Any:
-    """What stands below in 1/e or e^-1, or None."""
+    """The denominator e of 1/e or e^-1, or None."""
     if isinstance(e, ufl.classes.Division):
         return e.ufl_operands[1]
     if isinstance(e, ufl.classes.Power):
@@ -483,9 +483,9 @@ def _is_fraction(number: float) -> bool:
 def _variation(integral: ufl.Integral, u: fem.Function) -> str | None:
     """How the values of an integral vary over 2 pi r, "r" or "1/r"; None for anything else.
 
-    Functions in it may vary themselves, and one of them may be the weight: it is asked whether
+    Functions in it may vary themselves, and one of them may be the weight: it is checked whether
     anything is constant where all, all but one, or none are replaced by their means. What is zero
-    by now, as a load that sets in later, is taken for 1. Collective.
+    by now, as a load that sets in later, counts as 1. Collective.
     """
     if integral.integral_type() not in ("cell", "exterior_facet"):
         return None

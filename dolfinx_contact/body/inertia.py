@@ -37,7 +37,7 @@ __all__ = ["Mass", "mass_matrix", "rigid_errors"]
 Mass: TypeAlias = Literal["consistent", "lumped", "redistributed"]
 
 Array = npt.NDArray[np.float64]
-_FINE = 6  # degree of the rule at whose points a density is looked at
+_FINE = 6  # degree of the rule at whose points a density is evaluated
 _ROUND_OFF = 1e-12  # of the mass of a cell
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""A body with mass in a step of time: what stands for its residual in the contact problem.
+r"""A body with mass in a step of time: what replaces its residual in the contact problem.
 
 The equation of motion as one of measures (Jean and Moreau, CISM Lectures 304, 1987)
 
@@ -232,7 +232,7 @@ class MovingBody:
         return rows.reshape(-1, self.displacement.function_space.dofmap.index_map_bs)
 
     def assembled(self, form: fem.Form, w: Array) -> Array:
-        """Owned rows of the derivative of R by a parameter, which stands in a form. Collective."""
+        """Owned rows of the derivative of R by a parameter, which occurs in a form. Collective."""
         u = self.step.displacement(w, self._origin)
         return np.asarray(self.step.theta * self.body.assembled(form, u))
 

@@ -39,9 +39,9 @@ class AffineSystem:
         load: p, (N,).
         rate: q, (N,).
         bases: B, (m, statuses, k, d), oriented so that the determinants of the pieces have the
-            signs of those of the piecewise smooth system that this one stands for.
+            signs of those of the piecewise smooth system that this one represents.
         inequalities: C, (m, statuses, e, k); rows of zeros fill up.
-        classify: statuses that a state (m, k) outside of the cones asks for, to start Newton's
+        classify: statuses that a state (m, k) outside of the cones determines, to start Newton's
             method of.
         allowed: (m, statuses), which statuses a point may take at all.
     """

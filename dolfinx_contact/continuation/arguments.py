@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Arguments of the continuation, looked at before anything is computed with them."""
+"""Arguments of the continuation, checked before anything is computed with them."""
 
 from __future__ import annotations
 
@@ -155,7 +155,7 @@ def check_functions(of: str, **functions: Any) -> None:
 
 
 def check_rays(rays: Any) -> None:
-    """Raise ``ValueError`` for what does not say whether all rays are looked for. Not collective.
+    """Raise ``ValueError`` for what is not True, False or None. Not collective.
 
     True: wherever statuses meet; False: no more of them than it takes to continue; None: by
         default.

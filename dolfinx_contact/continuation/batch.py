@@ -2,15 +2,16 @@
 """Steps over many kinks at once.
 
 In 3D hundreds of points change their status one by one, and to locate each costs more than it
-tells. Here a step is corrected on H itself, with the status that the state asks for, so that it may
-lead over any number of kinks. It is accepted if the branch is monotone over it, as far as its two
-ends show: gamma continues in the same sense and by as much as its rates say, the tangents and the
-chord satisfy the target of their angles, and the determinant of [grad H; t^T], t the oriented
+tells. Here a step is corrected on H itself, with the status that the state determines, so that it
+may lead over any number of kinks. It is accepted if the branch is monotone over it, as far as its
+two
+ends show: gamma continues in the same sense and by as much as its rates predict, the tangents and
+the chord satisfy the target of their angles, and the determinant of [grad H; t^T], t the oriented
 tangent, keeps its sign, so that the parities of the kinks multiply to 1. Every change is recorded
 with the values of gamma between which it lies.
 
 Else the step is shortened until it holds a few changes, and these are crossed one by one: so
-folds, changes of parity and the events that were asked for are located as by `ExactSteps`. What
+folds, changes of parity and the events that were selected are located as by `ExactSteps`. What
 returns within one step is not seen: a point that changes its status twice, or two folds.
 """
 
@@ -36,11 +37,11 @@ __all__ = ["BatchedSteps", "Crossed", "FreeSteps", "Locate"]
 
 logger = logging.getLogger(__name__)
 
-#: Whether a change is to be located; asked on the rank that owns the point.
+#: Whether a change is to be located; called on the rank that owns the point.
 Locate: TypeAlias = Callable[[Change], bool]
 
 _FEW = 3  # changes that are crossed one by one rather than divided by a shorter step
-_SHORT_OF = 0.9  # part of the way to an event that was asked for, if several are before it
+_SHORT_OF = 0.9  # part of the way to an event that was selected, if several are before it
 _MOST_HALVINGS = 6
 
 
@@ -114,7 +115,7 @@ class FreeSteps(ExactSteps):
         new = BranchPoint(y, tangent, piece, b.gamma(y), h, corrections, tau)
         turned = self.turned(point.tangent, tangent)
         if several:
-            # Two folds in between: gamma continues by less than both rates say.
+            # Two folds in between: gamma continues by less than both rates predict.
             chord = y - point.y
             length = np.sqrt(b.inner(chord, chord))
             chord.destroy()
@@ -215,7 +216,7 @@ class BatchedSteps(FreeSteps):
 
     Args:
         corrector: on the bordered system that is followed.
-        locate: says which changes are to be located; folds and changes of parity are anyway.
+        locate: selects the changes that are to be located; folds and changes of parity are anyway.
     """
 
     def __init__(self, corrector: Corrector, locate: Locate | None = None):

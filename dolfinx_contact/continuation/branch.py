@@ -141,7 +141,7 @@ class Branch(Ends):
 
     @property
     def bifurcations(self) -> list[SpecialPoint]:
-        """Where other ways lead out."""
+        """Points where other branches lead out."""
         return [s for s in self.special if s.kind == "bifurcation"]
 
     def summary(self) -> dict[str, Any]:

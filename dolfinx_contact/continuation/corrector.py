@@ -28,7 +28,7 @@ logger = logging.getLogger(__name__)
 #: Length of a solution of J t = (0, 1) beyond which the row determines the tangent too poorly.
 _NEARLY_SINGULAR = 1e8
 #: Relative residuals of linear solves, where exactness has a price: at most, beyond what the
-#: tolerance of the step asks for, and for one more correction within it.
+#: tolerance of the step requires, and for one more correction within it.
 _COARSEST = 1e-2
 _RESERVE = 0.1
 _POLISHED = 1e-4

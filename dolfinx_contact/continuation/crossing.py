@@ -128,7 +128,7 @@ def _of_all(
     kinks: tuple[Kink, ...],
     found: FoundRays,
 ) -> Crossing:
-    """What all rays say, without that which leads back; the straightest leads onwards."""
+    """The crossing by all rays, without that which leads back; the straightest leads onwards."""
     b = corrector.bordered
     rays = [r for r in finder.distinct(found.rays) if b.inner(r.tangent, t) > -1 + 1e-6]
     if not rays:

@@ -24,7 +24,7 @@ class Ending(Enum):
     BUDGET = "the budget is exhausted"
     #: It is proved that no solution continues it.
     NO_SOLUTION = "no solution continues it"
-    #: No way on was found, by what was tried.
+    #: No direction to continue was found, by what was tried.
     NOT_FOUND = "no way on was found"
     #: A step was not solved.
     NOT_SOLVED = "a step was not solved"

@@ -149,7 +149,7 @@ class _Extended(System):
         return self.layout.vector()
 
     def _held(self, x: PETSc.Vec, gamma: float, piece: Piece | None) -> Piece:
-        """The piece of H; where none is given the one that the state asks for."""
+        """The piece of H; where none is given the one that the state determines."""
         piece = self.system.piece_at(x, gamma) if piece is None else piece
         border = self._border
         return piece if border is None else with_status(self.comm, piece, border, border.before)

@@ -451,7 +451,7 @@ class _Corrected(Walk):
 
 
 def _steps(corrector: Corrector, locate: Locate | None) -> ExactSteps:
-    """Steps that pass kinks as `StepControl.kinks` says."""
+    """Steps that pass kinks as `StepControl.kinks` selects."""
     system = corrector.bordered.system
     kinks = corrector.control.kinks
     if kinks is None:

@@ -38,7 +38,7 @@ __all__ = ["Krylov"]
 
 logger = logging.getLogger(__name__)
 
-_PRECISE = 1e-9  # relative residual when nothing less is asked for
+_PRECISE = 1e-9  # relative residual when nothing less is required
 # And of solves that tell the sign of the determinant: well below 1 / sqrt(N), the part of a random
 # right-hand side along one of N eigenvectors.
 _SIGN = 1e-5

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What the continuation asks of a linear solver for the bordered matrix J."""
+"""What the continuation requires of a linear solver for the bordered matrix J."""
 
 from __future__ import annotations
 

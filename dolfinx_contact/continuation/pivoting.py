@@ -214,8 +214,8 @@ class Pivoting(Walker):
     ) -> Rays:
         """The rays that lead out of a vertex, without that which leads back.
 
-        Where one point changes its status and the parity says that no other branch meets, the piece
-        beyond has the only one; else all rays of the tangent cone are looked for.
+        Where one point changes its status and the parity shows that no other branch meets, the
+        piece beyond has the only one; else all rays of the tangent cone are looked for.
         """
         affine = self.condensed.system
         tolerance = TOLERANCE * self._unit

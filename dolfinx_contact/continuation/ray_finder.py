@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Rays that lead out of a point at which pieces of H meet.
 
-They are found in three ways:
+Three methods find them:
 
 - *by the tangent cone*, where the system is condensed onto few points: its rays are all those of H
   (`rays`: by enumeration, or unfolded).
@@ -11,7 +11,7 @@ They are found in three ways:
 - *led by H*: near the point H = 0 is solved with the statuses recomputed, at a gamma a little
   larger or smaller. That finds one ray, also where more pieces meet than can be tried.
 
-When a ray counts as inside, and in what norm two rays are one, is for those to say who look.
+When a ray counts as inside, and in what norm two rays are one, is for the caller to define.
 """
 
 from __future__ import annotations
@@ -124,7 +124,7 @@ class RayFinder:
         Args:
             piece: which the other points stay in.
             kinks: those points.
-            towards: of the two senses of a tangent that which is looked at first.
+            towards: of the two senses of a tangent that which is tried first.
             most: pieces that are tried.
             tried: statuses that have been tried before.
         """

@@ -46,7 +46,7 @@ Prove = Callable[[AffineSystem, Sequence[tuple[Codes, float]]], RayProof | None]
 
 MOST_PIECES = 65536  # that are enumerated
 _MOST_IDLE = 6  # unfoldings in a row that bring nothing new
-_CHUNK = 4096  # pieces looked at together
+_CHUNK = 4096  # pieces examined together
 _SINGULAR = 1e-14  # singular values that are round-off, relative to the largest
 
 

@@ -13,7 +13,7 @@ method is applied to m(x) H(x) with
 which does not vanish at the x_k any more. Its step is that for H times 1 / (1 - grad log m . dx):
 nothing but the length and the sense of a step changes. How far a solution repels decides on where
 the steps lead; several parts of its distance from the guess are tried, and first steps on pieces in
-which all points have one status. H is taken with the status that x asks for: the method is
+which all points have one status. H is taken with the status that x determines: the method is
 semismooth, and may well find nothing where there is something.
 """
 
@@ -268,7 +268,7 @@ def _found(
 
 
 def _of_proof(system: System, x: PETSc.Vec, gamma: float, seconds: float) -> Solutions | None:
-    """What is certain where pieces are no cones; None where there is no way to a proof."""
+    """What is certain where pieces are no cones; None where no proof is possible."""
     condensed = system.condensed(x, gamma, conic=False) if seconds > 0 else None
     if condensed is None:
         return None

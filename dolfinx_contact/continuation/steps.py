@@ -2,7 +2,7 @@
 """Steps from kink to kink.
 
 A step stays on one piece, which is smooth, by predictor and corrector. Then the events of the piece
-are looked at: if one has become negative, the first change of status is located along the branch to
+are checked: if one has become negative, the first change of status is located along the branch to
 round-off, and the branch continues in the piece beyond (`crossing.py`), its tangent oriented into
 it.
 
@@ -13,7 +13,7 @@ lies aside of both tangents, or further from the prediction than the step is lon
 
 An event at which a step begins is zero there. Where it grows along the tangent and is negative at
 the end of the step it vanishes a second time on the way, as where a point sticks for a moment: then
-the step is shortened until it ends before that. Taken for the first zero, the start would be
+the step is shortened until it ends before that. If it counted as the first zero, the start would be
 crossed once more, and the branch would go back by the piece that it came by.
 """
 
@@ -258,7 +258,7 @@ class ExactSteps:
     def _leads_nowhere(self, here: BranchPoint, ray: Ray) -> bool:
         """Whether ``ray`` is in the piece that was left after no step at all. Collective.
 
-        Where a piece is singular the way on need not be a tangent of its own.
+        Where a piece is singular the direction to continue need not be a tangent of its own.
         """
         same = bool(np.array_equal(here.piece.codes, ray.piece.codes))
         same = self.bordered.comm.allreduce(same, op=min)

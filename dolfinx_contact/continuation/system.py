@@ -63,9 +63,9 @@ class Events:
 class System:
     """H(x, gamma) = 0 in PETSc, with pieces: a base class. Every method is collective.
 
-    ``piece=None`` means H itself, with the status that (x, gamma) asks for. Nothing is remembered
-    between two calls, but for `scales` and for `matrix`, which `jacobian` fills. What is
-    not said to have a default is to be defined.
+    ``piece=None`` means H itself, with the statuses that (x, gamma) determines. Nothing is
+    remembered between two calls, but for `scales` and for `matrix`, which `jacobian` fills. What is
+    has no default in its description must be defined.
     """
 
     comm: MPI.Comm
@@ -112,7 +112,7 @@ class System:
         raise NotImplementedError
 
     def piece_at(self, x: PETSc.Vec, gamma: float) -> Piece:
-        """The piece that (x, gamma) asks for; by default the only one there is."""
+        """The piece that (x, gamma) determines; by default the only one there is."""
         return Piece(np.zeros(0, dtype=np.int8))
 
     def events(self, x: PETSc.Vec, gamma: float, piece: Piece) -> Events:
@@ -130,7 +130,7 @@ class System:
     def order(self) -> npt.NDArray[np.intp]:
         """Place of each local point in an order of all that no numbering decides, nor ranks (n,).
 
-        It is asked for where one of several points is to be chosen on a path with memory.
+        It is used where one of several points is to be chosen on a path with memory.
         """
         raise NotImplementedError
 
@@ -172,7 +172,7 @@ class System:
         return None
 
     def prove(self, condensed: Condensed, gamma: float, seconds: float) -> Proof | None:
-        """All solutions at gamma, with a proof; None, the default, where there is no way to one.
+        """All solutions at gamma, with a proof; None, the default, where none is possible.
 
         Args:
             condensed: the points at any state, exact.
@@ -187,7 +187,7 @@ class System:
         cone: AffineSystem,
         known: Sequence[tuple[npt.NDArray[np.int8], float]],
     ) -> RayProof | None:
-        """All rays of a tangent cone, with a proof; None, the default, without a way to one.
+        """All rays of a tangent cone, with a proof; None, the default, where none is possible.
 
         Args:
             condensed: the points at the state whose cone it is.

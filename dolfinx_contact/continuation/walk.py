@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Following a branch from point to point: what is the same for every way of finding the next."""
+"""Following a branch from point to point: what is the same for every method of finding the next."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ class Constraints:
 
     Attributes:
         fixed: local nodes x dim of the displacement, True where fixed.
-        held: per surface, the same for the jump there: where neither a node nor what lies opposite
+        held: per surface, the same for the jump there: where neither a node nor the point opposite
             to it moves, a rigid body included, or both are one.
         clamped: per surface, local multiplier nodes whose normal multiplier is removed.
         removed: per surface, local multiplier nodes x dim, True where the component is removed.
@@ -249,7 +249,7 @@ def _removed(s: ContactSurface, held: npt.NDArray[np.bool_]) -> npt.NDArray[np.b
         frictionless or not oblique.any(),
         f"{s.name}: Dirichlet data fix a displacement component that is neither normal nor "
         "tangential to the obstacle at a contact node, where friction and the support cannot "
-        "be told apart; fix all components there or leave the node free",
+        "be distinguished; fix all components there or leave the node free",
     )
     return np.where(oblique[:, None], False, fixed) | clamped[:, None]
 
@@ -280,7 +280,7 @@ def _warn_of_common_nodes(
         if a.comm.allreduce(nodes, op=max) > 0 and a.comm.rank == 0:
             logger.warning(
                 "surfaces %s and %s share nodes: where both hold one, their reactions cannot be "
-                "told apart and the solve may fail; leave a facet out between them",
+                "distinguished and the solve may fail; leave a facet out between them",
                 a.name,
                 b.name,
             )

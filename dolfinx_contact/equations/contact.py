@@ -160,7 +160,7 @@ class ContactEquations:
 
         Args:
             x: unknowns.
-            statuses: by which the laws are taken; by default those that the state asks for.
+            statuses: by which the laws are taken; by default those that the state determines.
         """
         self.refresh()
         u = self.displacement(x)
@@ -216,7 +216,7 @@ class ContactEquations:
         Args:
             x: unknowns.
             b: receives H(x).
-            statuses: by which the laws are taken; by default those that the state asks for.
+            statuses: by which the laws are taken; by default those that the state determines.
         """
         self.refresh()
         u = self.displacement(x)
@@ -341,7 +341,7 @@ class ContactEquations:
 
         Args:
             statuses: of the contact points.
-            state: whose shear tells where points that slip hold as well (`loose`).
+            state: whose shear shows where points that slip hold as well (`loose`).
         """
         return self.scaling.loose.not_held(statuses, state)
 
@@ -402,7 +402,7 @@ class ContactEquations:
         """Nodal forces that count as round-off at a displacement of this size.
 
         Where a body moves without resistance all forces are the round-off of stiffness times
-        motion, and nothing else tells how small a force has to be. Stresses of a body that is not
+        motion, and nothing else shows how small a force has to be. Stresses of a body that is not
         linear are differences of moduli, also where it has no load: to 1e-15 of these.
         """
         strain = 0.0 if self.bulk.linear else 1e-5 * self.body_size

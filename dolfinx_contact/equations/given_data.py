@@ -50,7 +50,7 @@ class Datum(NamedTuple):
     """What users may change.
 
     Attributes:
-        place: where it stands, in words.
+        place: where it occurs, in words.
         value: a Function or a Constant.
     """
 
@@ -84,7 +84,7 @@ def given_data(eq: ContactEquations) -> list[Any]:
 
 
 def data_of_surface(s: ContactSurface) -> list[Datum]:
-    """What stands in the obstacle and in the law of a surface."""
+    """Data in the obstacle and in the law of a surface."""
     obstacle = getattr(s.obstacle, "shape", s.obstacle)
     parts = [f.name for f in fields(obstacle)] if is_dataclass(obstacle) else []
     kind = type(obstacle).__name__
@@ -99,7 +99,7 @@ def data_of_surface(s: ContactSurface) -> list[Datum]:
 
 
 def data_within(expressions: Sequence[Any]) -> list[Datum]:
-    """What stands in expressions by which gamma drives Dirichlet data."""
+    """Data in expressions by which gamma drives Dirichlet data."""
     return [
         d
         for i, e in enumerate(expressions, 1)
@@ -108,7 +108,7 @@ def data_within(expressions: Sequence[Any]) -> list[Datum]:
 
 
 def data_in(e: Any, place: str) -> Iterator[Datum]:
-    """Functions, then Constants, in UFL that stands in a place, in words."""
+    """Functions, then Constants, in the UFL of a place, in words."""
     is_form = isinstance(e, ufl.Form)
     constants = extract_constants(e)
     for f in e.coefficients() if is_form else ufl.algorithms.extract_coefficients(e):
@@ -212,7 +212,7 @@ def _values(f: fem.Function | fem.Constant) -> npt.NDArray[np.float64]:
 def check_law(s: ContactSurface, where: str = "") -> None:
     """Raise ``ValueError`` if a surface has no law with the fields as they are. Collective.
 
-    They must be finite and of the sign that the law asks for, and no radius of a friction disc
+    They must be finite and of the sign that the law requires, and no radius of a friction disc
     negative; and the law must have what it needs, under the present memory.
     """
     check_time(s)
@@ -240,22 +240,22 @@ def check_law(s: ContactSurface, where: str = "") -> None:
 def check_time(s: ContactSurface) -> None:
     """Raise ``ValueError`` if the law lacks something, with the present memory. Collective.
 
-    See `Law.lacks`; and a law that looks at the time needs one (`CompiledLaw.needs_time`).
+    See `Law.lacks`; and a law that depends on the time needs one (`CompiledLaw.needs_time`).
     """
     history = s.memory is not None and s.memory.step > 0
     lack = s.law.lacks(history=history)
     kind = "in a history" if history else "statically"
     require(s.comm, not lack, f"{s.name}: {kind} the law {s.law.name} lacks {lack}")
     step = -1.0 if s.memory is None else min(s.memory.step, 0.0)
-    # Laws that name the fields by which they need a time say what holds in a step of no length.
+    # Laws that name the fields by which they need a time define what holds in a step of no length.
     time_known = history or (step == 0 and bool(s.law.needs_time))
     require(
         s.comm,
         time_known or not s.law_at_points.compiled.needs_time(step),
-        f"{s.name}: the law {s.law.name} looks at the time of a step (a.step), and no time passes "
-        "without a history: use evolution.QuasiStatic or NSCD, or say in the law what holds at "
-        "rest, as in the speed ufl.conditional(ufl.gt(a.step, 0.0), (a.slid - a.slid_before) / "
-        "a.step, 0.0)",
+        f"{s.name}: the law {s.law.name} depends on the time of a step (a.step), and no time "
+        "passes without a history: use evolution.QuasiStatic or NSCD, or define in the law what "
+        "holds at rest, as in the speed ufl.conditional(ufl.gt(a.step, 0.0), (a.slid - "
+        "a.slid_before) / a.step, 0.0)",
     )
 
 

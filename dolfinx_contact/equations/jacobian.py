@@ -356,7 +356,7 @@ class SpreadTerms:
         return rows, columns.astype(np.int64)
 
     def values(self, state: ContactState) -> Array:
-        """The entries at a state; none where another law, that is local, stands in."""
+        """The entries at a state; none where another law, which is local, replaces it."""
         if state.answers.spreading is None:
             return np.zeros(self._number)
         stencils = self._surface.constant_operator(_NEEDED_BY_SPREADING).stencils

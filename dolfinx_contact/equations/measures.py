@@ -119,7 +119,7 @@ def held_back(s: ContactSurface, found: ContactState, stiffness: Array) -> float
     if len(stiffness) == 0:
         return 0.0
     traction = np.linalg.norm(found.traction, axis=1)
-    # Tractions between vertices belong to several; a length that is too small asks for more.
+    # Tractions between vertices belong to several; a length that is too small requires more.
     nodal = s.points.E is None
     resists = stiffness[: len(traction)] if nodal else float(stiffness.max())
     return _largest(np.divide(traction, resists, out=np.zeros_like(traction), where=resists > 0))
@@ -130,9 +130,9 @@ def _row_measures(
 ) -> tuple[float, float, float]:
     """Largest length and force in owned contact rows, and the largest nodal contact force.
 
-    Where each row belongs to one point, the status tells lengths (gap and tangential displacement
-    of a closed point, times r and the area) from forces (traction of an open point, shear of a
-    slipping one); in the integral method every row counts as both. Collective.
+    Where each row belongs to one point, the status distinguishes lengths (gap and tangential
+    displacement of a closed point, times r and the area) from forces (traction of an open point,
+    shear of a slipping one); in the integral method every row counts as both. Collective.
     """
     points = s.points
     r = points.data.r

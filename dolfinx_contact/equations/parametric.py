@@ -246,7 +246,7 @@ class ParametricEquations(System):
 
     @property
     def kinks(self) -> str:  # type: ignore[override]
-        """What makes the bulk one with kinks in u, which the statuses say nothing of."""
+        """What makes the bulk one with kinks in u, which the statuses do not show."""
         text = self.equations.bulk.kinks
         return f"the bulk has kinks in u: {text}" if text else ""
 

@@ -37,7 +37,7 @@ def touching(eq: ContactEquations, load: float, state: State) -> Statuses:
     Args:
         eq: the contact problem.
         load: part of the prescribed motion that is applied.
-        state: whose displacements are looked at.
+        state: whose displacements are checked.
     """
     gaps = [eq.gaps(s, state) for s in eq.surfaces]
     reaches = [

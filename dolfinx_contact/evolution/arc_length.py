@@ -80,7 +80,7 @@ class ArcLength(Runnable[PathTask, PathState, PathHistory]):
     """The path of a contact problem with a memory under a load that is unknown.
 
     It begins with the state in the problem's Functions, a solution under the load at which the
-    parameter stands, and with the memory that is in the surfaces, as a `QuasiStatic` run leaves
+    parameter has, and with the memory that is in the surfaces, as a `QuasiStatic` run leaves
     it; without one, points slip from where they are, and bonds have the intensity of their law.
     Functions, statuses, parameter and memory follow the accepted points.
 
@@ -129,7 +129,7 @@ class ArcLength(Runnable[PathTask, PathState, PathHistory]):
             require(
                 self.problem.comm,
                 bool(s.law.needs_time) or not compiled.needs_time(0.0),
-                f"{s.name}: the law {s.law.name} looks at the time of a step (a.step); a path "
+                f"{s.name}: the law {s.law.name} depends on the time of a step (a.step); a path "
                 "by arc length has none: use QuasiStatic",
             )
             slip = s.law_at_points.compiled.knows_slip
@@ -182,8 +182,8 @@ class ArcLength(Runnable[PathTask, PathState, PathHistory]):
                 once it takes more than some seconds.
 
         Returns:
-            The accepted points, and in words why the path ended. It never jumps: where no way on
-            is found, or no step is solved, it ends, and `complete` is False.
+            The accepted points, and in words why the path ended. It never jumps: where no
+            continuation is found, or no step is solved, it ends, and `complete` is False.
 
         Raises:
             ValueError: on every rank, for arguments that do not fit, a law that depends on the
@@ -224,7 +224,7 @@ class ArcLength(Runnable[PathTask, PathState, PathHistory]):
 
     @property
     def _gamma(self) -> float:
-        """The load at the last accepted state, or as it stands before the first run."""
+        """The load at the last accepted state, or its value before the first run."""
         value = self.parametric.constant.value
         return float(value) if self._run_state is None else self._run_state.gamma
 

@@ -153,7 +153,7 @@ class ArcSteps(ExactSteps):
     def _turns_twice(self, point: BranchPoint, new: BranchPoint) -> bool:
         """Whether gamma turns twice in a step, or a border is reached and left again. Collective.
 
-        As far as the cubics through values and rates at the two ends say: a shorter step tells.
+        As far as the cubics through values and rates at the two ends show: a shorter step decides.
         """
         b = self.bordered
         ends = (point, new)

@@ -114,7 +114,7 @@ class ByArcLength(Rule[PathTask, PathState]):
         )
 
     def begin(self) -> None:
-        """Find the way by which the path leaves the state that is in the problem. Collective.
+        """Find the direction in which the path leaves the state in the problem. Collective.
 
         Raises:
             ValueError: on every rank, if it is the start, and no solution.
@@ -188,7 +188,7 @@ class ByArcLength(Rule[PathTask, PathState]):
             state = self._stepper.problem.state()
             if self._weak or self._violation(state) <= _VIOLATION:
                 break
-            # Bonds were taken for damaging that are not, or the other way round, within the step.
+            # Within the step bonds counted as damaging that are not, or the other way round.
             self._length = 0.5 * min(self._length, found.point.step)
         forces = forces_at(system.equations, state)
         before = self._accepted

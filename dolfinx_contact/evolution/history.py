@@ -112,7 +112,7 @@ class History(Ends):
 
     @property
     def complete(self) -> bool:
-        """Whether it reached the last of the times, or the end of the range, that was asked for."""
+        """Whether it reached the last of the times, or the end of the range, that was requested."""
         return self.ending is Ending.REACHED
 
     @property
@@ -154,7 +154,7 @@ class History(Ends):
 class NoContinuation(RuntimeError):
     """An evolution does not continue; the problem is at the last accepted state.
 
-    The message says which it is: no solution continues it, which is proved; none was found that
+    The message names the case: no solution continues it, which is proved; none was found that
     does, by what was tried; or steps were not solved, and why.
 
     Attributes:

@@ -5,7 +5,7 @@ A step may end in a solution that no path of solutions leads to: where a branch 
 folds or ends (Klarbring, Ing.-Arch. 60, 1990: one node, friction beyond a bound), the solver finds
 the next one. It differs from a step in which much happens in that the change does not shrink with
 the step: halving after halving it is as large, in steps of no length. Beside it the state may
-change with the load, and at kinks of its way faster than before; both shrink.
+change with the load, and at kinks of its path faster than before; both shrink.
 
 That is no proof: the solver may have passed over a solution. So in the end the branch of solutions
 is followed from the state (`step_branch`). Nor is it a proof that a step was not solved: then
@@ -43,7 +43,7 @@ _SHOWN = 5  # places
 
 @dataclass(frozen=True)
 class Found:
-    """What a closer look at a step has found.
+    """What the search within a step has found.
 
     Attributes:
         steps: that lead on from its start.
@@ -62,16 +62,16 @@ class Found:
 
 
 def find_jump(stepper: Stepper, step: SolvedStep, slow: Array, least: float) -> Found | None:
-    """Look closer at a step that changes the state suddenly. Collective.
+    """Search for a jump in a step that changes the state suddenly. Collective.
 
-    Halves are looked at in turn, the earlier one first. One is left alone if the state changes in
+    Halves are examined in turn, the earlier one first. One is left alone if the state changes in
     it slowly, by a small share of the change in the step, along a straight line, or evenly (by as
     much in each of its halves, and in theirs if they can be halved). A jump is what none of these
     become true of.
 
     Args:
         stepper: takes the steps; the problem is left anywhere.
-        step: that is looked at.
+        step: that is searched.
         slow: rates of `changes` up to which nothing jumps.
         least: length of a step in which the state only jumps.
 
@@ -102,7 +102,7 @@ class _Search:
     def look(
         self, path: Sequence[SolvedStep], step: SolvedStep, even: bool = False
     ) -> Found | None:
-        """Look at a part of the step, which follows others; even: it is a half of an even one."""
+        """Examine a part of the step, which follows others; even: it is a half of an even one."""
         a = step.before.time
         b = step.after.time
         size = self._change(step)
@@ -139,7 +139,7 @@ class _Search:
     def _is_elsewhere(self, second: SolvedStep, step: SolvedStep) -> bool:
         """Whether two halves lead to another state than the whole, and so do solutions. Collective.
 
-        The way of friction and damage depends on the steps: where the branch of the whole step
+        The path of friction and damage depends on the steps: where the branch of the whole step
         leads to its end, that is a solution as good as that of the halves.
         """
         comm = self._stepper.problem.comm
@@ -184,9 +184,9 @@ class _Search:
             time = before.time + length
 
     def _at_last(self, path: Sequence[SolvedStep], step: SolvedStep) -> Found | None:
-        """What the solutions that lead on from the start of a least step say of its end.
+        """Whether solutions that lead on from the start of a least step reach its end.
 
-        If they lead there it is no jump. If they lead elsewhere they are gone along, as far as the
+        If they lead there it is no jump. If they lead elsewhere they are followed, as far as the
         time that was aimed at if possible.
         """
         stepper = self._stepper

@@ -13,7 +13,7 @@ from dolfinx_contact.continuation.observer import Observer, ObserverLike, Stop
 
 __all__ = ["NOT_BY_VALUE", "Listeners"]
 
-#: Arguments of a run that are compared as `Listeners.compared` says, or may differ.
+#: Arguments of a run that are compared as in `Listeners.compared`, or may differ.
 NOT_BY_VALUE = ("accept", "stop", "record")
 
 

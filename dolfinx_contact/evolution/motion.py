@@ -55,7 +55,7 @@ _AGAINST = 1e-6  # of the largest displacement or velocity, off what is prescrib
 _LASTING = 0.51  # theta, below which velocities that turn keep their size
 _TURNS = 0.1  # of what is off, by which it is not the same with the other sign
 _PERCENT = 0.01  # of the velocities, what is off and matters
-_MOST_TURNS = 3  # changes of sign, after which it is said
+_MOST_TURNS = 3  # changes of sign, after which the log warns
 
 
 @dataclass(frozen=True)
@@ -195,7 +195,7 @@ class MotionStepper(Stepper):
             eq.prescribed.unknowns = lambda values: step.seen(values, body.origin)
             motion = np.where(eq.rigid.fixed, eq.prescribed_motions() - eq.rigid.given, 0.0)
             eq.remember(self._seen(accepted, step, motion))
-            # Free flight from the start, and the forces of the step before, ask for good statuses.
+            # Free flight from the start, and the forces of the step before, give good statuses.
             problem.u.x.array[:] = body.origin + step.gain * step.length * a.v
             result = problem.solve(progress=self._progress)
             state = problem.state()
@@ -260,7 +260,7 @@ class MotionStepper(Stepper):
                 active = a.un[i] + 0.5 * opening <= 0
                 gap = np.where(active, closes, closes + _FAR * eq.body_size)
             fields = {} if memory is None else memory.fields
-            # Of a velocity friction is told the motion along the surface, which is h a v_1.
+            # For a velocity friction gets the motion along the surface, which is h a v_1.
             passed = step.length * (gain if s.law.creeps else 1.0)
             found.append(Memory(at.jump, fields, passed, gap))
         return found

@@ -137,7 +137,7 @@ class NSCD(Evolution):
             may touch (`body.inertia`). That keeps the whole mass and moves its centre by a part of
             a cell, so that a body that floats turns a little under a uniform force, less on finer
             meshes; beyond a percent the log warns, with the figure. The velocity of nodes without
-            mass means nothing by itself, and no momentum is to be taken from `velocity` there: ask
+            mass means nothing by itself, and no momentum is to be taken from `velocity` there: use
             the impulses of contact, or take another mass.
         damping: forces affine in the velocity, as of a viscoelastic body: a UFL form in
             ``velocity`` and a test function, or in a trial and a test function; or a pair (a, b)
@@ -319,7 +319,7 @@ class NSCD(Evolution):
 
 
 _HALVINGS = 20  # of dt, to the least step
-_WRONG_INERTIA = 0.01  # of an acceleration, which is said
+_WRONG_INERTIA = 0.01  # of an acceleration, from which the log warns
 
 
 def _constant(_: float) -> None:
@@ -334,7 +334,7 @@ def _positive(name: str, value: Any) -> float:
 
 
 def _method(scheme: Any, theta: Any, level: Any, mass: Any, restitution: Any) -> Method:
-    """What was asked for, or ``ValueError`` if it cannot work."""
+    """The task, or ``ValueError`` if it cannot work."""
     for name, value, known in (
         ("scheme", scheme, get_args(Scheme)),
         ("level", level, get_args(Level)),

@@ -14,7 +14,8 @@ from dolfinx_contact.evolution.run_state import RunState
 
 __all__ = ["Known", "PathDirection", "PathState", "PathTask", "begun"]
 
-#: By which way a path leaves its state: that with more load or less, or, later, on or back.
+#: The direction in which a path leaves its state: that with more load or less, or, later, on or
+#: back.
 PathDirection: TypeAlias = Literal["increasing", "decreasing", "onwards", "back"]
 
 

@@ -71,8 +71,8 @@ class QuasiStatic(Evolution):
     another body or a `RigidBody`; of an obstacle that moves by Constants friction sees the motion
     along the normal alone.
     Functions, statuses, data and memory of the problem follow the accepted steps. The memory stays
-    in the surfaces afterwards, for a branch within the next step, say; ``surface.memory = None``
-    makes the law static again.
+    in the surfaces afterwards, for example for a branch within the next step; ``surface.memory =
+    None`` makes the law static again.
 
     Args:
         problem: the contact problem.
@@ -129,16 +129,16 @@ class QuasiStatic(Evolution):
                 that was found under the load a moment later, which is labelled so. If none was
                 found a "jump" raises. It is proved that none continues through a step of the
                 shortest length where the load turns back in it along the solutions that lead on
-                from its start, and nothing else leads on; the reason says whether it is, and else
+                from its start, and nothing else leads on; the reason states whether it is, and else
                 what was tried. A step that was not solved proves nothing: shorter ones are tried
                 from the same state. Data that leap in time are no jump: that is one of the state
                 under data that change little.
             sudden: 1 or more, times the rate at which the state changed in the step before, beyond
-                which a step is looked at for a jump; ``inf`` for never, 1 for the most. It is the
+                which a step is searched for a jump; ``inf`` for never, 1 for the most. It is the
                 rate of all unknowns, or of the points of a surface, their mean or the farthest one,
-                which are looked at if they are more than half as fast as the body was. A step in
+                which count if they are more than half as fast as the body was. A step in
                 which a bond loses more than a quarter of what the strongest had, and the first
-                one, are looked at in any case, unless it begins with a state that is no solution.
+                one, are searched in any case, unless it begins with a state that is no solution.
                 That takes some steps more; if there is no jump they are kept only where shorter
                 steps lead to another solution. A jump that is a tenth or less of what happens in
                 such a step passes, and so does one that makes it no faster than that.

@@ -9,11 +9,11 @@ inside its piece if the distances that vanish at the state grow along it.
 The statuses of the last step are tried first. Where they fail, points whose distances fall take
 the status beyond, until none does: Newton's method for the rate problem. Each direction points to
 the side on which det [grad H; t^T] keeps its sign, as it does along a path unless another meets it;
-so a path that snaps back is not taken for one that unloads. Where no such direction is found all
-statuses that meet are tried; then several ways lead on, or none.
+so a path that snaps back is distinguished from one that unloads. Where no such direction is found
+all statuses that meet are tried; then several directions lead on, or none.
 
 One of the directions leads *back*: it unloads, no bond that damages and no point that slips does so
-on it. It answers to the reverse of the direction by which it was reached, and is no way on.
+on it. It answers to the reverse of the direction by which it was reached, and does not lead on.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class Directions:
 
     @property
     def number(self) -> int | None:
-        """Of the ways on; None if not all were looked for."""
+        """Of the directions that lead on; None if not all were looked for."""
         return len(self.others) + (self.onwards is not None) if self.complete else None
 
 
@@ -84,13 +84,13 @@ class RateProblem:
         self._finder = RayFinder(corrector, y, self._leads_out, self._size)
 
     def onwards(self, piece: Piece, t: PETSc.Vec, *, every: bool = False) -> Directions:
-        """The ways on for a path that arrived on ``piece`` along ``t``.
+        """The directions for a path that arrived on ``piece`` along ``t``.
 
         Args:
             piece: of the last step.
             t: its direction at the state.
             every: whether all statuses that meet are tried where those of the last step fail, also
-                if a way was found.
+                if a direction was found.
         """
         ray = Ray(piece, t)
         if self._leads_out(ray):
@@ -116,12 +116,12 @@ class RateProblem:
         return Directions(first, tuple(others), method, complete)
 
     def back(self, piece: Piece, t: PETSc.Vec) -> Directions:
-        """The way that unloads, for a path that arrived on ``piece`` along ``t``."""
+        """The direction that unloads, for a path that arrived on ``piece`` along ``t``."""
         ray = self._by_newton(piece, self._reversed(t))
         return Directions(ray, method="Newton's method for the rate problem")
 
     def begun(self, piece: Piece, towards: PETSc.Vec) -> Directions:
-        """The ways on from a start, on the side of ``towards``."""
+        """The directions from a start, on the side of ``towards``."""
         ray = self._by_newton(piece, towards, oriented=False)
         rays = [ray] if ray is not None else self._led_by_H(towards)
         return Directions(rays[0] if rays else None, method="Newton's method for the rate problem")
@@ -164,7 +164,7 @@ class RateProblem:
 
         Args:
             piece: by which the path came along ``t``; or to begin with.
-            t: its direction; or one that is not to be gone against.
+            t: its direction; or one that the result must not oppose.
             oriented: whether [grad H; t^T] keeps the sign of its determinant, as it does along a
                 path on which no other meets it.
         """

@@ -62,7 +62,7 @@ class Rule(Ends, ABC, Generic[T, S]):
         """Where the run is: all that its next step depends on."""
 
     def begin(self) -> None:
-        """Look at the start, which is in the problem, before it is recorded. Collective.
+        """Check the start, which is in the problem, before it is recorded. Collective.
 
         Raises:
             ValueError: on every rank, if no run can begin there.

@@ -3,8 +3,8 @@
 
 A `Rule` finds the next step, through times or by arc length, and a `Stepper` puts its end into the
 problem. What is done with every accepted step is here and nowhere else, in this order: the user is
-asked whether the run ends with it, the record keeps it, the observer is called with it, progress is
-shown. Whatever fails, the problem is left at the last accepted state.
+asked whether the run ends there (``stop``), the record keeps it, the observer is called with it,
+progress is shown. Whatever fails, the problem is left at the last accepted state.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Run(Generic[T, S, H]):
         stepper: puts states into the problem.
         rule: finds the steps.
         listeners: of the user, checked.
-        history: to which steps are added, and which says in the end how it ended.
+        history: to which steps are added, and which has in the end how it ended.
 
     Attributes:
         run_state: where the next run continues; None as long as this one has not begun.
@@ -113,7 +113,7 @@ class Run(Generic[T, S, H]):
         self._progress.step(step, self._rule.run_state)
 
     def _ask_for_the_end(self, step: EvolutionStep) -> None:
-        """End the run with a step, where it ends no other way, if the user wants it. Collective."""
+        """End the run after a step if the user's ``stop`` returns a reason. Collective."""
         rule = self._rule
         stop = self._listeners.stop
         if stop is None or rule.ending is not None:

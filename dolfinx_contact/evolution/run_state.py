@@ -22,10 +22,11 @@ class RunState:
         accepted: the last accepted state.
         length: of the next step, or what it is no longer than.
         rate: through times that of the state in the last step, of `accepted.changes` and of the
-            largest way of a point of each surface; None before the first, and by arc length.
+            largest displacement of a point of each surface; None before the first, and by arc
+            length.
         number: of the last step, over all runs; 0 before the first.
-        settled: whether it says how the run continues. It does not in the midst of steps that were
-            found together, up to a jump.
+        settled: whether it suffices to continue the run. It does not in the midst of steps that
+            were found together, up to a jump.
         ending: how the run ends here; None if it continues.
         reason: why, in words.
     """

@@ -6,7 +6,7 @@ is near. So the branch is followed with the memory of the start, from kink to ki
 to the load of the end, and then a solution continues the evolution; or the load turns back on it,
 at a smooth fold, or at a kink at which all pieces that meet were tried: those that lead to more
 load are followed likewise, and where the load turns back on all of them no solution continues.
-Where a branch ends otherwise nothing is proved, and it is said why.
+Where a branch ends otherwise nothing is proved, and the reason is given.
 """
 
 from __future__ import annotations

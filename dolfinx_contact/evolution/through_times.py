@@ -2,10 +2,10 @@
 """How a run continues through times.
 
 A step that no strategy solves is tried with a quarter of the length, down to a least one. A step in
-which the state changes much faster than in the one before is looked at more closely, by halves
+which the state changes much faster than in the one before is examined more closely, by halves
 (`jumps`): where the change does not shrink with the step what was found is beyond a jump, if it is
-proved that no solution continues the evolution; else none was found that does, and that is said.
-Times that the user asks for are hit exactly.
+proved that no solution continues the evolution; else none was found that does, and that is
+reported. The times of the user are hit exactly.
 """
 
 from __future__ import annotations
@@ -298,7 +298,7 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
         return np.asarray(known)
 
     def _jump_over(self, found: Found, far: SolvedStep) -> Advance:
-        """Accept a step whose end is far as a jump, or end the run there and say why."""
+        """Accept a step whose end is far as a jump, or end the run there with the reason."""
         a = far.before
         b = far.after
         if self.task.at_jump == "jump":
@@ -396,7 +396,7 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
                 if not isinstance(answer, bool | np.bool_):
                     raise ValueError(f"accept must answer True or False, got {answer!r}")
                 wanted = bool(answer)
-        # All that were asked must want it.
+        # All that were called must require it.
         return not comm.allreduce(int(not wanted))
 
 
@@ -415,7 +415,7 @@ def _closes(comm: MPI.Comm, solved: SolvedStep) -> bool:
 
 
 def _rate(comm: MPI.Comm, solved: SolvedStep) -> npt.NDArray[np.float64]:
-    """Of the state in a step: of `changes`, then of the farthest ways of a point. Collective."""
+    """Rates in a step: of `changes`, then of the largest displacement of a point. Collective."""
     distances, _ = largest_at_points(comm, solved.before, solved.after)
     found = np.concatenate([changes(comm, solved.before, solved.after), distances])
     return np.asarray(found / (solved.after.time - solved.before.time))

@@ -4,7 +4,7 @@
 On the body: the displacement, the Cauchy stress and the von Mises stress
 (3/2 dev s : dev s)^(1/2), both linear and discontinuous. On each contact surface, a mesh of its own
 so that it opens beside the body, what `ContactProblem.contact_fields` returns. A pair of bodies has
-these on the slave, and what can be said of the master (`master`) in another file.
+these on the slave, and what is known of the master (`master`) in another file.
 """
 
 from __future__ import annotations
@@ -277,7 +277,7 @@ def _require_tags(domain: mesh.Mesh, tags: mesh.MeshTags, given: set[int]) -> No
 
 
 def _refuse_one_of_several(problem: ContactProblem, stress: Any) -> str:
-    """``ValueError`` if a stress without parts stands beside a bulk of several materials.
+    """``ValueError`` if a stress without parts is given for a bulk of several materials.
 
     Returns:
         The tags of these if the stress may be that of all of them, by a Function that is constant
@@ -308,7 +308,7 @@ def _doubt_forces(problem: ContactProblem, stress: Any, names: str) -> None:
     """Warn if the forces of a stress are not those of a linear bulk. Collective.
 
     Both are taken by their change with a displacement that has all strains, so that loads and the
-    present state do not matter. Of a body of revolution nothing is said.
+    present state do not matter. Bodies of revolution are not checked.
     """
     bulk = problem.equations.bulk
     if not bulk.linear or problem.equations.axisymmetric:

@@ -8,7 +8,7 @@ To the left the deformed body, coloured by the von Mises stress, or else by the 
 right its contact surfaces, coloured by the pressure and by the status; of a pair of bodies these
 are on the slave, and below them is the pressure on the master, from the file that ends in
 _opposite. Where there are branches as well as a state, the one written last is shown, the others
-wait in the pipeline browser. Files that end in .bp want the reader ADIOS2VTXReader: the one that
+wait in the pipeline browser. Files that end in .bp need the reader ADIOS2VTXReader: the one that
 ParaView proposes first cannot read them.
 """
 
@@ -23,7 +23,7 @@ def own_folder() -> str:
     """Where the results are."""
     if "__file__" in globals():
         return os.path.dirname(os.path.abspath(__file__))
-    try:  # paraview --script does not say
+    try:  # paraview --script does not pass it
         with open("/proc/self/cmdline") as file:
             words = file.read().split("\0")
     except OSError:

@@ -26,7 +26,8 @@ def write_script(comm: MPI.Comm, part: Path, folder: Path) -> None:
     Args:
         comm: communicator.
         part: where it is written.
-        folder: where it will be. It may be moved; ParaView does not always say where a script is.
+        folder: where it will be. It may be moved; ParaView does not always give the path of a
+            script.
     """
 
     def write() -> None:

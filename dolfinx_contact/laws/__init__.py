@@ -23,13 +23,13 @@ direct solvers and multigrid, and along branches; some work with more:
 - *proofs*: of uniqueness, and that all solutions were found (`analysis`); for the same bodies.
 - *points*: `ContactProblem.reduced` and the classical algorithms that work on it.
 - *bounds*: Tresca's fixed point, which needs unilateral contact and a bound of the shear. Uzawa's
-  method and penalisation take any law, and say so where they do not converge.
+  method and penalisation take any law, and fail with the reason where they do not converge.
 
 What is not called a number may be a Constant, a Function or UFL of these, and the parameter of
 a branch, which then goes by steps. A law of one's own has pivoting if what it answers is linear and
 all its borders meet at zero, in 2D; and *bounds* if it is a `FrictionLaw` with a `bound` alone. A
 bond of one's own, which may remember, is an `Interface`: an energy and a potential of dissipation.
-In histories `Regularised` asks for a ``speed``, and `NormalCompliance` may not have tangential
+In histories `Regularised` needs a ``speed``, and `NormalCompliance` may not have tangential
 springs, which forget.
 """
 

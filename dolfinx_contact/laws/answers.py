@@ -111,7 +111,7 @@ class Answers:
 
     @cached_property
     def required(self) -> Codes:
-        """Statuses that jumps and tractions ask for (n,)."""
+        """Statuses that jumps and tractions determine (n,)."""
         return self._nearest[0]
 
     @property

@@ -71,7 +71,7 @@ class _Written:
 
     @property
     def scalars(self) -> list[Any]:
-        """All that it says, component by component."""
+        """The law's values, component by component."""
         flat = Flat()
         for piece in self.pieces.values():
             flat.add(piece.answer)
@@ -93,14 +93,14 @@ class CompiledLaw:
         comm: of the ranks that compile together.
 
     Attributes:
-        names: of the fields of the law, of what memory gives beside them that it looks at
+        names: of the fields of the law, of what memory gives beside them that it uses
             (`symbols.from_memory`), and `AROUND` if it is not local.
         codes: numbers of its statuses.
         rows: by number, the place among `codes`.
         places: columns of values, status by status.
         borders: columns of distance and condition, and target, of every border of every status.
         exists: column of the condition of every status.
-        kept: what memory has beside fields of the law, and it looks at.
+        kept: what memory has beside fields of the law, and it uses.
         bonded: whether it has a `Law.bond`.
         knows_slip: whether anything depends on the distance slipped.
     """
@@ -161,9 +161,9 @@ class CompiledLaw:
         self._expressions = written.scalars
 
     def needs_time(self, step: float) -> bool:
-        """Whether the law is not said without a time: at a step of no length, or a negative one.
+        """Whether the law is undefined without a time: at a step of no length, or a negative one.
 
-        It is said if the step occurs nowhere once it is known to be so; see `known_step`.
+        It is defined if the step occurs nowhere once it is known to be so; see `known_step`.
         """
         if self._step is None:
             return False
@@ -175,14 +175,14 @@ class CompiledLaw:
 
     @property
     def signature(self) -> str:
-        """What tells the law from others, but for the values of its fields."""
+        """What distinguishes the law from others, but for the values of its fields."""
         return str((sum(c * c for c in self.values.components) * ufl.dx).signature())
 
     @cached_property
     def is_piecewise_linear(self) -> bool:
         """Whether answers and borders are affine in jump, traction and gap, status by status.
 
-        By their UFL: two states say nothing of a law that is nearly linear at both, nor does a
+        By their UFL: two states show nothing of a law that is nearly linear at both, nor does a
         derivative of one that jumps. Which statuses there are must not depend on them.
         """
         if self._roots is not None:
@@ -200,7 +200,7 @@ class CompiledLaw:
 
     @cached_property
     def slopes(self) -> tuple[Values, list[list[int]]]:
-        """Derivatives of distances by jump and traction, compiled when first asked for."""
+        """Derivatives of distances by jump and traction, compiled at first use."""
         flat = Flat()
         places = []
         for piece in self._pieces.values():
@@ -216,7 +216,7 @@ class CompiledLaw:
 
     @cached_property
     def sensitivities(self) -> tuple[Values, list[list[int]], list[list[list[int]]]]:
-        """Derivatives of the answers by normal and fields, compiled when first asked for."""
+        """Derivatives of the answers by normal and fields, compiled at first use."""
         flat = Flat()
         by_normal = [flat.add(ufl.diff(p.answer, self._n)) for p in self._pieces.values()]
         by_field = [
@@ -244,7 +244,7 @@ def _compiled(law: Law, dim: int, comm: MPI.Comm) -> CompiledLaw:
     """The compiled law; laws of one kind share it, for they differ in their fields alone."""
     if law.kind is None:
         return CompiledLaw(law, dim, comm)
-    # What is compiled later is compiled by the same ranks, when the mesh may be gone.
+    # What is compiled later is compiled by the same ranks, when the mesh may have been freed.
     key = law.kind, dim, tuple(comm.allgather(MPI.COMM_WORLD.rank))
     # All ranks together or none: compiling is collective.
     if not comm.allreduce(int(key in _known), op=MPI.MIN):
@@ -316,7 +316,7 @@ class LawAtPoints:
             jump: (n, dim).
             traction: (n, dim).
             data: normals, gaps, r and fields.
-            rates: of normals, gaps and fields; those of r are not looked at.
+            rates: of normals, gaps and fields; those of r are not used.
             codes: statuses.
         """
         normal = rates.n[:, :, None]

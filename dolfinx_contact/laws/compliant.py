@@ -125,7 +125,7 @@ class _AroundFriction(FrictionLaw):
 class NormalCompliance(_AroundFriction):
     """The pressure of a surface that gives way: C (u_n)_+^m, with friction.
 
-    Points that touch penetrate: ``un`` is negative. `Result.penetrations` says how far, and there
+    Points that touch penetrate: ``un`` is negative. `Result.penetrations` is how far, and there
     is a warning where it is no longer small beside the mesh.
 
     Attributes:
@@ -191,7 +191,7 @@ class Regularised(_AroundFriction):
     """Friction whose shear grows from zero with x, the slip or its velocity over eps: b phi(x).
 
     Below x = 1 a point is counted as stuck; in truth it creeps. A static problem knows no velocity
-    and a history no other slip, so that each asks for an eps of its own; a law that has both is
+    and a history no other slip, so that each requires an eps of its own; a law that has both is
     good for a history that begins with a static solve.
 
     Attributes:

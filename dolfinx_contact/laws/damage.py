@@ -80,7 +80,7 @@ def _horner(coefficients: Sequence[float], x: Any) -> Any:
 
 
 class DamageStep:
-    """A step of beta: what memory says of it, and beta by the energy of the springs.
+    """A step of beta: beta in the memory, and beta by the energy of the springs.
 
     Args:
         beta: at the start.

@@ -52,7 +52,7 @@ class FrictionLaw(Law):
     def grips(self, a: ContactPoint) -> Any | None:
         """UFL condition under which friction acts at all at the point; None, the default: always.
 
-        It depends on fields of the law alone: a coefficient that is not zero, say.
+        It depends on fields of the law alone, for example of a coefficient that is not zero.
         """
         return None
 

@@ -221,7 +221,7 @@ class Interface(Law):
     # -- at a point ------------------------------------------------------------------------------
 
     def _side(self, a: ContactPoint, is_open: bool, family: int, level: int = 1) -> InterfacePoint:
-        """The interface at an open or closed point whose monotone variable is as a family says."""
+        """The interface at an open or closed point whose monotone variable is that of a family."""
         start = self._starts(a)
         unknown = []
         values = dict[str, Any]()

@@ -151,7 +151,7 @@ class InterfacePoint:
     ) -> tuple[Any, dict[str, Any]]:
         """Phi, and the rates that it may be differentiated by; that of slip has no name.
 
-        ``share`` is that of the step after which the variables are looked at.
+        ``share`` is that of the step after which the variables are evaluated.
         """
         reaction = pressure if isinstance(self._pull, Zero) else _positive(pressure - self._pull)
         reaction = ufl.as_ufl(0.0) if isinstance(ufl.as_ufl(pressure), Zero) else reaction

@@ -89,9 +89,9 @@ class ContactPoint:
         around: mean of the pressures of the points around (`Law.averaging`); None of a local law.
         before: jump of the last accepted state of an evolution, a vector, of which ``jump`` has the
             normal part alone; zero under the static law.
-        step: time since that state. The static law has none, and a negative number here: say what
-            holds then by comparing it with 0, as in the speed ``ufl.conditional(ufl.gt(a.step,
-            0.0), (a.slid - a.slid_before) / a.step, 0.0)``. A law that looks at the step where
+        step: time since that state. The static law has none, and a negative number here: define
+            what holds then by comparing it with 0, as in the speed ``ufl.conditional(ufl.gt(a.step,
+            0.0), (a.slid - a.slid_before) / a.step, 0.0)``. A law that depends on the step where
             none is known is refused without a history.
         slid_before: of ``slid`` what was slipped up to that state; 0 under the static law, whose
             ``slid`` is the whole slip.
@@ -421,7 +421,7 @@ def obeys(sign: Sign, values: Any, slack: float = 1e-14) -> Any:
 
 
 def _settings(kind: type) -> tuple[tuple[str, str], ...]:
-    """What a class holds beside its fields and methods, which a law may look at as well."""
+    """What a class holds beside its fields and methods, which a law may use as well."""
     found = {
         name: repr(value)
         for base in kind.__mro__

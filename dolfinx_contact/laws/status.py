@@ -43,7 +43,7 @@ WHERE_OPEN = 3
 DAMAGING = 8
 BROKEN = 16
 
-#: What a bond does: nothing, or what stands in words behind those of contact and friction.
+#: What a bond does: nothing, or the words appended to those of contact and friction.
 _BONDS = {0: "", DAMAGING: ", damaging", BROKEN: ", broken"}
 
 

@@ -54,7 +54,7 @@ class _Decided(MultiFunction):  # type: ignore[misc]
         return self.reuse_if_untouched(o, *operands)
 
     def variable(self, o: Any, *operands: Any) -> Any:
-        # What is differentiated by stays itself; what stands for an expression is that.
+        # What is differentiated by stays itself; what replaces an expression is that.
         return o if o == self._symbol else self.reuse_if_untouched(o, *operands)
 
     def conditional(self, o: Any, condition: Any, yes: Any, no: Any) -> Any:

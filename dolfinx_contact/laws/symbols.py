@@ -142,7 +142,7 @@ class Symbols:
         gap = self.w[3 * self._dim]
         r = self.w[3 * self._dim + 1]
         point = ContactPoint(self.jump, self.traction, self.n, gap, r, self._dim)
-        # What a law does not look at may be anything.
+        # What a law does not use may be anything.
         slid, step = (self._known.get(name, 0.0) for name in (SLID, STEP))
         return replace(
             point,
@@ -157,7 +157,7 @@ class Symbols:
 
     @property
     def step(self) -> Any | None:
-        """The symbol for the time since the last accepted state; None if nothing looks at it."""
+        """The symbol for the time since the last accepted state; None if nothing uses it."""
         return self._known.get(STEP)
 
     def exact(self, equations: Mapping[str, Equations]) -> dict[str, tuple[Any, ...]]:

@@ -78,9 +78,9 @@ def crack(
     Args:
         body: a mesh, or one with physical groups.
         groups: names or tags of groups of facets; each is to have two sides, so that the arms of
-            cracks that cross or branch need groups of their own, and pairs: `ContactPair` says what
-            acts where they meet. Of a crack that ends on another only the arm that ends, and the
-            side which it divides is then the slave of the other one.
+            cracks that cross or branch need groups of their own, and pairs: `ContactPair` documents
+            what acts where they meet. Of a crack that ends on another only the arm that ends, and
+            the side which it divides is then the slave of the other one.
         facet_tags: of a mesh without groups.
         cell_tags: likewise.
 

@@ -107,7 +107,7 @@ class GmshMesh(NamedTuple):
         """Local indices of the facets of the group ``name``. Collective.
 
         Raises:
-            ValueError: on every rank, if there is no such group, or ranks ask for different ones.
+            ValueError: on every rank, if there is no such group, or ranks request different ones.
         """
         tags = self._named_facets
         return np.asarray(tags.find(tags.tag(name)), dtype=np.int32)
@@ -139,7 +139,7 @@ class GmshMesh(NamedTuple):
             name: of the group.
 
         Raises:
-            ValueError: on every rank, if there is no such group, ranks ask for different ones, or
+            ValueError: on every rank, if there is no such group, ranks request different ones, or
                 the space is not on the mesh.
         """
         facets = self.facets(name)
@@ -150,7 +150,7 @@ class GmshMesh(NamedTuple):
         """Measure of the facets of the group ``name``, for loads. Collective.
 
         Raises:
-            ValueError: on every rank, if there is no such group, or ranks ask for different ones.
+            ValueError: on every rank, if there is no such group, or ranks request different ones.
         """
         tag = self._named_facets.tag(name)
         return ufl.Measure(
@@ -166,7 +166,7 @@ class GmshMesh(NamedTuple):
             metadata: of the measure, as ``quadrature_degree=4``.
 
         Raises:
-            ValueError: on every rank, if there is no such group, or ranks ask for different ones.
+            ValueError: on every rank, if there is no such group, or ranks request different ones.
         """
         dim = self.cell_tags.dim
         known = {k: t for k, (d, t) in self.names.items() if d == dim}
@@ -199,7 +199,7 @@ def tagged_facets(
         MeshTags or the array, and the number.
 
     Raises:
-        ValueError: on every rank, if no group has the name, or ranks ask for different tags.
+        ValueError: on every rank, if no group has the name, or ranks request different tags.
     """
     tag = int(tag) if isinstance(tag, np.integer) else tag
     same_everywhere(comm, **{f"{what}: tag": tag})
@@ -372,7 +372,7 @@ def _distribute(comm: MPI.Comm, model: Any) -> GmshMesh:
         found.sort(key=lambda group: group[0] == body - 1)  # of two with one name take the facets
         names = {model.getPhysicalName(*group): (group[0], group[1]) for group in found}
         names.pop("", None)
-        model.mesh.renumberNodes()  # DOLFINx wants numbers without holes
+        model.mesh.renumberNodes()  # DOLFINx requires numbers without holes
     names, body = comm.bcast((names, body))
     domain, cell_tags, facet_tags = gmsh_io.model_to_mesh(model, comm, 0, gdim=body)[:3]
     keep(domain)

@@ -36,7 +36,7 @@ _WRITERS = {
     ".mp4": ("imageio_ffmpeg", "imageio-ffmpeg; .gif does not need it"),
 }
 PICTURES = (".png", ".pdf", ".svg")
-_SLOWEST = 0.01  # pictures a second, which the format of .gif can say
+_SLOWEST = 0.01  # pictures a second, which the format of .gif can store
 _FASTEST = 1000.0
 _SKIN = 0.04  # of the size, by which obstacles are thick in a picture
 

@@ -32,7 +32,7 @@ _MARKS = {
     ("bifurcation", False): ("P", "#F0E442", "bifurcation, nonsmooth"),
     ("end", False): ("X", "#F0E442", "no way on was found"),
 }
-_MOST_ROWS = 400  # of a strip: more cannot be told apart
+_MOST_ROWS = 400  # of a strip: more cannot be distinguished
 
 
 def draw_diagram(
@@ -191,7 +191,7 @@ class _Rows:
 
 
 def _rows(places: dict[str, npt.NDArray[np.float64]], count: int) -> _Rows:
-    """Where ``count`` contact points are drawn: at their coordinate where one tells them apart.
+    """Where ``count`` contact points are drawn: at their coordinate where one distinguishes them.
 
     Else they are rows of the same height, in the order of the journal, with some coordinates.
     """

@@ -34,7 +34,7 @@ def flat_axes(n: Array, dim: int) -> tuple[Array, list[str]]:
     """Axes (dim, dim - 1) of the plane across ``n`` with labels: coordinate axes if nearly one."""
     size = np.linalg.norm(n)
     names = "xyz"[:dim]
-    n = n / size if size > 0.1 else np.eye(dim)[-1]  # a closed surface has no side to look at
+    n = n / size if size > 0.1 else np.eye(dim)[-1]  # a closed surface has no side to be seen from
     across = np.abs(n) < 0.05
     if across.sum() == dim - 1:
         return np.eye(dim)[:, across], [name for name, a in zip(names, across, strict=True) if a]

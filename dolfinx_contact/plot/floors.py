@@ -18,7 +18,7 @@ __all__ = ["lay_floors", "moved_apart", "on_plane", "parts_of"]
 Array = npt.NDArray[np.float64]
 _FLAT = 1e-9  # by which the normals of a plane may differ
 _OVER = 0.05  # of the size of the body, by which a floor is at least larger than what is on it
-_FACING = 0.2  # mean of the normals of a face that has a side to look at
+_FACING = 0.2  # mean of the normals of a face that is seen from one side
 
 
 def on_plane(floor: Array, normals: Array, x: Array) -> Array | None:

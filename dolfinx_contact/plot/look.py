@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""How bodies are looked at: side, section, part, colours; what users give, checked."""
+"""How bodies are shown: side, section, part, colours; what users give, checked."""
 
 from __future__ import annotations
 

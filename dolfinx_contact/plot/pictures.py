@@ -5,7 +5,7 @@ Only what is seen is gathered to rank 0: the boundary of a body in 3D, the body 
 contact surfaces. There a process of its own (`render.py`) draws it, because VTK without a display
 may end its process. It gets a virtual display where xvfb-run is installed, else that of the caller,
 else none, which is enough for some builds of VTK. A picture that cannot be drawn is a warning in
-the log: no solve fails for want of it.
+the log: no solve fails without it.
 """
 
 from __future__ import annotations

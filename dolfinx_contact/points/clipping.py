@@ -91,7 +91,7 @@ class Cover:
         return Cover(self.slave, self.master, *facets, *shapes)
 
     def places(self) -> tuple[Nodes, Nodes, Array]:
-        """What lies opposite to corners of the slave's facets, each as often as pieces meet there.
+        """The points opposite to corners of the slave's facets, each as often as pieces meet there.
 
         Returns:
             Global nodes of the slave (n,), nodes of the master (n, k) and their weights, of degree

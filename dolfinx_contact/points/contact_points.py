@@ -158,7 +158,7 @@ class ContactPoints(ABC):
         self.r: Array = np.ones(len(self.vertex_areas))
         self.update()
 
-    # -- what subclasses say ---------------------------------------------------------------------
+    # -- what subclasses define ------------------------------------------------------------------
 
     @abstractmethod
     def _place(self, rule_degree: int, opposite: Opposite | None) -> None:
@@ -173,7 +173,7 @@ class ContactPoints(ABC):
         """Of the displacement that a trace has. Collective."""
 
     def _opposite_to(self, stencils: Stencils, opposite: Opposite) -> Stencils:
-        """Of what is opposite to the points of these stencils. Collective."""
+        """Positions opposite to the points of these stencils. Collective."""
         return self._stencils(opposite.at)
 
     @abstractmethod

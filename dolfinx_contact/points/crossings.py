@@ -45,7 +45,7 @@ def crossings(
 
     Args:
         V: displacement space.
-        surfaces: of one problem; only pairs whose faces match are looked at.
+        surfaces: of one problem; only pairs whose faces match are considered.
         fixed: local nodes x dim, by Dirichlet data.
 
     Returns:

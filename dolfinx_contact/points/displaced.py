@@ -10,8 +10,8 @@ and so is given
 in which dg/dx = -n where g is a distance, and dn/dx is then minus the Hessian of the distance
 (Wriggers, Computational Contact Mechanics, 2006, section 4.1). On a plane this is the gap of the
 reference configuration, for every jump. The tangential jump is j - (j.n) n at the present normal:
-of a point that has gone around a curve that is no slip, which is why friction is refused. Functions
-of the user in an obstacle are taken where the body was.
+of a point that has moved around a curve that is no slip, which is why friction is refused.
+Functions of the user in an obstacle are taken where the body was.
 
 Whatever a law is given, `TrueGaps` has how far the points are from the obstacle where they are now.
 """
@@ -69,7 +69,7 @@ def displaced_points(
         domain: mesh of the body.
         obstacle: that it may touch.
         law: at the points.
-        sliding: as the user wants it; None for the default.
+        sliding: as the user requires it; None for the default.
         linear: whether the body is linear.
         name: of the surface.
 
@@ -90,8 +90,8 @@ def displaced_points(
         (points.method != "mixed", "gaps of mixed contact are averages around nodes; take another"),
         (
             STICK not in law.codes,
-            "there is no friction yet. The slip of a point is the way that it has gone along a "
-            "normal that has turned meanwhile, and needs to be summed up in increments. Take "
+            "there is no friction yet. The slip of a point is the distance that it has moved along "
+            "a normal that has turned meanwhile, and needs to be summed up in increments. Take "
             "Frictionless() or a HalfSpace",
         ),
     ):
@@ -174,7 +174,7 @@ class DisplacedPoints:
 
 
 class TrueGaps:
-    """Distances of displaced contact points, compiled when first asked for.
+    """Distances of displaced contact points, compiled at first use.
 
     Args:
         u: displacement of the body.
@@ -191,7 +191,7 @@ class TrueGaps:
     def __call__(self) -> npt.NDArray[np.float64] | None:
         """Distances of the points of this rank (n,), negative inside. Collective.
 
-        None if the obstacle does not say (`obstacles.gap_at`).
+        None if the obstacle does not define it (`obstacles.gap_at`).
         """
         body = self._obstacle if isinstance(self._obstacle, RigidBody) else None
         if self._evaluate is None:

@@ -44,7 +44,7 @@ _MOVES = 1e-6  # a weight that is none of round-off
 def resting(
     V: fem.FunctionSpace, opposite: Opposite, fixed: npt.NDArray[np.bool_]
 ) -> npt.NDArray[np.bool_]:
-    """Local nodes x dim, True where neither a node moves nor what is opposite. Collective.
+    """Local nodes x dim, True where neither a node nor the point opposite moves. Collective.
 
     Args:
         V: displacement space.
@@ -78,7 +78,7 @@ def held_in_place(
 
 
 def in_place(opposite: Opposite, nodes: npt.NDArray[np.bool_]) -> Opposite:
-    """What is opposite, at some of the local nodes at their own places. Not collective."""
+    """The points opposite, at some of the local nodes at their own places. Not collective."""
     assert opposite.common is not None
     places = opposite.common.places
     chosen = nodes[opposite.rows >= 0][:, None]

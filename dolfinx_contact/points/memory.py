@@ -7,7 +7,7 @@ of a step from t_n to t_n+1 sees the jump
     j - (I - n n^T) j_n,
 
 whose normal part is total and whose tangential part is the increment since the accepted state n
-(implicit Euler in the slip velocity, to which rate-independent friction does not ask for the time).
+(implicit Euler in the slip velocity, for which rate-independent friction needs no time).
 n is the normal of now, and j the motion relative to what is touched, so that a rigid body that
 moves is subtracted.
 
@@ -44,8 +44,8 @@ class Memory:
         jump: j_n, the total jump at the last accepted state (n, dim), a length. Read-only.
         fields: of the law, as they were there, and what it keeps (n,), by name; of a law that
             depends on it the distance slipped until then, ``SLID`` of `laws.symbols`. Read-only.
-        step: time from that state to the one that is looked at.
-        gap: what stands for the gap in the law (n,), where it is about velocities; None elsewhere.
+        step: time from that state to the present one.
+        gap: what replaces the gap in the law (n,), where it is about velocities; None elsewhere.
     """
 
     jump: Array
@@ -66,7 +66,7 @@ class Memory:
         return lengths and self.jump.shape == (number, dim)
 
     def later(self, step: float) -> Memory:
-        """The same memory, looked at from a time later by ``step``."""
+        """The same memory at a time later by ``step``."""
         return replace(self, step=step)
 
     def reference(self, n: Array) -> Array:
@@ -80,7 +80,7 @@ class Memory:
 
 
 def with_memory(law: CompiledLaw, memory: Memory | None, data: PointData) -> PointData:
-    """What a law that looks at it is given at points; without a memory it is the static law."""
+    """What a law that uses it is given at points; without a memory it is the static law."""
     if memory is not None and memory.gap is not None:
         data = replace(data, gap=memory.gap)
     n, dim = data.n.shape

@@ -2,7 +2,8 @@
 r"""B at a state: from displacements to jumps at contact points, and from tractions to forces.
 
 Forces do the work of tractions, B^T W t . v = sum W t . (B v), with the areas W of the points. As
-long as what is opposite to a point stays opposite B is the same at every state. Where points slide
+long as each point keeps the same point opposite to it B is the same at every state. Where points
+slide
 on to other facets it is not: then the jumps that laws see may change by more than B v, and the
 forces of held tractions change with the displacement.
 

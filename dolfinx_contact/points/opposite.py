@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Facets of another body as what a surface may touch: which of their nodes lies opposite to which.
+"""Facets of another body that a surface may touch: which of their nodes is opposite to which.
 
 The surface whose facets carry the contact points is the *slave*, the facets opposite are the
 *master*. Where both have the same nodes, each at its place or across a gap, jumps are differences
@@ -68,7 +68,7 @@ class Common:
     Attributes:
         facets: local, of the slave, that this rank owns.
         cover: of these.
-        places: what lies opposite to the nodes at their own places; none where that is nothing.
+        places: the points opposite to the nodes at their own places; none where there are none.
     """
 
     facets: npt.NDArray[np.int32]
@@ -140,7 +140,7 @@ class OppositeFacets(Obstacle):
         gap: UFL or a number; None for that of the geometry.
         surface: the true shape of the master, of which gap and normal are taken at the nodes; None
             for that of its facets.
-        normal: a unit vector (dim,) along which the faces look at each other; None for those of the
+        normal: a unit vector (dim,) along which the faces face each other; None for those of the
             slave.
         interference: whether the bodies may overlap, as in a press fit.
         must_match: whether every node needs one opposite to it.
@@ -345,7 +345,7 @@ def _unlike_facets(
     master: npt.NDArray[np.int32],
     given: Array | None,
 ) -> str:
-    """How many facets of the slave have another size than what is opposite; "" if none. Collective.
+    """How many facets of the slave differ in size from the opposing ones; "" if none. Collective.
 
     Nodes of finer facets lie between those that have one opposite.
     """
@@ -436,7 +436,7 @@ def _means(
     rows[:] = 0.0
     for i in np.flatnonzero(on_slave[: index_map.size_local]):
         here = slice(indptr[i], indptr[i + 1])
-        # What has nothing opposite is opposite to itself, and has no jump.
+        # A node without a partner is its own partner, and has no jump.
         rows[i, :width] = index_map.local_range[0] + i
         rows[i, width] = 1.0
         if counts[i]:

@@ -61,14 +61,15 @@ class ContactPair(ContactSurface):
     everything that is written are those of the *slave*: n points from it to the master, tractions
     and forces are those on it, ``un`` and ``ut`` are gap and slip of the slave from the master.
 
-    Faces *match* where to every node of the slave one of the master lies opposite, at its place or
-    across a gap along the normal. Where a crack ends slave and master share nodes; these carry no
-    contact. Faces that do not match are coupled by a `mortar` at nodes, or in the integral method
-    at Gauss points of the parts that a facet of the slave and one of the master have in common;
-    mixed contact is refused. Nodes of the slave that have nothing opposite carry no contact either,
-    of its facets the covered part counts, and those of which less than 5 % is covered are dropped.
-    The slave should be the finer face, and not one whose nodes are all held; of two that are alike
-    the one that is smaller, softer or more curved, so that every point of it keeps something
+    Faces *match* where every node of the slave has one of the master opposite to it, at its place
+    or across a gap along the normal. Where a crack ends slave and master share nodes; these carry
+    no contact. Faces that do not match are coupled by a `mortar` at nodes, or in the integral
+    method at Gauss points of the parts that a facet of the slave and one of the master have in
+    common; mixed contact is refused. Nodes of the slave that have nothing opposite carry no contact
+    either, of its facets the covered part counts, and those of which less than 5 % is covered are
+    dropped. The slave should be the finer face, and not one whose nodes are all held; of two that
+    are alike the one that is smaller, softer or more curved, so that every point of it keeps
+    something
     opposite: the wheel, not the rail.
 
     Pairs may meet: the arms of cracks that cross, or the joints between several blocks. Where the
@@ -79,10 +80,10 @@ class ContactPair(ContactSurface):
     facets between a crossing and its end in the body, or the next crossing, in every method
     multipliers of degree 1, and faces that match.
 
-    Sliding and turning are small: what is opposite to a point stays opposite, along the normal of
+    Sliding and turning are small: a point keeps the point opposite to it, along the normal of
     the reference configuration, wherever the bodies go. A solve measures how far that is off
     (`Result.slidings`), and warns if a point that is closed, or carries something across a gap as
-    bonds do, has gone half a facet of the master, or half the face of the slave, along the master
+    bonds do, has moved half a facet of the master, or half the face of the slave, along the master
     or has left its face, if normals have turned by 3 degrees, or if a gap is off by 1e-3 of the
     size of the bodies; then nothing is proved either (`Result.unique`, `find_solutions`,
     `analysis.renard_criterion`, `analysis.stability_at_rest`). Histories, motions and paths measure
@@ -179,7 +180,7 @@ class ContactPair(ContactSurface):
         )
         #: How the bodies have slid and turned.
         self.motion = PairMotion(u, self.points, sides[0], sides[1])
-        #: What is opposite while no function of a node is given away.
+        #: The opposing points while no function of a node is given away.
         self._apart: Opposite = self.obstacle.opposite
         self._given_gap = ""
         if not interference and (gap is not None or surface is not None):

@@ -3,7 +3,7 @@ r"""How far the bodies of a pair have slid and turned since the reference config
 
 In small sliding a contact point has opposite to it what lay there in the reference configuration,
 along the normal n of then, so that its gap changes by -j.n, j the jump of the displacement from
-what was opposite. The facets of the master, displaced, tell what lies opposite now: the nearest
+what was opposite. The displaced facets of the master show which point is opposite now: the nearest
 place on them, the distance from it, and whether that is their edge. Facets of degree 2 and
 quadrilaterals are taken apart into simplices. Normals, means over the facets around a node, have
 turned by as much as the angle between them and that of the law has grown: that of two round faces
@@ -40,14 +40,14 @@ class Moved:
     """What has happened to the contact points of this rank since the reference configuration.
 
     Attributes:
-        distance: along the surface, relative to what was opposite (n,).
+        distance: along the surface, relative to the point that was opposite (n,).
         facet: width of the facet of the master that was opposite (n,).
         beyond: how far the point is beyond the edge of the master, more than it was (n,).
         turn: by how much the normal of slave or master there is farther from that of the law, an
             angle in radians (n,).
         opened: by how much the point is farther from the master, along its normal (n,).
         linear: the same of the law, -j.n (n,).
-        facing: whether a facet of the master lies opposite now (n,).
+        facing: whether a facet of the master is opposite now (n,).
     """
 
     distance: Array

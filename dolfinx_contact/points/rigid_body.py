@@ -70,7 +70,7 @@ class RigidBody(Obstacle):
             Constants.
 
     Raises:
-        ValueError: if something is said twice, or nothing, of a component, or a value is no finite
+        ValueError: if a component is given twice or not at all, or a value is no finite
             number and no UFL scalar.
         AttributeError: where attributes are set afterwards.
     """
@@ -116,7 +116,7 @@ class RigidBody(Obstacle):
         missing = [c for c in self.components if c not in known]
         if missing:
             raise ValueError(
-                f"{name}: nothing is said of {', '.join(missing)}: a component has a load or a "
+                f"{name}: not given: {', '.join(missing)}: a component has a load or a "
                 "motion, or is named in free or held"
             )
         prescribed = {**motions, **zeros[1]}
@@ -178,7 +178,7 @@ class RigidBody(Obstacle):
             refuse_other_mesh(e, domain, f"{self.name}: what is given for {component}")
 
     def gap_of(self, domain: mesh.Mesh, x: Any) -> Any | None:
-        """UFL gap at a UFL point where the body is since `place`; None if the shape does not say.
+        """UFL gap at a UFL point where the body is since `place`; None if the shape has none.
 
         The rotation is that of a finite angle.
         """

@@ -71,14 +71,14 @@ def ranks_nearby(
     wanted: Array,
     which: Callable[[Array, Array], npt.NDArray[np.bool_]],
 ) -> tuple[list[npt.NDArray[np.intp]], cKDTree | None]:
-    """The places that every rank is asked about, and this rank's known ones as a tree. Collective.
+    """The places about which each rank is queried, and its known ones as a tree. Collective.
 
     Args:
         comm: communicator.
         known: places of this rank.
         wanted: places (n, dim).
         which: of distances of ``wanted`` to the nearest and farthest point of the box around the
-            known places of each rank (ranks, n), NaN of ranks that have none, whom to ask.
+            known places of each rank (ranks, n), NaN of ranks that have none: the ranks to query.
     """
     box = np.full((2, wanted.shape[1]), np.nan)
     if len(known):

@@ -283,7 +283,7 @@ class ContactSurface(ReadOnly):
     def update_geometry(self) -> None:
         """Evaluate what is given on the surface anew, after an obstacle has moved. Collective.
 
-        The equations do it by themselves, so that only what is looked at without them (gaps,
+        The equations do it by themselves, so that only what is evaluated without them (gaps,
         normals) needs it. The ghosts of Functions in law and obstacle follow their owners.
         """
         self._scatter()
@@ -367,7 +367,7 @@ class ContactSurface(ReadOnly):
 
     @property
     def opposite_nodes(self) -> Opposite | None:
-        """What lies opposite to the nodes, the same at every state; None without another body.
+        """The points opposite to the nodes, the same at every state; None without another body.
 
         Raises:
             ValueError: on every rank, if that changes with the displacement.
@@ -384,7 +384,7 @@ class ContactSurface(ReadOnly):
             values: at the nodes of the displacement (n, ...), of which the owned ones count.
 
         Raises:
-            ValueError: on every rank, if what lies opposite changes with the displacement.
+            ValueError: on every rank, if the points opposite change with the displacement.
         """
         opposite = self.opposite_nodes
         if opposite is None:

@@ -40,7 +40,7 @@ def exterior_facets(
     """Facets of a surface on this rank, ghosts included, whichever rank the user named them on.
 
     Every rank gives facets of the same kind, MeshTags or indices. Indices do not tell which mesh
-    they number: those of another one are taken for facets of this one.
+    they number: those of another one would be read as facets of this one.
 
     Raises:
         ValueError: on every rank, if there is no such facet, one lies inside the body, or the

@@ -207,7 +207,7 @@ class BranchRecord(ProblemRecord[Journal]):
         norm = self._norm(point.y, state)
         entry = entry_of(self.system, index, point, step.special, norm)
         if index < len(recorded):
-            if starts:  # what lies before it is not looked at again
+            if starts:  # what lies before it is not checked again
                 entry = replace(entry, special=recorded[index].special)
             self._compare(branch, recorded[index], entry)
             return

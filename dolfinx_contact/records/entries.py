@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What lines of journals say of points, states, nodes and ends: written and read here alone.
+"""Lines of journals for points, states, nodes and ends: written and read here alone.
 
 A field of these dataclasses is a key of a line, in the order of the lines.
 """

@@ -2,7 +2,7 @@
 """The record of an evolution on the disk, from which a killed run is resumed; see `StepsRecord`.
 
 Beside what all have a state has the Functions that its evolution keeps, as velocities. Steps that
-were found together, on the way to a jump, do not say how the run continues: they are found once
+were found together, on the way to a jump, do not suffice to continue the run: they are found once
 more.
 """
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Journals of branches, of evolutions and of paths, and their reader.
 
-All have one form on the disk (`lines.py`); a kind says which lines there are and what is in them.
-Of branches every one has a line where it begins, a line for every point and a line where it ends;
-of diagrams there are lines for nodes and edges, too.
+All have one form on the disk (`lines.py`); its kind decides which lines there are and what is in
+them. Of branches every one has a line where it begins, a line for every point and a line where it
+ends; of diagrams there are lines for nodes and edges, too.
 Of evolutions and paths there are a line for the start, one where a run begins, one for every
 accepted step, and one where a run ends.
 """
@@ -367,7 +367,7 @@ def read_journal(folder: str | os.PathLike[str]) -> Journal | EvolutionJournal |
         ValueError: if it is damaged, no journal, or one of something that is not known.
     """
     data = (Path(folder) / FILE_NAME).read_bytes()
-    name = kind_of(data) or Journal.kind  # what does not say it is refused as any of them
+    name = kind_of(data) or Journal.kind  # what has no kind is refused as any of them
     if name not in _KINDS:
         known = ", ".join(_KINDS)
         raise ValueError(f"{folder} has the journal of {name}; known are those of {known}")

@@ -42,7 +42,7 @@ class _Kept:
     """A Function of which values are kept.
 
     Attributes:
-        place: where it stands, in words.
+        place: where it occurs, in words.
         function: it.
         least: what is no difference in any case.
         known: its owned values when they were kept last, or compared.

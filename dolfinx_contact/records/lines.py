@@ -192,7 +192,7 @@ def parse(data: bytes, kind: type[J], folder: Path | None = None) -> J:
 
 
 def kind_of(data: bytes) -> str | None:
-    """Of what the journal in ``data`` is, by its first line; None if that does not say it."""
+    """Of what the journal in ``data`` is, by its first line; None if that has no kind."""
     first, _, _ = data.partition(b"\n")
     try:
         found = _decode(first).get("of")
@@ -216,7 +216,7 @@ def _decode(line: bytes) -> dict[str, Any]:
 
 
 def _number(entry: dict[str, Any]) -> Any:
-    """A number that is not finite, if ``entry`` stands for one."""
+    """A number that is not finite, if ``entry`` encodes one."""
     return float(entry["float"]) if list(entry) == ["float"] else entry
 
 

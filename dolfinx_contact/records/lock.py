@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""One run at a time records to a folder; the lock says which.
+"""One run at a time records to a folder; the lock names it.
 
 The lock is that of ``flock`` on the journal, which ends with its holder, whatever ends that. A
 note beside the journal names the processes of the run: ranks that outlive a killed ``mpirun`` wait

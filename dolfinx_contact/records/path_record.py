@@ -154,7 +154,7 @@ class PathRecord(StepsRecord[PathJournal, PathState]):
         )
 
     def begin(self, task: PathTask, state: PathState) -> None:
-        """A run begins; nothing is to be said of one that continues. Collective.
+        """A run begins; of one that continues nothing is recorded. Collective.
 
         Raises:
             ValueError: on every rank, if it does not begin where the record ends, or is not the one
@@ -210,7 +210,7 @@ class PathRecord(StepsRecord[PathJournal, PathState]):
 
 
 def _task(words: Mapping[str, Any]) -> PathTask:
-    """The task of a run, as the journal says it."""
+    """The task of a run, as the journal has it."""
     low, high = words["gamma_range"]
     return PathTask(
         **dict(words) | {"gamma_range": (low, high), "control": StepControl(**words["control"])}

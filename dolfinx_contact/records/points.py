@@ -158,7 +158,7 @@ def _check_names(functionals: Mapping[str, Functional]) -> None:
 
 
 def _kind(problem: ContactProblem, name: str, f: Functional) -> str:
-    """What a functional says, the same on ranks that mean the same."""
+    """The content of a functional, equal on ranks that mean the same."""
     if isinstance(f, ufl.Form):
         if f.arguments():
             raise ValueError(f"the functional {name!r} must be a scalar form")

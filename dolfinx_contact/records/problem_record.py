@@ -251,7 +251,7 @@ class ProblemRecord(Observer, Generic[J]):
         self.journal.sessions.append(session)
 
     def _keep_data(self, data: KeptData | None) -> dict[str, Any]:
-        """Keep the nodes of the mesh, and data; what the journal says of it. Collective."""
+        """Keep the nodes of the mesh, and data; their entry in the journal. Collective."""
         kept = {} if data is None else data.changed()
         functions = {"nodes": nodes_of(self.problem), **kept}
         total = self._checkpoints.write(_DATA, {}, functions=functions)

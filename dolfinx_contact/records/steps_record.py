@@ -4,8 +4,8 @@
 A record is a folder with the journal (`journal.py`: energies and statuses of every
 accepted step) and a checkpoint of every step: displacement, multipliers, rigid bodies, statuses and
 memory. All of a step is on the disk before the next one is computed. Resumed, on any number of
-ranks, a run continues from the last step that says how. Those recorded beyond it are computed once
-more, must coincide with the record, and are not recorded again.
+ranks, a run continues from the last step that suffices for it. Those recorded beyond it are
+computed once more, must coincide with the record, and are not recorded again.
 """
 
 from __future__ import annotations
@@ -188,17 +188,17 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         """The state of a run at a recorded state, which has been put into the problem. Collective.
 
         Args:
-            state: what the journal says.
+            state: its entry in the journal.
             vectors: that were kept.
             found: arrays at the points.
             first: whether statuses at the state are not known.
         """
         raise NotImplementedError
 
-    # -- what a run tells ------------------------------------------------------------------------
+    # -- events of a run --------------------------------------------------------------------------
 
     def begin(self, task: Any, state: S) -> None:
-        """A run begins; nothing is to be said of one that continues. Collective.
+        """A run begins; of one that continues nothing is recorded. Collective.
 
         Raises:
             ValueError: on every rank, if this is closed, or it does not begin where the record
@@ -333,7 +333,7 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
 
         Args:
             run: that has not ended.
-            known: indices of the states that say how it continues, beside that where it begins.
+            known: indices of the states that suffice to continue it, beside that where it begins.
         """
         indices = (*reversed(known), run.after)
         index, run_state = self._last_whole(indices, lambda i: (i, self._run_state(i)))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The outer surface of bodies in a record, by which it can be looked at without the problem.
+"""The outer surface of bodies in a record, by which it can be drawn without the problem.
 
 As it is before anything moves it is in one file, written at the beginning; where it is at a point
 or step is in a file of its own, in single precision, with the tables of contact points there in

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Journals of branches in memory: what a record says, without the disk."""
+"""Journals of branches in memory: the content of a record, without the disk."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ class GatheredPoints:
         bound: shear forces up to which Tresca's law holds points (m,); 0 for other laws.
         augmentation: stiffness with which Newton's method augments forces, force by length (m,).
         gap: distances to the obstacle where nothing moves, un there (m,).
-        reach: slips up to which sliding is small (m,): half a facet where what is opposite is
+        reach: slips up to which sliding is small (m,): half a facet where the opposing body is
             another body or curved, infinite on flat obstacles.
         guided: whether Dirichlet data prescribe tangential displacements of some.
     """
@@ -150,7 +150,7 @@ class PointLaws:
     groups: list[tuple[Places, LawAtPoints, PointData]]
 
     def classify(self, w: Array) -> npt.NDArray[np.int8]:
-        """Statuses that a state (m, 4) asks for."""
+        """Statuses that a state (m, 4) determines."""
         codes: npt.NDArray[np.int8] = np.full(self.number, OPEN, dtype=np.int8)
         for places, law, data in self.groups:
             T = self.frames[places]

@@ -4,7 +4,7 @@ r"""The body with some motions of its contact points held, factorised once.
     [ K   C^T ] [ u ]   [ b ]
     [ A    0  ] [ p ] = [ c ]
 
-with rows A that say which motions are held, and the forces C^T p that hold them (C = A for a
+with rows A that define which motions are held, and the forces C^T p that hold them (C = A for a
 support; other forces come with friction). Rows of Dirichlet data are put in. All that eliminates
 the body does it here: the condensed problem (`reduction`) and analyses of the body in contact.
 """
@@ -132,7 +132,7 @@ class HeldBody:
         fields: what moves; the order of the rows is that of the multipliers p.
         unit: of multipliers, of the size of the stiffness.
         prefix: of PETSc options.
-        counted: whether the matrix may be indefinite or singular, and its signs are asked for; by
+        counted: whether the matrix may be indefinite or singular, and its signs are required; by
             default without rows.
 
     Attributes:
@@ -158,7 +158,7 @@ class HeldBody:
         moving = sum(field.stiffness.getLocalSize()[0] for field in fields)
         self.sizes = [moving, *(A.getLocalSize()[0] for A in rows)]
         self.matrix = saddle(fields, unit)
-        # Alone the body's matrix may be indefinite or singular, and says so by its signs.
+        # Alone the body's matrix may be indefinite or singular, which its inertia shows.
         counted = not rows if counted is None else counted
         kind: dict[str, bool] = dict(symmetric=marked_symmetric(self.matrix), counted=counted)
         self._factor = Factor(self.comm, prefix, columns=True, **kind)

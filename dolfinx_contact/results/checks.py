@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """What is to be doubted in a state or a problem, measured and reported.
 
-- Gap and normal are those of the reference configuration, and so is what lies opposite on another
+- Gap and normal are those of the reference configuration, and so are the opposing points on another
   body. At the points of a curved obstacle or a pair the distance to it is measured where they are
-  now: the *misfit*; of pairs also how far they have gone along the other body, and turned.
+  now: the *misfit*; of pairs also how far they have moved along the other body, and turned.
 - det F = det(I + grad u) <= 0 where a hyperelastic body is turned inside out. Energies that do not
   grow without bound there (St Venant-Kirchhoff), and large Newton steps, let that pass.
 - An obstacle on the wrong side, or so far away that a friction bound given in advance acts on a
@@ -67,7 +67,7 @@ class Sliding:
 
     Attributes:
         misfit: a length, by which the gap of the law is off at the displaced contact points; None
-            if the obstacle does not say. At closed points, which the law has on the obstacle, the
+            if the obstacle has none. At closed points, which the law has on the obstacle, the
             distance by which they hang above or in it; at open points how deep they are in it,
             which the law does not see. Of a pair that of the slave from the displaced master, which
             counts by how much it is off by more than in the reference configuration, and at points
@@ -190,8 +190,8 @@ def _of_pair(
         whole = distance * face < moved_by * (1 + 1e-9)
         measure = "the whole face" if whole else "the facet that was opposite"
         reasons.append(
-            f"the point which was at {_shown(along)} has gone {moved_by:.3g} along the other body, "
-            f"{distance:.2g} of {measure}"
+            f"the point which was at {_shown(along)} has moved {moved_by:.3g} along the other "
+            f"body, {distance:.2g} of {measure}"
         )
     if beyond > _LARGEST_PART * s.points.mean_width:
         reasons.append(
@@ -208,7 +208,7 @@ def _of_pair(
     if not reasons:
         return Sliding(misfit, distance, turn)
     doubt = (
-        "the sliding is not small: what is opposite, gap and normal are those of the reference "
+        "the sliding is not small: opposing points, gap and normal are those of the reference "
         f"configuration; {'; '.join(reasons)}"
     )
     return Sliding(misfit, distance, turn, doubt)

@@ -87,7 +87,7 @@ def pair_balance(eq: ContactEquations, number: int, state: State) -> PairBalance
 
 
 def _apart(s: ContactSurface, x: npt.NDArray[np.float64]) -> float:
-    """The largest distance of a node of the slave from what lies opposite. Collective.
+    """The largest distance of a node of the slave from the point opposite. Collective.
 
     Args:
         s: the pair.

@@ -43,7 +43,7 @@ _T = TypeVar("_T")
 
 
 class Named(dict[str, _T]):
-    """What surfaces and bodies have, by their names; its errors say which names there are."""
+    """What surfaces and bodies have, by their names; its errors list the names there are."""
 
     def __missing__(self, name: object) -> NoReturn:
         known = ", ".join(map(repr, self)) or "none"
@@ -75,7 +75,7 @@ class Result:
         rigid_bodies: by name, how they move and what acts on them.
         prove: looks for a proof that there is no other solution, in so many seconds; see
             `uniqueness`.
-        theorems: finds what theorems say of the problem; see `theory`.
+        theorems: finds what theorems prove of the problem; see `theory`.
     """
 
     tables: dict[str, ContactTable]
@@ -170,7 +170,7 @@ class Result:
                 number or differ between ranks, or there are data by now that none can solve with.
         """
         if self.prove is None:
-            raise ValueError("uniqueness is looked at for results of ContactProblem.solve")
+            raise ValueError("uniqueness is examined for results of ContactProblem.solve")
         found = self.prove(proof_seconds)
         if self.doubts and found.verdict == "proved":
             # Of another problem than that of the bodies where they are now.
@@ -185,7 +185,7 @@ class Result:
         return self.uniqueness().verdict
 
     def theory(self) -> Theory:
-        """What theorems say of the problem, with the data as they are now. Collective.
+        """What theorems prove of the problem, with its present data. Collective.
 
         Raises:
             ValueError: if the result does not come from a solve.

@@ -43,7 +43,7 @@ class ContactTable:
         dim: 2 or 3.
         x: positions (n, dim).
         area: area (length in 2D) of each point.
-        un: gap; NaN where a node of a pair has nothing opposite.
+        un: gap; NaN where a node of a pair has no point of the master opposite to it.
         ut: tangential displacement (n, dim).
         increment: that since the last accepted step of an evolution (n, dim); else the same.
         n: normals (n, dim).

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Whether a solution is the only one, and what theorems say: what was found."""
+"""Whether a solution is the only one, and what theorems prove: what was found."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def checked_seconds(comm: MPI.Comm, proof_seconds: float) -> float:
 
 @dataclass(frozen=True)
 class Theory:
-    """What theorems say of the solutions of a discrete contact problem, whatever its loads.
+    """What theorems prove of the solutions of a discrete contact problem, whatever its loads.
 
     Attributes:
         exists: whether there certainly is a solution; False leaves it open.

@@ -80,7 +80,7 @@ class BodySolver:
         return ksp
 
     def __call__(self, load: Array, *, tolerance: float = _EXACT) -> Array:
-        """The displacement (owned,) under a load; of Dirichlet rows the displacement they ask for.
+        """The displacement (owned,) under a load; of Dirichlet rows the prescribed one.
 
         Args:
             load: owned rows.

@@ -118,7 +118,7 @@ def _multigrid(eq: ContactEquations) -> LinearSolver:
 
 
 def available_gigabytes(comm: MPI.Comm) -> float:
-    """Memory that is free on all hosts, 10^9 bytes; inf if they do not say. Collective."""
+    """Memory that is free on all hosts, 10^9 bytes; inf if they do not report it. Collective."""
     host = comm.Split_type(MPI.COMM_TYPE_SHARED)
     mine = 0.0
     if host.rank == 0:

@@ -189,7 +189,7 @@ def _scales_at(equations: ContactEquations, x: PETSc.Vec) -> Scales:
 
 def _scaled(contact: PointProblem, scales: Scales) -> PointProblem:
     """The reduced problem with the scales of a state of the body."""
-    # A body that contact holds everywhere does not move: then the load tells.
+    # A body that contact holds everywhere does not move: then the load decides.
     length = max(scales.length, float(np.abs(contact.free).max()))
     return replace(contact, force=scales.force, length=length)
 

@@ -3,7 +3,7 @@
 
 Eisenstat and Walker (SIAM J. Sci. Comput. 17, 1996, choice 2): the relative tolerance of step k is
 gamma (F_k / F_(k-1))^2, with their safeguard against a fall by accident. Guards for kinks: while
-points change their status the reduction of the residual says nothing about the model of the next
+points change their status the reduction of the residual shows nothing about the model of the next
 step, so that the tolerance stays at its largest value; where the residual finds no new minimum for
 some steps, or statuses cycle, that value shrinks, since it may be the inexactness that makes them
 change; and no step is solved beyond what the tolerance of the whole solve can use.

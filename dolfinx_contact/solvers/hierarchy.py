@@ -6,7 +6,7 @@ space, built from the stiffness with the nodes glued that were closed when it wa
 may move on: the surface filter corrects what the hierarchy gets wrong at the contact nodes.
 
 In a step of time mass may make the stiffness so well conditioned that a hierarchy is not worth its
-cost: then a short polynomial of it stands there instead.
+cost: then a short polynomial of it is used instead.
 """
 
 from __future__ import annotations

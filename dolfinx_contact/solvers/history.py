@@ -52,8 +52,8 @@ class Attempt:
         restless: per surface name, coordinates of points that changed status in the last step.
         limit: cost at which it gives up.
         evaluations: of the residual.
-        series: what else an algorithm reports, by name; one value an iterate where it says nothing
-            else.
+        series: what else an algorithm reports, by name; one value an iterate where it states
+            nothing else.
     """
 
     strategy: str

@@ -84,7 +84,7 @@ def solve(
         x0: start.
         monitor: called with every Newton iterate, on every rank.
         increments: of the load in the strategy of increments, to begin with.
-        progress: says where the solve is.
+        progress: shows where the solve is.
         expected: statuses, the likeliest first.
 
     Returns:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What Newton's method asks of a linear solver, and the direct one."""
+"""What Newton's method requires of a linear solver, and the direct one."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _DOUBTFUL = 1e-2  # relative residual of a linear solve beyond which it leads no
 
 
 class LinearSolver:
-    """What Newton's method asks of a linear solver.
+    """What Newton's method requires of a linear solver.
 
     Attributes:
         name: ``direct`` or ``amg``.
@@ -109,7 +109,7 @@ class LinearSolver:
         return ""
 
     def tighten(self) -> bool:
-        """Solve more exactly, if that has not been tried: statuses may cycle for want of it."""
+        """Solve more exactly, if that has not been tried: statuses may cycle otherwise."""
         return False
 
     def destroy(self) -> None:
@@ -135,7 +135,7 @@ class Direct(LinearSolver):
         ksp.setPostSolve(self._measure)
 
     def _measure(self, ksp: PETSc.KSP, b: PETSc.Vec, x: PETSc.Vec) -> None:
-        """Take the true residual: what a KSP looks at is that of its preconditioned system."""
+        """Take the true residual: what a KSP checks is that of its preconditioned system."""
         r = b.duplicate()
         self.matrix.mult(x, r)
         r.axpy(-1.0, b)

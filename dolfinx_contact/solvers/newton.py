@@ -51,7 +51,7 @@ class Newton:
 
     Attributes:
         load: part of the load that is applied.
-        held: statuses by which H is taken; None for those that iterates ask for.
+        held: statuses by which H is taken; None for those that iterates determine.
         most: steps after which a run ends wherever it is; None for no end but a solution.
         state: that was evaluated last.
     """
@@ -89,14 +89,14 @@ class Newton:
         self._guess: Statuses | None = None
         self._warm = False
         self._history: list[tuple[Statuses, float]] = []
-        #: Unknowns, and H there, that the line search asks for after the surface was put right.
+        #: Unknowns, and H there, that the line search needs after the surface was corrected.
         self._known: tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]] | None = None
 
     def _create(self) -> None:
         """Make the SNES. Collective.
 
         Raises:
-            ValueError: if the options ask for a solver that PETSc does not know, or that does not
+            ValueError: if the options name a solver that PETSc does not know, or that does not
                 solve contact problems with this linear solver.
         """
         given = self.equations.options
@@ -122,7 +122,7 @@ class Newton:
     def _show(self) -> None:
         """Show users the options and the outcome, without what takes memory. Collective.
 
-        What they look at (`ContactProblem.solver`) stays when this SNES, whose KSP holds a
+        What users read (`ContactProblem.solver`) stays when this SNES, whose KSP holds a
         factorisation, is freed at the end of a strategy.
         """
         shown = self.equations.snes

@@ -25,7 +25,7 @@ def diverged(equations: ContactEquations, x: PETSc.Vec) -> str:
     """Which motion is beyond all measure, in words; "" if none is. Collective.
 
     Where loads have no equilibrium a body slides away, and residuals that are relative to nodal
-    forces of such displacements say nothing any more.
+    forces of such displacements are meaningless.
     """
     parts = equations.blocks(x)
     values = np.array([np.max(np.abs(v), initial=0.0) for v in (parts[0], parts[-1])])

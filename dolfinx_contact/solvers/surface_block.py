@@ -31,7 +31,7 @@ class SurfaceSet:
         local: s among the local unknowns.
         nodes: number of those that are displacements.
         answered: which displacements may answer a multiplier of their own: those of the surfaces,
-            and not of what lies opposite.
+            and not of the opposing body.
         fixed: positions in s with Dirichlet data.
         of_all: s among all unknowns, an index set.
         of_body: its displacements in the numbering of the stiffness.
@@ -87,7 +87,7 @@ class SurfaceFactor(Factor):
 
 
 class SurfaceBlock:
-    """Solves with the block on s as it stands, displacements and multipliers together.
+    """Solves with the assembled block on s, displacements and multipliers together.
 
     It takes any coupling; where that is diagonal `condensation.CondensedBlock` is half its size.
     """

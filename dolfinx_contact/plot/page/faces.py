@@ -14,7 +14,7 @@ __all__ = ["PointsOnFace", "points_on_face"]
 Array = npt.NDArray[np.float64]
 Cells = npt.NDArray[np.int64]
 
-_NEAR = 12  # facets that are looked at for a point
+_NEAR = 12  # facets that are tried for a point
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,7 +4,7 @@
 A chart knows its solutions in cells; its curves of folds are where their number changes. Between
 the values of mu at which curves end or cross they lie one above the other, so that the regions are
 what lies between two of them in such a strip, joined with those beside where nothing lies between.
-What is found in the middles of the cells of a region is what is said of it.
+A region is described by what is found in the middles of its cells.
 """
 
 from __future__ import annotations
@@ -145,7 +145,7 @@ def _regions(
     near = [int(np.argmin(_apart(cell, middles, ranges))) for cell in cells]
     counts = []
     for cell_words, nearest in zip(found, near, strict=True):
-        # A cell that is too small to have been looked at is told by the nearest place.
+        # A cell too small to have been examined takes the state of the nearest place.
         sets = cell_words or Counter([words[nearest]])
         sizes: Counter[int] = Counter()
         for one, times in sets.items():

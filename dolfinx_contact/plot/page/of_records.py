@@ -146,7 +146,7 @@ def _of_steps(journal: EvolutionJournal) -> Scene:
     columns = {name: np.array([_number(row.get(name)) for row in rows]) for name in numbers}
     names = list(columns)
     if is_path:
-        # Its times are arc lengths; it is looked at over the load.
+        # Its times are arc lengths; it is plotted over the load.
         columns = {"arc" if name == "time" else name: values for name, values in columns.items()}
         names = ["gamma", "arc", *(name for name in columns if name not in ("gamma", "arc"))]
     scene = Scene(kind, "arc" if is_path else "time", names)

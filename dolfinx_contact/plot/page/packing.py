@@ -3,7 +3,7 @@
 
 A field of m states is sum_k c_k v_k, with the first modes of a singular value decomposition, block
 by block of states. Modes are whole numbers of 16 bits times a step, which is as large as the error
-allows; the error that is told is that of what the page decodes, measured at every vertex of every
+allows; the reported error is that of what the page decodes, measured at every vertex of every
 state. Numbers of the same kind are laid byte plane by byte plane, so that they deflate well.
 """
 
@@ -42,7 +42,7 @@ class Packed:
 
         Args:
             values: of 1, 2, 4 or 8 bytes an entry.
-            xor: whether every row (of the first axis) is told by its difference from the one
+            xor: whether every row (of the first axis) is stored as its difference from the one
                 before, bit by bit: for rows that are much the same.
         """
         little = np.ascontiguousarray(values, dtype=values.dtype.newbyteorder("<"))

@@ -33,7 +33,7 @@ class Mark:
     Attributes:
         index: of the point of the series at which it is shown.
         kind: of special point, as ``"fold"``.
-        text: what is said of it beside.
+        text: its description, shown beside it.
         at: values of columns that are known, by name.
         share: where it lies between the point before (0) and its own (1).
     """
@@ -115,7 +115,7 @@ class RegionShown:
         number: by which it is called, from 1.
         outlines: (mu, gamma) of the corners (n, 2) of the polygons that it consists of.
         solutions: sets of statuses that were found in it, the most frequent first.
-        proved: whether it is proved everywhere that was looked at that there are no others.
+        proved: whether it is proved at all places examined that there are no others.
         looked: at how many places.
         place: (mu, gamma) of its number.
     """
@@ -153,9 +153,9 @@ class Scene:
 
     Attributes:
         kind: of the record, in words.
-        along: name of the column that a series goes along: gamma, time, length.
+        along: name of the column over which a series is plotted: gamma, time, length.
         columns: names of all columns, those that are shown first in front.
-        functionals: those of them that the user asked for.
+        functionals: those of them that the user requested.
         series: in order.
         body: outer surface before anything moves; None if no displacement was recorded.
         states: where it is at the states, each read when it is called.
@@ -163,7 +163,7 @@ class Scene:
         chart: of two parameters, for a scene of nothing else.
         package: version that recorded it.
         unfinished: whether the record is still being written, or was cut off.
-        notes: what is to be said beside.
+        notes: remarks shown beside it.
     """
 
     kind: str

@@ -184,7 +184,7 @@ def watch(
         labels: of columns.
         units: of quantities.
         error: of displacements.
-        seconds: between two looks at the journal, and after which the page loads itself anew.
+        seconds: between two readings of the journal, and after which the page loads itself anew.
         report: is called with a sentence whenever a page was written, or there is nothing yet.
 
     Returns:
@@ -381,7 +381,7 @@ def _statuses() -> dict[str, dict[str, str]]:
 
 
 def _series(arrays: Arrays, scene: Scene, labels: Mapping[str, str]) -> dict[str, Any]:
-    """Columns of all series, one after the other, and what is said of each."""
+    """Columns of all series, one after the other, and their descriptions."""
     names = scene.columns
     whole = np.full((len(names), sum(len(s.statuses) for s in scene.series)), np.nan)
     series = []
@@ -420,7 +420,7 @@ def _finite(values: Mapping[str, float]) -> dict[str, float]:
 
 
 def _axes(scene: Scene, whole: npt.NDArray[np.float64]) -> list[str]:
-    """Columns of the diagram at first: what is gone along, and what changes beside."""
+    """Columns of the diagram at first: what is followed, and what changes with it."""
     across = "gamma" if "gamma" in scene.columns else scene.along
     others = [name for name in scene.columns if name not in (across, scene.along, "length")]
     rows = {name: whole[scene.columns.index(name)] for name in others}
@@ -461,7 +461,7 @@ def _chart(scene: Scene) -> dict[str, Any]:
 
 
 def _put_body(arrays: Arrays, words: dict[str, Any], scene: Scene, error: float) -> str:
-    """Put the body, its states and the tables of contact points into a page; what is to be said."""
+    """Put the body, its states and the tables of contact points into a page; notes for the page."""
     surface = scene.body
     assert surface is not None
     states = scene.states
@@ -513,7 +513,7 @@ def _field(
     read: Callable[[int], npt.NDArray[Any]],
     error: float,
 ) -> tuple[dict[str, Any], float]:
-    """Put a field into a page: what is said of it, its error over its largest value; that value."""
+    """Put a field into a page: its description, its error over its largest value; that value."""
     largest, low, high = largest_value(name, count, read)
     field = packed_field(arrays, name, count, read, error * largest)
     field["error"] = field["error"] / largest if largest > 0 else 0.0
