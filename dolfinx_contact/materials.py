@@ -180,8 +180,8 @@ def _in_space(A: Any, across: Any) -> Any:
 class Material(ReadOnly):
     """A bulk material; ``u`` is always the displacement, a vector Function (length).
 
-    Its energy is made of what it is given, and read-only then: moduli that are to change are
-    Constants, whose values the next solve takes.
+    Its data are read-only: moduli that are to change must be Constants, whose present values every
+    solve uses.
     """
 
     _instead: ClassVar[Mapping[str, str]] = {

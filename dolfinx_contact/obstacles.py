@@ -106,9 +106,9 @@ def _radius(domain: mesh.Mesh, value: Any) -> Any:
 class Obstacle(ReadOnly):
     """A rigid foundation, bound to a mesh by `on`.
 
-    What it is made of is read when a surface is made with it, and then read-only: what is to move
-    are Constants and Functions, whose values may be changed between two solves. Numbers and arrays
-    are copied.
+    Its data are read when a surface is made with it, and are read-only then: data that are to move
+    must be Constants or Functions, whose values may be changed between two solves. Numbers and
+    arrays are copied.
 
     An obstacle of your own defines `at`, or `on` alone; then nothing is known of it at displaced
     points: sliding has to be small, which is not checked.
@@ -175,7 +175,8 @@ class HalfSpace(Obstacle):
     Attributes:
         point: a point of the plane; numbers, of which a copy is kept, or a vector Constant, whose
             value may be changed later.
-        normal: of the plane, out of the obstacle towards the body; of any length. The same kinds.
+        normal: of the plane, out of the obstacle towards the body; of any length, given like
+            `point`.
     """
 
     point: npt.ArrayLike | fem.Constant
@@ -245,8 +246,8 @@ class LevelSet(Obstacle):
     distance.
 
     Attributes:
-        phi: takes the UFL position vector and returns a UFL scalar. Numbers in it are those that it
-            has when a surface is made; what is to move are Constants.
+        phi: takes the UFL position vector and returns a UFL scalar. Numbers in it keep the
+            values that they have when a surface is made; data that are to move must be Constants.
     """
 
     phi: Callable[[Any], Any]

@@ -134,7 +134,7 @@ class ContactProblem(ReadOnly):
         surfaces: contact surfaces of this body, each made with ``u``.
         bcs: Dirichlet conditions on the space of ``u`` or its components.
         r: augmentation parameter (stiffness per area), by default from the stiffness of the contact
-            nodes, taken anew by a solve that finds it changed more than tenfold. It changes the
+            nodes, computed anew by a solve that finds it changed more than tenfold. It changes the
             iterates, not the solution, but in the integral method, whose weak conditions contain it
             (a difference that vanishes with the mesh size).
         petsc_options_prefix: of the SNES.
@@ -330,13 +330,13 @@ class ContactProblem(ReadOnly):
     def solver(self) -> PETSc.SNES:
         """A SNES that shows how Newton's method is set, and how it ended. Collective when new.
 
-        Its options prefix, type and tolerances, and those of its KSP, are those by which a solve
-        goes (`petsc_options` and the command line); its reason, iterations and norm those of the
+        Its options prefix, type and tolerances, and those of its KSP, are those of a solve
+        (`petsc_options` and the command line); its reason, iterations and norm those of the
         last Newton run, of which a solve may need several (`Result.attempts` has all). It is the
         same object before and after solves, and collective only where it is used before the
         first one.
 
-        It is read-only: in every strategy a SNES of its own runs, and is freed with the
+        It is for inspection: in every strategy a SNES of its own runs, and is freed with the
         factorisation that it holds. So nothing that is set here changes a solve; `petsc_options`
         does. The relative tolerance is that of the measures of the residual (`equations.measures`),
         not of its norm.

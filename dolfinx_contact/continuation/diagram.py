@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Bifurcation diagrams: all branches that hang together, as a graph.
+"""Bifurcation diagrams: all branches that are connected, as a graph.
 
 From every start branches are followed in both senses of gamma. A branch ends at its first
 bifurcation, which becomes a node with all of its rays; from every ray that no branch has taken yet
-a new one sets out. A branch that comes to a node that is known takes the ray by which it comes, so
+a new one starts. A branch that comes to a node that is known takes the ray by which it comes, so
 that none is followed twice. Points and branches that are found again are merged.
 """
 

@@ -176,7 +176,7 @@ def find_solutions(
     Args:
         system: H with its pieces.
         guesses: states to start from, over and over until nothing new is found; at least one.
-            Beside the solutions that are found further ones are taken.
+            Further guesses are taken beside the solutions that are found.
         gamma: parameter.
         known: solutions that need not be found again.
         lengths: parts of the distance between a guess and a solution within which the solution

@@ -54,7 +54,7 @@ class AcceptedState:
         fields: values of displacement and multipliers, ghosts included.
         motions: of the rigid bodies.
         statuses: of the contact points; None where none are known, as before the first step.
-        shown: statuses that stand in the surfaces.
+        shown: statuses stored in the surfaces.
         memory: of the surfaces, for the step that begins here.
         data: Functions and Constants of the user.
         unknowns: all of them as lengths (owned).
@@ -109,8 +109,8 @@ def changes(comm: MPI.Comm, a: AcceptedState, b: AcceptedState) -> Array:
     Returns:
         The largest displacement of a node, a length, and `change`; between states of equilibrium
         then, surface by surface, the mean change of the jump at points that are not clamped, a
-        length, and that of the variable by which bonds weaken. Where points go one after the other,
-        each its way, such a mean over a time is the sum of those over its parts.
+        length, and that of the variable by which bonds weaken. Where points move one after the
+        other, such a mean over a time is the sum of those over its parts.
     """
     if not (isinstance(a, AtRest) and isinstance(b, AtRest)):
         return np.array([0.0, change(comm, a, b)])
@@ -197,7 +197,7 @@ class Stepper:
         self._progress = progress
 
     def start(self, time: float) -> AcceptedState:
-        """The state in the Functions, from which everything slips that will. Collective."""
+        """The state in the Functions, from which slips are counted. Collective."""
         eq = self.problem.equations
         with self._loaded(time):
             eq.remember([None] * len(eq.surfaces))

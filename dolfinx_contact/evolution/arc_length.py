@@ -79,9 +79,9 @@ def _check_run(a: Arguments) -> None:
 class ArcLength(Runnable[PathTask, PathState, PathHistory]):
     """The path of a contact problem with a memory under a load that is unknown.
 
-    It begins with the state in the problem's Functions, a solution under the load at which the
-    parameter has, and with the memory that is in the surfaces, as a `QuasiStatic` run leaves
-    it; without one, points slip from where they are, and bonds have the intensity of their law.
+    It begins with the state in the problem's Functions, a solution under the present value of the
+    parameter, and with the memory that is in the surfaces, as a `QuasiStatic` run leaves it;
+    without one, points slip from where they are, and bonds have the intensity of their law.
     Functions, statuses, parameter and memory follow the accepted points.
 
     Args:

@@ -46,7 +46,7 @@ class Energies:
 
     Attributes:
         external: work of loads, supports, rigid bodies and obstacles.
-        stored: by which the energy of the body and of compliant surfaces has grown.
+        stored: growth of the energy of the body and of compliant surfaces.
         dissipated: by friction.
         damage: dissipated by bonds that break.
     """
@@ -104,7 +104,7 @@ class SurfaceForces:
     """A contact surface at a state: forces of pressure, gaps (n,), normals, total jumps (n, dim).
 
     Attributes:
-        springs: forces of a surface that gives way, without adhesion; 0 of others (n,).
+        springs: forces of a compliant surface, without adhesion; 0 of others (n,).
         bonds: energies that bonds hold (n,).
         spent: energies that bonds have lost since the state before (n,).
     """

@@ -27,8 +27,9 @@ class EvolutionStep:
         result: tables, resultants and checks of its end.
         energies: since the start of the evolution.
         rejected: steps that were tried from the same state and not accepted.
-        jump: whether the state jumps in it: its end is a solution under the load of its end, which
-            memory does not lead to. What happens in between is no quasi-static evolution.
+        jump: whether the state jumps in it: its end is a solution under the load of its end, to
+            which no continuous evolution leads. What happens in between is no quasi-static
+            evolution.
         directions: number of solutions of the rate problem at its start that are known; more than
             one if other evolutions lead on from there. None if they were not looked for.
     """
@@ -91,7 +92,7 @@ class EvolutionStep:
 
 @dataclass
 class History(Ends):
-    """An evolution as far as it went.
+    """An evolution up to its last accepted state.
 
     Attributes:
         start: time at which it began.

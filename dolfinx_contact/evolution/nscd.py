@@ -5,11 +5,12 @@ The equation of motion is one of measures, in which impacts are impulses, and it
 velocities and impulses (Jean and Moreau). Steps are implicit, by the schemes of `body.moving` and
 the levels of `motion`; each is a contact problem of its own, solved as a static one.
 
-Which combination: a node with mass that hits is stopped at once, and what it had comes back as an
-oscillation of its force. Without mass at the nodes that may touch, theta = 1/2 and the gap in
-Signorini's law, which is the default, the energy of a linear body is kept and the force follows the
-waves. With mass there theta = 1/2 makes the force alternate from step to step, and larger theta, or
-theta-Euler, dissipate. At the velocity level a node without mass has no velocity to reflect.
+Which combination to choose: a node with mass that hits an obstacle stops at once, and its momentum
+returns as an oscillation of its force. Without mass at the nodes that may touch, theta = 1/2 and
+the gap in Signorini's law, which is the default, the energy of a linear body is kept and the force
+follows the waves. With mass there theta = 1/2 makes the force alternate from step to step, and
+larger theta, or theta-Euler, dissipate. At the velocity level a node without mass has no velocity
+to reflect.
 """
 
 from __future__ import annotations
@@ -122,17 +123,17 @@ class NSCD(Evolution):
         problem: the contact problem, with loads and Dirichlet data, without inertia.
         density: mass per volume (per area in 2D, of unit thickness): a number, Constant, Function
             or UFL expression of the coordinates. Of a body of revolution that of its volume. It
-            stays what it is here: a run in which it changes is refused.
+            must not change: a run in which it does is refused.
         dt: length of a step, a time.
         load: called with a time, on every rank, sets Constants and Functions of the problem's data
-            to what they are then; by default they stay.
+            to their values at that time; by default they stay.
         velocity: at the first time, a Function of the displacement's space; by default at rest. It
             is to be that of the Dirichlet data where these hold the body: 0 where they stay.
         scheme: ``"theta"``, ``"theta-euler"`` or ``"modified-theta"`` (`body.moving`).
         theta: weight of the end of a step, 1/2 to 1.
         level: ``"position"``, Signorini's law of the gap, or ``"velocity"``, Moreau's law of impact
-            of velocities, under which points come to rest within the obstacle by up to a step's
-            way (`motion`).
+            of velocities, under which points come to rest within the obstacle by up to the
+            distance of a step (`motion`).
         mass: ``"consistent"``, ``"lumped"`` or ``"redistributed"``, without mass at the nodes that
             may touch (`body.inertia`). That keeps the whole mass and moves its centre by a part of
             a cell, so that a body that floats turns a little under a uniform force, less on finer
@@ -142,8 +143,8 @@ class NSCD(Evolution):
         damping: forces affine in the velocity, as of a viscoelastic body: a UFL form in
             ``velocity`` and a test function, or in a trial and a test function; or a pair (a, b)
             of numbers or scalar Constants for Rayleigh's a M + b K, a per time, b a time. K is
-            that of the undeformed body, M consistent. What a form has at no velocity, as that of a
-            wind, c (v - w), is a load.
+            that of the undeformed body, M consistent. The part of a form at zero velocity, as that
+            of a wind, c (v - w), is a load.
             A form that holds the displacement is refused, and one with kinks or jumps in the
             velocity (dry friction, which is a law of a contact surface).
             Like the density its factors stay: a run in which a Constant or Function in them (for
@@ -253,7 +254,7 @@ class NSCD(Evolution):
             NoContinuation: if a step is not solved, however short; the problem is at the last
                 accepted state.
             ValueError: on every rank, for arguments that do not fit, a point that is within an
-                obstacle at the start, or data of which none can be solved with; what ``load``,
+                obstacle at the start, or data that cannot be solved with; what ``load``,
                 ``accept``, ``stop`` or ``observer`` raises on any rank.
             OSError: on every rank, if a step cannot be recorded.
         """
@@ -279,9 +280,9 @@ class NSCD(Evolution):
 
         Args:
             max_time: after which this ends in any case.
-            rest: share of the largest kinetic energy on the way, below which the body is at rest
-                when that has been so for ten steps, and for longer than a body stays below it that
-                turns back, as one that is thrown up: 4 sqrt(rest) of the time since the start.
+            rest: share of the largest kinetic energy so far. The body is at rest when its energy
+                has stayed below that for ten steps, and for 4 sqrt(rest) of the time since the
+                start, which is longer than a body stays below it that turns back, as one thrown up.
             observer: called with every accepted step.
             progress: see `run`.
 

@@ -67,7 +67,7 @@ class QuasiStatic(Evolution):
     """The quasi-static evolution of a contact problem under a load that depends on time.
 
     It begins with the state in the problem's Functions, a solution under the load at the first
-    time: points slip from where they are there. A surface drags what touches it only where it is
+    time: slips are counted from there. A surface drags what touches it only where it is
     another body or a `RigidBody`; of an obstacle that moves by Constants friction sees the motion
     along the normal alone.
     Functions, statuses, data and memory of the problem follow the accepted steps. The memory stays
@@ -77,8 +77,8 @@ class QuasiStatic(Evolution):
     Args:
         problem: the contact problem.
         load: called with a time, on every rank, sets Constants and Functions of the problem's data
-            to what they are then. It is called again for times that were tried before, and keeps
-            nothing of what it saw.
+            to their values at that time. It is called again for times that were tried before, and
+            must not depend on earlier calls.
 
     Raises:
         ValueError: on every rank, if arguments do not fit.
@@ -133,15 +133,15 @@ class QuasiStatic(Evolution):
                 what was tried. A step that was not solved proves nothing: shorter ones are tried
                 from the same state. Data that leap in time are no jump: that is one of the state
                 under data that change little.
-            sudden: 1 or more, times the rate at which the state changed in the step before, beyond
-                which a step is searched for a jump; ``inf`` for never, 1 for the most. It is the
-                rate of all unknowns, or of the points of a surface, their mean or the farthest one,
-                which count if they are more than half as fast as the body was. A step in
+            sudden: a factor, 1 or more: a step is searched for a jump if the state changes in it
+                faster than this times its rate in the step before; ``inf`` for never. Rates are
+                those of all unknowns, and of the points of each surface (their mean, the farthest
+                one), which count if they are more than half as fast as the body was. A step in
                 which a bond loses more than a quarter of what the strongest had, and the first
                 one, are searched in any case, unless it begins with a state that is no solution.
-                That takes some steps more; if there is no jump they are kept only where shorter
-                steps lead to another solution. A jump that is a tenth or less of what happens in
-                such a step passes, and so does one that makes it no faster than that.
+                A search takes some more steps; if there is no jump they are kept only where shorter
+                steps lead to another solution. Not found are jumps that are a tenth or less of the
+                change in such a step, and those by which it is no faster than the limit.
             rays: whether all solutions of the rate problem are looked for, and counted in
                 `EvolutionStep.directions`: True where every step begins, in 2D with contact at
                 nodes; False no more than it takes to continue; None, the default, up to sixteen
@@ -165,7 +165,7 @@ class QuasiStatic(Evolution):
 
         Raises:
             NoContinuation: see ``at_jump``; the problem is at the last accepted state.
-            ValueError: on every rank, for arguments that do not fit, or data of which none can be
+            ValueError: on every rank, for arguments that do not fit, or data that cannot be
                 solved with; what ``load``, ``accept``, ``stop`` or ``observer`` raises on any rank.
             OSError: on every rank, if a step cannot be recorded.
         """

@@ -211,7 +211,7 @@ class Internal:
 
 
 class Bond(NamedTuple):
-    """What a law with a memory makes of a state beside its answer.
+    """What a law with a memory gives at a state beside its traction.
 
     Attributes:
         after: UFL by the names in `Law.memory`: their values once the state is accepted.

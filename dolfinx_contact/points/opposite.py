@@ -84,7 +84,7 @@ class Opposite:
         rows: for every local node of the displacement the row of what follows, -1 off the surface.
         nodes: global nodes (rows, k).
         weights: of them (rows, k); of no weight are copies of any node.
-        none: local nodes that have nothing opposite, or themselves.
+        none: local nodes without a point opposite, or with themselves.
         areas: of the local nodes at corners of facets, of the covered part; None where faces
             match.
         sides: which local nodes lie on slave and master.

@@ -69,8 +69,7 @@ class ContactPair(ContactSurface):
     either, of its facets the covered part counts, and those of which less than 5 % is covered are
     dropped. The slave should be the finer face, and not one whose nodes are all held; of two that
     are alike the one that is smaller, softer or more curved, so that every point of it keeps
-    something
-    opposite: the wheel, not the rail.
+    something opposite: the wheel, not the rail.
 
     Pairs may meet: the arms of cracks that cross, or the joints between several blocks. Where the
     jumps at such a place go around, one of them depends on the others (`points.crossings`), and a
@@ -81,15 +80,15 @@ class ContactPair(ContactSurface):
     multipliers of degree 1, and faces that match.
 
     Sliding and turning are small: a point keeps the point opposite to it, along the normal of
-    the reference configuration, wherever the bodies go. A solve measures how far that is off
+    the reference configuration, wherever the bodies go. A solve measures the error of that
     (`Result.slidings`), and warns if a point that is closed, or carries something across a gap as
     bonds do, has moved half a facet of the master, or half the face of the slave, along the master
     or has left its face, if normals have turned by 3 degrees, or if a gap is off by 1e-3 of the
     size of the bodies; then nothing is proved either (`Result.unique`, `find_solutions`,
     `analysis.renard_criterion`, `analysis.stability_at_rest`). Histories, motions and paths measure
     every accepted step, and warn once a run; branches warn of the points that they put into the
-    problem, as the last one; charts and regions prove nothing where the way is too long. Make
-    facets larger than the way, start from a mesh in which the bodies lie where they will touch, or
+    problem, as the last one; charts and regions prove nothing where bodies slide too far. Make
+    facets larger than the slip, start from a mesh in which the bodies lie where they will touch, or
     take an obstacle for one of them.
 
     Args:
@@ -119,7 +118,7 @@ class ContactPair(ContactSurface):
 
     Raises:
         ValueError: on every rank, as `ContactSurface`; and if both faces have facets in common, do
-            not match where they have to, look the same way, touch at a node without matching, or
+            not match where they have to, have equal normals, touch at a node without matching, or
             overlap without ``interference``: by more than round-off where they match, else by more
             than 5 % of a facet, since facets of curved faces are chords; and if a given normal is
             more than 60 degrees off that of the slave. Of pairs that cross where nothing beside the

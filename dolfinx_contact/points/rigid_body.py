@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Rigid bodies as contact partners: obstacles that move as forces, moments or motions tell them.
+r"""Rigid bodies as contact partners: obstacles moved by forces, moments or prescribed motions.
 
 A rigid body has a few unknowns of its own, a displacement d and a rotation theta about a reference
 point X_0, both small: a material point X of it moves by

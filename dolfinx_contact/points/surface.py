@@ -91,7 +91,7 @@ def _compared(a: Arguments) -> dict[str, Any]:
 class ContactSurface(ReadOnly):
     """A part of the boundary that may touch an obstacle, with a law.
 
-    What it is made of is read once, and compiled: its attributes are read-only, but for `memory`
+    Its data are read once, and compiled: its attributes are read-only, but for `memory`
     and `statuses`. What may be changed between two solves are the values of Constants and
     Functions in law and obstacle. Numbers of the law have become Constants, in `law`; arrays and
     numbers of an obstacle are copied, so give Constants for what is to move.
@@ -294,7 +294,7 @@ class ContactSurface(ReadOnly):
         """Raise ``ValueError`` if gaps that were given are none as they are now. Collective."""
 
     def hold(self, fixed: npt.NDArray[np.bool_], crossing: npt.NDArray[np.bool_]) -> None:
-        """Take notice of what has no multiplier of its own. Collective.
+        """Store which nodes have no multiplier of their own. Collective.
 
         Args:
             fixed: local nodes x dim, by Dirichlet data.
@@ -350,7 +350,7 @@ class ContactSurface(ReadOnly):
         return self._displaced is None and isinstance(self.points.operator, ConstantOperator)
 
     def slide(self, *, linear: bool) -> None:
-        """Take notice of whether the body is linear, by which sliding is small. Collective.
+        """Store whether the body is linear; then sliding is small by default. Collective.
 
         Raises:
             ValueError: if sliding cannot be large where it has to.
@@ -373,7 +373,7 @@ class ContactSurface(ReadOnly):
             ValueError: on every rank, if that changes with the displacement.
         """
         if self.between_bodies:
-            self.constant_operator("what lies opposite to nodes")
+            self.constant_operator("the points opposite to nodes")
         opposite: Opposite | None = self.obstacle.opposite
         return opposite
 

@@ -97,7 +97,7 @@ class BranchRecord(ProblemRecord[Journal]):
             arguments differ between ranks. Nothing has been written then.
 
     Example:
-        Follow a branch with a record, and look at it::
+        Follow a branch with a record, and read it::
 
             push = {"push": ufl.dot(traction, u) * ds}
             with BranchRecord("output/branch", system, push) as record:

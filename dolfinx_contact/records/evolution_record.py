@@ -67,7 +67,7 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, RunState]):
             arguments differ between ranks. Nothing has been written then.
 
     Example:
-        Record a run, and look at it::
+        Record a run, and read it::
 
             with EvolutionRecord("output/path", evolution) as record:
                 history = evolution.run(times, record=record)

@@ -49,7 +49,7 @@ class PathRecord(StepsRecord[PathJournal, PathState]):
         OSError, ValueError: on every rank, as `EvolutionRecord`.
 
     Example:
-        Record a path, and look at it::
+        Record a path, and read it::
 
             with PathRecord("output/path", path) as record:
                 history = path.run(gamma_range=(0.0, 1.0), record=record)

@@ -5,7 +5,7 @@
   body. At the points of a curved obstacle or a pair the distance to it is measured where they are
   now: the *misfit*; of pairs also how far they have moved along the other body, and turned.
 - det F = det(I + grad u) <= 0 where a hyperelastic body is turned inside out. Energies that do not
-  grow without bound there (St Venant-Kirchhoff), and large Newton steps, let that pass.
+  grow without bound there (St Venant-Kirchhoff), and large Newton steps, do not prevent it.
 - An obstacle on the wrong side, or so far away that a friction bound given in advance acts on a
   free surface.
 """

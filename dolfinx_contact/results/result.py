@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """What a solve found: tables of contact points, resultants of all forces, and checks of the state.
 
-Contact and support are apart: no resultant, sum or energy of contact contains a reaction of
+Contact and support are separate: no resultant, sum or energy of contact contains a reaction of
 Dirichlet data.
 """
 
@@ -120,7 +120,7 @@ class Result:
         """Numbers of open, stuck, slipping and clamped points over all surfaces.
 
         Clamped are those without contact of their own: held by Dirichlet data, at the front of a
-        crack, or opposite to nothing.
+        crack, or without a point opposite.
         """
         return status.count("".join(t.status for t in self.tables.values()))
 
@@ -140,7 +140,7 @@ class Result:
 
     @property
     def doubts(self) -> dict[str, str]:
-        """By name of the surfaces on which the sliding is not small, in what way."""
+        """By name of the surfaces on which the sliding is not small, by how much."""
         return {name: s.doubt for name, s in self.slidings.items() if s.doubt}
 
     @property
@@ -167,7 +167,7 @@ class Result:
 
         Raises:
             ValueError: on every rank, if the result does not come from a solve, the seconds are no
-                number or differ between ranks, or there are data by now that none can solve with.
+                number or differ between ranks, or the present data cannot be solved with.
         """
         if self.prove is None:
             raise ValueError("uniqueness is examined for results of ContactProblem.solve")

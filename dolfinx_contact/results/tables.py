@@ -6,7 +6,7 @@ the body, ``pressure`` and ``shear`` the same per area. In 2D the scalars ``ut``
 ``shear`` are along t = (-n_y, n_x), n pointing from the body into the obstacle; in 3D they are
 norms.
 
-What Dirichlet data do to the body at a contact node is not contact: it is ``support``. Where they
+The reaction of Dirichlet data at a contact node is no contact force: it is ``support``. Where they
 fix one component of a node, the others may carry contact.
 """
 
@@ -51,8 +51,8 @@ class ContactTable:
         pressure: contact pressure.
         shear: tangential traction on the body (n, dim).
         letters: status, one letter a point: o, k, + or - (2D), s (3D); d of one without contact of
-            its own: held by Dirichlet data, at the front of a crack, where pairs cross, or opposite
-            to nothing.
+            its own: held by Dirichlet data, at the front of a crack, where pairs cross, or
+            without a point opposite.
         bound: radius of the friction disc, a force.
         support: reaction of Dirichlet data on the body at the node (n, dim), 0 in the components
             that none fix; zeros in the integral method, whose points are no nodes. A node that two
@@ -299,7 +299,7 @@ def violation(eq: ContactEquations, state: State, force: float, length: float) -
 def _letters(
     s: ContactSurface, found: ContactState, known: dict[str, npt.NDArray[np.float64]]
 ) -> npt.NDArray[np.str_]:
-    """Letters of the statuses; where nothing grips a closed point the sense of its motion."""
+    """Letters of the statuses; where a closed point has no friction the sense of its motion."""
     touching = closed(found.statuses)
     contact = without_damage(found.statuses)
     letters = np.where(touching, status.letters(s.dim)[contact], "o")
