@@ -118,7 +118,7 @@ def critical_friction(
 
     The friction of the law does not matter. A bulk that is not linear is taken at the displacement
     in the Functions. With more than 512 points only the coefficients of smallest size are computed,
-    and nothing is known of those beyond `CriticalFriction.known_up_to`: raise ``count``, or ask for
+    and nothing is known of those beyond `CriticalFriction.known_up_to`: raise ``count``, or take
     all with ``dense=True``.
 
     Args:

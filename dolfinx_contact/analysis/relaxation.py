@@ -186,7 +186,7 @@ class Relaxation:
         self._basic[r], self._nonbasic[j] = self._nonbasic[j], self._basic[r]
 
     def _multipliers(self, r: int, sign: float) -> Array:
-        """The y of the identity that the row stands for."""
+        """The y of the identity that the row represents."""
         m = self.m
         F = self.problem.friction
         v = np.zeros(len(self._up))

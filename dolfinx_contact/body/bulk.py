@@ -381,7 +381,7 @@ def check_jumps(form: ufl.Form, comm: MPI.Comm) -> None:
         comm: of the ranks, of which one warns.
 
     Raises:
-        ValueError: if one stands on interior facets without a side.
+        ValueError: if one occurs on interior facets without a side.
     """
     if all(_is_continuous(f) for f in form.coefficients()):
         return

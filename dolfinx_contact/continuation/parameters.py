@@ -45,8 +45,8 @@ class StepControl:
         corrections: most corrections of a step.
         tolerance: relative residual at which a point is accepted.
         kinks: how a branch passes them: ``"exact"`` every event is located, and a step ends there
-            (`ExactSteps`); ``"batched"`` a step may pass many events along which the branch goes
-            on without turning or branching, the others are located (`BatchedSteps`);
+            (`ExactSteps`); ``"batched"`` a step may pass many events along which the branch
+            continues without turning or branching, the others are located (`BatchedSteps`);
             ``"stepping"`` the step shrinks to its minimum before a kink and is then tried along
             the tangents beyond (`SteppingSteps`). None: batched where the system has many pieces
             (`System.has_many_pieces`), else exact.

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Steps at whose start the rate problem has several solutions, or other ones than the step before.
 
-Steps begin with the statuses of the step before. Where these do not hold, and elsewhere if it is
-asked for, all directions are looked for in which the state can continue (`step_rays`). Where no
+Steps begin with the statuses of the step before. Where these do not hold, and elsewhere on
+request, all directions are looked for in which the state can continue (`step_rays`). Where no
 step is found at all their statuses are tried.
 """
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""How far the bodies of a pair have slid and turned since the reference configuration.
 
-In small sliding a contact point has opposite to it what lay there in the reference configuration,
-along the normal n of then, so that its gap changes by -j.n, j the jump of the displacement from
-what was opposite. The displaced facets of the master show which point is opposite now: the nearest
+In small sliding a contact point keeps the point opposite to it in the reference configuration,
+along the normal n there, so that its gap changes by -j.n, j the jump of the displacement from that
+opposing point. The displaced facets of the master show which point is opposite now: the nearest
 place on them, the distance from it, and whether that is their edge. Facets of degree 2 and
 quadrilaterals are taken apart into simplices. Normals, means over the facets around a node, have
 turned by as much as the angle between them and that of the law has grown: that of two round faces

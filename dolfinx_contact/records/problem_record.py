@@ -56,8 +56,8 @@ class ProblemRecord(Observer, Generic[J]):
         folder: of the record, made if need be.
         problem: what it is of.
         kind: of the journal.
-        surface_displacement: whether that of the outer surface is kept at every point; not looked
-            at where a record is resumed, which continues as it began.
+        surface_displacement: whether that of the outer surface is kept at every point; not used
+            where a record is resumed, which continues as it began.
         resume: whether to continue a record that exists. Else there must be none.
 
     Attributes:
