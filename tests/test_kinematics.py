@@ -366,7 +366,7 @@ def test_what_needs_the_nodes_opposite_to_stay(what):
     (s,) = problem.surfaces
     ask(problem)
     s.points.operator = Sliding(s.points.operator)
-    with pytest.raises(ValueError, match=r"contact: the points opposite to nodes needs .* keep"):
+    with pytest.raises(ValueError, match=r"contact: the map to opposite nodes needs .* keep"):
         ask(problem)
 
 

@@ -766,7 +766,7 @@ PLANE = HalfSpace((0, 1), (0, -1))
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ({"load": {"y": -1.0}, "held": ["x"]}, "nothing is said of rz"),
+        ({"load": {"y": -1.0}, "held": ["x"]}, "not given: rz"),
         ({"load": {"y": -1.0}, "held": ["x", "y", "rz"]}, "y is given twice"),
         ({"load": {"y": np.nan}, "held": ["x", "rz"]}, "must be finite"),
         ({"load": {"z": -1.0}, "held": ["x", "y", "rz"]}, "unknown component 'z'"),

@@ -373,7 +373,7 @@ class ContactSurface(ReadOnly):
             ValueError: on every rank, if that changes with the displacement.
         """
         if self.between_bodies:
-            self.constant_operator("the points opposite to nodes")
+            self.constant_operator("the map to opposite nodes")
         opposite: Opposite | None = self.obstacle.opposite
         return opposite
 
