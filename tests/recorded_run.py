@@ -20,7 +20,9 @@ from dolfinx_contact.records import BranchRecord, resume
 CONTROL = StepControl(initial=0.01, maximum=0.01)
 
 
-def moved_block(comm, *, cell="quad", n=4, friction=0.3, method=None, degree=1, tilt=0.1):
+def moved_block(
+    comm, *, cell="quad", n=4, friction=0.3, method=None, degree=1, tilt=0.1, **options
+):
     """A hyperelastic block that is moved down and sideways by gamma until all of it slips."""
     domain = box(comm, n, cell)
     dim = domain.geometry.dim
@@ -35,9 +37,9 @@ def moved_block(comm, *, cell="quad", n=4, friction=0.3, method=None, degree=1, 
     surface = ContactSurface(
         u,
         facets(domain, dim - 1, 0.0),
-        obstacle=HalfSpace((*[0.0] * (dim - 1), -0.002), np.eye(dim)[-1]),
         law=Coulomb(friction),
         method=method,
+        **{"obstacle": HalfSpace((*[0.0] * (dim - 1), -0.002), np.eye(dim)[-1])} | options,
     )
     energy = NeoHookean(600.0, 400.0).energy(u) * ufl.dx
     problem = ContactProblem(energy, u, [surface], bcs=[fem.dirichletbc(top, held)])

@@ -78,6 +78,7 @@ def test_the_displacement_of_every_point(cell, degree, folder):
         np.testing.assert_allclose(state.u[top, 0], 0.02 * gamma**2, rtol=1e-6, atol=1e-12)
         np.testing.assert_allclose(state.u[top, dim - 1], down, rtol=1e-6, atol=1e-12)
         floor, moved, normals = state.obstacles["contact"]
+        assert floor.dtype == np.float64
         np.testing.assert_allclose(floor[:, dim - 1], -0.002, atol=1e-9)
         np.testing.assert_array_equal(moved, 0)
         np.testing.assert_allclose(abs(normals[:, dim - 1]), 1)

@@ -111,11 +111,12 @@ class SurfaceState:
     strain: npt.NDArray[Any] | None = None
 
     def arrays(self) -> Arrays:
-        """All of it as arrays by name, for a file; of single precision but for the tables."""
+        """All of it as arrays by name, for a file; the motion of the body of single precision."""
         found: Arrays = {"u": self.u.astype(np.float32)}
         found["obstacles"] = np.array(list(self.obstacles), dtype=np.str_)
         for i, values in enumerate(self.obstacles.values()):
-            found[f"obstacle_{i}"] = values.astype(np.float32)
+            # In double precision: gaps and displacements are small beside its coordinates.
+            found[f"obstacle_{i}"] = values
         if self.strain is not None:
             found["strain"] = self.strain.astype(np.float32)
         if self.tables is not None:

@@ -155,13 +155,14 @@ async function placesAt(state, scale) {
     if (!face.obstacle) continue;
     const w = await fieldAt(face.obstacle.field, state);
     const start = await array(face.obstacle.x);
-    const y = new Float32Array(3 * start.length / 3);
+    const way = await array(face.obstacle.way);
+    const y = new Float32Array(start.length);
     const size = 0.3 * META.body.size;
     const near = [];
     for (let i = 0; i < y.length / 3; i++) {
       let length = 0;
       for (let k = 0; k < 3; k++) {
-        const part = k < dim ? scale * w[dim * i + k] : 0;
+        const part = k < dim ? scale * (way[dim * i + k] + w[dim * i + k]) : 0;
         y[3 * i + k] = start[3 * i + k] + part;
         length += part * part;
       }

@@ -319,7 +319,7 @@ def page(
     else:
         words |= _series(arrays, scene, labels)
         if scene.body is not None:
-            notes.append(_put_body(arrays, words, scene, error))
+            notes += _put_body(arrays, words, scene, error)
     if scene.unfinished:
         notes.append("The record is being written, or its run was cut off.")
     words["notes"] = notes
@@ -460,8 +460,8 @@ def _chart(scene: Scene) -> dict[str, Any]:
 # -- bodies ----------------------------------------------------------------------------------------
 
 
-def _put_body(arrays: Arrays, words: dict[str, Any], scene: Scene, error: float) -> str:
-    """Put the body, its states and the tables of contact points into a page; notes for the page."""
+def _put_body(arrays: Arrays, words: dict[str, Any], scene: Scene, error: float) -> list[str]:
+    """Put the body, its states and the tables of contact points into a page; notes for it."""
     surface = scene.body
     assert surface is not None
     states = scene.states
@@ -494,15 +494,23 @@ def _put_body(arrays: Arrays, words: dict[str, Any], scene: Scene, error: float)
         "cells": arrays.add("body.cells", surface.cells.astype(np.int32)),
         "bounds": np.column_stack(ends).tolist(),
     }
+    hidden = []
     for number, name in enumerate(surface.contact):
         face = _face(arrays, scene, number, name, allowed)
         words["surfaces"].append(face)
+        if name in surface.obstacles and face["obstacle"] is None:
+            hidden.append(
+                f"The obstacle of {name} is not shown: it moves so much further than the body that "
+                f"a page cannot hold it to {100 * error:.2g} % of the largest displacement, or is "
+                "not finite."
+            )
     pressed = max(words["surfaces"], key=lambda face: face["traction"], default=None)
     words["body"]["start"] = pressed["pressed"] if pressed else len(states) - 1
-    return (
+    packing = (
         f"Errors of packing: {', '.join(errors)} of the largest one ({100 * error:.2g} % allowed), "
         "measured at all vertices of all points. Tables of contact points are exact."
     )
+    return [packing, *hidden]
 
 
 def _field(
@@ -611,11 +619,17 @@ def _tables(arrays: Arrays, scene: Scene, name: str, key: str, n: int) -> dict[s
     }
 
 
-def _obstacle(arrays: Arrays, scene: Scene, name: str, key: str, allowed: float) -> dict[str, Any]:
+def _obstacle(
+    arrays: Arrays, scene: Scene, name: str, key: str, allowed: float
+) -> dict[str, Any] | None:
     """The obstacle of a contact face: where it is beside the vertices of the face.
 
-    What is packed is the way from a vertex of the face before it moves to the obstacle there, so
-    that a gap is exaggerated as much as a displacement, and a closed one stays closed.
+    What a page holds is the way from a vertex of the face before it moves to the obstacle there, so
+    that a gap is exaggerated as much as a displacement, and a closed one stays closed. The way at
+    the first state, as long as the gap, is exact; what it changes by is packed.
+
+    Returns:
+        None if it cannot be packed with the error that is allowed, or is not finite.
     """
     surface = scene.body
     assert surface is not None
@@ -627,9 +641,18 @@ def _obstacle(arrays: Arrays, scene: Scene, name: str, key: str, allowed: float)
         floor, moved, _ = state.obstacles[name]
         return np.asarray(floor + moved - start[:, : floor.shape[1]])
 
-    field = packed_field(arrays, f"{key}.obstacle", len(scene.states), way, allowed)
+    first = way(0)
+    count = len(scene.states)
+    if not all(np.isfinite(way(i)).all() for i in range(count)):
+        return None
+    packed = Arrays()
+    field = packed_field(packed, f"{key}.obstacle", count, lambda i: way(i) - first, allowed)
+    if field["error"] > allowed:
+        return None
+    arrays.packed |= packed.packed
     return {
         "x": arrays.add(f"{key}.obstacle.x", start),
         "cells": arrays.add(f"{key}.obstacle.cells", surface.obstacles[name].astype(np.int32)),
+        "way": arrays.add(f"{key}.obstacle.way", first),
         "field": field,
     }
