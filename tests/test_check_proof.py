@@ -142,6 +142,7 @@ def test_files_that_are_no_proofs(stored, monkeypatch, capsys):
         stored.write_bytes(content)
         code, errors = status()
         assert (code, "is no proof" in errors) == (1, True)
+        assert "pickle" not in errors
     for name, value, words in (
         ("format", np.array("dolfinx_contact proof 2"), "of the format"),
         ("S", parts["S"].astype(np.float32), "no double numbers"),

@@ -317,6 +317,23 @@ def test_a_branch(cell, folder, no_library):
     COMM.barrier()
 
 
+def test_functionals_with_names_of_the_page(folder, no_library):
+    """What the user has named is shown under that name; what the page adds takes another."""
+    system, _ = moved_block(COMM)
+    functionals = {"distance": lambda p: 42.0, "series": lambda p: 43.0}
+    record(system, functionals, folder / "branch", max_steps=3)
+    plot.explorer(folder / "page.html", folder / "branch", labels={"distance": "far"})
+    if COMM.rank == 0:
+        page = read(folder / "page.html")
+        np.testing.assert_array_equal(page.column("distance"), [42.0] * 4)
+        np.testing.assert_array_equal(page.column("series"), [43.0] * 4)
+        along = np.cumsum(read_journal(folder / "branch").columns()["step"])
+        np.testing.assert_array_equal(page.column("distance along the branch"), along)
+        names = [c["name"] for c in page.meta["columns"]]
+        assert len(set(names)) == len(names)
+    COMM.barrier()
+
+
 def test_a_round_obstacle_and_small_displacements(folder, no_library):
     """Gaps that are long beside displacements are exact, and a page is made."""
     disc = Sphere((0.5, -0.602), 0.6)
@@ -630,6 +647,7 @@ def test_arguments_that_do_not_fit(branch, folder, no_library):
         (dict(error=0.0), "the error must be a number from"),
         (dict(error=float("nan")), "the error must be a number from"),
         (dict(counts=[3]), "what find_solutions returned"),
+        (dict(labels={"nothing": "x"}), "labels are of columns: 'nothing' is none; there are: gam"),
     ]:
         with pytest.raises(ValueError, match=message):
             plot.explorer(**{"file": file, "record": branch} | more)
@@ -758,6 +776,8 @@ def test_the_command(branch, folder, no_library, capsys):
         (["--label", "gamma"], "--label is NAME=VALUE, got 'gamma'"),
         (["--proof", "x=none.npz"], "--proof is GAMMA=FILE with a number"),
         (["--proof", "1=none.npz"], "there is no file none.npz"),
+        (["--proof", f"1={branch / FILE_NAME}"], "is no proof: it is no npz file\n"),
+        (["--label", "nothing=x"], "labels are of columns: 'nothing' is none"),
         (["--error", "7"], "the error must be a number from"),
     ]:
         assert main([*words, *more]) == 1

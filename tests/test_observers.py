@@ -15,7 +15,9 @@ from dolfinx import fem
 
 from dolfinx_contact.continuation import Ending, Observer, explore, follow
 from dolfinx_contact.continuation.layout import Layout
+from dolfinx_contact.plot.page.of_records import scene_of_record
 from dolfinx_contact.records import BranchRecord, PathRecord, read_journal, resume
+from dolfinx_contact.records.lines import FILE_NAME
 
 COMM = MPI.COMM_WORLD
 
@@ -211,6 +213,15 @@ def test_after_a_kill(folder):
     check(again, looks)
 
 
+def test_classes_are_no_observers():
+    system, _ = moved_block(COMM)
+    way = dict(gamma_range=(-0.1, 1.0), max_steps=1)
+    with pytest.raises(ValueError, match="Looks is a class: the observer must be an object"):
+        follow(system, start(system), 0.0, observer=Looks, **way)
+    with pytest.raises(ValueError, match=r"record must be a records\.BranchRecord"):
+        follow(system, start(system), 0.0, record=BranchRecord, **way)
+
+
 @pytest.mark.parametrize("route", ["steps", "pivoting"])
 def test_a_function_looks_on(route):
     """It is called as `stop` is, and with both ends; on one rank alone, too, and beside a class."""
@@ -388,6 +399,17 @@ def test_a_recorded_diagram(route, folder):
         assert gammas == [p.gamma for p in branch.points]
         assert journal.branches[number].ending is branch.ending
 
+    # Wherever the journal is cut, it says that it goes on; its last line is that all is over.
+    if COMM.rank == 0:
+        lines = (folder / "whole" / FILE_NAME).read_bytes().splitlines(keepends=True)
+        (folder / "cut").mkdir()
+        for count in range(4, len(lines) + 1):
+            (folder / "cut" / FILE_NAME).write_bytes(b"".join(lines[:count]))
+            scene = scene_of_record(folder / "cut")
+            assert scene.goes_on == (count < len(lines))
+            assert scene.kind.startswith("a diagram, ")
+    COMM.barrier()
+
     with BranchRecord(folder / "parts", triangle()) as record:
         explored(record, max_branches=2)
     part = read_journal(folder / "parts")
@@ -396,6 +418,14 @@ def test_a_recorded_diagram(route, folder):
     with BranchRecord(folder / "parts", triangle(), resume=True) as record:
         explored(record)
     again = read_journal(folder / "parts")
+    if COMM.rank == 0:  # the end of the first exploration is none any more once there is more
+        lines = (folder / "parts" / FILE_NAME).read_bytes().splitlines(keepends=True)
+        ends = [i for i, line in enumerate(lines, 1) if b'"type": "explored"' in line]
+        for count in range(ends[0], len(lines) + 1):
+            (folder / "cut" / FILE_NAME).write_bytes(b"".join(lines[:count]))
+            session = count == ends[0] + 1
+            assert scene_of_record(folder / "cut").goes_on == (count not in ends and not session)
+    COMM.barrier()
     assert again.edges == journal.edges
     assert again.explored == journal.explored
     assert [n.edges for n in again.nodes] == [n.edges for n in journal.nodes]

@@ -1,9 +1,12 @@
 """The record of branches: the journal, checkpoints, and runs that are killed and resumed."""
 
 import io
+import json
 import os
 import random
+import shutil
 import time
+import zlib
 from dataclasses import replace
 from importlib.util import find_spec
 
@@ -32,7 +35,14 @@ from dolfinx_contact.continuation import (
 from dolfinx_contact.continuation.walk import BranchProgress
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.plot import diagrams, draw_diagram
-from dolfinx_contact.records import BranchRecord, Journal, read_journal, resume, write_series
+from dolfinx_contact.records import (
+    BranchRecord,
+    Journal,
+    journal_of,
+    read_journal,
+    resume,
+    write_series,
+)
 from dolfinx_contact.records.identity import mesh_hash
 from dolfinx_contact.records.lines import FILE_NAME, FORMAT, JournalFile, parse
 
@@ -233,6 +243,64 @@ def test_a_damaged_line_is_an_error(whole, folder):
         assert not (path / "checkpoints").exists()
 
 
+def numbered(lines, numbers):
+    """Lines with other numbers, or with none, as earlier versions wrote them."""
+    found = []
+    for line, number in zip(lines, numbers, strict=True):
+        entry = {k: v for k, v in json.loads(line).items() if k not in ("crc", "line")}
+        entry |= {} if number is None else {"line": number}
+        body = json.dumps(entry)[:-1]
+        found.append(f'{body}, "crc": "{zlib.crc32(body.encode()):08x}"}}\n'.encode())
+    return found
+
+
+def test_a_line_that_is_missing_is_noticed(whole):
+    """Whichever it is, the last but one too, in whose place nothing else shows it."""
+    lines = (whole[0] / FILE_NAME).read_bytes().splitlines(keepends=True)
+    count = len(lines)
+    assert numbered(lines, range(1, count + 1)) == lines
+    for i in range(count - 1):
+        with pytest.raises(ValueError, match=r"line \d+ of the journal is damaged"):
+            parse(b"".join([*lines[:i], *lines[i + 1 :]]), Journal)
+    # An end that is told of the point before the one that it was of.
+    end = [b'{"type": "end", "branch": 0, "ending": "BUDGET", "reason": "", "crc": ""}']
+    at_its_place = [*lines[:8], *numbered(end, [9])]
+    assert parse(b"".join(at_its_place), Journal).branches[0].ending is Ending.BUDGET
+    beyond = [*lines[:8], *numbered(end, [10])]
+    with pytest.raises(ValueError, match=r"line 9 .*it was written as line 10: lines are missing"):
+        parse(b"".join(beyond), Journal)
+
+
+def test_journals_without_numbers_of_lines_are_read(whole, folder):
+    """And gone on with, from there with numbers."""
+    lines = (whole[0] / FILE_NAME).read_bytes().splitlines(keepends=True)
+    old = b"".join(numbered(lines, [None] * len(lines)))
+    require_same(parse(old, Journal), whole[2], tolerance=0)
+    if COMM.rank == 0:
+        shutil.copytree(whole[0], folder / "r")
+        (folder / "r" / FILE_NAME).write_bytes(old)
+    COMM.barrier()
+    resume(folder / "r", *moved_block(COMM))
+    found = (folder / "r" / FILE_NAME).read_bytes()
+    assert found.startswith(old)
+    session = json.loads(found[len(old) :])
+    assert (session["type"], session["line"]) == ("session", len(lines) + 1)
+
+
+@pytest.mark.parametrize("name", ["float", "distance", "series", "</script>\n"])
+def test_any_word_is_a_name(name, folder):
+    """Of a functional and of a surface, of finite numbers and of others."""
+    for kind, value in (("number", 42.0), ("nothing", float("nan"))):
+        system, _ = moved_block(COMM, name=name)
+        functionals = {name: lambda p, value=value: value}
+        record(system, functionals, folder / kind, max_steps=2)
+        journal = read_journal(folder / kind)
+        np.testing.assert_array_equal(journal.columns()[name], [value] * 3)
+        assert journal.places[name].shape == (5, 2)
+        resume(folder / kind, system, functionals, max_steps=3)
+        np.testing.assert_array_equal(read_journal(folder / kind).columns()[name], [value] * 4)
+
+
 # -- what is refused -------------------------------------------------------------------------------
 
 
@@ -273,6 +341,11 @@ def test_what_else_is_refused(whole, folder):
         resume(whole[0], system, {"force": recorded_run.force})
     with pytest.raises(ValueError, match="names of columns: gamma"):
         BranchRecord(folder / "new", system, {"gamma": recorded_run.force})
+    for name in (1, "", None, ("a", "b")):
+        with pytest.raises(ValueError, match="the name of a functional must be a word, got"):
+            BranchRecord(folder / "new", system, {name: recorded_run.force})
+        with pytest.raises(ValueError, match="the name of a functional must be a word, got"):
+            journal_of(system, [], {name: recorded_run.force})
     with pytest.raises(ValueError, match="every 1 or more"):
         BranchRecord(folder / "new", system, every=0)
     with pytest.raises(ValueError, match="neither a UFL form nor a function"):

@@ -23,6 +23,7 @@ contact, S^-1 p. Its file has
 from __future__ import annotations
 
 import os
+import zipfile
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -78,6 +79,8 @@ def load_points(file: str | os.PathLike[str]) -> PointProblem:
         ValueError: if it is no such file, or the numbers in it are no such problem.
     """
     path = Path(file)
+    if path.is_file() and not zipfile.is_zipfile(path):
+        raise ValueError(f"{path} is no npz file")
     try:
         with np.load(path, allow_pickle=False) as data:
             found: Arrays = dict(data)

@@ -26,6 +26,7 @@ import hashlib
 import itertools
 import json
 import sys
+import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -1039,6 +1040,8 @@ class Certificate:
         """
         if not Path(path).is_file():
             raise FileNotFoundError(f"there is no file {path}")
+        if not zipfile.is_zipfile(path):
+            raise InvalidCertificate(f"{path} is no proof: it is no npz file")
         try:
             with np.load(path, allow_pickle=False) as archive:
                 found = {name: archive[name] for name in archive.files}

@@ -143,8 +143,10 @@ ObserverLike: TypeAlias = Observer | Callable[[S], object]
 
 
 def is_observer(given: Any) -> bool:
-    """Whether something has the methods of an observer."""
-    return all(callable(getattr(given, name, None)) for name in _METHODS)
+    """Whether something has the methods of an observer; a class has them for what it makes."""
+    return not isinstance(given, type) and all(
+        callable(getattr(given, name, None)) for name in _METHODS
+    )
 
 
 def as_observer(given: Any) -> Observer:
@@ -156,6 +158,8 @@ def as_observer(given: Any) -> Observer:
     if is_observer(given):
         found: Observer = given
         return found
+    if isinstance(given, type) and issubclass(given, Observer):
+        raise ValueError(f"{given.__name__} is a class: the observer must be an object made of it")
     if callable(given):
         return _FunctionObserver(given)
     raise ValueError(

@@ -13,7 +13,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import asdict, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from petsc4py import PETSc
 
@@ -174,6 +174,11 @@ class BranchRecord(ProblemRecord[Journal]):
         super().close()
         for v in (self._x, self._mx):
             v.destroy()
+
+    def _append(self, entry: Mapping[str, Any]) -> None:
+        super()._append(entry)
+        if entry["type"] in ("branch", "point", "end", "node", "edge"):
+            self.journal.explored = Explored()  # the diagram goes on
 
     # -- Observer --------------------------------------------------------------------------------
 

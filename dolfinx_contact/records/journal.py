@@ -119,7 +119,7 @@ class Journal(Lines):
         branches: by number.
         nodes: bifurcations of a diagram, by number; none of branches that were followed one by one.
         edges: what its branches lead from and to, by their number.
-        explored: how the diagram ended.
+        explored: how the diagram ended; not at all if something was recorded since.
     """
 
     kind: ClassVar[str] = "branches"
@@ -132,6 +132,12 @@ class Journal(Lines):
     def functionals(self) -> list[str]:
         """Names of the functionals."""
         return list(self.header.get("functionals", []))
+
+    @property
+    def is_diagram(self) -> bool:
+        """Whether its branches are those of an exploration, which end at nodes."""
+        tasks = [branch.task for branch in self.branches.values()]
+        return bool(self.edges) or any(task is not None and task.to_node for task in tasks)
 
     def columns(self, branch: int | None = None) -> dict[str, npt.NDArray[Any]]:
         """All points as numpy arrays by name, of one branch or of all, in order.
@@ -232,6 +238,8 @@ class Journal(Lines):
         return self.branches[chosen].points
 
     def _take(self, kind: str, entry: dict[str, Any]) -> None:
+        if kind != "explored":
+            self.explored = Explored()
         if kind == "branch":
             if entry["branch"] in self.branches:
                 raise ValueError(f"branch {entry['branch']} begins twice")
@@ -251,6 +259,8 @@ class Journal(Lines):
             branch.end_with(EndEntry.of_line(entry))
         elif kind == "node":
             number = entry["node"]
+            if not 0 <= number <= len(self.nodes):
+                raise ValueError(f"node {number} follows after {len(self.nodes)} nodes")
             self.nodes[number : number + 1] = [JournalNode.of_line(entry)]  # anew when it changes
         elif kind == "edge":
             edge = JournalEdge.of_line(entry)

@@ -3,8 +3,8 @@
 
 The first line names the problem. A line is on the disk before what follows is computed, so that a
 run may be killed at any moment: at worst the last line lacks its end, and is not counted; a journal
-without a complete line counts as none. Every line ends with the CRC-32 of what is before it; a line
-that was damaged later is an error.
+without a complete line counts as none. Every line has its number, and ends with the CRC-32 of what
+is before it; a line that was damaged later, or lacks one before it, is an error.
 """
 
 from __future__ import annotations
@@ -69,7 +69,8 @@ class Lines:
         data: the checkpoint with the nodes of the mesh and, of branches, the values of Functions.
         sessions: one dictionary for every run that recorded: ranks, versions, time of its
             start, and the format of its ``checkpoints``, bp or npy.
-        length: of the file in bytes, without a last line that was not finished.
+        lines: number of them, without a last one that was not finished.
+        length: of these in bytes.
         torn: whether there is such a line.
         folder: of the record; None of what is in memory only.
     """
@@ -78,6 +79,7 @@ class Lines:
     header: dict[str, Any] = field(default_factory=dict)
     data: dict[str, Any] = field(default_factory=dict)
     sessions: list[dict[str, Any]] = field(default_factory=list)
+    lines: int = 0
     length: int = 0
     torn: bool = False
     folder: Path | None = None
@@ -136,6 +138,8 @@ class Lines:
             ValueError, KeyError, TypeError, IndexError: if it does not follow.
         """
         kind = entry.pop("type")
+        self.lines += 1
+        number = entry.pop("line", self.lines)  # earlier versions wrote none
         if (kind == "header") != (not self.header):
             raise ValueError("a journal has one header, as its first line")
         if kind == "header":
@@ -153,6 +157,8 @@ class Lines:
             self.sessions.append(entry)
         else:
             self._take(kind, entry)
+        if number != self.lines:
+            raise ValueError(f"it was written as line {number}: lines are missing before it")
 
     @property
     def is_empty(self) -> bool:
@@ -216,8 +222,12 @@ def _decode(line: bytes) -> dict[str, Any]:
 
 
 def _number(entry: dict[str, Any]) -> Any:
-    """A number that is not finite, if ``entry`` encodes one."""
-    return float(entry["float"]) if list(entry) == ["float"] else entry
+    """A number that is not finite, if ``entry`` encodes one.
+
+    What users have given the name "float" has no word under it.
+    """
+    word = entry.get("float")
+    return float(word) if len(entry) == 1 and isinstance(word, str) else entry
 
 
 def _plain(value: Any) -> Any:
@@ -307,7 +317,8 @@ class JournalFile(Generic[J]):
         Raises:
             OSError: with the path, if it cannot be written. What was written of it is cut off.
         """
-        line = _encode(entry)
+        number = self.journal.lines + 1
+        line = _encode({**entry, "line": number})
         length = self._file.seek(0, os.SEEK_END)
         try:
             while line:
@@ -316,6 +327,7 @@ class JournalFile(Generic[J]):
         except OSError as error:
             self._file.truncate(length)
             raise os_error(error, self._path) from None
+        self.journal.lines = number
 
     def close(self) -> None:
         """Close the file, which frees the lock. A new one without a line is removed."""

@@ -129,8 +129,8 @@ def compiled(
     """Functions that evaluate the functionals at the problem's Functions. Collective.
 
     Raises:
-        ValueError: on every rank, if a functional is neither a scalar form nor a function, has the
-            name of a column, or the functionals differ between ranks, in their order too.
+        ValueError: on every rank, if a functional is neither a scalar form nor a function, has no
+            name or that of a column, or the functionals differ between ranks, in their order too.
     """
     with everywhere(problem.comm, "the functionals"):
         _check_names(functionals)
@@ -141,6 +141,9 @@ def compiled(
 
 
 def _check_names(functionals: Mapping[str, Functional]) -> None:
+    for name in functionals:
+        if not isinstance(name, str) or not name:
+            raise ValueError(f"the name of a functional must be a word, got {name!r}")
     reserved = {
         "branch",
         "index",

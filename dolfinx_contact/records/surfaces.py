@@ -115,6 +115,8 @@ def _read(file: Path, made_of: Callable[[Arrays], T]) -> T:
     Raises:
         ValueError: if it is missing, damaged, or lacks an array.
     """
+    if file.is_file() and not zipfile.is_zipfile(file):
+        raise ValueError(f"{file} is damaged: it is no npz file")
     try:
         with np.load(file, allow_pickle=False) as found:
             arrays = dict(found)

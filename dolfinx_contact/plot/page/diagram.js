@@ -7,6 +7,9 @@ const SYMBOLS = {
   jump: "triangle-up",
 };
 const STABILITY = "stable"; // a functional that is 1 or 0, NaN where it is not decided
+/** Colours by branch: a word that is the name of no column. */
+let SERIES = "series";
+while (META.columns.some((c) => c.name === SERIES)) SERIES += " ";
 const diagram = { ring: 0, columns: null, words: [], listens: false };
 
 function column(name) {
@@ -29,7 +32,7 @@ function kindsOf(word) {
 
 /** The class of every point, for a colour by classes; null for a colour by a number. */
 function classes(by) {
-  if (by === "series") {
+  if (by === SERIES) {
     return META.series.flatMap((s) => Array(s.count).fill(s.name));
   }
   if (by === "status") return diagram.words.map(kindsOf);
@@ -83,7 +86,7 @@ function traces(x, y, by) {
     });
     let number = 0;
     for (const [kind, line] of lines) {
-      const dash = by === "series" ? ["solid", "dash", "dashdot", "dot"][
+      const dash = by === SERIES ? ["solid", "dash", "dashdot", "dot"][
         Math.floor(number / LINES.length) % 4] : kind === "unstable" ? "dash" : "solid";
       found.push({ type: "scatter", mode: "lines", x: line.x, y: line.y, name: plain(kind),
         line: { color: colours.get(kind), width: 2.2, dash }, hoverinfo: "skip", connectgaps: false });

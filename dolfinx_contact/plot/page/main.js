@@ -177,8 +177,8 @@ function controls() {
   options(byId("axis-x"), columns, META.axes[0]);
   options(byId("axis-y"), columns, META.axes[1]);
   const stable = META.columns.some((c) => c.name === STABILITY);
-  options(byId("colour"), [["series", META.along === "gamma" ? "branch" : "one colour"],
-    ["status", "status"], ...columns], stable ? STABILITY : META.series.length > 1 ? "series" : "status");
+  options(byId("colour"), [[SERIES, META.along === "gamma" ? "branch" : "one colour"],
+    ["status", "status"], ...columns], stable ? STABILITY : META.series.length > 1 ? SERIES : "status");
   options(byId("series"), META.series.map((s, i) => [String(i), s.name]), "0");
   byId("series").hidden = META.series.length < 2;
   document.querySelector('[data-tab="solutions"]').hidden = !META.columns.some(

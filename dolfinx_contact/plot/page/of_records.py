@@ -18,8 +18,8 @@ from dolfinx_contact.records.lines import FILE_NAME, Lines
 
 __all__ = ["has_points", "scene_of_record"]
 
-#: Of branches, beside gamma and the functionals; "distance" is that along the branch.
-_OF_POINTS = ("distance", "open", "stick", "slip", "clamped", "norm", "step", "corrections")
+#: Of branches, beside gamma, the functionals and the distance along the branch.
+_OF_POINTS = ("open", "stick", "slip", "clamped", "norm", "step", "corrections")
 #: Of rows that are words, and not numbers to draw.
 _WORDS = ("strategy", "event", "before", "after", "status")
 
@@ -77,7 +77,11 @@ def _any_point(journal: Lines) -> bool:
 
 
 def _of_branches(journal: Journal) -> Scene:
-    names = ["gamma", *journal.functionals, *_OF_POINTS]
+    # It is no column of journals, so that a functional may have its name.
+    distance = "distance"
+    while distance in journal.functionals:
+        distance += " along the branch"
+    names = ["gamma", *journal.functionals, distance, *_OF_POINTS]
     scene = Scene("branches", "gamma", list(dict.fromkeys(names)), journal.functionals)
     for number in sorted(journal.branches):
         branch = journal.branches[number]
@@ -85,7 +89,7 @@ def _of_branches(journal: Journal) -> Scene:
             continue
         known = journal.columns(number)
         columns = {name: known[name].astype(float) for name in scene.columns if name in known}
-        columns["distance"] = np.cumsum(columns["step"])
+        columns[distance] = np.cumsum(columns["step"])
         marks = [
             _mark(special, point.index, columns["gamma"])
             for point in branch.points
@@ -102,7 +106,7 @@ def _of_branches(journal: Journal) -> Scene:
             )
         )
     scene.unfinished = any(branch.ending is None for branch in journal.branches.values())
-    if journal.edges:
+    if journal.is_diagram:
         scene.unfinished = scene.unfinished or journal.explored.ending is None
         share = "all" if journal.explored.complete else "not all"
         scene.kind = f"a diagram, {share} of its rays followed"

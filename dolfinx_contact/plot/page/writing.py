@@ -285,6 +285,9 @@ def page(
         units: of quantities.
         error: largest error of a displacement, over the largest one.
         reload: seconds after which it loads itself anew.
+
+    Raises:
+        ValueError: if a label is of no column.
     """
     arrays = Arrays()
     words: dict[str, Any] = {
@@ -322,6 +325,9 @@ def page(
             notes += _put_body(arrays, words, scene, error)
     if scene.unfinished:
         notes.append("The record is being written, or its run was cut off.")
+    # Of a run that begins, columns of steps are not known yet.
+    if not (scene.goes_on and words["points"] == 1):
+        _check_labels(labels, [column["name"] for column in words["columns"]])
     words["notes"] = notes
     words["arrays"] = {name: packed.words for name, packed in arrays.packed.items()}
     data = [_script("meta", "application/json", _json(words))]
@@ -339,6 +345,14 @@ def page(
     template = _read(here / "page.html")
     # By one pass, so that nothing is looked for in what was put in.
     return re.sub(r"@([A-Z]+)@", lambda found: parts[found[1]], template)
+
+
+def _check_labels(labels: Mapping[str, str], columns: Sequence[str]) -> None:
+    """Raise ``ValueError`` if a label is of no column."""
+    unknown = sorted(set(labels) - set(columns))
+    if unknown:
+        known = ", ".join(columns)
+        raise ValueError(f"labels are of columns: {unknown[0]!r} is none; there are: {known}")
 
 
 def _read(file: Any) -> str:
