@@ -213,6 +213,84 @@ def test_after_a_kill(folder):
     check(again, looks)
 
 
+@pytest.mark.parametrize("who", ["observer", "stop", "record"])
+@pytest.mark.parametrize("what", [follow, explore])
+def test_data_that_are_changed_on_a_branch_are_refused(what, who, folder):
+    """On every rank, whoever changed them; the points up to there are those of the old data."""
+    system, _ = moved_block(COMM)
+    friction = system.problem.surfaces[0].law.friction
+
+    def disturb(step):
+        if step.index == 2 and COMM.rank == COMM.size - 1:
+            friction.value = 0.9
+        return ""
+
+    def functional(problem):
+        if system.constant.value > 0.015:
+            friction.value = 0.9
+        return 0.0
+
+    def run(**options):
+        gamma_range = (0.0, 1.0)
+        x = start(system)
+        way = dict(gamma_range=gamma_range, control=CONTROL, max_steps=4)
+        return what(system, *([x, 0.0] if what is follow else [[(x, 0.0)]]), **way, **options)
+
+    functionals = {"reads": functional} if who == "record" else {}
+    others = {} if who == "record" else {who: disturb}
+    message = r"changed the friction of Coulomb of 'contact' \(0.3 before, 0.9 now\): all data but"
+    with (
+        BranchRecord(folder / "r", system, functionals) as record,
+        pytest.raises(ValueError, match=message),
+    ):
+        run(record=record, **others)
+    journal = read_journal(folder / "r")
+    assert len(journal.branches[0].points) == (2 if who == "stop" else 3)
+    assert journal.branches[0].ending is None
+    friction.value = 0.3
+
+    def look(step):
+        friction.value = 0.9
+        friction.value = 0.3
+
+    assert run(observer=look).ending is Ending.BUDGET
+
+
+def test_data_that_are_changed_on_a_path_are_refused():
+    path = recorded_path.made("bonds")
+    law = path.problem.surfaces[0].law
+    name, datum = next((n, d) for n, d in law.given.items() if hasattr(d, "value"))
+
+    def disturb(step):
+        datum.value = 1.5 * datum.value
+
+    with pytest.raises(ValueError, match=f"an observer changed the {name} of "):
+        path.run(gamma_range=(0.0, 0.7), observer=disturb, max_steps=3)
+
+
+@pytest.mark.parametrize("kind", ["pair", "moving"])
+def test_data_that_are_changed_in_a_history_are_put_back(kind):
+    """As those of the load, which an observer may change as well."""
+
+    def run(**options):
+        evolution = getattr(recorded_evolution, kind)(COMM)
+        friction = evolution.problem.surfaces[0].law.friction
+        before = float(friction.value)
+        options = {k: v(friction) for k, v in options.items()}
+        history = evolution.run(np.linspace(0, 1, 4), **options)
+        assert float(friction.value) == before
+        return [step.result.tables["contact"].rt for step in history.steps]
+
+    def disturb(friction):
+        def observer(step):
+            friction.value = 7.0
+
+        return observer
+
+    for mine, theirs in zip(run(observer=disturb), run(), strict=True):
+        np.testing.assert_allclose(mine, theirs, atol=1e-10)
+
+
 def test_classes_are_no_observers():
     system, _ = moved_block(COMM)
     way = dict(gamma_range=(-0.1, 1.0), max_steps=1)

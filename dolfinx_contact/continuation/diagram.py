@@ -148,7 +148,10 @@ class _Explorer:
         self.diagram = Diagram()
         comm = follower.bordered.comm
         observers = (listeners["record"], listeners["observer"])
-        self._observers = Observers(*(Guarded(comm, given, _nothing) for given in observers))
+        changed = follower.system.data_watch()
+        self._observers = Observers(
+            *(Guarded(comm, given, _nothing, changed) for given in observers)
+        )
 
     def run(
         self, starts: Sequence[tuple[PETSc.Vec, float]], max_branches: int, max_seconds: float

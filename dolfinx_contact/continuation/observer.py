@@ -25,6 +25,7 @@ __all__ = [
     "Task",
     "as_observer",
     "is_observer",
+    "refuse_change",
 ]
 
 
@@ -105,7 +106,9 @@ class Observer:
     branch or run begins (its start) and ends (its last state): displacement, multipliers, statuses,
     gamma and what it drives, or the data of the time, so that ``problem.table``,
     ``problem.support_forces`` and assembled forms are those of it. What the observer does to them
-    is lost at the next one. That costs no assembly.
+    is lost at the next one. That costs no assembly. Along branches and paths all other data, as
+    friction and moduli, stay as they are: an observer that leaves others ends the run with a
+    ``ValueError``. In histories and motions they are put back.
 
     An exception that it raises on any rank ends the run on every rank.
     """
@@ -201,6 +204,20 @@ class Observers(Observer):
             o.explored(diagram)
 
 
+def refuse_change(who: str, changed: str) -> None:
+    """Raise ``ValueError`` if data have changed that are to stay. Not collective.
+
+    Args:
+        who: has changed them, in words.
+        changed: which data, in words; "" if none have.
+    """
+    if changed:
+        raise ValueError(
+            f"{who} changed {changed}: all data but the load stay as they are on the way; put back "
+            "what is changed for a look, or begin another branch or run with other data"
+        )
+
+
 class Guarded(Observer):
     """An observer whose errors on one rank are raised on all. Collective.
 
@@ -208,10 +225,18 @@ class Guarded(Observer):
         comm: communicator.
         given: by the user, on some ranks only perhaps; the others have one that does nothing.
         put: puts what the observer is called with into the problem, before it is.
+        changed: says which data have changed that are to stay, "" if none have. Collective.
     """
 
-    def __init__(self, comm: MPI.Comm, given: ObserverLike[Any] | None, put: Callable[[], object]):
+    def __init__(
+        self,
+        comm: MPI.Comm,
+        given: ObserverLike[Any] | None,
+        put: Callable[[], object],
+        changed: Callable[[], str] = lambda: "",
+    ):
         self._comm = comm
+        self._changed = changed
         self._anywhere = bool(comm.allreduce(int(given is not None)))
         self._observer = Observer() if given is None else as_observer(given)
         self._put = put
@@ -222,6 +247,7 @@ class Guarded(Observer):
         self._put()
         with everywhere(self._comm, "an observer"):
             do(*what)
+        refuse_change("an observer", self._changed())
 
     def begin(self, task: Any, state: Any) -> None:
         self._notify(self._observer.begin, task, state)

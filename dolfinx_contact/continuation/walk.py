@@ -25,6 +25,7 @@ from dolfinx_contact.continuation.observer import (
     Stepping,
     Stop,
     Task,
+    refuse_change,
 )
 from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.continuation.system import System
@@ -128,9 +129,10 @@ class Walker(ABC):
         def put() -> None:
             self.system.put(*b.split(point.y), point.piece)
 
+        changed = self.system.data_watch()
         observers = Observers(
-            Guarded(b.comm, record, put),
-            Guarded(b.comm, observer, put),
+            Guarded(b.comm, record, put, changed),
+            Guarded(b.comm, observer, put, changed),
             BranchProgress(b.comm, progress),
         )
         low, high = gamma_range
@@ -153,6 +155,7 @@ class Walker(ABC):
             if stop is not None and branch.ending is None:
                 put()
                 words = reason_to_stop(b.comm, "branch", stop, step)
+                refuse_change("stop", changed())
                 if words:
                     branch.end(Ending.STOPPED, words)
             known = walk.stepping(index)

@@ -254,6 +254,13 @@ class Stepper:
             data.restore()
         return replace(accepted, data=data, solved=solved)
 
+    def data_watch(self) -> Callable[[], str]:
+        """What says which data have changed since that are to stay; see `System.data_watch`.
+
+        None are here: a load may be any of them, and `put` puts them back.
+        """
+        return lambda: ""
+
     def _is_solved(self, state: State) -> bool:
         """Whether a state is a solution under the load that is there. Collective."""
         return Scales(self.problem.equations, settled=True).measure(state).worst <= _SOLVED
