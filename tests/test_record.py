@@ -360,6 +360,35 @@ def test_what_else_is_refused(whole, folder):
         resume(folder / "new", system)
 
 
+def test_another_functional_of_the_same_name_is_refused(folder):
+    """A form with other Constants or another integrand, and a function with another value."""
+    system, given = moved_block(COMM, obstacle=HalfSpace((0.0, -1e-5), (0.0, 1.0)))
+    u = system.problem.u
+    law = system.problem.surfaces[0].law
+    one, two = law.friction, system.constant
+    dx = ufl.dx(domain=u.function_space.mesh)
+    form = one * ufl.inner(u, u) * dx
+
+    mine = {"form": form, "force": given["force"], "none": lambda p: np.nan}
+    record(system, mine, folder / "r", every=2, max_steps=3)
+    before = (folder / "r" / FILE_NAME).read_bytes()
+    for other in (
+        {"form": two * ufl.inner(u, u) * dx},
+        {"form": 2 * one * ufl.inner(u, u) * dx},
+        {"form": lambda p: 0.0},
+        {"force": lambda p: given["force"](p) * (1 + 1e-5)},
+        {"force": lambda p: -1.0},
+        {"none": lambda p: 0.0},
+    ):
+        (name,) = other
+        with pytest.raises(ValueError, match=f"another problem: another functional '{name}'"):
+            resume(folder / "r", system, mine | other, max_steps=5)
+        assert (folder / "r" / FILE_NAME).read_bytes() == before
+    again = mine | {"form": one * ufl.inner(u, u) * dx}
+    resume(folder / "r", system, again, max_steps=4)
+    assert len(read_journal(folder / "r").entries()) == 5
+
+
 def test_points_that_differ_are_refused(folder):
     """A step control that does not belong to the record, and a point that has changed."""
     system, functionals = moved_block(COMM)

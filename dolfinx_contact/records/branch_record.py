@@ -11,7 +11,7 @@ must coincide with the record, and are not recorded again.
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
@@ -38,6 +38,7 @@ from dolfinx_contact.continuation.arguments import check_listeners, check_steps
 from dolfinx_contact.continuation.layout import Layout
 from dolfinx_contact.equations.given_data import data_within
 from dolfinx_contact.equations.measures import Scales
+from dolfinx_contact.records.checkpoints import DamagedCheckpoint
 from dolfinx_contact.records.entries import (
     BranchTask,
     EndEntry,
@@ -52,7 +53,7 @@ from dolfinx_contact.records.journal import (
     JournalBranch,
 )
 from dolfinx_contact.records.kept_data import KeptData
-from dolfinx_contact.records.points import Functional, compiled, entry_of, node_of
+from dolfinx_contact.records.points import Functional, compiled, entry_of, forms_of, node_of
 from dolfinx_contact.records.problem_record import ProblemRecord, coincide
 
 if TYPE_CHECKING:
@@ -60,6 +61,8 @@ if TYPE_CHECKING:
 
 __all__ = ["BranchRecord", "resume"]
 
+_SAME_VALUE = 1e-6  # relative, of functionals that are computed once more
+_NOISE = 1e-9  # relative, of unknowns: round-off, and more
 _UNLOADED = 1e-6  # of what a branch moves in a unit of its length
 
 
@@ -78,7 +81,9 @@ class BranchRecord(ProblemRecord[Journal]):
         folder: of the record, made if need be.
         system: what is followed.
         functionals: by name, scalar UFL forms in the problem's Functions, or functions of the
-            problem that return a number; these are called on every rank.
+            problem that return a number; these are called on every rank. Where a record is resumed
+            they are the same: forms and values at the last point whose fields were kept are
+            compared.
         every: fields are kept at every so many points, at special points, and at both ends.
         surface_displacement: whether that of the outer surface of the bodies is kept at every
             point, in single precision, for `plot.draw_record`. A record that is resumed continues
@@ -164,7 +169,10 @@ class BranchRecord(ProblemRecord[Journal]):
                     kept = self.journal.data
                     sums = {kept["checkpoint"]: kept["sum"]}
                     self._require_data(data, kept["values"], sums)
-                self._begin(known, data, functionals=list(self._functionals), gamma=gamma)
+                forms = forms_of(system, functionals or {})
+                self._require_functionals(known, forms)
+                names = list(self._functionals)
+                self._begin(known, data, functionals=names, functional_forms=forms, gamma=gamma)
         except Exception:
             self.close()
             raise
@@ -174,6 +182,45 @@ class BranchRecord(ProblemRecord[Journal]):
         super().close()
         for v in (self._x, self._mx):
             v.destroy()
+
+    def _require_functionals(self, known: Mapping[str, Any], forms: Sequence[str]) -> None:
+        """Refuse functionals that are others than those of the same names. Collective.
+
+        Forms are compared; and the values of all are computed once more at the last point whose
+        fields were kept, from which their columns would go on.
+
+        Args:
+            known: what the problem is known by.
+            forms: what the functionals are known by.
+        """
+        header = self.journal.header
+        recorded = header.get("functional_forms", forms) if header else forms
+        # Another UFL may write the same form in another way.
+        if not header or header["problem"]["ufl"] == known["ufl"]:
+            for name, a, b in zip(self._functionals, recorded, forms, strict=True):
+                self._require_no_other("" if a == b else f"another functional {name!r}")
+        points = [p for branch in self.journal.branches.values() for p in branch.points]
+        kept = next((p for p in reversed(points) if p.checkpoint is not None), None)
+        if kept is None or kept.checkpoint is None or kept.sum is None or not self._functionals:
+            return
+        try:
+            self._checkpoints.read(kept.checkpoint, kept.sum, {"x": self._x})
+        except DamagedCheckpoint:  # as who goes on from there is told
+            return
+        piece = self.system.piece_of(kept.status)
+        self.system.put(self._x, kept.gamma, piece)
+        found = {name: f() for name, f in self._functionals.items()}
+        # What is a sum of large numbers to next to nothing is known no better than these.
+        noise = np.random.default_rng(self.comm.rank).uniform(-1.0, 1.0, self._x.getLocalSize())
+        self._x.array[:] *= 1.0 + _NOISE * noise
+        self.system.put(self._x, kept.gamma, piece)
+        for name, f in self._functionals.items():
+            was = kept.functionals[name]
+            now = found[name]
+            allowed = max(_SAME_VALUE * max(abs(was), abs(now)), abs(f() - now))
+            same = was == now or abs(was - now) <= allowed or (np.isnan(was) and np.isnan(now))
+            words = f"another functional {name!r}: at gamma = {kept.gamma:.10g} it was {was:.10g}"
+            self._require_no_other("" if same else f"{words} and is now {now:.10g}")
 
     def _append(self, entry: Mapping[str, Any]) -> None:
         super()._append(entry)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -16,6 +17,7 @@ from dolfinx_contact._compat import merge_entity_maps
 from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact.continuation import BranchPoint, Change, Node, SpecialPoint
 from dolfinx_contact.continuation.layout import Layout
+from dolfinx_contact.equations.given_data import placed_data
 from dolfinx_contact.equations.order import Gathered, by_coordinates
 from dolfinx_contact.laws import status
 from dolfinx_contact.records.entries import (
@@ -31,7 +33,7 @@ if TYPE_CHECKING:
     from dolfinx_contact.parametric import ParametricContact
     from dolfinx_contact.problem import ContactProblem
 
-__all__ = ["Functional", "compiled", "entry_of", "node_of", "places"]
+__all__ = ["Functional", "compiled", "entry_of", "forms_of", "node_of", "places"]
 
 #: A scalar UFL form in the problem's Functions, or a function of the problem.
 Functional: TypeAlias = "ufl.Form | Callable[[ContactProblem], float]"
@@ -138,6 +140,25 @@ def compiled(
     same_everywhere(problem.comm, functionals=list(kinds))
     same_everywhere(problem.comm, functionals=kinds)
     return {name: _evaluator(problem, name, f) for name, f in functionals.items()}
+
+
+def forms_of(system: ParametricContact, functionals: Mapping[str, Functional]) -> list[str]:
+    """What functionals are known by, for the journal; functions by nothing.
+
+    Forms are by their signature and by the places of their Functions and Constants in the problem.
+    """
+    problem = system.problem
+    places = {id(d.value): d.place for d in placed_data(problem.equations)}
+    places |= {id(problem.u): "the displacement", id(system.constant): "gamma"}
+    words = []
+    for f in functionals.values():
+        if not isinstance(f, ufl.Form):
+            words.append("a function")
+            continue
+        parts = [places.get(id(part), "another") for part in (*f.coefficients(), *f.constants())]
+        text = "; ".join([f.signature(), *parts])
+        words.append(hashlib.sha256(text.encode()).hexdigest()[:32])
+    return words
 
 
 def _check_names(functionals: Mapping[str, Functional]) -> None:
