@@ -326,7 +326,7 @@ def page(
     if scene.unfinished:
         notes.append("The record is being written, or its run was cut off.")
     # Of a run that begins, columns of steps are not known yet.
-    if not (scene.goes_on and words["points"] == 1):
+    if not (scene.unfinished and words["points"] == 1):
         _check_labels(labels, [column["name"] for column in words["columns"]])
     words["notes"] = notes
     words["arrays"] = {name: packed.words for name, packed in arrays.packed.items()}
