@@ -42,6 +42,7 @@ A body of several materials has integrals over cell tags, and a stress of each t
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -50,10 +51,10 @@ import numpy as np
 
 import ufl
 from dolfinx import fem, mesh
-from ufl.corealg.traversal import traverse_unique_terminals
+from ufl.corealg.traversal import traverse_unique_terminals, unique_pre_traversal
 
 from dolfinx_contact._frozen import ReadOnly
-from dolfinx_contact._numbers import require_kind
+from dolfinx_contact._numbers import is_number, require_kind
 
 __all__ = [
     "Axisymmetric",
@@ -65,10 +66,33 @@ __all__ = [
     "StVenantKirchhoff",
     "circumference",
     "lame",
+    "materials_in",
 ]
 
 
-_NUMBER = int | float | np.integer | np.floating
+class _Known:
+    """What is known of UFL that was made here, as long as somebody holds that very object.
+
+    UFL compares expressions by what they say; here another that says the same is another. What is
+    known must not hold the expression itself, which would live for ever.
+    """
+
+    def __init__(self) -> None:
+        self._of: dict[int, tuple[weakref.ref[Any], Any]] = {}
+
+    def keep(self, expression: Any, what: Any) -> None:
+        key = id(expression)
+        self._of[key] = weakref.ref(expression, lambda _: self._of.pop(key, None)), what
+
+    def get(self, expression: Any) -> Any:
+        """What is known, or None."""
+        return self._of.get(id(expression), (None, None))[1]
+
+
+#: Shear moduli, with Young's modulus and Poisson's ratio that they were made of.
+_moduli = _Known()
+#: Energies and stresses, with their materials.
+_materials = _Known()
 
 
 def lame(young: Any, poisson: Any) -> tuple[Any, Any]:
@@ -88,12 +112,25 @@ def lame(young: Any, poisson: Any) -> tuple[Any, Any]:
     for what, value in (("Young's modulus", young), ("Poisson's ratio", poisson)):
         if not _is_scalar(value):
             raise ValueError(f"{what} must be a number, got {value!r}")
-    E, nu = _value(young), _value(poisson)
-    if E is not None and not (np.isfinite(E) and E > 0):
-        raise ValueError(f"Young's modulus must be positive, got {E:g}")
-    if nu is not None and not -1 < nu < 0.5:
-        raise ValueError(f"Poisson's ratio must lie in (-1, 1/2), got {nu:g}")
-    return young * poisson / ((1 + poisson) * (1 - 2 * poisson)), young / (2 * (1 + poisson))
+    _check_young(young, poisson)
+    mu = young / (2 * (1 + poisson))
+    if isinstance(mu, ufl.core.expr.Expr) and mu is not young:
+        _moduli.keep(mu, (young, poisson))
+    return young * poisson / ((1 + poisson) * (1 - 2 * poisson)), mu
+
+
+def materials_in(form: ufl.Form) -> list[Material]:
+    """Materials of this module whose energy or stress stands in a form.
+
+    An expression that UFL has made anew, as ``ufl.replace`` does, is of none.
+    """
+    found: dict[int, Material] = {}
+    for integral in form.integrals():
+        for node in unique_pre_traversal(integral.integrand()):
+            material = _materials.get(node)
+            if material is not None:
+                found[id(material)] = material
+    return list(found.values())
 
 
 def circumference(domain: mesh.Mesh) -> Any:
@@ -111,24 +148,44 @@ def circumference(domain: mesh.Mesh) -> Any:
 def _is_scalar(value: Any) -> bool:
     """Whether this is a number or a UFL scalar."""
     of_ufl = isinstance(value, ufl.core.expr.Expr) and value.ufl_shape == ()
-    return of_ufl or isinstance(value, _NUMBER)
+    return of_ufl or is_number(value)
 
 
 def _value(scalar: Any) -> float | None:
-    """A number, a Constant or UFL of Constants alone, as it is now; None of any other UFL."""
-    if isinstance(scalar, _NUMBER):
+    """A number, a Constant or UFL of Constants alone, as it is now; None of any other UFL.
+
+    It is NaN where that is no real number, as the root of -1 and 1/0.
+    """
+    if is_number(scalar):
         return float(scalar)
     constants = {}
     for part in traverse_unique_terminals(scalar):
         if isinstance(part, fem.Constant):
-            constants[part] = part.value
+            # Of an array without axes UFL takes functions as of a complex number.
+            constants[part] = part.value if part.ufl_shape else part.value.item()
         elif not isinstance(part, ufl.classes.ConstantValue | ufl.classes.MultiIndex):
             return None
-    return float(scalar((), constants))
+    try:
+        value = scalar((), constants)
+    except (ArithmeticError, ValueError):
+        return np.nan
+    return np.nan if isinstance(value, complex) else float(value)
+
+
+def _check_young(young: Any, poisson: Any) -> None:
+    """Raise ``ValueError`` if moduli that are known give no stable material."""
+    E, nu = _value(young), _value(poisson)
+    if E is not None and not (np.isfinite(E) and E > 0):
+        raise ValueError(f"Young's modulus must be positive, got {E:g}")
+    if nu is not None and not -1 < nu < 0.5:
+        raise ValueError(f"Poisson's ratio must lie in (-1, 1/2), got {nu:g}")
 
 
 def _check_lame(lmbda: Any, mu: Any) -> None:
     """Raise ``ValueError`` if Lame coefficients that are known give no stable material."""
+    made_of = _moduli.get(mu)
+    if made_of is not None:
+        _check_young(*made_of)
     _check_coefficients(lmbda=lmbda, mu=mu)
     first, shear = _value(lmbda), _value(mu)
     if first is not None and shear is not None and not (shear > 0 and 3 * first + 2 * shear > 0):
@@ -140,11 +197,12 @@ def _check_lame(lmbda: Any, mu: Any) -> None:
 def _check_coefficients(**values: Any) -> None:
     """Raise ``ValueError`` if one is neither a finite number nor a UFL scalar."""
     for name, value in values.items():
-        known = _value(value) if _is_scalar(value) else np.nan
+        is_scalar = _is_scalar(value)
+        known = _value(value) if is_scalar else np.nan
         if known is not None and not np.isfinite(known):
             raise ValueError(
                 f"the coefficient {name.replace('lmbda', 'lambda')} must be a finite number or a "
-                f"UFL scalar, got {value!r}"
+                f"UFL scalar, got {known if is_scalar else repr(value)}"
             )
 
 
@@ -163,7 +221,7 @@ def _constants(u: fem.Function, *values: Any) -> list[Any]:
     """Numbers as Constants of the mesh of ``u``; the rest as it is."""
     _require_displacement(u)
     domain = u.function_space.mesh
-    return [fem.Constant(domain, float(v)) if isinstance(v, _NUMBER) else v for v in values]
+    return [fem.Constant(domain, float(v)) if is_number(v) else v for v in values]
 
 
 def _gradient(u: fem.Function) -> Any:
@@ -197,6 +255,13 @@ class Material(ReadOnly):
         """Cauchy stress, dim x dim."""
         return self._cauchy(u, _gradient(u))
 
+    def check_moduli(self) -> None:
+        """Raise ``ValueError`` if moduli have values that no stable material has. Not collective.
+
+        Those that are Constants, or UFL of nothing else, are looked at as they are now: when the
+        material is made, and at the start of every solve with an energy or a stress of it.
+        """
+
     def full_stress(self, u: fem.Function) -> Any:
         """Cauchy stress, 3 x 3 in 2D too: with the stress across the plane, for invariants.
 
@@ -211,14 +276,19 @@ class Material(ReadOnly):
     def _cauchy(self, u: fem.Function, F: Any) -> Any:
         F = ufl.variable(F)
         P = ufl.diff(self._stored(u, F), F)
-        return P * F.T / ufl.det(F)
+        return self._own(P * F.T / ufl.det(F))
+
+    def _own(self, expression: Any) -> Any:
+        """An energy or stress, by which a problem finds the material."""
+        _materials.keep(expression, self)
+        return expression
 
     def _stored(self, u: fem.Function, F: Any) -> Any:
         raise NotImplementedError
 
     def _energy_of(self, u: fem.Function, H: Any) -> Any:
         """Stored energy of a 3 x 3 displacement gradient."""
-        return self._stored(u, ufl.Identity(3) + H)
+        return self._own(self._stored(u, ufl.Identity(3) + H))
 
     def _stress_of(self, u: fem.Function, H: Any) -> Any:
         """Cauchy stress, 3 x 3, of a displacement gradient."""
@@ -240,6 +310,9 @@ class LinearElastic(Material):
     plane_stress: bool = False
 
     def __post_init__(self) -> None:
+        self.check_moduli()
+
+    def check_moduli(self) -> None:
         _check_lame(self.lmbda, self.mu)
 
     @classmethod
@@ -270,7 +343,7 @@ class LinearElastic(Material):
                 raise ValueError("plane stress needs a 2D mesh")
             lmbda = 2 * lmbda * mu / (lmbda + 2 * mu)
         strain = ufl.sym(ufl.grad(u))
-        return 2 * mu * strain + lmbda * ufl.tr(strain) * ufl.Identity(len(u))
+        return self._own(2 * mu * strain + lmbda * ufl.tr(strain) * ufl.Identity(len(u)))
 
     def full_stress(self, u: fem.Function) -> Any:
         _require_displacement(u)
@@ -287,14 +360,14 @@ class LinearElastic(Material):
 
     def _stress_of(self, u: fem.Function, H: Any) -> Any:
         lmbda, mu = _constants(u, self.lmbda, self.mu)
-        return 2 * mu * ufl.sym(H) + lmbda * ufl.tr(H) * ufl.Identity(3)
+        return self._own(2 * mu * ufl.sym(H) + lmbda * ufl.tr(H) * ufl.Identity(3))
 
 
 class Elastic(Material):
     """Hyperelasticity: the energy is a function of F = I + grad u; in 2D, plane strain."""
 
     def energy(self, u: fem.Function) -> Any:
-        return self._stored(u, _gradient(u))
+        return self._own(self._stored(u, _gradient(u)))
 
 
 @dataclass(frozen=True)
@@ -305,6 +378,9 @@ class StVenantKirchhoff(Elastic):
     mu: Any
 
     def __post_init__(self) -> None:
+        self.check_moduli()
+
+    def check_moduli(self) -> None:
         _check_lame(self.lmbda, self.mu)
 
     def _stored(self, u: fem.Function, F: Any) -> Any:
@@ -321,6 +397,9 @@ class NeoHookean(Elastic):
     mu: Any
 
     def __post_init__(self) -> None:
+        self.check_moduli()
+
+    def check_moduli(self) -> None:
         _check_lame(self.lmbda, self.mu)
 
     def _stored(self, u: fem.Function, F: Any) -> Any:
@@ -346,6 +425,9 @@ class CiarletGeymonat(Elastic):
     a: Any
 
     def __post_init__(self) -> None:
+        self.check_moduli()
+
+    def check_moduli(self) -> None:
         _check_lame(self.lmbda, self.mu)
         _check_coefficients(a=self.a)
         mu, a = _value(self.mu), _value(self.a)

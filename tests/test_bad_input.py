@@ -25,7 +25,15 @@ from dolfinx_contact import (
 )
 from dolfinx_contact.body.rigid import parts
 from dolfinx_contact.evolution import NSCD, NoContinuation
-from dolfinx_contact.materials import CiarletGeymonat, LinearElastic, lame
+from dolfinx_contact.materials import (
+    Axisymmetric,
+    CiarletGeymonat,
+    LinearElastic,
+    NeoHookean,
+    StVenantKirchhoff,
+    circumference,
+    lame,
+)
 from dolfinx_contact.solvers.history import FloatingBodyError
 
 COMM = MPI.COMM_WORLD
@@ -561,6 +569,107 @@ def test_materials_refuse_bad_numbers():
         LinearElastic(1.0, young)
     with pytest.raises(ValueError, match="a must lie between 0 and mu/2"):
         CiarletGeymonat(1.0, 1.0, poisson)
+
+
+def test_moduli_that_are_functions_of_constants():
+    """UFL of Constants is looked at, whatever functions it takes."""
+    domain = mesh.create_unit_square(COMM, 2, 2)
+    T = fem.Constant(domain, 0.5)
+    pair = fem.Constant(domain, (2.0, 3.0))
+    found = [ufl.exp(T), ufl.sqrt(T), ufl.cos(T), ufl.sinh(T), ufl.tanh(T), ufl.erf(T)]
+    for value in (*found, ufl.max_value(T, 1), T**0.5, pair[1], ufl.atan2(T, 1)):
+        LinearElastic.from_young(1000 * value, 0.3)
+        with pytest.raises(ValueError, match="Young's modulus must be positive, got -"):
+            LinearElastic.from_young(-value, 0.3)
+    for value in (ufl.sqrt(-T), ufl.ln(-T), (-T) ** 0.5, 1 / (T - 0.5), ufl.exp(10000 * T)):
+        with pytest.raises(ValueError, match=r"Young's modulus must be positive, got (nan|inf)"):
+            LinearElastic.from_young(value, 0.3)
+
+
+@pytest.mark.parametrize("value", [True, np.True_])
+def test_moduli_are_no_truth_values(value):
+    with pytest.raises(ValueError, match="Young's modulus must be a number, got"):
+        lame(value, 0.3)
+    with pytest.raises(ValueError, match="the coefficient mu must be a finite number"):
+        NeoHookean(1.0, value)
+
+
+def of_young(kind):
+    return lambda E, nu: kind(*lame(E, nu))
+
+
+@pytest.mark.parametrize(
+    "material",
+    [LinearElastic.from_young, of_young(NeoHookean), of_young(StVenantKirchhoff)],
+)
+@pytest.mark.parametrize("as_residual", [False, True])
+def test_moduli_that_become_bad(material, as_residual):
+    """They are looked at in every solve, and nothing of the user's is touched."""
+    domain, u = square(n=2)
+    young, poisson = fem.Constant(domain, 1000.0), fem.Constant(domain, 0.3)
+    energy = material(young, poisson).energy(u) * ufl.dx
+    v = ufl.TestFunction(u.function_space)
+    bulk = ufl.derivative(energy, u, v) if as_residual else energy
+    problem = ContactProblem(bulk, u, [surface(u)], bcs=[clamp(u, 1, 1.0, (0.0, -0.01))])
+    problem.solve()
+    before = u.x.array.copy()
+    for E, nu, words in (
+        (1000.0, 0.6, r"Poisson's ratio must lie in \(-1, 1/2\), got 0.6"),
+        (1000.0, 0.5, r"Poisson's ratio must lie in \(-1, 1/2\), got 0.5"),
+        (1000.0, -1.5, r"Poisson's ratio must lie in \(-1, 1/2\), got -1.5"),
+        (-1000.0, 0.3, "Young's modulus must be positive, got -1000"),
+        (np.nan, 0.3, "Young's modulus must be positive, got nan"),
+    ):
+        young.value, poisson.value = E, nu
+        with pytest.raises(ValueError, match=words) as info:
+            problem.solve()
+        same_on_every_rank(info)
+    np.testing.assert_array_equal(u.x.array, before)
+    young.value, poisson.value = 1000.0, 0.3
+    assert problem.solve().converged
+
+
+def test_coefficients_that_become_bad():
+    """Those of parts, of bodies of revolution, and of a residual that is made of the stress."""
+    domain, u = square(n=2)
+    mu, a = fem.Constant(domain, 300.0), fem.Constant(domain, 50.0)
+    around = circumference(domain)
+    v = ufl.TestFunction(u.function_space)
+    elastic = LinearElastic(500.0, mu)
+    residual = ufl.inner(elastic.stress(u), ufl.sym(ufl.grad(v))) * ufl.dx
+    for bulk, options, words in (
+        (NeoHookean(500.0, mu).energy(u) * ufl.dx(metadata={"quadrature_degree": 2}), {}, "mu > 0"),
+        (residual, {}, "mu > 0"),
+        (
+            Axisymmetric(elastic).energy(u) * around * ufl.dx,
+            {"axisymmetric": True},
+            "mu > 0",
+        ),
+        (CiarletGeymonat(500.0, mu, a).energy(u) * ufl.dx, {}, "mu > 0"),
+    ):
+        mu.value = 300.0
+        floor = surface(u, **options)
+        problem = ContactProblem(bulk, u, [floor], bcs=[clamp(u, 1, 1.0)])
+        problem.solve()
+        mu.value = -1.0
+        with pytest.raises(ValueError, match=words):
+            problem.solve()
+    mu.value, a.value = 300.0, 150.0
+    with pytest.raises(ValueError, match="a must lie between 0 and mu/2"):
+        problem.solve()
+
+
+def test_an_energy_of_ones_own_may_have_any_constant():
+    """It is not looked at, though it says the same as one of a material, or shares a Constant."""
+    domain, u = square(n=2)
+    young = fem.Constant(domain, 1000.0)
+    steel = LinearElastic.from_young(young, 0.3)
+    steel.energy(u)
+    strain = ufl.sym(ufl.grad(u))
+    own = (young**2 * ufl.inner(strain, strain) / 2) * ufl.dx
+    problem = ContactProblem(own, u, [surface(u)], bcs=[clamp(u, 1, 1.0, (0.0, -0.01))])
+    young.value = -1000.0
+    assert problem.solve().converged
 
 
 def test_young_of_constants_and_functions():

@@ -368,6 +368,23 @@ def test_friction_that_gamma_makes_negative():
     assert float(gamma.value) == 0.5
 
 
+def test_moduli_that_gamma_makes_bad():
+    domain = loaded_block(0.3)[0].problem.V.mesh
+    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
+    gamma = fem.Constant(domain, 1.0)
+    floor = HalfSpace((0.0, 0.0), (0.0, 1.0))
+    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.3))
+    held = fem.locate_dofs_topological(u.function_space, 1, facets(domain, 1, 1.0))
+    bc = fem.dirichletbc(np.array([0.01, -0.01]), held, u.function_space)
+    energy = LinearElastic.from_young(1000.0 * gamma, 0.3).energy(u) * ufl.dx
+    system = ParametricContact(ContactProblem(energy, u, [surface], bcs=[bc]), gamma)
+    x = system.create_vector()
+    words = "Young's modulus must be positive, got -1000 at gamma = -1"
+    with pytest.raises(ValueError, match=words):
+        follow(system, x, 1.0, gamma_range=(-1.0, 1.0))
+    assert float(gamma.value) == 1.0
+
+
 def test_a_singular_piece_and_a_continuum():
     """Hild's element at the critical friction: more solutions than the two that are found."""
     system = linear_triangle(1, 2.0, (4.0, 2.0), (1.0, 1.0), comm=MPI.COMM_SELF)

@@ -35,6 +35,7 @@ from dolfinx_contact._affine import dependence, has_branches, is_affine, jumps_i
 from dolfinx_contact._forms import compiled_form
 from dolfinx_contact._mesh_mark import mesh_mark
 from dolfinx_contact._petsc import half_of
+from dolfinx_contact.materials import materials_in
 
 __all__ = ["Bulk", "check_jumps"]
 
@@ -73,6 +74,8 @@ class Bulk:
         self._V = u.function_space
         self.comm = u.function_space.mesh.comm
         _require_bulk(form, u)
+        #: Those that the package made, as the user's form has them.
+        self.materials = materials_in(form)
         self.displacement = own = fem.Function(self._V, name=u.name)
         form = ufl.replace(form, {u: own})
         self.energy = None if form.arguments() else form
@@ -112,9 +115,12 @@ class Bulk:
         """This body with a load beside: a form in a test function, without the displacement."""
         own = self.displacement
         if self.energy is None:
-            return Bulk(self.residual + load, own)
-        (test,) = load.arguments()
-        return Bulk(self.energy + ufl.replace(load, {test: own}), own)
+            made = Bulk(self.residual + load, own)
+        else:
+            (test,) = load.arguments()
+            made = Bulk(self.energy + ufl.replace(load, {test: own}), own)
+        made.materials = self.materials  # its form is not the one that they made
+        return made
 
     def require_continuous(self) -> None:
         """Raise ``ValueError`` if the form jumps in ``u`` with the data as they are. Collective."""

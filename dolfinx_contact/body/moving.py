@@ -131,6 +131,7 @@ class MovingBody:
         self.residual_form = body.residual_form
         self.jacobian_constants = body.jacobian_constants
         self.kinks = body.kinks
+        self.materials = body.materials
         self.seconds = (0.0, 0.0)
         self.assemblies = 0
         self._owned = mass.getLocalSize()[0]

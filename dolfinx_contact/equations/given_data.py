@@ -30,6 +30,7 @@ __all__ = [
     "Datum",
     "GivenData",
     "check_law",
+    "check_moduli",
     "check_time",
     "check_times",
     "data_in",
@@ -235,6 +236,17 @@ def check_law(s: ContactSurface, where: str = "") -> None:
     radius = s.law_at_points(at_rest, at_rest, s.point_data).unit_bound
     message = f"{s.name}: the law {s.law.name} has a negative radius{where}"
     require(s.comm, not bool((radius < -1e-14).any()), message)
+
+
+def check_moduli(eq: ContactEquations, where: str = "") -> None:
+    """Raise ``ValueError`` if a material of the body has moduli that none has. Collective."""
+    message = ""
+    try:
+        for material in eq.bulk.materials:
+            material.check_moduli()
+    except ValueError as error:
+        message = f"{error}{where}"
+    require(eq.comm, not message, message)
 
 
 def check_time(s: ContactSurface) -> None:

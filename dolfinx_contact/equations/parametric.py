@@ -23,7 +23,12 @@ from dolfinx_contact._forms import compiled_form
 from dolfinx_contact._mesh_mark import mesh_mark
 from dolfinx_contact.continuation import Events, Piece, Preconditioner, System
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.given_data import check_law, check_times, given_data
+from dolfinx_contact.equations.given_data import (
+    check_law,
+    check_moduli,
+    check_times,
+    given_data,
+)
 from dolfinx_contact.equations.measures import Scales
 from dolfinx_contact.equations.order import Gathered
 from dolfinx_contact.equations.rates import (
@@ -213,6 +218,10 @@ class ParametricEquations(System):
             if rates.law_changes
         ]
         looked_at = [s for s in self.equations.surfaces if s in varying or s.between_bodies]
+        with self.restored(always=True):
+            for gamma in gammas:
+                self.constant.value = gamma
+                check_moduli(self.equations, f" at gamma = {gamma:g}")
         if looked_at:
             with self.restored(always=True):
                 for gamma in gammas:

@@ -43,6 +43,7 @@ from dolfinx_contact._petsc import staged
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.given_data import (
     check_law,
+    check_moduli,
     not_finite,
     placed_data,
     require_obstacles,
@@ -177,6 +178,7 @@ def check_data(eq: ContactEquations, x0: PETSc.Vec) -> None:
     """Raise ``ValueError`` for data that no solver can work with; else follow them. Collective."""
     same_everywhere(eq.comm, "data of the problem", Constants=_given_numbers(eq))
     eq.require_same_mesh()
+    check_moduli(eq)
     eq.bulk.require_continuous()
     for s in eq.surfaces:
         s.update_geometry()
