@@ -11,7 +11,7 @@ from dolfinx import fem, mesh
 
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.meshing import NamedTags, mesh_from_gmsh, read_mesh
+from dolfinx_contact.meshing import NamedTags, crack, mesh_from_gmsh, read_mesh
 
 COMM = MPI.COMM_WORLD
 
@@ -141,6 +141,73 @@ def test_cells_by_name():
     for name in ("rim", "hub"):
         match = rf"no group of cells is named '{name}'; names: \['tyre', 'wheel'\]"
         refused(match, lambda name=name: body.dx(name))
+
+
+def halves_with_seam(*, seam):
+    """Two halves, and a group of facets: the seam alone, with a side, or the side alone."""
+    occ = gmsh.model.occ
+    parts = [occ.addRectangle(0, 0, 0, 1, 1), occ.addRectangle(1, 0, 0, 1, 1)]
+    occ.fragment([(2, parts[0])], [(2, parts[1])])
+    occ.synchronize()
+    for name, part in zip(("left", "right"), parts, strict=True):
+        gmsh.model.addPhysicalGroup(2, [part], name=name)
+    wanted = {"inside": (1,), "both": (0, 1), "outside": (0, 2)}[seam]
+    curves = [t for d, t in gmsh.model.getEntities(1) if occ.getCenterOfMass(d, t)[0] in wanted]
+    gmsh.model.addPhysicalGroup(1, curves, tag=7, name="seam")
+    gmsh.option.setNumber("Mesh.MeshSizeMax", 0.3)
+    gmsh.model.mesh.generate(2)
+
+
+@pytest.mark.parametrize(("seam", "inside", "count"), [("inside", 5, 5), ("both", 5, 10)])
+def test_no_ds_inside_of_a_body(seam, inside, count):
+    """It would be 0 there without a word; `dS` has the length, and dofs are known."""
+    body = mesh_from_gmsh(COMM, lambda: halves_with_seam(seam=seam))
+    match = rf"the group 'seam' has {inside} of {count} facets inside of the body, .*dS\(7\)"
+    refused(match, lambda: body.ds("seam"))
+    if COMM.size == 1:  # the mesh has no ghost cells
+        dS = ufl.Measure("dS", body.mesh, subdomain_data=body.facet_tags)
+        length = fem.assemble_scalar(fem.form(one_of(body)("+") * dS(7)))
+        np.testing.assert_allclose(length, 1.0)
+    V = fem.functionspace(body.mesh, ("Lagrange", 1, (2,)))
+    assert COMM.allreduce(len(body.dofs(V, "seam"))) > 0
+    body = mesh_from_gmsh(COMM, lambda: halves_with_seam(seam="outside"))
+    length = COMM.allreduce(fem.assemble_scalar(fem.form(one_of(body) * body.ds("seam"))))
+    np.testing.assert_allclose(length, 2.0)
+
+
+def one_of(body):
+    return fem.Constant(body.mesh, 1.0)
+
+
+def test_both_sides_of_a_crack_have_ds():
+    body = crack(mesh_from_gmsh(COMM, lambda: halves_with_seam(seam="inside")), ["seam"])
+    for name in ("seam", "seam_opposite"):
+        length = COMM.allreduce(fem.assemble_scalar(fem.form(one_of(body) * body.ds(name))))
+        np.testing.assert_allclose(length, 1.0)
+
+
+def same_names():
+    halves_with_seam(seam="inside")
+    sides = gmsh.model.getEntitiesForPhysicalGroup(1, 7)
+    floor = [
+        t
+        for d, t in gmsh.model.getEntities(1)
+        if gmsh.model.occ.getCenterOfMass(d, t)[1] == 0 and t not in sides
+    ]
+    gmsh.model.addPhysicalGroup(1, floor, name="left")
+
+
+def test_cells_and_facets_of_one_name():
+    """Each measure knows its own, also after a crack."""
+    whole = mesh_from_gmsh(COMM, same_names)
+    for body in (whole, crack(whole, ["seam"])):
+        area = COMM.allreduce(fem.assemble_scalar(fem.form(one_of(body) * body.dx("left"))))
+        length = COMM.allreduce(fem.assemble_scalar(fem.form(one_of(body) * body.ds("left"))))
+        np.testing.assert_allclose((area, length), (1.0, 2.0))
+        assert body.names["left"][0] == 1
+        assert body.facet_tags.tag("left") == body.tag("left")
+        assert set(body.cell_tags.names) == {"left", "right"}
+        refused("no group of cells is named 'seam'", lambda body=body: body.cell_tags.tag("seam"))
 
 
 def test_dofs_by_name():

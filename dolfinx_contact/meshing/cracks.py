@@ -9,7 +9,7 @@ body, two where it comes to the surface, three where an arm meets another crack.
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -34,9 +34,10 @@ Nodes = npt.NDArray[np.int64]
 
 
 def _check(a: Arguments) -> None:
-    names: dict[str, tuple[int, int]] = {}
+    known: dict[str, int] = {}
     if isinstance(a.body, GmshMesh):
-        _, a.cell_tags, a.facet_tags, names = a.body
+        _, a.cell_tags, a.facet_tags, _ = a.body
+        known = a.body._named_facets.names
     elif not isinstance(a.body, mesh.Mesh):
         raise ValueError(f"a mesh to crack is needed, got {a.body!r}")
     domain = _mesh_of(a.body)
@@ -47,7 +48,6 @@ def _check(a: Arguments) -> None:
     check_tags(domain, a.facet_tags, tdim - 1, "the facet_tags of a crack")
     if a.cell_tags is not None:
         check_tags(domain, a.cell_tags, tdim, "the cell_tags of a crack")
-    known = _tags_by_name(names, tdim - 1)
     for g in a.groups:
         if isinstance(g, str) and g not in known:
             raise ValueError(f"no group of facets is named {g!r}; names: {sorted(known)}")
@@ -94,10 +94,11 @@ def crack(
     """
     domain = _mesh_of(body)
     names = body.names if isinstance(body, GmshMesh) else {}
+    known = body._named_facets.names if isinstance(body, GmshMesh) else {}
+    of_cells = body._named_cells.names if isinstance(body, GmshMesh) else {}
     keep(domain)
     comm = domain.comm
     tdim = domain.topology.dim
-    known = _tags_by_name(names, tdim - 1)
     tags = {g: known[g] if isinstance(g, str) else int(g) for g in groups}
     whole = gathered(domain, cell_tags, facet_tags)
     cell = domain.basix_cell()
@@ -113,17 +114,14 @@ def crack(
     others = on_root(comm, split)
     element = domain.ufl_domain().ufl_coordinate_element()
     new, cells, facets = distributed(comm, result[0] if result else None, element)
-    names = {**names, **{f"{g}_opposite": (tdim - 1, others[t]) for g, t in tags.items()}}
-    return GmshMesh(new, cells, NamedTags(facets, _tags_by_name(names, tdim - 1)), names)
+    opposite = {f"{g}_opposite": others[t] for g, t in tags.items()}
+    names = names | {name: (tdim - 1, t) for name, t in opposite.items()}
+    named = NamedTags(cells, of_cells), NamedTags(facets, known | opposite)
+    return GmshMesh(new, *named, names)
 
 
 def _mesh_of(body: GmshMesh | mesh.Mesh) -> mesh.Mesh:
     return body.mesh if isinstance(body, GmshMesh) else body
-
-
-def _tags_by_name(names: Mapping[str, tuple[int, int]], dim: int) -> dict[str, int]:
-    """Tags of the groups of a dimension."""
-    return {name: tag for name, (d, tag) in names.items() if d == dim}
 
 
 def _listed(groups: Iterable[int | str]) -> list[int | str]:

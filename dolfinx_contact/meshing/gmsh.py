@@ -52,7 +52,11 @@ class NamedTags(mesh.MeshTags):  # type: ignore[misc]
 
     def tag(self, name: str) -> int:
         """Tag of the group ``name``, or ``ValueError``."""
-        return _tag_of(name, self.names, "facets")
+        return _tag_of(name, self.names, "cells" if self._of_cells else "facets")
+
+    @property
+    def _of_cells(self) -> bool:
+        return bool(self.dim == self.topology.dim)
 
 
 def _tag_of(name: str, names: Mapping[str, int], what: str) -> int:
@@ -76,7 +80,8 @@ class GmshMesh(NamedTuple):
         mesh: the mesh of the body.
         cell_tags: groups of cells.
         facet_tags: groups of facets, possibly empty.
-        names: dimension and tag of every group that has a name.
+        names: dimension and tag of every group that has a name; of one of cells and one of facets
+            that share a name those of the facets. Both are known to the tags, and to `dx` and `ds`.
 
     Example:
         Parts of the boundary by their names::
@@ -150,9 +155,11 @@ class GmshMesh(NamedTuple):
         """Measure of the facets of the group ``name``, for loads. Collective.
 
         Raises:
-            ValueError: on every rank, if there is no such group, or ranks request different ones.
+            ValueError: on every rank, if there is no such group, ranks request different ones, or
+                facets of the group lie inside of the body, where ``ds`` is 0.
         """
         tag = self._named_facets.tag(name)
+        _refuse_interior(self.facet_tags, tag, name, self.mesh)
         return ufl.Measure(
             "ds", self.mesh, subdomain_id=tag, subdomain_data=self.facet_tags, metadata=metadata
         )
@@ -168,20 +175,46 @@ class GmshMesh(NamedTuple):
         Raises:
             ValueError: on every rank, if there is no such group, or ranks request different ones.
         """
-        dim = self.cell_tags.dim
-        known = {k: t for k, (d, t) in self.names.items() if d == dim}
         return ufl.Measure(
             "dx",
             self.mesh,
-            subdomain_id=_tag_of(name, known, "cells"),
+            subdomain_id=self._named_cells.tag(name),
             subdomain_data=self.cell_tags,
             metadata=metadata,
         )
 
     @property
+    def _named_cells(self) -> NamedTags:
+        return _named(self.cell_tags, self.names)
+
+    @property
     def _named_facets(self) -> NamedTags:
-        dim = self.facet_tags.dim
-        return NamedTags(self.facet_tags, {k: t for k, (d, t) in self.names.items() if d == dim})
+        return _named(self.facet_tags, self.names)
+
+
+def _named(tags: mesh.MeshTags, names: Mapping[str, tuple[int, int]]) -> NamedTags:
+    """Tags with the names that they know, else with those of their dimension."""
+    if isinstance(tags, NamedTags):
+        return tags
+    return NamedTags(tags, {k: t for k, (d, t) in names.items() if d == tags.dim})
+
+
+def _refuse_interior(tags: mesh.MeshTags, tag: int, name: str, domain: mesh.Mesh) -> None:
+    """Raise ``ValueError`` if facets with a tag have cells on both sides. Collective."""
+    topology = domain.topology
+    topology.create_connectivity(tags.dim, topology.dim)
+    found = np.asarray(tags.find(tag))
+    found = found[found < topology.index_map(tags.dim).size_local]
+    inside = len(np.setdiff1d(found, mesh.exterior_facet_indices(topology)))
+    count, inside = domain.comm.allreduce(np.array([len(found), inside]))
+    require(
+        domain.comm,
+        not inside,
+        f"the group {name!r} has {inside} of {count} facets inside of the body, and ds is for those"
+        ' of its boundary: interior facets are those of dS = ufl.Measure("dS", body.mesh, '
+        f"subdomain_data=body.facet_tags), of this group dS({tag}) (on several ranks DOLFINx needs "
+        "a mesh with ghost cells for it)",
+    )
 
 
 def tagged_facets(
@@ -365,6 +398,8 @@ def _fill(model: Any, draw: Callable[[], Any], dim: int | None, wanted: list[str
 def _distribute(comm: MPI.Comm, model: Any) -> GmshMesh:
     """The mesh of a model on rank 0. Collective."""
     names: dict[str, tuple[int, int]] = {}
+    of_cells: dict[str, int] = {}
+    of_facets: dict[str, int] = {}
     body = 0
     if comm.rank == 0:
         found = model.getPhysicalGroups()
@@ -372,16 +407,24 @@ def _distribute(comm: MPI.Comm, model: Any) -> GmshMesh:
         found.sort(key=lambda group: group[0] == body - 1)  # of two with one name take the facets
         names = {model.getPhysicalName(*group): (group[0], group[1]) for group in found}
         names.pop("", None)
+        of_cells, of_facets = (_names_of(model, d) for d in (body, body - 1))
         model.mesh.renumberNodes()  # DOLFINx requires numbers without holes
-    names, body = comm.bcast((names, body))
+    names, of_cells, of_facets, body = comm.bcast((names, of_cells, of_facets, body))
     domain, cell_tags, facet_tags = gmsh_io.model_to_mesh(model, comm, 0, gdim=body)[:3]
     keep(domain)
     if facet_tags is None:
         domain.topology.create_entities(body - 1)
         none = np.empty(0, dtype=np.int32)
         facet_tags = mesh.meshtags(domain, body - 1, none, none)
-    of_facets = {name: tag for name, (d, tag) in names.items() if d == body - 1}
-    return GmshMesh(domain, cell_tags, NamedTags(facet_tags, of_facets), names)
+    named = NamedTags(cell_tags, of_cells), NamedTags(facet_tags, of_facets)
+    return GmshMesh(domain, *named, names)
+
+
+def _names_of(model: Any, dim: int) -> dict[str, int]:
+    """Tags of the named groups of a dimension. On rank 0."""
+    names = {model.getPhysicalName(*group): int(group[1]) for group in model.getPhysicalGroups(dim)}
+    names.pop("", None)
+    return names
 
 
 def _objection(model: Any, dim: int | None, wanted: list[str]) -> str | None:
