@@ -10,9 +10,9 @@ import pytest
 from blocks import block
 
 import ufl
-from dolfinx import fem
+from dolfinx import fem, mesh
 
-from dolfinx_contact import HalfSpace, plot
+from dolfinx_contact import RCCM, ContactProblem, ContactSurface, HalfSpace, plot
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.plot import faces, floors, pictures, render
 
@@ -59,6 +59,65 @@ def test_a_wheel_by_its_length():
     low, high = faces.near_contact(at, touching, step)
     assert low < at[touching].min() < at[touching].max() < high
     assert high - low < 0.3 * np.ptp(at)
+
+
+def peeled(dim, strength=1.0):
+    """A bonded block whose top is turned: it is pressed at one end, held by bonds at the rest."""
+    ends = [[0.0] * dim, [2.0, *[1.0] * (dim - 1)]]
+    create = mesh.create_rectangle if dim == 2 else mesh.create_box
+    domain = create(COMM, ends, (8, 4) if dim == 2 else (8, 3, 3))
+    V = fem.functionspace(domain, ("Lagrange", 1, (dim,)))
+    u = fem.Function(V)
+    bottom, top = (
+        mesh.locate_entities_boundary(domain, dim - 1, lambda x, h=h: np.isclose(x[dim - 1], h))
+        for h in (0.0, 1.0)
+    )
+    moved = fem.Function(V)
+    still = [lambda x: 0 * x[0]] * (dim - 2)
+    motion = [lambda x: 0.004 + 0 * x[0], *still, lambda x: 0.02 * (x[0] - 0.6)]
+    moved.interpolate(lambda x: np.stack([f(x) for f in motion]))
+    bc = fem.dirichletbc(moved, fem.locate_dofs_topological(V, dim - 1, top))
+    floor = HalfSpace(np.zeros(dim), np.eye(dim)[-1])
+    surface = ContactSurface(u, bottom, obstacle=floor, law=RCCM(200.0, 200.0, strength, 0.4))
+    energy = LinearElastic.from_young(100.0, 0.3).energy(u) * ufl.dx
+    problem = ContactProblem(energy, u, [surface], bcs=[bc])
+    problem.solve()
+    return problem
+
+
+@pytest.mark.parametrize("strength", [0.005, 1.0])
+def test_bonds_are_seen(drawn, strength):
+    """All that carries a traction, and the friction that the bound bounds; bonds break or hold."""
+    problem = peeled(2, strength)
+    plot.picture_of_contact("held.png", problem)
+    table = problem.table(problem.surfaces[0])
+    if COMM.rank == 0:
+        data = drawn["contact_2d"]
+        assert data["counts"][0] > 2 * data["counts"][1:].sum() > 0
+        assert data["near"] is None
+        shown = faces.near_contact(data["x"], data["status"] > 0, 0.25)
+        assert shown[1] < 1.0  # what touches alone is a small part of it
+        order = np.argsort(data["x"])
+        bound = data["bound"]
+        np.testing.assert_allclose(data["pressure"][order], table.pressure, atol=1e-9)
+        np.testing.assert_allclose(np.abs(data["shear"][order]), np.abs(table.shear[:, 0]))
+        friction = np.abs(table.friction[:, 0]) / table.area
+        np.testing.assert_allclose(np.abs(data["friction"][order]), friction, atol=1e-8)
+        np.testing.assert_allclose(bound[order], table.bound / table.area, atol=1e-8)
+        assert (np.abs(data["shear"]) > bound + 0.01).any()
+        assert (np.abs(data["friction"]) <= bound + 1e-6).all()
+        assert (bound.max() > 0.1) == (strength < 1.0)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_bonds_are_drawn(folder, dim):
+    if dim == 3 and COMM.size > 1:
+        pytest.skip("the picture is the same")
+    file = plot.picture_of_contact(folder / "held.png", peeled(dim))
+    if COMM.rank == 0:
+        pixels = matplotlib.image.imread(file)[..., :3]
+        blue = (pixels[..., 2] > pixels[..., 0] + 0.3).mean()
+        assert (blue > 0.01) == (dim == 3)
 
 
 def test_straight_and_bent_faces():

@@ -70,6 +70,7 @@ logger = logging.getLogger(__name__)
 
 _SECONDS = 120.0  # after which a picture is given up
 _NOTHING = 1e-10  # of a force, what counts as none
+_LITTLE = 1e-6  # of the largest traction, what is left of it where nothing touches
 
 
 def _check_body(a: Arguments) -> None:
@@ -252,8 +253,9 @@ def picture_of_contact(
 
     In 3D two maps of the surface, projected along the mean normal of what touches; in 2D the
     tractions and the friction bound over the length along the surface, or the coordinate if it is
-    straight. Where little of it touches, that and what is beside it are shown. Status and values
-    are those of the vertices (`ContactProblem.contact_fields`).
+    straight; of a law with bonds also the part of the shear that is friction, which the bound
+    bounds. Where little of it touches or carries a traction, that and what is beside it are shown.
+    Status and values are those of the vertices (`ContactProblem.contact_fields`).
 
     Args:
         file: the picture, ``.png``, ``.pdf`` or ``.svg``.
@@ -286,9 +288,15 @@ def picture_of_contact(
         "bound": at_vertices["bound"],
         "n": s.points.vertex_normals,
     }
+    bonded = s.law_at_points.compiled.bonded
+    if bonded:
+        held = np.stack([s.points.at_vertices(t) for t in s.bond("traction").T], axis=1)
+        held -= np.sum(held * normal, axis=1)[:, None] * normal
+        values["friction"] = values["shear"] - np.where(carries[:, None], held, 0.0)
     cells = s.points.vertices.dofmap.list[: s.submesh.mesh.topology.index_map(s.dim - 1).size_local]
     seen = gather_cells(s.comm, s.points.vertices, cells, values)
     data: dict[str, Any] = {"title": title or f"Contact surface: {s.name}", "units": units}
+    data["bonded"] = bonded
     data["body"] = "slave" if s.between_bodies else "body"
     # So are nodes that a crack has not doubled, and those that have nothing opposite.
     data["clamped"] = "without contact" if s.between_bodies else "clamped"
@@ -316,19 +324,20 @@ def _flat_curve(seen: Arrays) -> dict[str, Any]:
     n = seen["n"]
     x = seen["x"][:, :2]
     touching = _touching(seen)
+    vectors = {name: seen[name] for name in ("shear", "friction") if name in seen}
     if is_straight(x, seen["cells"]):
         edge = np.subtract(*x[seen["cells"][0]])
         across = np.array([-edge[1], edge[0]]) / np.linalg.norm(edge)
         axes, labels = flat_axes(across * np.sign(n.mean(axis=0) @ across), 2)
         at = x @ axes[:, 0]
         at_ends = at[seen["cells"]]
-        shear = seen["shear"] @ axes[:, 0]
+        along = {name: v @ axes[:, 0] for name, v in vectors.items()}
     else:
         at, at_ends, label = along_curve(x, seen["cells"], n, touching)
         labels = [label]
-        shear = seen["shear"][:, 1] * n[:, 0] - seen["shear"][:, 0] * n[:, 1]
+        along = {name: v[:, 1] * n[:, 0] - v[:, 0] * n[:, 1] for name, v in vectors.items()}
     near = near_contact(at, touching, float(np.abs(np.diff(at_ends)).mean()))
-    return {"x": at, "ends": at_ends, "labels": labels, "shear": shear, "near": near}
+    return {"x": at, "ends": at_ends, "labels": labels, "near": near, **along}
 
 
 def _flat_surface(seen: Arrays) -> dict[str, Any]:
@@ -352,8 +361,10 @@ def _flat_surface(seen: Arrays) -> dict[str, Any]:
 
 
 def _touching(seen: Arrays) -> npt.NDArray[np.bool_]:
-    """Vertices of a face where it sticks or slips."""
-    return np.isin(seen["status"], [STATUS_CODES["k"], STATUS_CODES["s"]])
+    """Vertices of a face where it sticks or slips, or a bond pulls."""
+    closed = np.isin(seen["status"], [STATUS_CODES["k"], STATUS_CODES["s"]])
+    size = np.hypot(seen["pressure"], np.linalg.norm(seen["shear"], axis=1))
+    return np.asarray(closed | (size > _LITTLE * size.max(initial=0.0)))
 
 
 def _averaged(

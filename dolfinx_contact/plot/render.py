@@ -135,7 +135,9 @@ def contact_3d(data: Data, file: str) -> None:
         cells_of_grid = [grid[i, j] for i in (0, 1) for j in (0, 1)]
     figure.suptitle(str(data["title"]), fontsize=14, fontweight="bold")
     left, right, below, legend = (figure.add_subplot(c) for c in cells_of_grid)
-    shades = _pressures(left, x, cells, data["pressure"])
+    # Without bonds what is below 0 is an error of the mesh, as of weak conditions.
+    pressure = data["pressure"] if data["bonded"] else np.maximum(data["pressure"], 0.0)
+    shades = _pressures(left, x, cells, pressure)
     bar = figure.colorbar(shades, cax=below, orientation="horizontal")
     bar.outline.set_linewidth(0.5)
     _statuses(right, x, cells, data["status"].astype(int))
@@ -168,19 +170,31 @@ def contact_3d(data: Data, file: str) -> None:
 
 
 def _pressures(axes: Any, x: Any, cells: Any, pressure: Any) -> Any:
-    """Shades of the pressure on a map of the surface."""
+    """Shades of the pressure on a map of the surface, blue where it is negative."""
     from matplotlib.colors import LinearSegmentedColormap
 
+    low = min(float(pressure.min()), 0.0)
+    high = max(float(pressure.max()), 0.0)
+    high = high if high > 0 or low < 0 else 1.0
+    shades = [(0.0, STATUS[0][1])]  # by the value over the largest
     hot = _pyplot().get_cmap("magma_r")(np.linspace(0.12, 0.95, 12))
-    axes.set_title("Normal pressure")
+    if high > 0:
+        shades += zip(np.linspace(0.0, high, 13)[1:], hot, strict=True)
+    if low < 0:
+        # As dark as a pressure of that size is.
+        darkest = 0.95 * min(1.0, -low / high) if high > 0 else 0.95
+        cold = _pyplot().get_cmap("Blues")(np.linspace(min(0.12, darkest), darkest, 12))
+        shades = [*zip(np.linspace(low, 0.0, 13)[:-1], cold[::-1], strict=True), *shades]
+    axes.set_title("Normal pressure" if low == 0 else "Normal pressure, negative where it pulls")
+    stops = [((value - low) / (high - low), colour) for value, colour in shades]
     return axes.tripcolor(
         *x.T,
         _triangles(cells),
-        np.maximum(pressure, 0.0),
+        pressure,
         shading="gouraud",
-        cmap=LinearSegmentedColormap.from_list("pressure", [STATUS[0][1], *hot]),
-        vmin=0.0,
-        vmax=max(pressure.max(), 0.0) or 1.0,
+        cmap=LinearSegmentedColormap.from_list("pressure", stops),
+        vmin=low,
+        vmax=high,
     )
 
 
@@ -227,8 +241,10 @@ def contact_2d(data: Data, file: str) -> None:
     lines = [
         ("pressure", "pressure", dict(colors="#8c2d19", linewidths=1.8)),
         ("shear", f"shear on the {data['body']}", dict(colors="#2b5d34", linewidths=1.8)),
+        ("friction", "friction, a part of that", dict(colors="#6fa37a", linewidths=1.2)),
         ("bound", "friction bound ±", dict(colors="#7d858c", linewidths=1.0, linestyles="--")),
     ]
+    lines = [line for line in lines if line[0] in data]
     handles = []
     for key, label, style in lines:
         for sign in (1, -1) if key == "bound" else (1,):
@@ -242,8 +258,9 @@ def contact_2d(data: Data, file: str) -> None:
         look = dict(s=26 if len(s) <= 60 else 12, linewidths=_margin(len(s)))
         axes.scatter(s, data[key], c=colours, zorder=3, edgecolors=INK, **look)
     axes.axhline(0, color=INK, lw=0.6)
-    low = np.min([data["shear"], -data["bound"]])
-    high = np.max([data["pressure"], data["bound"]])
+    shown = [data[key] for key, _, _ in lines]
+    low = np.min([*shown, -data["bound"]])
+    high = np.max(shown)
     span = high - low
     if span > 0:
         axes.set_ylim(low - 0.06 * span, high + 0.3 * span)  # room for the legends
