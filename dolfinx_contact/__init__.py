@@ -5,9 +5,10 @@
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from dolfinx_contact._name import refuse_mixture, warn_of_namesake
+from dolfinx_contact._name import refuse_mixture, require_dolfinx, warn_of_namesake
 
 refuse_mixture()  # before anything is imported that may be another's
+require_dolfinx()
 warn_of_namesake()
 
 # MPI comes first: compiled modules of wheels find the library that mpi4py has loaded.

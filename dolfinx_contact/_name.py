@@ -12,8 +12,9 @@ import os
 import sys
 import warnings
 from collections.abc import Sequence
+from importlib.util import find_spec
 
-__all__ = ["refuse_mixture", "warn_of_namesake"]
+__all__ = ["refuse_mixture", "require_dolfinx", "warn_of_namesake"]
 
 _NAME = "dolfinx_contact"
 _HERE = os.path.dirname(__file__)
@@ -33,6 +34,23 @@ def refuse_mixture(here: str = _HERE) -> None:
             "the folder, and install each into an environment of its own",
             name=_NAME,
             path=here,
+        )
+
+
+def require_dolfinx() -> None:
+    """Raise ``ModuleNotFoundError`` if DOLFINx, or what it is used with, is not installed.
+
+    Pip leaves it out without a word where the wheel of the extra ``solver`` is not made for.
+    """
+    missing = [name for name in ("mpi4py", "petsc4py", "dolfinx") if find_spec(name) is None]
+    if missing:
+        raise ModuleNotFoundError(
+            f"DOLFINx with PETSc and MPI is needed, and there is no module {', '.join(missing)}. "
+            "python3 -m pip install 'signorini-coulomb[solver]' brings them on Linux (x86_64) with "
+            f"Python 3.12 or later (this one is {'.'.join(map(str, sys.version_info[:2]))} on "
+            f"{sys.platform}); elsewhere take them from Debian, conda or a container: "
+            "docs/install.md",
+            name=missing[0],
         )
 
 

@@ -203,6 +203,63 @@ def test_fields_and_sections(drawn):
     np.testing.assert_allclose(inside["colours"]["displacement"], size, atol=1e-12)
 
 
+@pytest.mark.parametrize("cell", ["tri", "quad", "tet", "hex"])
+def test_continuous_fields_are_exact(drawn, cell):
+    """At vertices, on and in the body; those that jump are between what they are beside."""
+    problem = block(n=3, cell=cell)
+    dim = problem.u.function_space.mesh.geometry.dim
+    problem.u.interpolate(lambda x: 0.01 * x[:dim] ** 2)
+    x = ufl.SpatialCoordinate(problem.V.mesh)
+    jumps = fem.Function(fem.functionspace(problem.V.mesh, ("DG", 0)))
+    jumps.x.array[:] = 1.0 + (np.arange(len(jumps.x.array)) % 2)
+    fields = {"ux": problem.u[0], "wave": ufl.sin(5 * x[0]), "jumps": jumps}
+    look = {"clip": "x"} if dim == 3 else {}
+    plot.picture_of_body("a.png", problem, fields=fields, scale=0.0, **look)
+    if COMM.rank > 0:
+        return
+    data = drawn[f"body_{dim}d"]
+    for part in (data, data["inside"]) if dim == 3 else (data,):
+        at = part["x"][:, 0]
+        np.testing.assert_allclose(part["colours"]["wave"], np.sin(5 * at), atol=1e-12)
+        nodal = 0.01 * at**2
+        np.testing.assert_allclose(part["colours"]["ux"], nodal, atol=1e-14)
+        assert (part["colours"]["jumps"] >= 1.0 - 1e-12).all()
+        assert (part["colours"]["jumps"] <= 2.0 + 1e-12).all()
+
+
+@pytest.mark.parametrize("cell", ["tri", pytest.param("tet", marks=needs_display)])
+def test_where_a_field_is_no_number(folder, cell):
+    """It is grey there, in the range of the rest."""
+    if COMM.size > 1 and cell == "tet":
+        pytest.skip("the picture is the same")
+    problem = block(n=4, cell=cell)
+    x = ufl.SpatialCoordinate(problem.V.mesh)
+    field = {"root": ufl.sqrt(x[0] - 0.5)}
+    file = plot.picture_of_body(folder / "a.png", problem, fields=field, view=None)
+    assert file is not None
+    if COMM.rank == 0:
+        pixels = matplotlib.image.imread(file)[..., :3]
+        assert (np.ptp(pixels, axis=2) < 0.02).mean() < 0.95
+        grey = np.abs(pixels - 0x9A / 255).max(axis=2) < (0.02 if cell == "tri" else 0.12)
+        assert grey.mean() > 0.05
+        values = np.array([np.nan, 1.0, 3.0, np.nan])
+        data = {"colours": {"root": values}, "look": {"units": ("", "")}}
+        assert render._limits(data, "root") == (1.0, 3.0)
+        assert render._label("root", data) == "root (grey: no number)"
+
+
+@pytest.mark.parametrize("cell", ["tri", pytest.param("tet", marks=needs_display)])
+def test_a_box_beside_the_body(folder, caplog, cell):
+    problem = block(n=2, cell=cell)
+    dim = 2 if cell == "tri" else 3
+    with caplog.at_level("WARNING"):
+        file = plot.picture_of_body(folder / "a.png", problem, zoom=[[5.0] * dim, [6.0] * dim])
+    assert file is None
+    if COMM.rank == 0:
+        assert "the box of zoom has nothing of the body to be seen" in caplog.text
+    assert plot.picture_of_body(folder / "b.png", problem, zoom=[[0.4] * dim, [0.6] * dim])
+
+
 def test_the_inside_is_gathered(drawn):
     problem = block(n=3, cell="tet", top=(0.0, 0.0, -0.01))
     one = fem.Constant(problem.V.mesh, 2.0)

@@ -22,9 +22,9 @@ from blocks import block
 
 import ufl
 
-from dolfinx_contact import _forms, meshing
+from dolfinx_contact import _forms, _name, meshing
 from dolfinx_contact._launcher import refuse_serial_copies
-from dolfinx_contact._name import warn_of_namesake
+from dolfinx_contact._name import require_dolfinx, warn_of_namesake
 from dolfinx_contact._optional import optional
 from dolfinx_contact.plot import draw_diagram, picture_of_contact, picture_of_states
 from dolfinx_contact.records import Journal
@@ -323,6 +323,19 @@ def test_package_of_the_same_name_hidden_by_ours(tmp_path):
         f"{tmp_path / 'script.py'}:1: UserWarning: dolfinx_contact is imported"
     )
     assert f"is in {tmp_path / 'theirs' / 'dolfinx_contact'} and hidden by it" in said[0]
+
+
+def test_dolfinx_that_is_missing_is_named(monkeypatch):
+    """At import, before anything that needs it."""
+    require_dolfinx()
+    there = _name.find_spec
+    monkeypatch.setattr(_name, "find_spec", lambda name: None if name == "dolfinx" else there(name))
+    with pytest.raises(ModuleNotFoundError, match=r"there is no module dolfinx\. .*Python 3\.12"):
+        require_dolfinx()
+    lines = (Path(_name.__file__).parent / "__init__.py").read_text().splitlines()
+    assert lines.index("require_dolfinx()") < min(
+        i for i, line in enumerate(lines) if "_launcher import" in line
+    )
 
 
 def test_namesake_is_told_apart(folder):

@@ -23,6 +23,7 @@ from dolfinx_contact._numbers import is_number
 from dolfinx_contact.plot.floors import lay_floors
 from dolfinx_contact.plot.look import Look, checked_look, checked_scale
 from dolfinx_contact.plot.pictures import body_seen, check_look, draw, surface_seen
+from dolfinx_contact.plot.render import known_range
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.records.entries import StateEntry
 from dolfinx_contact.records.lines import Lines
@@ -304,8 +305,8 @@ def _draw_film(
         common["reach"] = _reach(frames)
         common["limits"] = {
             name: (
-                min(float(np.min(frame["colours"][name])) for frame in frames),
-                max(float(np.max(frame["colours"][name])) for frame in frames),
+                min(known_range(frame["colours"][name])[0] for frame in frames),
+                max(known_range(frame["colours"][name])[1] for frame in frames),
             )
             for name in frames[0]["colours"]
         }

@@ -35,7 +35,8 @@ class Look(TypedDict, total=False):
     Attributes:
         fields: what colours it, panel by panel: ``"displacement"`` (its size), ``"von Mises
             stress"`` (which needs ``stress``), several of these, or UFL scalars by names of their
-            own, averaged to the vertices. By default the stress if there is one, else nothing.
+            own, of which those that jump are averaged at the vertices; grey where they are not
+            finite. By default the stress if there is one, else nothing.
         view: in 3D where the eye is: ``"front"`` (at -y), ``"back"``, ``"left"``, ``"right"``,
             ``"above"``, ``"below"``, or a vector from the body to the eye.
         up: in 3D the direction that is drawn upwards: ``"z"`` by default, or ``"-z"``, ``"x"``,
@@ -45,7 +46,8 @@ class Look(TypedDict, total=False):
             unless there is a ``view`` the eye is there. Of a record, which has the surface of the
             body alone, the cut is open.
         zoom: by how much the middle of the picture is enlarged; ``"contact"`` for the contact
-            surfaces; or two opposite corners of a box that is to be seen.
+            surfaces; or two opposite corners of a box that is to be seen. With nothing of the body
+            in it there is no picture, and a warning.
         cmap: colours, a name that matplotlib has.
         apart: by how much of their size bodies of a pair, and obstacles, are drawn apart.
         units: of length and stress, for the labels.

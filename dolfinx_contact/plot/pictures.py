@@ -370,7 +370,10 @@ def _touching(seen: Arrays) -> npt.NDArray[np.bool_]:
 def _averaged(
     V: fem.FunctionSpace, stress: Any, tags: mesh.MeshTags | None, scalar: Any = None
 ) -> npt.NDArray[np.float64]:
-    """Means of a field around the local vertices, weighted by their hat functions. Collective.
+    """A field at the local vertices, NaN where it is not finite. Collective.
+
+    A stress is the mean around a vertex, weighted by its hat function; a scalar the mean of what it
+    is at the vertex in the cells around it, and so exact where it is continuous.
 
     Args:
         V: of the vertices.
@@ -379,7 +382,11 @@ def _averaged(
         scalar: UFL, which it is instead.
     """
     q = ufl.TestFunction(V)
-    dx = ufl.Measure("dx", V.mesh, subdomain_data=tags, metadata={"quadrature_degree": 2})
+    rule: dict[str, Any] = {"quadrature_degree": 2}
+    if scalar is not None:
+        # At the vertices a continuous field has its own values, which means would smear.
+        rule = {"quadrature_rule": "vertex", "quadrature_degree": 1}
+    dx = ufl.Measure("dx", V.mesh, subdomain_data=tags, metadata=rule)
     if scalar is not None:
         whole = scalar * q * dx
     elif tags is None:
@@ -394,7 +401,8 @@ def _averaged(
         b.scatter_reverse(la.InsertMode.add)
         b.scatter_forward()
         sums.append(b.array.copy())
-    return np.asarray(sums[0] / sums[1])
+    means = sums[0] / sums[1]
+    return np.asarray(np.where(np.isfinite(means), means, np.nan))
 
 
 def _is_seen(

@@ -22,6 +22,7 @@ STATUS = [("open", "#dfe3e8"), ("stick", "#2f6db3"), ("slip", "#f08a24"), ("clam
 INK = "#22262b"
 FLOOR = "#c9ced4"
 SHADES = "Spectral_r"
+NO_NUMBER = "#9a9a9a"
 TINTS = ["#c3d0dc", "#e3d3b4", "#c9dcc3", "#d9cbdf"]  # of bodies, one after the other
 _LONG = 2.5  # a surface that is so many times longer than wide lies along the page
 _THINNEST = 0.1  # height over width to which a surface is stretched across
@@ -176,7 +177,7 @@ def _pressures(axes: Any, x: Any, cells: Any, pressure: Any) -> Any:
     low = min(float(pressure.min()), 0.0)
     high = max(float(pressure.max()), 0.0)
     high = high if high > 0 or low < 0 else 1.0
-    shades = [(0.0, STATUS[0][1])]  # by the value over the largest
+    shades: list[tuple[float, Any]] = [(0.0, STATUS[0][1])]  # by the value over the largest
     hot = _pyplot().get_cmap("magma_r")(np.linspace(0.12, 0.95, 12))
     if high > 0:
         shades += zip(np.linspace(0.0, high, 13)[1:], hot, strict=True)
@@ -184,7 +185,7 @@ def _pressures(axes: Any, x: Any, cells: Any, pressure: Any) -> Any:
         # As dark as a pressure of that size is.
         darkest = 0.95 * min(1.0, -low / high) if high > 0 else 0.95
         cold = _pyplot().get_cmap("Blues")(np.linspace(min(0.12, darkest), darkest, 12))
-        shades = [*zip(np.linspace(low, 0.0, 13)[:-1], cold[::-1], strict=True), *shades]
+        shades[:0] = zip(np.linspace(low, 0.0, 13)[:-1], cold[::-1], strict=True)
     axes.set_title("Normal pressure" if low == 0 else "Normal pressure, negative where it pulls")
     stops = [((value - low) / (high - low), colour) for value, colour in shades]
     return axes.tripcolor(
@@ -276,6 +277,7 @@ def contact_2d(data: Data, file: str) -> None:
 
 def body_2d(data: Data, file: str) -> None:
     """The deformed plane body in the colours of a field, on the obstacle."""
+    _refuse_empty(data)
     if len(data["colours"]) > 1:
         _side_by_side(body_2d, data, file)
         return
@@ -304,7 +306,7 @@ def body_2d(data: Data, file: str) -> None:
     if data["colours"]:
         ((name, values),) = data["colours"].items()
         shade: Data = dict(zip(("vmin", "vmax"), _limits(data, name), strict=False))
-        shade |= dict(shading="gouraud", cmap=look["cmap"] or SHADES)
+        shade |= dict(shading="gouraud", cmap=_shades(look))
         shades = axes.tripcolor(*x.T, triangles, values, **shade)
         where = dict(location="bottom", shrink=0.6) if flat else dict(location="right", shrink=0.8)
         bar = figure.colorbar(shades, ax=axes, aspect=30, pad=0.02, **where)
@@ -337,6 +339,29 @@ def body_2d(data: Data, file: str) -> None:
     plt.close(figure)
 
 
+def _shades(look: Data) -> Any:
+    """Colours of a field, with that of what is no number."""
+    shades = _pyplot().get_cmap(look["cmap"] or SHADES).copy()
+    shades.set_bad(NO_NUMBER)
+    return shades
+
+
+def _refuse_empty(data: Data) -> None:
+    """End if a box of zoom has nothing of the body; of films other frames may have some."""
+    zoom = data["look"]["zoom"]
+    if not isinstance(zoom, list) or "reach" in data:
+        return
+    x = data["x"]
+    flat = data["cells"].shape[1] > 2 and np.ptp(x[:, 2]) == 0
+    # In space a box within a body has no part of its surface.
+    parts = x[data["cells"]] if flat else x[None]
+    first, last = (np.array(corner) for corner in zoom)
+    overlaps = (parts.min(axis=1) <= last) & (parts.max(axis=1) >= first)
+    seen = overlaps[:, :2] if flat else overlaps
+    if not seen.all(axis=1).any():
+        raise SystemExit("the box of zoom has nothing of the body to be seen")
+
+
 def _window(data: Data, seen: npt.NDArray[Any]) -> tuple[Any, Any]:
     """Least and largest coordinates of what a picture shows, as the zoom has it."""
     zoom = data["look"]["zoom"]
@@ -355,10 +380,16 @@ def _window(data: Data, seen: npt.NDArray[Any]) -> tuple[Any, Any]:
     return low, high
 
 
+def known_range(values: npt.NDArray[Any]) -> tuple[float, float]:
+    """The least and the largest of the values that are numbers; 0 and 0 if none is."""
+    known = values[np.isfinite(values)]
+    return (float(known.min()), float(known.max())) if len(known) else (0.0, 0.0)
+
+
 def _limits(data: Data, name: str) -> tuple[float, float]:
     """Ends of the colours of a field, those of all frames of a film."""
     values = data["colours"][name]
-    low, high = data.get("limits", {}).get(name, (float(values.min()), float(values.max())))
+    low, high = data.get("limits", {}).get(name) or known_range(values)
     return (low, high) if high > low else (low, low + (abs(low) or 1.0))
 
 
@@ -366,7 +397,8 @@ def _label(name: str, data: Data) -> str:
     """A field with its unit, which is known of those of this package."""
     length, stress = data["look"]["units"]
     known = {"displacement": length, "von Mises stress": stress}
-    return _with_unit(name, known.get(name, ""))
+    label = _with_unit(name, known.get(name, ""))
+    return label if np.isfinite(data["colours"][name]).all() else f"{label} (grey: no number)"
 
 
 def _with_unit(name: str, unit: str) -> str:
@@ -510,6 +542,7 @@ def _eye(look: Data, extent: npt.NDArray[Any]) -> tuple[npt.NDArray[Any], npt.ND
 
 def body_3d(data: Data, file: str) -> None:
     """The deformed body in the colours of a field, on the obstacle."""
+    _refuse_empty(data)
     if len(data["colours"]) > 1:
         _side_by_side(body_3d, data, file)
         return
@@ -555,8 +588,8 @@ def body_3d(data: Data, file: str) -> None:
     if colours:
         (name,) = colours
         style["clim"] = _limits(data, name)
-        shades = look["cmap"] or SHADES
-        plotter.add_mesh(body, scalars=name, cmap=shades, show_scalar_bar=False, **style)
+        style |= dict(cmap=look["cmap"] or SHADES, nan_color=NO_NUMBER)
+        plotter.add_mesh(body, scalars=name, show_scalar_bar=False, **style)
     else:
         if "inside" not in data:
             tints = np.array([[int(c[i : i + 2], 16) for i in (1, 3, 5)] for c in TINTS], np.uint8)
